@@ -1,0 +1,1 @@
+"""Generated kernels of the shipped models. Do not edit: run ``symgen generate``."""

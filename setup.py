@@ -1,0 +1,30 @@
+"""Compiles what ``generated/manifest.json`` lists, and the runtime core."""
+
+import json
+import os
+from pathlib import Path
+
+from Cython.Build import cythonize
+from setuptools import Extension, setup
+
+FLAGS = [] if os.name == "nt" else ["-O1", "-std=c11", "-ffp-contract=off"]
+MODELS = sorted(json.loads(Path("generated/manifest.json").read_text(encoding="utf-8"))["models"])
+
+extensions = [
+    Extension(
+        "symgen.runtime._core",
+        ["symgen/runtime/_core.pyx"],
+        extra_compile_args=[] if os.name == "nt" else ["-O2", "-std=c11", "-ffp-contract=off"],
+    ),
+    *(
+        Extension(
+            f"symgen.generated.{name}",
+            [f"generated/{name}.pyx", f"generated/{name}_kernel.c"],
+            include_dirs=["generated"],
+            extra_compile_args=FLAGS,
+        )
+        for name in MODELS
+    ),
+]
+
+setup(ext_modules=cythonize(extensions, build_dir="build/cython", language_level=3))

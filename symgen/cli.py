@@ -1,0 +1,228 @@
+"""The command line: arguments in, calls out."""
+
+from __future__ import annotations
+
+import sys
+import warnings
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from symgen.errors import SceneError, SymgenError
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+app = typer.Typer(
+    help="Derive the equations of a mechanism, print them as C, and run them compiled.",
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+    add_completion=False,
+)
+cache_app = typer.Typer(help="The folder of compiled scenes.", no_args_is_help=True)
+app.add_typer(cache_app, name="cache")
+
+SceneArgument = Annotated[str, typer.Argument(help="A name that 'symgen scenes' lists, or the path of a TOML file.")]
+SetOption = Annotated[
+    list[str] | None,
+    typer.Option("--set", metavar="KEY=VALUE", help='A parameter or dotted key: rho="2 kg/m", links.OA.mass="1 kg".'),
+]
+BackendOption = Annotated[str, typer.Option(help="auto, c or numpy.")]
+
+
+def main() -> None:
+    """Run the command line: every error that symgen raises on purpose becomes one message and exit code 2."""
+    warnings.showwarning = lambda message, *_, **__: print(f"symgen: {message}", file=sys.stderr)
+    try:
+        app()
+    except SymgenError as error:
+        print(f"symgen: {error}", file=sys.stderr)
+        raise SystemExit(2) from None
+    except KeyboardInterrupt:
+        print("symgen: interrupted", file=sys.stderr)
+        raise SystemExit(130) from None
+    except BrokenPipeError:
+        sys.stderr.close()
+        raise SystemExit(1) from None
+
+
+def _console() -> Console:
+    from rich.console import Console
+
+    return Console(width=None if sys.stdout.isatty() else 110, highlight=False)
+
+
+def _changes(changes: list[str] | None) -> dict[str, str]:
+    result = {}
+    for change in changes or []:
+        name, equals, value = change.partition("=")
+        if not equals or not name.strip():
+            raise SceneError(f"expected --set KEY=VALUE, got {change!r}")
+        result[name.strip()] = value.strip()
+    return result
+
+
+@app.callback(invoke_without_command=True)
+def _version(
+    ctx: typer.Context, version: Annotated[bool, typer.Option("--version", help="Print the version.")] = False
+) -> None:
+    if version:
+        from symgen import __version__
+
+        print(__version__)
+        raise typer.Exit
+
+
+@app.command()
+def scenes() -> None:
+    """List the shipped scenes."""
+    from symgen.report.tables import table
+    from symgen.scene.loading import read_scene, shipped_scenes
+
+    rows = [(name, read_scene(name).data.get("title", "")) for name in shipped_scenes()]
+    shown = table("Shipped scenes", ("name", "mechanism"), rows)
+    shown.columns[1].justify = "left"
+    _console().print(shown)
+
+
+@app.command()
+def run(
+    scene: SceneArgument,
+    t_end: Annotated[float | None, typer.Option(help="End of the run [s]; the scene's own when absent.")] = None,
+    method: Annotated[str | None, typer.Option(help="dop853 (adaptive) or rk4 (fixed step).")] = None,
+    rtol: Annotated[float | None, typer.Option(help="Relative tolerance of the local error.")] = None,
+    atol: Annotated[float | None, typer.Option(help="Absolute tolerance [m, m/s].")] = None,
+    step: Annotated[float | None, typer.Option(help="Fixed step [s].")] = None,
+    samples: Annotated[int, typer.Option(help="Number of recorded times.")] = 201,
+    set_: SetOption = None,
+    out: Annotated[Path | None, typer.Option(help="Save the result: .nc or .npz.")] = None,
+    plot: Annotated[Path | None, typer.Option(help="Save a plot: .png, .svg or .pdf.")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
+    backend: BackendOption = "auto",
+) -> None:
+    """Run a scene and print where it ended."""
+    from symgen.errors import SimulationError
+    from symgen.pipeline import build as build_model
+
+    model = build_model(scene, set=_changes(set_), backend=backend)
+    options: dict[str, Any] = {"method": method, "rtol": rtol, "atol": atol, "step": step, "samples": samples}
+    try:
+        if as_json or not sys.stderr.isatty():
+            result = model.simulate(t_end, **options)
+        else:
+            from symgen.report.progress import bar
+
+            with bar(model.description.title) as progress:
+                result = model.simulate(t_end, **options, progress=progress)
+    except SimulationError as error:
+        if out and error.partial is not None:
+            error.partial.save(out)
+            print(f"symgen: what was recorded until then is in {out}", file=sys.stderr)
+        raise
+    if out:
+        result.save(out)
+    if plot:
+        result.plot(file=plot)
+    if as_json:
+        import json
+
+        print(json.dumps(result.summary(), allow_nan=False))
+    else:
+        from symgen.report.tables import print_result
+
+        print_result(result, _console())
+
+
+@app.command()
+def show(
+    model: Annotated[str, typer.Argument(help="A scene, or a building block: rod, rod_spatial.")],
+    matrix: Annotated[str | None, typer.Argument(help="A matrix; without it all are listed.")] = None,
+    form: Annotated[str, typer.Option("--format", help="unicode, latex, c, or numeric (at the start).")] = "unicode",
+    set_: SetOption = None,
+) -> None:
+    """Show the derived equations."""
+    from symgen.models import BLOCKS
+    from symgen.pipeline import build as build_model
+    from symgen.pipeline import derive
+    from symgen.report import equations
+
+    changes = _changes(set_)
+    if model in BLOCKS:
+        system = BLOCKS[model]()
+    else:
+        from symgen.scene.loading import override, read_scene
+
+        system = derive(override(read_scene(model), changes))
+    if matrix is None:
+        from symgen.report.tables import table
+
+        shown = table(system.title, ("matrix", "shape", "unit", "meaning"), equations.overview(system))
+        shown.columns[3].justify = "left"
+        _console().print(shown)
+        return
+    built = build_model(model, set=changes) if form == "numeric" and model not in BLOCKS else None
+    print(equations.show(system, matrix, form, built))
+
+
+@app.command()
+def generate(
+    check: Annotated[bool, typer.Option("--check", help="Change nothing; fail where a file is not current.")] = False,
+) -> None:
+    """Write the shipped kernels under generated/ anew."""
+    from symgen.codegen.manifest import differences
+    from symgen.errors import GenerationError
+    from symgen.pipeline import generate as write
+    from symgen.pipeline import generated_folder, shipped_sources
+
+    if check:
+        found = differences(generated_folder(), shipped_sources())
+        if found:
+            print("".join(found), end="")
+            raise GenerationError(f"{len(found)} generated files are not current: run 'symgen generate'")
+        print("generated/ is current")
+        return
+    for name in write():
+        print(f"generated/{name}")
+
+
+@app.command()
+def build(scene: SceneArgument, set_: SetOption = None, backend: BackendOption = "auto") -> None:
+    """Derive, emit and compile a scene into the cache."""
+    from symgen.pipeline import build as build_model
+    from symgen.report.tables import print_model
+
+    print_model(build_model(scene, set=_changes(set_), backend=backend), _console())
+
+
+@app.command()
+def schema() -> None:
+    """Print the JSON Schema of scene files, for editors."""
+    import json
+
+    from symgen.scene.schema import Scene
+
+    print(json.dumps(Scene.model_json_schema(), indent=2))
+
+
+@cache_app.command("info")
+def cache_info() -> None:
+    """Show where the cache is and what it holds."""
+    from symgen.cache import Cache
+    from symgen.report.tables import table
+
+    store = Cache()
+    entries = store.entries()
+    total = sum(size for _, size in entries)
+    rows = [(name, f"{size / 1024:.0f} KiB") for name, size in entries]
+    _console().print(table(f"{store.root}: {len(entries)} entries, {total / 1024:.0f} KiB", ("entry", "size"), rows))
+
+
+@cache_app.command("clear")
+def cache_clear() -> None:
+    """Remove every compiled scene from the cache."""
+    from symgen.cache import Cache
+
+    store = Cache()
+    print(f"removed {store.clear()} entries from {store.root}")

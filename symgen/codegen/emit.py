@@ -1,0 +1,198 @@
+"""Program -> source files, through the templates."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+from symgen.codegen.printers import PYTHON_FUNCTIONS, Printer
+from symgen.codegen.target import Target
+from symgen.lowering.kernel import ARRAYS, Assignment, Block, Kernel, Program, Slot
+
+
+@dataclass(frozen=True, slots=True)
+class SourceFile:
+    """A file to write: its name and its text."""
+
+    name: str
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class TextAssignment:
+    """An assignment as text."""
+
+    target: str
+    value: str
+
+
+@dataclass(frozen=True, slots=True)
+class BlockView:
+    """A part of ``out`` as the templates see it."""
+
+    name: str
+    first: int
+    last: int
+    rows: int
+    columns: int
+    unit: str
+    description: str
+    row_names: tuple[str, ...]
+    column_names: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class ArrayView:
+    """An argument array that a kernel reads."""
+
+    name: str
+    size: int
+
+
+@dataclass(frozen=True, slots=True)
+class GroupView:
+    """One argument array and the meaning of its entries."""
+
+    name: str
+    description: str
+    slots: tuple[Slot, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class KernelView:
+    """A kernel as the templates see it: every expression is finished text."""
+
+    name: str
+    description: str
+    counts: str
+    prototype: str
+    unused: tuple[str, ...]
+    assignments: tuple[TextAssignment, ...]
+    stores: tuple[TextAssignment, ...]
+    blocks: tuple[BlockView, ...]
+    reads: tuple[ArrayView, ...]
+    reads_work: bool
+    reads_out: bool
+    sizes: tuple[int, int, int, int]
+    work_size: int
+    out_size: int
+
+
+@dataclass(frozen=True, slots=True)
+class UnitView:
+    """A model as the templates see it."""
+
+    name: str
+    title: str
+    guard: str
+    type: str
+    equations: str
+    groups: tuple[GroupView, ...]
+    references: tuple[str, ...]
+    kernels: tuple[KernelView, ...]
+
+
+@lru_cache(maxsize=1)
+def _environment() -> Any:
+    import jinja2
+
+    return jinja2.Environment(
+        loader=jinja2.PackageLoader("symgen.templates", ""),
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+        autoescape=False,  # noqa: S701 - the output is C, Cython and Python, not HTML
+    )
+
+
+#: The templates of each language: the template, and the file it makes of a model's name.
+TEMPLATES = {
+    "c": (("c/kernel.h.j2", "{}_kernel.h"), ("c/kernel.c.j2", "{}_kernel.c")),
+    "numpy": (("numpy/kernel.py.j2", "{}_numpy.py"),),
+    "cython": (("cython/module.pyx.j2", "{}.pyx"), ("report/model.md.j2", "{}.md")),
+}
+
+
+def equations_hash(program: Program, target: Target) -> str:
+    """Return the hash of everything that decides the generated code: program, target and templates."""
+    digest = hashlib.sha256()
+    digest.update(repr((program, target.precision)).encode())
+    for template in sorted(name for files in TEMPLATES.values() for name, _ in files):
+        digest.update(_environment().loader.get_source(_environment(), template)[0].encode())
+    return digest.hexdigest()
+
+
+def emit(program: Program, target: Target) -> tuple[SourceFile, ...]:
+    """Return the source files of a program in one language, in the order of the templates."""
+    unit = _unit(program, target)
+    return tuple(
+        SourceFile(file.format(program.name), _environment().get_template(template).render(unit=unit))
+        for template, file in TEMPLATES[target.language]
+    )
+
+
+def _unit(program: Program, target: Target) -> UnitView:
+    return UnitView(
+        name=program.name,
+        title=_comment(program.title),
+        guard=f"SYMGEN_{program.name.upper()}_KERNEL_H",
+        type=target.precision.c_type,
+        equations=equations_hash(program, target),
+        groups=tuple(GroupView(name, text, _plain(slots)) for name, text, slots in program.groups if slots),
+        references=program.references,
+        kernels=tuple(_kernel(program.name, kernel, target) for kernel in program.kernels),
+    )
+
+
+def _comment(text: str) -> str:
+    """Keep a user's words from closing the comment or docstring they stand in."""
+    return " ".join(text.replace("*/", "* /").replace("/*", "/ *").replace('"""', "'''").replace("\\", "/").split())
+
+
+def _plain(slots: tuple[Slot, ...]) -> tuple[Slot, ...]:
+    return tuple(Slot(s.name, s.unit, _comment(s.description)) for s in slots)
+
+
+def _kernel(model: str, kernel: Kernel, target: Target) -> KernelView:
+    names: Mapping[str, str] = {n: f"{array}[{i}]" for array, group in kernel.inputs for i, n in enumerate(group)}
+    printer = Printer(names, PYTHON_FUNCTIONS if target.language == "numpy" else {}, target.precision)
+    sizes = {array: len(group) for array, group in kernel.inputs}
+    written = {s.array for s in kernel.stores}
+    return KernelView(
+        name=kernel.name,
+        description=kernel.description,
+        counts=str(kernel.counts),
+        prototype=_prototype(model, kernel.name, target.precision.c_type),
+        unused=tuple(a for a in ARRAYS if a not in sizes and a not in written),
+        assignments=tuple(_assignment(a, printer) for a in kernel.assignments),
+        stores=tuple(TextAssignment(f"{s.array}[{s.index}]", printer(s.value)) for s in kernel.stores),
+        blocks=tuple(map(_block, kernel.blocks)),
+        reads=tuple(ArrayView(a, sizes[a]) for a in ARRAYS if a in sizes),
+        reads_work="work" in sizes,
+        reads_out="out" in sizes,
+        sizes=(sizes.get("t", 0), sizes.get("q", 0), sizes.get("u", 0), sizes.get("p", 0)),
+        work_size=kernel.work_size,
+        out_size=kernel.out_size,
+    )
+
+
+def _assignment(assignment: Assignment, printer: Printer) -> TextAssignment:
+    return TextAssignment(assignment.target, printer(assignment.value))
+
+
+def _block(block: Block) -> BlockView:
+    rows, columns = block.shape
+    last = block.offset + rows * columns - 1
+    return BlockView(
+        block.name, block.offset, last, rows, columns, block.unit, block.description, block.rows, block.columns
+    )
+
+
+def _prototype(model: str, kernel: str, c_type: str) -> str:
+    read = ", ".join(f"const {c_type} *SYMGEN_RESTRICT {a}" for a in ARRAYS[:4])
+    write = ", ".join(f"{c_type} *SYMGEN_RESTRICT {a}" for a in ARRAYS[4:])
+    return f"void {model}_{kernel}({read}, {write})"

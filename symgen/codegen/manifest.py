@@ -1,0 +1,74 @@
+"""What lies under ``generated/``: its manifest, writing it, and checking it against the derivation."""
+
+from __future__ import annotations
+
+import difflib
+import hashlib
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from symgen.atomic import write_text
+from symgen.codegen.emit import SourceFile
+
+MANIFEST = "manifest.json"
+
+
+def manifest(models: Mapping[str, tuple[str, Sequence[SourceFile]]]) -> SourceFile:
+    """Return the manifest of these models: for each its equations hash and the hash of every file."""
+    content = {
+        "models": {
+            name: {
+                "equations": equations,
+                "sources": {f.name: hashlib.sha256(f.text.encode()).hexdigest() for f in files},
+            }
+            for name, (equations, files) in sorted(models.items())
+        }
+    }
+    return SourceFile(MANIFEST, json.dumps(content, indent=1, sort_keys=True) + "\n")
+
+
+def listed(folder: Path) -> set[str]:
+    """Return the files that the manifest in a folder lists; none when it cannot be read."""
+    try:
+        models = json.loads((folder / MANIFEST).read_text(encoding="utf-8"))["models"]
+        return {file for model in models.values() for file in model["sources"]}
+    except (OSError, ValueError, KeyError, TypeError, AttributeError):
+        return set()
+
+
+def differences(folder: Path, files: Sequence[SourceFile]) -> list[str]:
+    """Return a unified diff for every file that is not what it should be; empty when all is current."""
+    found = []
+    for file in sorted(files, key=lambda f: f.name):
+        path = folder / file.name
+        there = path.read_bytes().decode("utf-8", "replace") if path.is_file() else ""
+        if there != file.text:
+            found.append(
+                "".join(
+                    difflib.unified_diff(
+                        there.splitlines(keepends=True),
+                        file.text.splitlines(keepends=True),
+                        f"generated/{file.name} (there)",
+                        f"generated/{file.name} (derived)",
+                        n=2,
+                    )
+                )
+            )
+    wanted = {f.name for f in files}
+    found += [f"generated/{name} is no longer generated\n" for name in sorted(listed(folder) - wanted)]
+    return found
+
+
+def write(folder: Path, files: Sequence[SourceFile]) -> list[str]:
+    """Write the files that differ, remove those no longer generated; return the names touched."""
+    touched = []
+    for name in sorted(listed(folder) - {f.name for f in files}):
+        (folder / name).unlink(missing_ok=True)
+        touched.append(name)
+    for file in files:
+        path = folder / file.name
+        if not path.is_file() or path.read_bytes() != file.text.encode("utf-8"):
+            write_text(path, file.text)
+            touched.append(file.name)
+    return touched

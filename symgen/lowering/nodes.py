@@ -1,0 +1,310 @@
+"""The expressions of a straight-line program: plain data, printed by every backend in the same shape.
+
+What is printed and what is counted come from the same tree, so operation counts are exact.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from decimal import Context, Decimal
+
+import sympy as sp
+
+from symgen.errors import DerivationError
+
+DIGITS = 40
+
+
+@dataclass(frozen=True, slots=True)
+class Constant:
+    """A number, as decimal text of up to 40 significant digits; each precision rounds it once."""
+
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class Reference:
+    """An argument or an earlier assignment, by name."""
+
+    name: str
+
+
+@dataclass(frozen=True, slots=True)
+class Sum:
+    """Sum of ``plus`` minus all of ``minus``, from left to right."""
+
+    plus: tuple[Node, ...]
+    minus: tuple[Node, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Product:
+    """Product of two or more factors, from left to right."""
+
+    factors: tuple[Node, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Quotient:
+    """A division."""
+
+    numerator: Node
+    denominator: Node
+
+
+@dataclass(frozen=True, slots=True)
+class Negative:
+    """A change of sign."""
+
+    value: Node
+
+
+@dataclass(frozen=True, slots=True)
+class Call:
+    """A function of the mathematical library, by its C name for double precision."""
+
+    function: str
+    arguments: tuple[Node, ...]
+
+
+Node = Constant | Reference | Sum | Product | Quotient | Negative | Call
+
+#: SymPy functions a kernel may use, and their C names.
+FUNCTIONS: dict[type, str] = {
+    sp.sin: "sin", sp.cos: "cos", sp.tan: "tan", sp.asin: "asin", sp.acos: "acos", sp.atan: "atan",
+    sp.atan2: "atan2", sp.sinh: "sinh", sp.cosh: "cosh", sp.tanh: "tanh", sp.exp: "exp", sp.log: "log",
+    sp.Abs: "fabs",
+}  # fmt: skip
+
+
+def constant(value: sp.Expr) -> Constant:
+    """Return a number with 40 significant digits, exactly zero or one where it is."""
+    if value.is_Integer and abs(value) < 10**15:
+        return Constant(str(int(value)))
+    number = sp.Float(value, DIGITS) if value.is_Rational else value.evalf(DIGITS)
+    if not number.is_Float:
+        raise DerivationError(f"expected a finite real constant, got {value}")
+    return Constant(sp.printing.StrPrinter({"full_prec": False}).doprint(number))
+
+
+def lower(expression: sp.Expr) -> Node:
+    """Turn a SymPy expression into a node."""
+    if expression.is_Symbol:
+        return Reference(expression.name)
+    if not expression.args or expression.is_number:
+        return constant(expression)
+    if expression.is_Add:
+        return _sum(expression)
+    if expression.is_Mul:
+        return _product(expression)
+    if expression.is_Pow:
+        return _product(expression)
+    function = FUNCTIONS.get(expression.func)
+    if function is None:
+        raise DerivationError(f"no kernel function for {expression.func.__name__}")
+    return Call(function, tuple(lower(a) for a in expression.args))
+
+
+def _sum(expression: sp.Expr) -> Node:
+    plus: list[Node] = []
+    minus: list[Node] = []
+    for term in expression.args:
+        coefficient, _ = term.as_coeff_Mul()
+        if coefficient.is_negative:
+            minus.append(lower(-term))
+        else:
+            plus.append(lower(term))
+    if not plus:
+        first, *minus = minus
+        return Negative(Sum((first, *minus), ())) if minus else Negative(first)
+    return Sum(tuple(plus), tuple(minus))
+
+
+def _product(expression: sp.Expr) -> Node:
+    coefficient, rest = expression.as_coeff_Mul()
+    if coefficient.is_negative:
+        inner = lower(-expression)
+        return Constant(f"-{inner.text}") if isinstance(inner, Constant) else Negative(inner)
+    above: list[Node] = []
+    below: list[Node] = []
+    if coefficient != 1:
+        above.append(constant(coefficient))
+    for factor in sp.Mul.make_args(rest):
+        base, exponent = factor.as_base_exp()
+        (below if exponent.is_negative else above).extend(_power(base, abs(exponent)))
+    numerator = _join(above)
+    return Quotient(numerator, _join(below)) if below else numerator
+
+
+def _power(base: sp.Expr, exponent: sp.Expr) -> list[Node]:
+    if not exponent.is_Rational or exponent.q not in (1, 2):
+        return [Call("pow", (lower(base), lower(exponent)))]
+    node = lower(base)
+    factors: list[Node] = [node] * int(exponent.p // exponent.q)
+    if exponent.q == 2:
+        factors.append(Call("sqrt", (node,)))
+    return factors
+
+
+def _join(factors: list[Node]) -> Node:
+    if not factors:
+        return Constant("1")
+    return factors[0] if len(factors) == 1 else Product(tuple(factors))
+
+
+ZERO, ONE = Constant("0"), Constant("1")
+_EXACT = Context(prec=DIGITS + 5)
+
+
+def add(plus: Iterable[Node], minus: Iterable[Node] = ()) -> Node:
+    """Return the sum of ``plus`` less ``minus``, with constants folded and signs drawn in."""
+    known = Decimal(0)
+    above: list[Node] = []
+    below: list[Node] = []
+    for terms, sign, same, other in ((plus, 1, above, below), (minus, -1, below, above)):
+        for term in terms:
+            if isinstance(term, Constant):
+                known = _EXACT.add(known, sign * Decimal(term.text))
+            elif isinstance(term, Negative):
+                other.append(term.value)
+            else:
+                same.append(term)
+    if known:
+        (above if known > 0 or not above else below).insert(0, _decimal(known if known > 0 or not above else -known))
+    if not above:
+        return negative(add(below)) if below else ZERO
+    return above[0] if len(above) == 1 and not below else Sum(tuple(above), tuple(below))
+
+
+def multiply(a: Node, b: Node) -> Node:
+    """Return the product of two nodes, with constants folded and signs drawn out."""
+    if isinstance(a, Negative) or isinstance(b, Negative):
+        bare = multiply(*(x.value if isinstance(x, Negative) else x for x in (a, b)))
+        return bare if isinstance(a, Negative) and isinstance(b, Negative) else negative(bare)
+    if isinstance(a, Constant) and isinstance(b, Constant):
+        return _decimal(_EXACT.multiply(Decimal(a.text), Decimal(b.text)))
+    for x, y in ((a, b), (b, a)):
+        if x == ZERO:
+            return ZERO
+        if x == ONE:
+            return y
+        if isinstance(x, Constant) and x.text.startswith("-"):
+            return negative(multiply(negative(x), y))
+    return Product((a, b))
+
+
+def reciprocal(a: Node) -> Node:
+    """Return one over a node."""
+    if isinstance(a, Constant):
+        return _decimal(_EXACT.divide(Decimal(1), Decimal(a.text)))
+    return negative(reciprocal(a.value)) if isinstance(a, Negative) else Quotient(ONE, a)
+
+
+def negative(a: Node) -> Node:
+    """Return a node with its sign changed."""
+    if isinstance(a, Constant):
+        return _decimal(-Decimal(a.text))
+    return a.value if isinstance(a, Negative) else Negative(a)
+
+
+def _decimal(value: Decimal) -> Constant:
+    rounded = Context(prec=DIGITS).plus(value)
+    return Constant(str(int(rounded)) if rounded == rounded.to_integral_value() and abs(rounded) < 10**15 else str(rounded))
+
+
+KINDS = ("add", "mul", "div", "neg", "call")
+
+
+@dataclass(frozen=True, slots=True)
+class OperationCount:
+    """How many operations a program executes, by kind; additions include subtractions."""
+
+    add: int = 0
+    mul: int = 0
+    div: int = 0
+    neg: int = 0
+    call: int = 0
+
+    @property
+    def flops(self) -> int:
+        """Floating-point operations: all kinds but the changes of sign, which cost a bit flip."""
+        return self.add + self.mul + self.div + self.call
+
+    def __str__(self) -> str:
+        parts = (f"{getattr(self, k)} {k}" for k in KINDS if getattr(self, k))
+        return f"{self.flops} operations ({', '.join(parts)})" if self.flops or self.neg else "0 operations"
+
+
+def children(node: Node) -> tuple[Node, ...]:
+    """Return the parts of a node, in the order in which they are printed."""
+    match node:
+        case Sum(plus, minus):
+            return plus + minus
+        case Product(factors):
+            return factors
+        case Quotient(numerator, denominator):
+            return numerator, denominator
+        case Negative(value):
+            return (value,)
+        case Call(_, arguments):
+            return arguments
+    return ()
+
+
+def rename(node: Node, names: Mapping[str, str]) -> Node:
+    """Return a node with some of the names it reads replaced."""
+
+    def all_of(nodes: tuple[Node, ...]) -> tuple[Node, ...]:
+        return tuple(rename(n, names) for n in nodes)
+
+    match node:
+        case Reference(name):
+            return Reference(names.get(name, name))
+        case Sum(plus, minus):
+            return Sum(all_of(plus), all_of(minus))
+        case Product(factors):
+            return Product(all_of(factors))
+        case Quotient(numerator, denominator):
+            return Quotient(rename(numerator, names), rename(denominator, names))
+        case Negative(value):
+            return Negative(rename(value, names))
+        case Call(function, arguments):
+            return Call(function, all_of(arguments))
+    return node
+
+
+def count(nodes: Iterable[Node]) -> OperationCount:
+    """Count the operations of some expressions."""
+    total: Counter[str] = Counter()
+    waiting = list(nodes)
+    while waiting:
+        node = waiting.pop()
+        parts = children(node)
+        waiting.extend(parts)
+        match node:
+            case Sum():
+                total["add"] += len(parts) - 1
+            case Product():
+                total["mul"] += len(parts) - 1
+            case Quotient():
+                total["div"] += 1
+            case Negative():
+                total["neg"] += 1
+            case Call():
+                total["call"] += 1
+    return OperationCount(**total)
+
+
+def references(nodes: Iterable[Node]) -> list[str]:
+    """Return the names that some expressions read, each once, in the order of first use."""
+    found: dict[str, None] = {}
+    waiting = list(nodes)[::-1]
+    while waiting:
+        node = waiting.pop()
+        if isinstance(node, Reference):
+            found[node.name] = None
+        else:
+            waiting.extend(children(node)[::-1])
+    return list(found)

@@ -1,0 +1,114 @@
+"""The whole lowering: System -> Program."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from symgen.lowering.kernel import Block, Kernel, Program, Slot, Store
+from symgen.lowering.nodes import Node, Reference, references
+from symgen.lowering.sparse_ldlt import Factor, factor, solve
+from symgen.lowering.straight_line import Shared, StraightLine
+from symgen.symbolic.system import Export, NamedMatrix, SaddlePoint, System
+
+
+def lower_system(system: System) -> Program:
+    """Turn every export of a system, and the solution of its equations of motion, into kernels."""
+    point = system.saddle_point
+    names = dict.fromkeys(name for export in system.exports for name in export.matrices)
+    if point:
+        names.update(dict.fromkeys((point.mass, point.jacobian, point.force, point.rhs)))
+    lowering = _Lowering(system, Shared(system, tuple(names)))
+    kernels = lowering.solution(point) if point else []
+    kernels += [lowering.export(export) for export in system.exports if export.matrices]
+    groups = tuple(
+        (g.name, g.description, tuple(Slot(x.name, x.unit, x.description) for x in g.quantities))
+        for g in system.groups
+    )
+    return Program(system.name, system.title, groups, tuple(kernels), system.references)
+
+
+class _Lowering:
+    def __init__(self, system: System, shared: Shared) -> None:
+        self.system, self.shared = system, shared
+
+    def export(self, export: Export) -> Kernel:
+        results = [e for name in export.matrices for e in self.shared.entries[name]]
+        blocks = _blocks([self.system[name] for name in export.matrices])
+        return self.kernel(export.kernel, export.description, StraightLine(self.shared.values), results, blocks)
+
+    def solution(self, point: SaddlePoint) -> list[Kernel]:
+        """Return 'accelerations' (all in one), and 'factor' and 'solve' for many right-hand sides."""
+        n, m = self.system[point.mass].matrix.rows, self.system[point.jacobian].matrix.rows
+        labels = tuple(x.name for x in self.system.group("work").quantities)
+        masses, jacobian = self.shared.entries[point.mass], self.shared.entries[point.jacobian]
+        entries = {(i, j): masses[i * n + j] for i in range(n) for j in range(i + 1)}
+        entries |= {(n + i, j): jacobian[i * n + j] for i in range(m) for j in range(n)}
+        rhs = [*self.shared.entries[point.force], *self.shared.entries[point.rhs]]
+
+        line = StraightLine(self.shared.values)
+        named = {ij: line.name(value, f"k{ij[0]}_{ij[1]}") for ij, value in entries.items()}
+        factors = factor(line, named, point.order, n, labels)
+        unknowns = (
+            Block("accelerations", 0, (n, 1), "m/s^2", "accelerations of the moving points", labels[:n]),
+            Block("multipliers", n, (m, 1), "N/m", "multipliers of the constraints", labels[n:]),
+        )
+        description = "accelerations and multipliers: [M J^T; J 0] [a; lambda] = [f; gamma]"
+        accelerations = self.kernel(
+            "accelerations", description, line, solve(line, factors, rhs), unknowns
+        )
+        stored = _stored(factors)
+        health = [e for k in range(n + m) for e in (factors.pivot[k], factors.sound[k])]
+        pivots = Block("pivots", 0, (n + m, 2), "1", "pivot of each unknown, and its terms of its own sign", labels)
+        description = "factors of [M J^T; J 0] into work, for 'solve'"
+        factorise = self.kernel("factor", description, line, health, (pivots,), work=stored)
+
+        line = StraightLine()
+        given = tuple(f"b{i}" for i in range(n + m))
+        solution = solve(line, factors, [Reference(b) for b in given])
+        meaning = "right-hand side before, solution after"
+        in_place = self.kernel(
+            "solve",
+            "solution for the right-hand side in out, with the factors in work, in place",
+            line,
+            solution,
+            (Block("solution", 0, (n + m, 1), "1", meaning, labels),),
+            inputs={"work": tuple(x.name for x in stored), "out": given},
+        )
+        return [accelerations, factorise, in_place]
+
+    def kernel(
+        self,
+        name: str,
+        description: str,
+        line: StraightLine,
+        results: Sequence[Node],
+        blocks: tuple[Block, ...],
+        *,
+        work: Sequence[Node] = (),
+        inputs: dict[str, tuple[str, ...]] | None = None,
+    ) -> Kernel:
+        assignments = line.assignments([*results, *work])
+        stores = [Store("work", i, e) for i, e in enumerate(work)]
+        stores += [Store("out", i, e) for i, e in enumerate(results)]
+        if inputs is None:
+            read = set(references([x.value for x in (*assignments, *stores)]))
+            inputs = {
+                g.name: tuple(x.name for x in g.quantities)
+                for g in self.system.groups
+                if any(x.name in read for x in g.quantities)
+            }
+        return Kernel(name, description, tuple(inputs.items()), assignments, tuple(stores), blocks)
+
+
+def _blocks(matrices: Sequence[NamedMatrix]) -> tuple[Block, ...]:
+    blocks, offset = [], 0
+    for m in matrices:
+        blocks.append(Block(m.name, offset, m.matrix.shape, m.unit, m.description, m.rows, m.columns))
+        offset += m.matrix.rows * m.matrix.cols
+    return tuple(blocks)
+
+
+def _stored(factors: Factor) -> list[Reference]:
+    """Return the distinct values that 'solve' needs from 'factor'."""
+    used = [*(factors.inverse[k] for k in factors.order), *factors.lower.values()]
+    return [Reference(name) for name in references(used)]

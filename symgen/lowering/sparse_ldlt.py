@@ -1,0 +1,113 @@
+"""Sparse L D L^T of a symmetric matrix as straight-line code, in an order fixed when it is generated.
+
+For [M J^T; J 0] in spanning-tree order the pivots vanish only where J loses rank, so no pivoting is
+needed. The factorisation reports, for every unknown, its pivot and the part of it that cannot cancel:
+their ratio tells how near to losing rank the configuration is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from symgen.errors import DerivationError
+from symgen.lowering.nodes import ZERO, Node, add, multiply, reciprocal
+from symgen.lowering.straight_line import StraightLine
+
+_Taken = dict[tuple[int, int], list[tuple[int, Node]]]
+
+
+@dataclass(frozen=True, slots=True)
+class Factor:
+    """The factors, as atoms: ``inverse[k]`` is 1/D_k, ``lower[i, k]`` the nonzero L_ik below the diagonal.
+
+    ``pivot[k]`` is D_k, ``sound[k]`` the sum of its terms that have its own sign.
+    """
+
+    order: tuple[int, ...]
+    inverse: Mapping[int, Node]
+    lower: Mapping[tuple[int, int], Node]
+    pivot: Mapping[int, Node]
+    sound: Mapping[int, Node]
+
+
+def factor(
+    line: StraightLine,
+    entries: Mapping[tuple[int, int], Node],
+    order: Sequence[int],
+    primal: int,
+    labels: Sequence[str],
+) -> Factor:
+    """Factorise, adding the assignments to ``line``.
+
+    Parameters
+    ----------
+    entries
+        Nonzero entries (i, j), either triangle or both, as atoms or small expressions.
+    order
+        The elimination order of all unknowns.
+    primal
+        Unknowns below this number are coordinates (positive pivots), the others multipliers (negative).
+    labels
+        Names of the unknowns, for the error.
+
+    Raises
+    ------
+    DerivationError
+        When a pivot is zero by structure: nothing determines that unknown.
+    """
+    place = {k: i for i, k in enumerate(order)}
+    kept: dict[tuple[int, int], list[Node]] = {}
+    taken: _Taken = {}
+    below: dict[int, set[int]] = {k: set() for k in order}
+    for (i, j), value in entries.items():
+        if value != ZERO:
+            late, early = (i, j) if place[i] >= place[j] else (j, i)
+            kept[late, early] = [value]
+            if late != early:
+                below[early].add(late)
+    inverse: dict[int, Node] = {}
+    lower: dict[tuple[int, int], Node] = {}
+    pivot: dict[int, Node] = {}
+    sound: dict[int, Node] = {}
+    for k in order:
+        # Terms from unknowns of the other kind have the sign of this pivot; those of its own kind cancel.
+        of_sign = add(kept.get((k, k), ()), _of_kind(taken, k, primal, same=False))
+        if of_sign == ZERO:
+            raise DerivationError(f"nothing determines {labels[k]}: its pivot is zero whatever the state")
+        sound[k] = line.name(of_sign, f"s{k}")
+        pivot[k] = line.name(add([sound[k]], _of_kind(taken, k, primal, same=True)), f"d{k}")
+        inverse[k] = line.name(reciprocal(pivot[k]), f"r{k}")
+        rows = sorted(below[k], key=place.__getitem__)
+        column = {
+            i: line.name(add(kept.get((i, k), ()), (x for _, x in taken.get((i, k), ()))), f"a{i}_{k}") for i in rows
+        }
+        rows = [i for i in rows if column[i] != ZERO]
+        for n, i in enumerate(rows):
+            lower[i, k] = line.name(multiply(column[i], inverse[k]), f"l{i}_{k}")
+            for j in rows[: n + 1]:
+                taken.setdefault((i, j), []).append((k, multiply(lower[i, k], column[j])))
+                if i != j:
+                    below[j].add(i)
+    return Factor(tuple(order), inverse, lower, pivot, sound)
+
+
+def _of_kind(taken: _Taken, k: int, primal: int, *, same: bool) -> list[Node]:
+    return [x for j, x in taken.get((k, k), ()) if ((j < primal) == (k < primal)) == same]
+
+
+def solve(line: StraightLine, factors: Factor, rhs: Sequence[Node]) -> list[Node]:
+    """Solve with the factors, adding the assignments to ``line``; return the solution as atoms."""
+    rows: dict[int, list[int]] = {k: [] for k in factors.order}
+    columns: dict[int, list[int]] = {k: [] for k in factors.order}
+    for i, k in factors.lower:
+        rows[i].append(k)
+        columns[k].append(i)
+    y: dict[int, Node] = {}
+    for i in factors.order:
+        y[i] = line.name(add([rhs[i]], (multiply(factors.lower[i, k], y[k]) for k in rows[i])), f"y{i}")
+    x: dict[int, Node] = {}
+    for k in reversed(factors.order):
+        scaled = multiply(y[k], factors.inverse[k])
+        x[k] = line.name(add([scaled], (multiply(factors.lower[i, k], x[i]) for i in columns[k])), f"x{k}")
+    return [x[i] for i in range(len(rhs))]

@@ -1,0 +1,88 @@
+"""Shared subexpressions become assignments, in order, only those that a result needs."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+
+import sympy as sp
+
+from symgen.lowering.kernel import Assignment
+from symgen.lowering.nodes import DIGITS, Constant, Negative, Node, Reference, lower, negative, references, rename
+from symgen.symbolic.system import System
+
+
+def fold(expression: sp.Expr) -> sp.Expr:
+    """Evaluate every irrational constant inside an expression to 40 digits; rationals stay exact."""
+    if expression.is_Atom:
+        return expression.evalf(DIGITS) if expression.is_NumberSymbol else expression
+    if not expression.free_symbols:
+        return expression if expression.is_Rational else expression.evalf(DIGITS)
+    old = expression.args
+    new = [fold(a) for a in old]
+    return expression if all(a is b for a, b in zip(old, new, strict=True)) else expression.func(*new)
+
+
+class Shared:
+    """All matrices of a system over one set of named subexpressions.
+
+    ``values`` holds the named subexpressions, ``entries[name]`` the entries of a matrix, row by row.
+    """
+
+    def __init__(self, system: System, names: Sequence[str]) -> None:
+        expressions = {name: [fold(e) for e in system[name].matrix] for name in names}
+        definitions = [(d.quantity.symbol, fold(d.expression)) for d in system.definitions]
+        found, shared = sp.cse(
+            [e for _, e in definitions] + [e for entries in expressions.values() for e in entries],
+            symbols=sp.numbered_symbols("c", real=True),
+            order="none",
+        )
+        # A shared subexpression that is a definition as a whole goes by the definition's name.
+        own: dict[sp.Symbol, str] = {}
+        temporaries = {s for s, _ in found}
+        for (symbol, _), value in zip(definitions, shared, strict=False):
+            if value in temporaries and value not in own:
+                own[value] = symbol.name
+        names = {s.name: name for s, name in own.items()}
+        nodes = (rename(lower(e), names) for e in shared)
+        self.values: dict[str, Node] = {names.get(s.name, s.name): rename(lower(e), names) for s, e in found}
+        for symbol, _ in definitions:
+            value = next(nodes)
+            if value != Reference(symbol.name):
+                self.values[symbol.name] = value
+        self.entries = {name: [next(nodes) for _ in entries] for name, entries in expressions.items()}
+
+
+class StraightLine:
+    """Collects assignments on top of shared ones; equal expressions get one name."""
+
+    def __init__(self, shared: Mapping[str, Node] | None = None) -> None:
+        self._values: dict[str, Node] = dict(shared or {})
+        self._names: dict[Node, Reference] = {}
+
+    def name(self, node: Node, name: str) -> Node:
+        """Return an atom, or its negative: the value itself, an earlier assignment of it, or a new one."""
+        if isinstance(node, Constant | Reference):
+            return node
+        if isinstance(node, Negative):
+            return negative(self.name(node.value, name))
+        known = self._names.get(node)
+        if known is None:
+            known = self._names[node] = Reference(name)
+            self._values[name] = node
+        return known
+
+    def assignments(self, results: Iterable[Node]) -> tuple[Assignment, ...]:
+        """Return the assignments that the results need, each after those it reads."""
+        done: dict[str, None] = {}
+        waiting = [(name, False) for name in reversed(references(results)) if name in self._values]
+        while waiting:
+            name, ready = waiting.pop()
+            if name in done:
+                continue
+            if ready:
+                done[name] = None
+                continue
+            waiting.append((name, True))
+            reads = references([self._values[name]])
+            waiting.extend((r, False) for r in reversed(reads) if r in self._values and r not in done)
+        return tuple(Assignment(name, self._values[name]) for name in done)

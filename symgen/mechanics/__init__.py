@@ -1,0 +1,1 @@
+"""Derivations, each stating its source and equation numbers."""

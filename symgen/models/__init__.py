@@ -1,0 +1,17 @@
+"""From a resolved scene, or a building block's name, to a System."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from symgen.models.rod import rod_system
+from symgen.symbolic.system import System
+
+#: Building blocks whose kernels are shipped, by name: one line each.
+BLOCKS: dict[str, Callable[[], System]] = {
+    "rod": lambda: rod_system(2),
+    "rod_spatial": lambda: rod_system(3),
+}
+
+#: Shipped scenes whose kernels are committed under ``generated/`` and compiled at install.
+SHIPPED_SCENES = ("peaucellier",)

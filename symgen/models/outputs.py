@@ -1,0 +1,103 @@
+"""What a scene may ask to record: ``point.word``, ``link.word`` or a bare word; one line each below."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING
+
+import sympy as sp
+
+from symgen.errors import SceneError, nearest
+from symgen.symbolic.system import NamedMatrix
+
+if TYPE_CHECKING:
+    from symgen.models.rods import RodsModel
+
+Entries = tuple[Sequence[sp.Expr], str, str]
+
+
+def _position(model: RodsModel, name: str) -> Entries:
+    return model.symbols(model.q[name]), "m", f"position of {name}"
+
+
+def _velocity(model: RodsModel, name: str) -> Entries:
+    return model.symbols(model.u[name]), "m/s", f"velocity of {name}"
+
+
+def _acceleration(model: RodsModel, name: str) -> Entries:
+    return model.symbols(model.a[name]), "m/s^2", f"acceleration of {name}"
+
+
+def _reaction(model: RodsModel, name: str) -> Entries:
+    if name not in model.ground:
+        raise SceneError(
+            f"{name} is not a ground point, so it has no reaction", hint=f"Ground: {', '.join(model.ground)}."
+        )
+    return model.residual(name), "N", f"force of the ground on the linkage at {name}"
+
+
+def _tension(model: RodsModel, name: str) -> Entries:
+    rod = model.rod(name)
+    if rod is None:
+        raise SceneError(f"{name} lies between two ground points: its tension is not determined")
+    return [model.multiplier[name].symbol * rod.length], "N", f"force of the length constraint of {name}, tension positive"
+
+
+def _energy(model: RodsModel) -> Entries:
+    return [model.kinetic_energy + model.potential_energy], "J", "kinetic plus potential energy"
+
+
+def _kinetic_energy(model: RodsModel) -> Entries:
+    return [model.kinetic_energy], "J", "kinetic energy"
+
+
+def _potential_energy(model: RodsModel) -> Entries:
+    return [model.potential_energy], "J", "potential of gravity and springs"
+
+
+#: Outputs of a point, of a link, and of the whole linkage, by word.
+OF_POINTS: dict[str, Callable[[RodsModel, str], Entries]] = {
+    "position": _position,
+    "velocity": _velocity,
+    "acceleration": _acceleration,
+    "reaction": _reaction,
+}
+OF_LINKS: dict[str, Callable[[RodsModel, str], Entries]] = {"tension": _tension}
+OF_THE_WHOLE: dict[str, Callable[[RodsModel], Entries]] = {
+    "energy": _energy,
+    "kinetic_energy": _kinetic_energy,
+    "potential_energy": _potential_energy,
+}
+
+
+def asked(model: RodsModel) -> list[NamedMatrix]:
+    """Return one matrix for each output the scene asks for; positions, velocities and energy by default."""
+    names = model.linkage.outputs
+    if names is None:
+        names = (*(f"{p}.{word}" for p in model.moving for word in ("position", "velocity")), "energy")
+    found = []
+    for i, name in enumerate(names):
+        try:
+            if name in names[:i]:
+                raise SceneError(f"{name!r} is asked for twice")
+            entries, unit, description = _entries(model, name)
+        except SceneError as error:
+            raise error.located(where=f"analysis.outputs.{i}") from None
+        rows = model.axes if len(entries) > 1 else ()
+        found.append(model.matrix(name, entries, unit, description, rows=rows))
+    return found
+
+
+def _entries(model: RodsModel, name: str) -> Entries:
+    owner, _, word = name.rpartition(".")
+    if not owner:
+        if word in OF_THE_WHOLE:
+            return OF_THE_WHOLE[word](model)
+        raise SceneError(f"there is no output {name!r}", hint=nearest(name, OF_THE_WHOLE))
+    if word in OF_POINTS and owner in model.q:
+        return OF_POINTS[word](model, owner)
+    links = [r.name for r in model.linkage.rods]
+    if word in OF_LINKS and owner in links:
+        return OF_LINKS[word](model, owner)
+    known = [f"{p}.{w}" for p in model.q for w in OF_POINTS] + [f"{k}.{w}" for k in links for w in OF_LINKS]
+    raise SceneError(f"there is no output {name!r}", hint=nearest(name, known))

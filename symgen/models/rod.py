@@ -1,0 +1,93 @@
+"""One free rod as a building block: end masses, kinetic energy and the length constraint, for inspection."""
+
+from __future__ import annotations
+
+import sympy as sp
+
+from symgen.mechanics.loads import AXES, vector_between
+from symgen.mechanics.particles import end_mass, kinetic_energy, length_constraint, particle_masses
+from symgen.symbolic.calculus import Calculus
+from symgen.symbolic.quantity import Quantity, quantity
+from symgen.symbolic.system import Export, Group, NamedMatrix, System
+
+REFERENCE = "H. A. Attia, Dynamic Analysis of a Chain of Rigid Rods, sections 2.1 and 2.2"
+
+
+def rod_system(dimension: int) -> System:
+    """Return the system of one rod between the points i and j, in the plane (2) or in space (3)."""
+    axes = AXES[:dimension]
+    q = [quantity(f"{p}_{a}", "m", f"{a} position of end {p}") for p in "ij" for a in axes]
+    u = [quantity(f"{p}_v{a}", "m/s", f"{a} velocity of end {p}") for p in "ij" for a in axes]
+    m = quantity("m", "kg", "mass")
+    length = quantity("l", "m", "length")
+    centre = quantity("l_c", "m", "centre of mass from end i along the rod")
+    inertia = quantity("I_c", "kg*m^2", "moment of inertia about the centre of mass, across the rod")
+    parameters = (m, length, centre, inertia)
+    symbols = tuple(x.symbol for x in parameters)
+    calculus = Calculus(q, u, sp.Symbol("t", real=True))
+    ends = end_mass(*symbols)
+    start, end = ([x.symbol for x in u[k : k + dimension]] for k in (0, dimension))
+    along = vector_between(
+        calculus, "rod", *(tuple(x.symbol for x in q[k : k + dimension]) for k in (0, dimension))
+    )
+    phi = length_constraint(along, length.symbol)
+    block = sp.kronecker_product(sp.Matrix([[ends.a11, ends.a12], [ends.a12, ends.a22]]), sp.eye(dimension))
+    names = _names(q)
+    matrices = (
+        _matrix(
+            "particle_masses",
+            list(particle_masses(*symbols)),
+            "kg",
+            "equivalent particles at start, middle and end",
+            ("start", "middle", "end"),
+        ),
+        NamedMatrix(
+            "mass_matrix",
+            sp.ImmutableMatrix(block),
+            "kg",
+            "end mass matrix, the middle particle eliminated",
+            names,
+            names,
+            True,
+        ),
+        _matrix("kinetic_energy", [kinetic_energy(ends, start, end)], "J", "kinetic energy"),
+        _matrix("constraint", [phi], "m^2", "length constraint (d.d - l^2)/2"),
+        NamedMatrix(
+            "constraint_jacobian",
+            calculus.jacobian([phi]),
+            "m",
+            "derivative of the constraint by the coordinates",
+            ("length",),
+            names,
+        ),
+        _matrix("velocity_constraint", [calculus.rate(phi)], "m^2/s", "rate of the constraint"),
+        _matrix(
+            "acceleration_rhs",
+            [-calculus.rate(calculus.rate(phi))],
+            "m^2/s^2",
+            "right-hand side gamma of J a = gamma",
+        ),
+    )
+    return System(
+        name="rod" if dimension == 2 else "rod_spatial",
+        title=f"One rigid rod {'in the plane' if dimension == 2 else 'in space'}",
+        groups=(
+            Group("q", "coordinates of the ends", tuple(q)),
+            Group("u", "velocities of the ends", tuple(u)),
+            Group("p", "parameters", parameters),
+        ),
+        matrices=matrices,
+        exports=tuple(Export(x.name, x.description, (x.name,)) for x in matrices),
+        definitions=calculus.definitions,
+        references=(REFERENCE,),
+    )
+
+
+def _names(quantities: list[Quantity]) -> tuple[str, ...]:
+    return tuple(x.name for x in quantities)
+
+
+def _matrix(
+    name: str, entries: list[sp.Expr], unit: str, description: str, rows: tuple[str, ...] = ()
+) -> NamedMatrix:
+    return NamedMatrix(name, sp.ImmutableMatrix(len(entries), 1, entries), unit, description, rows)

@@ -1,0 +1,324 @@
+"""From a scene to a model. The whole of symgen is :func:`compile_scene`; the rest is when to call it."""
+
+from __future__ import annotations
+
+import gc
+import hashlib
+import importlib.util
+import os
+import warnings
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from functools import cache, partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from symgen.build import Compiler, find_compiler
+from symgen.cache import Cache, Entry, key
+from symgen.errors import GenerationError, ModelError, SceneError, SlowBackendWarning, nearest
+from symgen.runtime.description import BlockInfo, Description, KernelInfo, ParameterInfo
+from symgen.runtime.evaluate import Evaluator
+from symgen.runtime.initial import start
+from symgen.runtime.library import Library, open_library, open_numpy, open_shipped
+from symgen.runtime.model import Model
+from symgen.scene.loading import SceneText, check_scene, override, read_scene
+
+if TYPE_CHECKING:
+    from symgen.codegen.emit import SourceFile
+    from symgen.lowering.kernel import Program
+    from symgen.scene.linkage import Linkage
+    from symgen.scene.schema import Scene
+    from symgen.symbolic.system import System
+
+BACKENDS = ("auto", "c", "numpy")
+_DESCRIPTION = "description.json"
+_GENERATOR = ("scene", "symbolic", "mechanics", "models", "lowering", "codegen")
+
+
+def build(
+    scene: Scene | str | os.PathLike[str], *, set: Mapping[str, str] | None = None, backend: str = "auto"  # noqa: A002
+) -> Model:
+    """Derive, lower, emit and compile a scene, or take it from the cache.
+
+    Parameters
+    ----------
+    scene
+        A shipped name, the path of a scene file, or a :class:`symgen.Scene`.
+    set
+        Values to replace: parameter names or dotted keys, as in ``symgen.load_scene``. Tunable parameters
+        are changed without compiling again.
+    backend
+        ``c`` (a C compiler is needed), ``numpy`` (slow, needs none), or ``auto``: C where there is a
+        compiler, else shipped kernels of the same equations, else NumPy, with a warning.
+
+    Raises
+    ------
+    SceneError
+        For anything wrong in the scene.
+    InitialStateError
+        When its start cannot be assembled or is contradictory.
+    BuildError, CacheError
+        When the compiler fails, or the cache cannot be written.
+    """
+    if backend not in BACKENDS:
+        raise ModelError(f"there is no backend {backend!r}. {nearest(backend, BACKENDS)}")
+    text = _text_of(scene)
+    tunable, fixed = _split(text, set or {})
+    text = override(text, fixed)
+    compiler = None if backend == "numpy" else find_compiler()
+    if compiler is None and backend == "c":
+        raise ModelError(f"the backend 'c' needs a C compiler, and there is none. {_GET_A_COMPILER}")
+    description, library = _cached(text, compiler, Cache())
+    if compiler is None and backend == "auto":
+        library = open_shipped(description) or library
+        _warn(library)
+    model = Model(description, library, partial(derive, text))
+    return model.with_parameters(**_in_si(model, tunable, text.file)) if tunable else model
+
+
+def compile_scene(text: SceneText, compiler: Compiler | None, folder: Path) -> tuple[Description, Library]:
+    """Run the whole pipeline into a folder: sources, library and description."""
+    from symgen.codegen.emit import emit
+    from symgen.codegen.target import Target
+    from symgen.lowering.program import lower_system
+    from symgen.models.rods import linkage_system
+    from symgen.scene.linkage import resolve
+
+    with _no_collection():
+        linkage = resolve(check_scene(text))  # SceneText -> Scene -> Linkage
+        system = linkage_system(linkage)  # Linkage -> System
+        program = lower_system(system)  # System -> Program
+        sources = emit(program, Target("c" if compiler else "numpy"))  # Program -> (SourceFile, ...)
+    description = _describe(linkage, program, sources)  # names, sizes and units, without SymPy
+    library = _build(sources, compiler, description, folder)  # (SourceFile, ...) -> Library
+    return _with_start(description, library), library
+
+
+def derive(scene: Scene | SceneText | str | os.PathLike[str]) -> System:
+    """Return the derived equations of a scene: its SymPy matrices by name."""
+    from symgen.models.rods import linkage_system
+    from symgen.scene.linkage import resolve
+
+    return linkage_system(resolve(check_scene(_text_of(scene))))
+
+
+def shipped_sources() -> list[SourceFile]:
+    """Generate everything that belongs under ``generated/``, in memory."""
+    from symgen.codegen.emit import emit, equations_hash
+    from symgen.codegen.manifest import manifest
+    from symgen.codegen.target import Target
+    from symgen.lowering.program import lower_system
+    from symgen.models import BLOCKS, SHIPPED_SCENES
+
+    systems = {name: make() for name, make in BLOCKS.items()}
+    systems |= {name: derive(name) for name in SHIPPED_SCENES}
+    models = {}
+    for name, system in systems.items():
+        program = lower_system(system)
+        files = [f for language in ("c", "cython") for f in emit(program, Target(language))]
+        models[name] = (equations_hash(program, Target()), files)
+    return [*(f for _, files in models.values() for f in files), manifest(models)]
+
+
+def generated_folder() -> Path:
+    """Return the folder of the committed kernels."""
+    import symgen.generated
+
+    return Path(str(symgen.generated.__file__)).resolve().parent
+
+
+def generate() -> list[str]:
+    """Write ``generated/`` anew in a checkout; return the names of the files that changed."""
+    from symgen.codegen.manifest import write
+
+    folder = generated_folder()
+    if not (folder.parent / "pyproject.toml").is_file():
+        raise GenerationError(f"{folder} is not part of a checkout of symgen; only 'symgen generate --check' works")
+    return write(folder, shipped_sources())
+
+
+def _text_of(scene: Any) -> SceneText:
+    if isinstance(scene, SceneText):
+        return scene
+    if isinstance(scene, str | os.PathLike):
+        return read_scene(scene)
+    return SceneText(scene.name, scene.file, scene.model_dump(exclude_unset=True) | {"symgen": scene.symgen})
+
+
+def _split(text: SceneText, changes: Mapping[str, str]) -> tuple[dict[str, str], dict[str, str]]:
+    """Part the changes into those of tunable parameters and those that change the equations."""
+    parameters = text.data.get("parameters", {})
+    tunable = {}
+    for name, value in changes.items():
+        table = parameters.get(name) if isinstance(parameters, Mapping) else None
+        if isinstance(table, Mapping) and table.get("tunable") is True:
+            from symgen.scene.units import is_quantity
+
+            if is_quantity(str(value)):
+                tunable[name] = str(value)
+    return tunable, {k: v for k, v in changes.items() if k not in tunable}
+
+
+def _in_si(model: Model, values: Mapping[str, str], file: str) -> dict[str, float]:
+    from symgen.scene.units import parse_quantity
+
+    result = {}
+    for info in model.description.parameters:
+        if info.name in values:
+            try:
+                number, dimension = parse_quantity(values[info.name])
+                if dimension.unit != info.unit:
+                    raise SceneError(f"expected a quantity in {info.unit}, got {values[info.name]!r}")
+            except SceneError as error:
+                raise error.located(where=f"parameters.{info.name}", file=file) from None
+            result[info.name] = float(number)
+    return result
+
+
+def _cached(text: SceneText, compiler: Compiler | None, store: Cache) -> tuple[Description, Library]:
+    name = f"{text.name}-{key(text.canonical, _fingerprint(), compiler.identity if compiler else 'numpy')}"
+    found = _opened(store.find(name), compiler)
+    if found:
+        return found
+    with store.locked(name):
+        found = _opened(store.find(name), compiler)
+        if found:
+            return found
+        with store.building(name) as folder:
+            description, library = compile_scene(text, compiler, folder)
+            try:
+                (folder / _DESCRIPTION).write_text(description.to_json(), encoding="utf-8")
+            except OSError as error:
+                raise store.error(error) from None
+        return description, library
+
+
+def _opened(entry: Entry | None, compiler: Compiler | None) -> tuple[Description, Library] | None:
+    if entry is None:
+        return None
+    try:
+        description = Description.from_json(entry.read_text(_DESCRIPTION))
+        if compiler:
+            return description, open_library(entry.folder / _library_name(description), description)
+        return description, open_numpy(entry.read_text(f"{description.name}_numpy.py"), description)
+    except (KeyError, TypeError, ValueError, OSError):
+        return None
+
+
+def _library_name(description: Description) -> str:
+    return f"{description.name}.so"
+
+
+def _build(
+    sources: tuple[SourceFile, ...], compiler: Compiler | None, description: Description, folder: Path
+) -> Library:
+    try:
+        for source in sources:
+            (folder / source.name).write_text(source.text, encoding="utf-8")
+    except OSError as error:
+        raise Cache(folder.parent).error(error) from None
+    if compiler is None:
+        return open_numpy(sources[0].text, description)
+    library = folder / _library_name(description)
+    compiler.compile([folder / s.name for s in sources if s.name.endswith(".c")], library)
+    return open_library(library, description)
+
+
+def _describe(linkage: Linkage, program: Program, sources: tuple[SourceFile, ...]) -> Description:
+    from symgen.codegen.emit import equations_hash
+    from symgen.codegen.target import Target
+    from symgen.mechanics.loads import AXES
+
+    kernels = {k.name: k for k in program.kernels}
+    solution = {b.name: b for b in kernels["accelerations"].blocks}
+    return Description(
+        name=program.name,
+        file=linkage.file,
+        title=program.title,
+        equations=equations_hash(program, Target()),
+        axes=tuple(AXES[: linkage.dimension]),
+        points=tuple(p.name for p in linkage.points),
+        moving=tuple(p.name for p in linkage.points if not p.ground),
+        ground=tuple(p.name for p in linkage.points if p.ground),
+        constraints=tuple(r.removesuffix("_lambda") for r in solution["multipliers"].rows),
+        work_of_loads=any(b.name == "power" for b in kernels["energy"].blocks),
+        needs_assembly="assembly" in kernels,
+        needs_velocity="start_velocity" in kernels,
+        parameters=tuple(
+            ParameterInfo(p.quantity.name, p.quantity.unit, p.quantity.description, float(p.default))
+            for p in linkage.parameters
+        ),
+        kernels=tuple(
+            KernelInfo(
+                k.name,
+                k.work_size,
+                k.out_size,
+                {kind: getattr(k.counts, kind) for kind in ("add", "mul", "div", "neg", "call", "flops")},
+                tuple(BlockInfo(b.name, b.offset, b.shape, b.unit, b.description, b.rows, b.columns) for b in k.blocks),
+            )
+            for k in program.kernels
+        ),
+        start=(),
+        t_end=float(linkage.t_end.xreplace(dict(linkage.defaults))),
+        references=program.references,
+        left_out=(),
+    )
+
+
+def _with_start(description: Description, library: Library) -> Description:
+    """Find the start of the scene, which also tells whether there is one."""
+    from dataclasses import replace
+
+    import numpy as np
+
+    evaluator = Evaluator(description, library, np.array([p.default for p in description.parameters]))
+    q, u = start(evaluator)
+    described = replace(description, start=(*q.tolist(), *u.tolist()))
+    Model(described, library, lambda: None).initial_state()
+    return described
+
+
+@cache
+def _fingerprint() -> str:
+    """Return a hash of everything that decides the generated code besides the scene."""
+    here = Path(__file__).resolve().parent
+    files = [p for part in _GENERATOR for p in (here / part).rglob("*") if p.suffix in (".py", ".txt")]
+    files += [Path(__file__), here / "runtime" / "description.py"]
+    templates = importlib.util.find_spec("symgen.templates")
+    if templates and templates.origin:
+        files += Path(templates.origin).parent.rglob("*.j2")
+    sympy = importlib.util.find_spec("sympy")
+    if sympy and sympy.origin:
+        files.append(Path(sympy.origin).with_name("release.py"))
+    digest = hashlib.sha256()
+    for path in sorted(files):
+        digest.update(path.name.encode())
+        digest.update(path.read_bytes())
+    return digest.hexdigest()
+
+
+_GET_A_COMPILER = (
+    "Install one: 'apt install gcc' or 'dnf install gcc' on Linux, 'xcode-select --install' on macOS; "
+    "or name it in CC."
+)
+
+
+def _warn(library: Library) -> None:
+    what = (
+        "the kernels that came with symgen are used"
+        if library.backend == "shipped"
+        else "the NumPy backend is used, some hundred times slower than compiled kernels"
+    )
+    warnings.warn(f"no C compiler was found: {what}. {_GET_A_COMPILER}", SlowBackendWarning, stacklevel=3)
+
+
+@contextmanager
+def _no_collection() -> Iterator[None]:
+    """Pause the garbage collector: a derivation makes many objects that all live until its end."""
+    enabled = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if enabled:
+            gc.enable()

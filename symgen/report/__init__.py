@@ -1,0 +1,1 @@
+"""Tables, plots and equations for people to look at."""

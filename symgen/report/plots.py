@@ -1,0 +1,78 @@
+"""Plots of results."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from symgen.errors import ResultError
+from symgen.runtime.result import Result, Variable
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+def plot(result: Result, *names: str, file: str | os.PathLike[str] | None = None) -> Figure:
+    """Draw outputs over time, one panel for each unit, and save the picture if ``file`` is given.
+
+    Parameters
+    ----------
+    result
+        What to draw.
+    names
+        Outputs, such as ``C.position``, or points or links, for all that was recorded of them; everything
+        when none is named.
+    file
+        Where to save; the ending chooses the format.
+
+    Raises
+    ------
+    ResultError
+        When nothing of that name was recorded, or the picture cannot be written.
+    """
+    from matplotlib.figure import Figure
+
+    chosen = _chosen(result, names)
+    units = list(dict.fromkeys(v.unit for v in chosen))
+    figure = Figure(figsize=(9, 1.2 + 2.4 * len(units)), layout="constrained")
+    panels = figure.subplots(len(units), 1, sharex=True, squeeze=False)[:, 0]
+    for panel, unit in zip(panels, units, strict=True):
+        for variable in (v for v in chosen if v.unit == unit):
+            if variable.values.ndim == 1:
+                panel.plot(result.time, variable.values, label=variable.name)
+                continue
+            for i, component in enumerate(variable.components):
+                panel.plot(result.time, variable.values[:, i], label=f"{variable.name} {component}")
+        panel.set_ylabel(unit)
+        panel.grid(alpha=0.3)
+        panel.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize="small", frameon=False)
+    panels[-1].set_xlabel("time [s]")
+    figure.suptitle(
+        f"{result.title}\n{result.provenance['method']}, {result.statistics['steps']} steps; drift: constraints "
+        f"{result.drift.constraint:.1e} m, energy {result.drift.energy:.1e} J",
+        fontsize="medium",
+    )
+    if file is not None:
+        _save(figure, Path(file))
+    return figure
+
+
+def _save(figure: Any, path: Path) -> None:
+    from symgen.atomic import replacing
+
+    try:
+        with replacing(path) as temporary:
+            figure.savefig(temporary, dpi=150)
+    except (OSError, ValueError) as error:
+        raise ResultError(f"cannot write the plot to {path}: {error}") from None
+
+
+def _chosen(result: Result, names: tuple[str, ...]) -> list[Variable]:
+    if not names:
+        return list(result.variables)
+    chosen = []
+    for name in names:
+        of_owner = [v for v in result.variables if v.name.partition(".")[0] == name and "." in v.name]
+        chosen += of_owner or [result.variable(name)]
+    return list(dict.fromkeys(chosen))

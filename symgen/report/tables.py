@@ -1,0 +1,66 @@
+"""Tables on the terminal."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+from rich.console import Console
+from rich.table import Table
+
+from symgen.runtime.model import Model
+from symgen.runtime.result import Result
+
+
+def table(title: str, columns: Sequence[str], rows: Iterable[Sequence[Any]]) -> Table:
+    """Return a table; the first column is the name, numbers stand to the right."""
+    made = Table(title=title, title_justify="left", header_style="bold")
+    for i, column in enumerate(columns):
+        made.add_column(column, justify="left" if i == 0 else "right", overflow="fold")
+    for row in rows:
+        made.add_row(*(_text(cell) for cell in row))
+    return made
+
+
+def _text(value: Any) -> str:
+    return f"{value:.6g}" if isinstance(value, float) else str(value)
+
+
+def print_result(result: Result, console: Console) -> None:
+    """Print where the points ended, and how well the run kept what it must keep."""
+    rows = []
+    for point, motion in result.final.items():
+        numbers = ["  ".join(f"{x: .9e}" for x in motion[what]) for what in ("position", "velocity")]
+        rows.append((point, *numbers))
+    t = result.statistics["t"]
+    axes = ", ".join(result.axes)
+    console.print(
+        table(f"{result.title}: at t = {t:g} s", ("point", f"position {axes} [m]", f"velocity {axes} [m/s]"), rows)
+    )
+    drift, statistics = result.drift, result.statistics
+    console.print(
+        table(
+            "The run",
+            ("", ""),
+            (
+                ("method", result.provenance["method"]),
+                ("backend", result.provenance["backend"]),
+                ("steps (rejected)", f"{statistics['steps']} ({statistics['rejected']})"),
+                ("evaluations", statistics["evaluations"]),
+                ("wall time", f"{statistics['wall_s'] * 1e3:.3g} ms"),
+                ("constraint drift", f"{drift.constraint:.2e} m"),
+                ("energy drift", f"{drift.energy:.2e} J"),
+                ("energy exchanged", f"{drift.energy_exchanged:.2e} J"),
+            ),
+        )
+    )
+
+
+def print_model(model: Model, console: Console) -> None:
+    """Print the kernels of a model with what they cost, and its parameters."""
+    kernels = ((k, c["flops"], c["add"], c["mul"], c["div"], c["call"]) for k, c in model.operations.items())
+    columns = ("kernel", "operations", "additions", "multiplications", "divisions", "functions")
+    console.print(table(f"{model.description.title} ({model.backend} backend)", columns, kernels))
+    if model.parameters:
+        rows = ((p.name, f"{model.parameters[p.name]:g}", p.unit, p.about) for p in model.description.parameters)
+        console.print(table("Tunable parameters", ("name", "value", "unit", "meaning"), rows))

@@ -1,0 +1,100 @@
+"""What a compiled model is, without its equations: names, sizes, units and the start; stored as JSON."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict, dataclass
+from typing import Any
+
+
+@dataclass(frozen=True, slots=True)
+class ParameterInfo:
+    """A parameter that may be changed without compiling again."""
+
+    name: str
+    unit: str
+    about: str
+    default: float
+
+
+@dataclass(frozen=True, slots=True)
+class BlockInfo:
+    """A named part of a kernel's ``out``: ``shape`` entries from ``offset`` on, row by row."""
+
+    name: str
+    offset: int
+    shape: tuple[int, int]
+    unit: str
+    about: str
+    rows: tuple[str, ...]
+    columns: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class KernelInfo:
+    """Sizes, results and cost of a kernel."""
+
+    name: str
+    work_size: int
+    out_size: int
+    operations: dict[str, int]
+    blocks: tuple[BlockInfo, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Description:
+    """Everything the runtime needs to know of a model, besides the code.
+
+    ``start`` holds the coordinates and then the velocities at the scene's own parameters; ``needs_assembly``
+    and ``needs_velocity`` say which kernels the start is found with when parameters change.
+    """
+
+    name: str
+    file: str
+    title: str
+    equations: str
+    axes: tuple[str, ...]
+    points: tuple[str, ...]
+    moving: tuple[str, ...]
+    ground: tuple[str, ...]
+    constraints: tuple[str, ...]
+    work_of_loads: bool
+    needs_assembly: bool
+    needs_velocity: bool
+    parameters: tuple[ParameterInfo, ...]
+    kernels: tuple[KernelInfo, ...]
+    start: tuple[float, ...]
+    t_end: float
+    references: tuple[str, ...]
+    left_out: tuple[str, ...]
+
+    def kernel(self, name: str) -> KernelInfo | None:
+        """Return what is known of a kernel; None when the model has none of that name."""
+        return next((k for k in self.kernels if k.name == name), None)
+
+    @property
+    def coordinates(self) -> int:
+        """Number of coordinates."""
+        return len(self.moving) * len(self.axes)
+
+    def to_json(self) -> str:
+        """Return the description as JSON text."""
+        return json.dumps(asdict(self), indent=1)
+
+    @classmethod
+    def from_json(cls, text: str) -> Description:
+        """Read what :meth:`to_json` wrote; any fault raises KeyError, TypeError or ValueError."""
+        data: dict[str, Any] = json.loads(text)
+        data["parameters"] = tuple(ParameterInfo(**p) for p in data["parameters"])
+        data["kernels"] = tuple(
+            KernelInfo(**{**k, "blocks": tuple(_block(b) for b in k["blocks"])}) for k in data["kernels"]
+        )
+        for key, value in data.items():
+            if isinstance(value, list):
+                data[key] = tuple(value)
+        return cls(**data)
+
+
+def _block(data: dict[str, Any]) -> BlockInfo:
+    lists = {key: tuple(data[key]) for key in ("shape", "rows", "columns")}
+    return BlockInfo(**{**data, **lists})

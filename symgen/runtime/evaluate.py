@@ -1,0 +1,52 @@
+"""Kernels as functions of NumPy arrays."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symgen.errors import ModelError
+from symgen.runtime import _core
+from symgen.runtime.description import BlockInfo, Description
+from symgen.runtime.library import Library
+
+Array = NDArray[np.float64]
+
+
+class Evaluator:
+    """Calls the kernels of one model at one set of parameters."""
+
+    def __init__(self, description: Description, library: Library, parameters: Array) -> None:
+        self.description, self.library = description, library
+        self.parameters = np.array([*parameters, 0.0])
+        self.work_size = max(k.work_size for k in description.kernels)
+
+    def has(self, kernel: str) -> bool:
+        """Tell whether the model has this kernel."""
+        return kernel in self.library.addresses
+
+    def __call__(self, kernel: str, t: float, q: Array, u: Array, work: Array | None = None) -> Array:
+        """Return the ``out`` array of a kernel."""
+        info = self.description.kernel(kernel)
+        if info is None:
+            raise ModelError(f"{self.description.name} has no kernel {kernel!r}")
+        out = np.zeros(info.out_size + 1)
+        memory = np.zeros(self.work_size + 1) if work is None else work
+        address = self.library.addresses[kernel]
+        _core.call(address, np.array([t]), np.append(q, 0.0), np.append(u, 0.0), self.parameters, memory, out)
+        return out[:-1]
+
+    def blocks(self, kernel: str, t: float, q: Array, u: Array, work: Array | None = None) -> dict[str, Array]:
+        """Return the results of a kernel by name, shaped."""
+        out = self(kernel, t, q, u, work)
+        info = self.description.kernel(kernel)
+        assert info is not None
+        return {b.name: part(out, b) for b in info.blocks}
+
+
+def part(out: Array, block: BlockInfo) -> Array:
+    """Return one block of an ``out`` array (or of rows of them), shaped; single columns lose that axis."""
+    rows, columns = block.shape
+    flat = out[..., block.offset : block.offset + rows * columns]
+    shape = (rows,) if columns == 1 else (rows, columns)
+    return flat.reshape(out.shape[:-1] + shape)

@@ -1,0 +1,136 @@
+"""The start of a run: assembled from the drawing, and velocities made consistent, or a clear refusal."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symgen.errors import InitialStateError
+from symgen.runtime.evaluate import Evaluator
+
+Array = NDArray[np.float64]
+
+_STEPS, _SMALLEST = 32, 1 / 4096
+_NEWTON, _ROUNDING = 30, 1e-14
+
+
+def start(evaluator: Evaluator) -> tuple[Array, Array]:
+    """Return coordinates and velocities at the start.
+
+    The drawing is led step by step to the lengths and angles asked for, so that a linkage stays on the
+    branch it is drawn on. Velocities are those of least kinetic energy that meet the constraints and what
+    the start asks for.
+
+    Raises
+    ------
+    InitialStateError
+        When the linkage cannot be assembled, or the velocities asked for contradict the constraints.
+    """
+    n = evaluator.description.coordinates
+    q = evaluator("drawn", 0.0, np.zeros(n), np.zeros(n))
+    if evaluator.has("assembly"):
+        q = _assemble(evaluator, q)
+    u = np.zeros(n)
+    if evaluator.has("start_velocity"):
+        u = _velocities(evaluator, q)
+    return q, u
+
+
+def _assemble(evaluator: Evaluator, q: Array) -> Array:
+    at, step = 0.0, 1.0 / _STEPS
+    while at < 1.0:
+        target = min(1.0, at + step)
+        new = _newton(evaluator, target, q)
+        if new is not None:
+            q, at, step = new, target, min(2 * step, 1.0 / _STEPS)
+            continue
+        step /= 2
+        if step < _SMALLEST:
+            residual = evaluator.blocks("assembly", 1.0, q, q)["assembly_residual"]
+            raise InitialStateError(_unassembled(evaluator, at, residual))
+    return q
+
+
+def _newton(evaluator: Evaluator, t: float, q: Array) -> Array | None:
+    size = float(np.max(np.abs(q), initial=0.0))
+    previous = np.inf
+    for _ in range(_NEWTON):
+        parts = evaluator.blocks("assembly", t, q, q)
+        residual = parts["assembly_residual"]
+        worst = float(np.max(np.abs(residual)))
+        if worst <= _ROUNDING * size and worst > 0.5 * previous:
+            return q
+        if not worst < 2.0 * previous:
+            return None
+        previous = worst
+        jacobian = np.atleast_2d(parts["assembly_jacobian"].reshape(len(residual), -1))
+        correction = np.linalg.lstsq(jacobian, -residual, rcond=1e-10)[0]
+        if not np.max(np.abs(correction)) <= max(size, 1e-300):
+            return None
+        q = q + correction
+        if worst == 0.0:
+            return q
+    return q if previous <= _ROUNDING * size else None
+
+
+def _unassembled(evaluator: Evaluator, reached: float, residual: Array) -> str:
+    info = evaluator.description.kernel("assembly")
+    assert info is not None
+    rows = info.blocks[0].rows
+    order = np.argsort(-np.abs(residual))[:3]
+    missing = ", ".join(f"{rows[i]} by {abs(residual[i]):.3g} m" for i in order if abs(residual[i]) > 0)
+    return (
+        f"the linkage cannot be assembled with these lengths and start angles: led from the drawing it came "
+        f"{reached:.0%} of the way; from there it still misses {missing}\n"
+        "  Check the lengths of these links and the start angles, or draw it nearer to where it can close."
+    )
+
+
+def _velocities(evaluator: Evaluator, q: Array) -> Array:
+    n = len(q)
+    zero = np.zeros(n)
+    wanted = evaluator.blocks("start_velocity", 0.0, q, zero)
+    rows, rhs = [wanted["start_jacobian"].reshape(-1, n)], [wanted["start_rates"]]
+    names = list(_rows(evaluator, "start_velocity"))
+    if evaluator.has("constraint_jacobian"):
+        scale = evaluator.blocks("constraints", 0.0, q, zero)["constraint_scale"]
+        jacobian = evaluator.blocks("constraint_jacobian", 0.0, q, zero)["constraint_jacobian"].reshape(-1, n)
+        rows.insert(0, jacobian / scale[:, None])
+        rhs.insert(0, np.zeros(len(scale)))
+        names = [*(f"length of {c}" for c in evaluator.description.constraints), *names]
+    matrix, vector = np.vstack(rows), np.concatenate(rhs)
+    mass = evaluator.blocks("mass_matrix", 0.0, q, zero)["mass_matrix"].reshape(n, n)
+    try:
+        root = np.linalg.cholesky(mass)
+    except np.linalg.LinAlgError:
+        raise InitialStateError(not_positive(evaluator)) from None
+    # Least kinetic energy: u = L^-T x with x of least norm, M = L L^T.
+    reduced = np.linalg.solve(root, matrix.T).T
+    x = np.linalg.lstsq(reduced, vector, rcond=1e-10)[0]
+    u: Array = np.linalg.solve(root.T, x)
+    miss = np.abs(matrix @ u - vector)
+    size = float(np.max(np.abs(vector), initial=0.0))
+    if np.max(miss, initial=0.0) > 1e-9 * size:
+        worst = int(np.argmax(miss))
+        raise InitialStateError(
+            f"the velocities asked for at the start contradict the constraints: {names[worst]} is missed by "
+            f"{miss[worst]:.3g} m/s\n  Ask for fewer of them: the others follow."
+        )
+    return u
+
+
+def not_positive(evaluator: Evaluator) -> str:
+    """Return the message for a mass matrix that is not positive definite."""
+    values = ", ".join(
+        f"{p.name} = {v:g} {p.unit}"
+        for p, v in zip(evaluator.description.parameters, evaluator.parameters, strict=False)
+    )
+    return (
+        f"the mass matrix is not positive definite{f' with {values}' if values else ''}: some point carries no "
+        "mass, or a negative one\n  Give every link a positive mass and moment of inertia about its centre."
+    )
+
+
+def _rows(evaluator: Evaluator, kernel: str) -> tuple[str, ...]:
+    info = evaluator.description.kernel(kernel)
+    return info.blocks[0].rows if info else ()

@@ -1,0 +1,236 @@
+"""What a run gives: labelled arrays over time with units, drift, statistics and provenance."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symgen.errors import ResultError, nearest
+
+if TYPE_CHECKING:
+    import xarray
+
+Array = NDArray[np.float64]
+FORMAT = 1
+
+
+@dataclass(frozen=True, slots=True)
+class Variable:
+    """One recorded output: ``values[i]`` at time i, with as many components as ``components`` has names."""
+
+    name: str
+    unit: str
+    about: str
+    components: tuple[str, ...]
+    values: Array
+
+
+@dataclass(frozen=True, slots=True)
+class Drift:
+    """How far a run strayed from what must be conserved, the largest over all steps.
+
+    Attributes
+    ----------
+    constraint
+        Error of a link's length [m].
+    velocity
+        Rate of change of a link's length [m/s].
+    energy
+        Change of the energy less the work of loads without potential [J].
+    energy_exchanged
+        Range of the kinetic or of the potential energy, the larger [J]: what to measure ``energy`` by.
+    """
+
+    constraint: float
+    velocity: float
+    energy: float
+    energy_exchanged: float
+
+    @property
+    def relative_energy(self) -> float:
+        """Energy drift over the energy exchanged; zero when none was exchanged and none drifted."""
+        if self.energy_exchanged == 0.0:
+            return 0.0 if self.energy == 0.0 else float("inf")
+        return self.energy / self.energy_exchanged
+
+
+@dataclass(frozen=True, eq=False)
+class Result:
+    """The result of a run. ``result["C.position"]`` is a labelled array with its unit."""
+
+    name: str
+    title: str
+    axes: tuple[str, ...]
+    time: Array
+    variables: tuple[Variable, ...]
+    drift: Drift
+    final: Mapping[str, Mapping[str, Any]]
+    statistics: Mapping[str, Any]
+    provenance: Mapping[str, Any]
+    _cache: dict[str, Any] = field(default_factory=dict, repr=False)
+
+    def __getitem__(self, name: str) -> xarray.DataArray:
+        """Return one output as a labelled array over time, its unit in ``attrs["units"]``."""
+        self.variable(name)
+        return self.dataset[name]
+
+    def variable(self, name: str) -> Variable:
+        """Return one output as it was recorded; raise ResultError with the nearest name otherwise."""
+        for variable in self.variables:
+            if variable.name == name:
+                return variable
+        known = [v.name for v in self.variables]
+        raise ResultError(
+            f"the result holds no {name!r}. {nearest(name, known)}\n"
+            "  What a run records is listed under [analysis] outputs in the scene."
+        )
+
+    @property
+    def dataset(self) -> xarray.Dataset:
+        """All outputs, labelled by time and component."""
+        if "dataset" not in self._cache:
+            import xarray
+
+            data = {}
+            for v in self.variables:
+                dims = ("time",) if v.values.ndim == 1 else ("time", "axis")
+                data[v.name] = (dims, v.values, {"units": v.unit, "long_name": v.about})
+            coordinates: dict[str, Any] = {"time": ("time", self.time, {"units": "s", "long_name": "time"})}
+            if any(v.values.ndim == 2 for v in self.variables):
+                coordinates["axis"] = list(self.axes)
+            self._cache["dataset"] = xarray.Dataset(data, coords=coordinates, attrs={"title": self.title})
+        dataset: xarray.Dataset = self._cache["dataset"]
+        return dataset
+
+    def summary(self) -> dict[str, Any]:
+        """Return the run in plain numbers: what ``symgen run --json`` prints."""
+        return {
+            "scene": self.name,
+            "method": self.provenance["method"],
+            "t_end": self.provenance["t_end"],
+            "backend": self.provenance["backend"],
+            "steps": self.statistics["steps"],
+            "rejected": self.statistics["rejected"],
+            "evaluations": self.statistics["evaluations"],
+            "wall_s": self.statistics["wall_s"],
+            "energy_drift": self.drift.energy,
+            "energy_exchanged": self.drift.energy_exchanged,
+            "constraint_drift": self.drift.constraint,
+            "velocity_drift": self.drift.velocity,
+            "equations": self.provenance["equations"],
+            "parameters": dict(self.provenance["parameters"]),
+            "final": {point: dict(motion) for point, motion in self.final.items()},
+        }
+
+    def plot(self, *names: str, file: str | os.PathLike[str] | None = None) -> Any:
+        """Draw outputs over time; see :func:`symgen.report.plots.plot`."""
+        from symgen.report.plots import plot
+
+        return plot(self, *names, file=file)
+
+    def save(self, file: str | os.PathLike[str]) -> Path:
+        """Save to ``.nc`` (netCDF) or ``.npz``; :func:`load_result` reads both back.
+
+        Raises
+        ------
+        ResultError
+            When the ending is another one, or the file cannot be written; no broken file is left.
+        """
+        path = Path(file)
+        if path.suffix not in _WRITERS:
+            raise ResultError(f"expected a file ending in {' or '.join(_WRITERS)}, got {path.name!r}")
+        from symgen.atomic import replacing
+
+        try:
+            with replacing(path) as temporary:
+                _WRITERS[path.suffix](self, temporary)
+        except OSError as error:
+            raise ResultError(f"cannot write the result to {path}: {error.strerror or error}") from None
+        return path
+
+    def meta(self) -> str:
+        """Return everything but the arrays, as JSON."""
+        from symgen import __version__
+
+        return json.dumps(
+            {
+                "symgen_result": FORMAT,
+                "symgen_version": __version__,
+                "name": self.name,
+                "title": self.title,
+                "axes": list(self.axes),
+                "drift": asdict(self.drift),
+                "final": {k: dict(v) for k, v in self.final.items()},
+                "statistics": dict(self.statistics),
+                "provenance": dict(self.provenance),
+                "variables": [[v.name, v.unit, v.about, list(v.components)] for v in self.variables],
+            }
+        )
+
+
+def _write_netcdf(result: Result, path: Path) -> None:
+    dataset = result.dataset.copy()
+    dataset.attrs["symgen"] = result.meta()
+    dataset.to_netcdf(path, engine="scipy")
+
+
+def _write_npz(result: Result, path: Path) -> None:
+    arrays: dict[str, Any] = {v.name: v.values for v in result.variables}
+    with path.open("wb") as stream:
+        np.savez_compressed(stream, time=result.time, symgen=np.array(result.meta()), **arrays)
+
+
+_WRITERS = {".nc": _write_netcdf, ".npz": _write_npz}
+
+
+def load_result(file: str | os.PathLike[str]) -> Result:
+    """Read a result that :meth:`Result.save` wrote.
+
+    Raises
+    ------
+    ResultError
+        When the file is missing, broken, or not a result.
+    """
+    path = Path(file)
+    if path.suffix not in _WRITERS:
+        raise ResultError(f"expected a file ending in {' or '.join(_WRITERS)}, got {path.name!r}")
+    try:
+        arrays, meta = (_read_netcdf if path.suffix == ".nc" else _read_npz)(path)
+        data = json.loads(meta)
+        if data["symgen_result"] != FORMAT:
+            raise ResultError(f"{path} has result format {data['symgen_result']}, this symgen reads {FORMAT}")
+        return Result(
+            name=data["name"],
+            title=data["title"],
+            axes=tuple(data["axes"]),
+            time=arrays["time"],
+            variables=tuple(Variable(n, u, a, tuple(c), arrays[n]) for n, u, a, c in data["variables"]),
+            drift=Drift(**data["drift"]),
+            final=data["final"],
+            statistics=data["statistics"],
+            provenance=data["provenance"],
+        )
+    except ResultError:
+        raise
+    except Exception as error:  # any fault inside a foreign or broken file
+        raise ResultError(f"{path} is not a result of symgen, or is broken: {error}") from error
+
+
+def _read_netcdf(path: Path) -> tuple[dict[str, Array], str]:
+    import xarray
+
+    with xarray.open_dataset(path, engine="scipy") as dataset:
+        names = [*dataset.data_vars, "time"]
+        return {str(n): np.array(dataset[n].values, dtype=float) for n in names}, dataset.attrs["symgen"]
+
+
+def _read_npz(path: Path) -> tuple[dict[str, Array], str]:
+    with np.load(path, allow_pickle=False) as stored:
+        return {n: stored[n] for n in stored.files if n != "symgen"}, str(stored["symgen"])

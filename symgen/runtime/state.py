@@ -1,0 +1,56 @@
+"""Positions, velocities and accelerations of a model's points, by name."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class State:
+    """A state of a model: time [s], coordinates [m] and velocities [m/s] of the moving points in order.
+
+    ``positions`` and ``velocities`` hold every point, ground included, each an array of its components.
+    """
+
+    t: float
+    q: Array
+    u: Array
+    positions: dict[str, Array]
+    velocities: dict[str, Array]
+
+
+@dataclass(frozen=True, slots=True)
+class Accelerations:
+    """The solution of the equations of motion at a state.
+
+    Attributes
+    ----------
+    points
+        Acceleration of every point [m/s^2].
+    multipliers
+        Lagrange multiplier of every constraint by its link; times the link's length: tension [N/m].
+    reactions
+        Force of the ground on the linkage at every ground point [N].
+    """
+
+    points: dict[str, Array]
+    multipliers: dict[str, float]
+    reactions: dict[str, Array]
+
+    def __getitem__(self, point: str) -> Array:
+        """Return the acceleration of a point [m/s^2]."""
+        return self.points[point]
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return plain lists and numbers, for JSON."""
+        return {
+            "points": {k: v.tolist() for k, v in self.points.items()},
+            "multipliers": dict(self.multipliers),
+            "reactions": {k: v.tolist() for k, v in self.reactions.items()},
+        }

@@ -1,0 +1,171 @@
+"""Safe expressions: Python's own parser, a short whitelist, and SymPy objects built by hand.
+
+A scene file is data. Nothing in it is ever evaluated as code: the text is parsed to a syntax tree, and
+only the node types listed here are turned into SymPy expressions, with dimensions checked on the way.
+"""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Callable, Mapping
+from fractions import Fraction
+from typing import Any
+
+import sympy as sp
+
+from symgen.errors import SceneError, nearest
+from symgen.scene.units import NUMBER, Dimension, describe, example, is_quantity, parse_quantity
+
+Value = tuple[sp.Expr, Dimension]
+Names = Mapping[str, Value]
+
+_LONGEST, _DEEPEST, _LARGEST_POWER = 2000, 60, 64
+_LARGEST_NUMBER = 1024  # bits: what a double can hold
+_LARGEST_EXPONENT = 700  # exp(709.8) overflows a double
+
+#: Functions a scene may call: what they are in SymPy and how many arguments they take. All act on plain
+#: numbers (angles in radians) and give plain numbers, but for sqrt, abs and atan2, which see dimensions.
+FUNCTIONS: dict[str, tuple[Callable[..., Any], int]] = {
+    "sin": (sp.sin, 1), "cos": (sp.cos, 1), "tan": (sp.tan, 1),
+    "asin": (sp.asin, 1), "acos": (sp.acos, 1), "atan": (sp.atan, 1), "atan2": (sp.atan2, 2),
+    "sinh": (sp.sinh, 1), "cosh": (sp.cosh, 1), "tanh": (sp.tanh, 1),
+    "exp": (sp.exp, 1), "log": (sp.log, 1), "sqrt": (sp.sqrt, 1), "abs": (sp.Abs, 1),
+}  # fmt: skip
+
+
+def rational(value: Fraction) -> sp.Rational:
+    """Return the exact SymPy number."""
+    return sp.Rational(value.numerator, value.denominator)
+
+
+def parse_value(value: str | int | float, names: Names, expected: Dimension | None = None) -> sp.Expr:
+    """Return the exact SI expression of a scene value.
+
+    Parameters
+    ----------
+    value
+        A quantity (``"2 cm"``), an expression over ``names`` (``"2*a + b"``), or a plain number.
+    names
+        Named values with their dimensions.
+    expected
+        The dimension it must have; None to accept any.
+
+    Raises
+    ------
+    SceneError
+        When it is not finite, of another dimension, or uses anything outside the whitelist.
+    """
+    expression, dim = parse_any(value, names)
+    if expected is not None and dim != expected and not (expression == 0 and dim == NUMBER):
+        got = describe(dim)
+        raise SceneError(f"expected {describe(expected)} such as {example(expected)}, got {value!r}, {got}")
+    return expression
+
+
+def parse_any(value: str | int | float, names: Names) -> Value:
+    """Return expression and dimension of a scene value of any dimension; see :func:`parse_value`."""
+    if isinstance(value, str):
+        if is_quantity(value):
+            number, dim = parse_quantity(value)
+            return rational(number), dim
+        return _Reader(value, names).read()
+    if value != value or value in (float("inf"), float("-inf")):
+        raise SceneError(f"expected a finite number, got {value!r}")
+    return rational(Fraction(repr(value)) if isinstance(value, float) else Fraction(value)), NUMBER
+
+
+class _Reader:
+    def __init__(self, text: str, names: Names) -> None:
+        self.text, self.names = text, names
+
+    def read(self) -> Value:
+        if len(self.text) > _LONGEST:
+            raise SceneError(f"expected an expression of at most {_LONGEST} characters, got {len(self.text)}")
+        try:
+            tree = ast.parse(self.text.strip(), mode="eval")
+        except (SyntaxError, ValueError, RecursionError, MemoryError):
+            raise SceneError(
+                f"cannot read {self.text!r}",
+                hint='Write a quantity with a unit ("2 cm") or an expression over parameters ("2*a + b").',
+            ) from None
+        expression, dim = self.node(tree.body, 0)
+        if expression.has(sp.nan, sp.zoo, sp.oo, -sp.oo) or expression.is_real is False:
+            raise SceneError(f"expected a finite real value, got {self.text!r}")
+        return expression, dim
+
+    def node(self, node: ast.expr, depth: int) -> Value:
+        if depth > _DEEPEST:
+            raise self.refuse("is nested too deeply")
+        depth += 1
+        match node:
+            case ast.Constant(value=int() | float() as number) if not isinstance(number, bool):
+                return parse_any(number, {})
+            case ast.Name(id=name):
+                return self.named(name)
+            case ast.UnaryOp(op=ast.USub(), operand=operand):
+                inner, dim = self.node(operand, depth)
+                return -inner, dim
+            case ast.UnaryOp(op=ast.UAdd(), operand=operand):
+                return self.node(operand, depth)
+            case ast.BinOp(left=left, op=ast.Add() | ast.Sub() as op, right=right):
+                return self.sum(self.node(left, depth), op, self.node(right, depth))
+            case ast.BinOp(left=left, op=ast.Mult(), right=right):
+                (a, da), (b, db) = self.node(left, depth), self.node(right, depth)
+                return a * b, da.times(db)
+            case ast.BinOp(left=left, op=ast.Div(), right=right):
+                (a, da), (b, db) = self.node(left, depth), self.node(right, depth)
+                if b == 0:
+                    raise self.refuse("divides by zero")
+                return a / b, da.times(db.power(Fraction(-1)))
+            case ast.BinOp(left=left, op=ast.Pow(), right=right):
+                return self.power(self.node(left, depth), self.node(right, depth))
+            case ast.Call(func=ast.Name(id=name), args=args, keywords=[]):
+                return self.call(name, [self.node(a, depth) for a in args] if name in FUNCTIONS else [])
+        raise self.refuse(f"uses {type(node).__name__}, which a scene may not")
+
+    def named(self, name: str) -> Value:
+        if name == "pi":
+            return sp.pi, NUMBER
+        if name not in self.names:
+            raise SceneError(f"{self.text!r} uses the unknown name {name!r}", hint=nearest(name, self.names))
+        return self.names[name]
+
+    def sum(self, left: Value, op: ast.operator, right: Value) -> Value:
+        (a, da), (b, db) = left, right
+        if da != db:
+            raise self.refuse(f"adds {describe(da)} and {describe(db)}")
+        return (a + b if isinstance(op, ast.Add) else a - b), da
+
+    def power(self, base: Value, exponent: Value) -> Value:
+        (a, da), (b, db) = base, exponent
+        if db != NUMBER or not b.is_Rational or abs(b) > _LARGEST_POWER:
+            raise self.refuse(f"may only raise to a plain rational number of at most {_LARGEST_POWER}")
+        if a == 0 and b < 0:
+            raise self.refuse("divides by zero")
+        if a.is_Rational and max(int(a.p).bit_length(), int(a.q).bit_length()) * abs(b) > _LARGEST_NUMBER:
+            raise self.refuse("gives a number too large for double precision")
+        return a**b, da.power(Fraction(int(b.p), int(b.q)))
+
+    def call(self, name: str, arguments: list[Value]) -> Value:
+        if name not in FUNCTIONS:
+            raise self.refuse(f"calls {name!r}, which is not a function of scenes", nearest(name, FUNCTIONS))
+        function, count = FUNCTIONS[name]
+        if len(arguments) != count:
+            raise self.refuse(f"gives {name} {len(arguments)} arguments instead of {count}")
+        dims = [dim for _, dim in arguments]
+        if name == "abs":
+            result = dims[0]
+        elif name == "sqrt":
+            result = dims[0].power(Fraction(1, 2))
+        else:  # every argument a plain number, or atan2 of two alike
+            same = name == "atan2" and dims[0] == dims[1]
+            if not same and any(dim != NUMBER for dim in dims):
+                raise self.refuse(f"gives {name} {describe(dims[0])} instead of a plain number or an angle")
+            result = NUMBER
+        for argument, _ in arguments:
+            if not argument.free_symbols and abs(argument.evalf(15)) > _LARGEST_EXPONENT:
+                raise self.refuse(f"gives {name} a number above {_LARGEST_EXPONENT}")
+        return function(*(a for a, _ in arguments)), result
+
+    def refuse(self, why: str, hint: str = "") -> SceneError:
+        return SceneError(f"the expression {self.text!r} {why}", hint=hint)

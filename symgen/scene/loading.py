@@ -1,0 +1,141 @@
+"""From a file, a shipped name or Python words to a checked :class:`~symgen.scene.schema.Scene`."""
+
+from __future__ import annotations
+
+import json
+import os
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from symgen.errors import SceneError, nearest
+
+if TYPE_CHECKING:
+    from symgen.scene.schema import Scene
+
+SHIPPED = Path(__file__).resolve().parent.parent / "scenes"
+_LARGEST = 4_000_000
+
+
+@dataclass(frozen=True, slots=True)
+class SceneText:
+    """A scene read but not yet checked: its name, where it came from, and its tables."""
+
+    name: str
+    file: str
+    data: Mapping[str, Any]
+
+    @property
+    def canonical(self) -> str:
+        """The tables as JSON in their written order: what identifies the scene in the cache."""
+        return json.dumps([self.name, self.data], default=str)
+
+
+def shipped_scenes() -> list[str]:
+    """Return the names of the scenes that come with symgen."""
+    return sorted(path.stem for path in SHIPPED.glob("*.toml"))
+
+
+def read_scene(source: str | os.PathLike[str]) -> SceneText:
+    """Read a shipped scene by name, or a TOML file by path.
+
+    Raises
+    ------
+    SceneError
+        When there is no such scene or file, or the file is not TOML.
+    """
+    text = os.fspath(source)
+    shipped = SHIPPED / f"{text}.toml"
+    path = shipped if text in shipped_scenes() and not Path(text).suffix else Path(text)
+    try:
+        if path.stat().st_size > _LARGEST:
+            raise SceneError(f"expected a scene of at most {_LARGEST} bytes", file=text)
+        content = path.read_bytes()
+    except (FileNotFoundError, NotADirectoryError):
+        raise SceneError(
+            f"there is no scene and no file called {text!r}",
+            hint=f"{nearest(text, shipped_scenes())} 'symgen scenes' lists the shipped ones.",
+        ) from None
+    except (OSError, ValueError) as error:
+        raise SceneError(f"cannot read the scene: {error}", file=text) from None
+    try:
+        data = tomllib.loads(content.decode("utf-8"))
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as error:
+        raise SceneError(f"this is not valid TOML: {error}", file=path.name) from None
+    return SceneText(_identifier(path.stem), path.name, data)
+
+
+def load_scene(source: str | os.PathLike[str], set: Mapping[str, str] | None = None) -> Scene:  # noqa: A002
+    """Load and check a scene: a shipped name or the path of a TOML file.
+
+    Parameters
+    ----------
+    source
+        A name that ``symgen scenes`` lists, or a path.
+    set
+        Values to replace, by parameter name or by dotted key: ``{"rho": "2 kg/m"}``,
+        ``{"links.OA.mass": "1 kg"}``.
+
+    Raises
+    ------
+    SceneError
+        For anything wrong in the scene, naming file, table and key.
+    """
+    return check_scene(override(read_scene(source), set or {}))
+
+
+def override(text: SceneText, changes: Mapping[str, Any]) -> SceneText:
+    """Return the scene with the values at these parameters or dotted keys replaced."""
+    if not changes:
+        return text
+    data = json.loads(json.dumps(text.data, default=str))
+    for key, value in changes.items():
+        parameters = data.get("parameters", {})
+        if isinstance(parameters, dict) and key in parameters:
+            if isinstance(parameters[key], dict):
+                parameters[key]["value"] = value
+            else:
+                parameters[key] = value
+            continue
+        *path, last = key.split(".")
+        table: Any = data
+        for part in path:
+            table = table.get(part) if isinstance(table, dict) else None
+        if not path or not isinstance(table, dict):
+            raise SceneError(
+                f"there is no parameter and no key {key!r} to set",
+                file=text.file,
+                hint=nearest(key, parameters if isinstance(parameters, dict) else ()),
+            )
+        table[last] = value
+    return SceneText(text.name, text.file, data)
+
+
+def check_scene(text: SceneText) -> Scene:
+    """Return the checked scene; raise SceneError naming file, table and key of the first fault."""
+    from pydantic import ValidationError
+
+    from symgen.scene.faults import scene_error
+    from symgen.scene.schema import FORMAT_VERSION, Scene
+
+    version = text.data.get("symgen")
+    if version != FORMAT_VERSION:
+        came = f"it says {version!r}" if version is not None else "there is no such key"
+        raise SceneError(
+            f"expected the format version 'symgen = {FORMAT_VERSION}', but {came}",
+            where="symgen",
+            file=text.file,
+            hint=f"Write 'symgen = {FORMAT_VERSION}' as the first line of the scene.",
+        )
+    try:
+        scene = Scene.model_validate(dict(text.data))
+    except ValidationError as error:
+        raise scene_error(error, text.file) from None
+    return scene.called(text.name, text.file)
+
+
+def _identifier(stem: str) -> str:
+    word = "".join(c if c.isascii() and (c.isalnum() or c == "_") else "_" for c in stem)
+    return word if word[:1].isalpha() else f"scene_{word}"

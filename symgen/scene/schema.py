@@ -1,0 +1,169 @@
+"""The scene as the user writes it: tables and keys, checked by pydantic. Values are read in ``linkage``."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Field,
+    PrivateAttr,
+    StringConstraints,
+    ValidationError,
+    model_validator,
+)
+
+FORMAT_VERSION = 1
+
+Name = Annotated[str, StringConstraints(pattern=r"^[A-Za-z][A-Za-z0-9_]*$", max_length=40)]
+Value = Annotated[
+    str | int | float,
+    Field(description='A quantity ("2 cm"), an expression over parameters ("2*a"), or a plain number.'),
+]
+Vector = Annotated[list[Value], Field(min_length=2, max_length=3)]
+
+
+class Table(BaseModel):
+    """A table of the scene: unknown keys are errors, and nothing changes after it was read."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=True)
+
+
+class Parameter(Table):
+    """A named value, for use in expressions."""
+
+    value: Value
+    tunable: bool = Field(False, description="Keep it as an argument of the kernels instead of folding it.")
+    about: str = Field("", description="What it means, for reports.")
+
+    @model_validator(mode="before")
+    @classmethod
+    def _bare_value(cls, data: Any) -> Any:
+        return {"value": data} if isinstance(data, str | int | float) else data
+
+
+class Point(Table):
+    """A joint, a tip or a fixed point of the mechanism, where it is drawn."""
+
+    at: Vector = Field(description="Coordinates: two in the plane, three in space.")
+    ground: bool = Field(False, description="Fixed to the ground.")
+
+
+class Link(Table):
+    """A rigid rod between two points."""
+
+    points: list[Name] = Field(min_length=2, max_length=2)
+    mass: Value | None = None
+    mass_per_length: Value | None = None
+    centre: Value | None = Field(None, description="Centre of mass as a fraction of the length; 1/2 if absent.")
+    inertia: Value | None = Field(
+        None, description="Moment of inertia about the centre of mass; mass*length^2/12 if absent."
+    )
+    length: Value | None = Field(
+        None, description="Length; the drawn distance if absent. If given, the drawing is only a first guess."
+    )
+
+
+class Gravity(Table):
+    """Uniform gravity."""
+
+    acceleration: Vector
+
+
+class PointMass(Table):
+    """A point mass at a point."""
+
+    point: Name
+    mass: Value
+
+
+class Spring(Table):
+    """A linear spring, with damping if given, between two points."""
+
+    between: list[Name] = Field(min_length=2, max_length=2)
+    stiffness: Value
+    length: Value = Field(description="Length at which it is slack.")
+    damping: Value | None = None
+
+
+class Force(Table):
+    """A force on a point, its components fixed in space; expressions may use the time t."""
+
+    point: Name
+    force: Vector
+
+
+class Start(Table):
+    """How the motion starts; at rest where drawn when absent."""
+
+    angles: dict[Name, Value] = Field(
+        default_factory=dict, description="Direction of a link from its first point to its second (plane)."
+    )
+    rates: dict[Name, Value] = Field(default_factory=dict, description="Angular velocity of a link (plane).")
+    velocities: dict[Name, Vector] = Field(default_factory=dict, description="Velocity of a point.")
+
+
+class Analysis(Table):
+    """What is asked of the mechanism."""
+
+    kind: Literal["dynamics"] = "dynamics"
+    t_end: Value = "1 s"
+    outputs: list[str] | None = Field(
+        None, description="What a run records, such as C.position, OA.tension, O.reaction, energy."
+    )
+
+
+class Scene(Table):
+    """One mechanism and what is asked of it.
+
+    Build it from a file with :func:`symgen.load_scene`, or in Python with the same words:
+    ``symgen.Scene(symgen=1, points={...}, links={...})``.
+    """
+
+    symgen: Literal[1] = Field(1, description="Version of the scene format.")
+    title: str = ""
+    about: str = ""
+    parameters: dict[Name, Parameter] = Field(default_factory=dict)
+    points: dict[Name, Point] = Field(min_length=1)
+    links: dict[Name, Link] = Field(min_length=1)
+    gravity: Gravity | None = None
+    masses: list[PointMass] = Field(default_factory=list)
+    springs: list[Spring] = Field(default_factory=list)
+    forces: list[Force] = Field(default_factory=list)
+    start: Start = Field(default_factory=Start)
+    analysis: Analysis = Field(default_factory=Analysis)
+
+    _name: str = PrivateAttr("scene")
+    _file: str = PrivateAttr("")
+
+    def __init__(self, **tables: Any) -> None:
+        try:
+            super().__init__(**tables)
+        except ValidationError as error:
+            from symgen.scene.faults import scene_error
+
+            raise scene_error(error, "") from None
+
+    @property
+    def name(self) -> str:
+        """Short name: the file's stem, or what :meth:`called` gave it."""
+        return self._name
+
+    @property
+    def file(self) -> str:
+        """Name of the file it was read from; empty for a scene made in Python."""
+        return self._file
+
+    def called(self, name: str, file: str = "") -> Scene:
+        """Return the same scene under a name, which prefixes its generated functions."""
+        copy = self.model_copy()
+        copy._name, copy._file = name, file
+        return copy
+
+
+#: The table model behind each top-level key, to name the nearest known key in errors.
+TABLES: dict[str, type[Table]] = {
+    "parameters": Parameter, "points": Point, "links": Link, "gravity": Gravity, "masses": PointMass,
+    "springs": Spring, "forces": Force, "start": Start, "analysis": Analysis,
+}  # fmt: skip

@@ -1,0 +1,154 @@
+"""Quantities with units, read by Pint over symgen's own list of units, exact as fractions, in SI."""
+
+from __future__ import annotations
+
+import re
+from fractions import Fraction
+from functools import lru_cache
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from symgen.errors import SceneError
+
+
+class Dimension(NamedTuple):
+    """Exponents of length, mass and time."""
+
+    length: Fraction = Fraction(0)
+    mass: Fraction = Fraction(0)
+    time: Fraction = Fraction(0)
+
+    def times(self, other: Dimension) -> Dimension:
+        """Dimension of a product."""
+        return Dimension(*(a + b for a, b in zip(self, other, strict=True)))
+
+    def power(self, exponent: Fraction) -> Dimension:
+        """Dimension of a power."""
+        return Dimension(*(a * exponent for a in self))
+
+    @property
+    def unit(self) -> str:
+        """The SI unit of this dimension, such as ``kg*m/s^2``; ``1`` when there is none."""
+        known = _NAMED.get(self)
+        if known:
+            return known
+        up = [_factor(u, e) for u, e in zip(("m", "kg", "s"), self, strict=True) if e > 0]
+        down = [_factor(u, -e) for u, e in zip(("m", "kg", "s"), self, strict=True) if e < 0]
+        return ("*".join(up) or "1") + "".join(f"/{d}" for d in down)
+
+
+def _factor(unit: str, exponent: Fraction) -> str:
+    return unit if exponent == 1 else f"{unit}^{exponent}"
+
+
+def dimension(length: int = 0, mass: int = 0, time: int = 0) -> Dimension:
+    """Return the dimension with these integer exponents."""
+    return Dimension(Fraction(length), Fraction(mass), Fraction(time))
+
+
+NUMBER = dimension()
+LENGTH = dimension(1)
+MASS = dimension(0, 1)
+TIME = dimension(0, 0, 1)
+VELOCITY = dimension(1, 0, -1)
+ACCELERATION = dimension(1, 0, -2)
+ANGULAR_RATE = dimension(0, 0, -1)
+MASS_PER_LENGTH = dimension(-1, 1)
+INERTIA = dimension(2, 1)
+FORCE = dimension(1, 1, -2)
+TORQUE = dimension(2, 1, -2)
+STIFFNESS = dimension(0, 1, -2)
+DAMPING = dimension(0, 1, -1)
+
+_NAMED = {FORCE: "N", TORQUE: "N*m", STIFFNESS: "N/m", DAMPING: "N*s/m", dimension(-1, 1, -2): "Pa"}
+
+#: What each kind of value is called in messages, and an example of how to write it.
+KINDS: dict[Dimension, tuple[str, str]] = {
+    NUMBER: ("a plain number or an angle", '"30 deg" or 0.5'),
+    LENGTH: ("a length", '"2 cm"'),
+    MASS: ("a mass", '"1.5 kg"'),
+    TIME: ("a time", '"2 s"'),
+    VELOCITY: ("a velocity", '"0.1 m/s"'),
+    ACCELERATION: ("an acceleration", '"9.81 m/s^2"'),
+    ANGULAR_RATE: ("an angular velocity", '"2 rad/s" or "300 rpm"'),
+    MASS_PER_LENGTH: ("a mass per length", '"1 kg/m"'),
+    INERTIA: ("a moment of inertia", '"0.02 kg*m^2"'),
+    FORCE: ("a force", '"10 N"'),
+    TORQUE: ("a torque or an energy", '"3 N*m"'),
+    STIFFNESS: ("a stiffness", '"200 N/m"'),
+    DAMPING: ("a damping", '"5 N*s/m"'),
+}
+
+_NUMBER = r"[-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?"
+_QUANTITY = re.compile(rf"\s*(?P<number>{_NUMBER})\s*(?P<unit>[A-Za-zµ][A-Za-z0-9_µ*/^() -]*)?\s*")
+_NOT_FINITE = re.compile(r"\s*[-+]?(nan|inf|infinity)\b", re.IGNORECASE)
+_UNIT = re.compile(r"[A-Za-zµ_]+|\*\*|[*/^()]|[-+]?\d+|\s+")
+_LONGEST = 200
+
+
+@lru_cache(maxsize=1)
+def _registry() -> Any:
+    import pint
+
+    return pint.UnitRegistry(str(Path(__file__).with_name("units.txt")), non_int_type=Fraction)
+
+
+def is_quantity(text: str) -> bool:
+    """Tell whether ``text`` is a number, with or without a unit behind it."""
+    return bool(_QUANTITY.fullmatch(text) or _NOT_FINITE.match(text))
+
+
+@lru_cache(maxsize=512)
+def parse_quantity(text: str) -> tuple[Fraction, Dimension]:
+    """Return the exact SI value and the dimension of a text such as ``"2.5 cm"``.
+
+    Raises
+    ------
+    SceneError
+        When the number is not finite, or the unit is not in ``units.txt``.
+    """
+    if _NOT_FINITE.match(text):
+        raise SceneError(f"expected a finite number, got {text!r}")
+    match = _QUANTITY.fullmatch(text)
+    if not match or len(text) > _LONGEST:
+        raise SceneError(f'expected a quantity such as "2 cm", got {text[:_LONGEST]!r}')
+    number, unit = match["number"], match["unit"]
+    if abs(int((re.search(r"[eE]([-+]?\d+)", number) or ["", "0"])[1])) > 300:
+        raise SceneError(f"expected a number that fits in double precision, got {text!r}")
+    value = Fraction(number)
+    if unit is None:
+        return value, NUMBER
+    scale, dim = _unit(unit.strip())
+    return value * scale, dim
+
+
+@lru_cache(maxsize=256)
+def _unit(text: str) -> tuple[Fraction, Dimension]:
+    problem = f"{text!r} is not a unit that symgen knows"
+    hint = 'Write a product of known units, such as "kg*m^2" or "lbf/in".'
+    tokens = _UNIT.findall(text)
+    if "".join(tokens) != text or any(abs(int(x)) > 9 for x in tokens if x.lstrip("+-").isdigit()):
+        raise SceneError(problem, hint=hint)
+    import pint
+
+    try:
+        quantity = _registry().Quantity(Fraction(1), text.replace("^", "**")).to_root_units()
+    except pint.UndefinedUnitError as error:
+        raise SceneError(f"{problem}: {error}", hint=hint) from None
+    except Exception as error:  # Pint's parser raises whatever Python's tokenizer does
+        raise SceneError(problem, hint=hint) from error
+    dims = quantity.dimensionality
+    dim = Dimension(*(Fraction(dims.get(d, 0)) for d in ("[length]", "[mass]", "[time]")))
+    return Fraction(quantity.magnitude), dim
+
+
+def describe(dim: Dimension) -> str:
+    """Return the name of a dimension for a message, such as ``a length (in m)``."""
+    kind = KINDS.get(dim)
+    return kind[0] if kind else f"a quantity in {dim.unit}"
+
+
+def example(dim: Dimension) -> str:
+    """Return how a value of this dimension is written."""
+    kind = KINDS.get(dim)
+    return kind[1] if kind else f'"1 {dim.unit}"'

@@ -1,0 +1,1 @@
+"""The scenes that come with symgen, one TOML file a mechanism."""

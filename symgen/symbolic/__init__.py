@@ -1,0 +1,1 @@
+"""SymPy tools without mechanics: quantities, systems of equations, differentiation."""

@@ -1,0 +1,94 @@
+"""Differentiation through shared subexpressions: the chain rule, without ever expanding them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+
+import sympy as sp
+
+from symgen.symbolic.quantity import Quantity, quantity
+from symgen.symbolic.system import Definition
+
+ZERO, ONE = sp.Integer(0), sp.Integer(1)
+
+
+class Calculus:
+    """Coordinates q with rates u, time t, and named subexpressions of them.
+
+    Every derivative is taken by the chain rule through the names, so the size of a result follows the
+    size of what was written, not of what it would expand to.
+
+    Parameters
+    ----------
+    coordinates, rates
+        Pairs q_i, u_i with dq_i/dt = u_i. Rates are constant under :meth:`rate`: applied twice, it gives
+        the part of the second time derivative that holds no acceleration.
+    time
+        The symbol of time.
+    """
+
+    def __init__(self, coordinates: Sequence[Quantity], rates: Sequence[Quantity], time: sp.Symbol) -> None:
+        self.coordinates = tuple(c.symbol for c in coordinates)
+        self._rate: dict[sp.Symbol, sp.Expr] = {time: ONE}
+        self._rate.update((q.symbol, u.symbol) for q, u in zip(coordinates, rates, strict=True))
+        self._gradient: dict[sp.Symbol, dict[sp.Symbol, sp.Expr]] = {q: {q: ONE} for q in self.coordinates}
+        self._definitions: dict[sp.Symbol, Definition] = {}
+
+    @property
+    def definitions(self) -> tuple[Definition, ...]:
+        """All named subexpressions, each after those it uses."""
+        return tuple(self._definitions.values())
+
+    def define(self, name: str, expression: sp.Expr, unit: str, description: str) -> sp.Expr:
+        """Name a subexpression and its rate; numbers and bare symbols are handed back as they are."""
+        expression = sp.sympify(expression)
+        if expression.is_Atom:
+            return expression
+        rate = self.rate(expression)
+        if not rate.is_Atom:
+            rate = self._add(
+                f"{name}_rate", rate, per_second(unit), f"rate of change: {description}", self.rate(rate)
+            )
+        return self._add(name, expression, unit, description, rate)
+
+    def _add(self, name: str, expression: sp.Expr, unit: str, description: str, rate: sp.Expr) -> sp.Symbol:
+        new = quantity(name, unit, description)
+        self._definitions[new.symbol] = Definition(new, expression)
+        self._gradient[new.symbol] = self.gradient(expression)
+        self._rate[new.symbol] = rate
+        return new.symbol
+
+    def rate(self, expression: sp.Expr) -> sp.Expr:
+        """Return the time derivative with all rates u held constant."""
+        terms = [slope * self._rate[s] for s, slope in self._partials(expression, self._rate)]
+        return sp.Add(*terms)
+
+    def gradient(self, expression: sp.Expr) -> dict[sp.Symbol, sp.Expr]:
+        """Return the nonzero partial derivatives with respect to the coordinates."""
+        result: dict[sp.Symbol, list[sp.Expr]] = {}
+        for s, slope in self._partials(expression, self._gradient):
+            for q, inner in self._gradient[s].items():
+                result.setdefault(q, []).append(slope * inner)
+        summed = {q: sp.Add(*terms) for q, terms in result.items()}
+        return {q: value for q, value in summed.items() if value != 0}
+
+    @staticmethod
+    def _partials(expression: sp.Expr, known: Mapping[sp.Symbol, object]) -> Iterator[tuple[sp.Symbol, sp.Expr]]:
+        """Yield (symbol, partial derivative) term by term, so that the cost is linear in the terms."""
+        for term in sp.Add.make_args(expression):
+            for s in sorted(term.free_symbols, key=lambda s: str(s.name)):
+                if known.get(s):
+                    yield s, sp.diff(term, s)
+
+    def jacobian(self, expressions: Sequence[sp.Expr]) -> sp.ImmutableMatrix:
+        """Return the matrix d(expressions)/d(coordinates)."""
+        rows = [self.gradient(e) for e in expressions]
+        entries = [[row.get(q, ZERO) for q in self.coordinates] for row in rows]
+        return sp.ImmutableMatrix(len(rows), len(self.coordinates), [e for row in entries for e in row])
+
+
+def per_second(unit: str) -> str:
+    """Return the unit of a rate of change of something measured in ``unit``."""
+    return {"m": "m/s", "m/s": "m/s^2", "rad": "rad/s", "m^2": "m^2/s", "m^2/s": "m^2/s^2", "1": "1/s"}.get(
+        unit, f"({unit})/s"
+    )

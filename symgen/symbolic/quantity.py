@@ -1,0 +1,40 @@
+"""A symbol with its unit and its meaning: nothing enters the equations without both."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import sympy as sp
+
+from symgen.errors import DerivationError
+
+
+@dataclass(frozen=True, slots=True)
+class Quantity:
+    """A scalar symbol, or an array of symbols of the given shape, with SI unit and description.
+
+    Raises
+    ------
+    DerivationError
+        When the unit or the description is missing.
+    """
+
+    symbol: sp.Symbol
+    unit: str
+    description: str
+    shape: tuple[int, ...] = ()
+
+    def __post_init__(self) -> None:
+        for what in ("unit", "description"):
+            if not getattr(self, what).strip():
+                raise DerivationError(f"symbol {self.symbol} has no {what}: every symbol needs one")
+
+    @property
+    def name(self) -> str:
+        """The symbol's name."""
+        return str(self.symbol.name)
+
+
+def quantity(name: str, unit: str, description: str) -> Quantity:
+    """Return a real scalar :class:`Quantity` named ``name``."""
+    return Quantity(sp.Symbol(name, real=True), unit, description)
