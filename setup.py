@@ -8,7 +8,7 @@ from Cython.Build import cythonize
 from setuptools import Extension, setup
 
 FLAGS = [] if os.name == "nt" else ["-O1", "-std=c11", "-ffp-contract=off"]
-MODELS = sorted(json.loads(Path("generated/manifest.json").read_text(encoding="utf-8"))["models"])
+MODELS = json.loads(Path("generated/manifest.json").read_text(encoding="utf-8"))["models"]
 
 extensions = [
     Extension(
@@ -19,11 +19,11 @@ extensions = [
     *(
         Extension(
             f"symgen.generated.{name}",
-            [f"generated/{name}.pyx", f"generated/{name}_kernel.c"],
+            [f"generated/{file}" for file in sorted(model["sources"]) if file.endswith((".pyx", ".c"))],
             include_dirs=["generated"],
             extra_compile_args=FLAGS,
         )
-        for name in MODELS
+        for name, model in sorted(MODELS.items())
     ),
 ]
 

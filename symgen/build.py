@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import os
-import platform
 import shlex
 import shutil
 import subprocess
@@ -17,7 +16,6 @@ from symgen.errors import BuildError
 #: Default flags. ``-O1`` compiles straight-line code fast and runs it as fast as higher levels; contraction
 #: is off so that results repeat bit for bit whatever the machine.
 FLAGS = ("-std=c11", "-O1", "-ffp-contract=off")
-_SHARED = ("-shared", "-fPIC")
 _TIMEOUT = 600
 
 
@@ -35,27 +33,71 @@ class Compiler:
         tuned = any(flag.startswith(("-march", "-mtune", "-mcpu")) for flag in self.flags)
         return "\n".join((*self.command, self.version, *self.flags, _cpu() if tuned else ""))
 
-    def compile(self, sources: Sequence[Path], library: Path) -> None:
-        """Compile C sources to a shared library.
+    def start(self, sources: Sequence[Path], library: Path) -> Compilation:
+        """Start compiling C sources, all side by side, to a shared library."""
+        running = []
+        for source in sources:
+            made = source.with_suffix(".o")
+            command = [*self.command, *self.flags, "-fPIC", "-c", str(source), "-o", str(made)]
+            running.append((command, made, _start(command)))
+        return Compilation(self, tuple(running), library)
+
+
+@dataclass(frozen=True, slots=True)
+class Compilation:
+    """Compilers at work."""
+
+    compiler: Compiler
+    running: tuple[tuple[list[str], Path, subprocess.Popen[bytes]], ...]
+    library: Path
+
+    def finish(self) -> Path:
+        """Wait for the objects, link them, and return the path of the library.
 
         Raises
         ------
         BuildError
             With the command and the compiler's own text.
         """
-        command = [*self.command, *self.flags, *_SHARED, "-o", str(library), *map(str, sources), "-lm"]
-        try:
-            done = subprocess.run(
-                command, capture_output=True, timeout=_TIMEOUT, check=False, stdin=subprocess.DEVNULL
-            )
-        except (OSError, subprocess.TimeoutExpired) as error:
-            raise BuildError(f"cannot run the C compiler: {error}") from None
-        if done.returncode:
-            said = (done.stderr + done.stdout).decode("utf-8", "replace").strip()
-            raise BuildError(
-                f"the C compiler failed (exit code {done.returncode}): {shlex.join(command)}\n{said}\n"
-                "  Flags come from SYMGEN_CFLAGS, the compiler from CC."
-            )
+        failures = [
+            failure for command, _, process in self.running if (failure := _failure(command, process))
+        ]
+        if failures:
+            raise BuildError(failures[0])
+        objects = [made for _, made, _ in self.running]
+        command = [*self.compiler.command, *self.compiler.flags, "-shared", "-o", str(self.library)]
+        command += [*map(str, objects), "-lm"]
+        failure = _failure(command, _start(command))
+        if failure:
+            raise BuildError(failure)
+        for made in objects:
+            made.unlink()
+        return self.library
+
+
+def _start(command: list[str]) -> subprocess.Popen[bytes]:
+    try:
+        return subprocess.Popen(
+            command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT
+        )
+    except OSError as error:
+        raise BuildError(f"cannot run the C compiler: {error}") from None
+
+
+def _failure(command: list[str], process: subprocess.Popen[bytes]) -> str:
+    """Wait for a compiler; return what it said when it failed, nothing otherwise."""
+    try:
+        said, _ = process.communicate(timeout=_TIMEOUT)
+    except subprocess.TimeoutExpired:
+        process.kill()
+        said, _ = process.communicate()
+    if not process.returncode:
+        return ""
+    return (
+        f"the C compiler failed (exit code {process.returncode}): {shlex.join(command)}\n"
+        f"{said.decode('utf-8', 'replace').strip()}\n"
+        "  Flags come from SYMGEN_CFLAGS, the compiler from CC."
+    )
 
 
 def find_compiler() -> Compiler | None:
@@ -91,6 +133,8 @@ def _version(command: tuple[str, ...]) -> str:
 
 def _cpu() -> str:
     """Return the CPU's name and features, as far as the platform tells them."""
+    import platform
+
     try:
         text = Path("/proc/cpuinfo").read_text(encoding="utf-8")
     except OSError:

@@ -121,7 +121,9 @@ class Cache:
         """Return name and size in bytes of every entry."""
         if not self.root.is_dir():
             return []
-        folders = sorted(p for p in self.root.iterdir() if (p / _CHECKSUMS).is_file() and not p.name.startswith("."))
+        folders = sorted(
+            p for p in self.root.iterdir() if (p / _CHECKSUMS).is_file() and not p.name.startswith(".")
+        )
         return [(p.name, sum(f.stat().st_size for f in p.iterdir())) for p in folders]
 
     def clear(self) -> int:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import atexit
+import gc
 import sys
 import warnings
 from pathlib import Path
@@ -24,16 +26,22 @@ app = typer.Typer(
 cache_app = typer.Typer(help="The folder of compiled scenes.", no_args_is_help=True)
 app.add_typer(cache_app, name="cache")
 
-SceneArgument = Annotated[str, typer.Argument(help="A name that 'symgen scenes' lists, or the path of a TOML file.")]
+SceneArgument = Annotated[
+    str, typer.Argument(help="A name that 'symgen scenes' lists, or the path of a TOML file.")
+]
 SetOption = Annotated[
     list[str] | None,
-    typer.Option("--set", metavar="KEY=VALUE", help='A parameter or dotted key: rho="2 kg/m", links.OA.mass="1 kg".'),
+    typer.Option(
+        "--set", metavar="KEY=VALUE", help='A parameter or dotted key: rho="2 kg/m", links.OA.mass="1 kg".'
+    ),
 ]
 BackendOption = Annotated[str, typer.Option(help="auto, c or numpy.")]
 
 
 def main() -> None:
     """Run the command line: every error that symgen raises on purpose becomes one message and exit code 2."""
+    gc.disable()  # a short process: collecting garbage would only lengthen its start and, thawed, its end
+    atexit.register(gc.freeze)
     warnings.showwarning = lambda message, *_, **__: print(f"symgen: {message}", file=sys.stderr)
     try:
         app()
@@ -90,7 +98,9 @@ def scenes() -> None:
 @app.command()
 def run(
     scene: SceneArgument,
-    t_end: Annotated[float | None, typer.Option(help="End of the run [s]; the scene's own when absent.")] = None,
+    t_end: Annotated[
+        float | None, typer.Option(help="End of the run [s]; the scene's own when absent.")
+    ] = None,
     method: Annotated[str | None, typer.Option(help="dop853 (adaptive) or rk4 (fixed step).")] = None,
     rtol: Annotated[float | None, typer.Option(help="Relative tolerance of the local error.")] = None,
     atol: Annotated[float | None, typer.Option(help="Absolute tolerance [m, m/s].")] = None,
@@ -139,7 +149,9 @@ def run(
 def show(
     model: Annotated[str, typer.Argument(help="A scene, or a building block: rod, rod_spatial.")],
     matrix: Annotated[str | None, typer.Argument(help="A matrix; without it all are listed.")] = None,
-    form: Annotated[str, typer.Option("--format", help="unicode, latex, c, or numeric (at the start).")] = "unicode",
+    form: Annotated[
+        str, typer.Option("--format", help="unicode, latex, c, or numeric (at the start).")
+    ] = "unicode",
     set_: SetOption = None,
 ) -> None:
     """Show the derived equations."""
@@ -168,7 +180,9 @@ def show(
 
 @app.command()
 def generate(
-    check: Annotated[bool, typer.Option("--check", help="Change nothing; fail where a file is not current.")] = False,
+    check: Annotated[
+        bool, typer.Option("--check", help="Change nothing; fail where a file is not current.")
+    ] = False,
 ) -> None:
     """Write the shipped kernels under generated/ anew."""
     from symgen.codegen.manifest import differences
@@ -216,7 +230,9 @@ def cache_info() -> None:
     entries = store.entries()
     total = sum(size for _, size in entries)
     rows = [(name, f"{size / 1024:.0f} KiB") for name, size in entries]
-    _console().print(table(f"{store.root}: {len(entries)} entries, {total / 1024:.0f} KiB", ("entry", "size"), rows))
+    _console().print(
+        table(f"{store.root}: {len(entries)} entries, {total / 1024:.0f} KiB", ("entry", "size"), rows)
+    )
 
 
 @cache_app.command("clear")

@@ -7,7 +7,6 @@ Each class says who can mend the cause, and how.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from difflib import get_close_matches
 from typing import Any
 
 
@@ -102,6 +101,8 @@ class SimulationError(SymgenError):
 
 def nearest(name: str, known: Iterable[str]) -> str:
     """Return a hint that names the known word nearest to ``name``, or lists what is known."""
+    from difflib import get_close_matches
+
     words = sorted(known)
     close = get_close_matches(name, words, n=1, cutoff=0.6)
     if close:

@@ -13,30 +13,31 @@ from functools import cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from symgen.build import Compiler, find_compiler
+from symgen.build import Compilation, Compiler, find_compiler
 from symgen.cache import Cache, Entry, key
 from symgen.errors import GenerationError, ModelError, SceneError, SlowBackendWarning, nearest
-from symgen.runtime.description import BlockInfo, Description, KernelInfo, ParameterInfo
-from symgen.runtime.evaluate import Evaluator
-from symgen.runtime.initial import start
-from symgen.runtime.library import Library, open_library, open_numpy, open_shipped
-from symgen.runtime.model import Model
 from symgen.scene.loading import SceneText, check_scene, override, read_scene
 
 if TYPE_CHECKING:
     from symgen.codegen.emit import SourceFile
     from symgen.lowering.kernel import Program
+    from symgen.runtime.description import Description
+    from symgen.runtime.library import Library
+    from symgen.runtime.model import Model
     from symgen.scene.linkage import Linkage
     from symgen.scene.schema import Scene
     from symgen.symbolic.system import System
 
 BACKENDS = ("auto", "c", "numpy")
-_DESCRIPTION = "description.json"
+_DESCRIPTION, _LIBRARY = "description.json", "kernels.so"
 _GENERATOR = ("scene", "symbolic", "mechanics", "models", "lowering", "codegen")
 
 
 def build(
-    scene: Scene | str | os.PathLike[str], *, set: Mapping[str, str] | None = None, backend: str = "auto"  # noqa: A002
+    scene: Scene | str | os.PathLike[str],
+    *,
+    set: Mapping[str, str] | None = None,
+    backend: str = "auto",
 ) -> Model:
     """Derive, lower, emit and compile a scene, or take it from the cache.
 
@@ -69,6 +70,9 @@ def build(
     if compiler is None and backend == "c":
         raise ModelError(f"the backend 'c' needs a C compiler, and there is none. {_GET_A_COMPILER}")
     description, library = _cached(text, compiler, Cache())
+    from symgen.runtime.library import open_shipped
+    from symgen.runtime.model import Model
+
     if compiler is None and backend == "auto":
         library = open_shipped(description) or library
         _warn(library)
@@ -78,19 +82,22 @@ def build(
 
 def compile_scene(text: SceneText, compiler: Compiler | None, folder: Path) -> tuple[Description, Library]:
     """Run the whole pipeline into a folder: sources, library and description."""
-    from symgen.codegen.emit import emit
-    from symgen.codegen.target import Target
-    from symgen.lowering.program import lower_system
-    from symgen.models.rods import linkage_system
-    from symgen.scene.linkage import resolve
-
     with _no_collection():
+        from symgen.codegen.emit import emit, equations_hash
+        from symgen.codegen.target import Target
+        from symgen.lowering.program import lower_system
+        from symgen.models.rods import linkage_system
+        from symgen.scene.linkage import resolve
+
         linkage = resolve(check_scene(text))  # SceneText -> Scene -> Linkage
         system = linkage_system(linkage)  # Linkage -> System
         program = lower_system(system)  # System -> Program
-        sources = emit(program, Target("c" if compiler else "numpy"))  # Program -> (SourceFile, ...)
-    description = _describe(linkage, program, sources)  # names, sizes and units, without SymPy
-    library = _build(sources, compiler, description, folder)  # (SourceFile, ...) -> Library
+        target = Target("c" if compiler else "numpy")
+        equations = equations_hash(program, target)
+        sources = emit(program, target, equations)  # Program -> (SourceFile, ...)
+    compilation = _written(sources, compiler, folder)  # (SourceFile, ...) -> compilers at work
+    description = _describe(linkage, program, equations)  # the runtime is loaded while they work
+    library = _opened(folder, description, compilation)  # -> Library
     return _with_start(description, library), library
 
 
@@ -115,8 +122,9 @@ def shipped_sources() -> list[SourceFile]:
     models = {}
     for name, system in systems.items():
         program = lower_system(system)
-        files = [f for language in ("c", "cython") for f in emit(program, Target(language))]
-        models[name] = (equations_hash(program, Target()), files)
+        equations = equations_hash(program, Target())
+        files = [f for language in ("c", "cython") for f in emit(program, Target(language), equations)]
+        models[name] = (equations, files)
     return [*(f for _, files in models.values() for f in files), manifest(models)]
 
 
@@ -133,7 +141,9 @@ def generate() -> list[str]:
 
     folder = generated_folder()
     if not (folder.parent / "pyproject.toml").is_file():
-        raise GenerationError(f"{folder} is not part of a checkout of symgen; only 'symgen generate --check' works")
+        raise GenerationError(
+            f"{folder} is not part of a checkout of symgen; only 'symgen generate --check' works"
+        )
     return write(folder, shipped_sources())
 
 
@@ -177,11 +187,11 @@ def _in_si(model: Model, values: Mapping[str, str], file: str) -> dict[str, floa
 
 def _cached(text: SceneText, compiler: Compiler | None, store: Cache) -> tuple[Description, Library]:
     name = f"{text.name}-{key(text.canonical, _fingerprint(), compiler.identity if compiler else 'numpy')}"
-    found = _opened(store.find(name), compiler)
+    found = _from_cache(store.find(name))
     if found:
         return found
     with store.locked(name):
-        found = _opened(store.find(name), compiler)
+        found = _from_cache(store.find(name))
         if found:
             return found
         with store.building(name) as folder:
@@ -193,41 +203,43 @@ def _cached(text: SceneText, compiler: Compiler | None, store: Cache) -> tuple[D
         return description, library
 
 
-def _opened(entry: Entry | None, compiler: Compiler | None) -> tuple[Description, Library] | None:
+def _from_cache(entry: Entry | None) -> tuple[Description, Library] | None:
     if entry is None:
         return None
+    from symgen.runtime.description import Description
+
     try:
         description = Description.from_json(entry.read_text(_DESCRIPTION))
-        if compiler:
-            return description, open_library(entry.folder / _library_name(description), description)
-        return description, open_numpy(entry.read_text(f"{description.name}_numpy.py"), description)
+        return description, _opened(entry.folder, description)
     except (KeyError, TypeError, ValueError, OSError):
         return None
 
 
-def _library_name(description: Description) -> str:
-    return f"{description.name}.so"
+def _opened(folder: Path, description: Description, compilation: Compilation | None = None) -> Library:
+    """Open the kernels in a folder: the compiled library, else the NumPy source."""
+    from symgen.runtime.library import open_library, open_numpy
+
+    library = compilation.finish() if compilation else folder / _LIBRARY
+    if library.is_file():
+        return open_library(library, description)
+    return open_numpy((folder / f"{description.name}_numpy.py").read_text(encoding="utf-8"), description)
 
 
-def _build(
-    sources: tuple[SourceFile, ...], compiler: Compiler | None, description: Description, folder: Path
-) -> Library:
+def _written(sources: tuple[SourceFile, ...], compiler: Compiler | None, folder: Path) -> Compilation | None:
+    """Write the sources and start the compiler on those in C."""
     try:
         for source in sources:
             (folder / source.name).write_text(source.text, encoding="utf-8")
     except OSError as error:
         raise Cache(folder.parent).error(error) from None
     if compiler is None:
-        return open_numpy(sources[0].text, description)
-    library = folder / _library_name(description)
-    compiler.compile([folder / s.name for s in sources if s.name.endswith(".c")], library)
-    return open_library(library, description)
+        return None
+    return compiler.start([folder / s.name for s in sources if s.name.endswith(".c")], folder / _LIBRARY)
 
 
-def _describe(linkage: Linkage, program: Program, sources: tuple[SourceFile, ...]) -> Description:
-    from symgen.codegen.emit import equations_hash
-    from symgen.codegen.target import Target
+def _describe(linkage: Linkage, program: Program, equations: str) -> Description:
     from symgen.mechanics.loads import AXES
+    from symgen.runtime.description import BlockInfo, Description, KernelInfo, ParameterInfo
 
     kernels = {k.name: k for k in program.kernels}
     solution = {b.name: b for b in kernels["accelerations"].blocks}
@@ -235,7 +247,7 @@ def _describe(linkage: Linkage, program: Program, sources: tuple[SourceFile, ...
         name=program.name,
         file=linkage.file,
         title=program.title,
-        equations=equations_hash(program, Target()),
+        equations=equations,
         axes=tuple(AXES[: linkage.dimension]),
         points=tuple(p.name for p in linkage.points),
         moving=tuple(p.name for p in linkage.points if not p.ground),
@@ -254,10 +266,14 @@ def _describe(linkage: Linkage, program: Program, sources: tuple[SourceFile, ...
                 k.work_size,
                 k.out_size,
                 {kind: getattr(k.counts, kind) for kind in ("add", "mul", "div", "neg", "call", "flops")},
-                tuple(BlockInfo(b.name, b.offset, b.shape, b.unit, b.description, b.rows, b.columns) for b in k.blocks),
+                tuple(
+                    BlockInfo(b.name, b.offset, b.shape, b.unit, b.description, b.rows, b.columns)
+                    for b in k.blocks
+                ),
             )
             for k in program.kernels
         ),
+        first_pivot=program.pivots,
         start=(),
         t_end=float(linkage.t_end.xreplace(dict(linkage.defaults))),
         references=program.references,
@@ -270,6 +286,10 @@ def _with_start(description: Description, library: Library) -> Description:
     from dataclasses import replace
 
     import numpy as np
+
+    from symgen.runtime.evaluate import Evaluator
+    from symgen.runtime.initial import start
+    from symgen.runtime.model import Model
 
     evaluator = Evaluator(description, library, np.array([p.default for p in description.parameters]))
     q, u = start(evaluator)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any
 
@@ -70,6 +70,8 @@ class KernelView:
     counts: str
     prototype: str
     unused: tuple[str, ...]
+    first: tuple[str, ...]
+    then: tuple[str, ...]
     assignments: tuple[TextAssignment, ...]
     stores: tuple[TextAssignment, ...]
     blocks: tuple[BlockView, ...]
@@ -93,6 +95,7 @@ class UnitView:
     groups: tuple[GroupView, ...]
     references: tuple[str, ...]
     kernels: tuple[KernelView, ...]
+    first: bool = True
 
 
 @lru_cache(maxsize=1)
@@ -109,39 +112,71 @@ def _environment() -> Any:
     )
 
 
-#: The templates of each language: the template, and the file it makes of a model's name.
+#: The templates of each language: the template, and the file it makes of a model's name. Those of
+#: ``SPLIT`` make one file for each part of the kernels: ``{}_kernel.c``, ``{}_kernel_2.c``, ...
 TEMPLATES = {
-    "c": (("c/kernel.h.j2", "{}_kernel.h"), ("c/kernel.c.j2", "{}_kernel.c")),
+    "c": (("c/kernel.h.j2", "{}_kernel.h"), ("c/kernel.c.j2", "{}_kernel{}.c")),
     "numpy": (("numpy/kernel.py.j2", "{}_numpy.py"),),
     "cython": (("cython/module.pyx.j2", "{}.pyx"), ("report/model.md.j2", "{}.md")),
 }
+SPLIT = "c/kernel.c.j2"
+
+#: Statements in one C file, beyond which the next kernels go to another one: the files of a model compile
+#: side by side.
+STATEMENTS = 320
 
 
 def equations_hash(program: Program, target: Target) -> str:
     """Return the hash of everything that decides the generated code: program, target and templates."""
     digest = hashlib.sha256()
-    digest.update(repr((program, target.precision)).encode())
+    digest.update(repr((program, target.precision, STATEMENTS)).encode())
     for template in sorted(name for files in TEMPLATES.values() for name, _ in files):
         digest.update(_environment().loader.get_source(_environment(), template)[0].encode())
     return digest.hexdigest()
 
 
-def emit(program: Program, target: Target) -> tuple[SourceFile, ...]:
-    """Return the source files of a program in one language, in the order of the templates."""
-    unit = _unit(program, target)
-    return tuple(
-        SourceFile(file.format(program.name), _environment().get_template(template).render(unit=unit))
-        for template, file in TEMPLATES[target.language]
-    )
+def emit(program: Program, target: Target, equations: str) -> tuple[SourceFile, ...]:
+    """Return the source files of a program in one language, in the order of the templates.
+
+    Parameters
+    ----------
+    program
+        What to print.
+    target
+        Language and precision.
+    equations
+        The program's :func:`equations_hash`, which the code carries.
+    """
+    whole = _unit(program, target, equations)
+    files = []
+    for template, file in TEMPLATES[target.language]:
+        parts = _parts(whole) if template == SPLIT else [whole]
+        for i, part in enumerate(parts):
+            text = _environment().get_template(template).render(unit=part)
+            files.append(SourceFile(file.format(program.name, f"_{i + 1}" if i else ""), text))
+    return tuple(files)
 
 
-def _unit(program: Program, target: Target) -> UnitView:
+def _parts(whole: UnitView) -> list[UnitView]:
+    parts: list[list[KernelView]] = [[]]
+    statements = 0
+    for kernel in whole.kernels:
+        size = len(kernel.assignments) + len(kernel.stores)
+        if parts[-1] and statements + size > STATEMENTS:
+            parts.append([])
+            statements = 0
+        parts[-1].append(kernel)
+        statements += size
+    return [replace(whole, kernels=tuple(part), first=i == 0) for i, part in enumerate(parts)]
+
+
+def _unit(program: Program, target: Target, equations: str) -> UnitView:
     return UnitView(
         name=program.name,
         title=_comment(program.title),
         guard=f"SYMGEN_{program.name.upper()}_KERNEL_H",
         type=target.precision.c_type,
-        equations=equations_hash(program, target),
+        equations=equations,
         groups=tuple(GroupView(name, text, _plain(slots)) for name, text, slots in program.groups if slots),
         references=program.references,
         kernels=tuple(_kernel(program.name, kernel, target) for kernel in program.kernels),
@@ -150,7 +185,9 @@ def _unit(program: Program, target: Target) -> UnitView:
 
 def _comment(text: str) -> str:
     """Keep a user's words from closing the comment or docstring they stand in."""
-    return " ".join(text.replace("*/", "* /").replace("/*", "/ *").replace('"""', "'''").replace("\\", "/").split())
+    return " ".join(
+        text.replace("*/", "* /").replace("/*", "/ *").replace('"""', "'''").replace("\\", "/").split()
+    )
 
 
 def _plain(slots: tuple[Slot, ...]) -> tuple[Slot, ...]:
@@ -158,22 +195,27 @@ def _plain(slots: tuple[Slot, ...]) -> tuple[Slot, ...]:
 
 
 def _kernel(model: str, kernel: Kernel, target: Target) -> KernelView:
-    names: Mapping[str, str] = {n: f"{array}[{i}]" for array, group in kernel.inputs for i, n in enumerate(group)}
+    names: Mapping[str, str] = {
+        n: f"{array}[{i}]" for array, group in kernel.inputs for i, n in enumerate(group)
+    }
     printer = Printer(names, PYTHON_FUNCTIONS if target.language == "numpy" else {}, target.precision)
-    sizes = {array: len(group) for array, group in kernel.inputs}
+    own = dict(kernel.inputs)
     written = {s.array for s in kernel.stores}
+    sizes = kernel.reads
     return KernelView(
         name=kernel.name,
         description=kernel.description,
         counts=str(kernel.counts),
         prototype=_prototype(model, kernel.name, target.precision.c_type),
-        unused=tuple(a for a in ARRAYS if a not in sizes and a not in written),
+        unused=() if kernel.first else tuple(a for a in ARRAYS if a not in own and a not in written),
+        first=tuple(k.name for k in kernel.first),
+        then=tuple(k.name for k in kernel.then),
         assignments=tuple(_assignment(a, printer) for a in kernel.assignments),
         stores=tuple(TextAssignment(f"{s.array}[{s.index}]", printer(s.value)) for s in kernel.stores),
         blocks=tuple(map(_block, kernel.blocks)),
         reads=tuple(ArrayView(a, sizes[a]) for a in ARRAYS if a in sizes),
-        reads_work="work" in sizes,
-        reads_out="out" in sizes,
+        reads_work="work" in own,
+        reads_out="out" in own,
         sizes=(sizes.get("t", 0), sizes.get("q", 0), sizes.get("u", 0), sizes.get("p", 0)),
         work_size=kernel.work_size,
         out_size=kernel.out_size,
@@ -188,7 +230,15 @@ def _block(block: Block) -> BlockView:
     rows, columns = block.shape
     last = block.offset + rows * columns - 1
     return BlockView(
-        block.name, block.offset, last, rows, columns, block.unit, block.description, block.rows, block.columns
+        block.name,
+        block.offset,
+        last,
+        rows,
+        columns,
+        block.unit,
+        block.description,
+        block.rows,
+        block.columns,
     )
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from symgen.lowering.nodes import Node, OperationCount, count
 
@@ -54,7 +54,9 @@ class Kernel:
     """A straight-line program: loads, assignments, stores.
 
     ``inputs`` gives for every array it reads the names that its program uses, in order. All loads come
-    before all stores, so ``work`` and ``out`` may be read and written by the same kernel.
+    before all stores, so ``work`` and ``out`` may be read and written by the same kernel. ``first`` and
+    ``then`` are kernels it calls before and after its own program, with its own arguments. ``counts`` are
+    its operations by kind, those of the kernels it calls included.
     """
 
     name: str
@@ -63,11 +65,21 @@ class Kernel:
     assignments: tuple[Assignment, ...]
     stores: tuple[Store, ...]
     blocks: tuple[Block, ...]
+    first: tuple[Kernel, ...] = ()
+    then: tuple[Kernel, ...] = ()
+    counts: OperationCount = field(init=False)
+
+    def __post_init__(self) -> None:
+        own = count([x.value for x in (*self.assignments, *self.stores)])
+        object.__setattr__(self, "counts", sum((k.counts for k in self.first + self.then), own))
 
     @property
-    def counts(self) -> OperationCount:
-        """Operations by kind."""
-        return count([a.value for a in self.assignments] + [s.value for s in self.stores])
+    def reads(self) -> dict[str, int]:
+        """Number of entries that it and the kernels it calls first read of each argument array."""
+        sizes = {array: len(names) for array, names in self.inputs}
+        for kernel in self.first:
+            sizes = {a: max(sizes.get(a, 0), n) for a, n in {**sizes, **kernel.reads}.items()}
+        return sizes
 
     @property
     def out_size(self) -> int:
@@ -78,17 +90,22 @@ class Kernel:
     def work_size(self) -> int:
         """Number of doubles in ``work`` that the kernel reads or writes."""
         written = max((s.index + 1 for s in self.stores if s.array == "work"), default=0)
-        return max(written, len(dict(self.inputs).get("work", ())))
+        return max(written, self.reads.get("work", 0), *(k.work_size for k in self.first + self.then), 0)
 
 
 @dataclass(frozen=True, slots=True)
 class Program:
-    """All kernels of one model, with the meaning of every argument."""
+    """All kernels of one model, with the meaning of every argument.
+
+    ``pivots`` is where 'factor' leaves in ``work``, for every unknown, its pivot and the sum of its terms of
+    its own sign; 0 when there is no such kernel.
+    """
 
     name: str
     title: str
     groups: tuple[tuple[str, str, tuple[Slot, ...]], ...]
     kernels: tuple[Kernel, ...]
+    pivots: int
     references: tuple[str, ...]
 
     def kernel(self, name: str) -> Kernel:

@@ -172,7 +172,9 @@ def add(plus: Iterable[Node], minus: Iterable[Node] = ()) -> Node:
             else:
                 same.append(term)
     if known:
-        (above if known > 0 or not above else below).insert(0, _decimal(known if known > 0 or not above else -known))
+        (above if known > 0 or not above else below).insert(
+            0, _decimal(known if known > 0 or not above else -known)
+        )
     if not above:
         return negative(add(below)) if below else ZERO
     return above[0] if len(above) == 1 and not below else Sum(tuple(above), tuple(below))
@@ -211,7 +213,11 @@ def negative(a: Node) -> Node:
 
 def _decimal(value: Decimal) -> Constant:
     rounded = Context(prec=DIGITS).plus(value)
-    return Constant(str(int(rounded)) if rounded == rounded.to_integral_value() and abs(rounded) < 10**15 else str(rounded))
+    return Constant(
+        str(int(rounded))
+        if rounded == rounded.to_integral_value() and abs(rounded) < 10**15
+        else str(rounded)
+    )
 
 
 KINDS = ("add", "mul", "div", "neg", "call")
@@ -231,6 +237,9 @@ class OperationCount:
     def flops(self) -> int:
         """Floating-point operations: all kinds but the changes of sign, which cost a bit flip."""
         return self.add + self.mul + self.div + self.call
+
+    def __add__(self, other: OperationCount) -> OperationCount:
+        return OperationCount(*(getattr(self, k) + getattr(other, k) for k in KINDS))
 
     def __str__(self) -> str:
         parts = (f"{getattr(self, k)} {k}" for k in KINDS if getattr(self, k))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 from symgen.lowering.kernel import Block, Kernel, Program, Slot, Store
 from symgen.lowering.nodes import Node, Reference, references
@@ -24,20 +25,22 @@ def lower_system(system: System) -> Program:
         (g.name, g.description, tuple(Slot(x.name, x.unit, x.description) for x in g.quantities))
         for g in system.groups
     )
-    return Program(system.name, system.title, groups, tuple(kernels), system.references)
+    return Program(system.name, system.title, groups, tuple(kernels), lowering.pivots, system.references)
 
 
 class _Lowering:
     def __init__(self, system: System, shared: Shared) -> None:
-        self.system, self.shared = system, shared
+        self.system, self.shared, self.pivots = system, shared, 0
 
     def export(self, export: Export) -> Kernel:
         results = [e for name in export.matrices for e in self.shared.entries[name]]
         blocks = _blocks([self.system[name] for name in export.matrices])
-        return self.kernel(export.kernel, export.description, StraightLine(self.shared.values), results, blocks)
+        return self.kernel(
+            export.kernel, export.description, StraightLine(self.shared.values), results, blocks
+        )
 
     def solution(self, point: SaddlePoint) -> list[Kernel]:
-        """Return 'accelerations' (all in one), and 'factor' and 'solve' for many right-hand sides."""
+        """Return 'factor' and 'solve', for many right-hand sides, and 'accelerations', which calls them."""
         n, m = self.system[point.mass].matrix.rows, self.system[point.jacobian].matrix.rows
         labels = tuple(x.name for x in self.system.group("work").quantities)
         masses, jacobian = self.shared.entries[point.mass], self.shared.entries[point.jacobian]
@@ -48,19 +51,10 @@ class _Lowering:
         line = StraightLine(self.shared.values)
         named = {ij: line.name(value, f"k{ij[0]}_{ij[1]}") for ij, value in entries.items()}
         factors = factor(line, named, point.order, n, labels)
-        unknowns = (
-            Block("accelerations", 0, (n, 1), "m/s^2", "accelerations of the moving points", labels[:n]),
-            Block("multipliers", n, (m, 1), "N/m", "multipliers of the constraints", labels[n:]),
-        )
-        description = "accelerations and multipliers: [M J^T; J 0] [a; lambda] = [f; gamma]"
-        accelerations = self.kernel(
-            "accelerations", description, line, solve(line, factors, rhs), unknowns
-        )
         stored = _stored(factors)
         health = [e for k in range(n + m) for e in (factors.pivot[k], factors.sound[k])]
-        pivots = Block("pivots", 0, (n + m, 2), "1", "pivot of each unknown, and its terms of its own sign", labels)
-        description = "factors of [M J^T; J 0] into work, for 'solve'"
-        factorise = self.kernel("factor", description, line, health, (pivots,), work=stored)
+        description = "factors of [M J^T; J 0] into work, for 'solve'; behind them the pivots"
+        factorise = self.kernel("factor", description, line, (), (), work=[*stored, *health])
 
         line = StraightLine()
         given = tuple(f"b{i}" for i in range(n + m))
@@ -74,7 +68,19 @@ class _Lowering:
             (Block("solution", 0, (n + m, 1), "1", meaning, labels),),
             inputs={"work": tuple(x.name for x in stored), "out": given},
         )
-        return [accelerations, factorise, in_place]
+        unknowns = (
+            Block("accelerations", 0, (n, 1), "m/s^2", "accelerations of the moving points", labels[:n]),
+            Block("multipliers", n, (m, 1), "N/m", "multipliers of the constraints", labels[n:]),
+        )
+        accelerations = self.kernel(
+            "accelerations",
+            "accelerations and multipliers: [M J^T; J 0] [a; lambda] = [f; gamma]",
+            StraightLine(self.shared.values),
+            rhs,
+            unknowns,
+        )
+        self.pivots = len(stored)
+        return [factorise, in_place, replace(accelerations, first=(factorise,), then=(in_place,))]
 
     def kernel(
         self,

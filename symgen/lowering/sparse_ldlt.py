@@ -80,7 +80,8 @@ def factor(
         inverse[k] = line.name(reciprocal(pivot[k]), f"r{k}")
         rows = sorted(below[k], key=place.__getitem__)
         column = {
-            i: line.name(add(kept.get((i, k), ()), (x for _, x in taken.get((i, k), ()))), f"a{i}_{k}") for i in rows
+            i: line.name(add(kept.get((i, k), ()), (x for _, x in taken.get((i, k), ()))), f"a{i}_{k}")
+            for i in rows
         }
         rows = [i for i in rows if column[i] != ZERO]
         for n, i in enumerate(rows):

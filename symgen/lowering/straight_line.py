@@ -5,9 +5,20 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 
 import sympy as sp
+from sympy.simplify.cse_main import tree_cse
 
 from symgen.lowering.kernel import Assignment
-from symgen.lowering.nodes import DIGITS, Constant, Negative, Node, Reference, lower, negative, references, rename
+from symgen.lowering.nodes import (
+    DIGITS,
+    Constant,
+    Negative,
+    Node,
+    Reference,
+    lower,
+    negative,
+    references,
+    rename,
+)
 from symgen.symbolic.system import System
 
 
@@ -31,9 +42,11 @@ class Shared:
     def __init__(self, system: System, names: Sequence[str]) -> None:
         expressions = {name: [fold(e) for e in system[name].matrix] for name in names}
         definitions = [(d.quantity.symbol, fold(d.expression)) for d in system.definitions]
-        found, shared = sp.cse(
+        # Whole subtrees only: the search for common parts of sums and products takes longer than the rest
+        # of the lowering, and finds next to nothing where the derivation already names what it shares.
+        found, shared = tree_cse(
             [e for _, e in definitions] + [e for entries in expressions.values() for e in entries],
-            symbols=sp.numbered_symbols("c", real=True),
+            sp.numbered_symbols("c", real=True),
             order="none",
         )
         # A shared subexpression that is a definition as a whole goes by the definition's name.

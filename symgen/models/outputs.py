@@ -40,7 +40,11 @@ def _tension(model: RodsModel, name: str) -> Entries:
     rod = model.rod(name)
     if rod is None:
         raise SceneError(f"{name} lies between two ground points: its tension is not determined")
-    return [model.multiplier[name].symbol * rod.length], "N", f"force of the length constraint of {name}, tension positive"
+    return (
+        [model.multiplier[name].symbol * rod.length],
+        "N",
+        f"force of the length constraint of {name}, tension positive",
+    )
 
 
 def _energy(model: RodsModel) -> Entries:

@@ -63,12 +63,16 @@ class RodsModel:
         self.rods = [r for r in linkage.rods if not {r.start, r.end} <= fixed]
         self.idle = [r.name for r in linkage.rods if {r.start, r.end} <= fixed]
         self.multiplier = {
-            r.name: quantity(f"{r.name}_lambda", "N/m", f"multiplier of the length of {r.name}; times length: tension")
+            r.name: quantity(
+                f"{r.name}_lambda", "N/m", f"multiplier of the length of {r.name}; times length: tension"
+            )
             for r in self.rods
         }
         self.tree: Tree = spanning_tree(self.ground, self.moving, {r.name: ends[r.name] for r in self.rods})
 
-    def _per_point(self, names: Sequence[str], infix: str, unit: str, what: str) -> dict[str, tuple[Quantity, ...]]:
+    def _per_point(
+        self, names: Sequence[str], infix: str, unit: str, what: str
+    ) -> dict[str, tuple[Quantity, ...]]:
         return {
             p: tuple(quantity(f"{p}{infix}{axis}", unit, f"{axis} {what} of {p}") for axis in self.axes)
             for p in names
@@ -99,33 +103,33 @@ class RodsModel:
         }
 
     @cached_property
-    def mass_matrix(self) -> dict[tuple[sp.Symbol, sp.Symbol], sp.Expr]:
-        """Hessian of the kinetic energy by the velocities of all points [kg]; zero entries left out."""
-        entries: dict[tuple[sp.Symbol, sp.Symbol], sp.Expr] = {}
+    def masses(self) -> dict[tuple[str, str], sp.Expr]:
+        """Mass matrix by pairs of points [kg], equal for each axis; pairs without coupling left out.
 
-        def add(a: str, b: str, mass: sp.Expr) -> None:
-            for x, y in zip(self.symbols(self.u[a]), self.symbols(self.u[b]), strict=True):
-                entries[x, y] = entries.get((x, y), ZERO) + mass
-
+        It is the Hessian of the kinetic energy by the velocities: the sum of the rods' end masses.
+        """
+        entries: dict[tuple[str, str], sp.Expr] = {}
+        parts = [((m.point, m.point), m.mass) for m in self.linkage.masses]
         for r in self.rods:
             ends = end_mass(r.mass, r.length, r.centre, r.inertia)
-            add(r.start, r.start, ends.a11)
-            add(r.start, r.end, ends.a12)
-            add(r.end, r.start, ends.a12)
-            add(r.end, r.end, ends.a22)
-        for m in self.linkage.masses:
-            add(m.point, m.point, m.mass)
+            parts += [
+                ((r.start, r.start), ends.a11),
+                ((r.start, r.end), ends.a12),
+                ((r.end, r.start), ends.a12),
+                ((r.end, r.end), ends.a22),
+            ]
+        for pair, mass in parts:
+            entries[pair] = entries.get(pair, ZERO) + mass
         return entries
 
     @cached_property
     def kinetic_energy(self) -> sp.Expr:
         """Half u^T M u over the moving points [J]."""
         terms = []
-        velocities = [x.symbol for p in self.moving for x in self.u[p]]
-        for i, a in enumerate(velocities):
-            for b in velocities[i:]:
-                entry = self.mass_matrix.get((a, b), ZERO)
-                terms.append(entry * a * b / (2 if a == b else 1))
+        for (a, b), mass in self.masses.items():
+            if a in self.moving and b in self.moving and self.moving.index(a) <= self.moving.index(b):
+                product = dot(self.symbols(self.u[a]), self.symbols(self.u[b]))
+                terms.append(mass * product / (2 if a == b else 1))
         return sp.Add(*terms)
 
     @cached_property
@@ -196,9 +200,11 @@ class RodsModel:
     def residual(self, point: str) -> Vector:
         """Return the residual M a + J^T lambda - f of a point's rows [N]: the force its pin must supply."""
         result = []
-        every = [x for p in (*self.moving, *self.ground) for x in zip(self.u[p], self.a[p], strict=True)]
-        for q, u in zip(self.q[point], self.u[point], strict=True):
-            terms = [self.mass_matrix.get((u.symbol, v.symbol), ZERO) * a.symbol for v, a in every]
+        for axis, q in enumerate(self.q[point]):
+            terms = [
+                self.masses.get((point, other), ZERO) * self.a[other][axis].symbol
+                for other in (*self.moving, *self.ground)
+            ]
             terms += [
                 row.get(q.symbol, ZERO) * self.multiplier[r.name].symbol
                 for r, row in zip(self.rods, self.jacobian, strict=True)
@@ -227,11 +233,15 @@ class RodsModel:
         q = [x for p in self.moving for x in self.q[p]]
         u = [x for p in self.moving for x in self.u[p]]
         solution = [x for p in self.moving for x in self.a[p]] + [self.multiplier[r.name] for r in self.rods]
-        equations = self._equations([x.symbol for x in q], [x.symbol for x in u])
+        equations = self._equations([x.symbol for x in q])
         asked = outputs.asked(self)
         start, exports = start_exports(self)
         points = [*self._kinematics(), *self._reactions()]
-        exports = [*self._exports(), Export("outputs", "what the scene asks to record", tuple(m.name for m in asked)), *exports]
+        exports = [
+            *self._exports(),
+            Export("outputs", "what the scene asks to record", tuple(m.name for m in asked)),
+            *exports,
+        ]
         definitions = tuple(
             type(d)(d.quantity, d.expression.xreplace(self.held)) for d in self.calculus.definitions
         )
@@ -243,7 +253,11 @@ class RodsModel:
                 Group("q", "coordinates of the moving points", tuple(q)),
                 Group("u", "velocities of the moving points", tuple(u)),
                 Group("p", "tunable parameters", tuple(p.quantity for p in self.linkage.parameters)),
-                Group("work", "accelerations and multipliers, as the kernel 'accelerations' wrote them", tuple(solution)),
+                Group(
+                    "work",
+                    "accelerations and multipliers, as the kernel 'accelerations' wrote them",
+                    tuple(solution),
+                ),
             ),
             matrices=(*equations, *points, *asked, *start),
             exports=tuple(exports),
@@ -252,7 +266,10 @@ class RodsModel:
                 "mass_matrix", "constraint_jacobian", "force", "acceleration_rhs", self._order(len(q))
             ),
             references=(REFERENCE,),
-            left_out=tuple(f"link {name}: both ends are ground, so it neither moves nor loads anything" for name in self.idle),
+            left_out=tuple(
+                f"link {name}: both ends are ground, so it neither moves nor loads anything"
+                for name in self.idle
+            ),
         )
 
     def _order(self, coordinates: int) -> tuple[int, ...]:
@@ -261,7 +278,7 @@ class RodsModel:
         multipliers = {r.name: coordinates + i for i, r in enumerate(self.rods)}
         return elimination_order(self.tree, at, multipliers, coordinates + len(self.rods))
 
-    def _equations(self, q: list[sp.Symbol], u: list[sp.Symbol]) -> list[NamedMatrix]:
+    def _equations(self, q: list[sp.Symbol]) -> list[NamedMatrix]:
         names, rods = [s.name for s in q], [r.name for r in self.rods]
         rate = self.calculus.rate
         energies = [
@@ -273,7 +290,13 @@ class RodsModel:
         return [
             self.matrix(
                 "mass_matrix",
-                [self.mass_matrix.get((a, b), ZERO) for a in u for b in u],
+                [
+                    self.masses.get((a, b), ZERO) if i == k else ZERO
+                    for a in self.moving
+                    for i in range(len(self.axes))
+                    for b in self.moving
+                    for k in range(len(self.axes))
+                ],
                 "kg",
                 "mass matrix of the moving points, M",
                 rows=names,
@@ -298,7 +321,11 @@ class RodsModel:
                 columns=names,
             ),
             self.matrix(
-                "velocity_constraints", [rate(c) for c in self.constraints], "m^2/s", "rate of Phi, J u", rows=rods
+                "velocity_constraints",
+                [rate(c) for c in self.constraints],
+                "m^2/s",
+                "rate of Phi, J u",
+                rows=rods,
             ),
             self.matrix(
                 "acceleration_rhs",

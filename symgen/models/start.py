@@ -41,7 +41,9 @@ def start_exports(model: RodsModel) -> tuple[list[NamedMatrix], list[Export]]:
     if start.rates or start.velocities:
         matrices += _velocity(model, names)
         exports += [
-            Export("start_velocity", "rows K u = k of the start's velocities", ("start_rates", "start_jacobian")),
+            Export(
+                "start_velocity", "rows K u = k of the start's velocities", ("start_rates", "start_jacobian")
+            ),
             Export("mass_matrix", "mass matrix", ("mass_matrix",)),
         ]
     return matrices, exports
@@ -96,7 +98,9 @@ def _velocity(model: RodsModel, names: list[str]) -> list[NamedMatrix]:
         gx, gy = (model.calculus.gradient(c) for c in (dx, dy))
         rows.append(f"{name} rate")
         wanted.append(rate * rod.length)
-        gradients.append({q: (dx * gy.get(q, ZERO) - dy * gx.get(q, ZERO)) / rod.length for q in {**gx, **gy}})
+        gradients.append(
+            {q: (dx * gy.get(q, ZERO) - dy * gx.get(q, ZERO)) / rod.length for q in {**gx, **gy}}
+        )
     for name, velocity in model.linkage.start.velocities:
         rows.extend(f"{name} velocity {axis}" for axis in model.axes)
         wanted.extend(velocity)
@@ -118,5 +122,7 @@ def _velocity(model: RodsModel, names: list[str]) -> list[NamedMatrix]:
 def _moving_rod(model: RodsModel, name: str, table: str) -> Rod:
     rod = model.rod(name)
     if rod is None:
-        raise SceneError(f"{name} lies between two ground points and cannot turn", where=f"start.{table}.{name}")
+        raise SceneError(
+            f"{name} lies between two ground points and cannot turn", where=f"start.{table}.{name}"
+        )
     return rod

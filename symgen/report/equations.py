@@ -99,6 +99,7 @@ def _as_numbers(system: System, matrix: NamedMatrix, model: Model | None) -> str
     rows = matrix.rows or tuple(str(i) for i in range(numbers.rows))
     width = max(map(len, rows))
     lines = [
-        f"{row:>{width}}  " + "  ".join(f"{float(x): .10e}" for x in numbers[i, :]) for i, row in enumerate(rows)
+        f"{row:>{width}}  " + "  ".join(f"{float(x): .10e}" for x in numbers[i, :])
+        for i, row in enumerate(rows)
     ]
     return "\n".join([head, *([f"columns: {', '.join(matrix.columns)}"] if matrix.columns else []), *lines])

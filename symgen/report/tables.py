@@ -35,7 +35,11 @@ def print_result(result: Result, console: Console) -> None:
     t = result.statistics["t"]
     axes = ", ".join(result.axes)
     console.print(
-        table(f"{result.title}: at t = {t:g} s", ("point", f"position {axes} [m]", f"velocity {axes} [m/s]"), rows)
+        table(
+            f"{result.title}: at t = {t:g} s",
+            ("point", f"position {axes} [m]", f"velocity {axes} [m/s]"),
+            rows,
+        )
     )
     drift, statistics = result.drift, result.statistics
     console.print(
@@ -62,5 +66,7 @@ def print_model(model: Model, console: Console) -> None:
     columns = ("kernel", "operations", "additions", "multiplications", "divisions", "functions")
     console.print(table(f"{model.description.title} ({model.backend} backend)", columns, kernels))
     if model.parameters:
-        rows = ((p.name, f"{model.parameters[p.name]:g}", p.unit, p.about) for p in model.description.parameters)
+        rows = (
+            (p.name, f"{model.parameters[p.name]:g}", p.unit, p.about) for p in model.description.parameters
+        )
         console.print(table("Tunable parameters", ("name", "value", "unit", "meaning"), rows))

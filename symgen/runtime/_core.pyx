@@ -32,12 +32,15 @@ def call(uintptr_t address, const double[::1] t, const double[::1] q, const doub
 
 
 def call_many(uintptr_t address, uintptr_t first, const double[::1] t, const double[:, ::1] y, Py_ssize_t n,
-              const double[::1] p, double[::1] work, double[:, ::1] out):
-    """Call a kernel for every row of ``y`` = (q, u, ...); ``first``, if given, fills ``work`` before each."""
+              const double[::1] p, double[::1] scratch, double[::1] work, double[:, ::1] out):
+    """Call a kernel for every row of ``y`` = (q, u, ...); ``first``, if given, fills ``work`` before each.
+
+    ``scratch`` is the work memory of ``first``.
+    """
     cdef Py_ssize_t i
     for i in range(y.shape[0]):
         if first:
-            (<kernel_t>first)(&t[i], &y[i, 0], &y[i, n], &p[0], NULL, &work[0])
+            (<kernel_t>first)(&t[i], &y[i, 0], &y[i, n], &p[0], &scratch[0], &work[0])
         (<kernel_t>address)(&t[i], &y[i, 0], &y[i, n], &p[0], &work[0], &out[i, 0])
 
 
@@ -67,15 +70,19 @@ cdef class Equations:
         Parameters.
     work_size
         Doubles of work memory that the largest kernel needs.
+    first_pivot
+        Where 'factor' leaves the pivots in its work memory.
     """
 
     cdef kernel_t accelerations, factor, solve, constraints, velocity_constraints, energy
     cdef readonly Py_ssize_t n, m, extra, dim
     cdef readonly long evaluations, factorisations
     cdef readonly Py_ssize_t weakest
-    cdef double[::1] p, work, factors, out, pivots, rhs, energies, before
+    cdef Py_ssize_t first_pivot
+    cdef double[::1] p, work, factors, out, rates, rhs, energies, before
 
-    def __init__(self, addresses, Py_ssize_t n, Py_ssize_t m, Py_ssize_t extra, p, Py_ssize_t work_size):
+    def __init__(self, addresses, Py_ssize_t n, Py_ssize_t m, Py_ssize_t extra, p, Py_ssize_t work_size,
+                 Py_ssize_t first_pivot):
         self.accelerations = _kernel(addresses, "accelerations")
         self.factor = _kernel(addresses, "factor")
         self.solve = _kernel(addresses, "solve")
@@ -87,9 +94,9 @@ cdef class Equations:
         self.n, self.m, self.extra, self.dim = n, m, extra, 2 * n + extra
         self.p = np.array([*p, 0.0])
         self.work, self.factors = np.zeros(work_size + 1), np.zeros(work_size + 1)
-        self.out, self.pivots = np.zeros(2 * (n + m) + 1), np.zeros(2 * (n + m) + 1)
+        self.out, self.rates = np.zeros(2 * (n + m) + 1), np.zeros(m + 1)
         self.rhs, self.before, self.energies = np.zeros(n + m + 1), np.zeros(n + 1), np.zeros(3)
-        self.weakest = -1
+        self.weakest, self.first_pivot = -1, first_pivot
 
     cdef void derivative(self, double t, const double *y, double *dy) noexcept nogil:
         """Write dy/dt of y = (q, u[, work done by loads without potential])."""
@@ -122,11 +129,11 @@ cdef class Equations:
         """
         cdef Py_ssize_t i
         cdef double worst = 0.0, error
-        self.velocity_constraints(&t, y, y + self.n, &self.p[0], &self.work[0], &self.pivots[0])
+        self.velocity_constraints(&t, y, y + self.n, &self.p[0], &self.work[0], &self.rates[0])
         memset(&self.rhs[0], 0, self.n * sizeof(double))
         for i in range(self.m):
-            self.rhs[self.n + i] = -self.pivots[i]
-            error = fabs(self.pivots[i]) / self.out[self.m + i]
+            self.rhs[self.n + i] = -self.rates[i]
+            error = fabs(self.rates[i]) / self.out[self.m + i]
             if not error <= worst:
                 worst = error
         return worst
@@ -135,10 +142,11 @@ cdef class Equations:
         """Factorise at y and watch the pivots: their signs, and what cancellation left of them."""
         cdef Py_ssize_t i
         cdef double pivot, sound
-        self.factor(&t, y, y + self.n, &self.p[0], &self.factors[0], &self.pivots[0])
+        cdef double *pivots = &self.factors[self.first_pivot]
+        self.factor(&t, y, y + self.n, &self.p[0], &self.factors[0], &self.out[0])
         self.factorisations += 1
         for i in range(self.n + self.m):
-            pivot, sound = self.pivots[2 * i], self.pivots[2 * i + 1]
+            pivot, sound = pivots[2 * i], pivots[2 * i + 1]
             if not isfinite(pivot):
                 return _NOT_FINITE
             if i >= self.n:

@@ -47,6 +47,7 @@ class Description:
 
     ``start`` holds the coordinates and then the velocities at the scene's own parameters; ``needs_assembly``
     and ``needs_velocity`` say which kernels the start is found with when parameters change.
+    ``first_pivot`` is where the kernel 'factor' leaves its pivots in ``work``.
     """
 
     name: str
@@ -63,6 +64,7 @@ class Description:
     needs_velocity: bool
     parameters: tuple[ParameterInfo, ...]
     kernels: tuple[KernelInfo, ...]
+    first_pivot: int
     start: tuple[float, ...]
     t_end: float
     references: tuple[str, ...]

@@ -36,7 +36,9 @@ class Evaluator:
         _core.call(address, np.array([t]), np.append(q, 0.0), np.append(u, 0.0), self.parameters, memory, out)
         return out[:-1]
 
-    def blocks(self, kernel: str, t: float, q: Array, u: Array, work: Array | None = None) -> dict[str, Array]:
+    def blocks(
+        self, kernel: str, t: float, q: Array, u: Array, work: Array | None = None
+    ) -> dict[str, Array]:
         """Return the results of a kernel by name, shaped."""
         out = self(kernel, t, q, u, work)
         info = self.description.kernel(kernel)

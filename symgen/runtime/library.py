@@ -39,7 +39,11 @@ def open_library(path: Path, description: Description) -> Library:
     """
     try:
         library = ctypes.CDLL(str(path))
-        tag = (ctypes.c_char * 65).in_dll(library, f"{description.name}_equations").value.decode("ascii", "replace")
+        tag = (
+            (ctypes.c_char * 65)
+            .in_dll(library, f"{description.name}_equations")
+            .value.decode("ascii", "replace")
+        )
         functions = {k.name: getattr(library, f"{description.name}_{k.name}") for k in description.kernels}
     except (OSError, ValueError, AttributeError) as error:
         raise StaleBinaryError(f"cannot use the compiled kernels {path}: {error}") from None
@@ -54,7 +58,7 @@ def open_shipped(description: Description) -> Library | None:
         module = shipped_module(description.name)
     except ImportError:
         return None
-    if module.EQUATIONS != description.equations:
+    if description.equations != module.EQUATIONS:
         return None
     return Library("shipped", module.ADDRESSES, module)
 
@@ -70,7 +74,9 @@ def shipped_module(name: str) -> ModuleType:
         When it was compiled from other equations than ``generated/manifest.json`` lists.
     """
     package = importlib.import_module("symgen.generated")
-    manifest = json.loads((Path(str(package.__file__)).with_name("manifest.json")).read_text(encoding="utf-8"))
+    manifest = json.loads(
+        (Path(str(package.__file__)).with_name("manifest.json")).read_text(encoding="utf-8")
+    )
     module = importlib.import_module(f"symgen.generated.{name}")
     expected = manifest["models"][name]["equations"]
     _check_tag(module.EQUATIONS, expected, f"symgen.generated.{name}")

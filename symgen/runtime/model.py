@@ -39,7 +39,9 @@ class Model:
         self.parameters: dict[str, float] = {p.name: p.default for p in description.parameters}
         for name, value in (parameters or {}).items():
             if name not in self.parameters:
-                raise ModelError(f"{self.name} has no tunable parameter {name!r}. {nearest(name, self.parameters)}")
+                raise ModelError(
+                    f"{self.name} has no tunable parameter {name!r}. {nearest(name, self.parameters)}"
+                )
             if not np.isfinite(value):
                 raise ModelError(f"expected a finite value for {name}, got {value!r}")
             self.parameters[name] = float(value)
@@ -116,7 +118,9 @@ class Model:
 
     def _state(self, t: float, q: Array, u: Array) -> State:
         parts = self._evaluator.blocks("points", t, q, u)
-        named = [dict(zip(self.description.points, parts[k], strict=True)) for k in ("positions", "velocities")]
+        named = [
+            dict(zip(self.description.points, parts[k], strict=True)) for k in ("positions", "velocities")
+        ]
         return State(t, q.copy(), u.copy(), *named)
 
     def state(
@@ -130,7 +134,9 @@ class Model:
         Points left out of ``velocities`` are at rest; ground points may be given and are ignored. The state
         is taken as it is: :meth:`simulate` projects it onto the constraints, :meth:`accelerations` does not.
         """
-        return self._state(t, self._vector(positions, "positions"), self._vector(velocities or {}, "velocities", 0.0))
+        return self._state(
+            t, self._vector(positions, "positions"), self._vector(velocities or {}, "velocities", 0.0)
+        )
 
     def _vector(self, values: Mapping[str, ArrayLike], what: str, default: float | None = None) -> Array:
         d = self.description
@@ -143,7 +149,9 @@ class Model:
                 raise ModelError(f"{what}: the point {point} is missing")
             component = np.asarray(values.get(point, np.full(len(d.axes), default)), dtype=float)
             if component.shape != (len(d.axes),) or not np.all(np.isfinite(component)):
-                raise ModelError(f"{what}: expected {len(d.axes)} finite numbers for {point}, got {values[point]!r}")
+                raise ModelError(
+                    f"{what}: expected {len(d.axes)} finite numbers for {point}, got {values[point]!r}"
+                )
             parts.append(component)
         return np.concatenate(parts)
 
@@ -160,7 +168,9 @@ class Model:
         n = d.coordinates
         solution = self._evaluator("accelerations", state.t, state.q, state.u)
         if not np.all(np.isfinite(solution)):
-            raise ModelError(f"the equations of motion are singular at t = {state.t:g} s: no finite accelerations")
+            raise ModelError(
+                f"the equations of motion are singular at t = {state.t:g} s: no finite accelerations"
+            )
         by_point = solution[:n].reshape(len(d.moving), len(d.axes))
         points = {p: np.zeros(len(d.axes)) for p in d.points}
         points.update(zip(d.moving, by_point, strict=True))

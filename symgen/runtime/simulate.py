@@ -78,7 +78,9 @@ def options(
     return Options(chosen, t_end, 0.0, 0.0, step, samples, max_steps)
 
 
-def run(evaluator: Evaluator, t0: float, q: Array, u: Array, chosen: Options, progress: Progress | None) -> Result:
+def run(
+    evaluator: Evaluator, t0: float, q: Array, u: Array, chosen: Options, progress: Progress | None
+) -> Result:
     """Integrate from a state and return the result.
 
     Raises
@@ -131,10 +133,13 @@ def equations_of(evaluator: Evaluator) -> _core.Equations:
         int(description.work_of_loads),
         evaluator.parameters[:-1],
         evaluator.work_size,
+        description.first_pivot,
     )
 
 
-def weakest_name(index: int, moving: tuple[str, ...], axes: tuple[str, ...], constraints: tuple[str, ...]) -> str:
+def weakest_name(
+    index: int, moving: tuple[str, ...], axes: tuple[str, ...], constraints: tuple[str, ...]
+) -> str:
     """Return what an unknown of the equations of motion is called in messages."""
     n = len(moving) * len(axes)
     if index < n:
@@ -203,6 +208,7 @@ def _result(
             np.column_stack([states, np.zeros(recorded)]),
             description.coordinates,
             evaluator.parameters,
+            np.zeros(evaluator.work_size + 1),
             work,
             out,
         )
@@ -246,7 +252,8 @@ def _result(
             "t_end": chosen.t_end,
             "backend": evaluator.library.backend,
             "parameters": {
-                p.name: value for p, value in zip(description.parameters, evaluator.parameters.tolist(), strict=False)
+                p.name: value
+                for p, value in zip(description.parameters, evaluator.parameters.tolist(), strict=False)
             },
         },
     )

@@ -199,13 +199,16 @@ class _Resolver:
             self.defaults[q.symbol] = value.xreplace(self.defaults)
             self.parameters.append(Parameter(q, self.defaults[q.symbol]))
 
-    def value(self, text: str | int | float, dim: Dimension, where: str, names: Names | None = None) -> sp.Expr:
+    def value(
+        self, text: str | int | float, dim: Dimension, where: str, names: Names | None = None
+    ) -> sp.Expr:
         with _at(where):
             return parse_value(text, self.names if names is None else names, dim)
 
     def number(self, expression: sp.Expr) -> float:
         """Value at the scene's own parameters, for checks."""
-        return float(expression.xreplace(self.defaults).evalf(_DIGITS))
+        value = expression.xreplace(self.defaults)
+        return float(value if value.is_Rational else value.evalf(_DIGITS))
 
     def positive(self, text: str | int | float, dim: Dimension, where: str) -> sp.Expr:
         expression = self.value(text, dim, where)
@@ -243,14 +246,18 @@ class _Resolver:
     def rod(self, name: str, link: Link) -> Rod:
         where = f"links.{name}"
         start, end = (self.known_point(p, f"{where}.points") for p in link.points)
-        distance = sp.sqrt(sp.Add(*((b - a) ** 2 for a, b in zip(start.at, end.at, strict=True))))
-        if start.name == end.name or (link.length is None and self.number(distance) == 0):
+        squared = sp.Add(*((b - a) ** 2 for a, b in zip(start.at, end.at, strict=True)))
+        if start.name == end.name or (link.length is None and self.number(squared) == 0):
             raise SceneError(
                 f"the rod has zero length: {start.name} and {end.name} are the same place",
                 where=f"{where}.points",
                 hint="Move one of the points, or join the other links at one point and leave this rod out.",
             )
-        length = distance if link.length is None else self.positive(link.length, units.LENGTH, f"{where}.length")
+        length = (
+            sp.sqrt(squared)
+            if link.length is None
+            else self.positive(link.length, units.LENGTH, f"{where}.length")
+        )
         mass = self.rod_mass(link, length, where)
         centre, inertia = length / 2, mass * length**2 / 12
         if link.centre is not None:
@@ -308,18 +315,23 @@ class _Resolver:
                 self.known_link(name, where)
                 if self.dimension != 2:
                     raise SceneError(
-                        "a link has one angle only in the plane", where=where, hint="Give velocities of points."
+                        "a link has one angle only in the plane",
+                        where=where,
+                        hint="Give velocities of points.",
                     )
         for name in start.velocities:
             if self.known_point(name, f"start.velocities.{name}").ground:
                 raise SceneError(f"the ground point {name} does not move", where=f"start.velocities.{name}")
         return StartConditions(
-            angles=tuple((n, self.value(v, units.NUMBER, f"start.angles.{n}")) for n, v in start.angles.items()),
+            angles=tuple(
+                (n, self.value(v, units.NUMBER, f"start.angles.{n}")) for n, v in start.angles.items()
+            ),
             rates=tuple(
                 (n, self.value(v, units.ANGULAR_RATE, f"start.rates.{n}")) for n, v in start.rates.items()
             ),
             velocities=tuple(
-                (n, self.vector(v, units.VELOCITY, f"start.velocities.{n}")) for n, v in start.velocities.items()
+                (n, self.vector(v, units.VELOCITY, f"start.velocities.{n}"))
+                for n, v in start.velocities.items()
             ),
         )
 

@@ -56,7 +56,9 @@ class Link(Table):
     points: list[Name] = Field(min_length=2, max_length=2)
     mass: Value | None = None
     mass_per_length: Value | None = None
-    centre: Value | None = Field(None, description="Centre of mass as a fraction of the length; 1/2 if absent.")
+    centre: Value | None = Field(
+        None, description="Centre of mass as a fraction of the length; 1/2 if absent."
+    )
     inertia: Value | None = Field(
         None, description="Moment of inertia about the centre of mass; mass*length^2/12 if absent."
     )

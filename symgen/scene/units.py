@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 from fractions import Fraction
 from functools import lru_cache
@@ -79,6 +80,16 @@ KINDS: dict[Dimension, tuple[str, str]] = {
     DAMPING: ("a damping", '"5 N*s/m"'),
 }
 
+#: Units whose answers are kept in ``units.json``.
+KEPT = (
+    "m", "cm", "mm", "in", "ft", "kg", "g", "lb", "slug", "s", "ms", "min", "rad", "deg", "Hz", "rpm",
+    "rad/s", "deg/s", "m/s", "cm/s", "mm/s", "in/s", "ft/s", "m/s^2", "cm/s^2", "mm/s^2", "in/s^2", "ft/s^2",
+    "kg/m", "g/cm", "kg*m^2", "g*cm^2", "kg*cm^2", "N", "kN", "lbf", "N*m", "N*mm", "lbf*in", "lbf*ft",
+    "N/m", "N/mm", "lbf/in", "N*s/m", "lbf*s/in", "J", "W", "Pa", "kPa", "MPa", "GPa", "psi", "kg/m^3",
+    "slug/ft^3", "lb/in^3", "m^2", "mm^2", "in^2", "m^4", "mm^4", "in^4",
+)  # fmt: skip
+
+_ANSWERS = Path(__file__).with_name("units.json")
 _NUMBER = r"[-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?"
 _QUANTITY = re.compile(rf"\s*(?P<number>{_NUMBER})\s*(?P<unit>[A-Za-zµ][A-Za-z0-9_µ*/^() -]*)?\s*")
 _NOT_FINITE = re.compile(r"\s*[-+]?(nan|inf|infinity)\b", re.IGNORECASE)
@@ -124,13 +135,29 @@ def parse_quantity(text: str) -> tuple[Fraction, Dimension]:
 
 @lru_cache(maxsize=256)
 def _unit(text: str) -> tuple[Fraction, Dimension]:
-    problem = f"{text!r} is not a unit that symgen knows"
-    hint = 'Write a product of known units, such as "kg*m^2" or "lbf/in".'
     tokens = _UNIT.findall(text)
     if "".join(tokens) != text or any(abs(int(x)) > 9 for x in tokens if x.lstrip("+-").isdigit()):
+        problem, hint = _not_a_unit(text)
         raise SceneError(problem, hint=hint)
+    known = _known_units().get(text)
+    if known:
+        numerator, denominator, *exponents = map(int, known.split())
+        return Fraction(numerator, denominator), dimension(*exponents)
+    return read_unit(text)
+
+
+@lru_cache(maxsize=1)
+def _known_units() -> dict[str, str]:
+    """Return Pint's answers for the units of ``KEPT``, which spare most scenes the loading of Pint."""
+    known: dict[str, str] = json.loads(_ANSWERS.read_text(encoding="utf-8"))
+    return known
+
+
+def read_unit(text: str) -> tuple[Fraction, Dimension]:
+    """Return scale and dimension of a product of units, read by Pint; raise SceneError for unknown ones."""
     import pint
 
+    problem, hint = _not_a_unit(text)
     try:
         quantity = _registry().Quantity(Fraction(1), text.replace("^", "**")).to_root_units()
     except pint.UndefinedUnitError as error:
@@ -140,6 +167,22 @@ def _unit(text: str) -> tuple[Fraction, Dimension]:
     dims = quantity.dimensionality
     dim = Dimension(*(Fraction(dims.get(d, 0)) for d in ("[length]", "[mass]", "[time]")))
     return Fraction(quantity.magnitude), dim
+
+
+def _not_a_unit(text: str) -> tuple[str, str]:
+    return (
+        f"{text!r} is not a unit that symgen knows",
+        'Write a product of known units, such as "kg*m^2" or "lbf/in"; symgen/scene/units.txt lists them.',
+    )
+
+
+def answers() -> str:
+    """Return the content of ``units.json``: exact scale and exponents of length, mass and time, by Pint."""
+    table = {}
+    for unit in KEPT:
+        scale, dim = read_unit(unit)
+        table[unit] = " ".join(map(str, (scale.numerator, scale.denominator, *dim)))
+    return json.dumps(table, indent=1) + "\n"
 
 
 def describe(dim: Dimension) -> str:

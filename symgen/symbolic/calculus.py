@@ -73,7 +73,9 @@ class Calculus:
         return {q: value for q, value in summed.items() if value != 0}
 
     @staticmethod
-    def _partials(expression: sp.Expr, known: Mapping[sp.Symbol, object]) -> Iterator[tuple[sp.Symbol, sp.Expr]]:
+    def _partials(
+        expression: sp.Expr, known: Mapping[sp.Symbol, object]
+    ) -> Iterator[tuple[sp.Symbol, sp.Expr]]:
         """Yield (symbol, partial derivative) term by term, so that the cost is linear in the terms."""
         for term in sp.Add.make_args(expression):
             for s in sorted(term.free_symbols, key=lambda s: str(s.name)):
