@@ -37,7 +37,7 @@ _HOME = {
     "shipped_scenes": "symgen.scene.loading",
 }
 
-__all__ = ["__version__", *_HOME]
+__all__ = ["__version__", *_HOME]  # noqa: PLE0604 - the keys are strings
 
 
 def __getattr__(name: str) -> Any:

@@ -68,7 +68,9 @@ def _changes(changes: list[str] | None) -> dict[str, str]:
         name, equals, value = change.partition("=")
         if not equals or not name.strip():
             raise SceneError(f"expected --set KEY=VALUE, got {change!r}")
-        result[name.strip()] = value.strip()
+        bare = value.strip()
+        quoted = len(bare) > 1 and bare[0] == bare[-1] and bare[0] in "\"'"
+        result[name.strip()] = bare[1:-1] if quoted else bare
     return result
 
 

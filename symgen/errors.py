@@ -74,7 +74,19 @@ class ModelError(SymgenError):
 
 
 class InitialStateError(ModelError):
-    """The initial state contradicts the constraints. Mend positions, rates or velocities of the start."""
+    """The initial state contradicts the constraints. Mend positions, rates or velocities of the start.
+
+    Parameters
+    ----------
+    problem
+        What is contradictory, and what to do next.
+    where
+        Table and key of the scene that asks for it.
+    """
+
+    def __init__(self, problem: str, *, where: str = "start") -> None:
+        self.where = where
+        super().__init__(problem)
 
 
 class ResultError(SymgenError):

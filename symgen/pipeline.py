@@ -9,13 +9,20 @@ import os
 import warnings
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from functools import cache, partial
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from symgen.build import Compilation, Compiler, find_compiler
 from symgen.cache import Cache, Entry, key
-from symgen.errors import GenerationError, ModelError, SceneError, SlowBackendWarning, nearest
+from symgen.compiler import Compilation, Compiler, find_compiler
+from symgen.errors import (
+    GenerationError,
+    InitialStateError,
+    ModelError,
+    SceneError,
+    SlowBackendWarning,
+    nearest,
+)
 from symgen.scene.loading import SceneText, check_scene, override, read_scene
 
 if TYPE_CHECKING:
@@ -55,9 +62,7 @@ def build(
     Raises
     ------
     SceneError
-        For anything wrong in the scene.
-    InitialStateError
-        When its start cannot be assembled or is contradictory.
+        For anything wrong in the scene, its start that cannot be assembled or is contradictory included.
     BuildError, CacheError
         When the compiler fails, or the cache cannot be written.
     """
@@ -76,7 +81,7 @@ def build(
     if compiler is None and backend == "auto":
         library = open_shipped(description) or library
         _warn(library)
-    model = Model(description, library, partial(derive, text))
+    model = Model(description, library, lambda: derive(text).by_name())
     return model.with_parameters(**_in_si(model, tunable, text.file)) if tunable else model
 
 
@@ -292,9 +297,13 @@ def _with_start(description: Description, library: Library) -> Description:
     from symgen.runtime.model import Model
 
     evaluator = Evaluator(description, library, np.array([p.default for p in description.parameters]))
-    q, u = start(evaluator)
-    described = replace(description, start=(*q.tolist(), *u.tolist()))
-    Model(described, library, lambda: None).initial_state()
+    try:
+        q, u = start(evaluator)
+        described = replace(description, start=(*q.tolist(), *u.tolist()))
+        Model(described, library, lambda: None).initial_state()
+    except InitialStateError as error:
+        problem, _, hint = str(error).partition("\n")
+        raise SceneError(problem, where=error.where, file=description.file, hint=hint.strip()) from None
     return described
 
 

@@ -70,7 +70,7 @@ class Kernel:
     counts: OperationCount = field(init=False)
 
     def __post_init__(self) -> None:
-        own = count([x.value for x in (*self.assignments, *self.stores)])
+        own = count([a.value for a in self.assignments] + [s.value for s in self.stores])
         object.__setattr__(self, "counts", sum((k.counts for k in self.first + self.then), own))
 
     @property

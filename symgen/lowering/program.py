@@ -97,7 +97,7 @@ class _Lowering:
         stores = [Store("work", i, e) for i, e in enumerate(work)]
         stores += [Store("out", i, e) for i, e in enumerate(results)]
         if inputs is None:
-            read = set(references([x.value for x in (*assignments, *stores)]))
+            read = set(references([a.value for a in assignments] + [s.value for s in stores]))
             inputs = {
                 g.name: tuple(x.name for x in g.quantities)
                 for g in self.system.groups

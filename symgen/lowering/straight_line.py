@@ -55,9 +55,11 @@ class Shared:
         for (symbol, _), value in zip(definitions, shared, strict=False):
             if value in temporaries and value not in own:
                 own[value] = symbol.name
-        names = {s.name: name for s, name in own.items()}
-        nodes = (rename(lower(e), names) for e in shared)
-        self.values: dict[str, Node] = {names.get(s.name, s.name): rename(lower(e), names) for s, e in found}
+        titles = {s.name: name for s, name in own.items()}
+        nodes = (rename(lower(e), titles) for e in shared)
+        self.values: dict[str, Node] = {}
+        for s, e in found:
+            self.values[titles.get(s.name, s.name)] = rename(lower(e), titles)
         for symbol, _ in definitions:
             value = next(nodes)
             if value != Reference(symbol.name):

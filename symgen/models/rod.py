@@ -26,7 +26,7 @@ def rod_system(dimension: int) -> System:
     symbols = tuple(x.symbol for x in parameters)
     calculus = Calculus(q, u, sp.Symbol("t", real=True))
     ends = end_mass(*symbols)
-    start, end = ([x.symbol for x in u[k : k + dimension]] for k in (0, dimension))
+    start, end = (tuple(x.symbol for x in u[k : k + dimension]) for k in (0, dimension))
     along = vector_between(
         calculus, "rod", *(tuple(x.symbol for x in q[k : k + dimension]) for k in (0, dimension))
     )

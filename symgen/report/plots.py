@@ -49,8 +49,8 @@ def plot(result: Result, *names: str, file: str | os.PathLike[str] | None = None
         panel.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize="small", frameon=False)
     panels[-1].set_xlabel("time [s]")
     figure.suptitle(
-        f"{result.title}\n{result.provenance['method']}, {result.statistics['steps']} steps; drift: constraints "
-        f"{result.drift.constraint:.1e} m, energy {result.drift.energy:.1e} J",
+        f"{result.title}\n{result.provenance['method']}, {result.statistics['steps']} steps; "
+        f"drift: constraints {result.drift.constraint:.1e} m, energy {result.drift.energy:.1e} J",
         fontsize="medium",
     )
     if file is not None:
@@ -71,8 +71,8 @@ def _save(figure: Any, path: Path) -> None:
 def _chosen(result: Result, names: tuple[str, ...]) -> list[Variable]:
     if not names:
         return list(result.variables)
-    chosen = []
+    chosen: dict[str, Variable] = {}
     for name in names:
         of_owner = [v for v in result.variables if v.name.partition(".")[0] == name and "." in v.name]
-        chosen += of_owner or [result.variable(name)]
-    return list(dict.fromkeys(chosen))
+        chosen.update((v.name, v) for v in of_owner or [result.variable(name)])
+    return list(chosen.values())

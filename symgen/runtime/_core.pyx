@@ -78,6 +78,7 @@ cdef class Equations:
     cdef readonly Py_ssize_t n, m, extra, dim
     cdef readonly long evaluations, factorisations
     cdef readonly Py_ssize_t weakest
+    cdef readonly double soundness
     cdef Py_ssize_t first_pivot
     cdef double[::1] p, work, factors, out, rates, rhs, energies, before
 
@@ -96,7 +97,7 @@ cdef class Equations:
         self.work, self.factors = np.zeros(work_size + 1), np.zeros(work_size + 1)
         self.out, self.rates = np.zeros(2 * (n + m) + 1), np.zeros(m + 1)
         self.rhs, self.before, self.energies = np.zeros(n + m + 1), np.zeros(n + 1), np.zeros(3)
-        self.weakest, self.first_pivot = -1, first_pivot
+        self.weakest, self.soundness, self.first_pivot = -1, INFINITY, first_pivot
 
     cdef void derivative(self, double t, const double *y, double *dy) noexcept nogil:
         """Write dy/dt of y = (q, u[, work done by loads without potential])."""
@@ -141,20 +142,23 @@ cdef class Equations:
     cdef int factorise(self, double t, const double *y) noexcept nogil:
         """Factorise at y and watch the pivots: their signs, and what cancellation left of them."""
         cdef Py_ssize_t i
-        cdef double pivot, sound
+        cdef double sign, ratio
+        cdef bint finite = True
         cdef double *pivots = &self.factors[self.first_pivot]
         self.factor(&t, y, y + self.n, &self.p[0], &self.factors[0], &self.out[0])
         self.factorisations += 1
+        self.weakest, self.soundness = -1, INFINITY
         for i in range(self.n + self.m):
-            pivot, sound = pivots[2 * i], pivots[2 * i + 1]
-            if not isfinite(pivot):
-                return _NOT_FINITE
-            if i >= self.n:
-                pivot, sound = -pivot, -sound
-            if not (pivot > RANK_TOLERANCE * sound and sound > 0.0):
-                self.weakest = i
-                return _SINGULAR
-        return _DONE
+            sign = 1.0 if i < self.n else -1.0
+            # A pivot's own-signed terms, whose sum is never zero unless the unknown itself is undetermined.
+            ratio = sign * pivots[2 * i] / fabs(pivots[2 * i + 1]) if pivots[2 * i + 1] != 0.0 else 0.0
+            if not isfinite(ratio):
+                finite = False
+            elif ratio < self.soundness:
+                self.weakest, self.soundness = i, ratio
+        if self.soundness <= RANK_TOLERANCE:
+            return _SINGULAR
+        return _DONE if finite else _NOT_FINITE
 
     cdef int project(self, double t, double *y) noexcept nogil:
         """Bring positions and velocities back onto the constraints, by mass-weighted steps of one factor."""
@@ -208,7 +212,8 @@ cdef class Equations:
         return self.project(t, &y[0])
 
     def check(self, double t, const double[::1] y):
-        """Factorise at y; return the status, and leave the weakest unknown in ``weakest``."""
+        """Factorise at y; return the status, the unknown of least pivot in ``weakest``, and in ``soundness``
+        what cancellation left of that pivot."""
         return self.factorise(t, &y[0])
 
     def errors(self, double t, const double[::1] y):

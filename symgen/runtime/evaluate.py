@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from symgen.errors import ModelError
 from symgen.runtime import _core
-from symgen.runtime.description import BlockInfo, Description
+from symgen.runtime.description import BlockInfo, Description, KernelInfo
 from symgen.runtime.library import Library
 
 Array = NDArray[np.float64]
@@ -25,11 +25,16 @@ class Evaluator:
         """Tell whether the model has this kernel."""
         return kernel in self.library.addresses
 
-    def __call__(self, kernel: str, t: float, q: Array, u: Array, work: Array | None = None) -> Array:
-        """Return the ``out`` array of a kernel."""
+    def info(self, kernel: str) -> KernelInfo:
+        """Return what is known of a kernel; raise ModelError when the model has none of that name."""
         info = self.description.kernel(kernel)
         if info is None:
             raise ModelError(f"{self.description.name} has no kernel {kernel!r}")
+        return info
+
+    def __call__(self, kernel: str, t: float, q: Array, u: Array, work: Array | None = None) -> Array:
+        """Return the ``out`` array of a kernel."""
+        info = self.info(kernel)
         out = np.zeros(info.out_size + 1)
         memory = np.zeros(self.work_size + 1) if work is None else work
         address = self.library.addresses[kernel]
@@ -41,9 +46,7 @@ class Evaluator:
     ) -> dict[str, Array]:
         """Return the results of a kernel by name, shaped."""
         out = self(kernel, t, q, u, work)
-        info = self.description.kernel(kernel)
-        assert info is not None
-        return {b.name: part(out, b) for b in info.blocks}
+        return {b.name: part(out, b) for b in self.info(kernel).blocks}
 
 
 def part(out: Array, block: BlockInfo) -> Array:

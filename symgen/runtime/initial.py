@@ -11,7 +11,7 @@ from symgen.runtime.evaluate import Evaluator
 Array = NDArray[np.float64]
 
 _STEPS, _SMALLEST = 32, 1 / 4096
-_NEWTON, _ROUNDING = 30, 1e-14
+_NEWTON, _ROUNDING, _CONSISTENT = 30, 1e-14, 1e-9
 
 
 def start(evaluator: Evaluator) -> tuple[Array, Array]:
@@ -47,7 +47,7 @@ def _assemble(evaluator: Evaluator, q: Array) -> Array:
         step /= 2
         if step < _SMALLEST:
             residual = evaluator.blocks("assembly", 1.0, q, q)["assembly_residual"]
-            raise InitialStateError(_unassembled(evaluator, at, residual))
+            raise _unassembled(evaluator, at, residual)
     return q
 
 
@@ -73,17 +73,23 @@ def _newton(evaluator: Evaluator, t: float, q: Array) -> Array | None:
     return q if previous <= _ROUNDING * size else None
 
 
-def _unassembled(evaluator: Evaluator, reached: float, residual: Array) -> str:
-    info = evaluator.description.kernel("assembly")
-    assert info is not None
-    rows = info.blocks[0].rows
-    order = np.argsort(-np.abs(residual))[:3]
-    missing = ", ".join(f"{rows[i]} by {abs(residual[i]):.3g} m" for i in order if abs(residual[i]) > 0)
-    return (
+def _unassembled(evaluator: Evaluator, reached: float, residual: Array) -> InitialStateError:
+    rows = _rows(evaluator, "assembly")
+    order = [i for i in np.argsort(-np.abs(residual))[:3] if residual[i] != 0.0]
+    missing = ", ".join(f"{rows[i]} by {abs(residual[i]):.3g} m" for i in order)
+    return InitialStateError(
         f"the linkage cannot be assembled with these lengths and start angles: led from the drawing it came "
         f"{reached:.0%} of the way; from there it still misses {missing}\n"
-        "  Check the lengths of these links and the start angles, or draw it nearer to where it can close."
+        "  Check the lengths of these links and the start angles, or draw it nearer to where it can close.",
+        where=_place(rows[order[0]]) if order else "start",
     )
+
+
+def _place(row: str) -> str:
+    """Return the key of the scene that asks for a row of the start."""
+    name, _, what = row.partition(" ")
+    tables = {"": "links", "angle": "start.angles", "rate": "start.rates", "velocity": "start.velocities"}
+    return f"{tables[what.partition(' ')[0]]}.{name}"
 
 
 def _velocities(evaluator: Evaluator, q: Array) -> Array:
@@ -91,43 +97,47 @@ def _velocities(evaluator: Evaluator, q: Array) -> Array:
     zero = np.zeros(n)
     wanted = evaluator.blocks("start_velocity", 0.0, q, zero)
     rows, rhs = [wanted["start_jacobian"].reshape(-1, n)], [wanted["start_rates"]]
-    names = list(_rows(evaluator, "start_velocity"))
     if evaluator.has("constraint_jacobian"):
         scale = evaluator.blocks("constraints", 0.0, q, zero)["constraint_scale"]
         jacobian = evaluator.blocks("constraint_jacobian", 0.0, q, zero)["constraint_jacobian"].reshape(-1, n)
         rows.insert(0, jacobian / scale[:, None])
         rhs.insert(0, np.zeros(len(scale)))
-        names = [*(f"length of {c}" for c in evaluator.description.constraints), *names]
     matrix, vector = np.vstack(rows), np.concatenate(rhs)
     mass = evaluator.blocks("mass_matrix", 0.0, q, zero)["mass_matrix"].reshape(n, n)
     try:
         root = np.linalg.cholesky(mass)
     except np.linalg.LinAlgError:
-        raise InitialStateError(not_positive(evaluator)) from None
+        raise not_positive(evaluator) from None
     # Least kinetic energy: u = L^-T x with x of least norm, M = L L^T.
     reduced = np.linalg.solve(root, matrix.T).T
     x = np.linalg.lstsq(reduced, vector, rcond=1e-10)[0]
     u: Array = np.linalg.solve(root.T, x)
+    asked = len(wanted["start_rates"])
     miss = np.abs(matrix @ u - vector)
     size = float(np.max(np.abs(vector), initial=0.0))
-    if np.max(miss, initial=0.0) > 1e-9 * size:
-        worst = int(np.argmax(miss))
+    if np.max(miss, initial=0.0) > _CONSISTENT * size:
+        worst = int(np.argmax(miss[-asked:]))
+        row = _rows(evaluator, "start_velocity")[worst]
         raise InitialStateError(
-            f"the velocities asked for at the start contradict the constraints: {names[worst]} is missed by "
-            f"{miss[worst]:.3g} m/s\n  Ask for fewer of them: the others follow."
+            f"the velocities asked for at the start contradict the constraints: {row} is missed by "
+            f"{miss[-asked:][worst]:.3g} m/s, a length by {np.max(miss[:-asked], initial=0.0):.3g} m/s\n"
+            "  Ask for fewer of them: the others follow.",
+            where=_place(row),
         )
     return u
 
 
-def not_positive(evaluator: Evaluator) -> str:
-    """Return the message for a mass matrix that is not positive definite."""
+def not_positive(evaluator: Evaluator) -> InitialStateError:
+    """Return the error for a mass matrix that is not positive definite."""
     values = ", ".join(
         f"{p.name} = {v:g} {p.unit}"
         for p, v in zip(evaluator.description.parameters, evaluator.parameters, strict=False)
     )
-    return (
-        f"the mass matrix is not positive definite{f' with {values}' if values else ''}: some point carries no "
-        "mass, or a negative one\n  Give every link a positive mass and moment of inertia about its centre."
+    return InitialStateError(
+        f"the mass matrix is not positive definite{f' with {values}' if values else ''}: "
+        "some point carries no mass, or a negative one\n"
+        "  Give every link a positive mass and moment of inertia about its centre.",
+        where="links",
     )
 
 

@@ -47,6 +47,7 @@ class Model:
             self.parameters[name] = float(value)
         self._evaluator = Evaluator(description, library, np.array(list(self.parameters.values())))
         self._start: tuple[Array, Array] | None = None
+        self._equations: Any = None
 
     @property
     def name(self) -> str:
@@ -61,7 +62,9 @@ class Model:
     @property
     def equations(self) -> Any:
         """The derived SymPy matrices by name: ``model.equations["constraint_jacobian"]``."""
-        return self._derive()
+        if self._equations is None:
+            self._equations = self._derive()
+        return self._equations
 
     @property
     def operations(self) -> dict[str, dict[str, int]]:
@@ -105,15 +108,17 @@ class Model:
             return
         weakest = equations.weakest
         if status == _core.NOT_FINITE or weakest < d.coordinates:
-            raise InitialStateError(not_positive(self._evaluator))
+            raise not_positive(self._evaluator)
         zero = np.zeros(d.coordinates)
         jacobian = self._evaluator("constraint_jacobian", 0.0, q, zero).reshape(-1, d.coordinates)
         scale = self._evaluator.blocks("constraints", 0.0, q, zero)["constraint_scale"]
         rank = int(np.linalg.matrix_rank(jacobian / scale[:, None], tol=1e-9))
-        name = weakest_name(weakest, d.moving, d.axes, d.constraints)
+        name = weakest_name(weakest, d)
         raise InitialStateError(
-            f"the constraints are singular at the start: {len(d.constraints)} constraints of rank {rank}; {name} "
-            "is not independent of the others\n  Remove a redundant link, or start away from the dead centre."
+            f"the constraints are singular at the start: {len(d.constraints)} constraints of rank {rank}; "
+            f"{name} is not independent of the others\n"
+            "  Remove a redundant link, or start away from the dead centre.",
+            where=f"links.{d.constraints[weakest - d.coordinates]}",
         )
 
     def _state(self, t: float, q: Array, u: Array) -> State:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from symgen.errors import ModelError, SimulationError
 from symgen.runtime import _core
+from symgen.runtime.description import Description
 from symgen.runtime.evaluate import Evaluator, part
 from symgen.runtime.integrators import integrator
 from symgen.runtime.integrators.tableau import ExplicitRungeKutta
@@ -23,6 +24,8 @@ Progress = Callable[[float], None]
 #: Tightest relative tolerance that float64 can meet.
 TIGHTEST = 100 * np.finfo(float).eps
 _CHUNK_SECONDS = 0.05
+#: Pivots that keep less than this are worth a word when a run fails.
+_NEAR = 1e-3
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,7 +120,7 @@ def run(
     if status == _core.DONE:
         return result
     raise SimulationError(
-        _problem(status, stepper, equations, description.moving, description.axes, description.constraints),
+        _problem(status, stepper, equations, description),
         time=stepper.t,
         partial=result if stepper.recorded else None,
     )
@@ -137,50 +140,60 @@ def equations_of(evaluator: Evaluator) -> _core.Equations:
     )
 
 
-def weakest_name(
-    index: int, moving: tuple[str, ...], axes: tuple[str, ...], constraints: tuple[str, ...]
-) -> str:
+def weakest_name(index: int, description: Description) -> str:
     """Return what an unknown of the equations of motion is called in messages."""
-    n = len(moving) * len(axes)
+    axes, n = description.axes, description.coordinates
     if index < n:
-        return f"the {axes[index % len(axes)]} motion of point {moving[index // len(axes)]}"
-    return f"the length of link {constraints[index - n]}"
+        return f"the {axes[index % len(axes)]} motion of point {description.moving[index // len(axes)]}"
+    return f"the length of link {description.constraints[index - n]}"
 
 
 def _problem(
     status: int,
     stepper: _core.Stepper,
     equations: _core.Equations,
-    moving: tuple[str, ...],
-    axes: tuple[str, ...],
-    constraints: tuple[str, ...],
+    description: Description,
 ) -> str:
+    moving, axes = description.moving, description.axes
     at = f"at t = {stepper.t:.9g} s after {stepper.steps} steps"
     where = ", ".join(
         f"{p} ({', '.join(f'{x:.6g}' for x in stepper.state[i * len(axes) : (i + 1) * len(axes)])}) m"
         for i, p in enumerate(moving[:8])
     )
     if status == _core.SINGULAR:
-        name = weakest_name(equations.weakest, moving, axes, constraints)
-        if equations.weakest < len(moving) * len(axes):
+        name = weakest_name(equations.weakest, description)
+        if equations.weakest < description.coordinates:
             return f"the mass matrix lost its positive definiteness {at}: {name} carries no mass"
         return (
-            f"the constraints lost rank {at}: {name} is no longer independent of the others (a dead centre of "
-            f"the linkage, or a redundant link)\n  State: {where}."
+            f"the constraints lost rank {at}: {name} is no longer independent of the others (a dead centre "
+            f"of the linkage, or a redundant link)\n  State: {where}."
         )
     if status == _core.PROJECTION_FAILED:
         return (
             f"the state could not be brought back onto the constraints {at}: the step is too large for the "
             f"motion\n  Use a smaller step or tighter tolerances. State: {where}."
         )
+    near = _near_singular(stepper, equations, description)
     if status == _core.NOT_FINITE:
-        return f"a number that is not finite appeared {at}\n  Use a smaller step. Last good state: {where}."
+        return (
+            f"a number that is not finite appeared in the step {at}{near}\n"
+            f"  Use a smaller step. Last good state: {where}."
+        )
     if status == _core.STEP_TOO_SMALL:
         return (
-            f"the step became too small to go on {at}: the tolerance cannot be met there, the motion may be "
-            f"singular or stiff\n  Loosen rtol and atol. State: {where}."
+            f"the step became too small to go on {at}: the tolerance cannot be met there{near or ', the motion may be stiff'}"
+            f"\n  Loosen rtol and atol. State: {where}."
         )
     return f"the run was not finished within max_steps, {at}\n  Raise max_steps or shorten the run."
+
+
+def _near_singular(stepper: _core.Stepper, equations: _core.Equations, description: Description) -> str:
+    """Say so when the constraints of the last good state are close to losing rank."""
+    equations.check(stepper.t, np.append(stepper.state, 0.0))
+    if equations.soundness > _NEAR:
+        return ""
+    name = weakest_name(equations.weakest, description)
+    return f"; the constraints nearly lose rank there: {name} keeps {equations.soundness:.1e} of its pivot"
 
 
 def _result(

@@ -44,7 +44,7 @@ class Definition:
 
 @dataclass(frozen=True, slots=True)
 class Group:
-    """One argument array of the kernels (``t``, ``q``, ``u``, ``p`` or ``work``) and what its entries mean."""
+    """One argument array of the kernels (``t``, ``q``, ``u``, ``p``, ``work``) and its entries' meaning."""
 
     name: str
     description: str
@@ -131,9 +131,20 @@ class System:
         """Return the argument group called ``name``; an empty one when the system has none."""
         return next((g for g in self.groups if g.name == name), Group(name, "", ()))
 
+    def by_name(self) -> Matrices:
+        """Return the bare SymPy matrices by name."""
+        return Matrices((m.name, m.matrix) for m in self.matrices)
+
     def expanded(self, name: str) -> sp.ImmutableMatrix:
         """Return the matrix with every shared subexpression put back in, over the arguments alone."""
         values: dict[sp.Symbol, sp.Expr] = {}
         for definition in self.definitions:
             values[definition.quantity.symbol] = definition.expression.xreplace(values)
         return self[name].matrix.xreplace(values)
+
+
+class Matrices(dict[str, sp.ImmutableMatrix]):
+    """SymPy matrices by name; a missing name is a DerivationError that tells the nearest."""
+
+    def __missing__(self, name: str) -> sp.ImmutableMatrix:
+        raise DerivationError(f"there is no matrix {name!r}. {nearest(name, self)}")

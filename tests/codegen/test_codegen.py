@@ -1,0 +1,169 @@
+"""Generated text: deterministic, guarded, clean under strict compilers."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import symgen
+from symgen.codegen.emit import emit, equations_hash
+from symgen.codegen.manifest import differences, listed, write
+from symgen.codegen.target import Target
+from symgen.compiler import find_compiler
+from symgen.errors import StaleBinaryError
+from symgen.lowering.program import lower_system
+from symgen.models import BLOCKS, SHIPPED_SCENES
+from symgen.pipeline import generated_folder, shipped_sources
+from symgen.runtime.library import shipped_module
+
+NAMES = (*BLOCKS, *symgen.shipped_scenes())
+
+
+@pytest.fixture(scope="module")
+def sources():
+    return shipped_sources()
+
+
+def program_of(name):
+    return lower_system(BLOCKS[name]() if name in BLOCKS else symgen.derive(name))
+
+
+def test_committed_files_are_current(sources):
+    assert differences(generated_folder(), sources) == []
+
+
+def test_every_shipped_model_is_committed_and_importable(sources):
+    models = json.loads(next(f.text for f in sources if f.name == "manifest.json"))["models"]
+    assert set(models) == {*BLOCKS, *SHIPPED_SCENES}
+    for name in models:
+        module = shipped_module(name)
+        assert models[name]["equations"] == module.EQUATIONS
+        assert set(module.ADDRESSES) == {k.name for k in program_of(name).kernels}
+
+
+def test_same_bytes_whatever_the_hash_seed(tmp_path):
+    """Everything under generated/ and the kernels of all scenes, in four processes of their own."""
+    code = (
+        "import hashlib, symgen\n"
+        "from symgen.pipeline import shipped_sources\n"
+        "from symgen.codegen.emit import emit\nfrom symgen.codegen.target import Target\n"
+        "from symgen.lowering.program import lower_system\n"
+        "files = list(shipped_sources())\n"
+        "for s in ('peaucellier_perturbed', 'triple_pendulum', 'four_bar'):\n"
+        "    files += emit(lower_system(symgen.derive(s)), Target(), 'x')\n"
+        "print(hashlib.sha256(repr([(f.name, f.text) for f in files]).encode()).hexdigest())\n"
+    )
+    running = [
+        subprocess.Popen(
+            [sys.executable, "-c", code],
+            env={**os.environ, "PYTHONHASHSEED": seed},
+            stdout=subprocess.PIPE,
+            text=True,
+        )
+        for seed in ("0", "1", "42", "4294967295")
+    ]
+    found = {process.communicate()[0].strip() for process in running}
+    assert len(found) == 1
+    assert len(found.pop()) == 64
+
+
+def test_one_changed_byte_fails_the_check_with_a_readable_diff(tmp_path, sources):
+    for file in sources:
+        (tmp_path / file.name).write_text(file.text)
+    assert differences(tmp_path, sources) == []
+    victim = tmp_path / "rod_kernel.c"
+    changed = victim.read_text().replace("rod_dx*rod_dx", "rod_dx*rod_dy", 1)
+    assert changed != victim.read_text()
+    victim.write_text(changed)
+    (found,) = differences(tmp_path, sources)
+    lines = found.splitlines()
+    assert lines[0] == "--- generated/rod_kernel.c (there)"
+    assert sum(line.startswith("-") for line in lines) == 2
+    assert sum(line.startswith("+") for line in lines) == 2
+    assert any("rod_dx*rod_dy" in line for line in lines)
+
+
+def test_write_touches_only_what_differs_and_removes_what_is_no_longer_listed(tmp_path, sources):
+    assert sorted(write(tmp_path, sources)) == sorted(f.name for f in sources)
+    mine = tmp_path / "notes.txt"
+    mine.write_text("not generated")
+    assert write(tmp_path, sources) == []
+    manifest = json.loads((tmp_path / "manifest.json").read_text())
+    manifest["models"]["gone"] = {"equations": "x", "sources": {"gone.pyx": "x"}}
+    (tmp_path / "manifest.json").write_text(json.dumps(manifest))
+    (tmp_path / "gone.pyx").write_text("old")
+    assert "gone.pyx" in listed(tmp_path)
+    assert any("gone.pyx is no longer generated" in d for d in differences(tmp_path, sources))
+    assert sorted(write(tmp_path, sources)) == ["gone.pyx", "manifest.json"]
+    assert mine.exists()
+
+
+def test_a_module_of_other_equations_is_refused(monkeypatch):
+    monkeypatch.setattr(shipped_module("rod"), "EQUATIONS", "0" * 64)
+    with pytest.raises(StaleBinaryError, match=r"compiled from the equations 0000.*\n.*pip install"):
+        shipped_module("rod")
+
+
+@pytest.mark.skipif(shutil.which("cc") is None, reason="no C compiler")
+@pytest.mark.parametrize("name", NAMES)
+def test_c_compiles_without_a_warning(name, tmp_path):
+    for file in emit(program_of(name), Target(), "x" * 64):
+        (tmp_path / file.name).write_text(file.text)
+    for source in sorted(tmp_path.glob("*.c")):
+        subprocess.run(
+            ["cc", "-std=c11", "-Wall", "-Wextra", "-Werror", "-Wpedantic", "-Wdouble-promotion", "-O1", "-c"]
+            + [str(source), "-o", str(tmp_path / "x.o")],
+            check=True,
+        )
+
+
+@pytest.mark.skipif(shutil.which("c++") is None, reason="no C++ compiler")
+def test_header_serves_cplusplus(tmp_path):
+    for file in emit(program_of("rod"), Target(), "x" * 64):
+        (tmp_path / file.name).write_text(file.text)
+    (tmp_path / "main.cpp").write_text(
+        '#include "rod_kernel.h"\nint main() { return rod_equations[0] == 0; }\n'
+    )
+    subprocess.run(["c++", "-Wall", "-Werror", "-c", "main.cpp", "-o", "main.o"], cwd=tmp_path, check=True)
+
+
+def test_nothing_is_left_unrendered_and_nothing_of_the_machine_is_in_it(sources):
+    for file in sources:
+        assert "{{" not in file.text and "{%" not in file.text
+        assert str(Path.home()) not in file.text
+        assert "\r" not in file.text
+
+
+def test_a_title_cannot_break_out_of_its_comment():
+    scene = symgen.Scene(
+        title='*/ #error "out" """ \\',
+        points={"O": {"at": ["0 m", "0 m"], "ground": True}, "A": {"at": ["1 m", "0 m"]}},
+        links={"OA": {"points": ["O", "A"], "mass": "1 kg"}},
+    )
+    assert symgen.build(scene).accelerations()["A"].tolist() == [0.0, 0.0]
+    assert symgen.build(scene, backend="numpy").accelerations()["A"].tolist() == [0.0, 0.0]
+
+
+def test_equations_hash_covers_program_and_templates():
+    rod, spatial = program_of("rod"), program_of("rod_spatial")
+    assert equations_hash(rod, Target()) != equations_hash(spatial, Target())
+    assert equations_hash(rod, Target("c")) == equations_hash(rod, Target("numpy"))
+
+
+def test_header_says_what_every_entry_means():
+    (header,) = (f.text for f in emit(program_of("peaucellier"), Target(), "x") if f.name.endswith(".h"))
+    for line in ("q[0]  A_x  [m]", "p[0]  rho  [kg/m]  mass per length of the rods", "work[14]  AD_lambda"):
+        assert line in header
+    assert "accelerations (8 x 1)" in header
+
+
+@pytest.mark.skipif(find_compiler() is None, reason="no C compiler")
+def test_large_models_are_split_over_files():
+    files = [f.name for f in emit(program_of("peaucellier"), Target(), "x")]
+    assert "peaucellier_kernel_2.c" in files

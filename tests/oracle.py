@@ -1,0 +1,60 @@
+"""The truth for kernels: the original SymPy matrices, evaluated with mpmath at 30 digits."""
+
+from __future__ import annotations
+
+import mpmath
+import numpy as np
+import sympy as sp
+
+from symgen.symbolic.system import System
+
+DIGITS = 30
+
+
+class Oracle:
+    """Evaluates the matrices of a system, shared subexpressions put back, at given argument arrays."""
+
+    def __init__(self, system: System) -> None:
+        self.system = system
+        self.symbols = [x.symbol for g in system.groups for x in g.quantities]
+        self._functions: dict[str, object] = {}
+
+    def matrix(self, name: str, values: dict[str, np.ndarray]) -> mpmath.matrix:
+        """Return a matrix at the arrays of each group, exact in the given doubles."""
+        if name not in self._functions:
+            self._functions[name] = sp.lambdify(
+                self.symbols, sp.Matrix(self.system.expanded(name)), modules="mpmath", cse=False
+            )
+        with mpmath.workdps(DIGITS):
+            arguments = [mpmath.mpf(float(x)) for g in self.system.groups for x in values[g.name]]
+            return mpmath.matrix(self._functions[name](*arguments))
+
+    def solve(self, values: dict[str, np.ndarray], rhs: mpmath.matrix | None = None) -> mpmath.matrix:
+        """Solve [M J^T; J 0] x = rhs; by default with the system's own right-hand side."""
+        point = self.system.saddle_point
+        with mpmath.workdps(DIGITS):
+            mass, jacobian = (self.matrix(n, values) for n in (point.mass, point.jacobian))
+            n, m = mass.rows, jacobian.rows
+            whole = mpmath.zeros(n + m)
+            for i in range(n):
+                for j in range(n):
+                    whole[i, j] = mass[i, j]
+                for j in range(m):
+                    whole[i, n + j] = whole[n + j, i] = jacobian[j, i]
+            if rhs is None:
+                force, gamma = (self.matrix(k, values) for k in (point.force, point.rhs))
+                rhs = mpmath.matrix([*force, *gamma])
+            return mpmath.lu_solve(whole, rhs)
+
+
+def relative_error(found: np.ndarray, exact: mpmath.matrix) -> float:
+    """Return the largest error over the largest entry (over one when all are zero)."""
+    with mpmath.workdps(DIGITS):
+        exact_entries = list(exact)
+        size = max((abs(x) for x in exact_entries), default=mpmath.mpf(0)) or mpmath.mpf(1)
+        return float(
+            max(
+                (abs(mpmath.mpf(float(f)) - x) / size for f, x in zip(found, exact_entries, strict=True)),
+                default=0,
+            )
+        )

@@ -1,0 +1,131 @@
+"""Every integrator in the registry: order, dense output, repeatability, and SciPy as a second opinion."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+import symgen
+from symgen.errors import ModelError
+from symgen.runtime.integrators import INTEGRATORS
+
+FIXED = [name for name, m in INTEGRATORS.items() if not m.adaptive]
+ADAPTIVE = [name for name, m in INTEGRATORS.items() if m.adaptive]
+
+
+@pytest.fixture(scope="module")
+def model():
+    return symgen.build("triple_pendulum")
+
+
+@pytest.fixture(scope="module")
+def exact(model):
+    """End of the run at t = 0.5 s by SciPy on the same accelerations, without projection."""
+    state = model.initial_state()
+    n = state.q.size
+
+    def rhs(t, y):
+        found = model.accelerations(type(state)(t, y[:n], y[n:], {}, {}))
+        return np.concatenate([y[n:], *(found[p] for p in model.description.moving)])
+
+    solution = solve_ivp(
+        rhs, (0, 0.5), np.concatenate([state.q, state.u]), method="DOP853", rtol=1e-13, atol=1e-14
+    )
+    return solution.y[:n, -1]
+
+
+def end(model, result):
+    return np.concatenate([result.final[p]["position"] for p in model.description.moving])
+
+
+@pytest.mark.parametrize("name", INTEGRATORS)
+def test_tableau_is_consistent(name):
+    m = INTEGRATORS[name]
+    assert m.name == name and m.about
+    assert m.a.shape == (m.all_stages, m.all_stages)
+    assert np.allclose(np.triu(m.a), 0)
+    assert np.allclose(m.a.sum(axis=1), m.c, atol=1e-14)
+    assert m.b.sum() == pytest.approx(1, abs=1e-14)
+    assert m.b @ m.c[: m.stages] == pytest.approx(1 / 2, abs=1e-14)
+    assert np.allclose(m.error.sum(axis=1), 0, atol=1e-13)
+    at_end = m.dense.sum(axis=1)
+    assert np.allclose(at_end[: m.stages], m.b, atol=1e-13)
+    assert np.allclose(at_end[m.stages :], 0, atol=1e-12)
+
+
+@pytest.mark.parametrize("name", FIXED)
+def test_order_of_convergence(name, model, exact):
+    steps = np.array([1 / 100, 1 / 200, 1 / 400])
+    errors = [np.max(np.abs(end(model, model.simulate(0.5, method=name, step=h)) - exact)) for h in steps]
+    observed = np.log2(np.array(errors[:-1]) / errors[1:])
+    assert np.all(np.abs(observed - INTEGRATORS[name].order) < 0.3), (errors, observed)
+
+
+@pytest.mark.parametrize("name", ADAPTIVE)
+def test_error_follows_the_tolerance(name, model, exact):
+    errors = []
+    for rtol in (1e-4, 1e-6, 1e-8, 1e-10, 1e-12):
+        result = model.simulate(0.5, method=name, rtol=rtol, atol=1e-3 * rtol)
+        errors.append(np.max(np.abs(end(model, result) - exact)))
+        assert errors[-1] < 1e3 * rtol
+    assert errors == sorted(errors, reverse=True)
+    assert errors[-1] < 1e-11
+
+
+@pytest.mark.parametrize("name", INTEGRATORS)
+def test_dense_output_lies_on_the_motion(name, model):
+    """Samples inside long steps, against a run whose steps end near every sample."""
+    loose = {"step": 1 / 64} if name in FIXED else {"rtol": 1e-6}
+    tight = {"step": 1 / 4096} if name in FIXED else {"rtol": 1e-12}
+    a, b = (model.simulate(0.5, method=name, samples=101, **o)["C.position"].values for o in (loose, tight))
+    assert np.max(np.abs(a - b)) < (5e-4 if name in FIXED else 2e-5)
+    lengths = [
+        np.linalg.norm(x - y, axis=1)
+        for r in [model.simulate(0.5, method=name, samples=101, **loose)]
+        for x, y in [(r["A.position"].values, r["B.position"].values)]
+    ]
+    assert np.max(np.abs(lengths[0] - 0.5)) < 1e-14
+
+
+@pytest.mark.parametrize("name", INTEGRATORS)
+def test_two_runs_are_the_same_to_the_bit(name, model):
+    options = {"step": 1e-3} if name in FIXED else {"rtol": 1e-9}
+    a, b = (model.simulate(1.0, method=name, **options) for _ in range(2))
+    for x, y in zip(a.variables, b.variables, strict=True):
+        assert x.values.tobytes() == y.values.tobytes()
+
+
+@pytest.mark.parametrize("name", INTEGRATORS)
+def test_drift_stays_at_round_off_on_the_constraints(name):
+    options = {"step": 1e-3} if name in FIXED else {"rtol": 1e-8}
+    drift = symgen.build("peaucellier").simulate(5.0, method=name, **options).drift
+    assert drift.constraint < 1e-16
+    assert drift.velocity < 1e-15
+
+
+def test_rk4_energy_drift_falls_with_the_fourth_power_at_least():
+    model = symgen.build("peaucellier")
+    a, b = (model.simulate(1.0, step=h).drift.energy for h in (4e-3, 2e-3))
+    assert a / b > 2**3.5
+
+
+@pytest.mark.parametrize(
+    "options, message",
+    [
+        ({"method": "rk5"}, "no integrator 'rk5'. Did you mean 'rk4'"),
+        ({"method": "rk4"}, "rk4 has a fixed step: give it one"),
+        ({"method": "rk4", "step": 1e-3, "rtol": 1e-6}, "give step instead of rtol"),
+        ({"method": "dop853", "step": 1e-3}, "dop853 chooses its own step"),
+        ({"t_end": -1.0}, "expected t_end to be a finite number above zero, got -1.0"),
+        ({"t_end": float("nan")}, "expected t_end"),
+        ({"rtol": 0.0}, "expected rtol"),
+        ({"rtol": 1e-17}, "tightest that float64 can meet"),
+        ({"samples": 1}, "between 2 and 10 million samples"),
+        ({"step": 1e-14}, "too small against t_end"),
+        ({"max_steps": 0}, "max_steps of at least 1"),
+    ],
+)
+def test_options_out_of_range_are_refused(model, options, message):
+    with pytest.raises(ModelError, match=message):
+        model.simulate(**{"t_end": 1.0, **options})

@@ -1,0 +1,241 @@
+"""The compiled model as a user meets it: states, parameters, forces, springs, failing runs, results."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+import symgen
+from symgen.errors import (
+    DerivationError,
+    InitialStateError,
+    ModelError,
+    ResultError,
+    SceneError,
+    SimulationError,
+)
+
+
+def pendulum(**tables):
+    scene = {
+        "points": {"O": {"at": ["0 m", "0 m"], "ground": True}, "A": {"at": ["1 m", "0 m"]}},
+        "links": {"OA": {"points": ["O", "A"], "mass": "2 kg"}},
+    }
+    return symgen.Scene(**{**scene, **tables})
+
+
+GRAVITY = {"acceleration": ["0 m/s^2", "-9.81 m/s^2"]}
+
+
+def test_point_mass_and_rod():
+    """a = -g m_total moment / I about the pin: rod m l^2/3, mass M l^2."""
+    model = symgen.build(pendulum(gravity=GRAVITY, masses=[{"point": "A", "mass": "3 kg"}]))
+    expected = -9.81 * (2 * 0.5 + 3 * 1) / (2 / 3 + 3)
+    assert model.accelerations()["A"][1] == pytest.approx(expected, rel=1e-14)
+
+
+def test_spring_without_mass_of_its_own():
+    """A mass on a spring: free point on no rod, period 2 pi sqrt(m/k), energy kept."""
+    scene = symgen.Scene(
+        points={
+            "O": {"at": ["0 m", "0 m"], "ground": True},
+            "A": {"at": ["1.5 m", "0 m"]},
+            "B": {"at": ["9 m", "0 m"]},
+            "C": {"at": ["9 m", "1 m"]},
+        },
+        links={"BC": {"points": ["B", "C"], "mass": "1 kg"}},
+        masses=[{"point": "A", "mass": "4 kg"}],
+        springs=[{"between": ["O", "A"], "stiffness": "100 N/m", "length": "1 m"}],
+        analysis={"outputs": ["A.position", "energy"]},
+    )
+    model = symgen.build(scene)
+    period = 2 * np.pi * np.sqrt(4 / 100)
+    result = model.simulate(period, rtol=1e-12, atol=1e-13)
+    assert result.final["A"]["position"][0] == pytest.approx(1.5, abs=1e-10)
+    assert result.drift.energy < 1e-11
+    half = model.simulate(period / 2, rtol=1e-12, atol=1e-13)
+    assert half.final["A"]["position"][0] == pytest.approx(0.5, abs=1e-10)
+
+
+def test_damper_takes_what_the_energy_loses():
+    """With damping the energy itself falls, but energy less the work of the damper is kept."""
+    springs = [{"between": ["G", "A"], "stiffness": "50 N/m", "length": "0.5 m", "damping": "3 N*s/m"}]
+    points = {
+        "O": {"at": ["0 m", "0 m"], "ground": True},
+        "A": {"at": ["1 m", "0 m"]},
+        "G": {"at": ["0 m", "-1 m"], "ground": True},
+    }
+    model = symgen.build(pendulum(points=points, springs=springs, gravity=GRAVITY))
+    result = model.simulate(3.0, rtol=1e-11, atol=1e-13)
+    energy = result["energy"].values
+    assert energy[-1] < energy[0] - 1
+    assert result.drift.energy < 1e-9
+
+
+def test_force_that_depends_on_time():
+    """A tangential force F sin(w t) on a pinned rod turns it as the integral says (small angles)."""
+    forces = [{"point": "A", "force": ["0 N", "0.002*sin(2*pi*t/period)*unit"]}]
+    parameters = {"period": "1 s", "unit": "1 N"}
+    model = symgen.build(pendulum(forces=forces, parameters=parameters))
+    result = model.simulate(1.0, rtol=1e-12, atol=1e-14)
+    w = 2 * np.pi
+    expected = 0.002 / (2 / 3) * (1 / w)
+    assert result.final["A"]["position"][1] == pytest.approx(expected, rel=1e-5)
+    assert result.drift.energy < 1e-12
+
+
+def test_tunable_geometry_moves_the_start():
+    points = {"O": {"at": ["0 m", "0 m"], "ground": True}, "A": {"at": ["l", "0 m"]}}
+    parameters = {"l": {"value": "1 m", "tunable": True, "about": "length"}}
+    model = symgen.build(pendulum(points=points, parameters=parameters, gravity=GRAVITY))
+    longer = model.with_parameters(l=2.5)
+    assert longer.initial_state().positions["A"].tolist() == [2.5, 0.0]
+    assert longer.accelerations()["A"][1] == pytest.approx(-1.5 * 9.81, rel=1e-14)
+    assert model.initial_state().positions["A"].tolist() == [1.0, 0.0]
+
+
+def test_parameters_are_checked():
+    model = symgen.build("peaucellier")
+    with pytest.raises(ModelError, match="no tunable parameter 'roh'. Did you mean 'rho'"):
+        model.with_parameters(roh=1.0)
+    with pytest.raises(ModelError, match="finite value for rho"):
+        model.with_parameters(rho=float("nan"))
+    with pytest.raises(InitialStateError, match="not positive definite with rho = -1 kg/m"):
+        model.with_parameters(rho=-1.0).simulate(0.1)
+    with pytest.raises(SceneError, match="expected a quantity in kg/m, got '2 kg'"):
+        symgen.build("peaucellier", set={"rho": "2 kg"})
+
+
+def test_states_are_checked():
+    model = symgen.build("four_bar")
+    with pytest.raises(ModelError, match="no point 'D'"):
+        model.state({"D": [0, 0]})
+    with pytest.raises(ModelError, match="the point B is missing"):
+        model.state({"A": [0, 0]})
+    with pytest.raises(ModelError, match="expected 2 finite numbers for A"):
+        model.state({"A": [0, 0, 0], "B": [1, 1]})
+
+
+def test_a_state_off_the_constraints_is_projected():
+    model = symgen.build("four_bar")
+    state = model.initial_state()
+    moved = {p: state.positions[p] + 1e-3 for p in ("A", "B")}
+    result = model.simulate(0.1, state=model.state(moved, state.velocities))
+    assert result.drift.constraint < 1e-14
+
+
+def test_singular_start_is_named():
+    """A pinned triangle of rods: rigid, and once more braced: redundant."""
+    points = {
+        "O": {"at": ["0 m", "0 m"], "ground": True},
+        "E": {"at": ["1 m", "0 m"], "ground": True},
+        "A": {"at": ["0.5 m", "1 m"]},
+        "F": {"at": ["0.5 m", "0 m"], "ground": True},
+    }
+    links = {f"{g}A": {"points": [g, "A"], "mass": "1 kg"} for g in "OEF"}
+    with pytest.raises(SceneError, match=r"3 constraints of rank 2"):
+        symgen.build(symgen.Scene(points=points, links=links))
+
+
+def test_losing_rank_on_the_way_ends_the_run_with_cause_and_partial_result():
+    """A parallelogram driven through its collinear state."""
+    points = {
+        "O": {"at": ["0 m", "0 m"], "ground": True},
+        "A": {"at": ["0 m", "1 m"]},
+        "B": {"at": ["2 m", "1 m"]},
+        "C": {"at": ["2 m", "0 m"], "ground": True},
+    }
+    links = {n: {"points": list(n), "mass": "1 kg"} for n in ("OA", "AB", "BC")}
+    scene = symgen.Scene(points=points, links=links, start={"rates": {"OA": "-1 rad/s"}})
+    with pytest.raises(SimulationError, match=r"(lost|lose) rank") as caught:
+        symgen.build(scene).simulate(3.0, step=np.pi / 2000)
+    assert caught.value.time == pytest.approx(np.pi / 2, abs=2e-3)
+    partial = caught.value.partial
+    assert partial.time[-1] <= caught.value.time
+    assert np.all(np.isfinite(partial["A.position"].values))
+
+
+def test_steps_too_large_are_an_error_not_a_wrong_answer():
+    with pytest.raises(SimulationError, match="at t ="):
+        symgen.build("triple_pendulum").simulate(10.0, step=0.5)
+
+
+def test_max_steps_ends_a_run():
+    with pytest.raises(SimulationError, match="max_steps, at t = .* after 10 steps"):
+        symgen.build("triple_pendulum").simulate(10.0, max_steps=10)
+
+
+def test_progress_is_reported():
+    told = []
+    symgen.build("triple_pendulum").simulate(5.0, step=1e-4, progress=told.append)
+    assert told == sorted(told)
+    assert told[-1] == pytest.approx(1.0)
+
+
+@pytest.fixture(scope="module")
+def result():
+    return symgen.build("four_bar").simulate(1.0, samples=11)
+
+
+@pytest.mark.parametrize("ending", [".nc", ".npz"])
+def test_results_come_back_as_they_were_saved(result, ending, tmp_path):
+    file = result.save(tmp_path / f"run{ending}")
+    again = symgen.load_result(file)
+    assert [p.name for p in tmp_path.iterdir()] == [file.name]
+    assert again.time.tobytes() == result.time.tobytes()
+    for a, b in zip(again.variables, result.variables, strict=True):
+        assert (a.name, a.unit, a.about, a.components) == (b.name, b.unit, b.about, b.components)
+        assert np.array_equal(a.values, b.values)
+    assert again.drift == result.drift
+    assert json.dumps(again.summary()) == json.dumps(result.summary())
+    assert again["A.position"].attrs["units"] == "m"
+
+
+def test_labelled_arrays(result):
+    position = result["A.position"]
+    assert position.dims == ("time", "axis")
+    assert position.sel(axis="x").size == 11
+    assert result["energy"].dims == ("time",)
+    assert result["crank.tension"].attrs["units"] == "N"
+    with pytest.raises(ResultError, match="Did you mean 'A.position'"):
+        result["A.positon"]
+
+
+def test_bad_result_files_are_named(result, tmp_path):
+    with pytest.raises(ResultError, match=r"ending in .nc or .npz, got 'run.csv'"):
+        result.save(tmp_path / "run.csv")
+    with pytest.raises(ResultError, match="cannot write the result"):
+        result.save(tmp_path / "no" / "run.nc")
+    broken = tmp_path / "broken.npz"
+    broken.write_bytes(b"not a result")
+    with pytest.raises(ResultError, match=r"broken.npz is not a result of symgen"):
+        symgen.load_result(broken)
+    with pytest.raises(ResultError, match="not a result"):
+        symgen.load_result(tmp_path / "missing.nc")
+    assert [p.name for p in tmp_path.iterdir()] == ["broken.npz"]
+
+
+def test_plot(result, tmp_path):
+    figure = result.plot("A", "energy", file=tmp_path / "run.png")
+    assert len(figure.axes) == 2
+    assert (tmp_path / "run.png").stat().st_size > 10_000
+    with pytest.raises(ResultError, match="holds no 'Z'"):
+        result.plot("Z")
+
+
+def test_outputs_equal_what_the_model_says_at_the_state(result):
+    model = symgen.build("four_bar")
+    found = model.accelerations()
+    assert result["O.reaction"].values[0] == pytest.approx(found.reactions["O"], rel=1e-12)
+    assert result["crank.tension"].values[0] == pytest.approx(found.multipliers["crank"] * 1.0, rel=1e-12)
+
+
+def test_equations_of_a_model():
+    model = symgen.build("four_bar")
+    assert model.equations["mass_matrix"].shape == (4, 4)
+    with pytest.raises(DerivationError, match="Did you mean 'mass_matrix'"):
+        model.equations["mass_matrx"]
+    assert "x" in model.equations["constraints"]._repr_latex_()
+    assert "four_bar" in repr(model)
