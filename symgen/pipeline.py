@@ -91,8 +91,8 @@ def compile_scene(text: SceneText, compiler: Compiler | None, folder: Path) -> t
         from symgen.codegen.emit import emit, equations_hash
         from symgen.codegen.target import Target
         from symgen.lowering.program import lower_system
-        from symgen.models.rods import linkage_system
-        from symgen.scene.linkage import resolve
+        from symgen.models.system import linkage_system
+        from symgen.scene.resolve import resolve
 
         linkage = resolve(check_scene(text))  # SceneText -> Scene -> Linkage
         system = linkage_system(linkage)  # Linkage -> System
@@ -108,8 +108,8 @@ def compile_scene(text: SceneText, compiler: Compiler | None, folder: Path) -> t
 
 def derive(scene: Scene | SceneText | str | os.PathLike[str]) -> System:
     """Return the derived equations of a scene: its SymPy matrices by name."""
-    from symgen.models.rods import linkage_system
-    from symgen.scene.linkage import resolve
+    from symgen.models.system import linkage_system
+    from symgen.scene.resolve import resolve
 
     return linkage_system(resolve(check_scene(_text_of(scene))))
 
@@ -248,6 +248,7 @@ def _describe(linkage: Linkage, program: Program, equations: str) -> Description
 
     kernels = {k.name: k for k in program.kernels}
     solution = {b.name: b for b in kernels["accelerations"].blocks}
+    work = next(slots for name, _, slots in program.groups if name == "work")
     return Description(
         name=program.name,
         file=linkage.file,
@@ -255,9 +256,12 @@ def _describe(linkage: Linkage, program: Program, equations: str) -> Description
         equations=equations,
         axes=tuple(AXES[: linkage.dimension]),
         points=tuple(p.name for p in linkage.points),
-        moving=tuple(p.name for p in linkage.points if not p.ground),
+        free=tuple(dict.fromkeys(r.rpartition("_")[0] for r in solution["accelerations"].rows)),
         ground=tuple(p.name for p in linkage.points if p.ground),
         constraints=tuple(r.removesuffix("_lambda") for r in solution["multipliers"].rows),
+        labels=tuple(
+            s.description.removeprefix("multiplier of ") for s in work if s.name.endswith("_lambda")
+        ),
         work_of_loads=any(b.name == "power" for b in kernels["energy"].blocks),
         needs_assembly="assembly" in kernels,
         needs_velocity="start_velocity" in kernels,

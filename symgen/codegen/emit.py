@@ -123,7 +123,7 @@ SPLIT = "c/kernel.c.j2"
 
 #: Statements in one C file, beyond which the next kernels go to another one: the files of a model compile
 #: side by side.
-STATEMENTS = 320
+STATEMENTS = 400
 
 
 def equations_hash(program: Program, target: Target) -> str:

@@ -15,13 +15,20 @@ import sympy as sp
 
 Vector = tuple[sp.Expr, ...]
 
+ZERO = sp.Integer(0)
+
 
 class EndMass(NamedTuple):
-    """The 2x2 mass matrix [[a11, a12], [a12, a22]] of a rod's end velocities [kg], equal for each axis."""
+    """Mass matrix [[a11, a12], [a12, a22]] of a link's end velocities [kg], equal for each axis.
+
+    ``cross`` couples an axis of one end with the other axis of the other end, in the plane, when the centre
+    of mass lies off the line of the ends; it is zero for a rod.
+    """
 
     a11: sp.Expr
     a12: sp.Expr
     a22: sp.Expr
+    cross: sp.Expr = sp.Integer(0)
 
 
 #: Mass, first and second moment of the unit mass at start, middle and end, with the length as unit.
@@ -45,8 +52,10 @@ def _end_mass_by_moment() -> tuple[sp.ImmutableMatrix, ...]:
     )
 
 
-def _moments(mass: sp.Expr, length: sp.Expr, centre: sp.Expr, inertia: sp.Expr) -> tuple[sp.Expr, ...]:
-    about_start = inertia + mass * centre**2
+def _moments(
+    mass: sp.Expr, length: sp.Expr, centre: sp.Expr, inertia: sp.Expr, offset: sp.Expr = ZERO
+) -> tuple[sp.Expr, ...]:
+    about_start = inertia + mass * (centre**2 + offset**2)
     return mass, mass * centre / length, about_start / length**2
 
 
@@ -67,32 +76,49 @@ def particle_masses(mass: sp.Expr, length: sp.Expr, centre: sp.Expr, inertia: sp
     return tuple(dot(tuple(by_moment[row, :]), moments) for row in range(by_moment.rows))
 
 
-def end_mass(mass: sp.Expr, length: sp.Expr, centre: sp.Expr, inertia: sp.Expr) -> EndMass:
-    """Return the end mass matrix of a rod.
+def end_mass(
+    mass: sp.Expr, length: sp.Expr, centre: sp.Expr, inertia: sp.Expr, offset: sp.Expr = ZERO
+) -> EndMass:
+    """Return the end mass matrix of a rod, or of a planar body that two of its points carry.
+
+    A point of a planar body is r = (1 - z) r_i + z r_j with a complex z (multiplication by i turns by a
+    right angle), so its kinetic energy is a constant quadratic form of the two velocities as well: with
+    s1 = sum of m z and s2 = sum of m |z|^2, a11 = m - 2 Re s1 + s2, a12 = Re s1 - s2, a22 = s2 and
+    cross = Im s1. For a rod z is real, and the three equivalent particles give the same.
 
     Parameters
     ----------
     mass, length, centre, inertia
-        Mass [kg], length [m], centre of mass from the start [m], moment of inertia about it [kg m^2].
+        Mass [kg], distance of the ends [m], centre of mass from the start along their line [m], moment of
+        inertia about it [kg m^2].
+    offset
+        Distance of the centre of mass from the line of the ends, to the left of it [m].
     """
-    moments = _moments(mass, length, centre, inertia)
+    moments = _moments(mass, length, centre, inertia, offset)
     parts = _end_mass_by_moment()
-    return EndMass(*(dot(tuple(part[ij] for part in parts), moments) for ij in ((0, 0), (0, 1), (1, 1))))
+    a11, a12, a22 = (dot(tuple(part[ij] for part in parts), moments) for ij in ((0, 0), (0, 1), (1, 1)))
+    return EndMass(a11, a12, a22, mass * offset / length)
 
 
 def kinetic_energy(ends: EndMass, start: Vector, end: Vector) -> sp.Expr:
-    """Return the kinetic energy [J] of a rod with these velocities of its ends [m/s]."""
-    return sp.Add(
+    """Return the kinetic energy [J] of a link with these velocities of its ends [m/s]."""
+    straight = sp.Add(
         *(
             ends.a11 * a**2 / 2 + ends.a12 * a * b + ends.a22 * b**2 / 2
             for a, b in zip(start, end, strict=True)
         )
     )
+    return straight - ends.cross * cross(start, end) if ends.cross != 0 else straight
 
 
 def length_constraint(along: Vector, length: sp.Expr) -> sp.Expr:
     """Return (d.d - l^2)/2, Eq. (3a) halved, of a rod with d from start to end [m] and length l [m]."""
     return (sp.Add(*(c**2 for c in along)) - length**2) / 2
+
+
+def cross(a: Vector, b: Vector) -> sp.Expr:
+    """Return the product a_x b_y - a_y b_x of two vectors in the plane."""
+    return a[0] * b[1] - a[1] * b[0]
 
 
 def dot(a: Vector, b: Vector) -> sp.Expr:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import sympy as sp
 
 from symgen.errors import SceneError, nearest
+from symgen.models.matrix import named
 from symgen.symbolic.system import NamedMatrix
 
 if TYPE_CHECKING:
@@ -17,15 +18,15 @@ Entries = tuple[Sequence[sp.Expr], str, str]
 
 
 def _position(model: RodsModel, name: str) -> Entries:
-    return model.symbols(model.q[name]), "m", f"position of {name}"
+    return model.position(name), "m", f"position of {name}"
 
 
 def _velocity(model: RodsModel, name: str) -> Entries:
-    return model.symbols(model.u[name]), "m/s", f"velocity of {name}"
+    return model.velocity(name), "m/s", f"velocity of {name}"
 
 
 def _acceleration(model: RodsModel, name: str) -> Entries:
-    return model.symbols(model.a[name]), "m/s^2", f"acceleration of {name}"
+    return model.acceleration(name), "m/s^2", f"acceleration of {name}"
 
 
 def _reaction(model: RodsModel, name: str) -> Entries:
@@ -41,7 +42,7 @@ def _tension(model: RodsModel, name: str) -> Entries:
     if rod is None:
         raise SceneError(f"{name} lies between two ground points: its tension is not determined")
     return (
-        [model.multiplier[name].symbol * rod.length],
+        [model.multipliers[name].symbol * rod.length],
         "N",
         f"force of the length constraint of {name}, tension positive",
     )
@@ -59,6 +60,14 @@ def _potential_energy(model: RodsModel) -> Entries:
     return [model.potential_energy], "J", "potential of gravity and springs"
 
 
+def _torque(model: RodsModel, name: str) -> Entries:
+    rod = model.rod(name)
+    multiplier = model.multipliers.get(f"{name}_drive")
+    if rod is None or multiplier is None:
+        raise SceneError(f"{name} has no driver, so no drive torque")
+    return [-multiplier.symbol * rod.length], "N*m", f"torque of the drive on {name}, counter-clockwise"
+
+
 #: Outputs of a point, of a link, and of the whole linkage, by word.
 OF_POINTS: dict[str, Callable[[RodsModel, str], Entries]] = {
     "position": _position,
@@ -66,7 +75,7 @@ OF_POINTS: dict[str, Callable[[RodsModel, str], Entries]] = {
     "acceleration": _acceleration,
     "reaction": _reaction,
 }
-OF_LINKS: dict[str, Callable[[RodsModel, str], Entries]] = {"tension": _tension}
+OF_LINKS: dict[str, Callable[[RodsModel, str], Entries]] = {"tension": _tension, "torque": _torque}
 OF_THE_WHOLE: dict[str, Callable[[RodsModel], Entries]] = {
     "energy": _energy,
     "kinetic_energy": _kinetic_energy,
@@ -78,7 +87,15 @@ def asked(model: RodsModel) -> list[NamedMatrix]:
     """Return one matrix for each output the scene asks for; positions, velocities and energy by default."""
     names = model.linkage.outputs
     if names is None:
-        names = (*(f"{p}.{word}" for p in model.moving for word in ("position", "velocity")), "energy")
+        names = (
+            *(
+                f"{p}.{word}"
+                for p in model.points
+                if p not in model.ground
+                for word in ("position", "velocity")
+            ),
+            "energy",
+        )
     found = []
     for i, name in enumerate(names):
         try:
@@ -88,7 +105,7 @@ def asked(model: RodsModel) -> list[NamedMatrix]:
         except SceneError as error:
             raise error.located(where=f"analysis.outputs.{i}") from None
         rows = model.axes if len(entries) > 1 else ()
-        found.append(model.matrix(name, entries, unit, description, rows=rows))
+        found.append(named(model, name, entries, unit, description, rows=rows))
     return found
 
 
@@ -98,10 +115,12 @@ def _entries(model: RodsModel, name: str) -> Entries:
         if word in OF_THE_WHOLE:
             return OF_THE_WHOLE[word](model)
         raise SceneError(f"there is no output {name!r}", hint=nearest(name, OF_THE_WHOLE))
-    if word in OF_POINTS and owner in model.q:
+    if word in OF_POINTS and owner in model.points:
         return OF_POINTS[word](model, owner)
-    links = [r.name for r in model.linkage.rods]
+    links = [k.name for k in model.linkage.links]
     if word in OF_LINKS and owner in links:
         return OF_LINKS[word](model, owner)
-    known = [f"{p}.{w}" for p in model.q for w in OF_POINTS] + [f"{k}.{w}" for k in links for w in OF_LINKS]
+    known = [f"{p}.{w}" for p in model.points for w in OF_POINTS] + [
+        f"{k}.{w}" for k in links for w in OF_LINKS
+    ]
     raise SceneError(f"there is no output {name!r}", hint=nearest(name, known))

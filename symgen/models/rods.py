@@ -1,4 +1,4 @@
-"""A linkage of rods as a System: point coordinates, Lagrange multipliers, only what the scene asks for.
+"""A linkage of rods and planar bodies in point coordinates: the derivation, step by step.
 
 Source: H. A. Attia, *Dynamic Analysis of a Chain of Rigid Rods*, sections 2.1 to 2.3, in the symmetric
 form [M J^T; J 0] [a; lambda] = [f; gamma] with the middle particle of each rod eliminated.
@@ -13,62 +13,48 @@ import sympy as sp
 
 from symgen.errors import SceneError
 from symgen.mechanics import loads
-from symgen.mechanics.particles import Vector, dot, end_mass, length_constraint
-from symgen.mechanics.topology import Tree, elimination_order, spanning_tree
-from symgen.models import outputs
-from symgen.models.start import start_exports
-from symgen.scene.linkage import TIME, Linkage, Rod
+from symgen.mechanics.particles import Vector, cross, dot, end_mass
+from symgen.mechanics.topology import Tree, spanning_tree
+from symgen.models.constraints import Constraint, constraints
+from symgen.scene.linkage import TIME, CarriedPoint, Linkage, RigidLink
 from symgen.symbolic.calculus import ZERO, Calculus
 from symgen.symbolic.quantity import Quantity, quantity
-from symgen.symbolic.system import Export, Group, NamedMatrix, SaddlePoint, System
 
 REFERENCE = "H. A. Attia, Dynamic Analysis of a Chain of Rigid Rods, sections 2.1 to 2.3"
 
-
-def linkage_system(linkage: Linkage) -> System:
-    """Return the System of a linkage.
-
-    Raises
-    ------
-    SceneError
-        When an output is asked for that the linkage does not have.
-    """
-    try:
-        return RodsModel(linkage).system()
-    except SceneError as error:
-        raise error.located(file=linkage.file) from None
+Gradient = dict[sp.Symbol, sp.Expr]
 
 
 class RodsModel:
-    """The derivation, step by step; each property is one step and what outputs are made from.
+    """Each property is one step of the derivation, and what outputs are made from.
 
-    All points, ground included, have coordinates while deriving, so that the reaction at a ground point is
-    simply the residual of its row; the ground's known motion is put in at the end.
+    A point is *free* (it has coordinates that move), *ground* (its motion is known) or *carried* (a third
+    point of a body, placed by the first two). Ground points have coordinates too while deriving, so that
+    the reaction at a ground point is simply the residual of its rows; their known motion is put in at the
+    end, by ``held``.
     """
 
     def __init__(self, linkage: Linkage) -> None:
         self.linkage = linkage
         self.axes = loads.AXES[: linkage.dimension]
-        self.moving = [p.name for p in linkage.points if not p.ground]
         self.ground = [p.name for p in linkage.points if p.ground]
-        names = [*self.moving, *self.ground]
+        self.carrier, self.shared = _carriers(linkage)
+        self.free = [p.name for p in linkage.points if not p.ground and p.name not in self.carrier]
+        names = [*self.free, *self.ground]
         self.q = self._per_point(names, "_", "m", "position")
         self.u = self._per_point(names, "_v", "m/s", "velocity")
         self.a = self._per_point(names, "_a", "m/s^2", "acceleration")
         self.calculus = Calculus(
             [x for p in names for x in self.q[p]], [x for p in names for x in self.u[p]], TIME.symbol
         )
-        ends = {r.name: (r.start, r.end) for r in linkage.rods}
         fixed = set(self.ground)
-        self.rods = [r for r in linkage.rods if not {r.start, r.end} <= fixed]
-        self.idle = [r.name for r in linkage.rods if {r.start, r.end} <= fixed]
-        self.multiplier = {
-            r.name: quantity(
-                f"{r.name}_lambda", "N/m", f"multiplier of the length of {r.name}; times length: tension"
-            )
-            for r in self.rods
-        }
-        self.tree: Tree = spanning_tree(self.ground, self.moving, {r.name: ends[r.name] for r in self.rods})
+        self.rods = [k for k in linkage.links if not {k.start, k.end} <= fixed]
+        self.idle = [k.name for k in linkage.links if {k.start, k.end} <= fixed]
+        for point in self.free:
+            if self.mass_entries.get((self.q[point][0].symbol,) * 2, ZERO) == 0:
+                raise SceneError(
+                    "this point carries no mass: nothing says how it accelerates", where=f"points.{point}"
+                )
 
     def _per_point(
         self, names: Sequence[str], infix: str, unit: str, what: str
@@ -83,53 +69,116 @@ class RodsModel:
         """Return the bare symbols."""
         return tuple(x.symbol for x in quantities)
 
+    @property
+    def points(self) -> list[str]:
+        """Names of all points, in the order of the scene."""
+        return [p.name for p in self.linkage.points]
+
+    @property
+    def coordinates(self) -> list[Quantity]:
+        """Coordinates of the free points, in order."""
+        return [x for p in self.free for x in self.q[p]]
+
     @cached_property
     def held(self) -> dict[sp.Symbol, sp.Expr]:
-        """Known motion of the ground points: where they are drawn, at rest."""
+        """Known motion of the ground points: position, velocity and acceleration."""
         known: dict[sp.Symbol, sp.Expr] = {}
         for name in self.ground:
-            known.update(zip(self.symbols(self.q[name]), self.linkage.point(name).at, strict=True))
-            known.update((s, ZERO) for s in self.symbols(self.u[name] + self.a[name]))
+            place: Vector = self.linkage.point(name).motion
+            for group in (self.q, self.u, self.a):
+                known.update(zip(self.symbols(group[name]), place, strict=True))
+                place = tuple(sp.diff(c, TIME.symbol) for c in place)
         return known
 
     @cached_property
-    def along(self) -> dict[str, Vector]:
-        """Vector along each rod, from its start to its end [m]."""
-        return {
-            r.name: loads.vector_between(
-                self.calculus, r.name, self.symbols(self.q[r.start]), self.symbols(self.q[r.end])
-            )
-            for r in self.rods
-        }
+    def tree(self) -> Tree:
+        """Spanning tree from the ground, and the links that close loops."""
+        ends = {k.name: (k.start, k.end) for k in self.rods}
+        return spanning_tree(self.ground, self.free, ends)
 
     @cached_property
-    def masses(self) -> dict[tuple[str, str], sp.Expr]:
-        """Mass matrix by pairs of points [kg], equal for each axis; pairs without coupling left out.
+    def along(self) -> dict[str, Vector]:
+        """Vector along each link, from its start to its end [m]."""
+        return {
+            k.name: loads.vector_between(
+                self.calculus, k.name, self.symbols(self.q[k.start]), self.symbols(self.q[k.end])
+            )
+            for k in self.linkage.links
+        }
 
-        It is the Hessian of the kinetic energy by the velocities: the sum of the rods' end masses.
-        """
-        entries: dict[tuple[str, str], sp.Expr] = {}
-        parts = [((m.point, m.point), m.mass) for m in self.linkage.masses]
-        for r in self.rods:
-            ends = end_mass(r.mass, r.length, r.centre, r.inertia)
-            parts += [
-                ((r.start, r.start), ends.a11),
-                ((r.start, r.end), ends.a12),
-                ((r.end, r.start), ends.a12),
-                ((r.end, r.end), ends.a22),
-            ]
-        for pair, mass in parts:
-            entries[pair] = entries.get(pair, ZERO) + mass
+    def position(self, point: str) -> Vector:
+        """Return the position of any point [m], linear in the coordinates."""
+        if point in self.q:
+            return self.symbols(self.q[point])
+        return self.carried_position(*self.carrier[point])
+
+    def carried_position(self, link: RigidLink, point: CarriedPoint) -> Vector:
+        """Return r_i + x d + y (d turned left): where a body carries one of its points [m]."""
+        start = self.symbols(self.q[link.start])
+        d = self.along[link.name]
+        turned = (-d[1], d[0]) if len(d) == 2 else (ZERO,) * len(d)
+        return tuple(r + point.along * a + point.across * b for r, a, b in zip(start, d, turned, strict=True))
+
+    def velocity(self, point: str) -> Vector:
+        """Return the velocity of any point [m/s]."""
+        return tuple(self.calculus.rate(c) for c in self.position(point))
+
+    def acceleration(self, point: str) -> Vector:
+        """Return the acceleration of any point [m/s^2], by the accelerations of the coordinates."""
+        by_coordinate = {
+            q.symbol: a.symbol for p, group in self.q.items() for q, a in zip(group, self.a[p], strict=True)
+        }
+        return tuple(
+            sp.Add(*(slope * by_coordinate[s] for s, slope in self.calculus.gradient(c).items()))
+            for c in self.position(point)
+        )
+
+    @cached_property
+    def inertias(self) -> dict[tuple[str, str, str], sp.Expr]:
+        """Masses of the kinetic energy: by two points, and ``dot`` or ``cross`` of their velocities [kg]."""
+        found: dict[tuple[str, str, str], sp.Expr] = {}
+
+        def add(a: str, b: str, kind: str, mass: sp.Expr) -> None:
+            if mass != 0:
+                found[a, b, kind] = found.get((a, b, kind), ZERO) + mass
+
+        for k in self.rods:
+            ends = end_mass(k.mass, k.length, k.centre, k.inertia, k.offset)
+            add(k.start, k.start, "dot", ends.a11)
+            add(k.start, k.end, "dot", ends.a12)
+            add(k.end, k.end, "dot", ends.a22)
+            add(k.start, k.end, "cross", -ends.cross)
+        for m in self.linkage.masses:
+            add(m.point, m.point, "dot", m.mass)
+        return found
+
+    @cached_property
+    def mass_entries(self) -> dict[tuple[sp.Symbol, sp.Symbol], sp.Expr]:
+        """Mass matrix by pairs of coordinates [kg]: the Hessian of the kinetic energy; zeros left out."""
+        entries: dict[tuple[sp.Symbol, sp.Symbol], sp.Expr] = {}
+        for (a, b, kind), mass in self.inertias.items():
+            rows, columns = ([self.calculus.gradient(c) for c in self.position(p)] for p in (a, b))
+            products = (
+                [(r, c, mass) for r, c in zip(rows, columns, strict=True)]
+                if kind == "dot"
+                else [(rows[0], columns[1], mass), (rows[1], columns[0], -mass)]
+            )
+            for left, right, weight in products:
+                for x, slope_x in left.items():
+                    for y, slope_y in right.items():
+                        value = weight * slope_x * slope_y
+                        entries[x, y] = entries.get((x, y), ZERO) + value
+                        if a != b:
+                            entries[y, x] = entries.get((y, x), ZERO) + value
         return entries
 
     @cached_property
     def kinetic_energy(self) -> sp.Expr:
-        """Half u^T M u over the moving points [J]."""
+        """Kinetic energy [J]."""
         terms = []
-        for (a, b), mass in self.masses.items():
-            if a in self.moving and b in self.moving and self.moving.index(a) <= self.moving.index(b):
-                product = dot(self.symbols(self.u[a]), self.symbols(self.u[b]))
-                terms.append(mass * product / (2 if a == b else 1))
+        for (a, b, kind), mass in self.inertias.items():
+            product = (dot if kind == "dot" else cross)(self.velocity(a), self.velocity(b))
+            terms.append(mass * product / (2 if a == b else 1))
         return sp.Add(*terms)
 
     @cached_property
@@ -137,251 +186,167 @@ class RodsModel:
         """Present length of each spring [m]."""
         lengths = {}
         for spring in self.linkage.springs:
-            ends = (self.symbols(self.q[p]) for p in (spring.start, spring.end))
-            lengths[spring.name] = loads.distance(
-                self.calculus, spring.name, loads.vector_between(self.calculus, spring.name, *ends)
+            along = loads.vector_between(
+                self.calculus, spring.name, self.position(spring.start), self.position(spring.end)
             )
+            lengths[spring.name] = loads.distance(self.calculus, spring.name, along)
         return lengths
 
     @cached_property
     def potential_energy(self) -> sp.Expr:
         """Potential of gravity and springs [J]."""
-        terms = []
-        weights: dict[str, sp.Expr] = {}
-        for rod in self.rods:
-            share = rod.mass * rod.centre / rod.length
-            for point, mass in ((rod.start, rod.mass - share), (rod.end, share)):
-                weights[point] = weights.get(point, ZERO) + mass
+        weights: dict[str, list[sp.Expr]] = {}
+        terms: list[sp.Expr] = []
+        for k in self.rods:
+            share = k.mass * k.centre / k.length
+            weights.setdefault(k.start, []).append(k.mass - share)
+            weights.setdefault(k.end, []).append(share)
+            if k.offset != 0:
+                d = self.along[k.name]
+                lever = k.offset / k.length
+                terms.append(loads.weight_potential(k.mass * lever, self.linkage.gravity, (-d[1], d[0])))
         for mass in self.linkage.masses:
-            weights[mass.point] = weights.get(mass.point, ZERO) + mass.mass
-        for point, weight in weights.items():
-            terms.append(loads.weight_potential(weight, self.linkage.gravity, self.symbols(self.q[point])))
-        for spring in self.linkage.springs:
-            terms.append(
-                loads.spring_potential(spring.stiffness, spring.length, self.spring_lengths[spring.name])
-            )
+            weights.setdefault(mass.point, []).append(mass.mass)
+        terms += [
+            loads.weight_potential(sp.Add(*masses), self.linkage.gravity, self.position(point))
+            for point, masses in weights.items()
+        ]
+        terms += [
+            loads.spring_potential(s.stiffness, s.length, self.spring_lengths[s.name])
+            for s in self.linkage.springs
+        ]
         return sp.Add(*terms)
 
     @cached_property
-    def force(self) -> dict[sp.Symbol, sp.Expr]:
-        """Generalized force on every coordinate [N]: minus the gradient of the potential, plus the rest."""
-        parts: dict[sp.Symbol, list[sp.Expr]] = {}
-        for q, slope in self.calculus.gradient(self.potential_energy).items():
-            parts.setdefault(q, []).append(-slope)
+    def other_loads(self) -> list[tuple[sp.Expr, Gradient, sp.Expr]]:
+        """Loads without potential: each a force, the gradient of what it works on, and the rate of that."""
+        found = []
         for load in self.linkage.forces:
-            for q, component in zip(self.symbols(self.q[load.point]), load.force, strict=True):
-                parts.setdefault(q, []).append(component)
+            for component, place in zip(load.force, self.position(load.point), strict=True):
+                found.append((component, self.calculus.gradient(place), self.calculus.rate(place)))
         for spring in self.linkage.springs:
             if spring.damping != 0:
                 length = self.spring_lengths[spring.name]
-                pull = -spring.damping * self.calculus.rate(length)
-                for q, slope in self.calculus.gradient(length).items():
-                    parts.setdefault(q, []).append(pull * slope)
+                rate = self.calculus.rate(length)
+                found.append((-spring.damping * rate, self.calculus.gradient(length), rate))
+        for torque in self.linkage.torques:
+            for link, sign in ((torque.link, 1), (torque.against, -1)):
+                if link:
+                    gradient, rate = self.turning(link)
+                    found.append((sign * torque.torque, gradient, rate))
+        return found
+
+    def turning(self, link: str) -> tuple[Gradient, sp.Expr]:
+        """Return gradient and rate of the direction angle of a link in the plane: d x dd / l^2."""
+        d = self.along[link]
+        squared = self.linkage.link(link).length ** 2
+        gx, gy = (self.calculus.gradient(c) for c in d)
+        gradient = {q: (d[0] * gy.get(q, ZERO) - d[1] * gx.get(q, ZERO)) / squared for q in {**gx, **gy}}
+        rates = tuple(self.calculus.rate(c) for c in d)
+        return gradient, cross(d, rates) / squared
+
+    @cached_property
+    def force(self) -> Gradient:
+        """Force on every coordinate [N]: minus the gradient of the potential, plus the other loads."""
+        parts: dict[sp.Symbol, list[sp.Expr]] = {}
+        for q, slope in self.calculus.gradient(self.potential_energy).items():
+            parts.setdefault(q, []).append(-slope)
+        for force, gradient, _ in self.other_loads:
+            for q, slope in gradient.items():
+                parts.setdefault(q, []).append(force * slope)
         return {q: sp.Add(*terms) for q, terms in parts.items()}
 
     @cached_property
     def power(self) -> sp.Expr:
-        """Power of the loads that have no potential [W]."""
-        terms = [dot(load.force, self.symbols(self.u[load.point])) for load in self.linkage.forces]
-        for spring in self.linkage.springs:
-            terms.append(-spring.damping * self.calculus.rate(self.spring_lengths[spring.name]) ** 2)
+        """Power of the loads without potential, of drives and of the moving ground [W]."""
+        terms = [force * rate for force, _, rate in self.other_loads]
+        terms += [
+            self.multipliers[row.name].symbol * sp.diff(row.expression, TIME.symbol)
+            for row in self.constraints
+            if TIME.symbol in row.expression.free_symbols
+        ]
+        for point in self.ground:
+            velocity = [self.held[s] for s in self.symbols(self.u[point])]
+            terms.append(dot(tuple(velocity), self.residual(point)) if any(velocity) else ZERO)
         return sp.Add(*terms)
 
     @cached_property
-    def constraints(self) -> list[sp.Expr]:
-        """Length constraint of every rod, Eq. (3a) halved [m^2]."""
-        return [length_constraint(self.along[r.name], r.length) for r in self.rods]
+    def constraints(self) -> list[Constraint]:
+        """All constraint rows."""
+        return constraints(self)
 
     @cached_property
-    def jacobian(self) -> list[dict[sp.Symbol, sp.Expr]]:
-        """Rows of the constraint Jacobian by coordinate [m]; zero entries left out."""
-        return [self.calculus.gradient(phi) for phi in self.constraints]
+    def multipliers(self) -> dict[str, Quantity]:
+        """Lagrange multiplier of each constraint row."""
+        return {
+            c.name: quantity(f"{c.name}_lambda", c.multiplier_unit, f"multiplier of {c.label}")
+            for c in self.constraints
+        }
+
+    @cached_property
+    def jacobian(self) -> list[Gradient]:
+        """Rows of the constraint Jacobian by coordinate, ground included; zero entries left out."""
+        return [self.calculus.gradient(c.expression) for c in self.constraints]
+
+    @cached_property
+    def acceleration_rhs(self) -> list[sp.Expr]:
+        """Right-hand side gamma of J a = gamma: what is left of the second rate, with the ground's part."""
+        rate = self.calculus.rate
+        ground = [
+            (q, a)
+            for p in self.ground
+            for q, a in zip(self.q[p], self.a[p], strict=True)
+            if self.held[a.symbol] != 0
+        ]
+        return [
+            -rate(rate(c.expression)) - sp.Add(*(row.get(q.symbol, ZERO) * a.symbol for q, a in ground))
+            for c, row in zip(self.constraints, self.jacobian, strict=True)
+        ]
+
+    @cached_property
+    def applied(self) -> list[sp.Expr]:
+        """Force on the free coordinates, less what the acceleration of the ground takes of it [N]."""
+        ground = [
+            (q.symbol, a.symbol) for p in self.ground for q, a in zip(self.q[p], self.a[p], strict=True)
+        ]
+        return [
+            self.force.get(x.symbol, ZERO)
+            - sp.Add(*(self.mass_entries.get((x.symbol, q), ZERO) * self.held[a] for q, a in ground))
+            for x in self.coordinates
+        ]
 
     def residual(self, point: str) -> Vector:
-        """Return the residual M a + J^T lambda - f of a point's rows [N]: the force its pin must supply."""
+        """Return M a + J^T lambda - f at a point's rows [N]: the force its pin must supply."""
+        every = [x for p in self.q for x in zip(self.q[p], self.a[p], strict=True)]
         result = []
-        for axis, q in enumerate(self.q[point]):
-            terms = [
-                self.masses.get((point, other), ZERO) * self.a[other][axis].symbol
-                for other in (*self.moving, *self.ground)
-            ]
+        for own in self.symbols(self.q[point]):
+            terms = [self.mass_entries.get((own, q.symbol), ZERO) * a.symbol for q, a in every]
             terms += [
-                row.get(q.symbol, ZERO) * self.multiplier[r.name].symbol
-                for r, row in zip(self.rods, self.jacobian, strict=True)
+                row.get(own, ZERO) * self.multipliers[c.name].symbol
+                for c, row in zip(self.constraints, self.jacobian, strict=True)
             ]
-            result.append(sp.Add(*terms) - self.force.get(q.symbol, ZERO))
+            result.append(sp.Add(*terms) - self.force.get(own, ZERO))
         return tuple(result)
 
-    def matrix(
-        self,
-        name: str,
-        entries: Sequence[sp.Expr],
-        unit: str,
-        description: str,
-        *,
-        rows: Sequence[str] = (),
-        columns: Sequence[str] = (),
-        symmetric: bool = False,
-    ) -> NamedMatrix:
-        """Return a NamedMatrix with the ground's motion put in; ``entries`` row by row."""
-        width = max(1, len(columns))
-        filled = sp.ImmutableMatrix(len(entries) // width, width, [e.xreplace(self.held) for e in entries])
-        return NamedMatrix(name, filled, unit, description, tuple(rows), tuple(columns), symmetric)
+    def rod(self, name: str) -> RigidLink | None:
+        """Return the moving link of this name, if there is one."""
+        return next((k for k in self.rods if k.name == name), None)
 
-    def system(self) -> System:
-        """Put the steps together."""
-        q = [x for p in self.moving for x in self.q[p]]
-        u = [x for p in self.moving for x in self.u[p]]
-        solution = [x for p in self.moving for x in self.a[p]] + [self.multiplier[r.name] for r in self.rods]
-        equations = self._equations([x.symbol for x in q])
-        asked = outputs.asked(self)
-        start, exports = start_exports(self)
-        points = [*self._kinematics(), *self._reactions()]
-        exports = [
-            *self._exports(),
-            Export("outputs", "what the scene asks to record", tuple(m.name for m in asked)),
-            *exports,
-        ]
-        definitions = tuple(
-            type(d)(d.quantity, d.expression.xreplace(self.held)) for d in self.calculus.definitions
-        )
-        return System(
-            name=self.linkage.name,
-            title=self.linkage.title,
-            groups=(
-                Group("t", "time", (TIME,)),
-                Group("q", "coordinates of the moving points", tuple(q)),
-                Group("u", "velocities of the moving points", tuple(u)),
-                Group("p", "tunable parameters", tuple(p.quantity for p in self.linkage.parameters)),
-                Group(
-                    "work",
-                    "accelerations and multipliers, as the kernel 'accelerations' wrote them",
-                    tuple(solution),
-                ),
-            ),
-            matrices=(*equations, *points, *asked, *start),
-            exports=tuple(exports),
-            definitions=definitions,
-            saddle_point=SaddlePoint(
-                "mass_matrix", "constraint_jacobian", "force", "acceleration_rhs", self._order(len(q))
-            ),
-            references=(REFERENCE,),
-            left_out=tuple(
-                f"link {name}: both ends are ground, so it neither moves nor loads anything"
-                for name in self.idle
-            ),
-        )
 
-    def _order(self, coordinates: int) -> tuple[int, ...]:
-        d = len(self.axes)
-        at = {p: range(i * d, i * d + d) for i, p in enumerate(self.moving)}
-        multipliers = {r.name: coordinates + i for i, r in enumerate(self.rods)}
-        return elimination_order(self.tree, at, multipliers, coordinates + len(self.rods))
-
-    def _equations(self, q: list[sp.Symbol]) -> list[NamedMatrix]:
-        names, rods = [s.name for s in q], [r.name for r in self.rods]
-        rate = self.calculus.rate
-        energies = [
-            self.matrix("kinetic_energy", [self.kinetic_energy], "J", "kinetic energy"),
-            self.matrix("potential_energy", [self.potential_energy], "J", "potential of gravity and springs"),
-        ]
-        if self.power != 0:
-            energies.append(self.matrix("power", [self.power], "W", "power of the loads without potential"))
-        return [
-            self.matrix(
-                "mass_matrix",
-                [
-                    self.masses.get((a, b), ZERO) if i == k else ZERO
-                    for a in self.moving
-                    for i in range(len(self.axes))
-                    for b in self.moving
-                    for k in range(len(self.axes))
-                ],
-                "kg",
-                "mass matrix of the moving points, M",
-                rows=names,
-                columns=names,
-                symmetric=True,
-            ),
-            self.matrix("force", [self.force.get(s, ZERO) for s in q], "N", "applied forces, f", rows=names),
-            self.matrix("constraints", self.constraints, "m^2", "rod lengths (d.d - l^2)/2, Phi", rows=rods),
-            self.matrix(
-                "constraint_scale",
-                [r.length for r in self.rods],
-                "m",
-                "rod lengths; a constraint over its scale is the error of a length",
-                rows=rods,
-            ),
-            self.matrix(
-                "constraint_jacobian",
-                [row.get(s, ZERO) for row in self.jacobian for s in q],
-                "m",
-                "constraint Jacobian, J",
-                rows=rods,
-                columns=names,
-            ),
-            self.matrix(
-                "velocity_constraints",
-                [rate(c) for c in self.constraints],
-                "m^2/s",
-                "rate of Phi, J u",
-                rows=rods,
-            ),
-            self.matrix(
-                "acceleration_rhs",
-                [-rate(rate(c)) for c in self.constraints],
-                "m^2/s^2",
-                "right-hand side gamma of J a = gamma",
-                rows=rods,
-            ),
-            *energies,
-        ]
-
-    def _kinematics(self) -> list[NamedMatrix]:
-        points = [p.name for p in self.linkage.points]
-        return [
-            self.matrix(
-                name,
-                [s for p in points for s in self.symbols(source[p])],
-                unit,
-                f"{name} of all points",
-                rows=points,
-                columns=self.axes,
-            )
-            for name, source, unit in (("positions", self.q, "m"), ("velocities", self.u, "m/s"))
-        ]
-
-    def _reactions(self) -> list[NamedMatrix]:
-        if not self.ground:
-            return []
-        entries = [component for p in self.ground for component in self.residual(p)]
-        return [
-            self.matrix(
-                "reactions",
-                entries,
-                "N",
-                "force of the ground on the linkage at each ground point",
-                rows=self.ground,
-                columns=self.axes,
-            )
-        ]
-
-    def _exports(self) -> list[Export]:
-        energies = ("kinetic_energy", "potential_energy") + (("power",) if self.power != 0 else ())
-        exports = [
-            Export("energy", "kinetic and potential energy", energies),
-            Export("points", "position and velocity of all points", ("positions", "velocities")),
-        ]
-        if self.rods:
-            exports += [
-                Export("constraints", "constraints and their scale", ("constraints", "constraint_scale")),
-                Export("velocity_constraints", "rate of the constraints", ("velocity_constraints",)),
-                Export("constraint_jacobian", "constraint Jacobian", ("constraint_jacobian",)),
-            ]
-        if self.ground:
-            exports.append(Export("reactions", "reactions at the ground points", ("reactions",)))
-        return exports
-
-    def rod(self, name: str) -> Rod | None:
-        """Return the moving rod of this name, if there is one."""
-        return next((r for r in self.rods if r.name == name), None)
+def _carriers(
+    linkage: Linkage,
+) -> tuple[dict[str, tuple[RigidLink, CarriedPoint]], list[tuple[RigidLink, CarriedPoint]]]:
+    """Say which body places which point; where a point has a place already, the body shares it as a joint."""
+    placed = {p.name for p in linkage.points if p.ground} | {
+        e for k in linkage.links for e in (k.start, k.end)
+    }
+    carrier: dict[str, tuple[RigidLink, CarriedPoint]] = {}
+    shared = []
+    for link in linkage.links:
+        for point in link.carried:
+            if point.name in placed:
+                shared.append((link, point))
+            else:
+                placed.add(point.name)
+                carrier[point.name] = (link, point)
+    return carrier, shared

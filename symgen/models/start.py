@@ -6,9 +6,8 @@ from typing import TYPE_CHECKING
 
 import sympy as sp
 
-from symgen.errors import SceneError
-from symgen.mechanics.particles import dot
-from symgen.scene.linkage import TIME, Rod
+from symgen.models.matrix import named
+from symgen.scene.linkage import TIME
 from symgen.symbolic.calculus import ZERO
 from symgen.symbolic.system import Export, NamedMatrix
 
@@ -19,65 +18,63 @@ if TYPE_CHECKING:
 def start_exports(model: RodsModel) -> tuple[list[NamedMatrix], list[Export]]:
     """Return the matrices and kernels of the start.
 
-    ``drawn`` always; ``assembly`` when lengths or angles differ from the drawing: its argument t runs from
-    0, the drawing, to 1, the start, so that the linkage is led there on its own branch; ``start_velocity``
-    when rates or velocities are given: rows K u = k.
+    ``drawn`` always; ``assembly`` when the constraints or the start's angles may differ from the drawing: its
+    argument u[0] runs from 0, the drawing, to 1, the start, and leads the linkage there on its own branch;
+    ``start_velocity`` when rates or velocities are given: rows K u = k; ``mass_matrix`` when the velocities
+    are not zero as a matter of course.
     """
     linkage = model.linkage
-    drawn = [c for p in model.moving for c in linkage.point(p).at]
-    names = [x.name for p in model.moving for x in model.q[p]]
-    matrices = [model.matrix("drawn", drawn, "m", "coordinates as drawn", rows=names)]
+    drawn = [c for p in model.free for c in linkage.point(p).at]
+    names = [x.name for x in model.coordinates]
+    matrices = [named(model, "drawn", drawn, "m", "coordinates as drawn", rows=names)]
     exports = [Export("drawn", "coordinates as drawn", ("drawn",))]
     start = linkage.start
-    if start.angles or not all(r.as_drawn for r in model.rods):
+    bound = linkage.guides or linkage.drivers or model.shared or not all(k.as_drawn for k in model.rods)
+    if start.angles or bound:
         matrices += _assembly(model, names)
-        exports.append(
-            Export(
-                "assembly",
-                "residual and Jacobian of the start's positions; t goes from 0 (drawn) to 1 (start)",
-                ("assembly_residual", "assembly_jacobian"),
-            )
-        )
+        about = "residual and Jacobian of the start's positions; u[0] goes from 0 (drawn) to 1 (start)"
+        exports.append(Export("assembly", about, ("assembly_residual", "assembly_jacobian")))
     if start.rates or start.velocities:
         matrices += _velocity(model, names)
-        exports += [
-            Export(
-                "start_velocity", "rows K u = k of the start's velocities", ("start_rates", "start_jacobian")
-            ),
-            Export("mass_matrix", "mass matrix", ("mass_matrix",)),
-        ]
+        about = "rows K u = k of the start's velocities"
+        exports.append(Export("start_velocity", about, ("start_rates", "start_jacobian")))
+    if start.rates or start.velocities or _driven(model):
+        exports.append(Export("mass_matrix", "mass matrix", ("mass_matrix",)))
     return matrices, exports
 
 
-def _drawn_along(model: RodsModel, rod: Rod) -> list[sp.Expr]:
-    start, end = (model.linkage.point(p).at for p in (rod.start, rod.end))
-    return [b - a for a, b in zip(start, end, strict=True)]
+def _driven(model: RodsModel) -> bool:
+    """Tell whether the constraints or the ground move by themselves."""
+    t = TIME.symbol
+    moving = any(t in c.free_symbols for p in model.ground for c in model.linkage.point(p).motion)
+    return moving or any(t in c.expression.free_symbols for c in model.constraints)
 
 
 def _assembly(model: RodsModel, names: list[str]) -> list[NamedMatrix]:
-    s = TIME.symbol
+    """Lead every constraint from its drawn value to zero, and every angle from the drawn one to its own."""
+    s = model.u[model.free[0]][0].symbol
+    drawn = _as_drawn(model)
+    angles = [*model.linkage.start.angles, *((d.link, d.angle) for d in model.linkage.drivers)]
+    driven = {f"{link}_drive" for link, _ in angles}
     residuals, rows = [], []
-    for rod in model.rods:
-        drawn = _drawn_along(model, rod)
-        length = sp.sqrt(dot(tuple(drawn), tuple(drawn)))
-        length += s * (rod.length - length)
-        along = model.along[rod.name]
-        residuals.append((dot(along, along) - length**2) / (2 * rod.length))
-        rows.append(rod.name)
-    for name, angle in model.linkage.start.angles:
-        rod = _moving_rod(model, name, "angles")
-        dx, dy = _drawn_along(model, rod)
-        drawn_angle = sp.atan2(dy, dx)
-        turn = sp.atan2(sp.sin(angle - drawn_angle), sp.cos(angle - drawn_angle))
-        now = drawn_angle + s * turn
+    for constraint in model.constraints:
+        if constraint.name not in driven:
+            error = constraint.expression / constraint.scale
+            residuals.append(error - (1 - s) * error.xreplace(drawn))
+            rows.append(constraint.name)
+    for name, angle in angles:
         x, y = model.along[name]
+        drawn_angle = sp.atan2(y.xreplace(drawn), x.xreplace(drawn))
+        wanted = angle - drawn_angle
+        now = drawn_angle + s * sp.atan2(sp.sin(wanted), sp.cos(wanted))
         residuals.append(y * sp.cos(now) - x * sp.sin(now))
         rows.append(f"{name} angle")
     gradients = [model.calculus.gradient(r) for r in residuals]
-    coordinates = [x.symbol for p in model.moving for x in model.q[p]]
+    coordinates = [x.symbol for x in model.coordinates]
     return [
-        model.matrix("assembly_residual", residuals, "m", "what is missing at the start", rows=rows),
-        model.matrix(
+        named(model, "assembly_residual", residuals, "m", "what is missing at the start", rows=rows),
+        named(
+            model,
             "assembly_jacobian",
             [g.get(q, ZERO) for g in gradients for q in coordinates],
             "1",
@@ -88,27 +85,35 @@ def _assembly(model: RodsModel, names: list[str]) -> list[NamedMatrix]:
     ]
 
 
+def _as_drawn(model: RodsModel) -> dict[sp.Symbol, sp.Expr]:
+    """Return the value of every coordinate and shared subexpression where the linkage is drawn."""
+    values: dict[sp.Symbol, sp.Expr] = {TIME.symbol: ZERO}
+    for point, group in model.q.items():
+        values.update(zip(model.symbols(group), model.linkage.point(point).at, strict=True))
+    for definition in model.calculus.definitions:
+        values[definition.quantity.symbol] = definition.expression.xreplace(values)
+    return values
+
+
 def _velocity(model: RodsModel, names: list[str]) -> list[NamedMatrix]:
     rows: list[str] = []
     wanted: list[sp.Expr] = []
     gradients: list[dict[sp.Symbol, sp.Expr]] = []
     for name, rate in model.linkage.start.rates:
-        rod = _moving_rod(model, name, "rates")
-        dx, dy = model.along[name]
-        gx, gy = (model.calculus.gradient(c) for c in (dx, dy))
+        length = model.linkage.link(name).length
+        turning, _ = model.turning(name)
         rows.append(f"{name} rate")
-        wanted.append(rate * rod.length)
-        gradients.append(
-            {q: (dx * gy.get(q, ZERO) - dy * gx.get(q, ZERO)) / rod.length for q in {**gx, **gy}}
-        )
+        wanted.append(rate * length)
+        gradients.append({q: slope * length for q, slope in turning.items()})
     for name, velocity in model.linkage.start.velocities:
         rows.extend(f"{name} velocity {axis}" for axis in model.axes)
         wanted.extend(velocity)
-        gradients.extend({q: sp.Integer(1)} for q in model.symbols(model.q[name]))
-    coordinates = [x.symbol for p in model.moving for x in model.q[p]]
+        gradients.extend(model.calculus.gradient(c) for c in model.position(name))
+    coordinates = [x.symbol for x in model.coordinates]
     return [
-        model.matrix("start_rates", wanted, "m/s", "velocities asked for at the start, k", rows=rows),
-        model.matrix(
+        named(model, "start_rates", wanted, "m/s", "velocities asked for at the start, k", rows=rows),
+        named(
+            model,
             "start_jacobian",
             [g.get(q, ZERO) for g in gradients for q in coordinates],
             "1",
@@ -117,12 +122,3 @@ def _velocity(model: RodsModel, names: list[str]) -> list[NamedMatrix]:
             columns=names,
         ),
     ]
-
-
-def _moving_rod(model: RodsModel, name: str, table: str) -> Rod:
-    rod = model.rod(name)
-    if rod is None:
-        raise SceneError(
-            f"{name} lies between two ground points and cannot turn", where=f"start.{table}.{name}"
-        )
-    return rod

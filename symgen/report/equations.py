@@ -81,13 +81,13 @@ def _as_numbers(system: System, matrix: NamedMatrix, model: Model | None) -> str
         raise ModelError(f"{system.name} is a building block: it has no state to give numbers at")
     state = model.initial_state()
     found = model.accelerations(state)
-    moving = [found.points[p] for p in model.description.moving]
+    free = [found.points[p] for p in model.description.free]
     values: dict[str, list[float]] = {
         "t": [state.t],
         "q": state.q.tolist(),
         "u": state.u.tolist(),
         "p": list(model.parameters.values()),
-        "work": [x for a in moving for x in a.tolist()] + list(found.multipliers.values()),
+        "work": [x for a in free for x in a.tolist()] + list(found.multipliers.values()),
     }
     known = {
         x.symbol: sp.Float(value, 17)

@@ -106,7 +106,7 @@ cdef class Equations:
         memcpy(dy, y + n, n * sizeof(double))
         memcpy(dy + n, &self.out[0], n * sizeof(double))
         if self.extra:
-            self.energy(&t, y, y + n, &self.p[0], &self.work[0], &self.energies[0])
+            self.energy(&t, y, y + n, &self.p[0], &self.out[0], &self.energies[0])
             dy[2 * n] = self.energies[2]
         self.evaluations += 1
 

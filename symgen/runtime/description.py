@@ -45,6 +45,7 @@ class KernelInfo:
 class Description:
     """Everything the runtime needs to know of a model, besides the code.
 
+    ``free`` are the points that have coordinates; ``labels`` say what each constraint is called in messages.
     ``start`` holds the coordinates and then the velocities at the scene's own parameters; ``needs_assembly``
     and ``needs_velocity`` say which kernels the start is found with when parameters change.
     ``first_pivot`` is where the kernel 'factor' leaves its pivots in ``work``.
@@ -56,9 +57,10 @@ class Description:
     equations: str
     axes: tuple[str, ...]
     points: tuple[str, ...]
-    moving: tuple[str, ...]
+    free: tuple[str, ...]
     ground: tuple[str, ...]
     constraints: tuple[str, ...]
+    labels: tuple[str, ...]
     work_of_loads: bool
     needs_assembly: bool
     needs_velocity: bool
@@ -77,7 +79,7 @@ class Description:
     @property
     def coordinates(self) -> int:
         """Number of coordinates."""
-        return len(self.moving) * len(self.axes)
+        return len(self.free) * len(self.axes)
 
     def to_json(self) -> str:
         """Return the description as JSON text."""

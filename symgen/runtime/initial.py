@@ -31,7 +31,7 @@ def start(evaluator: Evaluator) -> tuple[Array, Array]:
     if evaluator.has("assembly"):
         q = _assemble(evaluator, q)
     u = np.zeros(n)
-    if evaluator.has("start_velocity"):
+    if evaluator.has("mass_matrix"):
         u = _velocities(evaluator, q)
     return q, u
 
@@ -46,16 +46,17 @@ def _assemble(evaluator: Evaluator, q: Array) -> Array:
             continue
         step /= 2
         if step < _SMALLEST:
-            residual = evaluator.blocks("assembly", 1.0, q, q)["assembly_residual"]
+            end = np.append(1.0, np.zeros(len(q) - 1))
+            residual = evaluator.blocks("assembly", 0.0, q, end)["assembly_residual"]
             raise _unassembled(evaluator, at, residual)
     return q
 
 
-def _newton(evaluator: Evaluator, t: float, q: Array) -> Array | None:
+def _newton(evaluator: Evaluator, at: float, q: Array) -> Array | None:
     size = float(np.max(np.abs(q), initial=0.0))
     previous = np.inf
     for _ in range(_NEWTON):
-        parts = evaluator.blocks("assembly", t, q, q)
+        parts = evaluator.blocks("assembly", 0.0, q, np.append(at, np.zeros(len(q) - 1)))
         residual = parts["assembly_residual"]
         worst = float(np.max(np.abs(residual)))
         if worst <= _ROUNDING * size and worst > 0.5 * previous:
@@ -89,19 +90,24 @@ def _place(row: str) -> str:
     """Return the key of the scene that asks for a row of the start."""
     name, _, what = row.partition(" ")
     tables = {"": "links", "angle": "start.angles", "rate": "start.rates", "velocity": "start.velocities"}
-    return f"{tables[what.partition(' ')[0]]}.{name}"
+    return f"{tables.get(what.partition(' ')[0], 'links')}.{name}"
 
 
 def _velocities(evaluator: Evaluator, q: Array) -> Array:
     n = len(q)
     zero = np.zeros(n)
-    wanted = evaluator.blocks("start_velocity", 0.0, q, zero)
-    rows, rhs = [wanted["start_jacobian"].reshape(-1, n)], [wanted["start_rates"]]
+    rows, rhs = [np.zeros((0, n))], [np.zeros(0)]
     if evaluator.has("constraint_jacobian"):
         scale = evaluator.blocks("constraints", 0.0, q, zero)["constraint_scale"]
         jacobian = evaluator.blocks("constraint_jacobian", 0.0, q, zero)["constraint_jacobian"].reshape(-1, n)
-        rows.insert(0, jacobian / scale[:, None])
-        rhs.insert(0, np.zeros(len(scale)))
+        rows.append(jacobian / scale[:, None])
+        rhs.append(-evaluator("velocity_constraints", 0.0, q, zero) / scale)
+    asked = 0
+    if evaluator.has("start_velocity"):
+        wanted = evaluator.blocks("start_velocity", 0.0, q, zero)
+        rows.append(wanted["start_jacobian"].reshape(-1, n))
+        rhs.append(wanted["start_rates"])
+        asked = len(wanted["start_rates"])
     matrix, vector = np.vstack(rows), np.concatenate(rhs)
     mass = evaluator.blocks("mass_matrix", 0.0, q, zero)["mass_matrix"].reshape(n, n)
     try:
@@ -112,19 +118,23 @@ def _velocities(evaluator: Evaluator, q: Array) -> Array:
     reduced = np.linalg.solve(root, matrix.T).T
     x = np.linalg.lstsq(reduced, vector, rcond=1e-10)[0]
     u: Array = np.linalg.solve(root.T, x)
-    asked = len(wanted["start_rates"])
     miss = np.abs(matrix @ u - vector)
     size = float(np.max(np.abs(vector), initial=0.0))
-    if np.max(miss, initial=0.0) > _CONSISTENT * size:
-        worst = int(np.argmax(miss[-asked:]))
-        row = _rows(evaluator, "start_velocity")[worst]
-        raise InitialStateError(
-            f"the velocities asked for at the start contradict the constraints: {row} is missed by "
-            f"{miss[-asked:][worst]:.3g} m/s, a length by {np.max(miss[:-asked], initial=0.0):.3g} m/s\n"
-            "  Ask for fewer of them: the others follow.",
-            where=_place(row),
-        )
-    return u
+    if np.max(miss, initial=0.0) <= _CONSISTENT * size:
+        return u
+    of_constraints, of_start = np.split(miss, [len(miss) - asked])
+    if asked:
+        worst = int(np.argmax(of_start))
+        row, by = _rows(evaluator, "start_velocity")[worst], of_start[worst]
+    else:
+        worst = int(np.argmax(of_constraints))
+        row, by = evaluator.description.labels[worst], of_constraints[worst]
+    raise InitialStateError(
+        f"the velocities at the start contradict the constraints: {row} is missed by {by:.3g} m/s, "
+        f"a constraint by {np.max(of_constraints, initial=0.0):.3g} m/s\n"
+        "  Ask for fewer of them: the others follow.",
+        where=_place(row) if asked else "drivers",
+    )
 
 
 def not_positive(evaluator: Evaluator) -> InitialStateError:

@@ -74,7 +74,7 @@ class Model:
     def __repr__(self) -> str:
         d = self.description
         return (
-            f"<Model {d.name!r}: {len(d.moving)} moving points, {len(d.constraints)} constraints, "
+            f"<Model {d.name!r}: {len(d.free)} moving points, {len(d.constraints)} constraints, "
             f"{self.backend} backend>"
         )
 
@@ -149,7 +149,7 @@ class Model:
             if name not in d.points:
                 raise ModelError(f"{what}: there is no point {name!r}. {nearest(name, d.points)}")
         parts = []
-        for point in d.moving:
+        for point in d.free:
             if point not in values and default is None:
                 raise ModelError(f"{what}: the point {point} is missing")
             component = np.asarray(values.get(point, np.full(len(d.axes), default)), dtype=float)
@@ -176,12 +176,12 @@ class Model:
             raise ModelError(
                 f"the equations of motion are singular at t = {state.t:g} s: no finite accelerations"
             )
-        by_point = solution[:n].reshape(len(d.moving), len(d.axes))
-        points = {p: np.zeros(len(d.axes)) for p in d.points}
-        points.update(zip(d.moving, by_point, strict=True))
+        work = np.append(solution, 0.0)
+        of_points = self._evaluator.blocks("point_accelerations", state.t, state.q, state.u, work)
+        points = dict(zip(d.points, of_points["point_accelerations"], strict=True))
         reactions = {}
         if self._evaluator.has("reactions"):
-            found = self._evaluator.blocks("reactions", state.t, state.q, state.u, np.append(solution, 0.0))
+            found = self._evaluator.blocks("reactions", state.t, state.q, state.u, work)
             rows = found["reactions"].reshape(len(d.ground), len(d.axes))
             reactions = dict(zip(d.ground, rows, strict=True))
         return Accelerations(points, dict(zip(d.constraints, solution[n:].tolist(), strict=True)), reactions)

@@ -144,8 +144,8 @@ def weakest_name(index: int, description: Description) -> str:
     """Return what an unknown of the equations of motion is called in messages."""
     axes, n = description.axes, description.coordinates
     if index < n:
-        return f"the {axes[index % len(axes)]} motion of point {description.moving[index // len(axes)]}"
-    return f"the length of link {description.constraints[index - n]}"
+        return f"the {axes[index % len(axes)]} motion of point {description.free[index // len(axes)]}"
+    return description.labels[index - n]
 
 
 def _problem(
@@ -154,11 +154,11 @@ def _problem(
     equations: _core.Equations,
     description: Description,
 ) -> str:
-    moving, axes = description.moving, description.axes
+    free, axes = description.free, description.axes
     at = f"at t = {stepper.t:.9g} s after {stepper.steps} steps"
     where = ", ".join(
         f"{p} ({', '.join(f'{x:.6g}' for x in stepper.state[i * len(axes) : (i + 1) * len(axes)])}) m"
-        for i, p in enumerate(moving[:8])
+        for i, p in enumerate(free[:8])
     )
     if status == _core.SINGULAR:
         name = weakest_name(equations.weakest, description)
@@ -181,7 +181,8 @@ def _problem(
         )
     if status == _core.STEP_TOO_SMALL:
         return (
-            f"the step became too small to go on {at}: the tolerance cannot be met there{near or ', the motion may be stiff'}"
+            f"the step became too small to go on {at}: the tolerance cannot be met there"
+            f"{near or ', the motion may be stiff'}"
             f"\n  Loosen rtol and atol. State: {where}."
         )
     return f"the run was not finished within max_steps, {at}\n  Raise max_steps or shorten the run."

@@ -7,6 +7,7 @@ only the node types listed here are turned into SymPy expressions, with dimensio
 from __future__ import annotations
 
 import ast
+import math
 from collections.abc import Callable, Mapping
 from fractions import Fraction
 from typing import Any
@@ -69,7 +70,7 @@ def parse_any(value: str | int | float, names: Names) -> Value:
             number, dim = parse_quantity(value)
             return rational(number), dim
         return _Reader(value, names).read()
-    if value != value or value in (float("inf"), float("-inf")):
+    if not math.isfinite(value):
         raise SceneError(f"expected a finite number, got {value!r}")
     return rational(Fraction(repr(value)) if isinstance(value, float) else Fraction(value)), NUMBER
 

@@ -47,23 +47,30 @@ class Point(Table):
     """A joint, a tip or a fixed point of the mechanism, where it is drawn."""
 
     at: Vector = Field(description="Coordinates: two in the plane, three in space.")
-    ground: bool = Field(False, description="Fixed to the ground.")
+    ground: bool = Field(False, description="Fixed to the ground, or moved by it where motion is given.")
+    motion: Vector | None = Field(
+        None, description="Displacement of a ground point from where it is drawn, by the time t."
+    )
 
 
 class Link(Table):
-    """A rigid rod between two points."""
+    """A rigid rod between two points, or in the plane a rigid body with more points on it."""
 
-    points: list[Name] = Field(min_length=2, max_length=2)
+    points: list[Name] = Field(min_length=2)
     mass: Value | None = None
     mass_per_length: Value | None = None
-    centre: Value | None = Field(
-        None, description="Centre of mass as a fraction of the length; 1/2 if absent."
+    centre: Value | Vector | None = Field(
+        None,
+        description="Centre of mass: a fraction of the length, or in the plane its coordinates as drawn; "
+        "the middle of a rod if absent.",
     )
     inertia: Value | None = Field(
-        None, description="Moment of inertia about the centre of mass; mass*length^2/12 if absent."
+        None, description="Moment of inertia about the centre of mass; mass*length^2/12 for a rod if absent."
     )
     length: Value | None = Field(
-        None, description="Length; the drawn distance if absent. If given, the drawing is only a first guess."
+        None,
+        description="Length; the drawn distance if absent. If given, the drawing is only a first guess. A "
+        "massless rod may have a length that depends on the time t.",
     )
 
 
@@ -96,6 +103,28 @@ class Force(Table):
     force: Vector
 
 
+class Torque(Table):
+    """A couple on a link in the plane, counter-clockwise, and its reaction on another link if named."""
+
+    link: Name
+    torque: Value = Field(description="May use the time t.")
+    against: Name | None = None
+
+
+class Guide(Table):
+    """Points that stay on the line of a link: a block on a rod, or on a rail between two ground points."""
+
+    points: list[Name] = Field(min_length=1)
+    along: Name = Field(description="The link whose line they stay on.")
+
+
+class Driver(Table):
+    """A link whose direction in the plane is prescribed, from its first point to its second."""
+
+    link: Name
+    angle: Value = Field(description="May use the time t.")
+
+
 class Start(Table):
     """How the motion starts; at rest where drawn when absent."""
 
@@ -112,7 +141,7 @@ class Analysis(Table):
     kind: Literal["dynamics"] = "dynamics"
     t_end: Value = "1 s"
     outputs: list[str] | None = Field(
-        None, description="What a run records, such as C.position, OA.tension, O.reaction, energy."
+        default=None, description="What a run records, such as C.position, OA.tension, O.reaction, energy."
     )
 
 
@@ -133,8 +162,11 @@ class Scene(Table):
     masses: list[PointMass] = Field(default_factory=list)
     springs: list[Spring] = Field(default_factory=list)
     forces: list[Force] = Field(default_factory=list)
+    torques: list[Torque] = Field(default_factory=list)
+    guides: list[Guide] = Field(default_factory=list)
+    drivers: list[Driver] = Field(default_factory=list)
     start: Start = Field(default_factory=Start)
-    analysis: Analysis = Field(default_factory=Analysis)
+    analysis: Analysis = Field(default=Analysis())
 
     _name: str = PrivateAttr("scene")
     _file: str = PrivateAttr("")
@@ -167,5 +199,6 @@ class Scene(Table):
 #: The table model behind each top-level key, to name the nearest known key in errors.
 TABLES: dict[str, type[Table]] = {
     "parameters": Parameter, "points": Point, "links": Link, "gravity": Gravity, "masses": PointMass,
-    "springs": Spring, "forces": Force, "start": Start, "analysis": Analysis,
+    "springs": Spring, "forces": Force, "torques": Torque, "guides": Guide, "drivers": Driver,
+    "start": Start, "analysis": Analysis,
 }  # fmt: skip

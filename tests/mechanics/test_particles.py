@@ -59,3 +59,19 @@ def test_kinetic_energy_equals_that_of_the_particles_for_any_end_velocities():
 def test_length_constraint_vanishes_at_the_length():
     d = sp.symbols("d1:3")
     assert sp.simplify(length_constraint(d, sp.sqrt(d[0] ** 2 + d[1] ** 2))) == 0
+
+
+def test_planar_body_on_two_of_its_points_has_the_energy_of_the_rigid_body():
+    """Centre of mass off the line of the ends, by ``offset`` to the left; any rigid motion."""
+    offset = sp.Symbol("h", real=True)
+    angle, rate, vx, vy = sp.symbols("theta omega v_x v_y", real=True)
+    direction, left = (sp.cos(angle), sp.sin(angle)), (-sp.sin(angle), sp.cos(angle))
+
+    def velocity(along, across):
+        x, y = (along * d + across * n for d, n in zip(direction, left, strict=True))
+        return vx - y * rate, vy + x * rate
+
+    centre = velocity(LC, offset)
+    rigid = M * (centre[0] ** 2 + centre[1] ** 2) / 2 + IC * rate**2 / 2
+    ends = end_mass(M, L, LC, IC, offset)
+    assert sp.simplify(kinetic_energy(ends, velocity(0, 0), velocity(L, 0)) - rigid) == 0

@@ -27,7 +27,7 @@ def exact(model):
 
     def rhs(t, y):
         found = model.accelerations(type(state)(t, y[:n], y[n:], {}, {}))
-        return np.concatenate([y[n:], *(found[p] for p in model.description.moving)])
+        return np.concatenate([y[n:], *(found[p] for p in model.description.free)])
 
     solution = solve_ivp(
         rhs, (0, 0.5), np.concatenate([state.q, state.u]), method="DOP853", rtol=1e-13, atol=1e-14
@@ -36,7 +36,7 @@ def exact(model):
 
 
 def end(model, result):
-    return np.concatenate([result.final[p]["position"] for p in model.description.moving])
+    return np.concatenate([result.final[p]["position"] for p in model.description.free])
 
 
 @pytest.mark.parametrize("name", INTEGRATORS)

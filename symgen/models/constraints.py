@@ -1,0 +1,93 @@
+"""The constraint rows of a linkage: one function for each way in which points are bound."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import sympy as sp
+
+from symgen.mechanics.particles import cross, dot, length_constraint
+
+if TYPE_CHECKING:
+    from symgen.models.rods import RodsModel
+
+_ONE = sp.Integer(1)
+
+
+@dataclass(frozen=True, slots=True)
+class Constraint:
+    """One row Phi = 0.
+
+    ``expression`` over ``scale`` is an error in metres; ``unit`` is the unit of the expression, ``label``
+    what it is called in messages, and ``link`` the rod whose length it is, if it is one.
+    """
+
+    name: str
+    label: str
+    expression: sp.Expr
+    scale: sp.Expr
+    unit: str
+    link: str = ""
+
+    @property
+    def multiplier_unit(self) -> str:
+        """Unit of the Lagrange multiplier: force times length over the constraint's unit."""
+        return {"m^2": "N/m", "m": "N"}[self.unit]
+
+
+def constraints(model: RodsModel) -> list[Constraint]:
+    """Return every constraint row: rod lengths first, in the order of the links."""
+    return [*_lengths(model), *_shared_joints(model), *_guides(model), *_drivers(model)]
+
+
+def _lengths(model: RodsModel) -> Iterator[Constraint]:
+    """(d.d - l^2)/2, Eq. (3a) halved."""
+    for rod in model.rods:
+        expression = length_constraint(model.along[rod.name], rod.length)
+        yield Constraint(rod.name, f"the length of link {rod.name}", expression, rod.length, "m^2", rod.name)
+
+
+def _shared_joints(model: RodsModel) -> Iterator[Constraint]:
+    """r_p = (1 - z) r_i + z r_j where the point p of a body already has a position of its own."""
+    for link, point in model.shared:
+        carried = model.carried_position(link, point)
+        for axis, own, other in zip(model.axes, model.position(point.name), carried, strict=True):
+            name = f"{link.name}_{point.name}_{axis}"
+            yield Constraint(name, f"the joint {point.name} of link {link.name}", own - other, _ONE, "m")
+
+
+def _guides(model: RodsModel) -> Iterator[Constraint]:
+    """(r_p - r_a) x d = 0, Eq. (16b): a point stays on the line of a link."""
+    for guide in model.linkage.guides:
+        link = model.linkage.link(guide.along)
+        along = model.along[link.name]
+        start = model.position(link.start)
+        for point in guide.points:
+            there = tuple(b - a for a, b in zip(start, model.position(point), strict=True))
+            label = f"the guide of {point} along {link.name}"
+            if len(along) == 2:
+                yield Constraint(f"{guide.name}_{point}", label, cross(along, there), link.length, "m^2")
+                continue
+            for i in _kept_components(model, link.start, link.end):
+                j, k = (i + 1) % 3, (i + 2) % 3
+                row = along[j] * there[k] - along[k] * there[j]
+                yield Constraint(f"{guide.name}_{point}_{model.axes[i]}", label, row, link.length, "m^2")
+
+
+def _kept_components(model: RodsModel, start: str, end: str) -> list[int]:
+    """Return the two components of a cross product that are independent where the link is drawn."""
+    ends = (model.linkage.point(p).at for p in (start, end))
+    drawn = [abs(model.linkage.number(b - a)) for a, b in zip(*ends, strict=True)]
+    return [i for i in range(3) if i != drawn.index(max(drawn))]
+
+
+def _drivers(model: RodsModel) -> Iterator[Constraint]:
+    """n.d = 0 with n across the prescribed direction of the link."""
+    for driver in model.linkage.drivers:
+        across = (-sp.sin(driver.angle), sp.cos(driver.angle))
+        along = model.along[driver.link]
+        yield Constraint(
+            f"{driver.link}_drive", f"the drive of link {driver.link}", dot(across, along), _ONE, "m"
+        )

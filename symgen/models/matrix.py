@@ -1,0 +1,30 @@
+"""Matrices of a linkage with the ground's known motion put in."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import sympy as sp
+
+from symgen.symbolic.system import NamedMatrix
+
+if TYPE_CHECKING:
+    from symgen.models.rods import RodsModel
+
+
+def named(
+    model: RodsModel,
+    name: str,
+    entries: Sequence[sp.Expr],
+    unit: str,
+    description: str,
+    *,
+    rows: Sequence[str] = (),
+    columns: Sequence[str] = (),
+    symmetric: bool = False,
+) -> NamedMatrix:
+    """Return a NamedMatrix with the ground's motion put in; ``entries`` row by row."""
+    width = max(1, len(columns))
+    filled = sp.ImmutableMatrix(len(entries) // width, width, [e.xreplace(model.held) for e in entries])
+    return NamedMatrix(name, filled, unit, description, tuple(rows), tuple(columns), symmetric)

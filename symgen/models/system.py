@@ -1,0 +1,206 @@
+"""From the derivation of a linkage to its System: matrices with names and units, and what to generate."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from symgen.errors import SceneError
+from symgen.mechanics.topology import elimination_order
+from symgen.models import outputs
+from symgen.models.matrix import named
+from symgen.models.rods import REFERENCE, RodsModel
+from symgen.models.start import start_exports
+from symgen.scene.linkage import TIME, Linkage
+from symgen.symbolic.calculus import ZERO
+from symgen.symbolic.system import Export, Group, NamedMatrix, SaddlePoint, System
+
+
+def linkage_system(linkage: Linkage) -> System:
+    """Return the System of a linkage.
+
+    Raises
+    ------
+    SceneError
+        When an output is asked for that the linkage does not have, or a point carries no mass.
+    """
+    try:
+        return _assemble(RodsModel(linkage))
+    except SceneError as error:
+        raise error.located(file=linkage.file) from None
+
+
+def _assemble(model: RodsModel) -> System:
+    linkage = model.linkage
+    free = [a for p in model.free for a in model.a[p]]
+    asked = outputs.asked(model)
+    start, start_kernels = start_exports(model)
+    equations, exports = _equations(model), _exports(model)
+    points = _points(model)
+    groups = (
+        Group("t", "time", (TIME,)),
+        Group("q", "coordinates of the free points", tuple(model.coordinates)),
+        Group("u", "velocities of the free points", tuple(u for p in model.free for u in model.u[p])),
+        Group("p", "tunable parameters", tuple(p.quantity for p in linkage.parameters)),
+        Group(
+            "work",
+            "accelerations and multipliers, as the kernel 'accelerations' wrote them",
+            (*free, *model.multipliers.values()),
+        ),
+    )
+    return System(
+        name=linkage.name,
+        title=linkage.title,
+        groups=groups,
+        matrices=(*equations, *points, *asked, *start),
+        exports=(
+            *exports,
+            Export("outputs", "what the scene asks to record", tuple(m.name for m in asked)),
+            *start_kernels,
+        ),
+        definitions=tuple(
+            replace(d, expression=d.expression.xreplace(model.held)) for d in model.calculus.definitions
+        ),
+        saddle_point=SaddlePoint(
+            "mass_matrix", "constraint_jacobian", "force", "acceleration_rhs", _order(model)
+        ),
+        references=(REFERENCE,),
+        left_out=tuple(
+            f"link {name}: both ends are ground, so it neither moves nor loads anything"
+            for name in model.idle
+        ),
+    )
+
+
+def _order(model: RodsModel) -> tuple[int, ...]:
+    d, n = len(model.axes), len(model.coordinates)
+    at = {p: range(i * d, i * d + d) for i, p in enumerate(model.free)}
+    lengths = {c.link: n + i for i, c in enumerate(model.constraints) if c.link}
+    return elimination_order(model.tree, at, lengths, n + len(model.constraints))
+
+
+def _equations(model: RodsModel) -> list[NamedMatrix]:
+    q = [x.symbol for x in model.coordinates]
+    names, rows = [s.name for s in q], [c.name for c in model.constraints]
+    rate = model.calculus.rate
+    units = {c.unit for c in model.constraints}
+    unit = units.pop() if len(units) == 1 else "m^2, m"
+    rate_unit, rhs_unit, slope_unit = (
+        ", ".join(_OF_CONSTRAINT[x][i] for x in unit.split(", ")) for i in range(3)
+    )
+    energies = [
+        named(model, "kinetic_energy", [model.kinetic_energy], "J", "kinetic energy"),
+        named(model, "potential_energy", [model.potential_energy], "J", "potential of gravity and springs"),
+    ]
+    if model.power != 0:
+        about = "power of the loads without potential, of drives and of the moving ground"
+        energies.append(named(model, "power", [model.power], "W", about))
+    return [
+        named(
+            model,
+            "mass_matrix",
+            [model.mass_entries.get((a, b), ZERO) for a in q for b in q],
+            "kg",
+            "mass matrix of the free points, M",
+            rows=names,
+            columns=names,
+            symmetric=True,
+        ),
+        named(model, "force", model.applied, "N", "applied forces, f", rows=names),
+        named(
+            model,
+            "constraints",
+            [c.expression for c in model.constraints],
+            unit,
+            "constraints Phi",
+            rows=rows,
+        ),
+        named(
+            model,
+            "constraint_scale",
+            [c.scale for c in model.constraints],
+            "m, 1",
+            "what a constraint is divided by to be an error in metres",
+            rows=rows,
+        ),
+        named(
+            model,
+            "constraint_jacobian",
+            [row.get(s, ZERO) for row in model.jacobian for s in q],
+            slope_unit,
+            "constraint Jacobian, J",
+            rows=rows,
+            columns=names,
+        ),
+        named(
+            model,
+            "velocity_constraints",
+            [rate(c.expression) for c in model.constraints],
+            rate_unit,
+            "rate of Phi",
+            rows=rows,
+        ),
+        named(
+            model,
+            "acceleration_rhs",
+            model.acceleration_rhs,
+            rhs_unit,
+            "right-hand side gamma of J a = gamma",
+            rows=rows,
+        ),
+        *energies,
+    ]
+
+
+#: Units of rate, second rate and gradient of a constraint.
+_OF_CONSTRAINT = {"m^2": ("m^2/s", "m^2/s^2", "m"), "m": ("m/s", "m/s^2", "1")}
+
+
+def _points(model: RodsModel) -> list[NamedMatrix]:
+    points = [p.name for p in model.linkage.points]
+    made = [
+        named(
+            model,
+            name,
+            [component for p in points for component in of_point(p)],
+            unit,
+            f"{name.replace('point_', '')} of all points",
+            rows=points,
+            columns=model.axes,
+        )
+        for name, of_point, unit in (
+            ("positions", model.position, "m"),
+            ("velocities", model.velocity, "m/s"),
+            ("point_accelerations", model.acceleration, "m/s^2"),
+        )
+    ]
+    if model.ground:
+        made.append(
+            named(
+                model,
+                "reactions",
+                [component for p in model.ground for component in model.residual(p)],
+                "N",
+                "force of the ground on the linkage at each ground point",
+                rows=model.ground,
+                columns=model.axes,
+            )
+        )
+    return made
+
+
+def _exports(model: RodsModel) -> list[Export]:
+    energies = ("kinetic_energy", "potential_energy") + (("power",) if model.power != 0 else ())
+    exports = [
+        Export("energy", "kinetic and potential energy", energies),
+        Export("points", "position and velocity of all points", ("positions", "velocities")),
+        Export("point_accelerations", "acceleration of all points", ("point_accelerations",)),
+    ]
+    if model.constraints:
+        exports += [
+            Export("constraints", "constraints and their scale", ("constraints", "constraint_scale")),
+            Export("velocity_constraints", "rate of the constraints", ("velocity_constraints",)),
+            Export("constraint_jacobian", "constraint Jacobian", ("constraint_jacobian",)),
+        ]
+    if model.ground:
+        exports.append(Export("reactions", "reactions at the ground points", ("reactions",)))
+    return exports
