@@ -117,8 +117,8 @@ def test_c_compiles_without_a_warning(name, tmp_path):
         (tmp_path / file.name).write_text(file.text)
     for source in sorted(tmp_path.glob("*.c")):
         subprocess.run(
-            ["cc", "-std=c11", "-Wall", "-Wextra", "-Werror", "-Wpedantic", "-Wdouble-promotion", "-O1", "-c"]
-            + [str(source), "-o", str(tmp_path / "x.o")],
+            ["cc", "-std=c11", "-Wall", "-Wextra", "-Werror", "-Wpedantic", "-Wdouble-promotion", "-O1"]
+            + ["-c", str(source), "-o", str(tmp_path / "x.o")],
             check=True,
         )
 
