@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from conftest import reference
 from scipy.integrate import solve_ivp
 
 import symgen
-from conftest import reference
 from symgen.errors import SceneError
 
 G = 9.81
