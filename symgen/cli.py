@@ -207,9 +207,9 @@ def generate(
 def build(scene: SceneArgument, set_: SetOption = None, backend: BackendOption = "auto") -> None:
     """Derive, emit and compile a scene into the cache."""
     from symgen.pipeline import build as build_model
-    from symgen.report.tables import print_model
+    from symgen.report.summary import model_lines
 
-    print_model(build_model(scene, set=_changes(set_), backend=backend), _console())
+    print(*model_lines(build_model(scene, set=_changes(set_), backend=backend)), sep="\n")
 
 
 @app.command()

@@ -286,7 +286,7 @@ def _describe(linkage: Linkage, program: Program, equations: str) -> Description
         start=(),
         t_end=float(linkage.t_end.xreplace(dict(linkage.defaults))),
         references=program.references,
-        left_out=(),
+        left_out=program.left_out,
     )
 
 

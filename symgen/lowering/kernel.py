@@ -107,6 +107,7 @@ class Program:
     kernels: tuple[Kernel, ...]
     pivots: int
     references: tuple[str, ...]
+    left_out: tuple[str, ...]
 
     def kernel(self, name: str) -> Kernel:
         """Return the kernel called ``name``."""

@@ -25,7 +25,9 @@ def lower_system(system: System) -> Program:
         (g.name, g.description, tuple(Slot(x.name, x.unit, x.description) for x in g.quantities))
         for g in system.groups
     )
-    return Program(system.name, system.title, groups, tuple(kernels), lowering.pivots, system.references)
+    return Program(
+        system.name, system.title, groups, tuple(kernels), lowering.pivots, system.references, system.left_out
+    )
 
 
 class _Lowering:

@@ -24,8 +24,10 @@ from symgen.symbolic.system import System
 
 def fold(expression: sp.Expr) -> sp.Expr:
     """Evaluate every irrational constant inside an expression to 40 digits; rationals stay exact."""
+    if expression.is_Symbol or expression.is_Rational:
+        return expression
     if expression.is_Atom:
-        return expression.evalf(DIGITS) if expression.is_NumberSymbol else expression
+        return expression.evalf(DIGITS)
     if not expression.free_symbols:
         return expression if expression.is_Rational else expression.evalf(DIGITS)
     old = expression.args

@@ -26,5 +26,6 @@ def named(
 ) -> NamedMatrix:
     """Return a NamedMatrix with the ground's motion put in; ``entries`` row by row."""
     width = max(1, len(columns))
-    filled = sp.ImmutableMatrix(len(entries) // width, width, [e.xreplace(model.held) for e in entries])
-    return NamedMatrix(name, filled, unit, description, tuple(rows), tuple(columns), symmetric)
+    filled = [e if e.is_Number else e.xreplace(model.held) for e in entries]
+    matrix = sp.ImmutableMatrix(len(entries) // width, width, filled)
+    return NamedMatrix(name, matrix, unit, description, tuple(rows), tuple(columns), symmetric)

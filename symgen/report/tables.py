@@ -8,7 +8,6 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
-from symgen.runtime.model import Model
 from symgen.runtime.result import Result
 
 
@@ -58,15 +57,3 @@ def print_result(result: Result, console: Console) -> None:
             ),
         )
     )
-
-
-def print_model(model: Model, console: Console) -> None:
-    """Print the kernels of a model with what they cost, and its parameters."""
-    kernels = ((k, c["flops"], c["add"], c["mul"], c["div"], c["call"]) for k, c in model.operations.items())
-    columns = ("kernel", "operations", "additions", "multiplications", "divisions", "functions")
-    console.print(table(f"{model.description.title} ({model.backend} backend)", columns, kernels))
-    if model.parameters:
-        rows = (
-            (p.name, f"{model.parameters[p.name]:g}", p.unit, p.about) for p in model.description.parameters
-        )
-        console.print(table("Tunable parameters", ("name", "value", "unit", "meaning"), rows))

@@ -78,6 +78,11 @@ class Calculus:
     ) -> Iterator[tuple[sp.Symbol, sp.Expr]]:
         """Yield (symbol, partial derivative) term by term, so that the cost is linear in the terms."""
         for term in sp.Add.make_args(expression):
+            coefficient, rest = term.as_coeff_Mul()
+            if rest.is_Symbol:
+                if known.get(rest):
+                    yield rest, coefficient
+                continue
             for s in sorted(term.free_symbols, key=lambda s: str(s.name)):
                 if known.get(s):
                     yield s, sp.diff(term, s)
