@@ -156,20 +156,20 @@ class NumpyAssembly:
 
     def __init__(self, exact: Exact, scene: symgen.Scene, model: symgen.Model) -> None:
         description, known = model.description, model.initial_state().positions
-        self.moving, dimension = len(description.moving), len(description.axes)
-        self.n, self.m = self.moving * dimension, len(description.constraints)
-        place = {p: i for i, p in enumerate((*description.moving, *description.ground))}
+        self.free, dimension = len(description.free), len(description.axes)
+        self.n, self.m = self.free * dimension, len(description.constraints)
+        place = {p: i for i, p in enumerate((*description.free, *description.ground))}
         ends = [[place[p] for p in scene.links[rod].points] for rod in description.constraints]
         incidence = np.zeros((self.m, len(place)))
         for k, (start, end) in enumerate(ends):
             incidence[k, start], incidence[k, end] = -1.0, 1.0
-        self.incidence = np.ascontiguousarray(incidence[:, : self.moving])
-        self.fixed = incidence[:, self.moving :] @ np.array([known[p] for p in description.ground])
+        self.incidence = np.ascontiguousarray(incidence[:, : self.free])
+        self.fixed = incidence[:, self.free :] @ np.array([known[p] for p in description.ground])
         entries = [
             (self.n + k, point * dimension + axis, k * dimension + axis, incidence[k, point])
             for k in range(self.m)
             for point in ends[k]
-            if point < self.moving
+            if point < self.free
             for axis in range(dimension)
         ]
         row, column, source, sign = (np.array(x) for x in zip(*entries, strict=True))
@@ -186,8 +186,8 @@ class NumpyAssembly:
 
     def solve(self, q: Array, u: Array) -> Array:
         """Return accelerations and multipliers at one state."""
-        along = self.incidence @ q.reshape(self.moving, -1) + self.fixed
-        rate = self.incidence @ u.reshape(self.moving, -1)
+        along = self.incidence @ q.reshape(self.free, -1) + self.fixed
+        rate = self.incidence @ u.reshape(self.free, -1)
         self.flat[self.places] = self.sign * along.reshape(-1)[self.source]
         self.rhs[self.n :] = -(rate * rate).sum(axis=1)
         solution: Array = np.linalg.solve(self.matrix, self.rhs)
@@ -202,8 +202,8 @@ class NumpyAssembly:
     def assemble_all(self, q: Array, u: Array) -> tuple[Array, Array]:
         """Return matrices and right-hand sides at many states."""
         count = len(q)
-        along = self.incidence @ q.reshape(count, self.moving, -1) + self.fixed
-        rate = self.incidence @ u.reshape(count, self.moving, -1)
+        along = self.incidence @ q.reshape(count, self.free, -1) + self.fixed
+        rate = self.incidence @ u.reshape(count, self.free, -1)
         matrices, rhs = (np.repeat(x[None], count, axis=0) for x in (self.matrix, self.rhs))
         matrices.reshape(count, -1)[:, self.places] = self.sign * along.reshape(count, -1)[:, self.source]
         rhs[:, self.n :] = -(rate * rate).sum(axis=2)
