@@ -187,13 +187,12 @@ def generate(
     ] = False,
 ) -> None:
     """Write the shipped kernels under generated/ anew."""
-    from symgen.codegen.manifest import differences
     from symgen.errors import GenerationError
     from symgen.pipeline import generate as write
-    from symgen.pipeline import generated_folder, shipped_sources
+    from symgen.pipeline import not_current
 
     if check:
-        found = differences(generated_folder(), shipped_sources())
+        found = not_current()
         if found:
             print("".join(found), end="")
             raise GenerationError(f"{len(found)} generated files are not current: run 'symgen generate'")

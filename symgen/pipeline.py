@@ -142,14 +142,31 @@ def generated_folder() -> Path:
 
 def generate() -> list[str]:
     """Write ``generated/`` anew in a checkout; return the names of the files that changed."""
+    from symgen.atomic import write_text
     from symgen.codegen.manifest import write
+    from symgen.scene.units import UNITS, answers
 
     folder = generated_folder()
     if not (folder.parent / "pyproject.toml").is_file():
         raise GenerationError(
             f"{folder} is not part of a checkout of symgen; only 'symgen generate --check' works"
         )
-    return write(folder, shipped_sources())
+    touched = write(folder, shipped_sources())
+    if UNITS.read_text(encoding="utf-8") != answers():
+        write_text(UNITS, answers())
+        touched.append(f"../symgen/scene/{UNITS.name}")
+    return touched
+
+
+def not_current() -> list[str]:
+    """Return a difference for every generated file that is not what the derivation gives."""
+    from symgen.codegen.manifest import differences
+    from symgen.scene.units import UNITS, answers
+
+    found = differences(generated_folder(), shipped_sources())
+    if UNITS.read_text(encoding="utf-8") != answers():
+        found.append(f"{UNITS} is not what Pint answers\n")
+    return found
 
 
 def _text_of(scene: Any) -> SceneText:

@@ -31,6 +31,7 @@ ALLOWED = {
     "report": {"runtime", "symbolic", "lowering", "codegen", "atomic"},
     "pipeline": {
         "scene", "symbolic", "mechanics", "models", "lowering", "codegen", "compiler", "cache", "runtime",
+        "atomic",
     },
 }  # fmt: skip
 #: These may import anything; nobody imports them.

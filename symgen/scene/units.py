@@ -89,7 +89,8 @@ KEPT = (
     "slug/ft^3", "lb/in^3", "m^2", "mm^2", "in^2", "m^4", "mm^4", "in^4",
 )  # fmt: skip
 
-_ANSWERS = Path(__file__).with_name("units.json")
+#: Pint's answers for the units of ``KEPT``.
+UNITS = Path(__file__).with_name("units.json")
 _NUMBER = r"[-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?"
 _QUANTITY = re.compile(rf"\s*(?P<number>{_NUMBER})\s*(?P<unit>[A-Za-zµ][A-Za-z0-9_µ*/^() -]*)?\s*")
 _NOT_FINITE = re.compile(r"\s*[-+]?(nan|inf|infinity)\b", re.IGNORECASE)
@@ -149,7 +150,7 @@ def _unit(text: str) -> tuple[Fraction, Dimension]:
 @lru_cache(maxsize=1)
 def _known_units() -> dict[str, str]:
     """Return Pint's answers for the units of ``KEPT``, which spare most scenes the loading of Pint."""
-    known: dict[str, str] = json.loads(_ANSWERS.read_text(encoding="utf-8"))
+    known: dict[str, str] = json.loads(UNITS.read_text(encoding="utf-8"))
     return known
 
 
