@@ -231,9 +231,9 @@ def cache_info() -> None:
     entries = store.entries()
     total = sum(size for _, size in entries)
     rows = [(name, f"{size / 1024:.0f} KiB") for name, size in entries]
-    _console().print(
-        table(f"{store.root}: {len(entries)} entries, {total / 1024:.0f} KiB", ("entry", "size"), rows)
-    )
+    print(f"{store.root}: {len(entries)} entries, {total / 1024:.0f} KiB")
+    if rows:
+        _console().print(table("", ("entry", "size"), rows))
 
 
 @cache_app.command("clear")

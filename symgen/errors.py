@@ -116,7 +116,9 @@ def nearest(name: str, known: Iterable[str]) -> str:
     from difflib import get_close_matches
 
     words = sorted(known)
-    close = get_close_matches(name, words, n=1, cutoff=0.6)
+    folded = name.casefold()
+    close = [w for w in words if w.casefold() == folded] or get_close_matches(name, words, n=1, cutoff=0.6)
+    close = close or [w for w in words if w.casefold().startswith(folded)]
     if close:
         return f"Did you mean {close[0]!r}?"
     return f"Known: {', '.join(words)}." if words else "None is known here."

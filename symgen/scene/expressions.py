@@ -15,7 +15,7 @@ from typing import Any
 import sympy as sp
 
 from symgen.errors import SceneError, nearest
-from symgen.scene.units import NUMBER, Dimension, describe, example, is_quantity, parse_quantity
+from symgen.scene.units import NUMBER, Dimension, describe, example, fits, is_quantity, parse_quantity
 
 Value = tuple[sp.Expr, Dimension]
 Names = Mapping[str, Value]
@@ -23,6 +23,7 @@ Names = Mapping[str, Value]
 _LONGEST, _DEEPEST, _LARGEST_POWER = 2000, 60, 64
 _LARGEST_NUMBER = 1024  # bits: what a double can hold
 _LARGEST_EXPONENT = 700  # exp(709.8) overflows a double
+_SHOWN = 80  # characters of an expression in a message
 
 #: Functions a scene may call: what they are in SymPy and how many arguments they take. All act on plain
 #: numbers (angles in radians) and give plain numbers, but for sqrt, abs and atan2, which see dimensions.
@@ -70,14 +71,38 @@ def parse_any(value: str | int | float, names: Names) -> Value:
             number, dim = parse_quantity(value)
             return rational(number), dim
         return _Reader(value, names).read()
-    if not math.isfinite(value):
+    if isinstance(value, float) and not math.isfinite(value):
         raise SceneError(f"expected a finite number, got {value!r}")
-    return rational(Fraction(repr(value)) if isinstance(value, float) else Fraction(value)), NUMBER
+    exact = Fraction(repr(value)) if isinstance(value, float) else Fraction(value)
+    if not fits(exact):
+        raise SceneError("expected a number that fits in double precision")
+    return rational(exact), NUMBER
+
+
+def _is_finite(expression: sp.Expr) -> bool:
+    """Tell whether an expression is real and finite; where it is a number, whether a double can hold it."""
+    if expression.has(sp.nan, sp.zoo, sp.oo, -sp.oo) or expression.is_real is False:
+        return False
+    if expression.free_symbols:
+        return True
+    if expression.is_Rational:
+        return fits(Fraction(int(expression.p), int(expression.q)))
+    number = expression.evalf(15)
+    return bool(number.is_Float) and math.isfinite(float(number))
+
+
+def _vanishes(expression: sp.Expr) -> bool:
+    """Tell whether a number is zero, or cannot be told from zero."""
+    if expression.free_symbols or expression.is_Rational:
+        return bool(expression == 0)
+    number = expression.evalf(15)
+    return bool(number == 0) or getattr(number, "_prec", 53) == 1
 
 
 class _Reader:
     def __init__(self, text: str, names: Names) -> None:
         self.text, self.names = text, names
+        self.shown = repr(text if len(text) <= _SHOWN else f"{text[: _SHOWN - 3]}...")
 
     def read(self) -> Value:
         if len(self.text) > _LONGEST:
@@ -86,18 +111,28 @@ class _Reader:
             tree = ast.parse(self.text.strip(), mode="eval")
         except (SyntaxError, ValueError, RecursionError, MemoryError):
             raise SceneError(
-                f"cannot read {self.text!r}",
+                f"cannot read {self.shown}",
                 hint='Write a quantity with a unit ("2 cm") or an expression over parameters ("2*a + b").',
             ) from None
         expression, dim = self.node(tree.body, 0)
-        if expression.has(sp.nan, sp.zoo, sp.oo, -sp.oo) or expression.is_real is False:
-            raise SceneError(f"expected a finite real value, got {self.text!r}")
+        if not _is_finite(expression):
+            raise SceneError(f"expected a finite real value, got {self.shown}")
         return expression, dim
 
     def node(self, node: ast.expr, depth: int) -> Value:
+        """Read a node; a long sum or product, which Python nests to the left, is read in a loop."""
         if depth > _DEEPEST:
             raise self.refuse("is nested too deeply")
-        depth += 1
+        chain = []
+        while isinstance(node, ast.BinOp):
+            chain.append(node)
+            node = node.left
+        value = self.term(node, depth + 1)
+        for step in reversed(chain):
+            value = self.operation(value, step.op, self.node(step.right, depth + 1))
+        return value
+
+    def term(self, node: ast.expr, depth: int) -> Value:
         match node:
             case ast.Constant(value=int() | float() as number) if not isinstance(number, bool):
                 return parse_any(number, {})
@@ -108,40 +143,39 @@ class _Reader:
                 return -inner, dim
             case ast.UnaryOp(op=ast.UAdd(), operand=operand):
                 return self.node(operand, depth)
-            case ast.BinOp(left=left, op=ast.Add() | ast.Sub() as op, right=right):
-                return self.sum(self.node(left, depth), op, self.node(right, depth))
-            case ast.BinOp(left=left, op=ast.Mult(), right=right):
-                (a, da), (b, db) = self.node(left, depth), self.node(right, depth)
-                return a * b, da.times(db)
-            case ast.BinOp(left=left, op=ast.Div(), right=right):
-                (a, da), (b, db) = self.node(left, depth), self.node(right, depth)
-                if b == 0:
-                    raise self.refuse("divides by zero")
-                return a / b, da.times(db.power(Fraction(-1)))
-            case ast.BinOp(left=left, op=ast.Pow(), right=right):
-                return self.power(self.node(left, depth), self.node(right, depth))
             case ast.Call(func=ast.Name(id=name), args=args, keywords=[]):
                 return self.call(name, [self.node(a, depth) for a in args] if name in FUNCTIONS else [])
         raise self.refuse(f"uses {type(node).__name__}, which a scene may not")
+
+    def operation(self, left: Value, op: ast.operator, right: Value) -> Value:
+        (a, da), (b, db) = left, right
+        match op:
+            case ast.Add() | ast.Sub():
+                if da != db:
+                    raise self.refuse(f"adds {describe(da)} and {describe(db)}")
+                return (a + b if isinstance(op, ast.Add) else a - b), da
+            case ast.Mult():
+                return a * b, da.times(db)
+            case ast.Div():
+                if _vanishes(b):
+                    raise self.refuse("divides by zero")
+                return a / b, da.times(db.power(Fraction(-1)))
+            case ast.Pow():
+                return self.power(left, right)
+        raise self.refuse(f"uses {type(op).__name__}, which a scene may not")
 
     def named(self, name: str) -> Value:
         if name == "pi":
             return sp.pi, NUMBER
         if name not in self.names:
-            raise SceneError(f"{self.text!r} uses the unknown name {name!r}", hint=nearest(name, self.names))
+            raise SceneError(f"{self.shown} uses the unknown name {name!r}", hint=nearest(name, self.names))
         return self.names[name]
-
-    def sum(self, left: Value, op: ast.operator, right: Value) -> Value:
-        (a, da), (b, db) = left, right
-        if da != db:
-            raise self.refuse(f"adds {describe(da)} and {describe(db)}")
-        return (a + b if isinstance(op, ast.Add) else a - b), da
 
     def power(self, base: Value, exponent: Value) -> Value:
         (a, da), (b, db) = base, exponent
         if db != NUMBER or not b.is_Rational or abs(b) > _LARGEST_POWER:
             raise self.refuse(f"may only raise to a plain rational number of at most {_LARGEST_POWER}")
-        if a == 0 and b < 0:
+        if b < 0 and _vanishes(a):
             raise self.refuse("divides by zero")
         if a.is_Rational and max(int(a.p).bit_length(), int(a.q).bit_length()) * abs(b) > _LARGEST_NUMBER:
             raise self.refuse("gives a number too large for double precision")
@@ -169,4 +203,4 @@ class _Reader:
         return function(*(a for a, _ in arguments)), result
 
     def refuse(self, why: str, hint: str = "") -> SceneError:
-        return SceneError(f"the expression {self.text!r} {why}", hint=hint)
+        return SceneError(f"the expression {self.shown} {why}", hint=hint)

@@ -11,9 +11,10 @@ _NOT_PLACES = ("[key]", "str", "int", "float")
 _LONGEST = 80
 
 
-def scene_error(error: ValidationError, file: str) -> SceneError:
-    """Return the first fault of a scene as a SceneError."""
-    fault = error.errors()[0]
+def scene_error(error: ValidationError) -> SceneError:
+    """Return the first fault of a scene; a misspelled key before the one that is then missing."""
+    faults = error.errors()
+    fault = next((f for f in faults if f["type"] == "extra_forbidden"), faults[0])
     place = [str(part) for part in fault["loc"] if part not in _NOT_PLACES]
     where = ".".join(place)
     got = repr(fault["input"])
@@ -30,4 +31,4 @@ def scene_error(error: ValidationError, file: str) -> SceneError:
         case _:
             message = fault["msg"]
             problem = f"{message[:1].lower()}{message[1:]}, got {got}"
-    return SceneError(problem, where=where, file=file, hint=hint)
+    return SceneError(problem, where=where, hint=hint)

@@ -115,9 +115,6 @@ def override(text: SceneText, changes: Mapping[str, Any]) -> SceneText:
 
 def check_scene(text: SceneText) -> Scene:
     """Return the checked scene; raise SceneError naming file, table and key of the first fault."""
-    from pydantic import ValidationError
-
-    from symgen.scene.faults import scene_error
     from symgen.scene.schema import FORMAT_VERSION, Scene
 
     version = text.data.get("symgen")
@@ -130,10 +127,9 @@ def check_scene(text: SceneText) -> Scene:
             hint=f"Write 'symgen = {FORMAT_VERSION}' as the first line of the scene.",
         )
     try:
-        scene = Scene.model_validate(dict(text.data))
-    except ValidationError as error:
-        raise scene_error(error, text.file) from None
-    return scene.called(text.name, text.file)
+        return Scene(**text.data).called(text.name, text.file)
+    except SceneError as error:
+        raise error.located(file=text.file) from None
 
 
 def _identifier(stem: str) -> str:

@@ -177,7 +177,7 @@ class Scene(Table):
         except ValidationError as error:
             from symgen.scene.faults import scene_error
 
-            raise scene_error(error, "") from None
+            raise scene_error(error) from None
 
     @property
     def name(self) -> str:

@@ -91,10 +91,16 @@ KEPT = (
 
 #: Pint's answers for the units of ``KEPT``.
 UNITS = Path(__file__).with_name("units.json")
-_NUMBER = r"[-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?"
-_QUANTITY = re.compile(rf"\s*(?P<number>{_NUMBER})\s*(?P<unit>[A-Za-zµ][A-Za-z0-9_µ*/^() -]*)?\s*")
+_NUMBER = r"[-+]?(?:\d++(?:\.\d*+)?|\.\d++)(?:[eE][-+]?\d++)?+"  # possessive: 1e-3*a is no 1 of a unit e-3*a
+_QUANTITY = re.compile(
+    rf"\s*(?P<number>{_NUMBER})\s*(?P<unit>(?:1\s*/\s*)?[A-Za-zµ][A-Za-z0-9_µ*/^() +-]*)?\s*", re.ASCII
+)
 _NOT_FINITE = re.compile(r"\s*[-+]?(nan|inf|infinity)\b", re.IGNORECASE)
-_UNIT = re.compile(r"[A-Za-zµ_]+|\*\*|[*/^()]|[-+]?\d+|\s+")
+_FACTOR = r"[A-Za-zµ_]+(?:\s*(?:\^|\*\*)\s*(?:[-+]?[0-9]|\([-+]?[0-9]\)))?"
+_PART = rf"(?:{_FACTOR}|\(\s*{_FACTOR}(?:\s*[*/]\s*{_FACTOR})*\s*\))"
+#: What Pint is asked at all: products and quotients of powers up to the ninth, so that no text makes it
+#: compute m^9**9**9 or anything inexact.
+_UNIT = re.compile(rf"(?:1\s*/\s*)?{_PART}(?:\s*[*/]\s*{_PART})*")
 _LONGEST = 200
 
 
@@ -125,21 +131,26 @@ def parse_quantity(text: str) -> tuple[Fraction, Dimension]:
     if not match or len(text) > _LONGEST:
         raise SceneError(f'expected a quantity such as "2 cm", got {text[:_LONGEST]!r}')
     number, unit = match["number"], match["unit"]
-    if abs(int((re.search(r"[eE]([-+]?\d+)", number) or ["", "0"])[1])) > 300:
-        raise SceneError(f"expected a number that fits in double precision, got {text!r}")
-    value = Fraction(number)
-    if unit is None:
-        return value, NUMBER
-    scale, dim = _unit(unit.strip())
-    return value * scale, dim
+    too_large = SceneError(f"expected a number that fits in double precision, got {text!r}")
+    if abs(int((re.search(r"[eE]([-+]?\d+)", number) or ["", "0"])[1])) > 400:
+        raise too_large
+    scale, dim = _unit(unit.strip()) if unit else (Fraction(1), NUMBER)
+    value = Fraction(number) * scale
+    if not fits(value):
+        raise too_large
+    return value, dim
+
+
+def fits(value: Fraction) -> bool:
+    """Tell whether a number is zero, or neither too large nor too small for double precision."""
+    try:
+        return (float(value) == 0.0) == (value == 0)
+    except OverflowError:
+        return False
 
 
 @lru_cache(maxsize=256)
 def _unit(text: str) -> tuple[Fraction, Dimension]:
-    tokens = _UNIT.findall(text)
-    if "".join(tokens) != text or any(abs(int(x)) > 9 for x in tokens if x.lstrip("+-").isdigit()):
-        problem, hint = _not_a_unit(text)
-        raise SceneError(problem, hint=hint)
     known = _known_units().get(text)
     if known:
         numerator, denominator, *exponents = map(int, known.split())
@@ -156,9 +167,11 @@ def _known_units() -> dict[str, str]:
 
 def read_unit(text: str) -> tuple[Fraction, Dimension]:
     """Return scale and dimension of a product of units, read by Pint; raise SceneError for unknown ones."""
+    problem, hint = _not_a_unit(text)
+    if not _UNIT.fullmatch(text):
+        raise SceneError(problem, hint=hint)
     import pint
 
-    problem, hint = _not_a_unit(text)
     try:
         quantity = _registry().Quantity(Fraction(1), text.replace("^", "**")).to_root_units()
     except pint.UndefinedUnitError as error:

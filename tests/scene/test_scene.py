@@ -1,0 +1,111 @@
+"""Scenes from files and from Python, overrides, and the JSON Schema."""
+
+from __future__ import annotations
+
+import json
+import tomllib
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+import symgen
+from symgen.errors import SceneError
+from symgen.pipeline import derive
+from symgen.scene.loading import SHIPPED, SceneText, check_scene, override, read_scene
+from symgen.scene.resolve import resolve
+from symgen.scene.schema import TABLES, Scene
+
+
+@pytest.mark.parametrize("name", symgen.shipped_scenes())
+def test_the_same_scene_from_python(name):
+    data = tomllib.loads((SHIPPED / f"{name}.toml").read_text(encoding="utf-8"))
+    made = symgen.Scene(**data)
+    a, b = derive(name), derive(made)
+    assert [m.matrix for m in a.matrices] == [m.matrix for m in b.matrices]
+    assert made.name == "scene" and symgen.load_scene(name).name == name
+
+
+def test_shipped_scenes_are_those_of_the_issue_list():
+    assert {"peaucellier", "peaucellier_perturbed", "triple_pendulum", "four_bar"} <= set(
+        symgen.shipped_scenes()
+    )
+
+
+def test_json_schema_describes_every_table():
+    schema = Scene.model_json_schema()
+    assert set(TABLES) <= set(schema["properties"])
+    assert schema["additionalProperties"] is False
+    assert schema["properties"]["symgen"]["const"] == 1
+    for table in TABLES.values():
+        assert table.__doc__
+
+
+def test_scene_errors_in_python_are_scene_errors():
+    with pytest.raises(SceneError, match=r"\[points.A\] att: unknown key .att.\n  Did you mean .at."):
+        symgen.Scene(points={"A": {"att": ["0 m", "0 m"]}}, links={})
+
+
+def test_scenes_do_not_change():
+    scene = symgen.load_scene("four_bar")
+    with pytest.raises(Exception, match="frozen"):
+        scene.title = "other"
+    assert scene.called("again").name == "again" and scene.name == "four_bar"
+
+
+def test_overrides():
+    text = read_scene("peaucellier")
+    assert override(text, {"rho": "2 kg/m"}).data["parameters"]["rho"]["value"] == "2 kg/m"
+    assert override(text, {"links.OA.mass": "1 kg"}).data["links"]["OA"]["mass"] == "1 kg"
+    assert text.data["parameters"]["rho"]["value"] == "1 kg/m"
+    for key in ("roh", "links.OX.mass", "title.x"):
+        with pytest.raises(SceneError, match="no parameter and no key"):
+            override(text, {key: "1"})
+    assert symgen.load_scene("peaucellier", set={"analysis.t_end": "3 s"}).analysis.t_end == "3 s"
+
+
+LEAVES = st.one_of(
+    st.none(),
+    st.booleans(),
+    st.integers(-3, 3),
+    st.floats(),
+    st.sampled_from(
+        ["", "nan", "0 m", "-1 kg", "1e308 m", "rho", "rho*rho", "t", "2 cm", "open('x')", "A", "O", "\x00"]
+    ),
+    st.text(max_size=8),
+    st.just([]),
+    st.just({}),
+)
+
+
+def paths(data, at=()):
+    if isinstance(data, dict):
+        for key, value in data.items():
+            yield (*at, key)
+            yield from paths(value, (*at, key))
+    elif isinstance(data, list):
+        for i, value in enumerate(data):
+            yield (*at, i)
+            yield from paths(value, (*at, i))
+
+
+@settings(max_examples=250, deadline=5000, suppress_health_check=[HealthCheck.too_slow])
+@given(st.data())
+def test_a_mutated_scene_is_a_scene_or_a_scene_error(data):
+    """Any value of a shipped scene replaced by nonsense, or removed: never another exception."""
+    tables = json.loads(json.dumps(read_scene(data.draw(st.sampled_from(symgen.shipped_scenes()))).data))
+    for _ in range(data.draw(st.integers(1, 2))):
+        path = data.draw(st.sampled_from(sorted(paths(tables), key=str)))
+        table = tables
+        for part in path[:-1]:
+            table = table[part]
+        if data.draw(st.booleans()) and isinstance(table, dict):
+            del table[path[-1]]
+        else:
+            table[path[-1]] = data.draw(LEAVES)
+    try:
+        linkage = resolve(check_scene(SceneText("mutated", "mutated.toml", tables)))
+    except SceneError as error:
+        assert str(error).startswith("mutated.toml: ")
+        return
+    assert linkage.points

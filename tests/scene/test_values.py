@@ -1,0 +1,139 @@
+"""Units and expressions: exact, checked for dimensions, never run as code."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+
+import pytest
+import sympy as sp
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from symgen.errors import SceneError
+from symgen.scene import units
+from symgen.scene.expressions import FUNCTIONS, parse_any, parse_value
+from symgen.scene.units import KEPT, NUMBER, UNITS, answers, dimension, parse_quantity, read_unit
+
+A, B = sp.symbols("a b", real=True)
+NAMES = {"a": (A, units.LENGTH), "b": (B, units.LENGTH), "n": (sp.Rational(3), NUMBER)}
+
+
+@pytest.mark.parametrize(
+    "text, value, unit",
+    [
+        ("2 cm", Fraction(1, 50), "m"),
+        ("9.81 m/s^2", Fraction(981, 100), "m/s^2"),
+        ("1e-3 kg*m**2", Fraction(1, 1000), "m^2*kg"),
+        ("-4 in", Fraction(-4 * 254, 10000), "m"),
+        ("1 lbf", Fraction(45359237, 10**8) * Fraction(980665, 10**5), "N"),
+        ("12", Fraction(12), "1"),
+        ("3 N*s/m", Fraction(3), "N*s/m"),
+        ("5.292 slug/ft^3", None, "kg/m^3"),
+    ],
+)
+def test_quantities_are_exact(text, value, unit):
+    number, dim = parse_quantity(text)
+    assert value is None or number == value
+    assert dim.unit in (unit, {"kg/m^3": "kg/m^3"}.get(unit, unit))
+
+
+def test_rpm_is_a_thirtieth_of_pi():
+    number, dim = parse_quantity("30 rpm")
+    assert dim == units.ANGULAR_RATE
+    assert abs(sp.Rational(number.numerator, number.denominator) - sp.pi).evalf(60) < sp.Float("1e-50")
+
+
+def test_kept_answers_are_pints():
+    assert UNITS.read_text() == answers()
+    for unit in KEPT:
+        assert parse_quantity(f"1 {unit}") == read_unit(unit)
+
+
+@pytest.mark.parametrize(
+    "text", ["2 parsec", "2 m/", "2 m^99", "nan m", "inf", "1e999 m", "2 __import__", "2 m m m^x", "x" * 999]
+)
+def test_bad_quantities(text):
+    with pytest.raises(SceneError):
+        parse_quantity(text)
+
+
+@pytest.mark.parametrize(
+    "text, expected",
+    [
+        ("2*a + b", 2 * A + B),
+        ("-a/2", -A / 2),
+        ("sqrt(a**2 + b**2)", sp.sqrt(A**2 + B**2)),
+        ("a*cos(pi/3)", A / 2),
+        ("abs(-a)", sp.Abs(A)),
+        ("atan2(a, b)*b", sp.atan2(A, B) * B),
+        ("n*a", 3 * A),
+    ],
+)
+def test_expressions(text, expected):
+    assert parse_any(text, NAMES)[0] == expected
+
+
+def test_every_function_is_readable():
+    for name, (function, count) in FUNCTIONS.items():
+        text = f"{name}({', '.join(['0.5'] * count)})"
+        assert parse_any(text, {})[0] == function(*[sp.Rational(1, 2)] * count)
+
+
+@pytest.mark.parametrize(
+    "text, message",
+    [
+        ("open('x')", "calls 'open'"),
+        ("__import__('os')", "calls '__import__'"),
+        ("a.b", "Attribute"),
+        ("a[0]", "Subscript"),
+        ("lambda: 1", "Lambda"),
+        ("[x for x in (1,)]", "ListComp"),
+        ("'text'", "Constant"),
+        ("True", "Constant"),
+        ("a if n else b", "IfExp"),
+        ("a + n", "adds a length and a plain number"),
+        ("sin(a)", "gives sin a length"),
+        ("c", "unknown name 'c'"),
+        ("1/0", "divides by zero"),
+        ("0**-1", "divides by zero"),
+        ("9**9**9", "at most"),
+        ("((9**64)**64)**64", "too large"),
+        ("exp(1e9)", "above 700"),
+        ("sqrt(-1)", "finite real"),
+        ("log(0)", "finite real"),
+        ("asin(2)", "finite real"),
+        ("2**a", "plain rational"),
+        ("sin(1, 2)", "2 arguments instead of 1"),
+        ("(" * 300 + "1" + ")" * 300, "cannot read"),
+        ("-" * 200 + "1", "nested too deeply"),
+        ("2 cm + a", "cannot read|not a unit"),
+        ("", "cannot read"),
+        ("1" * 3000, "fits in double|at most|quantity such as"),
+    ],
+)
+def test_refused_expressions(text, message):
+    with pytest.raises(SceneError, match=message):
+        parse_any(text, NAMES)
+
+
+def test_dimension_is_checked_and_zero_needs_none():
+    assert parse_value("0", {}, units.LENGTH) == 0
+    with pytest.raises(SceneError, match="expected a length such as .*, got '3 s', a time"):
+        parse_value("3 s", {}, units.LENGTH)
+
+
+def test_units_of_dimensions():
+    assert dimension(1, 1, -2).unit == "N"
+    assert dimension(2, 0, 0).unit == "m^2"
+    assert dimension(0, 0, -1).unit == "1/s"
+
+
+@settings(max_examples=300, deadline=2000)
+@given(st.one_of(st.text(max_size=40), st.text("ab0123456789.+-*/() ,sincotaqrlgexp_[]{}'", max_size=60)))
+def test_any_text_gives_a_value_or_a_scene_error(text):
+    try:
+        expression, dim = parse_any(text, NAMES)
+    except SceneError:
+        return
+    assert isinstance(expression, sp.Expr)
+    assert dim.unit

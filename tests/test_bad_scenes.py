@@ -1,0 +1,142 @@
+"""Bad scenes: one clear error that names file, table and key, exit code 2, nothing left behind."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+
+import pytest
+
+GOOD = """
+symgen = 1
+[points]
+O = { at = ["0 m", "0 m"], ground = true }
+A = { at = ["1 m", "0 m"] }
+B = { at = ["2 m", "1 m"] }
+C = { at = ["3 m", "0 m"], ground = true }
+[links]
+OA = { points = ["O", "A"], mass = "1 kg" }
+AB = { points = ["A", "B"], mass = "1 kg" }
+BC = { points = ["B", "C"], mass = "1 kg" }
+[analysis]
+t_end = "0.1 s"
+"""
+
+#: What is changed in the good scene, and what the message must say.
+CASES = {
+    "unknown key": ('OA = { points = ["O", "A"], mass', 'OA = { points = ["O", "A"], mas', ["[links.OA] mas", "'mass'"]),
+    "unknown table": ("[analysis]", "[analisys]", ["[analisys]", "'analysis'"]),
+    "wrong unit": ('["A", "B"], mass = "1 kg"', '["A", "B"], mass = "3 s"', ["[links.AB] mass", "a mass", "a time"]),
+    "no unit": ('["A", "B"], mass = "1 kg"', '["A", "B"], mass = 3', ["[links.AB] mass", '"1.5 kg"']),
+    "unknown unit": ('["A", "B"], mass = "1 kg"', '["A", "B"], mass = "3 kgg"', ["[links.AB] mass", "not a unit"]),
+    "zero length": ('A = { at = ["1 m", "0 m"] }', 'A = { at = ["0 m", "0 m"] }', ["[links.OA] points", "zero length"]),
+    "one point twice": ('points = ["O", "A"]', 'points = ["O", "O"]', ["[links.OA] points", "zero length"]),
+    "point on no link": ("[links]", 'X = { at = ["5 m", "5 m"] }\n[links]', ["[points] X", "on no link"]),
+    "unassemblable loop": (
+        'AB = { points = ["A", "B"], mass',
+        'AB = { points = ["A", "B"], length = "9 m", mass',
+        ["[links] AB", "cannot be assembled", "AB by"],
+    ),
+    "negative inertia": (
+        'AB = { points = ["A", "B"], mass',
+        'AB = { points = ["A", "B"], inertia = "-1 kg*m^2", mass',
+        ["[links.AB] inertia", "at least zero", "'-1 kg*m^2'"],
+    ),
+    "negative mass": ('["A", "B"], mass = "1 kg"', '["A", "B"], mass = "-1 kg"', ["[links.AB] mass", "'-1 kg'"]),
+    "call of open": (
+        'A = { at = ["1 m"',
+        'A = { at = ["open(\'stolen.txt\', \'w\')"',
+        ["[points.A.at] 0", "calls 'open'"],
+    ),
+    "dunder": ('A = { at = ["1 m"', 'A = { at = ["().__class__"', ["[points.A.at] 0", "Attribute"]),
+    "nan text": ('A = { at = ["1 m"', 'A = { at = ["nan m"', ["[points.A.at] 0", "finite", "'nan m'"]),
+    "nan number": ('["A", "B"], mass', '["A", "B"], centre = nan, mass', ["[links.AB] centre", "finite"]),
+    "infinity": ('["A", "B"], mass', '["A", "B"], centre = inf, mass', ["[links.AB] centre", "finite"]),
+    "misspelled point": ('points = ["B", "C"]', 'points = ["B", "c"]', ["[links.BC] points", "'c'", "'C'"]),
+    "no mass": ('points = ["A", "B"], mass = "1 kg"', 'points = ["A", "B"]', ["[links] AB", "no mass"]),
+    "massless end": (
+        'BC = { points = ["B", "C"], mass = "1 kg" }',
+        'BC = { points = ["B", "C"], mass = "0 kg" }\nBX = { points = ["B", "X"], mass = "0 kg" }',
+        ["[points] X", "carries no mass"],
+        ("[links]", 'X = { at = ["4 m", "4 m"] }\n[links]'),
+    ),
+    "wrong version": ("symgen = 1", "symgen = 7", ["[symgen]", "it says 7"]),
+    "no version": ("symgen = 1", "", ["[symgen]", "no such key"]),
+    "not TOML": ("[points]", "[points", ["not valid TOML"]),
+    "mixed plane and space": ('B = { at = ["2 m", "1 m"] }', 'B = { at = ["2 m", "1 m", "0 m"] }', ["[points]", "space"]),
+    "contradicting start": (
+        "[analysis]",
+        '[start]\nrates = { OA = "1 rad/s", BC = "1 rad/s", AB = "9 rad/s" }\n[analysis]',
+        ["[start.rates]", "contradict"],
+    ),
+    "output unknown": ("t_end", 'outputs = ["B.postion"]\nt_end', ["[analysis.outputs] 0", "'B.position'"]),
+    "reaction of a moving point": ("t_end", 'outputs = ["B.reaction"]\nt_end', ["[analysis.outputs] 0", "not a ground"]),
+    "rigid and redundant": (
+        "[analysis]",
+        '[links.AC]\npoints = ["A", "C"]\nmass = "1 kg"\n[links.OB]\npoints = ["O", "B"]\nmass = "1 kg"\n[analysis]',
+        ["constraints", "rank"],
+    ),
+    "bad name": ("B = { at", '"B 2" = { at', ["[points]", "letters, digits"]),
+    "gravity in space": ("[analysis]", '[gravity]\nacceleration = ["0 m/s^2", "0 m/s^2", "1 m/s^2"]\n[analysis]', ["[gravity]"]),
+    "parameter called t": ("[points]", '[parameters]\nt = "1 s"\n[points]', ["[parameters] t", "already has a meaning"]),
+    "sum of unlike": (
+        "[points]",
+        '[parameters]\na = "1 m"\nb = "1 s"\nc = "a + b"\n[points]',
+        ["[parameters.c] value", "adds a length and a time"],
+    ),
+    "nothing moves": ("ground = true", "ground = true", ["every point is ground"], ('"] }', '"], ground = true }')),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_bad_scene(case, tmp_path):
+    old, new, said, *more = CASES[case]
+    text = GOOD
+    for a, b in [(old, new), *more]:
+        assert a in text
+        text = text.replace(a, b, -1 if case == "nothing moves" else 1)
+    work, cache = tmp_path / "work", tmp_path / "cache"
+    work.mkdir()
+    scene = work / "bad.toml"
+    scene.write_text(text, encoding="utf-8")
+    done = subprocess.run(
+        [sys.executable, "-m", "symgen", "run", "bad.toml", "--json"],
+        capture_output=True,
+        text=True,
+        cwd=work,
+        env={**os.environ, "SYMGEN_CACHE": str(cache)},
+        timeout=120,
+    )
+    assert done.returncode == 2, done
+    assert done.stdout == ""
+    assert "Traceback" not in done.stderr
+    assert done.stderr.startswith("symgen: bad.toml: ")
+    assert done.stderr.count("symgen: ") == 1
+    for words in said:
+        assert words in done.stderr, done.stderr
+    assert [p.name for p in work.iterdir()] == ["bad.toml"]
+    assert not cache.exists() or not list(cache.iterdir())
+
+
+def test_the_good_scene_is_good(tmp_path):
+    scene = tmp_path / "good.toml"
+    scene.write_text(GOOD, encoding="utf-8")
+    subprocess.run(
+        [sys.executable, "-m", "symgen", "run", str(scene), "--json"], check=True, capture_output=True
+    )
+
+
+def test_empty_and_missing_files(tmp_path):
+    (tmp_path / "empty.toml").write_text("")
+    for name, words in (
+        ("empty.toml", "no such key"),
+        ("missing.toml", "no scene and no file"),
+        (".", "cannot read"),
+    ):
+        done = subprocess.run(
+            [sys.executable, "-m", "symgen", "run", name], capture_output=True, text=True, cwd=tmp_path
+        )
+        assert done.returncode == 2
+        assert words in done.stderr
+        assert "Traceback" not in done.stderr

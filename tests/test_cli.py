@@ -1,0 +1,138 @@
+"""The command line."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import symgen
+from symgen.cli import app
+from symgen.errors import SymgenError
+
+runner = CliRunner()
+
+
+def call(*arguments):
+    done = runner.invoke(app, [*map(str, arguments)], catch_exceptions=True)
+    if done.exception is not None and not isinstance(done.exception, SystemExit):
+        raise done.exception
+    assert done.exit_code == 0, done.output
+    return done.stdout
+
+
+def test_json_is_one_object_and_nothing_else():
+    done = subprocess.run(
+        [sys.executable, "-m", "symgen", "run", "peaucellier", "--t-end", "1.0", "--rtol", "1e-12"]
+        + ["--atol", "1e-14", "--json"],
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert done.stderr == ""
+    run = json.loads(done.stdout)
+    assert {
+        "scene",
+        "method",
+        "steps",
+        "evaluations",
+        "wall_s",
+        "energy_drift",
+        "constraint_drift",
+        "final",
+    } <= set(run)
+    assert run["scene"] == "peaucellier" and run["method"] == "dop853"
+    assert run["final"]["C"]["position"] == pytest.approx([0.06, 0.0012604868770946], abs=1e-11)
+    assert set(run["final"]) == set("OABCDE")
+    assert run["constraint_drift"] < 1e-13
+    assert run["energy_drift"] < 1e-12 * run["energy_exchanged"]
+
+
+def test_errors_are_one_message_and_exit_code_2():
+    for arguments, words in (
+        (["run", "peaucelier"], "Did you mean 'peaucellier'"),
+        (["run", "peaucellier", "--method", "rk4", "--rtol", "1e-3"], "give step instead of rtol"),
+        (["run", "peaucellier", "--t-end", "-1"], "expected t_end"),
+        (["run", "peaucellier", "--set", "rho"], "KEY=VALUE"),
+        (["run", "peaucellier", "--set", "roh=1 kg/m"], "Did you mean 'rho'"),
+        (["run", "peaucellier", "--set", "rho=1 kg"], "expected a quantity in kg/m"),
+        (["show", "peaucellier", "mass"], "Did you mean 'mass_matrix'"),
+    ):
+        done = subprocess.run([sys.executable, "-m", "symgen", *arguments], capture_output=True, text=True)
+        assert done.returncode == 2
+        assert done.stdout == ""
+        assert words in done.stderr
+        assert "Traceback" not in done.stderr
+
+
+def test_set_changes_tunable_and_folded_values():
+    plain = json.loads(call("run", "peaucellier", "--json"))
+    heavy = json.loads(call("run", "peaucellier", "--json", "--set", 'rho="2 kg/m"'))
+    assert heavy["parameters"] == {"rho": 2.0}
+    assert heavy["equations"] == plain["equations"]
+    assert heavy["energy_exchanged"] == pytest.approx(2 * plain["energy_exchanged"], rel=1e-6)
+    other = json.loads(call("run", "peaucellier", "--json", "--set", "links.OA.mass_per_length=3 kg/m"))
+    assert other["equations"] != plain["equations"]
+
+
+@pytest.mark.parametrize("ending", [".nc", ".npz"])
+def test_out_saves_what_load_result_reads(tmp_path, ending):
+    file = tmp_path / f"run{ending}"
+    call("run", "four_bar", "--t-end", "0.5", "--samples", "11", "--out", file)
+    run = symgen.load_result(file)
+    assert run.time.tolist() == np.linspace(0, 0.5, 11).tolist()
+    assert run["A.position"].shape == (11, 2)
+
+
+def test_plot_writes_a_picture(tmp_path):
+    call("run", "four_bar", "--plot", tmp_path / "run.svg")
+    assert (tmp_path / "run.svg").read_text().count("<path") > 10
+
+
+def test_a_failed_run_saves_what_it_had(tmp_path):
+    file = tmp_path / "run.npz"
+    with pytest.raises(SymgenError, match="at t ="):
+        call("run", "triple_pendulum", "--step", "0.4", "--t-end", "20", "--out", file)
+    partial = symgen.load_result(file)
+    assert 0 < partial.statistics["t"] < 20
+    assert np.all(np.isfinite(partial["A.position"].values))
+
+
+@pytest.mark.parametrize("model", ["four_bar", "rod"])
+def test_show(model):
+    listed = call("show", model)
+    assert "mass_matrix" in listed and "constraint_jacobian" in listed
+    assert "⎡" in call("show", model, "mass_matrix")
+    assert r"\begin{matrix}" in call("show", model, "constraint_jacobian", "--format", "latex")
+    assert "out[0] = " in call("show", model, "constraint_jacobian", "--format", "c")
+
+
+def test_show_numbers_at_the_start():
+    text = call("show", "four_bar", "positions", "--format", "numeric")
+    rows = {line.split()[0]: [float(x) for x in line.split()[1:]] for line in text.splitlines()[2:]}
+    assert rows["A"] == pytest.approx([np.cos(1.1), np.sin(1.1)], abs=1e-10)
+    with pytest.raises(SymgenError, match="no state"):
+        call("show", "rod", "mass_matrix", "--format", "numeric")
+    with pytest.raises(SymgenError, match="no format 'tex'"):
+        call("show", "rod", "mass_matrix", "--format", "tex")
+
+
+def test_lists_and_schema(monkeypatch, tmp_path):
+    monkeypatch.setenv("SYMGEN_CACHE", str(tmp_path))
+    assert all(name in call("scenes") for name in symgen.shipped_scenes())
+    assert "accelerations" in call("build", "four_bar")
+    assert "1 entries" in call("cache", "info")
+    assert "removed 1 entries" in call("cache", "clear")
+    schema = json.loads(call("schema"))
+    assert {"points", "links", "drivers"} <= set(schema["properties"])
+    assert call("--version").strip() == symgen.__version__
+    assert "generated/ is current" in call("generate", "--check")
+
+
+@pytest.mark.parametrize("command", ["scenes", "run", "show", "generate", "build", "schema", "cache"])
+def test_help(command):
+    assert "Usage" in call(command, "--help")
