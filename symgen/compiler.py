@@ -13,9 +13,8 @@ from pathlib import Path
 
 from symgen.errors import BuildError
 
-#: Default flags. ``-Og`` compiles straight-line code in four fifths of the time of ``-O1`` and it runs as
-#: fast; ``-O2`` gains a quarter of the run time for half as much compile time again. Contraction is off so
-#: that results repeat bit for bit.
+#: Default flags. ``-Og`` compiles straight-line code in four fifths of the time of ``-O1`` and runs it as
+#: fast. Contraction is off so that results repeat bit for bit.
 FLAGS = ("-std=c11", "-Og", "-ffp-contract=off")
 _TIMEOUT = 600
 

@@ -298,3 +298,27 @@ def test_bad_bodies():
                 links={"b": {"points": ["O", "A"], "mass": "1 kg", "length": "l + v*t"}},
             )
         )
+
+
+def test_names_cannot_collide_in_silence():
+    """Parameters called like the generator's own temporaries, links like its springs."""
+    points = {"O": ground(0.0, 0.0), "A": at(1.0, 0.0), "G": ground(0.0, -1.0)}
+    spring = {"between": ["G", "A"], "stiffness": "50 N/m", "length": "0.5 m"}
+
+    def scene(parameter="mass", link="OA"):
+        return symgen.Scene(
+            parameters={parameter: {"value": "2 kg", "tunable": True}},
+            points=points,
+            links={link: {"points": ["O", "A"], "mass": parameter}},
+            springs=[spring],
+            gravity=GRAVITY,
+            analysis={"outputs": ["A.position", "kinetic_energy", "energy"]},
+        )
+
+    expected = symgen.build(scene()).accelerations()["A"]
+    for name in ("r4", "d2", "s0", "c0", "l2_0", "y1", "x1", "int", "M_PI", "k2_0"):
+        assert symgen.build(scene(name)).accelerations()["A"].tolist() == expected.tolist()
+    with pytest.raises(SceneError, match=r"\[parameters\] A_x: 'A_x' is already the name"):
+        symgen.build(scene("A_x"))
+    with pytest.raises(SceneError, match=r"\[links\] spring_0: .* choose another name"):
+        symgen.build(scene(link="spring_0"))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any
@@ -195,10 +194,7 @@ def _plain(slots: tuple[Slot, ...]) -> tuple[Slot, ...]:
 
 
 def _kernel(model: str, kernel: Kernel, target: Target) -> KernelView:
-    names: Mapping[str, str] = {
-        n: f"{array}[{i}]" for array, group in kernel.inputs for i, n in enumerate(group)
-    }
-    printer = Printer(names, PYTHON_FUNCTIONS if target.language == "numpy" else {}, target.precision)
+    printer = Printer(PYTHON_FUNCTIONS if target.language == "numpy" else {}, target.precision)
     own = dict(kernel.inputs)
     written = {s.array for s in kernel.stores}
     sizes = kernel.reads

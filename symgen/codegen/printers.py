@@ -18,15 +18,12 @@ class Printer:
 
     Parameters
     ----------
-    names
-        Text for each name that is not printed as itself, such as ``A_x`` to ``q[0]``.
     functions
         Text for each function that is not called by its C name.
     precision
         Rounds and marks the constants.
     """
 
-    names: Mapping[str, str]
     functions: Mapping[str, str]
     precision: Precision = PRECISIONS["float64"]
 
@@ -43,7 +40,7 @@ class Printer:
             case Constant(text):
                 return self._constant(text), _SIGN if text.startswith("-") else _ATOM
             case Reference(name):
-                return self.names.get(name, name), _ATOM
+                return name, _ATOM
             case Sum(plus, minus):
                 text = " + ".join(self._print(term, _SIGN) for term in plus)
                 return text + "".join(f" - {self._print(term, _PRODUCT)}" for term in minus), _SUM

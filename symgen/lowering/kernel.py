@@ -53,15 +53,16 @@ class Block:
 class Kernel:
     """A straight-line program: loads, assignments, stores.
 
-    ``inputs`` gives for every array it reads the names that its program uses, in order. All loads come
-    before all stores, so ``work`` and ``out`` may be read and written by the same kernel. ``first`` and
-    ``then`` are kernels it calls before and after its own program, with its own arguments. ``counts`` are
-    its operations by kind, those of the kernels it calls included.
+    ``inputs`` gives the size of every argument array that its own program reads; an entry of one is the
+    reference ``array[index]``. All loads come before all stores, so ``work`` and ``out`` may be read and
+    written by the same kernel. ``first`` and ``then`` are kernels it calls before and after its own
+    program, with its own arguments. ``counts`` are its operations by kind, those of the kernels it calls
+    included.
     """
 
     name: str
     description: str
-    inputs: tuple[tuple[str, tuple[str, ...]], ...]
+    inputs: tuple[tuple[str, int], ...]
     assignments: tuple[Assignment, ...]
     stores: tuple[Store, ...]
     blocks: tuple[Block, ...]
@@ -76,7 +77,7 @@ class Kernel:
     @property
     def reads(self) -> dict[str, int]:
         """Number of entries that it and the kernels it calls first read of each argument array."""
-        sizes = {array: len(names) for array, names in self.inputs}
+        sizes = dict(self.inputs)
         for kernel in self.first:
             sizes = {a: max(sizes.get(a, 0), n) for a, n in {**sizes, **kernel.reads}.items()}
         return sizes

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from symgen.lowering.kernel import Block, Kernel, Program, Slot, Store
-from symgen.lowering.nodes import Node, Reference, references
+from symgen.lowering.nodes import Node, Reference, references, rename
 from symgen.lowering.sparse_ldlt import Factor, factor, solve
 from symgen.lowering.straight_line import Shared, StraightLine
 from symgen.symbolic.system import Export, NamedMatrix, SaddlePoint, System
@@ -59,16 +59,19 @@ class _Lowering:
         factorise = self.kernel("factor", description, line, (), (), work=[*stored, *health])
 
         line = StraightLine()
-        given = tuple(f"b{i}" for i in range(n + m))
-        solution = solve(line, factors, [Reference(b) for b in given])
-        meaning = "right-hand side before, solution after"
+        places = {x.name: f"work[{i}]" for i, x in enumerate(stored)}
+        kept = replace(
+            factors,
+            inverse={k: rename(x, places) for k, x in factors.inverse.items()},
+            lower={ij: rename(x, places) for ij, x in factors.lower.items()},
+        )
         in_place = self.kernel(
             "solve",
             "solution for the right-hand side in out, with the factors in work, in place",
             line,
-            solution,
-            (Block("solution", 0, (n + m, 1), "1", meaning, labels),),
-            inputs={"work": tuple(x.name for x in stored), "out": given},
+            solve(line, kept, [Reference(f"out[{i}]") for i in range(n + m)]),
+            (Block("solution", 0, (n + m, 1), "1", "right-hand side before, solution after", labels),),
+            sizes={"work": len(stored), "out": n + m},
         )
         unknowns = (
             Block("accelerations", 0, (n, 1), "m/s^2", "accelerations of the moving points", labels[:n]),
@@ -93,19 +96,19 @@ class _Lowering:
         blocks: tuple[Block, ...],
         *,
         work: Sequence[Node] = (),
-        inputs: dict[str, tuple[str, ...]] | None = None,
+        sizes: Mapping[str, int] | None = None,
     ) -> Kernel:
         assignments = line.assignments([*results, *work])
         stores = [Store("work", i, e) for i, e in enumerate(work)]
         stores += [Store("out", i, e) for i, e in enumerate(results)]
-        if inputs is None:
-            read = set(references([a.value for a in assignments] + [s.value for s in stores]))
-            inputs = {
-                g.name: tuple(x.name for x in g.quantities)
-                for g in self.system.groups
-                if any(x.name in read for x in g.quantities)
-            }
-        return Kernel(name, description, tuple(inputs.items()), assignments, tuple(stores), blocks)
+        read = {
+            r.partition("[")[0]
+            for r in references([a.value for a in assignments] + [s.value for s in stores])
+            if "[" in r
+        }
+        known = sizes or {g.name: len(g.quantities) for g in self.system.groups}
+        inputs = tuple((array, size) for array, size in known.items() if array in read)
+        return Kernel(name, description, inputs, assignments, tuple(stores), blocks)
 
 
 def _blocks(matrices: Sequence[NamedMatrix]) -> tuple[Block, ...]:

@@ -58,6 +58,9 @@ class Shared:
             if value in temporaries and value not in own:
                 own[value] = symbol.name
         titles = {s.name: name for s, name in own.items()}
+        # Arguments go by their place in the arrays, which no name that is made here or there can equal.
+        for group in system.groups:
+            titles.update((x.name, f"{group.name}[{i}]") for i, x in enumerate(group.quantities))
         nodes = (rename(lower(e), titles) for e in shared)
         self.values: dict[str, Node] = {}
         for s, e in found:

@@ -36,6 +36,8 @@ def _assemble(model: RodsModel) -> System:
     start, start_kernels = start_exports(model)
     equations, exports = _equations(model), _exports(model)
     points = _points(model)
+    _check_names(model)
+    derived = {m.name for m in (*equations, *points)}
     groups = (
         Group("t", "time", (TIME,)),
         Group("q", "coordinates of the free points", tuple(model.coordinates)),
@@ -51,7 +53,7 @@ def _assemble(model: RodsModel) -> System:
         name=linkage.name,
         title=linkage.title,
         groups=groups,
-        matrices=(*equations, *points, *asked, *start),
+        matrices=(*equations, *points, *(m for m in asked if m.name not in derived), *start),
         exports=(
             *exports,
             Export("outputs", "what the scene asks to record", tuple(m.name for m in asked)),
@@ -69,6 +71,21 @@ def _assemble(model: RodsModel) -> System:
             for name in model.idle
         ),
     )
+
+
+def _check_names(model: RodsModel) -> None:
+    """Refuse a parameter that is called like a quantity that the derivation names."""
+    made = [
+        *model.coordinates,
+        *model.multipliers.values(),
+        *(d.quantity for d in model.calculus.definitions),
+    ]
+    made += [x for group in (model.u, model.a) for p in model.free for x in group[p]]
+    taken = {x.name: x.description for x in made}
+    for parameter in model.linkage.parameters:
+        name = parameter.quantity.name
+        if name in taken:
+            raise SceneError(f"{name!r} is already the name of the {taken[name]}", where=f"parameters.{name}")
 
 
 def _order(model: RodsModel) -> tuple[int, ...]:

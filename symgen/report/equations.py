@@ -65,11 +65,10 @@ def _as_c(system: System, matrix: NamedMatrix) -> str:
     export = Export(matrix.name, matrix.description, (matrix.name,))
     program = lower_system(replace(system, exports=(export,), saddle_point=None))
     kernel = program.kernels[0]
-    names = {n: f"{array}[{i}]" for array, group in kernel.inputs for i, n in enumerate(group)}
-    printer = Printer(names, {})
+    printer = Printer({})
     lines = [f"/* {matrix.description} [{matrix.unit}]: {kernel.counts}"]
-    for array, group in kernel.inputs:
-        lines.append(f" * {array}: {', '.join(group)}")
+    for array, _ in kernel.inputs:
+        lines.append(f" * {array}: {', '.join(x.name for x in system.group(array).quantities)}")
     lines.append(" */")
     lines += [f"const double {a.target} = {printer(a.value)};" for a in kernel.assignments]
     lines += [f"{s.array}[{s.index}] = {printer(s.value)};" for s in kernel.stores]

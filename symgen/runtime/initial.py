@@ -75,7 +75,7 @@ def _newton(evaluator: Evaluator, at: float, q: Array) -> Array | None:
 
 
 def _unassembled(evaluator: Evaluator, reached: float, residual: Array) -> InitialStateError:
-    rows = _rows(evaluator, "assembly")
+    rows = [_label(evaluator, row) for row in _rows(evaluator, "assembly")]
     order = [i for i in np.argsort(-np.abs(residual))[:3] if residual[i] != 0.0]
     missing = ", ".join(f"{rows[i]} by {abs(residual[i]):.3g} m" for i in order)
     return InitialStateError(
@@ -86,8 +86,19 @@ def _unassembled(evaluator: Evaluator, reached: float, residual: Array) -> Initi
     )
 
 
+def _label(evaluator: Evaluator, row: str) -> str:
+    """Return what a row is called in messages: constraints by their label, conditions as they are."""
+    d = evaluator.description
+    return d.labels[d.constraints.index(row)] if row in d.constraints else row
+
+
 def _place(row: str) -> str:
     """Return the key of the scene that asks for a row of the start."""
+    bond, _, link = row.rpartition(" link ")
+    if bond.startswith("the "):
+        return f"drivers.{link}" if "drive" in bond else f"links.{link}"
+    if row.startswith("the guide"):
+        return "guides"
     name, _, what = row.partition(" ")
     tables = {"": "links", "angle": "start.angles", "rate": "start.rates", "velocity": "start.velocities"}
     return f"{tables.get(what.partition(' ')[0], 'links')}.{name}"

@@ -20,7 +20,9 @@ from symgen.scene.units import NUMBER, Dimension, describe, example, fits, is_qu
 Value = tuple[sp.Expr, Dimension]
 Names = Mapping[str, Value]
 
-_LONGEST, _DEEPEST, _LARGEST_POWER = 2000, 60, 64
+_LONGEST, _DEEPEST = 2000, 60
+_LARGEST_POWER, _LARGEST_SYMBOLIC_POWER = 64, 16  # SymPy may expand what holds symbols
+_SIMPLE, _DIGITS = 8, 60  # operations that a number keeps, and its digits where it has more
 _LARGEST_NUMBER = 1024  # bits: what a double can hold
 _LARGEST_EXPONENT = 700  # exp(709.8) overflows a double
 _SHOWN = 80  # characters of an expression in a message
@@ -79,24 +81,29 @@ def parse_any(value: str | int | float, names: Names) -> Value:
     return rational(exact), NUMBER
 
 
-def _is_finite(expression: sp.Expr) -> bool:
-    """Tell whether an expression is real and finite; where it is a number, whether a double can hold it."""
-    if expression.has(sp.nan, sp.zoo, sp.oo, -sp.oo) or expression.is_real is False:
-        return False
+def _approximate(expression: sp.Expr) -> sp.Expr | None:
+    """Return a number to 15 digits; None for what is no number yet."""
     if expression.free_symbols:
+        return None
+    return expression if expression.is_Rational else expression.evalf(15)
+
+
+def _is_finite(expression: sp.Expr) -> bool:
+    """Tell whether an expression, where it is a number, is real and held by a double."""
+    if expression.has(sp.nan, sp.zoo, sp.oo, -sp.oo):
+        return False
+    number = _approximate(expression)
+    if number is None:
         return True
-    if expression.is_Rational:
-        return fits(Fraction(int(expression.p), int(expression.q)))
-    number = expression.evalf(15)
+    if number.is_Rational:
+        return fits(Fraction(int(number.p), int(number.q)))
     return bool(number.is_Float) and math.isfinite(float(number))
 
 
 def _vanishes(expression: sp.Expr) -> bool:
     """Tell whether a number is zero, or cannot be told from zero."""
-    if expression.free_symbols or expression.is_Rational:
-        return bool(expression == 0)
-    number = expression.evalf(15)
-    return bool(number == 0) or getattr(number, "_prec", 53) == 1
+    number = _approximate(expression)
+    return number is not None and (bool(number == 0) or getattr(number, "_prec", 53) == 1)
 
 
 class _Reader:
@@ -115,9 +122,21 @@ class _Reader:
                 hint='Write a quantity with a unit ("2 cm") or an expression over parameters ("2*a + b").',
             ) from None
         expression, dim = self.node(tree.body, 0)
+        return self.finite(expression), dim
+
+    def finite(self, expression: sp.Expr) -> sp.Expr:
+        """Refuse infinite and complex numbers, and round intricate ones to 60 digits.
+
+        SymPy may take minutes to find out something about them that nobody asked for.
+        """
         if not _is_finite(expression):
             raise SceneError(f"expected a finite real value, got {self.shown}")
-        return expression, dim
+        if expression.free_symbols or expression.is_Rational or expression.count_ops() <= _SIMPLE:
+            return expression
+        number = expression.evalf(_DIGITS)
+        if not number.is_Float:
+            raise SceneError(f"expected a finite real value, got {self.shown}")
+        return sp.Rational(str(number))
 
     def node(self, node: ast.expr, depth: int) -> Value:
         """Read a node; a long sum or product, which Python nests to the left, is read in a loop."""
@@ -175,11 +194,15 @@ class _Reader:
         (a, da), (b, db) = base, exponent
         if db != NUMBER or not b.is_Rational or abs(b) > _LARGEST_POWER:
             raise self.refuse(f"may only raise to a plain rational number of at most {_LARGEST_POWER}")
+        a = self.finite(a)
+        power = abs(a.exp * b) if a.is_Pow and a.exp.is_Rational else abs(b)
+        if a.free_symbols and power > _LARGEST_SYMBOLIC_POWER:
+            raise self.refuse(f"raises a parameter to more than the power {_LARGEST_SYMBOLIC_POWER}")
         if b < 0 and _vanishes(a):
             raise self.refuse("divides by zero")
         if a.is_Rational and max(int(a.p).bit_length(), int(a.q).bit_length()) * abs(b) > _LARGEST_NUMBER:
             raise self.refuse("gives a number too large for double precision")
-        return a**b, da.power(Fraction(int(b.p), int(b.q)))
+        return self.finite(a**b), da.power(Fraction(int(b.p), int(b.q)))
 
     def call(self, name: str, arguments: list[Value]) -> Value:
         if name not in FUNCTIONS:
@@ -197,10 +220,12 @@ class _Reader:
             if not same and any(dim != NUMBER for dim in dims):
                 raise self.refuse(f"gives {name} {describe(dims[0])} instead of a plain number or an angle")
             result = NUMBER
-        for argument, _ in arguments:
-            if not argument.free_symbols and abs(argument.evalf(15)) > _LARGEST_EXPONENT:
+        values = [self.finite(argument) for argument, _ in arguments]
+        for argument in values:
+            number = _approximate(argument)
+            if number is not None and abs(number) > _LARGEST_EXPONENT:
                 raise self.refuse(f"gives {name} a number above {_LARGEST_EXPONENT}")
-        return function(*(a for a, _ in arguments)), result
+        return self.finite(function(*values)), result
 
     def refuse(self, why: str, hint: str = "") -> SceneError:
         return SceneError(f"the expression {self.shown} {why}", hint=hint)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 
@@ -33,6 +34,8 @@ from symgen.symbolic.quantity import quantity
 
 _RESERVED = {"t", "pi", *FUNCTIONS}
 _ZERO = sp.Integer(0)
+#: Names that springs and guides, which have none of their own, are given.
+_NUMBERED = re.compile(r"(spring|guide)_\d+")
 
 
 def resolve(scene: Scene) -> Linkage:
@@ -177,6 +180,10 @@ class _Resolver:
 
     def link(self, name: str, link: Link) -> RigidLink:
         where = f"links.{name}"
+        if _NUMBERED.fullmatch(name):
+            raise SceneError(
+                f"{name!r} is what symgen calls a spring or guide: choose another name", where=where
+            )
         points = [self.known_point(p, f"{where}.points") for p in link.points]
         if len({p.name for p in points}) < len(points):
             raise SceneError(

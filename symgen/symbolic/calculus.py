@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 
 import sympy as sp
 
+from symgen.errors import DerivationError
 from symgen.symbolic.quantity import Quantity, quantity
 from symgen.symbolic.system import Definition
 
@@ -53,6 +54,8 @@ class Calculus:
 
     def _add(self, name: str, expression: sp.Expr, unit: str, description: str, rate: sp.Expr) -> sp.Symbol:
         new = quantity(name, unit, description)
+        if new.symbol in self._definitions:
+            raise DerivationError(f"the name {name!r} is given twice: rename what it is made from")
         self._definitions[new.symbol] = Definition(new, expression)
         self._gradient[new.symbol] = self.gradient(expression)
         self._rate[new.symbol] = rate

@@ -97,6 +97,8 @@ class System:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "_index", {m.name: m for m in self.matrices})
+        if len(self._index) < len(self.matrices):
+            raise DerivationError(f"{self.name}: two matrices have the same name")
         known: set[sp.Symbol] = set()
         names: set[str] = set()
         for quantity in self.quantities():
