@@ -136,3 +136,97 @@ def test_lists_and_schema(monkeypatch, tmp_path):
 @pytest.mark.parametrize("command", ["scenes", "run", "show", "generate", "build", "schema", "cache"])
 def test_help(command):
     assert "Usage" in call(command, "--help")
+
+
+@pytest.fixture
+def entry(monkeypatch, capfd):
+    """Call what the console script calls, in this process: exit code, standard output and error."""
+    import gc
+    import warnings
+
+    from symgen import cli
+
+    def called(*arguments):
+        monkeypatch.setattr(sys, "argv", ["symgen", *map(str, arguments)])
+        with pytest.raises(SystemExit) as ended:
+            cli.main()
+        said = capfd.readouterr()
+        return ended.value.code or 0, said.out, said.err
+
+    monkeypatch.setattr(warnings, "showwarning", warnings.showwarning)
+    monkeypatch.setattr(cli.atexit, "register", lambda *_: None)
+    yield called
+    gc.enable()
+
+
+@pytest.mark.parametrize(
+    "arguments, words",
+    [
+        (["--method", "rk4"], "give it one, such as step"),
+        (["--method", "rk4", "--step", "0.01", "--atol", "1e-9"], "give step instead of rtol and atol"),
+        (["--method", "dop853", "--step", "0.01"], "chooses its own step"),
+        (["--method", "dop583"], "Did you mean 'dop853'"),
+        (["--rtol", "0"], "expected rtol"),
+        (["--rtol", "1e-20"], "tightest that float64 can meet"),
+        (["--atol", "nan"], "expected atol"),
+        (["--step", "-0.1"], "expected step"),
+        (["--t-end", "0"], "expected t_end"),
+        (["--t-end", "inf"], "expected t_end"),
+        (["--samples", "1"], "samples"),
+        (["--backend", "fortran"], "no backend 'fortran'"),
+        (["--set", "rho=nan kg/m"], "finite number"),
+        (["--set", "rho=-1 kg/m"], "not positive definite with rho = -1"),
+        (["--set", "links.OA.mass=1 kg"], "mass or mass_per_length, not both"),
+        (["--set", "points.A.at.0=open('x')"], "calls 'open'"),
+        (["--out", "run.csv"], "ending in .nc or .npz"),
+        (["--out", "no/such/folder/run.nc"], "cannot write the result"),
+        (["--plot", "no/such/folder/run.png"], "cannot write the plot"),
+        (["--plot", "run.nothing"], "cannot write the plot"),
+    ],
+    ids=lambda x: "=".join(x) if isinstance(x, list) else "",
+)
+def test_wrong_options(entry, arguments, words, tmp_path, monkeypatch):
+    """One message, exit code 2, and no file, whole or in part."""
+    monkeypatch.chdir(tmp_path)
+    code, out, err = entry("run", "peaucellier", "--json", *arguments)
+    assert code == 2
+    assert out == ""
+    assert err.startswith("symgen: ") and err.count("symgen: ") == 1
+    assert words in err
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_the_entry_point_gives_0_when_all_is_well(entry):
+    code, out, err = entry("run", "peaucellier", "--json", "--samples", "2")
+    assert (code, err) == (0, "")
+    assert json.loads(out)["scene"] == "peaucellier"
+    code, out, err = entry("nonsense")
+    assert code == 2 and out == "" and "nonsense" in err
+
+
+@pytest.mark.parametrize("ending", [".nc", ".npz"])
+def test_saved_arrays_are_those_of_the_run(tmp_path, ending):
+    file = tmp_path / f"run{ending}"
+    call("run", "four_bar", "--t-end", "0.4", "--samples", "7", "--step", "0.01", "--out", file)
+    saved = symgen.load_result(file)
+    fresh = symgen.build("four_bar").simulate(0.4, samples=7, step=0.01)
+    assert {v.name for v in saved.variables} == {v.name for v in fresh.variables}
+    for variable in fresh.variables:
+        assert np.array_equal(saved[variable.name].values, variable.values)
+        assert saved[variable.name].attrs["units"] == variable.unit
+    assert saved.provenance == fresh.provenance
+    assert saved.drift == fresh.drift
+    assert [p.name for p in tmp_path.iterdir()] == [file.name]
+
+
+def test_a_dotted_key_means_what_the_file_would(tmp_path):
+    by_key = json.loads(call("run", "four_bar", "--json", "--set", "links.crank.mass=3 kg"))
+    text = (symgen.scene.loading.SHIPPED / "four_bar.toml").read_text()
+    (tmp_path / "four_bar.toml").write_text(text.replace('mass = "1 kg"', 'mass = "3 kg"'))
+    assert by_key["final"] == json.loads(call("run", tmp_path / "four_bar.toml", "--json"))["final"]
+    assert by_key["final"] != json.loads(call("run", "four_bar", "--json"))["final"]
+
+
+@pytest.mark.parametrize("command", [["cache", "info"], ["cache", "clear"], []])
+def test_help_of_the_rest(command):
+    assert "Usage" in call(*command, "--help")

@@ -7,7 +7,8 @@ from pydantic import ValidationError
 from symgen.errors import SceneError, nearest
 from symgen.scene.schema import TABLES, Scene
 
-_NOT_PLACES = ("[key]", "str", "int", "float")
+#: The alternatives of a value, which pydantic names behind and inside the place of a fault.
+_ALTERNATIVES = {"string_type": "str", "int_type": "int", "float_type": "float"}
 _LONGEST = 80
 
 
@@ -15,12 +16,24 @@ def scene_error(error: ValidationError) -> SceneError:
     """Return the first fault of a scene; a misspelled key before the one that is then missing."""
     faults = error.errors()
     fault = next((f for f in faults if f["type"] == "extra_forbidden"), faults[0])
-    place = [str(part) for part in fault["loc"] if part not in _NOT_PLACES]
+    place = [str(p) for p in fault["loc"] if p != "[key]" and not str(p).startswith(("union[", "list["))]
+    alternative = bool(place) and place[-1] == _ALTERNATIVES.get(fault["type"])
+    if alternative:
+        place.pop()
     where = ".".join(place)
     got = repr(fault["input"])
     got = got if len(got) <= _LONGEST else got[: _LONGEST - 3] + "..."
     hint = ""
     match fault["type"]:
+        case _ if alternative:
+            problem = f"expected a text with a unit, an expression or a number, got {got}"
+        case "model_type" | "dict_type":
+            problem = f"expected a table of keys, got {got}"
+        case "list_type":
+            problem = f"expected a list in square brackets, got {got}"
+        case "too_short" | "too_long" as kind:
+            limit, bound = ("least", "min_length") if kind == "too_short" else ("most", "max_length")
+            problem = f"expected at {limit} {fault['ctx'][bound]} of these, got {got}"
         case "extra_forbidden":
             table = TABLES.get(place[0], Scene) if len(place) > 1 else Scene
             problem, hint = f"unknown key {place[-1]!r}", nearest(place[-1], table.model_fields)
@@ -28,6 +41,8 @@ def scene_error(error: ValidationError) -> SceneError:
             problem = "this key is missing"
         case "string_pattern_mismatch":
             problem = f"expected a name of letters, digits and _ that starts with a letter, got {got}"
+            if place[-1] in ("title", "about"):
+                problem = f"expected a text without control characters, got {got}"
         case _:
             message = fault["msg"]
             problem = f"{message[:1].lower()}{message[1:]}, got {got}"

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
 import sympy as sp
 
+from symgen.errors import SceneError
 from symgen.symbolic.quantity import Quantity, quantity
 
 TIME = quantity("t", "s", "time")
@@ -178,6 +180,18 @@ class Linkage:
 
 
 def number(expression: sp.Expr, values: Mapping[sp.Symbol, sp.Expr]) -> float:
-    """Return the value of an expression at these parameters and t = 0."""
+    """Return the value of an expression at these parameters and t = 0.
+
+    Raises
+    ------
+    SceneError
+        When it has no finite real value there.
+    """
     value = expression.xreplace({**values, TIME.symbol: sp.Integer(0)})
-    return float(value if value.is_Rational else value.evalf(_DIGITS))
+    try:
+        result = float(value if value.is_Rational else value.evalf(_DIGITS))
+    except (OverflowError, TypeError):
+        result = math.nan
+    if not math.isfinite(result):
+        raise SceneError("expected a finite real value with the parameters of the scene and t = 0")
+    return result

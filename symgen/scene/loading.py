@@ -17,6 +17,8 @@ if TYPE_CHECKING:
 
 SHIPPED = Path(__file__).resolve().parent.parent / "scenes"
 _LARGEST = 4_000_000
+_DEEPEST = 20  # tables in tables: a scene has four
+_LONGEST_NAME = 40
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,9 +52,8 @@ def read_scene(source: str | os.PathLike[str]) -> SceneText:
     shipped = SHIPPED / f"{text}.toml"
     path = shipped if text in shipped_scenes() and not Path(text).suffix else Path(text)
     try:
-        if path.stat().st_size > _LARGEST:
-            raise SceneError(f"expected a scene of at most {_LARGEST} bytes", file=text)
-        content = path.read_bytes()
+        with path.open("rb") as stream:
+            content = stream.read(_LARGEST + 1)
     except (FileNotFoundError, NotADirectoryError):
         raise SceneError(
             f"there is no scene and no file called {text!r}",
@@ -60,10 +61,14 @@ def read_scene(source: str | os.PathLike[str]) -> SceneText:
         ) from None
     except (OSError, ValueError) as error:
         raise SceneError(f"cannot read the scene: {error}", file=text) from None
+    if len(content) > _LARGEST:
+        raise SceneError(f"expected a scene of at most {_LARGEST} bytes", file=path.name)
     try:
-        data = tomllib.loads(content.decode("utf-8"))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as error:
+        data = tomllib.loads(content.decode("utf-8-sig"))
+    except (ValueError, RecursionError) as error:  # of TOML, of UTF-8, and of numbers with too many digits
         raise SceneError(f"this is not valid TOML: {error}", file=path.name) from None
+    if _depth(data) > _DEEPEST:
+        raise SceneError(f"expected tables nested at most {_DEEPEST} deep", file=path.name)
     return SceneText(_identifier(path.stem), path.name, data)
 
 
@@ -102,15 +107,27 @@ def override(text: SceneText, changes: Mapping[str, Any]) -> SceneText:
         *path, last = key.split(".")
         table: Any = data
         for part in path:
-            table = table.get(part) if isinstance(table, dict) else None
-        if not path or not isinstance(table, dict):
+            table = _inside(table, part)
+        if isinstance(table, list) and _inside(table, last) is not None:
+            table[int(last)] = value
+        elif isinstance(table, dict) and (path or key in data):
+            table[last] = value
+        else:
             raise SceneError(
                 f"there is no parameter and no key {key!r} to set",
                 file=text.file,
                 hint=nearest(key, parameters if isinstance(parameters, dict) else ()),
             )
-        table[last] = value
     return SceneText(text.name, text.file, data)
+
+
+def _inside(table: Any, part: str) -> Any:
+    """Return what stands at a key of a table or at a place of a list, counted from 0; None if nothing."""
+    if isinstance(table, dict):
+        return table.get(part)
+    if isinstance(table, list) and part.isdecimal() and int(part) < len(table):
+        return table[int(part)]
+    return None
 
 
 def check_scene(text: SceneText) -> Scene:
@@ -118,7 +135,7 @@ def check_scene(text: SceneText) -> Scene:
     from symgen.scene.schema import FORMAT_VERSION, Scene
 
     version = text.data.get("symgen")
-    if version != FORMAT_VERSION:
+    if version != FORMAT_VERSION or type(version) is not int:
         came = f"it says {version!r}" if version is not None else "there is no such key"
         raise SceneError(
             f"expected the format version 'symgen = {FORMAT_VERSION}', but {came}",
@@ -132,6 +149,21 @@ def check_scene(text: SceneText) -> Scene:
         raise error.located(file=text.file) from None
 
 
+def _depth(data: Any) -> int:
+    """Return how deep tables and lists are nested, without recursion."""
+    level, depth = [data], 0
+    while level:
+        level = [
+            inner
+            for outer in level
+            for inner in (outer.values() if isinstance(outer, dict) else outer)
+            if isinstance(inner, dict | list)
+        ]
+        depth += 1
+    return depth
+
+
 def _identifier(stem: str) -> str:
+    stem = stem[:_LONGEST_NAME]
     word = "".join(c if c.isascii() and (c.isalnum() or c == "_") else "_" for c in stem)
     return word if word[:1].isalpha() else f"scene_{word}"

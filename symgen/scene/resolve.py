@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 
@@ -10,7 +9,7 @@ import sympy as sp
 
 from symgen.errors import SceneError, nearest
 from symgen.scene import units
-from symgen.scene.expressions import FUNCTIONS, Names, parse_any, parse_value
+from symgen.scene.expressions import Names, parse_any, parse_value
 from symgen.scene.linkage import (
     TIME,
     AppliedForce,
@@ -28,14 +27,12 @@ from symgen.scene.linkage import (
     Vector,
     number,
 )
+from symgen.scene.names import check_names
 from symgen.scene.schema import Link, Point, Scene
 from symgen.scene.units import Dimension
 from symgen.symbolic.quantity import quantity
 
-_RESERVED = {"t", "pi", *FUNCTIONS}
 _ZERO = sp.Integer(0)
-#: Names that springs and guides, which have none of their own, are given.
-_NUMBERED = re.compile(r"(spring|guide)_\d+")
 
 
 def resolve(scene: Scene) -> Linkage:
@@ -69,6 +66,7 @@ class _Resolver:
 
     def linkage(self) -> Linkage:
         scene = self.scene
+        check_names(scene)
         self._read_parameters()
         dims = {len(point.at) for point in scene.points.values()}
         if len(dims) > 1:
@@ -106,14 +104,13 @@ class _Resolver:
     def _read_parameters(self) -> None:
         for name, parameter in self.scene.parameters.items():
             where = f"parameters.{name}"
-            if name in _RESERVED:
-                raise SceneError(f"{name!r} already has a meaning in expressions", where=where)
             with _at(f"{where}.value"):
                 value, dim = parse_any(parameter.value, self.names)
+                self.number(value)
             if not parameter.tunable:
                 self.names[name] = value, dim
                 continue
-            q = quantity(name, dim.unit, parameter.about or f"parameter {name}")
+            q = quantity(name, dim.unit, parameter.about.strip() or f"parameter {name}")
             self.names[name] = q.symbol, dim
             self.defaults[q.symbol] = value.xreplace(self.defaults)
             self.parameters.append(Parameter(q, self.defaults[q.symbol]))
@@ -122,7 +119,20 @@ class _Resolver:
         self, text: str | int | float, dim: Dimension, where: str, names: Names | None = None
     ) -> sp.Expr:
         with _at(where):
-            return parse_value(text, self.names if names is None else names, dim)
+            expression = parse_value(text, self.names if names is None else names, dim)
+            self.number(expression)
+        return expression
+
+    def moving(self, expression: sp.Expr, where: str) -> None:
+        """Check that a prescribed motion has a velocity and an acceleration."""
+        for _ in range(2):
+            expression = sp.diff(expression, TIME.symbol)
+            if expression.has(sp.sign, sp.Derivative, sp.re, sp.im):
+                raise SceneError(
+                    "a prescribed motion needs an acceleration at every time: it cannot use abs", where=where
+                )
+            with _at(where):
+                self.number(expression)
 
     @property
     def with_time(self) -> Names:
@@ -176,14 +186,12 @@ class _Resolver:
         if not point.ground:
             raise SceneError("only a ground point has a motion of its own", where=f"{where}.motion")
         moved = self.vector(point.motion, units.LENGTH, f"{where}.motion", self.with_time)
+        for i, component in enumerate(moved):
+            self.moving(component, f"{where}.motion.{i}")
         return PlacedPoint(name, at, True, tuple(a + b for a, b in zip(at, moved, strict=True)))
 
     def link(self, name: str, link: Link) -> RigidLink:
         where = f"links.{name}"
-        if _NUMBERED.fullmatch(name):
-            raise SceneError(
-                f"{name!r} is what symgen calls a spring or guide: choose another name", where=where
-            )
         points = [self.known_point(p, f"{where}.points") for p in link.points]
         if len({p.name for p in points}) < len(points):
             raise SceneError(
@@ -202,6 +210,12 @@ class _Resolver:
         length = sp.sqrt(squared)
         if link.length is not None:
             length = self.positive(link.length, units.LENGTH, f"{where}.length", self.with_time)
+            self.moving(length, f"{where}.length")
+            if start.ground and end.ground:
+                raise SceneError(
+                    "the length of a link between two ground points is their distance",
+                    where=f"{where}.length",
+                )
         if (others or isinstance(link.centre, list)) and (self.dimension != 2 or link.length is not None):
             raise SceneError(
                 "a body with more than two points, or a centre off its line, is for the plane, and takes its "
@@ -273,15 +287,22 @@ class _Resolver:
             yield PlacedMass(point.name, self.not_negative(mass.mass, units.MASS, f"masses.{i}.mass"))
 
     def springs(self) -> Iterator[LinearSpring]:
-        for i, spring in enumerate(self.scene.springs):
+        scene = self.scene
+        for i, spring in enumerate(scene.springs):
             where = f"springs.{i}"
-            start, end = (self.known_point(p, f"{where}.between").name for p in spring.between)
-            if start == end:
-                raise SceneError("a spring needs two different points", where=f"{where}.between")
+            start, end = (self.known_point(p, f"{where}.between") for p in spring.between)
+            led = (
+                scene.start.angles or scene.drivers or any(k.length is not None for k in scene.links.values())
+            )
+            if start.name == end.name or (start.at == end.at and not led):
+                raise SceneError(
+                    "a spring needs two different points: at one place it has no direction",
+                    where=f"{where}.between",
+                )
             yield LinearSpring(
                 name=f"spring_{i}",
-                start=start,
-                end=end,
+                start=start.name,
+                end=end.name,
                 stiffness=self.not_negative(spring.stiffness, units.STIFFNESS, f"{where}.stiffness"),
                 length=self.not_negative(spring.length, units.LENGTH, f"{where}.length"),
                 damping=self.not_negative(spring.damping or 0, units.DAMPING, f"{where}.damping"),
@@ -299,6 +320,10 @@ class _Resolver:
             self.turning_link(torque.link, f"{where}.link")
             if torque.against is not None:
                 self.turning_link(torque.against, f"{where}.against")
+                if torque.against == torque.link:
+                    raise SceneError(
+                        "a torque of a link against itself does nothing", where=f"{where}.against"
+                    )
             value = self.value(torque.torque, units.TORQUE, f"{where}.torque", self.with_time)
             yield AppliedTorque(torque.link, value, torque.against or "")
 
@@ -307,6 +332,8 @@ class _Resolver:
             where = f"guides.{i}"
             self.known_link(guide.along, f"{where}.along")
             points = tuple(self.known_point(p, f"{where}.points").name for p in guide.points)
+            if len(set(points)) < len(points):
+                raise SceneError("a guide names each of its points once", where=f"{where}.points")
             for point in points:
                 if point in self.scene.links[guide.along].points:
                     raise SceneError(f"{point} belongs to {guide.along} already", where=f"{where}.points")
@@ -320,9 +347,9 @@ class _Resolver:
             if driver.link in seen:
                 raise SceneError(f"the link {driver.link} is driven twice", where=f"{where}.link")
             seen.add(driver.link)
-            yield Driver(
-                driver.link, self.value(driver.angle, units.NUMBER, f"{where}.angle", self.with_time)
-            )
+            angle = self.value(driver.angle, units.NUMBER, f"{where}.angle", self.with_time)
+            self.moving(angle, f"{where}.angle")
+            yield Driver(driver.link, angle)
 
     def turning_link(self, name: str, where: str) -> None:
         """Check that a link is there, and has one angle."""

@@ -8,11 +8,13 @@ from pydantic import (
     BaseModel,
     ConfigDict,
     Field,
+    GetJsonSchemaHandler,
     PrivateAttr,
     StringConstraints,
     ValidationError,
     model_validator,
 )
+from pydantic_core import CoreSchema
 
 FORMAT_VERSION = 1
 
@@ -22,6 +24,15 @@ Value = Annotated[
     Field(description='A quantity ("2 cm"), an expression over parameters ("2*a"), or a plain number.'),
 ]
 Vector = Annotated[list[Value], Field(min_length=2, max_length=3)]
+
+
+#: Words for people: any characters but control characters, which have no place in generated comments.
+Text = Annotated[str, StringConstraints(pattern=r"^[^\x00-\x08\x0b\x0c\x0e-\x1f\x7f]*$")]
+
+
+def _version_required(schema: dict[str, Any]) -> None:
+    """Tell editors that a file must say its version, which a scene in Python need not."""
+    schema["required"] = ["symgen", *schema["required"]]
 
 
 class Table(BaseModel):
@@ -35,12 +46,18 @@ class Parameter(Table):
 
     value: Value
     tunable: bool = Field(False, description="Keep it as an argument of the kernels instead of folding it.")
-    about: str = Field("", description="What it means, for reports.")
+    about: Text = Field("", description="What it means, for reports.")
 
     @model_validator(mode="before")
     @classmethod
     def _bare_value(cls, data: Any) -> Any:
         return {"value": data} if isinstance(data, str | int | float) else data
+
+    @classmethod
+    def __get_pydantic_json_schema__(cls, core: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+        """Tell editors that the bare value may stand for the table."""
+        table = handler(core)
+        return {"anyOf": [table, handler.resolve_ref_schema(table)["properties"]["value"]]}
 
 
 class Point(Table):
@@ -152,9 +169,11 @@ class Scene(Table):
     ``symgen.Scene(symgen=1, points={...}, links={...})``.
     """
 
+    model_config = ConfigDict(json_schema_extra=_version_required)
+
     symgen: Literal[1] = Field(1, description="Version of the scene format.")
-    title: str = ""
-    about: str = ""
+    title: Text = ""
+    about: Text = ""
     parameters: dict[Name, Parameter] = Field(default_factory=dict)
     points: dict[Name, Point] = Field(min_length=1)
     links: dict[Name, Link] = Field(min_length=1)

@@ -1,0 +1,161 @@
+"""The JSON Schema that editors use says what symgen itself says."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+
+import pytest
+
+import symgen
+from symgen.errors import SceneError
+from symgen.scene.loading import SHIPPED, SceneText, check_scene, override
+from symgen.scene.schema import TABLES, Scene
+
+SCHEMA = Scene.model_json_schema()
+TYPES = {
+    "object": dict, "array": list, "string": str, "boolean": bool, "integer": int, "number": (int, float),
+    "null": type(None),
+}  # fmt: skip
+
+
+def faults(value, schema, at="scene"):
+    """Check a value by the words of JSON Schema that pydantic uses; no other word may appear."""
+    known = {
+        "$defs", "$ref", "additionalProperties", "anyOf", "const", "default", "description", "items",
+        "maxItems", "maxLength", "minItems", "minProperties", "pattern", "patternProperties", "properties",
+        "propertyNames", "required", "title", "type",
+    }  # fmt: skip
+    assert set(schema) <= known, set(schema) - known
+    if "$ref" in schema:
+        return faults(value, SCHEMA["$defs"][schema["$ref"].rpartition("/")[2]], at)
+    if "anyOf" in schema:
+        each = [faults(value, option, at) for option in schema["anyOf"]]
+        return [] if [] in each else each[0]
+    kind = schema.get("type")
+    if kind and (not isinstance(value, TYPES[kind]) or (kind != "boolean" and isinstance(value, bool))):
+        return [f"{at} is no {kind}"]
+    found = []
+    if "const" in schema and value != schema["const"]:
+        found.append(f"{at} is not {schema['const']}")
+    if isinstance(value, str):
+        if not re.search(schema.get("pattern", ""), value) or len(value) > schema.get("maxLength", 1e9):
+            found.append(f"{at} does not match")
+    elif isinstance(value, list):
+        if not schema.get("minItems", 0) <= len(value) <= schema.get("maxItems", 1e9):
+            found.append(f"{at} has {len(value)} items")
+        for i, item in enumerate(value):
+            found += faults(item, schema.get("items", {}), f"{at}.{i}")
+    elif isinstance(value, dict):
+        found += [f"{at} misses {k}" for k in schema.get("required", ()) if k not in value]
+        if len(value) < schema.get("minProperties", 0):
+            found.append(f"{at} is empty")
+        for key, item in value.items():
+            inner = schema.get("properties", {}).get(key)
+            inner = inner or next(
+                (s for p, s in schema.get("patternProperties", {}).items() if re.search(p, key)), None
+            )
+            if inner:
+                found += faults(item, inner, f"{at}.{key}")
+            elif "patternProperties" in schema or schema.get("additionalProperties") is False:
+                found.append(f"{at}.{key} is unknown")
+    return found
+
+
+def tables(**changes):
+    return {
+        "symgen": 1,
+        "parameters": {"rho": "1 kg/m", "m": {"value": "1 kg", "tunable": True, "about": "mass"}},
+        "points": {"O": {"at": ["0 m", "0 m"], "ground": True}, "A": {"at": ["1 m", 0]}},
+        "links": {"OA": {"points": ["O", "A"], "mass": "m", "centre": 0.5}},
+        "start": {"rates": {"OA": "1 rad/s"}},
+        **changes,
+    }
+
+
+@pytest.mark.parametrize("name", symgen.shipped_scenes())
+def test_shipped_scenes_are_valid_for_editors(name):
+    assert faults(tomllib.loads((SHIPPED / f"{name}.toml").read_text(encoding="utf-8")), SCHEMA) == []
+
+
+GOOD = [
+    {},
+    {"parameters": {"a": 2}},
+    {"forces": [{"point": "A", "force": ["1 N", "0 N"]}]},
+    {"about": "two\nlines, µ and \U0001d11e"},
+]
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        *GOOD,
+        {"parameters": {"a": {"tunable": True}}},
+        {"parameters": {"a-b": "1 m"}},
+        {"parameters": {"a": True}},
+        {"symgen": 2},
+        {"pionts": {}},
+        {"links": {"OA": {"points": ["O"]}}},
+        {"links": {"OA": {"points": ["O", "A"], "mas": "1 kg"}}},
+        {"links": {"OA": {"points": ["O", "A"], "mass": [1]}}},
+        {"points": {"O": {"at": ["0 m"]}}},
+        {"points": {"O": {"at": ["0 m", True]}}},
+        {"points": {"O": {"at": ["0 m", "0 m"], "ground": "yes"}}},
+        {"forces": [{"point": "A"}]},
+        {"forces": {"point": "A", "force": ["1 N", "0 N"]}},
+        {"analysis": {"kind": "magic"}},
+        {"analysis": {"outputs": "energy"}},
+        {"start": {"rates": {"OA": [1]}}},
+        {"title": "bell\a"},
+    ],
+    ids=str,
+)
+def test_the_schema_and_symgen_agree(change):
+    data = tables(**change)
+    try:
+        check_scene(SceneText("x", "x.toml", data))
+        accepted = True
+    except SceneError as error:
+        accepted = False
+        assert error.file == "x.toml"
+        assert error.where
+    assert accepted == (faults(data, SCHEMA) == [])
+    assert accepted == (change in GOOD)
+
+
+def test_a_file_says_its_version_and_python_need_not():
+    assert "symgen" in SCHEMA["required"]
+    without = {k: v for k, v in tables().items() if k != "symgen"}
+    assert symgen.Scene(**without).symgen == 1
+    with pytest.raises(SceneError, match="there is no such key"):
+        check_scene(SceneText("x", "x.toml", without))
+
+
+@pytest.mark.parametrize("name, table", TABLES.items())
+def test_a_misspelled_key_names_the_nearest(name, table):
+    key = max(table.model_fields, key=len)
+    wrong = {key[:-1] + "X": "1"}
+    many = Scene.model_fields[name].annotation
+    value = [wrong] if "list" in str(many) else ({"A": wrong} if str(many).startswith("dict") else wrong)
+    with pytest.raises(SceneError, match=f"unknown key '{key[:-1]}X'\n  Did you mean '{key}'") as caught:
+        symgen.Scene(**tables(**{name: value}))
+    assert caught.value.where.startswith(f"{name}.")
+
+
+def test_a_point_called_like_a_python_type_keeps_its_place():
+    with pytest.raises(SceneError) as caught:
+        symgen.Scene(**tables(points={"int": {"at": ["0 m", [1]]}}))
+    assert caught.value.where == "points.int.at.1"
+    with pytest.raises(SceneError) as caught:
+        symgen.Scene(**tables(start={"rates": {"str": True}}))
+    assert caught.value.where == "start.rates.str"
+
+
+def test_overrides_reach_into_lists():
+    text = SceneText("x", "x.toml", tables(title="old"))
+    assert override(text, {"points.A.at.1": "3 m"}).data["points"]["A"]["at"] == ["1 m", "3 m"]
+    assert override(text, {"title": "new"}).data["title"] == "new"
+    assert override(text, {"rho": "2 kg/m"}).data["parameters"]["rho"] == "2 kg/m"
+    for key in ("points.A.at.2", "points.A.at.x", "points.A.at.-1", "titel", ""):
+        with pytest.raises(SceneError, match="no parameter and no key"):
+            override(text, {key: "1"})
