@@ -280,8 +280,6 @@ def _describe(linkage: Linkage, program: Program, equations: str) -> Description
             s.description.removeprefix("multiplier of ") for s in work if s.name.endswith("_lambda")
         ),
         work_of_loads=any(b.name == "power" for b in kernels["energy"].blocks),
-        needs_assembly="assembly" in kernels,
-        needs_velocity="start_velocity" in kernels,
         parameters=tuple(
             ParameterInfo(p.quantity.name, p.quantity.unit, p.quantity.description, float(p.default))
             for p in linkage.parameters

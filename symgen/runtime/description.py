@@ -46,9 +46,8 @@ class Description:
     """Everything the runtime needs to know of a model, besides the code.
 
     ``free`` are the points that have coordinates; ``labels`` say what each constraint is called in messages.
-    ``start`` holds the coordinates and then the velocities at the scene's own parameters; ``needs_assembly``
-    and ``needs_velocity`` say which kernels the start is found with when parameters change.
-    ``first_pivot`` is where the kernel 'factor' leaves its pivots in ``work``.
+    ``start`` holds the coordinates and then the velocities at the scene's own parameters, ``first_pivot`` is
+    where the kernel 'factor' leaves its pivots in ``work``.
     """
 
     name: str
@@ -62,8 +61,6 @@ class Description:
     constraints: tuple[str, ...]
     labels: tuple[str, ...]
     work_of_loads: bool
-    needs_assembly: bool
-    needs_velocity: bool
     parameters: tuple[ParameterInfo, ...]
     kernels: tuple[KernelInfo, ...]
     first_pivot: int
