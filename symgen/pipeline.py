@@ -85,17 +85,24 @@ def build(
     return model.with_parameters(**_in_si(model, tunable, text.file)) if tunable else model
 
 
-def compile_scene(text: SceneText, compiler: Compiler | None, folder: Path) -> tuple[Description, Library]:
-    """Run the whole pipeline into a folder: sources, library and description."""
+def compile_scene(
+    text: SceneText, compiler: Compiler | None, folder: Path, redundancy: bool = False
+) -> tuple[Description, Library]:
+    """Run the whole pipeline into a folder: sources, library and description.
+
+    Whether constraints are redundant shows at the start only; where some are, ``redundancy`` compiles anew.
+    """
     with _no_collection():
         from symgen.codegen.emit import emit, equations_hash
         from symgen.codegen.target import Target
         from symgen.lowering.program import lower_system
-        from symgen.models.system import linkage_system
+        from symgen.models.system import linkage_system, with_redundancy
         from symgen.scene.resolve import resolve
 
         linkage = resolve(check_scene(text))  # SceneText -> Scene -> Linkage
         system = linkage_system(linkage)  # Linkage -> System
+        tolerant = with_redundancy(system)
+        system = tolerant if redundancy else system
         program = lower_system(system)  # System -> Program
         target = Target("c" if compiler else "numpy")
         equations = equations_hash(program, target)
@@ -103,7 +110,16 @@ def compile_scene(text: SceneText, compiler: Compiler | None, folder: Path) -> t
     compilation = _written(sources, compiler, folder)  # (SourceFile, ...) -> compilers at work
     description = _describe(linkage, program, equations)  # the runtime is loaded while they work
     library = _opened(folder, description, compilation)  # -> Library
-    return _with_start(description, library), library
+    started = _with_start(description, library)
+    if started.redundant and system is not tolerant:
+        # In a folder of its own: a library of a path that is open already would not be loaded again.
+        again = folder / "again"
+        again.mkdir()
+        started, library = compile_scene(text, compiler, again, redundancy=True)
+        for file in sorted(again.iterdir()):
+            file.replace(folder / file.name)
+        again.rmdir()
+    return started, library
 
 
 def derive(scene: Scene | SceneText | str | os.PathLike[str]) -> System:
@@ -299,7 +315,10 @@ def _describe(linkage: Linkage, program: Program, equations: str) -> Description
         ),
         first_pivot=program.pivots,
         start=(),
+        redundant=(),
         t_end=float(linkage.t_end.xreplace(dict(linkage.defaults))),
+        assembly_tolerance=float(linkage.assembly_tolerance.xreplace(dict(linkage.defaults))),
+        rank_tolerance=float(program.rank_tolerance),
         references=program.references,
         left_out=program.left_out,
     )
@@ -313,17 +332,14 @@ def _with_start(description: Description, library: Library) -> Description:
 
     from symgen.runtime.evaluate import Evaluator
     from symgen.runtime.initial import start
-    from symgen.runtime.model import Model
 
     evaluator = Evaluator(description, library, np.array([p.default for p in description.parameters]))
     try:
-        q, u = start(evaluator)
-        described = replace(description, start=(*q.tolist(), *u.tolist()))
-        Model(described, library, lambda: None).initial_state()
+        found = start(evaluator)
     except InitialStateError as error:
         problem, _, hint = str(error).partition("\n")
         raise SceneError(problem, where=error.where, file=description.file, hint=hint.strip()) from None
-    return described
+    return replace(description, start=(*found.q.tolist(), *found.u.tolist()), redundant=found.redundant)
 
 
 @cache

@@ -7,9 +7,10 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any
 
-from symgen.codegen.printers import PYTHON_FUNCTIONS, Printer
+from symgen.codegen.printers import C_FUNCTIONS, PYTHON_FUNCTIONS, Printer
 from symgen.codegen.target import Target
 from symgen.lowering.kernel import ARRAYS, Assignment, Block, Kernel, Program, Slot
+from symgen.lowering.nodes import GUARDED_INVERSE
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,6 +96,11 @@ class UnitView:
     references: tuple[str, ...]
     kernels: tuple[KernelView, ...]
     first: bool = True
+
+    @property
+    def guarded(self) -> bool:
+        """Tell whether a kernel of this file calls the function that guards an inverse."""
+        return any(GUARDED_INVERSE in a.value for k in self.kernels for a in k.assignments)
 
 
 @lru_cache(maxsize=1)
@@ -194,7 +200,7 @@ def _plain(slots: tuple[Slot, ...]) -> tuple[Slot, ...]:
 
 
 def _kernel(model: str, kernel: Kernel, target: Target) -> KernelView:
-    printer = Printer(PYTHON_FUNCTIONS if target.language == "numpy" else {}, target.precision)
+    printer = Printer(PYTHON_FUNCTIONS if target.language == "numpy" else C_FUNCTIONS, target.precision)
     own = dict(kernel.inputs)
     written = {s.array for s in kernel.stores}
     sizes = kernel.reads

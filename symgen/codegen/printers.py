@@ -6,7 +6,17 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from symgen.codegen.target import PRECISIONS, Precision
-from symgen.lowering.nodes import Call, Constant, Negative, Node, Product, Quotient, Reference, Sum
+from symgen.lowering.nodes import (
+    GUARDED_INVERSE,
+    Call,
+    Constant,
+    Negative,
+    Node,
+    Product,
+    Quotient,
+    Reference,
+    Sum,
+)
 
 # How tightly each node binds: a looser one stands in parentheses inside a tighter one.
 _SUM, _SIGN, _PRODUCT, _ATOM = range(4)
@@ -59,8 +69,10 @@ class Printer:
         return repr(float(text)) + self.precision.literal_suffix
 
 
+#: What the templates define goes by one name in every language and precision.
+C_FUNCTIONS = {GUARDED_INVERSE: GUARDED_INVERSE}
 #: Python spells some functions of the C library differently; all others are called by the same name.
-PYTHON_FUNCTIONS = {
+PYTHON_FUNCTIONS = C_FUNCTIONS | {
     name: f"_np.{other}"
     for name, other in (
         ("sin", "sin"), ("cos", "cos"), ("tan", "tan"), ("asin", "arcsin"), ("acos", "arccos"),

@@ -99,7 +99,8 @@ class Program:
     """All kernels of one model, with the meaning of every argument.
 
     ``pivots`` is where 'factor' leaves in ``work``, for every unknown, its pivot and the sum of its terms of
-    its own sign; 0 when there is no such kernel.
+    its own sign; 0 when there is no such kernel. ``rank_tolerance`` is what such a pivot keeps at most where
+    its multiplier is set to zero.
     """
 
     name: str
@@ -107,6 +108,7 @@ class Program:
     groups: tuple[tuple[str, str, tuple[Slot, ...]], ...]
     kernels: tuple[Kernel, ...]
     pivots: int
+    rank_tolerance: str
     references: tuple[str, ...]
     left_out: tuple[str, ...]
 

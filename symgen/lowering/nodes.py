@@ -204,6 +204,15 @@ def reciprocal(a: Node) -> Node:
     return negative(reciprocal(a.value)) if isinstance(a, Negative) else Quotient(ONE, a)
 
 
+#: The function that templates define beside those of the mathematical library.
+GUARDED_INVERSE = "guarded_inverse"
+
+
+def guarded_reciprocal(pivot: Node, sound: Node, tolerance: Node) -> Node:
+    """Return one over a pivot, or zero where no more than ``tolerance`` of its sound part is left."""
+    return Call(GUARDED_INVERSE, (pivot, sound, tolerance))
+
+
 def negative(a: Node) -> Node:
     """Return a node with its sign changed."""
     if isinstance(a, Constant):

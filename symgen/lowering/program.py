@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from symgen.lowering.kernel import Block, Kernel, Program, Slot, Store
-from symgen.lowering.nodes import Node, Reference, references, rename
+from symgen.lowering.nodes import Constant, Node, Reference, references, rename
 from symgen.lowering.sparse_ldlt import Factor, factor, solve
 from symgen.lowering.straight_line import Shared, StraightLine
 from symgen.symbolic.system import Export, NamedMatrix, SaddlePoint, System
@@ -26,7 +26,14 @@ def lower_system(system: System) -> Program:
         for g in system.groups
     )
     return Program(
-        system.name, system.title, groups, tuple(kernels), lowering.pivots, system.references, system.left_out
+        name=system.name,
+        title=system.title,
+        groups=groups,
+        kernels=tuple(kernels),
+        pivots=lowering.pivots,
+        rank_tolerance=point.rank_tolerance if point else "0",
+        references=system.references,
+        left_out=system.left_out,
     )
 
 
@@ -52,7 +59,7 @@ class _Lowering:
 
         line = StraightLine(self.shared.values)
         named = {ij: line.name(value, f"k{ij[0]}_{ij[1]}") for ij, value in entries.items()}
-        factors = factor(line, named, point.order, n, labels)
+        factors = factor(line, named, point.order, n, labels, Constant(point.rank_tolerance))
         stored = _stored(factors)
         health = [e for k in range(n + m) for e in (factors.pivot[k], factors.sound[k])]
         description = "factors of [M J^T; J 0] into work, for 'solve'; behind them the pivots"

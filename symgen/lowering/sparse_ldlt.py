@@ -2,7 +2,8 @@
 
 For [M J^T; J 0] in spanning-tree order the pivots vanish only where J loses rank, so no pivoting is
 needed. The factorisation reports, for every unknown, its pivot and the part of it that cannot cancel:
-their ratio tells how near to losing rank the configuration is.
+their ratio tells how near to losing rank the configuration is. A multiplier whose pivot cancelled is set
+to zero: its row follows from those before it.
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from symgen.errors import DerivationError
-from symgen.lowering.nodes import ZERO, Node, add, multiply, reciprocal
+from symgen.lowering.nodes import ZERO, Node, add, guarded_reciprocal, multiply, reciprocal
 from symgen.lowering.straight_line import StraightLine
 
 _Taken = dict[tuple[int, int], list[tuple[int, Node]]]
@@ -37,6 +38,7 @@ def factor(
     order: Sequence[int],
     primal: int,
     labels: Sequence[str],
+    tolerance: Node,
 ) -> Factor:
     """Factorise, adding the assignments to ``line``.
 
@@ -50,6 +52,8 @@ def factor(
         Unknowns below this number are coordinates (positive pivots), the others multipliers (negative).
     labels
         Names of the unknowns, for the error.
+    tolerance
+        A multiplier whose pivot keeps no more of its sound part is zero.
 
     Raises
     ------
@@ -76,8 +80,11 @@ def factor(
         if of_sign == ZERO:
             raise DerivationError(f"nothing determines {labels[k]}: its pivot is zero whatever the state")
         sound[k] = line.name(of_sign, f"s{k}")
-        pivot[k] = line.name(add([sound[k]], _of_kind(taken, k, primal, same=True)), f"d{k}")
-        inverse[k] = line.name(reciprocal(pivot[k]), f"r{k}")
+        cancelling = _of_kind(taken, k, primal, same=True)
+        pivot[k] = line.name(add([sound[k]], cancelling), f"d{k}")
+        guarded = cancelling and k >= primal
+        one_over = guarded_reciprocal(pivot[k], sound[k], tolerance) if guarded else reciprocal(pivot[k])
+        inverse[k] = line.name(one_over, f"r{k}")
         rows = sorted(below[k], key=place.__getitem__)
         column = {
             i: line.name(add(kept.get((i, k), ()), (x for _, x in taken.get((i, k), ()))), f"a{i}_{k}")

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 from symgen.errors import SceneError
 from symgen.mechanics.topology import elimination_order
 from symgen.models import outputs
 from symgen.models.matrix import named
+from symgen.models.refinement import refinement
 from symgen.models.rods import REFERENCE, RodsModel
 from symgen.models.start import start_exports
 from symgen.scene.linkage import TIME, Linkage
@@ -35,6 +37,7 @@ def _assemble(model: RodsModel) -> System:
     asked = outputs.asked(model)
     start, start_kernels = start_exports(model)
     equations, exports = _equations(model), _exports(model)
+    residual, refining = refinement(model)
     points = _points(model)
     _check_names(model)
     derived = {m.name for m in (*equations, *points)}
@@ -53,17 +56,23 @@ def _assemble(model: RodsModel) -> System:
         name=linkage.name,
         title=linkage.title,
         groups=groups,
-        matrices=(*equations, *points, *(m for m in asked if m.name not in derived), *start),
+        matrices=(*equations, *points, *(m for m in asked if m.name not in derived), *start, *residual),
         exports=(
             *exports,
             Export("outputs", "what the scene asks to record", tuple(m.name for m in asked)),
             *start_kernels,
+            *refining,
         ),
         definitions=tuple(
             replace(d, expression=d.expression.xreplace(model.held)) for d in model.calculus.definitions
         ),
         saddle_point=SaddlePoint(
-            "mass_matrix", "constraint_jacobian", "force", "acceleration_rhs", _order(model)
+            "mass_matrix",
+            "constraint_jacobian",
+            "force",
+            "acceleration_rhs",
+            _order(model),
+            _rank_tolerance(linkage),
         ),
         references=(REFERENCE,),
         left_out=tuple(
@@ -86,6 +95,31 @@ def _check_names(model: RodsModel) -> None:
         name = parameter.quantity.name
         if name in taken:
             raise SceneError(f"{name!r} is already the name of the {taken[name]}", where=f"parameters.{name}")
+
+
+#: Exponents of what rounding may leave of a pivot: of one that should vanish for an instant, and of one that
+#: should always vanish, near the instants at which others do too.
+_ROUNDING, _REDUNDANT = 13, 9
+#: The least margin between an assembly error and a lost singular value.
+_MARGIN = 10
+
+
+def with_redundancy(system: System) -> System:
+    """Return a system whose factorisation expects redundant constraints; itself when it does already."""
+    point = system.saddle_point
+    if point is None or float(point.rank_tolerance) >= 10**-_REDUNDANT:
+        return system
+    return replace(system, saddle_point=replace(point, rank_tolerance=f"1e-{_REDUNDANT}"))
+
+
+def _rank_tolerance(linkage: Linkage) -> str:
+    """Return a power of ten above the pivots that rounding and the assembly error leave."""
+    tolerance = float(linkage.number(linkage.assembly_tolerance))
+    if not tolerance:
+        return f"1e-{_ROUNDING}"
+    drawn = [[float(linkage.number(c)) for c in p.at] for p in linkage.points]
+    size = max(max(axis) - min(axis) for axis in zip(*drawn, strict=True))
+    return f"1e-{max(1, min(_REDUNDANT, math.floor(-2 * math.log10(_MARGIN * tolerance / size))))}"
 
 
 def _order(model: RodsModel) -> tuple[int, ...]:

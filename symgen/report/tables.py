@@ -57,3 +57,5 @@ def print_result(result: Result, console: Console) -> None:
             ),
         )
     )
+    for note in result.notes:
+        console.print(f"Note: {note}.")

@@ -19,12 +19,10 @@ PROJECTION_FAILED: int
 def call(address: int, t: Array, q: Array, u: Array, p: Array, work: Array, out: Array) -> None: ...
 def call_many(
     address: int,
-    first: int,
     t: Array,
     y: Array,
     n: int,
     p: Array,
-    scratch: Array,
     work: Array,
     out: Array,
 ) -> None: ...
@@ -41,6 +39,8 @@ class Equations:
     factorisations: int
     weakest: int
     soundness: float
+    lost: int
+    redundant: int
     def __init__(
         self,
         addresses: Mapping[str, int],
@@ -50,11 +50,12 @@ class Equations:
         p: Sequence[float] | Array,
         work_size: int,
         first_pivot: int,
+        rank_tolerance: float,
+        redundant: int,
     ) -> None: ...
-    def project_state(self, t: float, y: Array) -> int: ...
+    def solutions(self, t: Array, y: Array) -> Array: ...
+    def lost_rows(self) -> list[int]: ...
     def check(self, t: float, y: Array) -> int: ...
-    def errors(self, t: float, y: Array) -> tuple[float, float]: ...
-    def energy_at(self, t: float, y: Array) -> tuple[float, float, float]: ...
 
 class Stepper:
     t: float
@@ -70,6 +71,7 @@ class Stepper:
     kinetic_max: float
     potential_min: float
     potential_max: float
+    passages: list[tuple[float, float, int]]
     def __init__(
         self,
         equations: Equations,

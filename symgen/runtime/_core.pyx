@@ -15,8 +15,15 @@ DONE, MORE, NOT_FINITE, STEP_TOO_SMALL, SINGULAR, PROJECTION_FAILED = range(6)
 cdef int _DONE = 0, _MORE = 1, _NOT_FINITE = 2, _STEP_TOO_SMALL = 3, _SINGULAR = 4, _PROJECTION_FAILED = 5
 
 cdef double EPS = 2.220446049250313e-16
-# A multiplier's pivot that lost this much against its own-signed terms means lost rank (tested per step).
-cdef double RANK_TOLERANCE = 1e-9
+# A coordinate's pivot that keeps no more than this of its own-signed terms has no mass. Much may cancel
+# before: rods a million million times heavier than their neighbours leave 1e-12.
+cdef double NO_MASS = 1e-15
+# A run that passes a state whose least pivot keeps less than this has passed a loss of rank.
+cdef double PASSAGE = 1e-6
+# Below this, errors across the constraints are so much magnified that stages and error estimates are projected
+# too: they vanish again when the end of the step is projected.
+cdef double NEAR = 1e-2
+cdef int REFINEMENTS = 2
 # Iterations of the projection: with the same factor it converges by the step's own error each time.
 cdef int PROJECTIONS = 10
 
@@ -31,17 +38,12 @@ def call(uintptr_t address, const double[::1] t, const double[::1] q, const doub
     (<kernel_t>address)(&t[0], &q[0], &u[0], &p[0], &work[0], &out[0])
 
 
-def call_many(uintptr_t address, uintptr_t first, const double[::1] t, const double[:, ::1] y, Py_ssize_t n,
-              const double[::1] p, double[::1] scratch, double[::1] work, double[:, ::1] out):
-    """Call a kernel for every row of ``y`` = (q, u, ...); ``first``, if given, fills ``work`` before each.
-
-    ``scratch`` is the work memory of ``first``.
-    """
+def call_many(uintptr_t address, const double[::1] t, const double[:, ::1] y, Py_ssize_t n, const double[::1] p,
+              double[:, ::1] work, double[:, ::1] out):
+    """Call a kernel for every row of ``y`` = (q, u, ...) and of ``work``."""
     cdef Py_ssize_t i
     for i in range(y.shape[0]):
-        if first:
-            (<kernel_t>first)(&t[i], &y[i, 0], &y[i, n], &p[0], &scratch[0], &work[0])
-        (<kernel_t>address)(&t[i], &y[i, 0], &y[i, n], &p[0], &work[0], &out[i, 0])
+        (<kernel_t>address)(&t[i], &y[i, 0], &y[i, n], &p[0], &work[i, 0], &out[i, 0])
 
 
 def call_repeatedly(uintptr_t address, Py_ssize_t times, const double[:, ::1] y, Py_ssize_t n, const double[::1] p,
@@ -72,24 +74,32 @@ cdef class Equations:
         Doubles of work memory that the largest kernel needs.
     first_pivot
         Where 'factor' leaves the pivots in its work memory.
+    rank_tolerance
+        What a multiplier's pivot keeps at most of its own-signed terms where rank is lost; the kernels set such a
+        multiplier to zero.
+    redundant
+        Number of constraints that follow from the others in every configuration: so many pivots must be lost.
     """
 
-    cdef kernel_t accelerations, factor, solve, constraints, velocity_constraints, energy
+    cdef kernel_t accelerations, factor, solve, constraints, velocity_constraints, energy, residual
     cdef readonly Py_ssize_t n, m, extra, dim
     cdef readonly long evaluations, factorisations
     cdef readonly Py_ssize_t weakest
-    cdef readonly double soundness
+    cdef readonly double soundness, rank_tolerance
+    cdef readonly Py_ssize_t lost, redundant
     cdef Py_ssize_t first_pivot
-    cdef double[::1] p, work, factors, out, rates, rhs, energies, before
+    cdef double[::1] p, work, factors, out, rates, rhs, energies, before, zero
+    cdef char[::1] dropped
 
     def __init__(self, addresses, Py_ssize_t n, Py_ssize_t m, Py_ssize_t extra, p, Py_ssize_t work_size,
-                 Py_ssize_t first_pivot):
+                 Py_ssize_t first_pivot, double rank_tolerance, Py_ssize_t redundant):
         self.accelerations = _kernel(addresses, "accelerations")
         self.factor = _kernel(addresses, "factor")
         self.solve = _kernel(addresses, "solve")
         self.constraints = _kernel(addresses, "constraints")
         self.velocity_constraints = _kernel(addresses, "velocity_constraints")
         self.energy = _kernel(addresses, "energy")
+        self.residual = _kernel(addresses, "residual")
         if self.accelerations == NULL or self.energy == NULL:
             raise ValueError("a model without the kernels 'accelerations' and 'energy' cannot be stepped")
         self.n, self.m, self.extra, self.dim = n, m, extra, 2 * n + extra
@@ -97,12 +107,28 @@ cdef class Equations:
         self.work, self.factors = np.zeros(work_size + 1), np.zeros(work_size + 1)
         self.out, self.rates = np.zeros(2 * (n + m) + 1), np.zeros(m + 1)
         self.rhs, self.before, self.energies = np.zeros(n + m + 1), np.zeros(n + 1), np.zeros(3)
+        self.zero = np.zeros(n + 1)
         self.weakest, self.soundness, self.first_pivot = -1, INFINITY, first_pivot
+        self.rank_tolerance = rank_tolerance
+        self.lost, self.redundant, self.dropped = 0, redundant, np.zeros(m + 1, dtype=np.int8)
+
+    cdef void accelerate(self, double t, const double *y) noexcept nogil:
+        """Leave accelerations and multipliers in ``out``, refined where the model has a residual."""
+        cdef Py_ssize_t i
+        cdef int k
+        self.accelerations(&t, y, y + self.n, &self.p[0], &self.work[0], &self.out[0])
+        if self.residual == NULL:
+            return
+        for k in range(REFINEMENTS):
+            self.residual(&t, y, y + self.n, &self.p[0], &self.out[0], &self.rhs[0])
+            self.solve(&t, y, y + self.n, &self.p[0], &self.work[0], &self.rhs[0])
+            for i in range(self.n + self.m):
+                self.out[i] += self.rhs[i]
 
     cdef void derivative(self, double t, const double *y, double *dy) noexcept nogil:
         """Write dy/dt of y = (q, u[, work done by loads without potential])."""
         cdef Py_ssize_t n = self.n
-        self.accelerations(&t, y, y + n, &self.p[0], &self.work[0], &self.out[0])
+        self.accelerate(t, y)
         memcpy(dy, y + n, n * sizeof(double))
         memcpy(dy + n, &self.out[0], n * sizeof(double))
         if self.extra:
@@ -111,7 +137,7 @@ cdef class Equations:
         self.evaluations += 1
 
     cdef double position_error(self, double t, const double *y) noexcept nogil:
-        """Return the largest constraint error over its scale; leave -Phi in ``rhs``."""
+        """Return the largest error of an independent constraint over its scale; leave -Phi in ``rhs``."""
         cdef Py_ssize_t i
         cdef double worst = 0.0, error
         self.constraints(&t, y, y + self.n, &self.p[0], &self.work[0], &self.out[0])
@@ -119,7 +145,7 @@ cdef class Equations:
         for i in range(self.m):
             self.rhs[self.n + i] = -self.out[i]
             error = fabs(self.out[i]) / self.out[self.m + i]
-            if not error <= worst:
+            if not error <= worst and not self.dropped[i]:
                 worst = error
         return worst
 
@@ -135,30 +161,40 @@ cdef class Equations:
         for i in range(self.m):
             self.rhs[self.n + i] = -self.rates[i]
             error = fabs(self.rates[i]) / self.out[self.m + i]
-            if not error <= worst:
+            if not error <= worst and not self.dropped[i]:
                 worst = error
         return worst
 
     cdef int factorise(self, double t, const double *y) noexcept nogil:
-        """Factorise at y and watch the pivots: their signs, and what cancellation left of them."""
+        """Factorise at y and watch the pivots: their signs, and what cancellation left of them.
+
+        As many multipliers as there are redundant constraints must be lost, no more and no fewer.
+        """
         cdef Py_ssize_t i
         cdef double sign, ratio
         cdef bint finite = True
         cdef double *pivots = &self.factors[self.first_pivot]
         self.factor(&t, y, y + self.n, &self.p[0], &self.factors[0], &self.out[0])
         self.factorisations += 1
-        self.weakest, self.soundness = -1, INFINITY
+        self.weakest, self.soundness, self.lost = -1, INFINITY, 0
         for i in range(self.n + self.m):
             sign = 1.0 if i < self.n else -1.0
             # A pivot's own-signed terms, whose sum is never zero unless the unknown itself is undetermined.
             ratio = sign * pivots[2 * i] / fabs(pivots[2 * i + 1]) if pivots[2 * i + 1] != 0.0 else 0.0
+            if i >= self.n:
+                self.dropped[i - self.n] = ratio <= self.rank_tolerance
             if not isfinite(ratio):
                 finite = False
-            elif ratio < self.soundness:
+            elif i >= self.n and ratio <= self.rank_tolerance and self.lost < self.redundant:
+                self.lost += 1
+            elif i < self.n and ratio <= NO_MASS:
                 self.weakest, self.soundness = i, ratio
-        if self.soundness <= RANK_TOLERANCE:
-            return _SINGULAR
-        return _DONE if finite else _NOT_FINITE
+                return _SINGULAR
+            elif i >= self.n and ratio < self.soundness:
+                self.weakest, self.soundness = i, ratio
+        if not finite:
+            return _NOT_FINITE
+        return _SINGULAR if self.soundness <= self.rank_tolerance or self.lost < self.redundant else _DONE
 
     cdef int project(self, double t, double *y) noexcept nogil:
         """Bring positions and velocities back onto the constraints, by mass-weighted steps of one factor."""
@@ -203,29 +239,40 @@ cdef class Equations:
                 y[n + i] += self.rhs[i]
         return _DONE
 
+    cdef void make_tangent(self, double t, const double *y, double *e) noexcept nogil:
+        """Take from e, a change of q or of u at y, what the constraints do not allow, with the last factor."""
+        cdef Py_ssize_t i, n = self.n
+        self.velocity_constraints(&t, y, e, &self.p[0], &self.work[0], &self.rhs[n])
+        self.velocity_constraints(&t, y, &self.zero[0], &self.p[0], &self.work[0], &self.rates[0])
+        memset(&self.rhs[0], 0, n * sizeof(double))
+        for i in range(self.m):
+            self.rhs[n + i] = self.rates[i] - self.rhs[n + i]
+        self.solve(&t, y, e, &self.p[0], &self.factors[0], &self.rhs[0])
+        for i in range(n):
+            e[i] += self.rhs[i]
+
     cdef void measure_energy(self, double t, const double *y) noexcept nogil:
         """Leave kinetic and potential energy, and the power of loads without potential, in ``energies``."""
         self.energy(&t, y, y + self.n, &self.p[0], &self.work[0], &self.energies[0])
 
-    def project_state(self, double t, double[::1] y):
-        """Project y = (q, u, ...) in place; return the status."""
-        return self.project(t, &y[0])
+    def solutions(self, const double[::1] t, const double[:, ::1] y):
+        """Return accelerations and multipliers at every row of y = (q, u, ...)."""
+        found = np.zeros((y.shape[0], self.n + self.m + 1))
+        cdef double[:, ::1] rows = found
+        cdef Py_ssize_t i
+        for i in range(y.shape[0]):
+            self.accelerate(t[i], &y[i, 0])
+            memcpy(&rows[i, 0], &self.out[0], (self.n + self.m) * sizeof(double))
+        return found
+
+    def lost_rows(self):
+        """Return the numbers of the constraints that the last factorisation found to follow from others."""
+        return [i for i in range(self.m) if self.dropped[i]]
 
     def check(self, double t, const double[::1] y):
         """Factorise at y; return the status, the unknown of least pivot in ``weakest``, and in ``soundness``
         what cancellation left of that pivot."""
         return self.factorise(t, &y[0])
-
-    def errors(self, double t, const double[::1] y):
-        """Return the largest error of a constraint and of its rate, each over the constraint's scale."""
-        if self.m == 0:
-            return 0.0, 0.0
-        return self.position_error(t, &y[0]), self.velocity_error(t, &y[0])
-
-    def energy_at(self, double t, const double[::1] y):
-        """Return kinetic and potential energy, and the power of loads without potential."""
-        self.measure_energy(t, &y[0])
-        return self.energies[0], self.energies[1], self.energies[2]
 
 
 cdef class Stepper:
@@ -254,7 +301,9 @@ cdef class Stepper:
     cdef Py_ssize_t stages, all_stages, degree, error_rows
     cdef double exponent
     cdef double[:, ::1] a, e, dense, k, samples
-    cdef double[::1] b, c, y, y_new, stage, times, error, weights
+    cdef double[::1] b, c, y, y_new, stage, times, error, weights, y_old, k_old
+    cdef double t_old, sound, sound_old
+    cdef readonly list passages
     cdef readonly Py_ssize_t recorded
     cdef readonly long steps, rejected
     cdef readonly double position_drift, velocity_drift, energy_drift
@@ -281,6 +330,9 @@ cdef class Stepper:
         self.samples = np.full((len(times) + 1, dim + 1), np.nan)
         self.h = step
         self.recorded = 0
+        self.y_old, self.k_old = np.zeros(dim + 1), np.zeros(dim + 1)
+        self.t_old, self.sound, self.sound_old = t0, INFINITY, INFINITY
+        self.passages = []
 
     @property
     def result(self):
@@ -297,6 +349,7 @@ cdef class Stepper:
         cdef int status = self.equations.project(self.t, &self.y[0])
         if status != _DONE:
             return status
+        self.sound = self.equations.soundness
         self.equations.derivative(self.t, &self.y[0], &self.k[0, 0])
         if not self._finite(&self.k[0, 0]):
             return _NOT_FINITE
@@ -361,23 +414,35 @@ cdef class Stepper:
             if factor != 0.0:
                 for i in range(dim):
                     self.stage[i] += factor * self.k[j, i]
+        if self.sound < NEAR:
+            memcpy(&self.error[0], &self.stage[0], dim * sizeof(double))
+            if self.equations.project(t + self.c[s] * h, &self.error[0]) == _DONE:
+                memcpy(&self.stage[0], &self.error[0], dim * sizeof(double))
         self.equations.derivative(t + self.c[s] * h, &self.stage[0], &self.k[s, 0])
 
-    cdef double _error_norm(self, double h) noexcept nogil:
+    cdef double _error_norm(self, double t_new, double h) noexcept nogil:
         """Root mean square of the local error over the tolerance; two rows are blended as in DOP853."""
         cdef Py_ssize_t i, r, j, dim = self.equations.dim
-        cdef double scale, value, main = 0.0, second = 0.0, total
-        for i in range(dim):
-            scale = self.atol + self.rtol * fmax(fabs(self.y[i]), fabs(self.y_new[i]))
-            for r in range(self.error_rows):
-                value = 0.0
-                for j in range(self.stages):
-                    value += self.e[r, j] * self.k[j, i]
-                value = h * value / scale
-                if r == 0:
-                    main += value * value
-                else:
-                    second += value * value
+        cdef double factor, scale, main = 0.0, second = 0.0, total
+        if self.sound < NEAR:
+            self.equations.factorise(t_new, &self.y_new[0])
+        for r in range(self.error_rows):
+            memset(&self.error[0], 0, dim * sizeof(double))
+            for j in range(self.stages):
+                factor = h * self.e[r, j]
+                for i in range(dim):
+                    self.error[i] += factor * self.k[j, i]
+            if self.sound < NEAR:
+                self.equations.make_tangent(t_new, &self.y_new[0], &self.error[0])
+                self.equations.make_tangent(t_new, &self.y_new[0], &self.error[self.equations.n])
+            total = 0.0
+            for i in range(dim):
+                scale = self.atol + self.rtol * fmax(fabs(self.y[i]), fabs(self.y_new[i]))
+                total += (self.error[i] / scale) ** 2
+            if r == 0:
+                main = total
+            else:
+                second = total
         if self.error_rows == 1:
             return sqrt(main / dim)
         total = main + 0.01 * second
@@ -386,12 +451,12 @@ cdef class Stepper:
     cdef int _step(self) noexcept nogil:
         """Take one accepted step."""
         cdef Py_ssize_t i, j, dim = self.equations.dim
-        cdef double h, norm, factor, t_new, largest = 10.0
+        cdef double h, norm, factor, t_new, sound, largest = 10.0, part = 1.0
         cdef int status
         if self.t >= self.t_end:
             return _DONE
         while True:
-            h = self.h
+            h = part * self.h
             if not h > 10.0 * EPS * fmax(fabs(self.t), EPS * self.t_end):
                 return _STEP_TOO_SMALL
             t_new = self.t + h
@@ -409,19 +474,26 @@ cdef class Stepper:
             if not self.adaptive:
                 if not self._finite(&self.y_new[0]):
                     return _NOT_FINITE
+            else:
+                norm = self._error_norm(t_new, h)
+                if not (isfinite(norm) and norm <= 1.0):
+                    self.rejected += 1
+                    largest = 1.0
+                    self.h = h * fmax(0.2, 0.9 * pow(norm, self.exponent)) if isfinite(norm) else 0.2 * h
+                    continue
+            status = self.equations.project(t_new, &self.y_new[0])
+            if status == _DONE:
                 break
-            norm = self._error_norm(h)
-            if isfinite(norm) and norm <= 1.0:
-                factor = largest if norm == 0.0 else fmin(largest, fmax(0.2, 0.9 * pow(norm, self.exponent)))
-                if h == self.h or factor < 1.0:
-                    self.h = h * factor
-                break
+            # A step that ends, or has a stage, where rank is lost for an instant is made a little shorter.
+            part *= 0.7
+            if status != _SINGULAR and (status != _PROJECTION_FAILED or self.sound >= NEAR) or part < 0.2:
+                return status
             self.rejected += 1
-            largest = 1.0
-            self.h = h * fmax(0.2, 0.9 * pow(norm, self.exponent)) if isfinite(norm) else 0.2 * h
-        status = self.equations.project(t_new, &self.y_new[0])
-        if status != _DONE:
-            return status
+        if self.adaptive:
+            factor = largest if norm == 0.0 else fmin(largest, fmax(0.2, 0.9 * pow(norm, self.exponent)))
+            if h == self.h or factor < 1.0:
+                self.h = h * factor
+        sound = self.equations.soundness
         # The derivative at the projected end closes the interpolant and is the first stage of the next step.
         self.equations.derivative(t_new, &self.y_new[0], &self.k[self.stages, 0])
         if not self._finite(&self.k[self.stages, 0]):
@@ -429,12 +501,55 @@ cdef class Stepper:
         status = self._record(t_new, h)
         if status != _DONE:
             return status
+        if self.sound <= self.sound_old and self.sound < sound and self.sound < 0.1:
+            self._passage(t_new)
+        memcpy(&self.y_old[0], &self.y[0], dim * sizeof(double))
+        memcpy(&self.k_old[0], &self.k[0, 0], dim * sizeof(double))
+        self.t_old, self.sound_old, self.sound = self.t, self.sound, sound
         memcpy(&self.y[0], &self.y_new[0], dim * sizeof(double))
         memcpy(&self.k[0, 0], &self.k[self.stages, 0], dim * sizeof(double))
         self.t = t_new
         self.steps += 1
         self._monitor()
         return _MORE
+
+    cdef double _soundness(self, double t, double t_new) noexcept nogil:
+        """Return the least pivot's part at a time of the last two steps, by cubic interpolation."""
+        cdef Py_ssize_t i
+        cdef bint last = t >= self.t
+        cdef double start = self.t if last else self.t_old
+        cdef double h = t_new - self.t if last else self.t - self.t_old
+        cdef double s = (t - start) / h
+        cdef double *y0 = &self.y[0] if last else &self.y_old[0]
+        cdef double *y1 = &self.y_new[0] if last else &self.y[0]
+        cdef double *d0 = &self.k[0, 0] if last else &self.k_old[0]
+        cdef double *d1 = &self.k[self.stages, 0] if last else &self.k[0, 0]
+        for i in range(self.equations.dim):
+            self.stage[i] = (
+                y0[i] + s * s * (3.0 - 2.0 * s) * (y1[i] - y0[i])
+                + h * s * (1.0 - s) * ((1.0 - s) * d0[i] - s * d1[i])
+            )
+        self.equations.factorise(t, &self.stage[0])
+        return self.equations.soundness
+
+    cdef void _passage(self, double t_new) noexcept nogil:
+        """Look where between the last three states the constraints come nearest to losing rank."""
+        cdef double a = self.t_old, b = t_new, ratio = 0.6180339887498949
+        cdef double x = b - ratio * (b - a), y = a + ratio * (b - a)
+        cdef double at_x = self._soundness(x, t_new), at_y = self._soundness(y, t_new)
+        cdef int k
+        for k in range(50):
+            if at_x < at_y:
+                b, y, at_y = y, x, at_x
+                x = b - ratio * (b - a)
+                at_x = self._soundness(x, t_new)
+            else:
+                a, x, at_x = x, y, at_y
+                y = a + ratio * (b - a)
+                at_y = self._soundness(y, t_new)
+        if fmin(at_x, at_y) < PASSAGE:
+            with gil:
+                self.passages.append((x, fmax(at_x, 0.0), self.equations.weakest))
 
     cdef int _record(self, double t_new, double h) noexcept nogil:
         """Record the samples that lie in this step: interpolated, then projected."""

@@ -65,7 +65,10 @@ class Description:
     kernels: tuple[KernelInfo, ...]
     first_pivot: int
     start: tuple[float, ...]
+    redundant: tuple[int, ...]
     t_end: float
+    assembly_tolerance: float
+    rank_tolerance: float
     references: tuple[str, ...]
     left_out: tuple[str, ...]
 
@@ -77,6 +80,23 @@ class Description:
     def coordinates(self) -> int:
         """Number of coordinates."""
         return len(self.free) * len(self.axes)
+
+    def unknown(self, index: int) -> str:
+        """Return what an unknown of the equations of motion is called in messages."""
+        axes, n = self.axes, self.coordinates
+        if index < n:
+            return f"the {axes[index % len(axes)]} motion of point {self.free[index // len(axes)]}"
+        return self.labels[index - n]
+
+    @property
+    def drives(self) -> tuple[int, ...]:
+        """Numbers of the constraints that drive a link."""
+        return tuple(i for i, label in enumerate(self.labels) if label.startswith("the drive"))
+
+    def place(self, constraint: int) -> str:
+        """Return the key of the scene that makes a constraint."""
+        table = "drivers" if constraint in self.drives else "links"
+        return f"{table}.{self.constraints[constraint].removesuffix('_drive')}"
 
     def to_json(self) -> str:
         """Return the description as JSON text."""

@@ -48,6 +48,21 @@ class Evaluator:
         out = self(kernel, t, q, u, work)
         return {b.name: part(out, b) for b in self.info(kernel).blocks}
 
+    def equations(self, redundant: int = 0) -> _core.Equations:
+        """Return the compiled view of the kernels, which solves and steps."""
+        d = self.description
+        return _core.Equations(
+            self.library.addresses,
+            d.coordinates,
+            len(d.constraints),
+            int(d.work_of_loads),
+            self.parameters[:-1],
+            self.work_size,
+            d.first_pivot,
+            d.rank_tolerance,
+            redundant,
+        )
+
 
 def part(out: Array, block: BlockInfo) -> Array:
     """Return one block of an ``out`` array (or of rows of them), shaped; single columns lose that axis."""

@@ -2,20 +2,34 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
 from symgen.errors import InitialStateError
 from symgen.runtime.evaluate import Evaluator
+from symgen.runtime.redundancy import extent, not_positive, redundant_constraints
 
 Array = NDArray[np.float64]
 
 _STEPS, _SMALLEST = 32, 1 / 4096
 _NEWTON, _ROUNDING, _CONSISTENT = 30, 1e-14, 1e-9
+#: Redundant constraints may contradict the others by so much of the linkage's size without being told.
+_ASSEMBLY, _MOST = 1e-8, 1e-5
 
 
-def start(evaluator: Evaluator) -> tuple[Array, Array]:
-    """Return coordinates and velocities at the start.
+@dataclass(frozen=True, slots=True)
+class Start:
+    """Coordinates [m] and velocities [m/s] at the start, and the numbers of the redundant constraints."""
+
+    q: Array
+    u: Array
+    redundant: tuple[int, ...]
+
+
+def start(evaluator: Evaluator) -> Start:
+    """Return coordinates and velocities at the start, and which constraints follow from the others.
 
     The drawing is led step by step to the lengths and angles asked for, so that a linkage stays on the
     branch it is drawn on. Velocities are those of least kinetic energy that meet the constraints and what
@@ -24,16 +38,16 @@ def start(evaluator: Evaluator) -> tuple[Array, Array]:
     Raises
     ------
     InitialStateError
-        When the linkage cannot be assembled, or the velocities asked for contradict the constraints.
+        When the linkage cannot be assembled, is singular, or the velocities asked for contradict the
+        constraints.
     """
     n = evaluator.description.coordinates
     q = evaluator("drawn", 0.0, np.zeros(n), np.zeros(n))
     if evaluator.has("assembly"):
         q = _assemble(evaluator, q)
-    u = np.zeros(n)
-    if evaluator.has("mass_matrix"):
-        u = _velocities(evaluator, q)
-    return q, u
+    redundant = redundant_constraints(evaluator, q)
+    u = _velocities(evaluator, q, redundant) if evaluator.has("mass_matrix") else np.zeros(n)
+    return Start(q, u, redundant)
 
 
 def _assemble(evaluator: Evaluator, q: Array) -> Array:
@@ -54,6 +68,15 @@ def _assemble(evaluator: Evaluator, q: Array) -> Array:
 
 def _newton(evaluator: Evaluator, at: float, q: Array) -> Array | None:
     size = float(np.max(np.abs(q), initial=0.0))
+    wide = extent(evaluator, q)
+    asked = evaluator.description.assembly_tolerance
+    tolerance = max(_ASSEMBLY * wide, asked)
+    if asked > _MOST * wide:
+        raise InitialStateError(
+            f"an assembly tolerance of {asked:g} m is too large for a linkage of {wide:g} m: redundant "
+            f"constraints could not be told from independent ones\n  Give at most {_MOST * wide:.2g} m.",
+            where="analysis.assembly_tolerance",
+        )
     previous = np.inf
     for _ in range(_NEWTON):
         parts = evaluator.blocks("assembly", 0.0, q, np.append(at, np.zeros(len(q) - 1)))
@@ -65,11 +88,12 @@ def _newton(evaluator: Evaluator, at: float, q: Array) -> Array | None:
             return None
         previous = worst
         jacobian = np.atleast_2d(parts["assembly_jacobian"].reshape(len(residual), -1))
-        correction = np.linalg.lstsq(jacobian, -residual, rcond=1e-10)[0]
+        # Below the assembly error no singular value can be told from zero.
+        correction = np.linalg.lstsq(jacobian, -residual, rcond=10 * tolerance / wide)[0]
         if not np.max(np.abs(correction)) <= max(size, 1e-300):
             return None
         q = q + correction
-        if worst == 0.0:
+        if worst == 0.0 or (worst <= tolerance and np.max(np.abs(correction)) <= _ROUNDING * size):
             return q
     return q if previous <= _ROUNDING * size else None
 
@@ -81,7 +105,8 @@ def _unassembled(evaluator: Evaluator, reached: float, residual: Array) -> Initi
     return InitialStateError(
         f"the linkage cannot be assembled with these lengths and start angles: led from the drawing it came "
         f"{reached:.0%} of the way; from there it still misses {missing}\n"
-        "  Check the lengths of these links and the start angles, or draw it nearer to where it can close.",
+        "  Check the lengths of these links and the start angles, or draw it nearer to where it can close. "
+        "If a link is redundant and this its error of manufacture, give analysis.assembly_tolerance.",
         where=_place(rows[order[0]]) if order else "start",
     )
 
@@ -104,15 +129,17 @@ def _place(row: str) -> str:
     return f"{tables.get(what.partition(' ')[0], 'links')}.{name}"
 
 
-def _velocities(evaluator: Evaluator, q: Array) -> Array:
+def _velocities(evaluator: Evaluator, q: Array, redundant: tuple[int, ...]) -> Array:
     n = len(q)
     zero = np.zeros(n)
     rows, rhs = [np.zeros((0, n))], [np.zeros(0)]
+    kept = np.arange(0)
     if evaluator.has("constraint_jacobian"):
         scale = evaluator.blocks("constraints", 0.0, q, zero)["constraint_scale"]
         jacobian = evaluator.blocks("constraint_jacobian", 0.0, q, zero)["constraint_jacobian"].reshape(-1, n)
-        rows.append(jacobian / scale[:, None])
-        rhs.append(-evaluator("velocity_constraints", 0.0, q, zero) / scale)
+        kept = np.setdiff1d(np.arange(len(scale)), redundant)
+        rows.append((jacobian / scale[:, None])[kept])
+        rhs.append((-evaluator("velocity_constraints", 0.0, q, zero) / scale)[kept])
     asked = 0
     if evaluator.has("start_velocity"):
         wanted = evaluator.blocks("start_velocity", 0.0, q, zero)
@@ -139,26 +166,12 @@ def _velocities(evaluator: Evaluator, q: Array) -> Array:
         row, by = _rows(evaluator, "start_velocity")[worst], of_start[worst]
     else:
         worst = int(np.argmax(of_constraints))
-        row, by = evaluator.description.labels[worst], of_constraints[worst]
+        row, by = evaluator.description.labels[kept[worst]], of_constraints[worst]
     raise InitialStateError(
         f"the velocities at the start contradict the constraints: {row} is missed by {by:.3g} m/s, "
         f"a constraint by {np.max(of_constraints, initial=0.0):.3g} m/s\n"
         "  Ask for fewer of them: the others follow.",
         where=_place(row) if asked else "drivers",
-    )
-
-
-def not_positive(evaluator: Evaluator) -> InitialStateError:
-    """Return the error for a mass matrix that is not positive definite."""
-    values = ", ".join(
-        f"{p.name} = {v:g} {p.unit}"
-        for p, v in zip(evaluator.description.parameters, evaluator.parameters, strict=False)
-    )
-    return InitialStateError(
-        f"the mass matrix is not positive definite{f' with {values}' if values else ''}: "
-        "some point carries no mass, or a negative one\n"
-        "  Give every link a positive mass and moment of inertia about its centre.",
-        where="links",
     )
 
 

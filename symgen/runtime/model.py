@@ -8,14 +8,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from symgen.errors import InitialStateError, ModelError, nearest
+from symgen.errors import ModelError, nearest
 from symgen.runtime import _core
 from symgen.runtime.description import Description
 from symgen.runtime.evaluate import Evaluator
-from symgen.runtime.initial import not_positive, start
+from symgen.runtime.initial import Start, start
 from symgen.runtime.library import Library
+from symgen.runtime.options import options
+from symgen.runtime.redundancy import least_norm, not_unique
 from symgen.runtime.result import Result
-from symgen.runtime.simulate import equations_of, options, run, weakest_name
+from symgen.runtime.simulate import run
 from symgen.runtime.state import Accelerations, State
 
 Array = NDArray[np.float64]
@@ -46,7 +48,7 @@ class Model:
                 raise ModelError(f"expected a finite value for {name}, got {value!r}")
             self.parameters[name] = float(value)
         self._evaluator = Evaluator(description, library, np.array(list(self.parameters.values())))
-        self._start: tuple[Array, Array] | None = None
+        self._start: Start | None = None
         self._equations: Any = None
 
     @property
@@ -90,36 +92,20 @@ class Model:
         InitialStateError
             When it cannot be assembled, is contradictory, or is singular.
         """
+        found = self._found()
+        return self._state(0.0, found.q, found.u)
+
+    def _found(self) -> Start:
+        """Return the start: the one stored with the scene, unless a parameter was changed."""
+        d = self.description
         if self._start is None:
-            changed = any(self.parameters[p.name] != p.default for p in self.description.parameters)
-            if changed or not self.description.start:
+            changed = any(self.parameters[p.name] != p.default for p in d.parameters)
+            if changed or not d.start:
                 self._start = start(self._evaluator)
             else:
-                stored = np.array(self.description.start)
-                self._start = stored[: len(stored) // 2], stored[len(stored) // 2 :]
-            self._check(*self._start)
-        return self._state(0.0, *self._start)
-
-    def _check(self, q: Array, u: Array) -> None:
-        d = self.description
-        equations = equations_of(self._evaluator)
-        status = equations.check(0.0, np.concatenate([q, u, [0.0, 0.0]]))
-        if status == _core.DONE:
-            return
-        weakest = equations.weakest
-        if status == _core.NOT_FINITE or weakest < d.coordinates:
-            raise not_positive(self._evaluator)
-        zero = np.zeros(d.coordinates)
-        jacobian = self._evaluator("constraint_jacobian", 0.0, q, zero).reshape(-1, d.coordinates)
-        scale = self._evaluator.blocks("constraints", 0.0, q, zero)["constraint_scale"]
-        rank = int(np.linalg.matrix_rank(jacobian / scale[:, None], tol=1e-9))
-        name = weakest_name(weakest, d)
-        raise InitialStateError(
-            f"the constraints are singular at the start: {len(d.constraints)} constraints of rank {rank}; "
-            f"{name} is not independent of the others\n"
-            "  Remove a redundant link, or start away from the dead centre.",
-            where=f"links.{d.constraints[weakest - d.coordinates]}",
-        )
+                q, u = np.split(np.array(d.start), 2)
+                self._start = Start(q, u, d.redundant)
+        return self._start
 
     def _state(self, t: float, q: Array, u: Array) -> State:
         parts = self._evaluator.blocks("points", t, q, u)
@@ -171,12 +157,18 @@ class Model:
         d = self.description
         state = self.initial_state() if state is None else state
         n = d.coordinates
-        solution = self._evaluator("accelerations", state.t, state.q, state.u)
-        if not np.all(np.isfinite(solution)):
+        redundant = self._found().redundant
+        equations = self._evaluator.equations(len(redundant))
+        row = np.concatenate([state.q, state.u, [0.0, 0.0]])
+        status = equations.check(state.t, row)
+        if status != _core.DONE:
             raise ModelError(
-                f"the equations of motion are singular at t = {state.t:g} s: no finite accelerations"
+                f"the equations of motion are singular at t = {state.t:g} s, so accelerations are not "
+                f"determined: {d.unknown(equations.weakest)} is not independent of the others"
             )
-        work = np.append(solution, 0.0)
+        work = equations.solutions(np.array([state.t]), row[None, :])[0]
+        if redundant:
+            work = least_norm(self._evaluator, state.t, state.q, work, len(redundant))
         of_points = self._evaluator.blocks("point_accelerations", state.t, state.q, state.u, work)
         points = dict(zip(d.points, of_points["point_accelerations"], strict=True))
         reactions = {}
@@ -184,7 +176,9 @@ class Model:
             found = self._evaluator.blocks("reactions", state.t, state.q, state.u, work)
             rows = found["reactions"].reshape(len(d.ground), len(d.axes))
             reactions = dict(zip(d.ground, rows, strict=True))
-        return Accelerations(points, dict(zip(d.constraints, solution[n:].tolist(), strict=True)), reactions)
+        open_rows = not_unique(self._evaluator, state.q, len(redundant))
+        multipliers = dict(zip(d.constraints, work[n:-1].tolist(), strict=True))
+        return Accelerations(points, multipliers, reactions, tuple(d.constraints[i] for i in open_rows))
 
     def simulate(
         self,
@@ -231,4 +225,4 @@ class Model:
         end = self.description.t_end if t_end is None else float(t_end)
         chosen = options(end, method, rtol, atol, step, samples, max_steps)
         begin = self.initial_state() if state is None else state
-        return run(self._evaluator, begin.t, begin.q, begin.u, chosen, progress)
+        return run(self._evaluator, begin.t, begin.q, begin.u, self._found().redundant, chosen, progress)

@@ -63,7 +63,10 @@ class Drift:
 
 @dataclass(frozen=True, eq=False)
 class Result:
-    """The result of a run. ``result["C.position"]`` is a labelled array with its unit."""
+    """The result of a run. ``result["C.position"]`` is a labelled array with its unit.
+
+    ``notes`` says in words what a reader of the numbers must know: redundant constraints, lost rank passed.
+    """
 
     name: str
     title: str
@@ -74,6 +77,7 @@ class Result:
     final: Mapping[str, Mapping[str, Any]]
     statistics: Mapping[str, Any]
     provenance: Mapping[str, Any]
+    notes: tuple[str, ...] = ()
     _cache: dict[str, Any] = field(default_factory=dict, repr=False)
 
     def __getitem__(self, name: str) -> xarray.DataArray:
@@ -126,6 +130,7 @@ class Result:
             "velocity_drift": self.drift.velocity,
             "equations": self.provenance["equations"],
             "parameters": dict(self.provenance["parameters"]),
+            "notes": list(self.notes),
             "final": {point: dict(motion) for point, motion in self.final.items()},
         }
 
@@ -170,6 +175,7 @@ class Result:
                 "final": {k: dict(v) for k, v in self.final.items()},
                 "statistics": dict(self.statistics),
                 "provenance": dict(self.provenance),
+                "notes": list(self.notes),
                 "variables": [[v.name, v.unit, v.about, list(v.components)] for v in self.variables],
             }
         )
@@ -216,6 +222,7 @@ def load_result(file: str | os.PathLike[str]) -> Result:
             final=data["final"],
             statistics=data["statistics"],
             provenance=data["provenance"],
+            notes=tuple(data.get("notes", ())),
         )
     except ResultError:
         raise

@@ -37,11 +37,15 @@ class Accelerations:
         Lagrange multiplier of every constraint by its link; times the link's length: tension [N/m].
     reactions
         Force of the ground on the linkage at every ground point [N].
+    not_unique
+        Constraints whose multipliers are not determined, since some constraints are redundant: those of least
+        norm are given, and reactions by them.
     """
 
     points: dict[str, Array]
     multipliers: dict[str, float]
     reactions: dict[str, Array]
+    not_unique: tuple[str, ...] = ()
 
     def __getitem__(self, point: str) -> Array:
         """Return the acceleration of a point [m/s^2]."""
@@ -53,4 +57,5 @@ class Accelerations:
             "points": {k: v.tolist() for k, v in self.points.items()},
             "multipliers": dict(self.multipliers),
             "reactions": {k: v.tolist() for k, v in self.reactions.items()},
+            "not_unique": list(self.not_unique),
         }

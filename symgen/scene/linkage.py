@@ -159,6 +159,7 @@ class Linkage:
     drivers: tuple[Driver, ...]
     start: StartConditions
     t_end: sp.Expr
+    assembly_tolerance: sp.Expr
     outputs: tuple[str, ...] | None
 
     @cached_property

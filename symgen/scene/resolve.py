@@ -96,10 +96,17 @@ class _Resolver:
             drivers=tuple(self.drivers()),
             start=self.start(),
             t_end=self.positive(scene.analysis.t_end, units.TIME, "analysis.t_end"),
+            assembly_tolerance=self.assembly_tolerance(),
             outputs=None if scene.analysis.outputs is None else tuple(scene.analysis.outputs),
         )
         self._check_every_point_used(linkage)
         return linkage
+
+    def assembly_tolerance(self) -> sp.Expr:
+        asked = self.scene.analysis.assembly_tolerance
+        if asked is None:
+            return sp.Integer(0)
+        return self.positive(asked, units.LENGTH, "analysis.assembly_tolerance")
 
     def _read_parameters(self) -> None:
         for name, parameter in self.scene.parameters.items():

@@ -157,6 +157,9 @@ class Analysis(Table):
 
     kind: Literal["dynamics"] = "dynamics"
     t_end: Value = "1 s"
+    assembly_tolerance: Value | None = Field(
+        default=None, description="By how much redundant constraints may contradict the others."
+    )
     outputs: list[str] | None = Field(
         default=None, description="What a run records, such as C.position, OA.tension, O.reaction, energy."
     )

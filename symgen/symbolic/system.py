@@ -64,7 +64,9 @@ class Export:
 class SaddlePoint:
     """Names of the matrices of [M J^T; J 0] [a; lam] = [f; gamma], and the order of its elimination.
 
-    ``order`` lists unknowns: below the number of coordinates a coordinate, from there on a multiplier.
+    ``order`` lists unknowns: below the number of coordinates a coordinate, from there on a multiplier. A
+    multiplier whose pivot keeps no more than ``rank_tolerance`` of its terms of its own sign follows from
+    those before it and is set to zero.
     """
 
     mass: str
@@ -72,6 +74,7 @@ class SaddlePoint:
     force: str
     rhs: str
     order: tuple[int, ...]
+    rank_tolerance: str
 
 
 @dataclass(frozen=True, slots=True)

@@ -111,7 +111,9 @@ def test_counts_are_those_of_the_printed_text(every_program):
             assert len(re.findall(r" [-+] ", right)) == own.add, (program.name, kernel.name)
             assert right.count("*") == own.mul
             assert right.count("/") == own.div
-            assert len(re.findall(r"\b(?:sqrt|sin|cos|tan|atan2|fabs|pow)\(", right)) == own.call
+            assert (
+                len(re.findall(r"\b(?:sqrt|sin|cos|tan|atan2|fabs|pow|guarded_inverse)\(", right)) == own.call
+            )
             assert counts.flops == own.flops + sum(k.counts.flops for k in kernel.first + kernel.then)
 
 
@@ -147,7 +149,10 @@ def test_assignments_come_after_what_they_read(every_program):
 
 def evaluate(line, results, values):
     printer = Printer({})
-    known = dict(values)
+    known = {
+        "guarded_inverse": lambda d, s, tolerance: 0.0 if abs(d) <= tolerance * abs(s) else 1 / d,
+        **values,
+    }
     for assignment in line.assignments(results):
         known[assignment.target] = eval(printer(assignment.value), {}, known)
     return [eval(printer(r), {}, known) for r in results]
@@ -169,7 +174,7 @@ def test_sparse_ldlt_solves(seed):
     values = {f"e{i}_{j}": whole[i, j] for i, j in entries}
     order = (0, 1, 6, 2, 3, 7, 4, 5, 8)
     line = StraightLine()
-    factors = factor(line, entries, order, n, [str(i) for i in range(n + m)])
+    factors = factor(line, entries, order, n, [str(i) for i in range(n + m)], Constant("1e-13"))
     rhs = rng.standard_normal(n + m)
     solution = solve(line, factors, [Reference(f"b{i}") for i in range(n + m)])
     found = evaluate(line, solution, values | {f"b{i}": v for i, v in enumerate(rhs)})
@@ -178,6 +183,16 @@ def test_sparse_ldlt_solves(seed):
     assert all((p > 0) == (k < n) for k, p in zip(order, pivots, strict=True))
 
 
+def test_a_row_that_follows_from_others_gets_no_multiplier():
+    """Twice the same constraint: the first multiplier carries it, the primal solution is the same."""
+    entries = {(0, 0): Constant("2"), (1, 0): Reference("j"), (2, 0): Reference("k")}
+    line = StraightLine()
+    factors = factor(line, entries, (0, 1, 2), 1, ["x", "a", "b"], Constant("1e-13"))
+    rhs = [Reference(f"b{i}") for i in range(3)]
+    x, a, b = evaluate(line, solve(line, factors, rhs), {"j": 3.0, "k": 1.0, "b0": 4.0, "b1": 6.0, "b2": 2.0})
+    assert (x, a, b) == (pytest.approx(2.0), pytest.approx(0.0, abs=1e-15), 0.0)
+
+
 def test_what_nothing_determines_is_named():
     with pytest.raises(DerivationError, match="nothing determines y"):
-        factor(StraightLine(), {(0, 0): Reference("a")}, (0, 1), 2, ["x", "y"])
+        factor(StraightLine(), {(0, 0): Reference("a")}, (0, 1), 2, ["x", "y"], Constant("1e-13"))

@@ -139,22 +139,34 @@ def test_singular_start_is_named():
         symgen.build(symgen.Scene(points=points, links=links))
 
 
-def test_losing_rank_on_the_way_ends_the_run_with_cause_and_partial_result():
-    """A parallelogram driven through its collinear state."""
+def test_a_drive_past_the_limit_ends_the_run_with_cause_and_partial_result():
+    """The crank is driven past the angle at which coupler and rocker are stretched: no such position exists."""
+    limit = np.arccos((1 + 4 - 1.4**2) / 4)
     points = {
         "O": {"at": ["0 m", "0 m"], "ground": True},
-        "A": {"at": ["0 m", "1 m"]},
-        "B": {"at": ["2 m", "1 m"]},
+        "A": {"at": ["0.9553364891256060 m", "0.2955202066613396 m"]},
+        "B": {"at": ["1.6 m", "0.5 m"]},
         "C": {"at": ["2 m", "0 m"], "ground": True},
     }
-    links = {n: {"points": list(n), "mass": "1 kg"} for n in ("OA", "AB", "BC")}
-    scene = symgen.Scene(points=points, links=links, start={"rates": {"OA": "-1 rad/s"}})
-    with pytest.raises(SimulationError, match=r"(lost|lose) rank") as caught:
-        symgen.build(scene).simulate(3.0, step=np.pi / 2000)
-    assert caught.value.time == pytest.approx(np.pi / 2, abs=2e-3)
-    partial = caught.value.partial
-    assert partial.time[-1] <= caught.value.time
-    assert np.all(np.isfinite(partial["A.position"].values))
+    links = {
+        "OA": {"points": ["O", "A"], "mass": "1 kg"},
+        "AB": {"points": ["A", "B"], "mass": "1 kg", "length": "0.8 m"},
+        "BC": {"points": ["B", "C"], "mass": "1 kg", "length": "0.6 m"},
+    }
+    scene = symgen.Scene(
+        parameters={"rate": "1 rad/s"},
+        points=points,
+        links=links,
+        drivers=[{"link": "OA", "angle": "0.3 + rate*t"}],
+        analysis={"outputs": ["A.position"]},
+    )
+    for options in ({}, {"step": 1e-4}):
+        with pytest.raises(SimulationError, match=r"(lost|lose) rank|back onto the constraints") as caught:
+            symgen.build(scene).simulate(1.0, **options)
+        assert caught.value.time == pytest.approx(limit - 0.3, abs=1e-3)
+        partial = caught.value.partial
+        assert partial.time[-1] <= caught.value.time
+        assert np.all(np.isfinite(partial["A.position"].values))
 
 
 def test_steps_too_large_are_an_error_not_a_wrong_answer():

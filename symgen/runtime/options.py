@@ -1,0 +1,68 @@
+"""The options of a run, checked."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from symgen.errors import ModelError
+from symgen.runtime.integrators import integrator
+from symgen.runtime.integrators.tableau import ExplicitRungeKutta
+
+#: Tightest relative tolerance that float64 can meet.
+TIGHTEST = 100 * np.finfo(float).eps
+
+
+@dataclass(frozen=True, slots=True)
+class Options:
+    """How to run: checked by :func:`options`."""
+
+    method: ExplicitRungeKutta
+    t_end: float
+    rtol: float
+    atol: float
+    step: float
+    samples: int
+    max_steps: int
+
+
+def options(
+    t_end: float,
+    method: str | None,
+    rtol: float | None,
+    atol: float | None,
+    step: float | None,
+    samples: int,
+    max_steps: int,
+) -> Options:
+    """Check the options of a run and fill in the defaults.
+
+    Raises
+    ------
+    ModelError
+        When one is out of its range, or does not go with the method.
+    """
+    chosen = integrator(method or ("dop853" if step is None else "rk4"))
+    for name, value in (("t_end", t_end), ("rtol", rtol), ("atol", atol), ("step", step)):
+        if value is not None and not (math.isfinite(value) and value > 0):
+            raise ModelError(f"expected {name} to be a finite number above zero, got {value!r}")
+    if not 2 <= samples <= 10_000_000:
+        raise ModelError(f"expected between 2 and 10 million samples, got {samples}")
+    if max_steps < 1:
+        raise ModelError(f"expected max_steps of at least 1, got {max_steps}")
+    if chosen.adaptive:
+        if step is not None:
+            raise ModelError(f"{chosen.name} chooses its own step: give rtol and atol, or another method")
+        rtol = 1e-9 if rtol is None else rtol
+        if rtol < TIGHTEST:
+            raise ModelError(f"rtol = {rtol:g} is below {TIGHTEST:.2g}, the tightest that float64 can meet")
+        return Options(chosen, t_end, rtol, 1e-3 * rtol if atol is None else atol, 0.0, samples, max_steps)
+    if rtol is not None or atol is not None:
+        raise ModelError(f"{chosen.name} has a fixed step: give step instead of rtol and atol")
+    if step is None:
+        raise ModelError(f"{chosen.name} has a fixed step: give it one, such as step=1e-3")
+    if step < 1e-12 * t_end:
+        raise ModelError(f"step = {step:g} s is too small against t_end = {t_end:g} s for float64")
+    return Options(chosen, t_end, 0.0, 0.0, step, samples, max_steps)

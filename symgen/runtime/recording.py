@@ -1,0 +1,134 @@
+"""From a finished or broken run to its Result: outputs evaluated, drift gathered, what must be said of it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symgen.runtime import _core
+from symgen.runtime.evaluate import Evaluator, part
+from symgen.runtime.options import Options
+from symgen.runtime.redundancy import least_norm, not_unique
+from symgen.runtime.result import Drift, Result, Variable
+
+Array = NDArray[np.float64]
+
+#: Passages told by their times; of more, only the number.
+_SHOWN = 6
+
+
+def recorded(
+    evaluator: Evaluator,
+    equations: _core.Equations,
+    stepper: _core.Stepper,
+    times: Array,
+    redundant: tuple[int, ...],
+    chosen: Options,
+    wall: float,
+) -> Result:
+    """Return what a run has recorded till now."""
+    description = evaluator.description
+    count = stepper.recorded
+    final = evaluator.blocks("points", stepper.t, *np.split(stepper.state[: 2 * description.coordinates], 2))
+    drift = Drift(
+        constraint=stepper.position_drift,
+        velocity=stepper.velocity_drift,
+        energy=stepper.energy_drift,
+        energy_exchanged=max(
+            stepper.kinetic_max - stepper.kinetic_min, stepper.potential_max - stepper.potential_min, 0.0
+        ),
+    )
+    evaluations, factorisations = equations.evaluations, equations.factorisations
+    return Result(
+        name=description.name,
+        title=description.title,
+        axes=description.axes,
+        time=times[:count],
+        variables=_outputs(evaluator, equations, times[:count], stepper.result, len(redundant)),
+        drift=drift,
+        final={
+            p: {"position": final["positions"][i].tolist(), "velocity": final["velocities"][i].tolist()}
+            for i, p in enumerate(description.points)
+        },
+        statistics={
+            "t": stepper.t,
+            "steps": stepper.steps,
+            "rejected": stepper.rejected,
+            "evaluations": evaluations,
+            "factorisations": factorisations,
+            "wall_s": wall,
+        },
+        provenance={
+            "equations": description.equations,
+            "method": chosen.method.name,
+            "rtol": chosen.rtol,
+            "atol": chosen.atol,
+            "step": chosen.step,
+            "t_end": chosen.t_end,
+            "backend": evaluator.library.backend,
+            "parameters": {
+                p.name: value
+                for p, value in zip(description.parameters, evaluator.parameters.tolist(), strict=False)
+            },
+        },
+        notes=(*_of_redundancy(evaluator, stepper, redundant), *_of_passages(evaluator, stepper)),
+    )
+
+
+def _outputs(
+    evaluator: Evaluator, equations: _core.Equations, times: Array, states: Array, redundant: int
+) -> tuple[Variable, ...]:
+    info = evaluator.description.kernel("outputs")
+    if info is None or not len(times):
+        return ()
+    n = evaluator.description.coordinates
+    rows = np.column_stack([states, np.zeros(len(times))])
+    work = np.zeros((len(times), 1))
+    if info.work_size:
+        work = equations.solutions(times, rows)
+    if info.work_size and redundant:
+        work = np.array(
+            [
+                least_norm(evaluator, t, y[:n], solution, redundant)
+                for t, y, solution in zip(times, states, work, strict=True)
+            ]
+        )
+    out = np.zeros((len(times), info.out_size + 1))
+    address = evaluator.library.addresses["outputs"]
+    _core.call_many(address, times, rows, n, evaluator.parameters, work, out)
+    return tuple(
+        Variable(b.name, b.unit, b.about, b.rows, _squeezed(part(out, b), b.shape)) for b in info.blocks
+    )
+
+
+def _of_redundancy(evaluator: Evaluator, stepper: _core.Stepper, redundant: tuple[int, ...]) -> Iterator[str]:
+    """Say which constraints follow from others, by how much they contradict them, and what is not unique."""
+    if not redundant:
+        return
+    d = evaluator.description
+    q, u = np.split(stepper.state[: 2 * d.coordinates], 2)
+    blocks = evaluator.blocks("constraints", stepper.t, q, u)
+    miss = float(np.max(np.abs(blocks["constraints"] / blocks["constraint_scale"])[list(redundant)]))
+    rows = ", ".join(d.labels[i] for i in redundant)
+    yield f"{len(redundant)} of {len(d.constraints)} constraints redundant ({rows}), missed by {miss:.1e} m"
+    names = ", ".join(d.constraints[i] for i in not_unique(evaluator, q, len(redundant)))
+    yield f"constraint forces are not unique in {names}: those of least norm are given, and reactions by them"
+
+
+def _of_passages(evaluator: Evaluator, stepper: _core.Stepper) -> Iterator[str]:
+    """Say where the run passed configurations in which constraints lose rank."""
+    if stepper.passages:
+        d = evaluator.description
+        times = ", ".join(f"{t:.9g}" for t, _, _ in stepper.passages[:_SHOWN])
+        more = ", ..." if len(stepper.passages) > _SHOWN else ""
+        names = ", ".join(dict.fromkeys(d.unknown(index) for _, _, index in stepper.passages))
+        yield (
+            f"passed {len(stepper.passages)} losses of rank of the constraints ({names}), at "
+            f"t = {times}{more} s: the motion may branch there, and went on smoothly"
+        )
+
+
+def _squeezed(values: Array, shape: tuple[int, int]) -> Array:
+    return values[..., 0] if shape == (1, 1) else values

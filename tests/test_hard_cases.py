@@ -1,0 +1,267 @@
+"""The hard cases that are shipped as scenes: each runs at a stated accuracy, or stops and names the cause."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+from functools import cache
+
+import numpy as np
+import pytest
+import sympy as sp
+from scipy.integrate import solve_ivp
+
+import symgen
+from symgen.errors import SceneError, SimulationError
+from symgen.pipeline import derive
+from symgen.scene.loading import read_scene
+from tests.oracle import Oracle, relative_error
+
+G = 9.81
+
+
+def exact(name, state, model):
+    """Accelerations and multipliers at a state, from the SymPy matrices at 30 digits."""
+    values = {
+        "t": np.array([state.t]),
+        "q": state.q,
+        "u": state.u,
+        "p": np.array(list(model.parameters.values())),
+        "work": np.zeros(0),
+    }
+    system = derive(name)
+    values["work"] = np.zeros(len(system.group("work").quantities))
+    return Oracle(system).solve(values)
+
+
+def found(model, state):
+    solution = model.accelerations(state)
+    free = [solution[p] for p in model.description.free]
+    return np.concatenate([*free, list(solution.multipliers.values())])
+
+
+def test_exactly_vertical_rods_in_space():
+    """At the vertical, where azimuth is undefined; and a run equal to the same one with its axes permuted."""
+    model = symgen.build("vertical_rods")
+    state = model.initial_state()
+    assert relative_error(found(model, state), exact("vertical_rods", state, model)) < 1e-14
+    data = read_scene("vertical_rods").data
+    for table in (*data["points"].values(),):
+        table["at"] = table["at"][2:] + table["at"][:2]
+    data["gravity"]["acceleration"] = ["-9.81 m/s^2", "0 m/s^2", "0 m/s^2"]
+    data["start"]["velocities"] = {k: v[2:] + v[:2] for k, v in data["start"]["velocities"].items()}
+    turned = symgen.build(symgen.Scene(**data)).simulate(rtol=1e-12)
+    result = model.simulate(rtol=1e-12)
+    for point in ("A", "B"):
+        other = turned[f"{point}.position"].values
+        assert np.roll(other, -1, axis=1) == pytest.approx(result[f"{point}.position"].values, abs=1e-9)
+    assert result.drift.constraint < 1e-15
+    assert result.drift.relative_energy < 1e-11
+
+
+def test_straight_chain_falls_as_the_exact_tridiagonal_system_says():
+    n = 10
+    mass = [[Fraction(0)] * n for _ in range(n)]
+    weight = [Fraction(-1)] * (n - 1) + [Fraction(-1, 2)]
+    for rod in range(n):
+        for i, j, m in ((rod - 1, rod - 1, 3), (rod, rod, 3), (rod - 1, rod, 6), (rod, rod - 1, 6)):
+            if i >= 0 and j >= 0:
+                mass[i][j] += Fraction(1, m)
+    fall = sp.Matrix(mass).LUsolve(sp.Matrix(weight))
+    model = symgen.build("collinear_chain")
+    solution = model.accelerations()
+    for i in range(n):
+        assert solution[f"P{i + 1}"][1] == pytest.approx(G * float(fall[i]), rel=1e-13)
+        assert abs(solution[f"P{i + 1}"][0]) < 1e-12
+    assert float(fall[0]) == pytest.approx(-(3 - 3**0.5), abs=1e-6)
+    assert model.simulate(rtol=1e-11).drift.relative_energy < 1e-10
+
+
+def test_whip_cracks_at_the_published_speed():
+    result = symgen.build("whip").simulate(rtol=1e-11, samples=12001)
+    speed = np.linalg.norm(result["P25.velocity"].values, axis=1)
+    assert speed.max() == pytest.approx(15.7056, abs=2e-4)
+    assert result.time[speed.argmax()] == pytest.approx(0.3799, abs=1e-4)
+    assert result.drift.constraint < 1e-15
+    assert result.drift.relative_energy < 1e-9
+
+
+def crank_angle(t, angle, rate, mass, inertia):
+    """The crank of a parallelogram is a compound pendulum: an independent integration."""
+    motion = solve_ivp(
+        lambda _, y: [y[1], -G * mass * np.cos(y[0]) / inertia],
+        (0, t[-1]), [angle, rate], method="DOP853", rtol=1e-13, atol=1e-13, t_eval=t,
+    )  # fmt: skip
+    return motion.y[0]
+
+
+@pytest.mark.parametrize(("options", "error"), [({"rtol": 1e-12}, 2e-9), ({"step": 1e-3}, 5e-6)])
+@pytest.mark.parametrize("phase", range(4))
+def test_parallelogram_stays_on_its_branch(phase, options, error):
+    """Fourteen and more passages of the collinear state, where an anti-parallelogram branches off."""
+    angle = np.arctan2(0.8, 0.6) + phase * np.pi / 2
+    model = symgen.build("parallelogram")
+    tip = np.array([np.cos(angle), np.sin(angle)])
+    speed = 10 * np.array([-tip[1], tip[0]])
+    begin = model.state({"B": tip, "C": tip + [3, 0]}, {"B": speed, "C": speed})
+    result = model.simulate(state=begin, samples=51, **options)
+    expected = crank_angle(result.time, angle, 10.0, 0.5 + 0.5 + 3, 1 / 3 + 1 / 3 + 3)
+    place = np.stack([np.cos(expected), np.sin(expected)], axis=1)
+    assert np.abs(result["B.position"].values - place).max() < error
+    assert any("losses of rank" in note for note in result.notes)
+    assert int(result.notes[-1].split()[1]) >= 14
+
+
+def test_a_start_on_the_branching_point_is_refused():
+    data = read_scene("parallelogram").data
+    data["points"]["B"]["at"], data["points"]["C"]["at"] = ["1 m", "0 m"], ["4 m", "0 m"]
+    with pytest.raises(SceneError, match=r"3 constraints of rank 2 there, and of a higher one nearby"):
+        symgen.build(symgen.Scene(**data))
+
+
+@cache
+def arm_motion(end, samples):
+    """The Peaucellier linkage by the angle of its arm EB to EA, which is smooth through the limit; in metres.
+
+    Rods by centre of mass and moment of inertia about it: no particles, no constraints, no multipliers.
+    """
+    psi = sp.symbols("psi")
+    reach = 4 * sp.cos(psi) + sp.sqrt(32 - 16 * sp.sin(psi) ** 2)
+    crank = 2 * sp.asin(reach / 4)
+    pin = sp.Matrix([2, 0])
+    a = sp.Matrix([2 * sp.cos(crank), 2 * sp.sin(crank)])
+    along = (a - pin) / reach
+    across = sp.Matrix([-along[1], along[0]])
+    b = pin + 4 * (sp.cos(psi) * along - sp.sin(psi) * across)
+    d = pin + 4 * (sp.cos(psi) * along + sp.sin(psi) * across)
+    points = [x / 100 for x in (0, 0, *a, *b, *(b + d - a), *d, *pin)]
+    jet = sp.lambdify(psi, [[sp.diff(x, psi, k) for x in points] for k in range(3)], cse=True)
+    rods = ((0, 1), (1, 2), (2, 3), (3, 4), (4, 5), (2, 5), (1, 4))
+
+    def slope(_, y):
+        place, change, bend = (np.array(x, dtype=float).reshape(6, 2) for x in jet(y[0]))
+        inertia = inertia_change = pull = 0.0
+        for p, q in rods:
+            rod = place[q] - place[p]
+            length = np.hypot(*rod)
+            middle, middle_bend = (change[p] + change[q]) / 2, (bend[p] + bend[q]) / 2
+            across = np.array([-rod[1], rod[0]]) / length**2
+            spin, spin_bend = across @ (change[q] - change[p]), across @ (bend[q] - bend[p])
+            inertia += length * (middle @ middle + length**2 / 12 * spin**2)
+            inertia_change += 2 * length * (middle @ middle_bend + length**2 / 12 * spin * spin_bend)
+            pull += G * length * middle[1]
+        return [y[1], -(pull + inertia_change * y[1] ** 2 / 2) / inertia]
+
+    times = np.linspace(0, end, samples)
+    start = float(sp.nsolve(reach - 4 * sp.cos(sp.Rational(4, 10)), 1.0))
+    motion = solve_ivp(
+        slope, (0, times[-1]), [start, 0.0], method="DOP853", rtol=1e-12, atol=1e-13, t_eval=times
+    )
+    return np.array([jet(x)[0][2:10] for x in motion.y[0]]).reshape(len(times), 4, 2)
+
+
+@pytest.mark.parametrize(("options", "error"), [({"rtol": 1e-12}, 1e-9), ({"step": 1e-4}, 1e-8)])
+def test_peaucellier_through_its_limit(options, error):
+    """B and D pass through each other, and the crank turns back: the smooth branch, known independently."""
+    result = symgen.build("peaucellier_limit").simulate(samples=81, **options)
+    expected = arm_motion(0.4, 81)
+    for i, point in enumerate("ABCD"):
+        assert np.abs(result[f"{point}.position"].values - expected[:, i]).max() < error
+    (note,) = result.notes
+    assert "passed 1 losses of rank" in note
+    assert float(note.split("t = ")[1].split(" s")[0]) == pytest.approx(0.169936759, abs=1e-8)
+
+
+@pytest.mark.parametrize("excess", [0.0, 1e-9, 1e-6])
+def test_redundant_crank_with_an_assembly_error(excess):
+    """The motion errs by the assembly error, no more; forces of redundant cranks are told as not unique."""
+    model = symgen.build("double_four_bar").with_parameters(excess=excess)
+    solution = model.accelerations()
+    start = np.arctan2(-0.8, 0.6)
+    # Cranks of 1 kg with inertia m l^2 / 12 (one: 0.09) about their middle, and a coupler of 2 kg.
+    inertia = 2 * (1 / 12 + 1 / 4) + 0.09 + 1 / 4 + 2
+    turn = -G * (0.5 * 3 + 2) * np.cos(start) / inertia
+    assert solution["B"] == pytest.approx(turn * np.array([0.8, 0.6]), abs=1e-12 + 10 * excess)
+    assert set(solution.not_unique) == {"AB", "DC", "GE", "BE_E_x", "BE_E_y"}
+    result = model.simulate(rtol=1e-12, samples=31)
+    expected = crank_angle(result.time, start, 0.0, 3.5, inertia)
+    place = np.stack([np.cos(expected), np.sin(expected)], axis=1)
+    assert np.abs(result["B.position"].values - place).max() < 1e-11 + 5 * excess
+    assert "1 of 6 constraints redundant" in result.notes[0]
+    assert all(np.all(np.isfinite(v.values)) for v in result.variables)
+
+
+def test_least_norm_is_the_least():
+    """Multipliers solve the same equations as any others, and no self-stress is left in them."""
+    model = symgen.build("double_four_bar")
+    state = model.initial_state()
+    solution = model.accelerations(state)
+    system = derive("double_four_bar")
+    values = {"t": np.zeros(1), "q": state.q, "u": state.u, "p": np.zeros(1), "work": np.zeros(12)}
+    mass, jacobian, force, scale = (
+        np.array(Oracle(system).matrix(name, values).tolist(), dtype=float)
+        for name in ("mass_matrix", "constraint_jacobian", "force", "constraint_scale")
+    )
+    acceleration = np.concatenate([solution[p] for p in model.description.free])
+    needed = force[:, 0] - mass @ acceleration
+    least = np.linalg.lstsq((jacobian / scale).T, needed, rcond=1e-10)[0]
+    assert np.array(list(solution.multipliers.values())) * scale[:, 0] == pytest.approx(least, abs=1e-11)
+
+
+def test_an_untold_assembly_error_is_refused():
+    data = read_scene("double_four_bar").data
+    del data["analysis"]["assembly_tolerance"]
+    data["parameters"]["excess"]["value"] = "1e-6 m"
+    with pytest.raises(SceneError, match=r"cannot be assembled(.|\n)*assembly_tolerance"):
+        symgen.build(symgen.Scene(**data))
+    data["analysis"]["assembly_tolerance"] = "1 mm"
+    with pytest.raises(SceneError, match=r"too large for a linkage of"):
+        symgen.build(symgen.Scene(**data))
+
+
+def test_a_contradiction_that_shows_on_the_way_ends_the_run():
+    """Where the cranks come to lie on one line, an excess length cannot be told from a turn of the coupler."""
+    model = symgen.build("double_four_bar").with_parameters(excess=1e-6)
+    begin = model.initial_state()
+    fast = {k: 8 * np.array([-begin.positions["B"][1], begin.positions["B"][0]]) for k in "BE"}
+    pose = {k: begin.positions[k] for k in model.description.free}
+    with pytest.raises(SimulationError, match="no longer so|lost rank|not be brought back") as caught:
+        model.simulate(state=model.state(pose, dict.fromkeys(pose, fast["B"])))
+    assert caught.value.partial is not None
+
+
+@pytest.mark.parametrize("name", ["mass_ratios", "length_ratios"])
+def test_spread_pivots_are_refined(name):
+    """Accelerations along the run against 30 digits; tensions against the largest force in the chain."""
+    model = symgen.build(name)
+    assert "residual" in model.operations
+    result = model.simulate(rtol=1e-10, samples=3)
+    assert result.drift.relative_energy < 1e-9
+    last = model.state(
+        {p: result.final[p]["position"] for p in model.description.free},
+        {p: result.final[p]["velocity"] for p in model.description.free},
+    )
+    system, n = derive(name), model.description.coordinates
+    for state in (model.initial_state(), last):
+        truth, solved = exact(name, state, model), found(model, state)
+        assert relative_error(solved[:n], truth[:n]) < 1e-13
+        values = {
+            "t": np.zeros(1),
+            "q": state.q,
+            "u": state.u,
+            "p": np.zeros(0),
+            "work": np.zeros(len(solved)),
+        }
+        weight = max(abs(float(f)) for f in Oracle(system).matrix("force", values))
+        lengths = [float(s) for s in Oracle(system).matrix("constraint_scale", values)]
+        tension = max(abs(float(x - y)) * s for x, y, s in zip(solved[n:], truth[n:], lengths, strict=True))
+        assert tension < 1e-15 * max(weight, *abs(solved[n:]))
+    assert "residual" not in symgen.build("triple_pendulum").operations
+
+
+def test_far_from_the_origin_ten_digits_are_left():
+    near, far = symgen.build("four_bar"), symgen.build("far_origin")
+    state = far.initial_state()
+    assert relative_error(found(far, state), exact("far_origin", state, far)) < 1e-9
+    assert far.accelerations()["A"] == pytest.approx(near.accelerations()["A"], rel=1e-9)
+    moved = far.simulate(rtol=1e-9)["B.position"].values - 1e6
+    assert moved == pytest.approx(near.simulate(rtol=1e-9)["B.position"].values, abs=1e-7)
