@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import os
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
+
+from symgen.errors import ResultError
 
 
 @contextmanager
@@ -35,3 +37,18 @@ def _umask() -> int:
     mask = os.umask(0)
     os.umask(mask)
     return mask
+
+
+def writable(file: str | os.PathLike[str], endings: Sequence[str], what: str) -> Path:
+    """Return the path of a file to be written; raise ResultError when it cannot become one.
+
+    To be called before long work whose outcome the file is to hold.
+    """
+    path = Path(file)
+    if path.suffix.lower() not in endings:
+        raise ResultError(
+            f"expected a file ending in {' or '.join(endings)} for the {what}, got {path.name!r}"
+        )
+    if not path.parent.is_dir():
+        raise ResultError(f"cannot write the {what} to {path}: there is no folder {path.parent}")
+    return path

@@ -115,9 +115,15 @@ def run(
     backend: BackendOption = "auto",
 ) -> None:
     """Run a scene and print where it ended."""
+    from symgen.atomic import writable
     from symgen.errors import SimulationError
     from symgen.pipeline import build as build_model
+    from symgen.report.plots import DRAWN_AS
+    from symgen.runtime.result import SAVED_AS
 
+    for file, endings, what in ((out, SAVED_AS, "result"), (plot, DRAWN_AS, "plot")):
+        if file:
+            writable(file, endings, what)
     model = build_model(scene, set=_changes(set_), backend=backend)
     options: dict[str, Any] = {"method": method, "rtol": rtol, "atol": atol, "step": step, "samples": samples}
     try:

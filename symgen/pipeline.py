@@ -224,7 +224,7 @@ def _in_si(model: Model, values: Mapping[str, str], file: str) -> dict[str, floa
 
 
 def _cached(text: SceneText, compiler: Compiler | None, store: Cache) -> tuple[Description, Library]:
-    name = f"{text.name}-{key(text.canonical, _fingerprint(), compiler.identity if compiler else 'numpy')}"
+    name = f"{text.name}-{key(text.file, text.canonical, _fingerprint(), compiler.identity if compiler else 'numpy')}"
     found = _from_cache(store.find(name))
     if found:
         return found

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import subprocess
 import sys
 
@@ -12,7 +13,7 @@ from typer.testing import CliRunner
 
 import symgen
 from symgen.cli import app
-from symgen.errors import SymgenError
+from symgen.errors import ResultError, SymgenError
 
 runner = CliRunner()
 
@@ -230,3 +231,13 @@ def test_a_dotted_key_means_what_the_file_would(tmp_path):
 @pytest.mark.parametrize("command", [["cache", "info"], ["cache", "clear"], []])
 def test_help_of_the_rest(command):
     assert "Usage" in call(*command, "--help")
+
+
+@pytest.mark.parametrize("option", ["--out", "--plot"])
+@pytest.mark.parametrize("file", ["result.xyz", "missing/result.nc", "missing/plot.png"])
+def test_a_file_that_cannot_be_written_is_refused_before_the_run(option, file, tmp_path):
+    """A run that cannot end, asked for a file that cannot be written: the answer comes at once."""
+    done = runner.invoke(app, ["run", "peaucellier", "--t-end", "1e9", option, str(tmp_path / file)])
+    assert isinstance(done.exception, ResultError)
+    assert re.search("file ending in|no folder", str(done.exception))
+    assert list(tmp_path.iterdir()) == []

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import os
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from symgen.errors import ResultError
 from symgen.runtime.result import Result, Variable
+
+#: Endings of files that a plot can be saved to.
+DRAWN_AS = (".png", ".svg", ".pdf")
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -54,13 +56,14 @@ def plot(result: Result, *names: str, file: str | os.PathLike[str] | None = None
         fontsize="medium",
     )
     if file is not None:
-        _save(figure, Path(file))
+        _save(figure, file)
     return figure
 
 
-def _save(figure: Any, path: Path) -> None:
-    from symgen.atomic import replacing
+def _save(figure: Any, file: str | os.PathLike[str]) -> None:
+    from symgen.atomic import replacing, writable
 
+    path = writable(file, DRAWN_AS, "plot")
     try:
         with replacing(path) as temporary:
             figure.savefig(temporary, dpi=150)

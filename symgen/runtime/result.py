@@ -148,11 +148,9 @@ class Result:
         ResultError
             When the ending is another one, or the file cannot be written; no broken file is left.
         """
-        path = Path(file)
-        if path.suffix not in _WRITERS:
-            raise ResultError(f"expected a file ending in {' or '.join(_WRITERS)}, got {path.name!r}")
-        from symgen.atomic import replacing
+        from symgen.atomic import replacing, writable
 
+        path = writable(file, SAVED_AS, "result")
         try:
             with replacing(path) as temporary:
                 _WRITERS[path.suffix](self, temporary)
@@ -194,6 +192,8 @@ def _write_npz(result: Result, path: Path) -> None:
 
 
 _WRITERS = {".nc": _write_netcdf, ".npz": _write_npz}
+#: Endings of files that a result can be saved to.
+SAVED_AS = tuple(_WRITERS)
 
 
 def load_result(file: str | os.PathLike[str]) -> Result:
