@@ -1,0 +1,123 @@
+"""Points and links of a scene: where they are drawn, lengths, masses and moments of inertia."""
+
+from __future__ import annotations
+
+import sympy as sp
+
+from symgen.errors import SceneError
+from symgen.scene import units
+from symgen.scene.linkage import TIME, CarriedPoint, PlacedPoint, RigidLink, Vector
+from symgen.scene.reading import Reader
+from symgen.scene.schema import Link, Point
+
+_ZERO = sp.Integer(0)
+
+
+def point(read: Reader, name: str, point: Point) -> PlacedPoint:
+    """Return a point where it is drawn, with the motion of a ground point."""
+    where = f"points.{name}"
+    at = read.vector(point.at, units.LENGTH, f"{where}.at")
+    if point.motion is None:
+        return PlacedPoint(name, at, point.ground, at)
+    if not point.ground:
+        raise SceneError("only a ground point has a motion of its own", where=f"{where}.motion")
+    moved = read.vector(point.motion, units.LENGTH, f"{where}.motion", read.with_time)
+    for i, component in enumerate(moved):
+        read.moving(component, f"{where}.motion.{i}")
+    return PlacedPoint(name, at, True, tuple(a + b for a, b in zip(at, moved, strict=True)))
+
+
+def link(read: Reader, name: str, link: Link) -> RigidLink:
+    """Return a link with its length, mass and inertia, and the further points that it carries."""
+    where = f"links.{name}"
+    points = [read.known_point(p, f"{where}.points") for p in link.points]
+    if len({p.name for p in points}) < len(points):
+        raise SceneError(
+            "a link names each of its points once; with one point twice it has zero length",
+            where=f"{where}.points",
+        )
+    start, end, *others = points
+    drawn = tuple(b - a for a, b in zip(start.at, end.at, strict=True))
+    squared = sp.Add(*(c**2 for c in drawn))
+    if link.length is None and read.number(squared) == 0:
+        raise SceneError(
+            f"the rod has zero length: {start.name} and {end.name} are the same place",
+            where=f"{where}.points",
+            hint="Move one of the points, or join the other links at one point and leave this rod out.",
+        )
+    length = sp.sqrt(squared)
+    if link.length is not None:
+        length = read.positive(link.length, units.LENGTH, f"{where}.length", read.with_time)
+        read.moving(length, f"{where}.length")
+        if start.ground and end.ground:
+            raise SceneError(
+                "the length of a link between two ground points is their distance",
+                where=f"{where}.length",
+            )
+    if (others or isinstance(link.centre, list)) and (read.dimension != 2 or link.length is not None):
+        raise SceneError(
+            "a body with more than two points, or a centre off its line, is for the plane, and takes its "
+            "length from the drawing",
+            where=where,
+        )
+    carried = tuple(CarriedPoint(p.name, *in_frame(drawn, squared, start.at, p.at)) for p in others)
+    mass, centre, offset, inertia = body(read, link, length, drawn, start.at, bool(others), where)
+    if TIME.symbol in length.free_symbols and mass != 0:
+        raise SceneError(
+            "a length that depends on the time is for a massless link",
+            where=f"{where}.length",
+            hint='Write mass = "0 kg", and put the mass on points or on other links.',
+        )
+    return RigidLink(
+        name, start.name, end.name, length, mass, centre, offset, inertia, link.length is None, carried
+    )
+
+
+def in_frame(drawn: Vector, squared: sp.Expr, start: Vector, place: Vector) -> Vector:
+    """Return a place in a body's frame: along d and along d turned left, d as the unit."""
+    x, y = (p - s for p, s in zip(place, start, strict=True))
+    return (x * drawn[0] + y * drawn[1]) / squared, (y * drawn[0] - x * drawn[1]) / squared
+
+
+def body(
+    read: Reader, link: Link, length: sp.Expr, drawn: Vector, start: Vector, several: bool, where: str
+) -> tuple[sp.Expr, sp.Expr, sp.Expr, sp.Expr]:
+    """Return mass, centre along and off the line, and inertia about the centre."""
+    mass = link_mass(read, link, length, several, where)
+    centre, offset = length / 2, _ZERO
+    if isinstance(link.centre, list):
+        squared = sp.Add(*(c**2 for c in drawn))
+        place = read.vector(link.centre, units.LENGTH, f"{where}.centre")
+        along, across = in_frame(drawn, squared, start, place)
+        centre, offset = along * length, across * length
+    elif link.centre is not None:
+        centre = read.value(link.centre, units.NUMBER, f"{where}.centre") * length
+    if link.inertia is not None:
+        return mass, centre, offset, read.not_negative(link.inertia, units.INERTIA, f"{where}.inertia")
+    if mass != 0 and (several or isinstance(link.centre, list)):
+        raise SceneError(
+            "a body that is not a rod needs its moment of inertia about the centre of mass",
+            where=where,
+            hint='Write inertia = "0.02 kg*m^2", and centre = [...] where it is.',
+        )
+    return mass, centre, offset, mass * length**2 / 12
+
+
+def link_mass(read: Reader, link: Link, length: sp.Expr, several: bool, where: str) -> sp.Expr:
+    """Return the mass of a link; zero for a rail between ground points."""
+    if several and link.mass_per_length is not None:
+        raise SceneError("only a rod has a mass per length", where=f"{where}.mass_per_length")
+    match link.mass, link.mass_per_length:
+        case None, None:
+            if all(read.known_point(p, where).ground for p in link.points):
+                return _ZERO
+            raise SceneError(
+                "this link has no mass",
+                where=where,
+                hint='Give it mass = "1 kg" or mass_per_length = "1 kg/m"; "0 kg" for a massless rod.',
+            )
+        case (str() | int() | float()) as mass, None:
+            return read.not_negative(mass, units.MASS, f"{where}.mass")
+        case None, (str() | int() | float()) as density:
+            return read.not_negative(density, units.MASS_PER_LENGTH, f"{where}.mass_per_length") * length
+    raise SceneError("give mass or mass_per_length, not both", where=f"{where}.mass")
