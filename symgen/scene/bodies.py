@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import sympy as sp
 
 from symgen.errors import SceneError
@@ -13,10 +15,57 @@ from symgen.scene.schema import Link, Point
 _ZERO = sp.Integer(0)
 
 
-def point(read: Reader, name: str, point: Point) -> PlacedPoint:
+def points(read: Reader) -> None:
+    """Place every point of the scene where it is drawn, those on a link after the ends of that link."""
+    for name in read.scene.points:
+        _place(read, name, ())
+    read.points = {name: read.points[name] for name in read.scene.points}
+
+
+def _place(read: Reader, name: str, waiting: tuple[str, ...]) -> None:
+    """Place a point, and before it those that it needs; ``waiting`` are the points that need this one."""
+    if name in read.points or name not in read.scene.points:
+        return
+    point, where = read.scene.points[name], f"points.{name}"
+    if name in waiting:
+        ring = " on ".join((*waiting[waiting.index(name) :], name))
+        raise SceneError(f"these points are placed by each other: {ring}", where=where)
+    if point.at is not None and point.on is None and point.fraction is None:
+        read.points[name] = _drawn(read, name, point, point.at)
+        return
+    if point.at is not None or point.on is None or point.fraction is None:
+        raise SceneError(
+            "expected either at, or on and fraction",
+            where=where,
+            hint='Write at = ["1 m", "0 m"], or on = "link" and fraction = 0.5 for a point of a link.',
+        )
+    if point.ground or point.motion is not None:
+        raise SceneError("a point on a link moves with the link: it is no ground point", where=where)
+    read.known_link(point.on, f"{where}.on")
+    ends = read.scene.links[point.on].points[:2]
+    for end in ends:
+        _place(read, end, (*waiting, name))
+    first, second = (read.known_point(p, f"links.{point.on}.points").at for p in ends)
+    fraction = read.value(point.fraction, units.NUMBER, f"{where}.fraction")
+    at = tuple(a + fraction * (b - a) for a, b in zip(first, second, strict=True))
+    read.points[name] = PlacedPoint(name, at, False, at)
+
+
+def on_link(read: Reader, link: str) -> Iterator[tuple[str, sp.Expr]]:
+    """Yield the points that are placed on a link, with their fraction of it."""
+    for name, point in read.scene.points.items():
+        if point.on == link and point.fraction is not None:
+            if name in read.scene.links[link].points:
+                raise SceneError(
+                    f"{name} is one of the points that {link} is made of", where=f"points.{name}.on"
+                )
+            yield name, read.value(point.fraction, units.NUMBER, f"points.{name}.fraction")
+
+
+def _drawn(read: Reader, name: str, point: Point, place: list[str | int | float]) -> PlacedPoint:
     """Return a point where it is drawn, with the motion of a ground point."""
     where = f"points.{name}"
-    at = read.vector(point.at, units.LENGTH, f"{where}.at")
+    at = read.vector(place, units.LENGTH, f"{where}.at")
     if point.motion is None:
         return PlacedPoint(name, at, point.ground, at)
     if not point.ground:
@@ -27,16 +76,28 @@ def point(read: Reader, name: str, point: Point) -> PlacedPoint:
     return PlacedPoint(name, at, True, tuple(a + b for a, b in zip(at, moved, strict=True)))
 
 
-def link(read: Reader, name: str, link: Link) -> RigidLink:
-    """Return a link with its length, mass and inertia, and the further points that it carries."""
-    where = f"links.{name}"
-    points = [read.known_point(p, f"{where}.points") for p in link.points]
-    if len({p.name for p in points}) < len(points):
+def is_spatial_body(read: Reader, link: Link) -> bool:
+    """Tell whether a link is a body in space, which two points cannot carry."""
+    written = isinstance(link.centre, list) or isinstance(link.inertia, list)
+    return read.dimension == 3 and (len(link.points) > 2 or written)
+
+
+def own_points(read: Reader, link: Link, where: str) -> list[PlacedPoint]:
+    """Return the points a link names, each once."""
+    named = [read.known_point(p, f"{where}.points") for p in link.points]
+    if len({p.name for p in named}) < len(named):
         raise SceneError(
             "a link names each of its points once; with one point twice it has zero length",
             where=f"{where}.points",
         )
-    start, end, *others = points
+    return named
+
+
+def link(read: Reader, name: str, link: Link) -> RigidLink:
+    """Return a link with its length, mass and inertia, and the further points that it carries."""
+    where = f"links.{name}"
+    named = own_points(read, link, where)
+    start, end, *others = named
     drawn = tuple(b - a for a, b in zip(start.at, end.at, strict=True))
     squared = sp.Add(*(c**2 for c in drawn))
     if link.length is None and read.number(squared) == 0:
@@ -54,13 +115,13 @@ def link(read: Reader, name: str, link: Link) -> RigidLink:
                 "the length of a link between two ground points is their distance",
                 where=f"{where}.length",
             )
-    if (others or isinstance(link.centre, list)) and (read.dimension != 2 or link.length is not None):
+    if (others or isinstance(link.centre, list)) and link.length is not None:
         raise SceneError(
-            "a body with more than two points, or a centre off its line, is for the plane, and takes its "
-            "length from the drawing",
-            where=where,
+            "a body with more than two points, or a centre off its line, takes its length from the drawing",
+            where=f"{where}.length",
         )
-    carried = tuple(CarriedPoint(p.name, *in_frame(drawn, squared, start.at, p.at)) for p in others)
+    carried = [CarriedPoint(p.name, *in_frame(drawn, squared, start.at, p.at)) for p in others]
+    carried += [CarriedPoint(p, fraction, _ZERO) for p, fraction in on_link(read, name)]
     mass, centre, offset, inertia = body(read, link, length, drawn, start.at, bool(others), where)
     if TIME.symbol in length.free_symbols and mass != 0:
         raise SceneError(
@@ -69,7 +130,7 @@ def link(read: Reader, name: str, link: Link) -> RigidLink:
             hint='Write mass = "0 kg", and put the mass on points or on other links.',
         )
     return RigidLink(
-        name, start.name, end.name, length, mass, centre, offset, inertia, link.length is None, carried
+        name, start.name, end.name, length, mass, centre, offset, inertia, link.length is None, tuple(carried)
     )
 
 
@@ -92,6 +153,12 @@ def body(
         centre, offset = along * length, across * length
     elif link.centre is not None:
         centre = read.value(link.centre, units.NUMBER, f"{where}.centre") * length
+    if isinstance(link.inertia, list):
+        raise SceneError(
+            "a rod, or a body in the plane, has one moment of inertia",
+            where=f"{where}.inertia",
+            hint='Write inertia = "0.02 kg*m^2".',
+        )
     if link.inertia is not None:
         return mass, centre, offset, read.not_negative(link.inertia, units.INERTIA, f"{where}.inertia")
     if mass != 0 and (several or isinstance(link.centre, list)):

@@ -6,7 +6,8 @@ from collections.abc import Iterator
 
 from symgen.errors import SceneError
 from symgen.scene import units
-from symgen.scene.linkage import Driver, Guide, StartConditions
+from symgen.scene.bodies import is_spatial_body
+from symgen.scene.linkage import Driver, Guide, StartConditions, Vector
 from symgen.scene.reading import Reader
 
 
@@ -18,8 +19,10 @@ def guides(read: Reader) -> Iterator[Guide]:
         points = tuple(read.known_point(p, f"{where}.points").name for p in guide.points)
         if len(set(points)) < len(points):
             raise SceneError("a guide names each of its points once", where=f"{where}.points")
+        if is_spatial_body(read, read.scene.links[guide.along]):
+            raise SceneError(f"{guide.along} is a body: a guide runs along a rod", where=f"{where}.along")
         for point in points:
-            if point in read.scene.links[guide.along].points:
+            if point in read.scene.links[guide.along].points or read.scene.points[point].on == guide.along:
                 raise SceneError(f"{point} belongs to {guide.along} already", where=f"{where}.points")
         yield Guide(f"guide_{i}", points, guide.along)
 
@@ -41,10 +44,13 @@ def drivers(read: Reader) -> Iterator[Driver]:
 def start(read: Reader) -> StartConditions:
     """Return what the start of the motion is asked to be."""
     start = read.scene.start
-    for table in ("angles", "rates"):
-        for name in getattr(start, table):
+    for table, names in (("angles", start.angles), ("rates", start.rates)):
+        for name in names:
             where = f"start.{table}.{name}"
-            read.turning_link(name, where)
+            if table == "angles":
+                read.turning_link(name, where)
+            else:
+                read.moving_link(name, where)
             if any(name == driver.link for driver in read.scene.drivers):
                 raise SceneError("the driver of this link already says where it starts", where=where)
     for name in start.velocities:
@@ -52,10 +58,18 @@ def start(read: Reader) -> StartConditions:
             raise SceneError(f"the ground point {name} does not move", where=f"start.velocities.{name}")
     return StartConditions(
         angles=tuple((n, read.value(v, units.NUMBER, f"start.angles.{n}")) for n, v in start.angles.items()),
-        rates=tuple(
-            (n, read.value(v, units.ANGULAR_RATE, f"start.rates.{n}")) for n, v in start.rates.items()
-        ),
+        rates=tuple((n, _rate(read, v, f"start.rates.{n}")) for n, v in start.rates.items()),
         velocities=tuple(
             (n, read.vector(v, units.VELOCITY, f"start.velocities.{n}")) for n, v in start.velocities.items()
         ),
     )
+
+
+def _rate(read: Reader, rate: str | int | float | list[str | int | float], where: str) -> Vector:
+    """Return an angular velocity: one component in the plane, three in space."""
+    if read.dimension == 2 and not isinstance(rate, list):
+        return (read.value(rate, units.ANGULAR_RATE, where),)
+    if read.dimension == 3 and isinstance(rate, list):
+        return read.vector(rate, units.ANGULAR_RATE, where)
+    expected = "one angular velocity in the plane" if read.dimension == 2 else "three components in space"
+    raise SceneError(f"expected {expected}, got {rate!r}", where=where)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 
 import sympy as sp
@@ -10,10 +10,10 @@ import sympy as sp
 from symgen.errors import SceneError, nearest
 from symgen.scene import units
 from symgen.scene.expressions import Names, parse_any, parse_value
-from symgen.scene.linkage import TIME, Parameter, PlacedPoint, number
+from symgen.scene.linkage import TIME, Parameter, PlacedPoint, number, state_of, state_symbol
 from symgen.scene.schema import Scene
 from symgen.scene.units import Dimension
-from symgen.symbolic.quantity import quantity
+from symgen.symbolic.quantity import AXES, quantity
 
 Text = str | int | float
 
@@ -39,11 +39,13 @@ class Reader:
         self.parameters: list[Parameter] = []
         self.defaults: dict[sp.Symbol, sp.Expr] = {}
         self._read_parameters()
-        dims = {len(point.at) for point in scene.points.values()}
+        dims = {len(point.at) for point in scene.points.values() if point.at is not None}
         if len(dims) > 1:
             raise SceneError(
                 "expected all points with two coordinates (plane) or all with three (space)", where="points"
             )
+        if not dims:
+            raise SceneError("no point says where it is drawn", where="points", hint="Give some of them at.")
         self.dimension = dims.pop()
         self.points: dict[str, PlacedPoint] = {}
 
@@ -67,7 +69,8 @@ class Reader:
         """Return a value of this dimension, which must be finite at the scene's own parameters."""
         with at(where):
             expression = parse_value(text, self.names if names is None else names, dim)
-            self.number(expression)
+            if not state_of(expression):
+                self.number(expression)
         return expression
 
     def moving(self, expression: sp.Expr, where: str) -> None:
@@ -85,6 +88,24 @@ class Reader:
     def with_time(self) -> Names:
         """Names for values that may depend on the time."""
         return {**self.names, "t": (TIME.symbol, units.TIME)}
+
+    def with_state(self, own: str = "", words: Mapping[str, Dimension] | None = None) -> Names:
+        """Names for loads: the time, and the state as ``owner.word``; ``this.word`` of the load ``own``.
+
+        A name of the state stands for a symbol that is called like it, with the load's own name for ``this``.
+        """
+        found = dict(self.with_time)
+        for point in self.scene.points:
+            for axis in AXES[: self.dimension]:
+                found[f"{point}.{axis}"] = state_symbol(f"{point}.{axis}"), units.LENGTH
+                found[f"{point}.v{axis}"] = state_symbol(f"{point}.v{axis}"), units.VELOCITY
+        if self.dimension == 2:
+            for link in self.scene.links:
+                found[f"{link}.angle"] = state_symbol(f"{link}.angle"), units.NUMBER
+                found[f"{link}.rate"] = state_symbol(f"{link}.rate"), units.ANGULAR_RATE
+        for word, dim in (words or {}).items():
+            found[f"this.{word}"] = state_symbol(f"{own}.{word}"), dim
+        return found
 
     def number(self, expression: sp.Expr) -> float:
         """Value at the scene's own parameters and t = 0, for checks."""
@@ -134,5 +155,10 @@ class Reader:
         self.known_link(name, where)
         if self.dimension != 2:
             raise SceneError("a link has one angle only in the plane", where=where)
+        self.moving_link(name, where)
+
+    def moving_link(self, name: str, where: str) -> None:
+        """Check that a link is there, and can turn."""
+        self.known_link(name, where)
         if all(self.known_point(p, where).ground for p in self.scene.links[name].points[:2]):
             raise SceneError(f"{name} lies between two ground points and cannot turn", where=where)

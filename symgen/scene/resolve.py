@@ -10,6 +10,7 @@ from symgen.scene.linkage import Linkage
 from symgen.scene.names import check_names
 from symgen.scene.reading import Reader
 from symgen.scene.schema import Scene
+from symgen.scene.spatial import spatial_bodies
 
 
 def resolve(scene: Scene) -> Linkage:
@@ -29,9 +30,13 @@ def resolve(scene: Scene) -> Linkage:
 def _linkage(scene: Scene) -> Linkage:
     check_names(scene)
     read = Reader(scene)
-    for name, point in scene.points.items():
-        read.points[name] = bodies.point(read, name, point)
-    links = tuple(bodies.link(read, name, link) for name, link in scene.links.items())
+    bodies.points(read)
+    links = tuple(
+        bodies.link(read, name, link)
+        for name, link in scene.links.items()
+        if not bodies.is_spatial_body(read, link)
+    )
+    in_space = spatial_bodies(read, links)
     gravity = (sp.Integer(0),) * read.dimension
     if scene.gravity:
         gravity = read.vector(scene.gravity.acceleration, units.ACCELERATION, "gravity.acceleration")
@@ -43,9 +48,12 @@ def _linkage(scene: Scene) -> Linkage:
         parameters=tuple(read.parameters),
         points=tuple(read.points.values()),
         links=links,
+        bodies=in_space,
         gravity=gravity,
         masses=tuple(loads.masses(read)),
         springs=tuple(loads.springs(read)),
+        actuators=tuple(loads.actuators(read)),
+        torsion_springs=tuple(loads.torsion_springs(read)),
         forces=tuple(loads.forces(read)),
         torques=tuple(loads.torques(read)),
         guides=tuple(bonds.guides(read)),
@@ -60,6 +68,8 @@ def _linkage(scene: Scene) -> Linkage:
 
 def _check_every_point_used(scene: Scene, linkage: Linkage) -> None:
     used = {p for link in scene.links.values() for p in link.points} | {m.point for m in linkage.masses}
+    used |= {name for name, point in scene.points.items() if point.on is not None}
+    used |= {point.name for point in linkage.points if point.hidden}
     for point in linkage.points:
         if point.name not in used and not point.ground:
             raise SceneError(
