@@ -43,7 +43,7 @@ def joint_force(model: RodsModel, link: str, point: str) -> Vector:
         if p in part.base:
             carried = [(_share(part, c, p, force(part, c.name))) for c in part.carried]
             return _sum([own(part.name)[p], *(_times(-1, x) for x in carried)])
-        if model.carrier[p][0] == part:
+        if p in model.carrier and model.carrier[p][0] == part:
             others = [k for k in model.parts if k != part and k.name not in model.idle]
             there = [force(k, p) for k in others if p in (*k.base, *(c.name for c in k.carried))]
             return _sum([_on_point(model, p), *(_times(-1, x) for x in there)])
