@@ -43,6 +43,19 @@ class Loads:
         return self._lengths[name]
 
     @cached_property
+    def divided(self) -> list[tuple[str, sp.Expr]]:
+        """Label and length of every spring and actuator whose force is divided by its length."""
+        lines: list[LinearSpring | LineForce] = [*self.linkage.springs, *self.linkage.actuators]
+        return [
+            (
+                f"the {line.name.partition('_')[0]} between {line.start} and {line.end}",
+                self._lengths[line.name],
+            )
+            for line in lines
+            if line.name in self._lengths
+        ]
+
+    @cached_property
     def potential(self) -> sp.Expr:
         """Potential of gravity and of springs between points, and of bending in space [J]."""
         weights: dict[str, list[sp.Expr]] = {}

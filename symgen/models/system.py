@@ -174,6 +174,10 @@ def _points(model: RodsModel) -> list[NamedMatrix]:
             ("point_accelerations", model.acceleration, "m/s^2"),
         )
     ]
+    if model.loads.divided:
+        rows, lengths = zip(*model.loads.divided, strict=True)
+        about = "length of every spring and actuator whose force has a direction"
+        made.append(named(model, "line_lengths", lengths, "m", about, rows=rows))
     if model.ground:
         made.append(
             named(
@@ -202,6 +206,9 @@ def _exports(model: RodsModel) -> list[Export]:
             Export("velocity_constraints", "rate of the constraints", ("velocity_constraints",)),
             Export("constraint_jacobian", "constraint Jacobian", ("constraint_jacobian",)),
         ]
+    if model.loads.divided:
+        about = "lengths of springs and actuators, by which their forces are divided"
+        exports.append(Export("line_lengths", about, ("line_lengths",)))
     if model.ground:
         exports.append(Export("reactions", "reactions at the ground points", ("reactions",)))
     return exports

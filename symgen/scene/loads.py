@@ -31,7 +31,10 @@ def springs(read: Reader) -> Iterator[LinearSpring]:
         where = f"springs.{i}"
         start, end = (read.known_point(p, f"{where}.between") for p in spring.between)
         led = scene.start.angles or scene.drivers or any(k.length is not None for k in scene.links.values())
-        if start.name == end.name or (start.at == end.at and not led):
+        length = read.not_negative(spring.length, units.LENGTH, f"{where}.length")
+        damping = read.not_negative(spring.damping or 0, units.DAMPING, f"{where}.damping")
+        directed = length != 0 or damping != 0
+        if start.name == end.name or (start.at == end.at and directed and not led):
             raise SceneError(
                 "a spring needs two different points: at one place it has no direction",
                 where=f"{where}.between",
@@ -41,8 +44,8 @@ def springs(read: Reader) -> Iterator[LinearSpring]:
             start=start.name,
             end=end.name,
             stiffness=read.not_negative(spring.stiffness, units.STIFFNESS, f"{where}.stiffness"),
-            length=read.not_negative(spring.length, units.LENGTH, f"{where}.length"),
-            damping=read.not_negative(spring.damping or 0, units.DAMPING, f"{where}.damping"),
+            length=length,
+            damping=damping,
         )
 
 
