@@ -181,6 +181,19 @@ def show(
 
 
 @app.command()
+def explain(scene: SceneArgument, set_: SetOption = None) -> None:
+    """Tell how a scene hangs together: its tree, loops, degrees of freedom and redundant rows."""
+    from symgen.pipeline import build as build_model
+    from symgen.pipeline import structure
+    from symgen.report.summary import freedom_lines
+    from symgen.scene.loading import override, read_scene
+
+    changes = _changes(set_)
+    print(*structure(override(read_scene(scene), changes)), sep="\n", flush=True)
+    print(*freedom_lines(build_model(scene, set=changes)), sep="\n")
+
+
+@app.command()
 def generate(
     check: Annotated[
         bool, typer.Option("--check", help="Change nothing; fail where a file is not current.")
