@@ -82,7 +82,11 @@ def build(
         library = open_shipped(description) or library
         _warn(library)
     model = Model(description, library, lambda: derive(text).by_name())
-    return model.with_parameters(**_in_si(model, tunable, text.file)) if tunable else model
+    if not tunable:
+        return model
+    values = _in_si(model, tunable, text.file)
+    _check_values(override(text, tunable))
+    return model.with_parameters(**values)
 
 
 def compile_scene(text: SceneText, compiler: Compiler | None, folder: Path) -> tuple[Description, Library]:
@@ -201,6 +205,13 @@ def _split(text: SceneText, changes: Mapping[str, str]) -> tuple[dict[str, str],
             if is_quantity(str(value)):
                 tunable[name] = str(value)
     return tunable, {k: v for k, v in changes.items() if k not in tunable}
+
+
+def _check_values(text: SceneText) -> None:
+    """Check a scene with other values of its tunable parameters as if they were written in it."""
+    from symgen.scene.resolve import resolve
+
+    resolve(check_scene(text))
 
 
 def _in_si(model: Model, values: Mapping[str, str], file: str) -> dict[str, float]:
