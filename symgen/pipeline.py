@@ -118,18 +118,6 @@ def derive(scene: Scene | SceneText | str | os.PathLike[str]) -> System:
     return linkage_system(resolve(check_scene(_text_of(scene))))
 
 
-def structure(scene: SceneText | str | os.PathLike[str]) -> Iterator[str]:
-    """Yield how a scene hangs together, line by line: its tree, its loops, what is left out."""
-    from symgen.models.structure import structure as lines
-    from symgen.scene.resolve import resolve
-
-    text = _text_of(scene)
-    try:
-        yield from lines(resolve(check_scene(text)))
-    except SceneError as error:
-        raise error.located(file=text.file) from None
-
-
 def shipped_sources() -> list[SourceFile]:
     """Generate everything that belongs under ``generated/``, in memory."""
     from symgen.codegen.emit import emit, equations_hash

@@ -195,10 +195,28 @@ def test_a_hinge_by_two_shared_points():
     assert result.variable("body.angular_velocity").values[-1] == pytest.approx(end[1] * axis, abs=1e-8)
 
 
-def test_a_body_joined_to_rods_and_to_another_body():
-    """A rod from the ground, two bodies with a ball joint, a rod behind: each balances by Newton and Euler."""
+TORQUE = [2.0, -1.0, 0.5]
+JOINTS = {"one": ["A", "B", "M"], "two": ["B", "C"], "OA": ["O", "A"], "CD": ["C", "D"], "ME": ["M", "E"]}
+
+
+def written(named, mass, centre, inertia):
+    """Return a body as a scene writes it."""
+    return {
+        "points": named,
+        "mass": f"{mass!r} kg",
+        "centre": vector(centre, "m"),
+        "inertia": moments(inertia),
+    }
+
+
+def two_bodies():
+    """Mass, centre and inertia of the two bodies that ``joined_bodies`` joins."""
     (m1, c1, i1), (m2, c2, i2) = general(1), general(2)
-    c1, c2 = c1 + [1.0, 0, 0], c2 + [2.0, 0.5, 0]
+    return {"one": (m1, c1 + [1.0, 0, 0], i1), "two": (m2, c2 + [2.0, 0.5, 0], i2)}
+
+
+def joined_bodies():
+    """A rod from the ground, two bodies with a ball joint, rods behind and beside them, all loads of space."""
     points = {
         "O": place([0, 0, 0.3], ground=True),
         "A": place([0.7, 0.1, 0]),
@@ -208,33 +226,39 @@ def test_a_body_joined_to_rods_and_to_another_body():
         "M": {"on": "one", "fraction": 0.6},
         "E": place([1.3, 0.9, -0.8]),
     }
-    body = lambda named, m, c, i: {  # noqa: E731
-        "points": named, "mass": f"{m!r} kg", "centre": vector(c, "m"), "inertia": moments(i),
-    }  # fmt: skip
+    bodies = two_bodies()
     links = {
         "OA": {"points": ["O", "A"], "mass": "0.4 kg"},
-        "one": body(["A", "B"], m1, c1, i1),
-        "two": body(["B", "C"], m2, c2, i2),
+        "one": written(["A", "B"], *bodies["one"]),
+        "two": written(["B", "C"], *bodies["two"]),
         "CD": {"points": ["C", "D"], "mass": "0.6 kg"},
         "ME": {"points": ["M", "E"], "mass": "0.5 kg"},
     }
-    where = {"one": ["A", "B", "M"], "two": ["B", "C"], "OA": ["O", "A"], "CD": ["C", "D"], "ME": ["M", "E"]}
-    outputs = [f"{k}.{p}.force" for k, ps in where.items() for p in ps] + ["energy"]
-    outputs += [f"{k}.angular_velocity" for k in ("one", "two")]
-    torque = [2.0, -1.0, 0.5]
-    scene = symgen.Scene(
-        points=points,
-        links=links,
-        gravity=GRAVITY,
-        torques=[{"link": "two", "against": "one", "torque": vector(torque, "N*m")}],
-        start={"rates": {"one": vector([0.4, 1, -2], "rad/s"), "two": vector([1, 0, 0.5], "rad/s")}},
-        analysis={"outputs": outputs},
-    )
+    outputs = [f"{k}.{p}.force" for k, ps in JOINTS.items() for p in ps]
+    outputs += [f"{k}.angular_velocity" for k in ("one", "two", "CD")]
+    return {
+        "parameters": {"k": {"value": "2 N/m", "tunable": True}},
+        "points": points,
+        "links": links,
+        "gravity": GRAVITY,
+        "torques": [{"link": "two", "against": "one", "torque": vector(TORQUE, "N*m")}],
+        "torsion_springs": [{"link": "CD", "against": "OA", "stiffness": "1.5 N*m"}],
+        "springs": [{"between": ["O", "D"], "stiffness": "k", "length": "0 m"}],
+        "actuators": [{"between": ["E", "D"], "force": "k*this.length"}],
+        "start": {"rates": {"one": vector([0.4, 1, -2], "rad/s"), "two": vector([1, 0, 0.5], "rad/s")}},
+        "analysis": {"outputs": [*outputs, "energy", "momentum", "angular_momentum"]},
+    }
+
+
+def test_a_body_joined_to_rods_and_to_another_body():
+    """Each body balances by Newton and Euler: nothing of its mass matrix or multipliers is used."""
+    scene, bodies = symgen.Scene(**joined_bodies()), two_bodies()
     model = symgen.build(scene)
     assert "M" not in model.description.free
     out, state, found = outputs_at_start(model), model.initial_state(), model.accelerations()
-    for k, m, c, inertia, couple in (("one", m1, c1, i1, -1.0), ("two", m2, c2, i2, 1.0)):
-        base = [p for p in (*where[k], *(f"{k}_base{i}" for i in (1, 2, 3))) if p in state.positions]
+    for k, couple in (("one", -1.0), ("two", 1.0)):
+        m, c, inertia = bodies[k]
+        base = [p for p in (*JOINTS[k], *(f"{k}_base{i}" for i in (1, 2, 3))) if p in state.positions]
         r = np.array([state.positions[p] for p in base])
         a = np.array([found[p] for p in base])
         w = out[f"{k}.angular_velocity"]
@@ -244,15 +268,17 @@ def test_a_body_joined_to_rods_and_to_another_body():
         fit, *_ = np.linalg.lstsq(np.vstack(rows), rest.ravel(), rcond=None)
         assert np.max(np.abs(np.vstack(rows) @ fit - rest.ravel())) < 1e-10
         of_centre, alpha = fit[:3], fit[3:]
-        forces = {p: out[f"{k}.{p}.force"] for p in where[k]}
+        forces = {p: out[f"{k}.{p}.force"] for p in JOINTS[k]}
         assert sum(forces.values()) + [0, 0, -m * G] == pytest.approx(m * of_centre, abs=1e-9)
         moment = sum(np.cross(state.positions[p] - c, f) for p, f in forces.items())
-        total = moment + couple * np.array(torque)
+        total = moment + couple * np.array(TORQUE)
         assert total == pytest.approx(inertia @ alpha + np.cross(w, inertia @ w), abs=1e-9)
     assert out["two.B.force"] == pytest.approx(-out["one.B.force"], abs=1e-10)
     assert out["OA.A.force"] == pytest.approx(-out["one.A.force"], abs=1e-10)
     assert out["ME.M.force"] == pytest.approx(-out["one.M.force"], abs=1e-10)
-    assert out["CD.D.force"] == pytest.approx([0, 0, 0], abs=1e-10)
+    apart = state.positions["D"] - state.positions["E"]
+    load = 2 * apart - 2 * (state.positions["D"] - state.positions["O"])
+    assert out["CD.D.force"] == pytest.approx(load, abs=1e-10)
     result = model.simulate(1.0, rtol=1e-11)
     assert result.drift.energy < 1e-8
     assert result.drift.constraint < 1e-14
@@ -271,10 +297,7 @@ def test_a_hinge_between_two_bodies():
         "A": place([1, 0, 0]),
         "B": place([0.2, 1, 0.1]),
     }
-    body = lambda named, m, c, i: {  # noqa: E731
-        "points": named, "mass": f"{m!r} kg", "centre": vector(c, "m"), "inertia": moments(i),
-    }  # fmt: skip
-    links = {"one": body(["P", "Q", "A"], m1, c1, i1), "two": body(["P", "Q", "B"], m2, c2, i2)}
+    links = {"one": written(["P", "Q", "A"], m1, c1, i1), "two": written(["P", "Q", "B"], m2, c2, i2)}
     w = np.array([0.3, -0.5, 0.2])
     about = {"one": w + [0, 0, 2.0], "two": w + [0, 0, -1.0]}
     scene = symgen.Scene(

@@ -9,8 +9,9 @@ from typer.testing import CliRunner
 
 import symgen
 from symgen.cli import app
-from symgen.pipeline import structure
+from symgen.models.structure import structure
 from symgen.report.summary import freedom_lines
+from symgen.scene.resolve import resolve
 
 
 def said(*arguments):
@@ -41,7 +42,7 @@ def test_points_bonds_and_what_is_left_out_are_named():
     tables["links"]["rail"] = {"points": ["O", "E"]}
     tables["guides"] = [{"points": ["F"], "along": "rail"}]
     scene = symgen.Scene(**tables)
-    lines = list(structure(scene))
+    lines = list(structure(resolve(scene)))
     assert "  P is carried by link OA: no coordinates of its own" in lines
     assert "  link body, cut between A and B" in lines
     assert "  D after link PD from P" in lines
@@ -54,7 +55,7 @@ def test_a_body_in_space_is_one_link():
     scene = symgen.Scene(
         points=points, links={"body": BODY | {"inertia": ["1 kg*m^2", "1.1 kg*m^2", "1.2 kg*m^2"]}}
     )
-    lines = list(structure(scene))
+    lines = list(structure(resolve(scene)))
     assert "  A after link body" in lines
     assert "loops: none is closed by a link" in lines
     assert any("3 degrees of freedom" in line for line in freedom_lines(symgen.build(scene)))
@@ -65,7 +66,7 @@ def test_a_floating_part_is_named():
         "points": {"A": {"at": ["0 m", "0 m"]}, "B": {"at": ["1 m", "0 m"]}},
         "links": {"AB": {"points": ["A", "B"], "mass": "1 kg"}},
     }
-    lines = list(structure(symgen.Scene(**tables)))
+    lines = list(structure(resolve(symgen.Scene(**tables))))
     assert lines[0] == "ground: none, the linkage floats"
     assert "A is free to move" in lines[2]
 

@@ -15,9 +15,22 @@ def outputs_at_start(model):
     return {v.name: v.values[0] for v in model.simulate(1e-3, samples=2).variables}
 
 
-def rich_scene():
-    """A branched linkage with two loops: rods with points on them, a ternary body, every planar load."""
-    return {
+def rich_scene(everything=False):
+    """A branched linkage with two loops: rods with points on them, a ternary body, every planar load.
+
+    With ``everything`` a guide, a drive and a tunable parameter too, and every output.
+    """
+    more = {}
+    if everything:
+        outputs = [f"{k}.{p}.force" for k, ps in LINK_POINTS.items() for p in ps]
+        outputs += [f"{k}.{w}" for k in LINK_POINTS for w in ("angular_velocity", "angle", "tension")]
+        outputs += ["momentum", "angular_momentum", "energy", "QF.torque", "H.acceleration", "E.reaction"]
+        more = {
+            "drivers": [{"link": "QF", "angle": "2.4 + 0.2*t/s"}],
+            "guides": [{"points": ["D"], "along": "rail"}],
+            "analysis": {"outputs": outputs},
+        }
+    scene = {
         "parameters": {"c": "0.7 N*s/m", "m0": "0.8 N*m", "s": "1 s", "k": "3 N", "l": "1 m"},
         "points": {
             "O": ground(0.0, 0.0),
@@ -68,6 +81,12 @@ def rich_scene():
         "torques": [{"link": "QF", "against": "body", "torque": "m0*cos(this.angle) - m0*s*this.rate"}],
         "start": {"rates": {"OA": "1.3 rad/s", "PD": "-2 rad/s", "QF": "0.6 rad/s"}},
     }
+    if everything:
+        scene["points"] |= {"U": ground(-2.0, -0.9), "V": ground(4.0, -0.7)}
+        scene["links"]["rail"] = {"points": ["U", "V"]}
+        scene["parameters"]["k"] = {"value": "3 N", "tunable": True}
+        scene["start"] = {}
+    return scene | more
 
 
 LINK_POINTS = {

@@ -8,7 +8,6 @@ on the point, and at a joint with rows of its own the force is the multiplier.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from functools import cache
 from typing import TYPE_CHECKING
 
 import sympy as sp
@@ -27,29 +26,41 @@ if TYPE_CHECKING:
 Forces = Iterator[tuple[str, Vector]]
 
 
-def joint_force(model: RodsModel, link: str, point: str) -> Vector:
-    """Return the force [N] that acts on a link at one of its points, but for the weight of the link itself.
+class JointForces:
+    """The forces on the links of one linkage, each derived once."""
 
-    Raises
-    ------
-    SceneError
-        When the link lies between ground points, so that its forces are not determined.
-    """
-    if link in model.idle:
-        raise SceneError(f"{link} lies between two ground points: the forces on it are not determined")
-    own = cache(lambda name: _own(model, next(k for k in model.parts if k.name == name)))
+    def __init__(self, model: RodsModel) -> None:
+        self.model = model
+        self._parts = {part.name: part for part in model.parts}
+        self._own: dict[str, dict[str, Vector]] = {}
+        self._found: dict[tuple[str, str], Vector] = {}
 
-    def force(part: Part, p: str) -> Vector:
+    def on(self, link: str, point: str) -> Vector:
+        """Return the force [N] that acts on a link at one of its points, but for the weight of the link.
+
+        Raises
+        ------
+        SceneError
+            When the link lies between ground points, so that its forces are not determined.
+        """
+        if link in self.model.idle:
+            raise SceneError(f"{link} lies between two ground points: the forces on it are not determined")
+        if (link, point) not in self._found:
+            self._found[link, point] = self._force(self._parts[link], point)
+        return self._found[link, point]
+
+    def _force(self, part: Part, p: str) -> Vector:
+        model = self.model
         if p in part.base:
-            carried = [(_share(part, c, p, force(part, c.name))) for c in part.carried]
-            return _sum([own(part.name)[p], *(_times(-1, x) for x in carried)])
+            if part.name not in self._own:
+                self._own[part.name] = _own(model, part)
+            carried = [_share(part, c, p, self.on(part.name, c.name)) for c in part.carried]
+            return _sum([self._own[part.name][p], *(_times(-1, x) for x in carried)])
         if p in model.carrier and model.carrier[p][0] == part:
             others = [k for k in model.parts if k != part and k.name not in model.idle]
-            there = [force(k, p) for k in others if p in (*k.base, *(c.name for c in k.carried))]
+            there = [self.on(k.name, p) for k in others if p in (*k.base, *(c.name for c in k.carried))]
             return _sum([_on_point(model, p), *(_times(-1, x) for x in there)])
         return tuple(model.multipliers[f"{part.name}_{p}_{axis}"].symbol for axis in model.axes)
-
-    return force(next(k for k in model.parts if k.name == link), point)
 
 
 def _share(part: Part, carried: Place, base: str, force: Vector) -> Vector:

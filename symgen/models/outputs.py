@@ -9,7 +9,6 @@ import sympy as sp
 
 from symgen.errors import SceneError, nearest
 from symgen.mechanics.particles import cross
-from symgen.models.joint_forces import joint_force
 from symgen.models.loads import product
 from symgen.models.matrix import named
 from symgen.symbolic.system import NamedMatrix
@@ -93,7 +92,7 @@ def _angular_velocity(model: RodsModel, name: str) -> Entries:
 
 
 def _force(model: RodsModel, link: str, point: str) -> Entries:
-    return joint_force(model, link, point), "N", f"force on {link} at {point} by what it meets there"
+    return model.joint_forces.on(link, point), "N", f"force on {link} at {point} by what it meets there"
 
 
 def _torque(model: RodsModel, name: str) -> Entries:

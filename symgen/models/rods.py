@@ -13,6 +13,7 @@ import sympy as sp
 from symgen.errors import SceneError
 from symgen.mechanics.particles import Vector, cross, dot, end_mass
 from symgen.models.constraints import Constraint, constraints
+from symgen.models.joint_forces import JointForces
 from symgen.models.loads import Gradient, Loads, product
 from symgen.models.points import Points
 from symgen.scene.linkage import TIME, Linkage, RigidLink
@@ -109,6 +110,11 @@ class RodsModel(Points):
         pairs = zip(self.loads.reciprocal(body), self.loads.edges(body), strict=True)
         turns = [product(partner, tuple(rate(c) for c in edge)) for partner, edge in pairs]
         return tuple(sp.Add(*c) / 2 for c in zip(*turns, strict=True))
+
+    @cached_property
+    def joint_forces(self) -> JointForces:
+        """Forces on the links at their points."""
+        return JointForces(self)
 
     @property
     def potential_energy(self) -> sp.Expr:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from symgen.errors import SceneError
 from symgen.models.rods import RodsModel
 from symgen.scene.linkage import Linkage
 
@@ -16,7 +17,10 @@ def structure(linkage: Linkage) -> Iterator[str]:
     SceneError
         When a point carries no mass.
     """
-    model = RodsModel(linkage)
+    try:
+        model = RodsModel(linkage)
+    except SceneError as error:
+        raise error.located(file=linkage.file) from None
     yield f"ground: {', '.join(model.ground) or 'none, the linkage floats'}"
     ends = {k.name: k.base for k in model.rods}
     bars = {row.link: row.label for row in model.constraints if row.link and row.link not in ends}
