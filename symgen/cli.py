@@ -187,6 +187,20 @@ def show(
 
 
 @app.command()
+def explain(scene: SceneArgument, set_: SetOption = None) -> None:
+    """Tell how a scene hangs together: its tree, loops, degrees of freedom and redundant rows."""
+    from symgen.models.structure import structure
+    from symgen.pipeline import build as build_model
+    from symgen.report.summary import freedom_lines
+    from symgen.scene.loading import load_scene
+    from symgen.scene.resolve import resolve
+
+    changes = _changes(set_)
+    print(*structure(resolve(load_scene(scene, set=changes))), sep="\n", flush=True)
+    print(*freedom_lines(build_model(scene, set=changes)), sep="\n")
+
+
+@app.command()
 def generate(
     check: Annotated[
         bool, typer.Option("--check", help="Change nothing; fail where a file is not current.")

@@ -82,7 +82,11 @@ def build(
         library = open_shipped(description) or library
         _warn(library)
     model = Model(description, library, lambda: derive(text).by_name())
-    return model.with_parameters(**_in_si(model, tunable, text.file)) if tunable else model
+    if not tunable:
+        return model
+    values = _in_si(model, tunable, text.file)
+    _check_values(override(text, tunable))
+    return model.with_parameters(**values)
 
 
 def compile_scene(
@@ -207,6 +211,13 @@ def _split(text: SceneText, changes: Mapping[str, str]) -> tuple[dict[str, str],
     return tunable, {k: v for k, v in changes.items() if k not in tunable}
 
 
+def _check_values(text: SceneText) -> None:
+    """Check a scene with other values of its tunable parameters as if they were written in it."""
+    from symgen.scene.resolve import resolve
+
+    resolve(check_scene(text))
+
+
 def _in_si(model: Model, values: Mapping[str, str], file: str) -> dict[str, float]:
     from symgen.scene.units import parse_quantity
 
@@ -224,7 +235,8 @@ def _in_si(model: Model, values: Mapping[str, str], file: str) -> dict[str, floa
 
 
 def _cached(text: SceneText, compiler: Compiler | None, store: Cache) -> tuple[Description, Library]:
-    name = f"{text.name}-{key(text.file, text.canonical, _fingerprint(), compiler.identity if compiler else 'numpy')}"
+    how = compiler.identity if compiler else "numpy"
+    name = f"{text.name}-{key(text.file, text.canonical, _fingerprint(), how)}"
     found = _from_cache(store.find(name))
     if found:
         return found
@@ -276,8 +288,8 @@ def _written(sources: tuple[SourceFile, ...], compiler: Compiler | None, folder:
 
 
 def _describe(linkage: Linkage, program: Program, equations: str) -> Description:
-    from symgen.mechanics.loads import AXES
     from symgen.runtime.description import BlockInfo, Description, KernelInfo, ParameterInfo
+    from symgen.symbolic.quantity import AXES
 
     kernels = {k.name: k for k in program.kernels}
     solution = {b.name: b for b in kernels["accelerations"].blocks}

@@ -8,6 +8,8 @@ import mpmath
 import numpy as np
 import pytest
 from oracle import Oracle, relative_error
+from test_bodies_in_space import joined_bodies
+from test_points_on_links import rich_scene
 
 import symgen
 from symgen.codegen.emit import emit, equations_hash
@@ -15,6 +17,8 @@ from symgen.codegen.target import Target
 from symgen.lowering.program import lower_system
 from symgen.models import BLOCKS
 
+#: Scenes that use every word of the vocabulary in the plane, and in space.
+WORDS = {"plane": symgen.Scene(**rich_scene(everything=True)), "space": symgen.Scene(**joined_bodies())}
 STATES = 3
 #: Relative to the largest entry of a kernel's result. The assembly residual cancels to nothing by design.
 TOLERANCE = 1e-13
@@ -35,8 +39,9 @@ def random_values(system, model, rng):
 
 
 @pytest.mark.parametrize("backend", ["c", "numpy"])
-@pytest.mark.parametrize("scene", symgen.shipped_scenes())
+@pytest.mark.parametrize("scene", [*symgen.shipped_scenes(), *WORDS])
 def test_scene_kernels(scene, backend):
+    scene = WORDS.get(scene, scene)
     model = symgen.build(scene, backend=backend)
     system = symgen.derive(scene)
     oracle = Oracle(system)

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symgen.errors import InitialStateError
+from symgen.runtime.causes import without_direction
 from symgen.runtime.evaluate import Evaluator
 from symgen.runtime.redundancy import extent, not_positive, redundant_constraints
 
@@ -47,6 +48,9 @@ def start(evaluator: Evaluator) -> Start:
         q = _assemble(evaluator, q)
     redundant = redundant_constraints(evaluator, q)
     u = _velocities(evaluator, q, redundant) if evaluator.has("mass_matrix") else np.zeros(n)
+    line = without_direction(evaluator, 0.0, q, u)
+    if line:
+        raise InitialStateError(f"{line}\n  Draw its points apart.", where="springs")
     return Start(q, u, redundant)
 
 

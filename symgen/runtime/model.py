@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from symgen.errors import ModelError, nearest
 from symgen.runtime import _core
+from symgen.runtime.causes import without_direction
 from symgen.runtime.description import Description
 from symgen.runtime.evaluate import Evaluator
 from symgen.runtime.initial import Start, start
@@ -161,6 +162,9 @@ class Model:
         equations = self._evaluator.equations(len(redundant))
         row = np.concatenate([state.q, state.u, [0.0, 0.0]])
         status = equations.check(state.t, row)
+        line = without_direction(self._evaluator, state.t, state.q, state.u)
+        if line:
+            raise ModelError(f"no finite accelerations at t = {state.t:g} s: {line}")
         if status != _core.DONE:
             raise ModelError(
                 f"the equations of motion are singular at t = {state.t:g} s, so accelerations are not "
