@@ -177,6 +177,8 @@ def test_a_hinge_by_two_shared_points():
         centre,
         inertia,
         gravity=GRAVITY,
+        start={"rates": {"body": vector(1.5 * axis, "rad/s")}},
+        torques=[{"link": "body", "torque": vector([0.3, 0.2, -0.1], "N*m")}],
         analysis={"outputs": ["body.angular_velocity", "energy"]},
     )
     model = symgen.build(symgen.Scene(**tables))
@@ -186,9 +188,9 @@ def test_a_hinge_by_two_shared_points():
 
     def rhs(_, y):
         arm = Rotation.from_rotvec(y[0] * axis).apply(r)
-        return [y[1], axis @ np.cross(arm, [0, 0, -mass * G]) / about]
+        return [y[1], axis @ (np.cross(arm, [0, 0, -mass * G]) + [0.3, 0.2, -0.1]) / about]
 
-    end = solve_ivp(rhs, (0, 2), [0, 0], rtol=1e-12, atol=1e-13).y[:, -1]
+    end = solve_ivp(rhs, (0, 2), [0, 1.5], rtol=1e-12, atol=1e-13).y[:, -1]
     result = model.simulate(2.0, rtol=1e-12)
     exact = a + Rotation.from_rotvec(end[0] * axis).apply(tip - a)
     assert result.final["T"]["position"] == pytest.approx(exact, abs=1e-8)
@@ -369,3 +371,11 @@ def test_a_guide_runs_along_a_rod():
     tables = body_scene(points, ["O", "A"], mass, centre, inertia, masses=[{"point": "B", "mass": "1 kg"}])
     with pytest.raises(SceneError, match="a guide runs along a rod"):
         symgen.build(symgen.Scene(**tables, guides=[{"points": ["B"], "along": "body"}]))
+
+
+def test_a_torsion_spring_in_space_takes_rods():
+    tables = joined_bodies()
+    tables["torsion_springs"] = [{"link": "one", "against": "OA", "stiffness": "1 N*m"}]
+    with pytest.raises(SceneError, match="bends two rods") as caught:
+        symgen.build(symgen.Scene(**tables))
+    assert caught.value.where == "torsion_springs.0"

@@ -368,6 +368,46 @@ def test_bad_points_on_links(case):
     assert caught.value.where == where
 
 
+def test_forces_with_a_guide_on_a_moving_link_and_a_drive():
+    """A driven crank slides with its end along a lever: each balances, the slider pushes across the lever."""
+    tables = {
+        "parameters": {"s": "1 s"},
+        "points": {"O": ground(0.0, 0.0), "E": ground(0.0, -1.5), "A": at(0.6, 0.5), "B": at(0.9, 1.5)},
+        "links": {
+            "crank": {"points": ["O", "A"], "mass": "1.1 kg"},
+            "lever": {"points": ["E", "B"], "mass": "2 kg"},
+        },
+        "guides": [{"points": ["A"], "along": "lever"}],
+        "drivers": [{"link": "crank", "angle": "0.7 + 2*t/s + 0.8*(t/s)**2"}],
+        "gravity": GRAVITY,
+    }
+    outputs = [
+        "crank.O.force",
+        "crank.A.force",
+        "lever.E.force",
+        "lever.B.force",
+        "crank.torque",
+        "E.reaction",
+    ]
+    outputs += [f"{p}.{w}" for p in "OEAB" for w in ("position", "acceleration")]
+    out = outputs_at_start(symgen.build(symgen.Scene(**tables, analysis={"outputs": outputs})))
+    on_lever = -out["crank.A.force"]
+    along = out["B.position"] - out["E.position"]
+    assert on_lever @ along == pytest.approx(0, abs=1e-10)
+    assert np.linalg.norm(on_lever) > 1
+    assert out["lever.B.force"] == pytest.approx([0, 0], abs=1e-10)
+    assert out["lever.E.force"] == pytest.approx(out["E.reaction"], abs=1e-10)
+    for mass, i, j, forces, couple in (
+        (1.1, "O", "A", {"O": out["crank.O.force"], "A": out["crank.A.force"]}, out["crank.torque"]),
+        (2.0, "E", "B", {"E": out["lever.E.force"], "A": on_lever}, 0.0),
+    ):
+        r, a = ((out[f"{i}.{w}"] + out[f"{j}.{w}"]) / 2 for w in ("position", "acceleration"))
+        d, turn = (out[f"{j}.{w}"] - out[f"{i}.{w}"] for w in ("position", "acceleration"))
+        assert sum(forces.values()) + [0, -mass * G] == pytest.approx(mass * a, abs=1e-10)
+        moment = sum(cross(out[f"{p}.position"] - r, f) for p, f in forces.items())
+        assert moment + couple == pytest.approx(mass * cross(d, turn) / 12, abs=1e-10)
+
+
 def test_bad_forces_on_links():
     tables = {
         "points": {"O": ground(0.0, 0.0), "E": ground(2.0, 0.0), "A": at(1.0, 1.0)},

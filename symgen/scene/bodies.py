@@ -76,12 +76,6 @@ def _drawn(read: Reader, name: str, point: Point, place: list[str | int | float]
     return PlacedPoint(name, at, True, tuple(a + b for a, b in zip(at, moved, strict=True)))
 
 
-def is_spatial_body(read: Reader, link: Link) -> bool:
-    """Tell whether a link is a body in space, which two points cannot carry."""
-    written = isinstance(link.centre, list) or isinstance(link.inertia, list)
-    return read.dimension == 3 and (len(link.points) > 2 or written)
-
-
 def own_points(read: Reader, link: Link, where: str) -> list[PlacedPoint]:
     """Return the points a link names, each once."""
     named = [read.known_point(p, f"{where}.points") for p in link.points]

@@ -6,7 +6,6 @@ from collections.abc import Iterator
 
 from symgen.errors import SceneError
 from symgen.scene import units
-from symgen.scene.bodies import is_spatial_body
 from symgen.scene.linkage import Driver, Guide, StartConditions, Vector
 from symgen.scene.reading import Reader
 
@@ -19,7 +18,7 @@ def guides(read: Reader) -> Iterator[Guide]:
         points = tuple(read.known_point(p, f"{where}.points").name for p in guide.points)
         if len(set(points)) < len(points):
             raise SceneError("a guide names each of its points once", where=f"{where}.points")
-        if is_spatial_body(read, read.scene.links[guide.along]):
+        if read.is_spatial_body(guide.along):
             raise SceneError(f"{guide.along} is a body: a guide runs along a rod", where=f"{where}.along")
         for point in points:
             if point in read.scene.links[guide.along].points or read.scene.points[point].on == guide.along:

@@ -67,7 +67,9 @@ def torsion_springs(read: Reader) -> Iterator[AngularSpring]:
         _couple(read, spring.link, spring.against, where)
         angle = read.value(spring.angle, units.NUMBER, f"{where}.angle")
         damping = read.not_negative(spring.damping or 0, units.ANGULAR_DAMPING, f"{where}.damping")
-        if read.dimension == 3 and (spring.against is None or angle != 0 or damping != 0):
+        pair = [k for k in (spring.link, spring.against) if k is not None]
+        rods = len(pair) == 2 and not any(map(read.is_spatial_body, pair))
+        if read.dimension == 3 and (not rods or angle != 0 or damping != 0):
             raise SceneError(
                 "in space a torsion spring bends two rods that are slack in line: it takes link, against and "
                 "stiffness, and no angle or damping",

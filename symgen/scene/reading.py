@@ -173,6 +173,12 @@ class Reader:
             hint = nearest(name, self.scene.links)
             raise SceneError(f"there is no link called {name!r}", where=where, hint=hint)
 
+    def is_spatial_body(self, link: str) -> bool:
+        """Tell whether a link is a body in space, which two points cannot carry."""
+        table = self.scene.links[link]
+        written = isinstance(table.centre, list) or isinstance(table.inertia, list)
+        return self.dimension == 3 and (len(table.points) > 2 or written)
+
     def turning_link(self, name: str, where: str) -> None:
         """Check that a link is there, and has one angle."""
         self.known_link(name, where)
@@ -183,7 +189,8 @@ class Reader:
     def moving_link(self, name: str, where: str) -> None:
         """Check that a link is there, and can turn."""
         self.known_link(name, where)
-        if all(self.known_point(p, where).ground for p in self.scene.links[name].points[:2]):
+        link = self.scene.links[name]
+        if not self.is_spatial_body(name) and all(self.known_point(p, where).ground for p in link.points[:2]):
             raise SceneError(f"{name} lies between two ground points and cannot turn", where=where)
 
 

@@ -32,9 +32,7 @@ def _linkage(scene: Scene) -> Linkage:
     read = Reader(scene)
     bodies.points(read)
     links = tuple(
-        bodies.link(read, name, link)
-        for name, link in scene.links.items()
-        if not bodies.is_spatial_body(read, link)
+        bodies.link(read, name, link) for name, link in scene.links.items() if not read.is_spatial_body(name)
     )
     in_space = spatial_bodies(read, links)
     gravity = (sp.Integer(0),) * read.dimension

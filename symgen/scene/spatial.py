@@ -38,7 +38,7 @@ def spatial_bodies(read: Reader, links: Sequence[RigidLink]) -> tuple[SpatialBod
     rigid |= _pairs([p.name for p in read.points.values() if p.ground])
     found = []
     for name, written in read.scene.links.items():
-        if bodies.is_spatial_body(read, written):
+        if read.is_spatial_body(name):
             found.append(_body(read, name, written, rigid))
     return tuple(found)
 
