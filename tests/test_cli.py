@@ -185,7 +185,7 @@ def entry(monkeypatch, capfd):
         (["--out", "run.csv"], "ending in .nc or .npz"),
         (["--out", "no/such/folder/run.nc"], "cannot write the result"),
         (["--plot", "no/such/folder/run.png"], "cannot write the plot"),
-        (["--plot", "run.nothing"], "cannot write the plot"),
+        (["--plot", "run.nothing"], "ending in .png or .svg or .pdf"),
     ],
     ids=lambda x: "=".join(x) if isinstance(x, list) else "",
 )

@@ -108,6 +108,11 @@ class Model:
                 self._start = Start(q, u, d.redundant)
         return self._start
 
+    @property
+    def redundant(self) -> tuple[str, ...]:
+        """Constraints that follow from the others wherever the linkage goes, as messages call them."""
+        return tuple(self.description.labels[i] for i in self._found().redundant)
+
     def _state(self, t: float, q: Array, u: Array) -> State:
         parts = self._evaluator.blocks("points", t, q, u)
         named = [
