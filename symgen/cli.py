@@ -150,7 +150,12 @@ def run(
 @app.command()
 def show(
     model: Annotated[str, typer.Argument(help="A scene, or a building block: rod, rod_spatial.")],
-    matrix: Annotated[str | None, typer.Argument(help="A matrix; without it all are listed.")] = None,
+    matrix: Annotated[
+        str | None,
+        typer.Argument(
+            help="A matrix; all are listed without it. 'momentum' for the momentum rows, 'momentum.NAME' for one."
+        ),
+    ] = None,
     form: Annotated[
         str, typer.Option("--format", help="unicode, latex, c, or numeric (at the start).")
     ] = "unicode",
@@ -159,16 +164,18 @@ def show(
     """Show the derived equations."""
     from symgen.models import BLOCKS
     from symgen.pipeline import build as build_model
-    from symgen.pipeline import derive
+    from symgen.pipeline import derive, momentum_rows
     from symgen.report import equations
 
     changes = _changes(set_)
+    momentum, _, row = (matrix or "").partition(".")
     if model in BLOCKS:
         system = BLOCKS[model]()
     else:
         from symgen.scene.loading import override, read_scene
 
-        system = derive(override(read_scene(model), changes))
+        text = override(read_scene(model), changes)
+        system = momentum_rows(text) if momentum == "momentum" else derive(text)
     if matrix is None:
         from symgen.report.tables import table
 
@@ -177,7 +184,10 @@ def show(
         _console().print(shown)
         return
     built = build_model(model, set=changes) if form == "numeric" and model not in BLOCKS else None
-    print(equations.show(system, matrix, form, built))
+    if matrix == "momentum" and model not in BLOCKS:
+        print(equations.show_rows(system, form, built))
+    else:
+        print(equations.show(system, row or matrix, form, built))
 
 
 @app.command()
