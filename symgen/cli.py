@@ -153,7 +153,7 @@ def show(
     matrix: Annotated[
         str | None,
         typer.Argument(
-            help="A matrix; all are listed without it. 'momentum' for the momentum rows, 'momentum.NAME' for one."
+            help="A matrix; all are listed without it. 'momentum': the momentum rows, 'momentum.NAME': one."
         ),
     ] = None,
     form: Annotated[

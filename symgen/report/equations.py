@@ -115,7 +115,9 @@ def _as_numbers(system: System, matrix: NamedMatrix, model: Model | None) -> str
         if group.name in values
         for x, value in zip(group.quantities, values[group.name], strict=True)
     }
-    numbers = system.expanded(matrix.name).xreplace(known).evalf(12)
+    for definition in system.definitions:
+        known[definition.quantity.symbol] = definition.expression.xreplace(known).evalf(17)
+    numbers = matrix.matrix.xreplace(known).evalf(12)
     if numbers.free_symbols:
         raise ModelError(f"{matrix.name} holds unknowns; 'momentum' as numbers is the system that gives them")
     head = f"{matrix.name} at the start [{matrix.unit}]"
