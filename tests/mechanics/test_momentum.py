@@ -53,8 +53,12 @@ def test_momentum_rows_are_the_projected_equations(case):
     system, rows = symgen.derive(scene), momentum_rows(scene)
     values = numbers(rng, scene, system, rows)
 
+    for of in (system, rows):
+        for definition in of.definitions:
+            values[definition.quantity.symbol] = definition.expression.xreplace(values).evalf(DIGITS + 5)
+
     def at(of, name):
-        return sp.Matrix(of.expanded(name).xreplace(values).evalf(DIGITS + 5))
+        return sp.Matrix(of[name].matrix.xreplace(values).evalf(DIGITS + 5))
 
     a = sp.Matrix([values[x.symbol] for x in rows.group("x").quantities if "_a" in x.name])
     residual = at(system, "mass_matrix") * a - at(system, "force")
@@ -128,14 +132,19 @@ def turn(axis, arm):
 # --- the solution ---------------------------------------------------------------------------------------------
 
 
-def solved(rows, model, state):
-    """Solve the momentum rows with the constraints densely; unknowns by name."""
+def in_numbers(rows):
+    """A and b as a function of t, q, u and p, through the shared subexpressions."""
     symbols = [x.symbol for g in rows.groups if g.name != "x" for x in g.quantities]
-    given_values = [state.t, *state.q, *state.u, *model.parameters.values()]
-    values = {s: sp.Float(x, DIGITS) for s, x in zip(symbols, given_values, strict=True)}
-    for definition in rows.definitions:
-        values[definition.quantity.symbol] = definition.expression.xreplace(values).evalf(DIGITS)
-    a, b = (np.array(rows[n].matrix.xreplace(values).evalf(DIGITS), dtype=float) for n in ("matrix", "rhs"))
+    shared = [(d.quantity.symbol, d.expression) for d in rows.definitions]
+    entries = [list(rows[n].matrix) for n in ("matrix", "rhs")]
+    return sp.lambdify(symbols, entries, "math", cse=lambda e: (shared, e))
+
+
+def solved(rows, model, state, function=None):
+    """Solve the momentum rows with the constraints densely; unknowns by name."""
+    values = [state.t, *state.q, *state.u, *model.parameters.values()]
+    a, b = (np.array(x, dtype=float) for x in (function or in_numbers(rows))(*values))
+    a, b = a.reshape(len(b), len(b)), b[:, None]
     scale = np.max(np.abs(a), axis=1, keepdims=True)
     x = np.linalg.solve(a / scale, b / scale)[:, 0]
     return dict(zip(rows["matrix"].columns, x.tolist(), strict=True))
@@ -168,6 +177,7 @@ SOLVED = [
 def test_the_rows_have_the_solution_of_the_model(case):
     rng, scene, minimal, drawn = random_scene(case)
     model, rows = symgen.build(scene, backend="numpy"), momentum_rows(scene)
+    function = in_numbers(rows)
     for _ in range(3):
         pose, _ = random_pose(rng, minimal, drawn)
         points, _, _ = minimal.motion(pose)
@@ -177,7 +187,7 @@ def test_the_rows_have_the_solution_of_the_model(case):
             {p: (points[p].slope @ speeds).astype(float) for p in model.description.free},
             t=0.3,
         )
-        found, expected = solved(rows, model, state), model.accelerations(state)
+        found, expected = solved(rows, model, state, function), model.accelerations(state)
         forces = agrees(found, model, expected)
         assert set(forces) == set(minimal.mechanism.ground)
 
