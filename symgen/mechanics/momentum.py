@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import sympy as sp
 
-from symgen.mechanics.particles import Vector, cross, particle_masses
+from symgen.mechanics.particles import Vector, cross, dot, particle_masses
 
 ZERO, ONE, HALF = sp.Integer(0), sp.Integer(1), sp.Rational(1, 2)
 
@@ -141,22 +141,27 @@ def effective_lever(lever: Vector, along: sp.Expr, across: sp.Expr) -> Vector:
 
 def transverse(couple: Vector, along: Vector, length: sp.Expr) -> Vector:
     """Return the part of a couple across a rod, which is all that a rod without spin inertia takes."""
-    axial = sp.Add(*(c * d for c, d in zip(couple, along, strict=True))) / length**2
+    axial = dot(couple, along) / length**2
     return tuple(c - axial * d for c, d in zip(couple, along, strict=True))
 
 
-def perpendicular(along: Vector) -> Vector:
-    """Return a unit vector across a rod in space, without trigonometry and regular in every direction.
+def smallest_axis(along: Vector) -> Vector:
+    """Return the coordinate axis e on which a vector in space has its smallest component."""
+    x, y, z = (sp.Abs(c) for c in along)
+    is_x, is_y = sp.And(x <= y, x <= z), y <= z
+    return (
+        sp.Piecewise((ONE, is_x), (ZERO, True)),
+        sp.Piecewise((ZERO, is_x), (ONE, is_y), (ZERO, True)),
+        sp.Piecewise((ZERO, is_x), (ZERO, is_y), (ONE, True)),
+    )
 
-    d x e over its size, e the axis of the smallest component of d. With d/l x this as the second, the two
-    replace the angles of the source, whose principal arc tangent makes its rows singular at 45 degrees.
+
+def perpendicular(along: Vector, axis: Vector) -> tuple[Vector, sp.Expr]:
+    """Return d x e and its size: with e of :func:`smallest_axis` at least 0.8 of the size of d.
+
+    The unit vectors t1 along d x e and t2 along d x t1 take the place of the angles of section 2.2: they need
+    no trigonometry and are regular in every direction, while the principal arc tangent of the text makes the
+    two rows of Eq. (13) singular for rods at 45 degrees.
     """
-    x, y, z = along
-    ax, ay, az = (sp.Abs(c) for c in along)
-    is_x, is_y = sp.And(ax <= ay, ax <= az), sp.Le(ay, az)
-
-    def chosen(*values: sp.Expr) -> sp.Expr:
-        return sp.Piecewise((values[0], is_x), (values[1], is_y), (values[2], True))
-
-    size = sp.sqrt(chosen(y**2 + z**2, x**2 + z**2, x**2 + y**2))
-    return tuple(chosen(*c) / size for c in ((ZERO, -z, y), (z, ZERO, -x), (-y, x, ZERO)))
+    along_axis = dot(along, axis)
+    return moment(along, axis), sp.sqrt(dot(along, along) - along_axis**2)

@@ -14,7 +14,7 @@ from functools import cached_property
 import sympy as sp
 
 from symgen.errors import DerivationError, SceneError
-from symgen.mechanics.momentum import effective_lever, moment, perpendicular
+from symgen.mechanics.momentum import effective_lever, moment, perpendicular, smallest_axis
 from symgen.mechanics.particles import Vector, dot
 from symgen.models.completeness import check_complete
 from symgen.models.matrix import named
@@ -116,15 +116,21 @@ class MomentumForm(Outboard):
         """Return the directions on which a moment is projected: out of the plane, or two across the body."""
         if len(self.model.axes) == 2:
             return {body: (ONE,)}
-        d, length = self.model.along[body], self.link[body].length
-        about = f"of a unit vector across {body}"
-        first = tuple(
-            self.define(f"{body}_t1_{a}", c, "1", f"{a} component {about}")
-            for a, c in zip(self.model.axes, perpendicular(d), strict=True)
-        )
-        second = tuple(
-            self.define(f"{body}_t2_{a}", c / length, "1", f"{a} component {about} and its t1")
-            for a, c in zip(self.model.axes, moment(d, first), strict=True)
+        d, length, names = self.model.along[body], self.link[body].length, self.model.axes
+
+        def define(name: str, vector: Vector, unit: str, about: str) -> Vector:
+            described = (
+                (f"{body}_{name}_{a}", c, unit, f"{a} component of {about}")
+                for a, c in zip(names, vector, strict=True)
+            )
+            return tuple(self.define(*x) for x in described)
+
+        axis = define("e", smallest_axis(d), "1", f"the axis nearest to lying across {body}")
+        crossed, size = perpendicular(d, axis)
+        size = self.define(f"{body}_across", size, "m", f"size of the product of {body}_d and {body}_e")
+        first = define("t1", tuple(c / size for c in crossed), "1", f"a unit vector across {body}")
+        second = define(
+            "t2", tuple(c / length for c in moment(d, first)), "1", f"the other one across {body}"
         )
         return {f"{body}_t1": first, f"{body}_t2": second}
 

@@ -83,6 +83,11 @@ def _used(matrices: list[NamedMatrix], definitions: dict[sp.Symbol, sp.Expr]) ->
 def _as_c(system: System, matrix: NamedMatrix) -> str:
     from dataclasses import replace
 
+    if any(d.expression.has(sp.Piecewise) for d in system.definitions):
+        raise ModelError(
+            f"{matrix.name}: its directions are chosen by cases, which straight-line C does not have\n"
+            "  Use --format unicode, latex or numeric."
+        )
     export = Export(matrix.name, matrix.description, (matrix.name,))
     program = lower_system(replace(system, exports=(export,), saddle_point=None))
     kernel = program.kernels[0]

@@ -17,7 +17,7 @@ from typer.testing import CliRunner
 import symgen
 from symgen.cli import app
 from symgen.errors import DerivationError
-from symgen.mechanics.momentum import open_tree, particles, perpendicular, transverse
+from symgen.mechanics.momentum import open_tree, particles, perpendicular, smallest_axis, transverse
 from symgen.mechanics.particles import end_mass, particle_masses
 from symgen.models import outboard
 from symgen.pipeline import momentum_rows
@@ -314,16 +314,22 @@ def test_a_loop_is_cut_where_it_is_reached_twice():
 
 
 _DIRECTION = sp.symbols("x y z", real=True)
-_ACROSS = sp.lambdify(_DIRECTION, perpendicular(_DIRECTION), "math")
+_ACROSS = sp.lambdify(_DIRECTION, perpendicular(_DIRECTION, smallest_axis(_DIRECTION)), "math")
+
+
+def robust(d):
+    crossed, size = _ACROSS(*d)
+    first = np.array(crossed) / size
+    return first, np.cross(d / np.linalg.norm(d), first)
+
+
 SIZES = st.floats(-1, 1).flatmap(lambda x: st.integers(-12, 0).map(lambda k: x * 10.0**k))
 
 
 @given(st.tuples(SIZES, SIZES, SIZES).filter(lambda d: max(map(abs, d)) > 1e-13))
 def test_the_projection_vector_is_regular_in_every_direction(d):
     d = np.array(d) / np.linalg.norm(d)
-    first = np.array(_ACROSS(*d))
-    second = np.cross(d, first)
-    frame = np.array([d, first, second])
+    frame = np.array([d, *robust(d)])
     assert np.max(np.abs(frame @ frame.T - np.eye(3))) < 1e-15
 
 
@@ -351,7 +357,17 @@ def shown(*arguments):
     return done.stdout
 
 
-def test_show():
+PENDULUM = """
+symgen = 1
+[points]
+O = { at = ["0 m", "0 m", "0 m"], ground = true }
+A = { at = ["1 m", "0 m", "0 m"] }
+[links]
+p = { points = ["O", "A"], mass = "1 kg" }
+"""
+
+
+def test_show(tmp_path):
     text = shown("peaucellier", "momentum")
     assert "OA_moment: Eq. (12): rate of the moment of momentum of OA, AB, AD about O" in text
     assert "Eq. (14)" in text and "Eq. (15)" in text and "OA_A_lever_x = " in text
@@ -363,6 +379,12 @@ def test_show():
     assert "matrix at the start" in numbers and "rhs at the start" in numbers
     with pytest.raises(symgen.SymgenError, match="holds unknowns"):
         shown("four_bar", "momentum.crank_moment", "--format", "numeric")
+    spatial = tmp_path / "pendulum.toml"
+    spatial.write_text(PENDULUM)
+    assert "p_t1_x = (p_dy*p_e_z - p_dz*p_e_y)/p_across" in shown(str(spatial), "momentum")
+    assert "p_t2 " in shown(str(spatial), "momentum", "--format", "numeric")
+    with pytest.raises(symgen.SymgenError, match="chosen by cases"):
+        shown(str(spatial), "momentum", "--format", "c")
     with pytest.raises(symgen.SymgenError, match="Did you mean 'crank_moment'"):
         shown("four_bar", "momentum.crank_momet")
 
@@ -415,11 +437,6 @@ def chain_system(place, speed, rods, gravity, *, own_mass=False, couples=None, p
         rows.append(length)
         rhs.append([-rate @ rate])
     return np.vstack(rows)[:, dim:], np.concatenate(rhs)
-
-
-def robust(d):
-    first = np.array(_ACROSS(*d))
-    return first, np.cross(d / np.linalg.norm(d), first)
 
 
 def from_reference(name):
