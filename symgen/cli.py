@@ -153,7 +153,7 @@ def show(
     matrix: Annotated[
         str | None,
         typer.Argument(
-            help="A matrix; all are listed without it. 'momentum': the momentum rows, 'momentum.NAME': one."
+            help="A matrix; all are listed without it. momentum_rows for all of these, momentum_rows.NAME for one."
         ),
     ] = None,
     form: Annotated[
@@ -168,14 +168,14 @@ def show(
     from symgen.report import equations
 
     changes = _changes(set_)
-    momentum, _, row = (matrix or "").partition(".")
+    form_of, _, row = (matrix or "").partition(".")
     if model in BLOCKS:
         system = BLOCKS[model]()
     else:
         from symgen.scene.loading import override, read_scene
 
         text = override(read_scene(model), changes)
-        system = momentum_rows(text) if momentum == "momentum" else derive(text)
+        system = momentum_rows(text) if form_of == "momentum_rows" else derive(text)
     if matrix is None:
         from symgen.report.tables import table
 
@@ -184,7 +184,7 @@ def show(
         _console().print(shown)
         return
     built = build_model(model, set=changes) if form == "numeric" and model not in BLOCKS else None
-    if matrix == "momentum" and model not in BLOCKS:
+    if matrix == "momentum_rows" and model not in BLOCKS:
         print(equations.show_rows(system, form, built))
     else:
         print(equations.show(system, row or matrix, form, built))

@@ -124,7 +124,9 @@ def _as_numbers(system: System, matrix: NamedMatrix, model: Model | None) -> str
         known[definition.quantity.symbol] = definition.expression.xreplace(known).evalf(17)
     numbers = matrix.matrix.xreplace(known).evalf(12)
     if numbers.free_symbols:
-        raise ModelError(f"{matrix.name} holds unknowns; 'momentum' as numbers is the system that gives them")
+        raise ModelError(
+            f"{matrix.name} holds unknowns; 'momentum_rows' as numbers is the system that gives them"
+        )
     head = f"{matrix.name} at the start [{matrix.unit}]"
     rows = matrix.rows or tuple(str(i) for i in range(numbers.rows))
     width = max(map(len, rows))
