@@ -153,7 +153,7 @@ def show(
     matrix: Annotated[
         str | None,
         typer.Argument(
-            help="A matrix; all are listed without it. momentum_rows for all of these, momentum_rows.NAME for one."
+            help="A matrix; all are listed without it. momentum_rows for those, momentum_rows.NAME for one."
         ),
     ] = None,
     form: Annotated[
