@@ -163,7 +163,7 @@ class MomentumForm(Outboard):
     @cached_property
     def reactions(self) -> dict[str, tuple[Quantity, ...]]:
         """Reaction at each ground point, but for rails, whose guides put forces on them that no row tells."""
-        rails = {g.along for g in self.linkage.guides}
+        rails = {g.along for g in self.linkage.guides} & set(self.model.idle)
         ends = {p for k in self.linkage.links if k.name in rails for p in (k.start, k.end)}
         return {
             p: self.unknown_force(f"{p}_reaction", f"reaction at {p}")

@@ -230,6 +230,25 @@ def test_guides_drives_and_moving_ground():
         assert found[f"{name}_lambda"] == pytest.approx(expected.multipliers[name], rel=1e-11)
 
 
+def test_a_body_that_hangs_on_its_third_point():
+    points = {
+        "O": {"at": ["0 m", "0 m"], "ground": True},
+        "A": {"at": ["0.5 m", "-0.2 m"]},
+        "B": {"at": ["-0.3 m", "-0.6 m"]},
+        "C": {"at": ["0.2 m", "-1.1 m"]},
+        "D": {"at": ["0.9 m", "-0.8 m"]},
+    }
+    body = {"mass": "2 kg", "inertia": "0.3 kg*m^2"}
+    links = {
+        "top": {"points": ["A", "B", "O"], "centre": ["0.1 m", "-0.4 m"], **body},
+        "low": {"points": ["C", "D", "A"], "centre": ["0.4 m", "-0.9 m"], **body},
+    }
+    gravity = {"acceleration": ["0 m/s^2", "-9.81 m/s^2"]}
+    scene = symgen.Scene(points=points, links=links, gravity=gravity)
+    model = symgen.build(scene)
+    agrees(solved(momentum_rows(scene), model, model.initial_state()), model, model.accelerations())
+
+
 def prismatic():
     n = reference("rods_prismatic_planar")
     points = {
