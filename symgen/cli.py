@@ -164,7 +164,7 @@ def show(
     """Show the derived equations."""
     from symgen.models import BLOCKS
     from symgen.pipeline import build as build_model
-    from symgen.pipeline import derive, momentum_rows
+    from symgen.pipeline import derive
     from symgen.report import equations
 
     changes = _changes(set_)
@@ -175,7 +175,14 @@ def show(
         from symgen.scene.loading import override, read_scene
 
         text = override(read_scene(model), changes)
-        system = momentum_rows(text) if form_of == "momentum_rows" else derive(text)
+        if form_of == "momentum_rows":
+            from symgen.models.momentum import momentum_system
+            from symgen.scene.loading import check_scene
+            from symgen.scene.resolve import resolve
+
+            system = momentum_system(resolve(check_scene(text)))
+        else:
+            system = derive(text)
     if matrix is None:
         from symgen.report.tables import table
 

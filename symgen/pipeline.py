@@ -114,14 +114,6 @@ def derive(scene: Scene | SceneText | str | os.PathLike[str]) -> System:
     return linkage_system(resolve(check_scene(_text_of(scene))))
 
 
-def momentum_rows(scene: Scene | SceneText | str | os.PathLike[str]) -> System:
-    """Return the equations of a scene as momentum rows, the source's own form, for inspection."""
-    from symgen.models.momentum import momentum_system
-    from symgen.scene.resolve import resolve
-
-    return momentum_system(resolve(check_scene(_text_of(scene))))
-
-
 def shipped_sources() -> list[SourceFile]:
     """Generate everything that belongs under ``generated/``, in memory."""
     from symgen.codegen.emit import emit, equations_hash
