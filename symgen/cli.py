@@ -156,7 +156,12 @@ def run(
 @app.command()
 def show(
     model: Annotated[str, typer.Argument(help="A scene, or a building block: rod, rod_spatial.")],
-    matrix: Annotated[str | None, typer.Argument(help="A matrix; without it all are listed.")] = None,
+    matrix: Annotated[
+        str | None,
+        typer.Argument(
+            help="A matrix; all are listed without it. momentum_rows for those, momentum_rows.NAME for one."
+        ),
+    ] = None,
     form: Annotated[
         str, typer.Option("--format", help="unicode, latex, c, or numeric (at the start).")
     ] = "unicode",
@@ -169,12 +174,21 @@ def show(
     from symgen.report import equations
 
     changes = _changes(set_)
+    form_of, _, row = (matrix or "").partition(".")
     if model in BLOCKS:
         system = BLOCKS[model]()
     else:
         from symgen.scene.loading import override, read_scene
 
-        system = derive(override(read_scene(model), changes))
+        text = override(read_scene(model), changes)
+        if form_of == "momentum_rows":
+            from symgen.models.momentum import momentum_system
+            from symgen.scene.loading import check_scene
+            from symgen.scene.resolve import resolve
+
+            system = momentum_system(resolve(check_scene(text)))
+        else:
+            system = derive(text)
     if matrix is None:
         from symgen.report.tables import table
 
@@ -183,7 +197,10 @@ def show(
         _console().print(shown)
         return
     built = build_model(model, set=changes) if form == "numeric" and model not in BLOCKS else None
-    print(equations.show(system, matrix, form, built))
+    if matrix == "momentum_rows" and model not in BLOCKS:
+        print(equations.show_rows(system, form, built))
+    else:
+        print(equations.show(system, row or matrix, form, built))
 
 
 @app.command()

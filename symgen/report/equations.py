@@ -28,29 +28,50 @@ def show(system: System, name: str, form: str, model: Model | None = None) -> st
     ModelError
         When there is no such form, or numbers are asked for where there is no state.
     """
-    if form not in FORMATS:
-        raise ModelError(f"there is no format {form!r}. {nearest(form, FORMATS)}")
+    _check(form)
     matrix = system[name]
     if form == "c":
         return _as_c(system, matrix)
     if form == "numeric":
         return _as_numbers(system, matrix, model)
+    return _as_text(system, [matrix], form)
+
+
+def show_rows(system: System, form: str, model: Model | None = None) -> str:
+    """Return the momentum rows in one form: each by itself, and as numbers the square system they make."""
+    _check(form)
+    whole = ("matrix", "rhs")
+    rows = [m for m in system.matrices if m.name not in whole]
+    if form in ("c", "numeric"):
+        names = whole if form == "numeric" else tuple(m.name for m in rows)
+        return "\n\n".join(show(system, name, form, model) for name in names)
+    return _as_text(system, rows, form)
+
+
+def _check(form: str) -> None:
+    if form not in FORMATS:
+        raise ModelError(f"there is no format {form!r}. {nearest(form, FORMATS)}")
+
+
+def _as_text(system: System, matrices: list[NamedMatrix], form: str) -> str:
+    """Return matrices for reading, then the shared subexpressions that any of them uses."""
     definitions = [(d.quantity.symbol, d.expression) for d in system.definitions]
-    used = _used(matrix.matrix, dict(definitions))
-    write = (lambda e: sp.pretty(e, use_unicode=True, wrap_line=False)) if form == "unicode" else sp.latex
-    lines = [write(matrix.matrix)]
+    used = _used(matrices, dict(definitions))
     shared = [(s, e) for s, e in definitions if s in used]
     if form == "latex":
-        lines += [rf"{sp.latex(s)} &= {sp.latex(e)} \\" for s, e in shared]
-        return "\n".join([rf"% {matrix.description} [{matrix.unit}]", *lines])
-    lines += ["", "with"] if shared else []
-    lines += [f"  {s} = {e}" for s, e in shared]
-    return "\n".join([f"{matrix.name}: {matrix.description} [{matrix.unit}]", "", *lines])
+        lines = [f"% {m.description} [{m.unit}]\n{sp.latex(m.matrix)}" for m in matrices]
+        return "\n".join([*lines, *(rf"{sp.latex(s)} &= {sp.latex(e)} \\" for s, e in shared)])
+    lines = []
+    for m in matrices:
+        written = sp.pretty(m.matrix, use_unicode=True, wrap_line=False)
+        lines += [f"{m.name}: {m.description} [{m.unit}]", "", written, ""]
+    lines += ["with", *(f"  {s} = {e}" for s, e in shared)] if shared else []
+    return "\n".join(lines if shared else lines[:-1])
 
 
-def _used(matrix: sp.ImmutableMatrix, definitions: dict[sp.Symbol, sp.Expr]) -> set[sp.Symbol]:
+def _used(matrices: list[NamedMatrix], definitions: dict[sp.Symbol, sp.Expr]) -> set[sp.Symbol]:
     found: set[sp.Symbol] = set()
-    waiting = list(matrix.free_symbols)
+    waiting = [s for m in matrices for s in m.matrix.free_symbols]
     while waiting:
         symbol = waiting.pop()
         if symbol in definitions and symbol not in found:
@@ -62,6 +83,11 @@ def _used(matrix: sp.ImmutableMatrix, definitions: dict[sp.Symbol, sp.Expr]) -> 
 def _as_c(system: System, matrix: NamedMatrix) -> str:
     from dataclasses import replace
 
+    if any(d.expression.has(sp.Piecewise) for d in system.definitions):
+        raise ModelError(
+            f"{matrix.name}: its directions are chosen by cases, which straight-line C does not have\n"
+            "  Use --format unicode, latex or numeric."
+        )
     export = Export(matrix.name, matrix.description, (matrix.name,))
     program = lower_system(replace(system, exports=(export,), saddle_point=None))
     kernel = program.kernels[0]
@@ -91,9 +117,16 @@ def _as_numbers(system: System, matrix: NamedMatrix, model: Model | None) -> str
     known = {
         x.symbol: sp.Float(value, 17)
         for group in system.groups
+        if group.name in values
         for x, value in zip(group.quantities, values[group.name], strict=True)
     }
-    numbers = system.expanded(matrix.name).xreplace(known).evalf(12)
+    for definition in system.definitions:
+        known[definition.quantity.symbol] = definition.expression.xreplace(known).evalf(17)
+    numbers = matrix.matrix.xreplace(known).evalf(12)
+    if numbers.free_symbols:
+        raise ModelError(
+            f"{matrix.name} holds unknowns; 'momentum_rows' as numbers is the system that gives them"
+        )
     head = f"{matrix.name} at the start [{matrix.unit}]"
     rows = matrix.rows or tuple(str(i) for i in range(numbers.rows))
     width = max(map(len, rows))

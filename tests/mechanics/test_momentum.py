@@ -1,0 +1,576 @@
+"""The momentum rows: equal to T^T (M a - f), equal in their solution, and where the printed text is wrong."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+import sympy as sp
+from conftest import reference
+from hypothesis import given
+from hypothesis import strategies as st
+from random_mechanisms import draw, random_pose
+from typer.testing import CliRunner
+
+import symgen
+from symgen.cli import app
+from symgen.errors import DerivationError
+from symgen.mechanics.momentum import open_tree, particles, perpendicular, smallest_axis, transverse
+from symgen.mechanics.particles import end_mass, particle_masses
+from symgen.models import outboard
+from symgen.models.momentum import momentum_system
+from symgen.scene.resolve import resolve
+
+DIGITS = 30
+CHAINS_AND_TREES = [
+    (dimension, kind, count, free)
+    for dimension in (2, 3)
+    for kind, count in (("chain", 3), ("tree", 5), ("bodies", 4))
+    for free in (False, True)
+    if not (dimension == 3 and kind == "bodies")
+]
+
+
+def momentum_rows(scene):
+    """The momentum rows of a scene, or of a shipped one by its name."""
+    return momentum_system(resolve(symgen.load_scene(scene) if isinstance(scene, str) else scene))
+
+
+def named(case):
+    return "-".join(map(str, case))
+
+
+def random_scene(case):
+    dimension, kind, count, free = case
+    rng = np.random.default_rng([dimension, len(kind), count])
+    scene, minimal, drawn, _ = draw(rng, dimension, count, kind, free)
+    return rng, scene, minimal, drawn
+
+
+# --- the identity ---------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("case", CHAINS_AND_TREES, ids=named)
+def test_momentum_rows_are_the_projected_equations(case):
+    """Row of body j = T_j^T (M a - f), T_j = turn everything outboard of j about its inner joint; any u and a."""
+    rng, scene, _, _ = random_scene(case)
+    system, rows = symgen.derive(scene), momentum_rows(scene)
+    values = numbers(rng, scene, system, rows)
+
+    for of in (system, rows):
+        for definition in of.definitions:
+            values[definition.quantity.symbol] = definition.expression.xreplace(values).evalf(DIGITS + 5)
+
+    def at(of, name):
+        return sp.Matrix(of[name].matrix.xreplace(values).evalf(DIGITS + 5))
+
+    a = sp.Matrix([values[x.symbol] for x in rows.group("x").quantities if "_a" in x.name])
+    residual = at(system, "mass_matrix") * a - at(system, "force")
+    free = [x.name.rpartition("_")[0] for x in system.group("q").quantities][:: case[0]]
+    place = {p: sp.Matrix([sp.Rational(str(x)) for x in words_of(scene, p)]) for p in scene.points}
+    root = next((p for p in scene.points if scene.points[p].ground), next(iter(scene.points)))
+    checked = 0
+    for name, link in scene.links.items():
+        inner, outboard_points = split(scene, name, root)
+        for row, (axis, entry) in enumerate(
+            zip(axes(place, link.points), at(rows, f"{name}_moment"), strict=True)
+        ):
+            motion = [turn(axis, place[p] - place[inner]) if p in outboard_points else None for p in free]
+            work = sum(
+                (m.dot(residual[case[0] * i : case[0] * (i + 1), 0]) for i, m in enumerate(motion) if m),
+                sp.Integer(0),
+            )
+            assert abs(work - entry) < 10**-DIGITS * (1 + abs(work)), (name, row)
+            checked += 1
+    if case[3]:
+        sums = [sum(residual[i :: case[0], 0]) for i in range(case[0])]
+        (linear,) = [m.name for m in rows.matrices if m.name.endswith("_momentum")]
+        assert max(abs(x - y) for x, y in zip(sums, at(rows, linear), strict=True)) < 10**-DIGITS * 1000
+    assert checked == case[2] * (case[0] - 1)
+
+
+def words_of(scene, point):
+    return [word.split()[0] for word in scene.points[point].at]
+
+
+def numbers(rng, scene, system, rows):
+    """The pose as drawn, exactly; any velocities and accelerations."""
+    values = {}
+    drawn = {
+        f"{p}_{axis}": x for p in scene.points for axis, x in zip("xyz", words_of(scene, p), strict=False)
+    }
+    for group in (*system.groups, *rows.groups):
+        for x in group.quantities:
+            given_value = drawn.get(x.name, str(round(float(rng.uniform(-3, 3)), 6)))
+            values.setdefault(x.symbol, sp.Rational(given_value))
+    return values
+
+
+def split(scene, link, root):
+    """The joint of a link on the side of the root, and the points on its other side, by searching the graph."""
+    reached, waiting = {root}, [root]
+    while waiting:
+        point = waiting.pop()
+        for name, other in scene.links.items():
+            if name != link and point in other.points:
+                waiting += set(other.points) - reached
+                reached |= set(other.points)
+    (inner,) = [p for p in scene.links[link].points if p in reached]
+    return inner, set(scene.points) - reached
+
+
+def axes(place, points):
+    """The axis of the plane, or the two directions across a link in space."""
+    d = place[points[1]] - place[points[0]]
+    if len(d) == 2:
+        return [None]
+    k = min(range(3), key=lambda i: abs(d[i]))
+    first = d.cross(sp.Matrix([int(i == k) for i in range(3)])).normalized()
+    return [first, d.normalized().cross(first)]
+
+
+def turn(axis, arm):
+    return sp.Matrix([-arm[1], arm[0]]) if axis is None else axis.cross(arm).evalf(DIGITS + 5)
+
+
+# --- the solution ---------------------------------------------------------------------------------------------
+
+
+def in_numbers(rows):
+    """A and b as a function of t, q, u and p, through the shared subexpressions."""
+    symbols = [x.symbol for g in rows.groups if g.name != "x" for x in g.quantities]
+    shared = [(d.quantity.symbol, d.expression) for d in rows.definitions]
+    entries = [list(rows[n].matrix) for n in ("matrix", "rhs")]
+    return sp.lambdify(symbols, entries, "math", cse=lambda e: (shared, e))
+
+
+def solved(rows, model, state, function=None):
+    """Solve the momentum rows with the constraints densely; unknowns by name."""
+    values = [state.t, *state.q, *state.u, *model.parameters.values()]
+    a, b = (np.array(x, dtype=float) for x in (function or in_numbers(rows))(*values))
+    a, b = a.reshape(len(b), len(b)), b[:, None]
+    scale = np.max(np.abs(a), axis=1, keepdims=True)
+    x = np.linalg.solve(a / scale, b / scale)[:, 0]
+    return dict(zip(rows["matrix"].columns, x.tolist(), strict=True))
+
+
+def agrees(found, model, expected):
+    axes = model.description.axes
+    size = max(np.max(np.abs(a)) for a in expected.points.values())
+    for p in model.description.free:
+        mine = [found[f"{p}_a{axis}"] for axis in axes]
+        assert np.max(np.abs(mine - expected[p])) <= 1e-12 * size, p
+    forces = {p: [found[f"{p}_reaction_{axis}"] for axis in axes] for p in model.description.ground
+              if f"{p}_reaction_x" in found}  # fmt: skip
+    size = max((np.max(np.abs(r)) for r in expected.reactions.values()), default=0)
+    for p, force in forces.items():
+        assert np.max(np.abs(force - expected.reactions[p])) <= 1e-12 * size, p
+    return forces
+
+
+SOLVED = [
+    *CHAINS_AND_TREES,
+    (2, "loop", 6, False),
+    (2, "loop", 7, True),
+    (3, "loop", 5, False),
+    (3, "loop", 6, True),
+]
+
+
+@pytest.mark.parametrize("case", SOLVED, ids=named)
+def test_the_rows_have_the_solution_of_the_model(case):
+    rng, scene, minimal, drawn = random_scene(case)
+    model, rows = symgen.build(scene, backend="numpy"), momentum_rows(scene)
+    function = in_numbers(rows)
+    for _ in range(3):
+        pose, _ = random_pose(rng, minimal, drawn)
+        points, _, _ = minimal.motion(pose)
+        speeds = minimal.speeds(pose)
+        state = model.state(
+            {p: points[p].value.astype(float) for p in model.description.free},
+            {p: (points[p].slope @ speeds).astype(float) for p in model.description.free},
+            t=0.3,
+        )
+        found, expected = solved(rows, model, state, function), model.accelerations(state)
+        forces = agrees(found, model, expected)
+        assert set(forces) == set(minimal.mechanism.ground)
+
+
+@pytest.mark.parametrize("scene", symgen.shipped_scenes())
+def test_shipped_scenes(scene):
+    model = symgen.build(scene)
+    agrees(solved(momentum_rows(scene), model, model.initial_state()), model, model.accelerations())
+
+
+def test_guides_drives_and_moving_ground():
+    """Forces of guides and the torque of a drive are unknowns beside the accelerations."""
+    scene = symgen.Scene(
+        parameters={"rate": "1 rad/s", "shake": "3 cm"},
+        points={
+            "O": {"at": ["0 m", "0 m"], "ground": True, "motion": ["shake*cos(3*rate*t)", "0 m"]},
+            "E": {"at": ["3 m", "0 m"], "ground": True},
+            "F": {"at": ["3 m", "0.5 m"], "ground": True},
+            "A": {"at": ["0.33 m", "0 m"]},
+            "B": {"at": ["1.3 m", "0.2 m"]},
+            "S": {"at": ["0.6 m", "0 m"]},
+            "T": {"at": ["1.1 m", "0.5 m"]},
+        },
+        links={
+            "crank": {"points": ["O", "A"], "mass": "1 kg", "length": "0.3 m"},
+            "rod": {"points": ["A", "B"], "mass": "2 kg"},
+            "rail": {"points": ["E", "F"]},
+            "slider": {"points": ["S", "T"], "mass": "0.7 kg"},
+            "wall": {"points": ["O", "E"]},
+        },
+        gravity={"acceleration": ["0 m/s^2", "-9.81 m/s^2"]},
+        guides=[{"points": ["S"], "along": "rod"}, {"points": ["B"], "along": "wall"}],
+        drivers=[{"link": "crank", "angle": "0.4 + 5*t*rate"}],
+        springs=[{"between": ["T", "F"], "stiffness": "9 N/m", "length": "1 m", "damping": "2 N*s/m"}],
+    )
+    model, rows = symgen.build(scene), momentum_rows(scene)
+    found, expected = solved(rows, model, model.initial_state()), model.accelerations()
+    agrees(found, model, expected)
+    for name in ("crank_drive", "guide_0_S", "guide_1_B"):
+        assert found[f"{name}_lambda"] == pytest.approx(expected.multipliers[name], rel=1e-11)
+
+
+def test_a_body_that_hangs_on_its_third_point():
+    points = {
+        "O": {"at": ["0 m", "0 m"], "ground": True},
+        "A": {"at": ["0.5 m", "-0.2 m"]},
+        "B": {"at": ["-0.3 m", "-0.6 m"]},
+        "C": {"at": ["0.2 m", "-1.1 m"]},
+        "D": {"at": ["0.9 m", "-0.8 m"]},
+    }
+    body = {"mass": "2 kg", "inertia": "0.3 kg*m^2"}
+    links = {
+        "top": {"points": ["A", "B", "O"], "centre": ["0.1 m", "-0.4 m"], **body},
+        "low": {"points": ["C", "D", "A"], "centre": ["0.4 m", "-0.9 m"], **body},
+    }
+    gravity = {"acceleration": ["0 m/s^2", "-9.81 m/s^2"]}
+    scene = symgen.Scene(points=points, links=links, gravity=gravity)
+    model = symgen.build(scene)
+    agrees(solved(momentum_rows(scene), model, model.initial_state()), model, model.accelerations())
+
+
+def prismatic():
+    n = reference("rods_prismatic_planar")
+    points = {
+        f"P{i}": {"at": [f"{x} m" for x in at], "ground": i in n["fixed"]} for i, at in enumerate(n["pos"])
+    }
+    links = {}
+    for k, rod in enumerate(n["rods"]):
+        m, lc, io, l = (float(rod[key]) for key in ("m", "lc", "Io", "l"))
+        links[f"L{k}"] = {"points": [f"P{rod['i']}", f"P{rod['j']}"], "mass": f"{m!r} kg", "centre": lc / l,
+                          "inertia": f"{io - m * lc**2!r} kg*m^2"}  # fmt: skip
+    gravity = {"acceleration": [f"{g} m/s^2" for g in n["gravity"]]}
+    scene = symgen.Scene(
+        points=points, links=links, gravity=gravity, guides=[{"points": ["P2", "P3"], "along": "L0"}]
+    )
+    place, speed = ({f"P{i}": [float(x) for x in v] for i, v in enumerate(n[key])} for key in ("pos", "vel"))
+    return n, scene, place, speed
+
+
+def test_prismatic_joint_needs_the_axial_row():
+    """Turning both bodies and sliding the outer one give the motion; the text's turning of the outer one does not."""
+    n, scene, place, speed = prismatic()
+    model, rows = symgen.build(scene), momentum_rows(scene)
+    state = model.state(place, speed)
+    found = solved(rows, model, state)
+    agrees(found, model, model.accelerations(state))
+    expected = np.array(n["acc"], dtype=float)[1:].ravel()
+    matrices = {m: symgen.derive(scene)[m].columns or () for m in ("mass_matrix",)}
+    assert matrices["mass_matrix"] == ("P1_x", "P1_y", "P2_x", "P2_y", "P3_x", "P3_y")
+    oracle = {x.symbol: v for g, vs in (("q", state.q), ("u", state.u))
+              for x, v in zip(symgen.derive(scene).group(g).quantities, vs, strict=True)}  # fmt: skip
+    mass, force, jacobian, gamma = (
+        np.array(symgen.derive(scene).expanded(m).xreplace(oracle), dtype=float)
+        for m in ("mass_matrix", "force", "constraint_jacobian", "acceleration_rhs")
+    )
+    q = state.q.reshape(3, 2)
+    u = np.array(place["P1"]) - np.array(place["P0"])
+    turned = np.column_stack([-q[:, 1], q[:, 0]]) - [-place["P0"][1], place["P0"][0]]
+    both = turned.ravel()
+    slide = np.concatenate([np.zeros(2), u, u])
+    alone = np.concatenate([np.zeros(4), [q[1, 1] - q[2, 1], q[2, 0] - q[1, 0]]])
+
+    def square(motion):
+        t = np.array([both, motion])
+        return np.vstack([t @ mass, jacobian]), np.concatenate([t @ force, gamma])[:, 0]
+
+    a, b = square(slide)
+    assert np.linalg.cond(a) < 1e3
+    assert np.max(np.abs(np.linalg.solve(a, b) - expected)) < 1e-12 * np.max(np.abs(expected))
+    assert np.linalg.cond(square(alone)[0]) > 1e15
+    names = rows["matrix"].columns
+    forces = [names.index(f"guide_0_{p}_lambda") for p in ("P2", "P3")]
+    linear = sp.Matrix(rows.expanded("matrix").xreplace(oracle))[
+        [rows["matrix"].rows.index(f"P2_{x}") for x in "xy"], forces
+    ]
+    assert np.max(np.abs(u @ np.array(linear, dtype=float))) < 1e-15 * np.max(np.abs(np.array(linear, float)))
+
+
+# --- the parts ------------------------------------------------------------------------------------------------
+
+
+def test_particles_of_a_body_off_the_line():
+    m, l, c, i, h = sp.symbols("m l c I h", positive=True)
+    found = particles(m, l, c, i, h)
+    ends = end_mass(m, l, c, i, h)
+    z = [along + sp.I * across for _, along, across in found]
+    masses = [p.mass for p in found]
+    assert sp.simplify(sum(masses) - m) == 0
+    s1 = sum(x * k for x, k in zip(masses, z, strict=True))
+    s2 = sum(x * k * sp.conjugate(k) for x, k in zip(masses, z, strict=True))
+    assert sp.simplify(s1 - m * (c + sp.I * h) / l) == 0
+    assert sp.simplify(s2 - ends.a22) == 0
+    assert [p.mass for p in particles(m, l, c, i)] == list(particle_masses(m, l, c, i))
+
+
+def test_a_loop_is_cut_where_it_is_reached_twice():
+    tree = open_tree("OE", "ABCD", {k: list(k) for k in ("OA", "AB", "BC", "CD", "DE", "BE", "AD")})
+    assert tree.inner["OA"] == "O" and tree.inner["DE"] == tree.inner["BE"] == "E"
+    assert len(tree.cuts) == 3 and tree.roots == ()
+    free = open_tree("", "PQR", {"a": "PQ", "b": "QR"})
+    assert free.roots == ("P",) and free.outboard("a") == (("a", "b"), ("Q", "R"))
+    assert free.beyond("P") == (("a", "b"), ("P", "Q", "R"))
+
+
+_DIRECTION = sp.symbols("x y z", real=True)
+_ACROSS = sp.lambdify(_DIRECTION, perpendicular(_DIRECTION, smallest_axis(_DIRECTION)), "math")
+
+
+def robust(d):
+    crossed, size = _ACROSS(*d)
+    first = np.array(crossed) / size
+    return first, np.cross(d / np.linalg.norm(d), first)
+
+
+SIZES = st.floats(-1, 1).flatmap(lambda x: st.integers(-12, 0).map(lambda k: x * 10.0**k))
+
+
+@given(st.tuples(SIZES, SIZES, SIZES).filter(lambda d: max(map(abs, d)) > 1e-13))
+def test_the_projection_vector_is_regular_in_every_direction(d):
+    d = np.array(d) / np.linalg.norm(d)
+    frame = np.array([d, *robust(d)])
+    assert np.max(np.abs(frame @ frame.T - np.eye(3))) < 1e-15
+
+
+def test_rows_that_miss_something_are_refused(monkeypatch):
+    """The rows are shown only when particles and loads do the work of M a - f."""
+    monkeypatch.setattr(outboard, "particles", lambda *of: particles(of[0], of[1], of[1] / 2, of[3], of[4]))
+    with pytest.raises(DerivationError, match="momentum rows are not known"):
+        momentum_rows("triple_pendulum")
+    monkeypatch.undo()
+    monkeypatch.setattr(outboard.Outboard, "couples", lambda *_: iter(()))
+    points = {"O": {"at": [0, 0], "ground": True}, "A": {"at": ["2 m", 0]}}
+    links = {"crank": {"points": ["O", "A"], "mass": "3 kg"}}
+    torques = [{"link": "crank", "torque": "8 N*m"}]
+    with pytest.raises(DerivationError, match="momentum rows are not known"):
+        momentum_rows(symgen.Scene(points=points, links=links, torques=torques))
+
+
+# --- shown ----------------------------------------------------------------------------------------------------
+
+
+def shown(*arguments):
+    done = CliRunner().invoke(app, ["show", *arguments])
+    if done.exception and not isinstance(done.exception, SystemExit):
+        raise done.exception
+    return done.stdout
+
+
+PENDULUM = """
+symgen = 1
+[points]
+O = { at = ["0 m", "0 m", "0 m"], ground = true }
+A = { at = ["1 m", "0 m", "0 m"] }
+[links]
+p = { points = ["O", "A"], mass = "1 kg" }
+"""
+
+
+def test_show(tmp_path):
+    text = shown("peaucellier", "momentum_rows")
+    assert "OA_moment: Eq. (12): rate of the moment of momentum of OA, AB, AD about O" in text
+    assert "Eq. (14)" in text and "Eq. (15)" in text and "OA_A_lever_x = " in text
+    assert text.count("\nwith\n") == 1
+    assert shown("peaucellier", "momentum_rows.OA_length").startswith("OA_length: Eq. (14)")
+    assert r"\begin{matrix}" in shown("peaucellier", "momentum_rows", "--format", "latex")
+    assert "out[0] = " in shown("four_bar", "momentum_rows.crank_moment", "--format", "c")
+    numbers = shown("four_bar", "momentum_rows", "--format", "numeric")
+    assert "matrix at the start" in numbers and "rhs at the start" in numbers
+    with pytest.raises(symgen.SymgenError, match="holds unknowns"):
+        shown("four_bar", "momentum_rows.crank_moment", "--format", "numeric")
+    spatial = tmp_path / "pendulum.toml"
+    spatial.write_text(PENDULUM)
+    assert "p_t1_x = (p_dy*p_e_z - p_dz*p_e_y)/p_across" in shown(str(spatial), "momentum_rows")
+    assert "p_t2 " in shown(str(spatial), "momentum_rows", "--format", "numeric")
+    with pytest.raises(symgen.SymgenError, match="chosen by cases"):
+        shown(str(spatial), "momentum_rows", "--format", "c")
+    with pytest.raises(symgen.SymgenError, match="Did you mean 'crank_moment'"):
+        shown("four_bar", "momentum_rows.crank_momet")
+
+
+def test_every_symbol_and_row_has_a_unit_and_a_source():
+    rows = momentum_rows(random_scene((3, "tree", 5, False))[1])
+    assert "Eq. (13)" in rows["L0_moment"].description and rows["L0_moment"].unit == "N*m"
+    assert all(x.unit and x.description for x in rows.quantities())
+
+
+def test_a_build_does_not_derive_them():
+    program = "import sys, symgen; symgen.build('four_bar'); print('symgen.models.momentum' in sys.modules)"
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "False"
+
+
+# --- errata of the text ---------------------------------------------------------------------------------------
+
+
+def chain_system(place, speed, rods, gravity, *, own_mass=False, couples=None, project=None):
+    """Eqs. (12), (13) and (14) of a pinned chain as printed, in numbers: A a = b.
+
+    ``own_mass`` takes m_{2i+1} for the third particle of rod i alone; ``couples`` are couples on the rods, taken
+    whole; ``project`` gives the two directions of Eq. (13).
+    """
+    n, dim = len(rods), place.shape[1]
+    rows, rhs = [], []
+
+    def skew(h):
+        return np.array([[-h[1], h[0]]]) if dim == 2 else np.cross(h, np.eye(3)).T
+
+    for j in range(n):
+        left, right = np.zeros((2 * dim - 3, (n + 1) * dim)), np.zeros(2 * dim - 3)
+        for i in range(j, n):
+            m, lc, l, masses = rods[i]["m"], rods[i]["lc"], rods[i]["l"], list(rods[i]["particles"])
+            end = masses[2] + (0 if own_mass or i + 1 == n else rods[i + 1]["particles"][0])
+            a, b = place[i] - place[j], place[i + 1] - place[j]
+            middle = (a + b) / 2
+            left[:, i * dim : (i + 1) * dim] += masses[1] / 2 * skew(middle)
+            left[:, (i + 1) * dim : (i + 2) * dim] += end * skew(b) + masses[1] / 2 * skew(middle)
+            right += skew(a + lc / l * (b - a)) @ (m * gravity)
+            if couples is not None:
+                right += couples[i]
+        axes = np.eye(1) if dim == 2 else np.array(project(place[j + 1] - place[j]))
+        rows.append(axes @ left)
+        rhs.append(axes @ right)
+        d, rate = place[j + 1] - place[j], speed[j + 1] - speed[j]
+        length = np.zeros((1, (n + 1) * dim))
+        length[0, j * dim : (j + 1) * dim], length[0, (j + 1) * dim : (j + 2) * dim] = -d, d
+        rows.append(length)
+        rhs.append([-rate @ rate])
+    return np.vstack(rows)[:, dim:], np.concatenate(rhs)
+
+
+def from_reference(name):
+    n = reference(name)
+    place, speed, acc = (np.array(n[k], dtype=float) for k in ("pos", "vel", "acc"))
+    rods = [{k: float(r[k]) for k in ("m", "lc", "l", "Io")} | {"particles": [float(x) for x in r["particles"]]}
+            for r in n["rods"]]  # fmt: skip
+    return n, place, speed, acc[1:].ravel(), rods, np.array(n["gravity"], dtype=float)
+
+
+def test_erratum_joint_masses_are_those_of_both_rods():
+    """With the rod's own third particle in Eq. (12) the accelerations are wrong by their own size."""
+    _, place, speed, exact, rods, gravity = from_reference("rods_triple_pendulum_planar")
+    right = np.linalg.solve(*chain_system(place, speed, rods, gravity))
+    assert np.max(np.abs(right - exact)) < 1e-12 * np.max(np.abs(exact))
+    wrong = np.linalg.solve(*chain_system(place, speed, rods, gravity, own_mass=True))
+    assert np.max(np.abs(wrong - exact)) > 0.3 * np.max(np.abs(exact))
+    rng, errors = np.random.default_rng(3), []
+    for _ in range(20):
+        place, speed, rods, _, _ = three_rods(rng)
+        gravity = np.array([0, 0, -9.81])
+        exact = symmetric(place, speed, rods, gravity, np.zeros((3, 3)))
+        for own_mass, expected in ((False, True), (True, False)):
+            a, b = chain_system(place, speed, rods, gravity, own_mass=own_mass, project=robust)
+            error = np.max(np.abs(np.linalg.solve(a, b) - exact)) / np.max(np.abs(exact))
+            assert (error < 1e-12) == expected
+            errors.append(error)
+    assert np.median(errors[1::2]) > 0.3
+
+
+def three_rods(rng):
+    """A chain of three rods in space in any pose, with couples of any direction on them."""
+    d = rng.standard_normal((3, 3))
+    lengths = np.linalg.norm(d, axis=1)
+    place = np.vstack([np.zeros(3), np.cumsum(d, axis=0)])
+    w = rng.standard_normal((3, 3))
+    speed = np.vstack([np.zeros(3), np.cumsum(np.cross(w, d), axis=0)])
+    rods = []
+    for l in lengths:
+        m, lc, ic = rng.uniform(0.5, 2), l * rng.uniform(0.2, 0.8), rng.uniform(0.03, 0.2)
+        masses = [float(x) for x in particle_masses(m, l, lc, m * l**2 * ic)]
+        rods.append({"m": m, "lc": lc, "l": l, "particles": masses, "Io": m * l**2 * ic + m * lc**2})
+    return place, speed, rods, d, lengths
+
+
+def symmetric(place, speed, rods, gravity, couples):
+    """The same chain by its end masses and multipliers, couples as forces on the ends."""
+    n = len(rods)
+    mass, force = np.zeros((3 * n + 3, 3 * n + 3)), np.zeros(3 * n + 3)
+    jacobian, gamma = np.zeros((n, 3 * n + 3)), np.zeros(n)
+    for i, rod in enumerate(rods):
+        m, lc, l, io = (rod[k] for k in ("m", "lc", "l", "Io"))
+        d, at = place[i + 1] - place[i], slice(3 * i, 3 * i + 6)
+        a22, a12 = io / l**2, m * lc / l - io / l**2
+        mass[at, at] += np.kron([[m - 2 * m * lc / l + a22, a12], [a12, a22]], np.eye(3))
+        pair = np.cross(couples[i], d) / l**2
+        force[at] += np.concatenate([m * (1 - lc / l) * gravity - pair, m * lc / l * gravity + pair])
+        jacobian[i, at] = np.concatenate([-d, d])
+        gamma[i] = -np.sum((speed[i + 1] - speed[i]) ** 2)
+    mass, force, jacobian = mass[3:, 3:], force[3:], jacobian[:, 3:]
+    whole = np.block([[mass, jacobian.T], [jacobian, np.zeros((n, n))]])
+    return np.linalg.solve(whole, np.concatenate([force, gamma]))[: 3 * n]
+
+
+def test_erratum_only_the_part_of_a_couple_across_a_rod_counts():
+    """Taken whole, the axial part on an outer rod leaks into the rows of the inner ones, Eq. (13)."""
+    rng = np.random.default_rng(5)
+    gravity, errors = np.array([0, 0, -9.81]), []
+    for _ in range(20):
+        place, speed, rods, d, lengths = three_rods(rng)
+        couples = 5 * rng.standard_normal((3, 3))
+        exact = symmetric(place, speed, rods, gravity, couples)
+        across = [[float(x) for x in transverse(tuple(c), tuple(a), l)]
+                  for c, a, l in zip(couples, d, lengths, strict=True)]  # fmt: skip
+        size = np.max(np.abs(exact))
+        for taken, expected in ((np.array(across), True), (couples, False)):
+            a, b = chain_system(place, speed, rods, gravity, couples=taken, project=robust)
+            error = np.max(np.abs(np.linalg.solve(a, b) - exact)) / size
+            assert (error < 1e-11) == expected
+            if not expected:
+                errors.append(error)
+    assert min(errors) > 1e-3 and max(errors) > 0.3
+
+
+def literal(d):
+    """The directions of section 2.2 with the principal arc tangent, as printed."""
+    x, y, z = d
+    theta = np.arctan(y / x) if x else np.pi / 2
+    phi = np.arctan(z / np.hypot(x, y)) if x or y else np.pi / 2
+    first = np.array([-np.sin(theta), np.cos(theta), 0])
+    return first, np.array([-np.cos(theta) * np.sin(phi), -np.sin(theta) * np.sin(phi), np.cos(phi)])
+
+
+@pytest.mark.parametrize("azimuth", [20, 160, 250, 340])
+def test_erratum_the_arc_tangent_is_singular_at_45_degrees(azimuth):
+    """For x < 0 the printed second direction is not across the rod; at an elevation of 45 degrees it lies along it."""
+    rods = [{"m": 1.0, "lc": 0.5, "l": 1.0, "particles": [1 / 6, 2 / 3, 1 / 6]}]
+
+    def condition(elevation, project):
+        a, e = np.radians([azimuth, elevation])
+        d = np.array([np.cos(e) * np.cos(a), np.cos(e) * np.sin(a), np.sin(e)])
+        place = np.vstack([np.zeros(3), d])
+        return np.linalg.cond(chain_system(place, 0 * place, rods, np.zeros(3), project=project)[0])
+
+    behind = np.cos(np.radians(azimuth)) < 0
+    for elevation in (-90, -45, -44, 0, 30, 44, 45, 60, 90):
+        assert condition(elevation, robust) < 10
+        if not behind:
+            assert condition(elevation, literal) < 10
+    if behind:
+        assert condition(45, literal) > 1e15 and condition(-45, literal) > 1e15
+        assert 30 < condition(44, literal) < 1000
