@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from symgen.runtime import _core
 from symgen.runtime.evaluate import Evaluator
 
 Array = NDArray[np.float64]
@@ -26,6 +27,9 @@ class Bonds:
         self.description = evaluator.description
         self.n, self.m = self.description.coordinates, len(self.description.constraints)
         self._rest = np.zeros(self.n)
+        self._arguments = np.zeros(1), np.zeros(self.n + 1), np.zeros(self.n + 1)
+        self._work = np.zeros(evaluator.work_size + 1)
+        self._kept: dict[str, tuple[int, Array, Array]] = {}
 
     def residual(self, q: Array, t: float) -> Array:
         """Return Phi over its scale [m], shape (m,)."""
@@ -46,13 +50,25 @@ class Bonds:
     def _scaled(self, kernel: str, q: Array, u: Array, t: float, columns: int = 1) -> Array:
         if not self.m:
             return np.zeros(0)
-        found = self.evaluator("constraints", t, q, u)
+        found = self._call("constraints", q, u, t)
         value, scale = found[: self.m], found[self.m : 2 * self.m]
         if kernel != "constraints":
-            source = self.kinematics if kernel == "acceleration_rhs" else self.evaluator
-            value = source(kernel, t, q, u)
+            value = self._call(kernel, q, u, t)[: self.m * columns]
         scaled: Array = (value.reshape(self.m, columns) / scale[:, None]).ravel()
         return scaled
+
+    def _call(self, kernel: str, q: Array, u: Array, t: float) -> Array:
+        """Call a kernel with arrays that are kept: a curve takes thousands of calls."""
+        if kernel not in self._kept:
+            source = self.kinematics if kernel == "acceleration_rhs" else self.evaluator
+            out = np.zeros(source.info(kernel).out_size + 1)
+            self._kept[kernel] = source.library.addresses[kernel], source.parameters, out
+        address, parameters, out = self._kept[kernel]
+        self._arguments[0][0] = t
+        self._arguments[1][: self.n] = q
+        self._arguments[2][: self.n] = u
+        _core.call(address, *self._arguments, parameters, self._work, out)
+        return out
 
     def drives(self, t: float) -> dict[str, float]:
         """Return the value of every drive by name [rad or m]."""

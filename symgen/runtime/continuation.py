@@ -109,7 +109,8 @@ class Curve:
             ends = a.x[-1] - target, b.x[-1] - target
             if ends[0] == 0.0 or ends[1] == 0.0 or gap <= 4 * _EPS:
                 return a if abs(ends[0]) <= abs(ends[1]) else b
-            part = brentq(lambda w, a=a, b=b: hermite(a, b, w)[0][-1] - target, 0.0, 1.0, xtol=1e-15)
+            slopes = float(gap * a.tangent[-1]), float(gap * b.tangent[-1])
+            part = brentq(_cubic, 0.0, 1.0, (float(ends[0]), float(ends[1]), *slopes), xtol=1e-15)
             x, along = hermite(a, b, part)
             x[-1] = target
             found = self.corrected(x, across)
@@ -124,12 +125,13 @@ class Curve:
     def walk(
         self, start: CurvePoint, ends: tuple[float, float], through: bool, most: int
     ) -> list[CurvePoint]:
-        """Follow the curve until t leaves ``ends``; unless ``through``, no farther than a dead centre.
+        """Follow the curve until t leaves ``ends``, and two points on, so that what is singular at an end is
+        seen from both sides; unless ``through``, no farther than a dead centre.
 
         Dead centres are points of the list. It ends early where no further point was found, or, with
         ``through``, where the curve is back at its start.
         """
-        points, step = [start], _FIRST
+        points, step, outside = [start], _FIRST, 0
         low, high = (e / self.duration for e in ends)
         longest = max(high - low, 1e-12) / 64
         while len(points) < most:
@@ -146,7 +148,8 @@ class Curve:
                 if not through:
                     return points
             points.append(new)
-            if not low <= new.x[-1] <= high:
+            outside = outside + 1 if not low <= new.x[-1] <= high else 0
+            if outside > 2:
                 return points
             if (
                 len(points) > 8
@@ -208,6 +211,12 @@ class Curve:
             else:
                 a, b, c = (new, b, c) if left else (a, b, new)
         return b
+
+
+def _cubic(w: float, start: float, end: float, first: float, last: float) -> float:
+    """Return Hermite's cubic through two values with two slopes."""
+    v = 1 - w
+    return v * v * ((1 + 2 * w) * start + w * first) + w * w * ((3 - 2 * w) * end - v * last)
 
 
 def hermite(a: CurvePoint, b: CurvePoint, part: float) -> tuple[Array, Array]:

@@ -20,7 +20,7 @@ from symgen.runtime.result import Drift, Variable
 
 Array = NDArray[np.float64]
 
-_STEPS, _PROBES, _RANK = 1_000_000, 9, 1e-9
+_STEPS, _PROBES, _RANK = 1_000_000, 5, 1e-9
 #: Rows of samples: t, q, u, a one after the other.
 Samples = list[tuple[float, Array, Array, Array]]
 
@@ -156,7 +156,8 @@ def _singular(curve: Curve, path: list[CurvePoint], asked: Range) -> list[Singul
     for p, kind in found:
         if any(p is other or np.linalg.norm(p.x - other.x) < 1e-7 for other, _ in unique):
             continue
-        if asked.start <= p.x[-1] * curve.duration <= asked.stop:
+        slack = 1e-7 * curve.duration
+        if asked.start - slack <= p.x[-1] * curve.duration <= asked.stop + slack:
             unique.append((p, kind))
 
     def along(item: tuple[CurvePoint, str]) -> int:
@@ -170,11 +171,14 @@ def _pose(curve: Curve, p: CurvePoint, kind: str, path: list[CurvePoint]) -> Sin
     q, t = curve.split(p.x)
     bonds = curve.bonds
     places = dict(zip(bonds.description.points, bonds.places(q, t), strict=True))
-    other = max(path[:: max(1, len(path) // 16)], key=lambda o: float(np.linalg.norm(o.x[:-1] - p.x[:-1])))
-    elsewhere = dict(zip(bonds.description.points, bonds.places(*curve.split(other.x)), strict=True))
+    others = [
+        dict(zip(bonds.description.points, bonds.places(*curve.split(o.x)), strict=True))
+        for o in path[:: max(1, len(path) // 8)]
+    ]
     pairs = []
     for a, b in combinations(bonds.description.links, 2):
-        if _in_line(bonds, a, b, places, 1e-6) and not _in_line(bonds, a, b, elsewhere, 1e-3):
+        always = all(_in_line(bonds, a, b, other, 1e-3) for other in others)
+        if _in_line(bonds, a, b, places, 1e-6) and not always:
             pairs.append((a, b))
     return SingularPose(
         kind, t, bonds.drives(t), {name: r.tolist() for name, r in places.items()}, tuple(pairs)
@@ -281,7 +285,7 @@ def _elsewhere(
         for t in low + (high - low) * (np.arange(_PROBES) + 0.5) / _PROBES:
             if any(a <= t <= b for a, b in apart):
                 continue
-            found = assemblies(curve.bonds, q, float(t), tries=12)
+            found = assemblies(curve.bonds, q, float(t), tries=8)
             if not found:
                 continue
             whole = Range(asked.start, asked.stop, 2, False)
@@ -293,7 +297,7 @@ def _elsewhere(
             path = [CurvePoint(p.x, -p.tangent, p.soundness) for p in reversed(ends[1][1:])] + ends[0]
             poses += _singular(curve, path, whole)
             times = [p.x[-1] * curve.duration for p in path]
-            apart.append((max(min(times), asked.start), min(max(times), asked.stop)))
+            apart.append((float(max(min(times), asked.start)), float(min(max(times), asked.stop))))
     return poses, apart
 
 
@@ -347,8 +351,9 @@ def _motion(
         found = [np.max(np.abs(e), initial=0.0) for e in (bonds.residual(q, t), rate)]
         errors = np.maximum(errors, found)
     r, v, a = (np.array(kind) for kind in kinds)
+    drives = [bonds.drives(t) for t, *_ in rows]
     variables = [
-        Variable(name, unit, f"drive {name}", (), np.array([bonds.drives(t)[name] for t, *_ in rows]))
+        Variable(name, unit, f"drive {name}", (), np.array([values[name] for values in drives]))
         for name, unit in bonds.units().items()
     ]
     taken = {x.name for x in variables}
