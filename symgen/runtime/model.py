@@ -20,6 +20,8 @@ from symgen.runtime.state import Accelerations, State
 
 if TYPE_CHECKING:
     from symgen.runtime.bonds import Bonds
+    from symgen.runtime.equilibrium import Equilibrium
+    from symgen.runtime.modes import Modes
     from symgen.runtime.motion import Motion
 
 Array = NDArray[np.float64]
@@ -259,6 +261,55 @@ class Model:
         end = self.description.t_end if stop is None else float(stop)
         asked = Range(float(start), end, samples, through)
         return analyse(self._kinematics(), begin.q, begin.t, asked, of)
+
+    def equilibrium(
+        self, *, state: State | None = None, t: float | None = None, stable: bool = True
+    ) -> Equilibrium:
+        """Return a static equilibrium: see ``docs/analyses.md``.
+
+        Parameters
+        ----------
+        state
+            The pose to start from; the scene's own when absent. Its velocities do not matter.
+        t
+            The time [s] at which forces and drives are held; that of ``state`` when absent.
+        stable
+            Go downhill to a stable equilibrium, or, if false, to one of any kind nearby. A start that is in
+            equilibrium already is the answer in both cases.
+
+        Raises
+        ------
+        ModelError
+            When a drive or a ground point moves at that time.
+        SimulationError
+            When no equilibrium is found, as in free fall.
+        """
+        from symgen.runtime.equilibrium import at_rest, describe, find
+        from symgen.runtime.linear import Statics
+
+        begin = self.initial_state() if state is None else state
+        when = begin.t if t is None else float(t)
+        bonds = self._kinematics()
+        at_rest(bonds, begin.q, when)
+        statics = Statics(bonds, self._analysis("statics"), when)
+        return describe(statics, *find(statics, begin.q, stable))
+
+    def modes(self, about: Equilibrium | None = None) -> Modes:
+        """Return frequencies and shapes of the small oscillations about an equilibrium.
+
+        Parameters
+        ----------
+        about
+            What :meth:`equilibrium` gave; the equilibrium found from the scene's start when absent.
+
+        Raises
+        ------
+        ModelError, SimulationError
+            When there is no equilibrium, or nothing is free to move.
+        """
+        from symgen.runtime.modes import analyse
+
+        return analyse(self._evaluator, self.equilibrium() if about is None else about)
 
     def simulate(
         self,
