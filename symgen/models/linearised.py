@@ -47,38 +47,32 @@ def statics_system(linkage: Linkage) -> System:
     """Return the System of equilibrium and small oscillations.
 
     Its kernels: ``force`` (f), ``mass_matrix`` (M), ``stiffness`` (K, which reads the multipliers from
-    ``work``), ``damping`` (C).
+    ``work``), ``damping`` (C). A matrix is the list of its nonzero entries, each called by its row and its
+    column, ``A_x B_y``; one that is all zero is left out.
     """
     model = RodsModel(linkage)
     q = [x.symbol for x in model.coordinates]
-    u = [x.symbol for p in model.free for x in model.u[p]]
+    rates = [x.symbol for p in model.free for x in model.u[p]]
+    by_rates = _by_rates(model, rates)
+    own = dict(zip(rates, q, strict=True))
+    mass: dict[sp.Symbol, Gradient] = {}
+    for (a, b), value in model.mass_entries.items():
+        mass.setdefault(a, {})[b] = value
+    stiffness = {s: _stiffness(model, s) for s in q}
+    damping = {
+        s: {own[u]: -slope for u, slope in by_rates(f).items()} for s, f in zip(q, model.applied, strict=True)
+    }
     names = [s.name for s in q]
-    by_rates = _by_rates(model, u)
-    slopes = [_stiffness(model, row) for row in q]
-    damping = [by_rates(f) for f in model.applied]
-    mass = [model.mass_entries.get((a, b), ZERO) for a in q for b in q]
-    matrices = [
-        named(model, "force", model.applied, "N", "applied forces, f", rows=names),
-        named(model, "mass_matrix", mass, "kg", "mass matrix, M", rows=names, columns=names, symmetric=True),
-        named(
-            model,
-            "stiffness",
-            [row.get(s, ZERO) for row in slopes for s in q],
-            "N/m",
-            "stiffness K = -d(f - J^T lambda)/dq",
-            rows=names,
-            columns=names,
-        ),
-        named(
-            model,
-            "damping",
-            [-row.get(s, ZERO) for row in damping for s in u],
-            "N*s/m",
-            "damping C = -df/du",
-            rows=names,
-            columns=names,
-        ),
-    ]
+    matrices = [named(model, "force", model.applied, "N", "applied forces, f", rows=names)]
+    for name, rows, unit, about in (
+        ("mass_matrix", mass, "kg", "mass matrix, M"),
+        ("stiffness", stiffness, "N/m", "stiffness K = -d(f - J^T lambda)/dq"),
+        ("damping", damping, "N*s/m", "damping C = -df/du"),
+    ):
+        entries = {(a, b): rows[a][b] for a in q if a in rows for b in q if rows[a].get(b, ZERO) != 0}
+        if entries:
+            labels = [f"{a.name} {b.name}" for a, b in entries]
+            matrices.append(named(model, name, list(entries.values()), unit, about, rows=labels))
     return _system(model, "statics", matrices, [Export(m.name, m.description, (m.name,)) for m in matrices])
 
 

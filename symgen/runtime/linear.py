@@ -60,6 +60,8 @@ class Statics:
     def __init__(self, bonds: Bonds, statics: Evaluator, t: float) -> None:
         self.bonds, self.t, self._statics = bonds, t, statics
         self._rest = np.zeros(bonds.n)
+        d = bonds.description
+        self._names = [f"{point}_{axis}" for point in d.free for axis in d.axes]
 
     def force(self, q: Array) -> Array:
         """Return the applied forces on the coordinates at rest [N]."""
@@ -68,9 +70,18 @@ class Statics:
     def matrix(self, name: str, q: Array, multipliers: Array) -> Array:
         """Return ``mass_matrix``, ``stiffness`` or ``damping``, shape (n, n)."""
         n = self.bonds.n
-        work = np.concatenate([np.zeros(n), multipliers, [0.0]])
-        work = np.append(work, np.zeros(max(0, self._statics.work_size + 1 - len(work))))
-        return self._statics(name, self.t, q, self._rest, work).reshape(n, n)
+        whole = np.zeros((n, n))
+        info = self._statics.description.kernel(name)
+        if info is None:  # all zero
+            return whole
+        work = np.zeros(self._statics.work_size + n + self.bonds.m + 1)
+        work[n : n + self.bonds.m] = multipliers
+        at = {q: i for i, q in enumerate(self._names)}
+        places = [tuple(at[q] for q in row.split()) for row in info.blocks[0].rows]
+        entries = self._statics(name, self.t, q, self._rest, work)
+        for place, value in zip(places, entries, strict=True):
+            whole[place] = value
+        return whole
 
     def at(self, q: Array) -> Linearised:
         """Return the equations linearised at the pose q."""

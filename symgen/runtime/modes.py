@@ -55,7 +55,7 @@ class Mode:
     @property
     def damping_ratio(self) -> float:
         """Part of the critical damping, -Re(s)/abs(s); 1 for a decay without oscillation, negative if it grows."""
-        return -self.s.real / abs(self.s) if self.s else 0.0
+        return 0.0 if self.s.real == 0 else -self.s.real / abs(self.s)
 
 
 @dataclass(frozen=True, slots=True)
