@@ -75,7 +75,7 @@ def build(
     compiler = None if backend == "numpy" else find_compiler()
     if compiler is None and backend == "c":
         raise ModelError(f"the backend 'c' needs a C compiler, and there is none. {_GET_A_COMPILER}")
-    description, library = _cached(text, compiler, "", lambda folder: compile_scene(text, compiler, folder))
+    description, library = _cached(text, compiler, "", lambda f: compile_scene(text, compiler, f))
     from symgen.runtime.library import open_shipped
     from symgen.runtime.model import Model
 
@@ -121,6 +121,7 @@ def _analysis(
     text: SceneText, compiler: Compiler | None, base: Description, kind: str
 ) -> tuple[Description, Library]:
     """Return the kernels of one kind of analysis, which are made when it is first asked for."""
+    from symgen.runtime.description import kernel_infos
 
     def make(folder: Path) -> tuple[Description, Library]:
         with _no_collection():
@@ -131,8 +132,6 @@ def _analysis(
                 analysis_system(resolve(check_scene(text)), kind), compiler
             )
         compilation = _written(sources, compiler, folder)
-        from symgen.runtime.description import kernel_infos
-
         kernels = kernel_infos(program.kernels)
         description = replace(base, name=program.name, equations=equations, kernels=kernels)
         return description, _opened(folder, description, compilation)
@@ -247,7 +246,7 @@ def _cached(
     kind: str,
     make: Callable[[Path], tuple[Description, Library]],
 ) -> tuple[Description, Library]:
-    """Take from the cache what ``make`` makes of a scene; ``kind`` tells apart what is made of the same one."""
+    """Take from the cache what ``make`` makes of a scene, or make it; ``kind`` is part of its name there."""
     store = Cache()
     parts = (text.canonical, _fingerprint(), compiler.identity if compiler else "numpy")
     name = "-".join(part for part in (text.name, kind, key(*parts)) if part)

@@ -125,11 +125,11 @@ class Curve:
     def walk(
         self, start: CurvePoint, ends: tuple[float, float], through: bool, most: int
     ) -> list[CurvePoint]:
-        """Follow the curve until t leaves ``ends``, and two points on, so that what is singular at an end is
-        seen from both sides; unless ``through``, no farther than a dead centre.
+        """Follow the curve until t leaves ``ends``; unless ``through``, no farther than a dead centre.
 
-        Dead centres are points of the list. It ends early where no further point was found, or, with
-        ``through``, where the curve is back at its start.
+        Dead centres are points of the list. It goes on two points beyond ``ends``, so that what is singular
+        there is seen from both sides. It ends early where no further point was found, or, with ``through``,
+        where the curve is back at its start.
         """
         points, step, outside = [start], _FIRST, 0
         low, high = (e / self.duration for e in ends)

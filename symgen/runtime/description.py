@@ -46,9 +46,9 @@ class KernelInfo:
 class Description:
     """Everything the runtime needs to know of a model, besides the code.
 
-    ``free`` are the points that have coordinates; ``links`` holds the points of each link; ``labels`` say what each constraint is called in messages.
-    ``start`` holds the coordinates and then the velocities at the scene's own parameters, ``first_pivot`` is
-    where the kernel 'factor' leaves its pivots in ``work``.
+    ``free`` are the points that have coordinates; ``links`` holds the points of each link; ``labels`` say
+    what each constraint is called in messages. ``start`` holds the coordinates and then the velocities at
+    the scene's own parameters, ``first_pivot`` is where the kernel 'factor' leaves its pivots in ``work``.
     """
 
     name: str

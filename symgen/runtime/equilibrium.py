@@ -152,7 +152,7 @@ def find(statics: Statics, q: Array, stable: bool) -> tuple[Array, Linearised]:
 def _step(stiffness: Array, slope: Array, radius: float, stable: bool) -> Array:
     """Return the step of a trust region: downhill, or towards the nearest root of the slope."""
     if not stable:
-        step: Array = -np.linalg.lstsq(stiffness, slope, rcond=1e-12)[0]
+        step = np.asarray(-np.linalg.lstsq(stiffness, slope, rcond=1e-12)[0], dtype=float)
         size = float(np.linalg.norm(step))
         if size <= radius:
             return step
@@ -161,7 +161,7 @@ def _step(stiffness: Array, slope: Array, radius: float, stable: bool) -> Array:
     else:
         values, vectors = np.linalg.eigh((stiffness + stiffness.T) / 2)
         if values[0] > 0:
-            step = -np.linalg.solve(stiffness, slope)
+            step = np.asarray(-np.linalg.solve(stiffness, slope), dtype=float)
             if np.linalg.norm(step) <= radius:
                 return step
     along = vectors.T @ slope
@@ -184,7 +184,7 @@ def _step(stiffness: Array, slope: Array, radius: float, stable: bool) -> Array:
         return vectors @ of(high)
     reached = of(low)
     if values[0] < 0:  # downhill to both sides: leave by the lowest direction as far as the region goes
-        size = float(np.sqrt(max(radius**2 - reached @ reached, 0.0)))
+        size = float(np.sqrt(max(radius**2 - float(reached @ reached), 0.0)))
         sign = 1.0 if along[0] <= 0 else -1.0
         reached = reached + sign * size * np.eye(len(values))[0]
     return vectors @ reached
@@ -199,8 +199,8 @@ def _none(
     what = ", ".join(f"{bonds.description.free[i]} by {pushed[i]:.3g} N" for i in order)
     if np.max(np.abs(here - start)) > _AWAY * length:
         return SimulationError(
-            f"there is no equilibrium within reach: nothing holds the linkage, which is still pushed at {what}\n"
-            "  Hold it: ground a point, or add a spring or a drive."
+            "there is no equilibrium within reach: nothing holds the linkage, which is still pushed at "
+            f"{what}\n  Hold it: ground a point, or add a spring or a drive."
         )
     return SimulationError(
         f"no equilibrium was found from this start: still pushed at {what}\n  Start from another pose."

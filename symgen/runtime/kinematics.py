@@ -4,30 +4,29 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from itertools import combinations
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from symgen.errors import ModelError, SimulationError, nearest
+from symgen.errors import ModelError, SimulationError
 from symgen.runtime.assemblies import assemblies
 from symgen.runtime.bonds import Bonds
 from symgen.runtime.continuation import Curve, CurvePoint
-from symgen.runtime.motion import Motion, SingularPose
-from symgen.runtime.result import Drift, Variable
+from symgen.runtime.motion import Motion, Range, SingularPose
+from symgen.runtime.recording import Samples, chosen_names, recorded
 
 Array = NDArray[np.float64]
 
 _STEPS, _PROBES, _RANK = 1_000_000, 5, 1e-9
-#: Rows of samples: t, q, u, a one after the other.
-Samples = list[tuple[float, Array, Array, Array]]
+#: Component of the tangent along t that counts as none.
+_TURNING = 1e-9
 
 
 @dataclass(frozen=True, slots=True)
-class Range:
-    """What to follow: from ``start`` to ``stop`` [s], recorded at so many times, through dead centres or not."""
+class Task:
+    """What to follow: from ``start`` to ``stop`` [s], at so many times, through dead centres or not."""
 
     start: float
     stop: float
@@ -47,19 +46,24 @@ def driven(bonds: Bonds, q: Array, t: float) -> None:
     rank = int(np.count_nonzero(values > _RANK * values.max(initial=0.0)))
     missing = bonds.n - rank
     names = list(bonds.drives(t))
-    if missing and bonds.n > bonds.m or not names:
-        have = f"{len(names)} drives ({', '.join(names)})" if names else "no drive"
+    if (missing and bonds.n > bonds.m) or not names:
+        if not missing:
+            raise ModelError(f"{bonds.description.name} has no drive and no freedom: nothing moves")
+        freedoms = missing + len(names)
+        have = f"{_count(len(names), 'drive')} ({', '.join(names)})" if names else "no drive"
         raise ModelError(
-            f"{bonds.description.name} has {missing + len(names)} degrees of freedom and {have}: "
-            f"{missing} more {'drive is' if missing == 1 else 'drives are'} needed for a kinematic analysis\n"
+            f"{bonds.description.name} has {_count(freedoms, 'degree')} of freedom and {have}: a kinematic "
+            f"analysis needs {_count(missing, 'more drive')}\n"
             '  Add [[drivers]] with link = "..." and angle = "speed*t", give a massless link a length by t, '
             "or a ground point a motion."
-            if missing
-            else f"{bonds.description.name} has no drive and no freedom: nothing moves"
         )
 
 
-def analyse(bonds: Bonds, q: Array, t: float, asked: Range, of: Sequence[str] | None) -> Motion:
+def _count(number: int, what: str) -> str:
+    return f"{number} {what}{'' if number == 1 else 's'}"
+
+
+def analyse(bonds: Bonds, q: Array, t: float, asked: Task, of: Sequence[str] | None) -> Motion:
     """Follow the linkage from the pose q at the time t over a range, and return its motion.
 
     Raises
@@ -76,7 +80,7 @@ def analyse(bonds: Bonds, q: Array, t: float, asked: Range, of: Sequence[str] | 
     if not 2 <= asked.samples <= 1_000_000:
         raise ModelError(f"expected between 2 and 1 million points, got {asked.samples}")
     driven(bonds, q, t)
-    chosen = _chosen(bonds, of)
+    chosen = chosen_names(bonds, of)
     curve = Curve(bonds, bonds.length(q), _duration(bonds, q, t, asked))
     path = _path(curve, q, t, asked)
     poses = _singular(curve, path, asked)
@@ -90,15 +94,13 @@ def analyse(bonds: Bonds, q: Array, t: float, asked: Range, of: Sequence[str] | 
             f"the linkage does not get from t = {t:g} s to the range {asked.start:g} s to {asked.stop:g} s"
             f"{f': {where}' if where else ''}\n  Choose another range, or another assembly to start from."
         )
-    covered = [
-        tuple(sorted((p[0].x[-1] * curve.duration, p[-1].x[-1] * curve.duration))) for p in _monotone(path)
-    ]
+    covered = [_span(curve, part) for part in _monotone(path)]
     others, apart = _elsewhere(curve, q, asked, covered)
     poses += others
-    return _motion(curve, rows, poses, covered, apart, asked, chosen)
+    return recorded(bonds, rows, poses, _gaps([*covered, *apart], asked), apart, chosen, asked.stop)
 
 
-def _duration(bonds: Bonds, q: Array, t: float, asked: Range) -> float:
+def _duration(bonds: Bonds, q: Array, t: float, asked: Task) -> float:
     """Return a time in which the linkage moves by about its own size, at most the range."""
     whole = max(asked.stop, t) - min(asked.start, t)
     rate = np.linalg.lstsq(bonds.jacobian(q, t), -bonds.drift(q, t), rcond=1e-9)[0]
@@ -106,7 +108,7 @@ def _duration(bonds: Bonds, q: Array, t: float, asked: Range) -> float:
     return min(whole, bonds.length(q) / fastest) if fastest > 0 else whole
 
 
-def _path(curve: Curve, q: Array, t: float, asked: Range) -> list[CurvePoint]:
+def _path(curve: Curve, q: Array, t: float, asked: Task) -> list[CurvePoint]:
     """Return the curve through the start, from low to high times where it does not fold."""
     x = curve.corrected(curve.join(q, t), np.append(np.zeros(len(q)), 1.0))
     if x is None:
@@ -115,12 +117,12 @@ def _path(curve: Curve, q: Array, t: float, asked: Range) -> list[CurvePoint]:
     forward = curve.walk(curve.point(x), ends, asked.through, _STEPS)
     if forward[-1] is forward[0] and len(forward) > 1:
         return forward
-    if forward[-1].speed > 0 and forward[-1].x[-1] < ends[1] / curve.duration:
+    if forward[-1].speed > _TURNING and forward[-1].x[-1] < ends[1] / curve.duration:
         raise _stuck(curve, forward[-1])
     if asked.start >= t:
         return forward
     back = curve.walk(curve.point(x, np.append(np.zeros(len(q)), -1.0)), ends, asked.through, _STEPS)
-    if back[-1].speed < 0 and back[-1].x[-1] > ends[0] / curve.duration:
+    if back[-1].speed < -_TURNING and back[-1].x[-1] > ends[0] / curve.duration:
         raise _stuck(curve, back[-1])
     turned = [CurvePoint(p.x, -p.tangent, p.soundness) for p in reversed(back[1:])]
     return turned + forward
@@ -147,10 +149,10 @@ def _monotone(path: list[CurvePoint]) -> list[list[CurvePoint]]:
     return [p for p in parts if len(p) > 1]
 
 
-def _singular(curve: Curve, path: list[CurvePoint], asked: Range) -> list[SingularPose]:
+def _singular(curve: Curve, path: list[CurvePoint], asked: Task) -> list[SingularPose]:
     found = [(p, "bifurcation") for p in curve.crossings(path)]
     for part in _monotone(path):
-        found += [(p, "dead centre") for p in (part[0], part[-1]) if abs(p.speed) < 1e-9]
+        found += [(p, "dead centre") for p in (part[0], part[-1]) if abs(p.speed) <= _TURNING]
     unique: list[tuple[CurvePoint, str]] = []
     order = {id(p): i for i, p in enumerate(path)}
     for p, kind in found:
@@ -276,11 +278,11 @@ def _near_crossing(
 
 
 def _elsewhere(
-    curve: Curve, q: Array, asked: Range, covered: list[tuple[Any, ...]]
-) -> tuple[list[SingularPose], list[tuple[float, float]]]:
+    curve: Curve, q: Array, asked: Task, covered: list[Range]
+) -> tuple[list[SingularPose], list[Range]]:
     """Look for assemblies in the times not covered; return their dead centres and ranges."""
     poses: list[SingularPose] = []
-    apart: list[tuple[float, float]] = []
+    apart: list[Range] = []
     for low, high in _gaps(covered, asked):
         for t in low + (high - low) * (np.arange(_PROBES) + 0.5) / _PROBES:
             if any(a <= t <= b for a, b in apart):
@@ -288,7 +290,7 @@ def _elsewhere(
             found = assemblies(curve.bonds, q, float(t), tries=8)
             if not found:
                 continue
-            whole = Range(asked.start, asked.stop, 2, False)
+            whole = Task(asked.start, asked.stop, 2, False)
             start = curve.corrected(curve.join(found[0], float(t)), np.append(np.zeros(len(q)), 1.0))
             if start is None:
                 continue
@@ -301,7 +303,12 @@ def _elsewhere(
     return poses, apart
 
 
-def _gaps(covered: list[tuple[Any, ...]], asked: Range) -> list[tuple[float, float]]:
+def _span(curve: Curve, part: list[CurvePoint]) -> Range:
+    ends = sorted(float(p.x[-1] * curve.duration) for p in (part[0], part[-1]))
+    return ends[0], ends[1]
+
+
+def _gaps(covered: list[Range], asked: Task) -> list[Range]:
     gaps, at = [], asked.start
     for low, high in sorted(covered):
         if low > at:
@@ -310,102 +317,3 @@ def _gaps(covered: list[tuple[Any, ...]], asked: Range) -> list[tuple[float, flo
     if at < asked.stop:
         gaps.append((float(at), asked.stop))
     return gaps
-
-
-def _chosen(bonds: Bonds, of: Sequence[str] | None) -> list[str]:
-    """Return the points and links to record: all that move when none is named."""
-    d = bonds.description
-    moving = [
-        p for p in d.points if p not in d.ground or any(n.startswith(f"{p}.") for n in bonds.drives(0.0))
-    ]
-    turning = [k for k, points in d.links.items() if not set(points[:2]) <= set(d.ground)]
-    if of is None:
-        return [*moving, *(turning if len(d.axes) == 2 else [])]
-    known = [*d.points, *(turning if len(d.axes) == 2 else [])]
-    for name in of:
-        if name not in known:
-            raise ModelError(f"there is no point or moving link {name!r} to record. {nearest(name, known)}")
-    return list(dict.fromkeys(of))
-
-
-def _motion(
-    curve: Curve,
-    rows: Samples,
-    poses: list[SingularPose],
-    covered: list[tuple[Any, ...]],
-    apart: list[tuple[float, float]],
-    asked: Range,
-    chosen: list[str],
-) -> Motion:
-    bonds = curve.bonds
-    d, evaluator = bonds.description, bonds.evaluator
-    kinds: list[list[Array]] = [[], [], []]
-    errors = np.zeros(2)
-    for t, q, u, acceleration in rows:
-        both = evaluator.blocks("points", t, q, u)
-        work = np.concatenate([acceleration, np.zeros(bonds.m + 1)])
-        third = evaluator.blocks("point_accelerations", t, q, u, work)["point_accelerations"]
-        for kind, values in zip(kinds, (both["positions"], both["velocities"], third), strict=True):
-            kind.append(values)
-        rate = bonds.jacobian(q, t) @ u + bonds.drift(q, t)
-        found = [np.max(np.abs(e), initial=0.0) for e in (bonds.residual(q, t), rate)]
-        errors = np.maximum(errors, found)
-    r, v, a = (np.array(kind) for kind in kinds)
-    drives = [bonds.drives(t) for t, *_ in rows]
-    variables = [
-        Variable(name, unit, f"drive {name}", (), np.array([values[name] for values in drives]))
-        for name, unit in bonds.units().items()
-    ]
-    taken = {x.name for x in variables}
-    for name in chosen:
-        made = (
-            _of_point(d.points.index(name), name, d.axes, r, v, a)
-            if name in d.points
-            else _of_link(bonds, name, r, v, a)
-        )
-        variables += [x for x in made if x.name not in taken]
-    last = rows[-1]
-    return Motion(
-        name=d.name,
-        title=d.title,
-        axes=d.axes,
-        time=np.array([row[0] for row in rows]),
-        variables=tuple(variables),
-        drift=Drift(float(errors[0]), float(errors[1]), math.nan, math.nan),
-        final={
-            p: {"position": r[-1, i].tolist(), "velocity": v[-1, i].tolist()} for i, p in enumerate(d.points)
-        },
-        statistics={
-            "t": last[0],
-            "steps": len(rows),
-            "singular_poses": [asdict(p) for p in poses],
-            "unassemblable": [list(g) for g in _gaps([*covered, *apart], asked)],
-            "out_of_reach": [list(g) for g in apart],
-        },
-        provenance={
-            "equations": d.equations,
-            "method": "continuation",
-            "t_end": asked.stop,
-            "backend": evaluator.library.backend,
-            "parameters": {
-                p.name: x for p, x in zip(d.parameters, evaluator.parameters.tolist(), strict=False)
-            },
-        },
-    )
-
-
-def _of_point(i: int, name: str, axes: tuple[str, ...], r: Array, v: Array, a: Array) -> list[Variable]:
-    words = (("position", "m", r), ("velocity", "m/s", v), ("acceleration", "m/s^2", a))
-    return [Variable(f"{name}.{w}", unit, f"{w} of {name}", axes, x[:, i]) for w, unit, x in words]
-
-
-def _of_link(bonds: Bonds, name: str, r: Array, v: Array, a: Array) -> list[Variable]:
-    """Return direction, angular velocity and angular acceleration of a link in the plane."""
-    i, j = (bonds.description.points.index(p) for p in bonds.description.links[name][:2])
-    d, e, f = (x[:, j] - x[:, i] for x in (r, v, a))
-    squared = np.sum(d * d, axis=1)
-    rate = (d[:, 0] * e[:, 1] - d[:, 1] * e[:, 0]) / squared
-    second = (d[:, 0] * f[:, 1] - d[:, 1] * f[:, 0] - 2 * rate * np.sum(d * e, axis=1)) / squared
-    angle = np.unwrap(np.arctan2(d[:, 1], d[:, 0]))
-    words = (("angle", "rad", angle), ("rate", "rad/s", rate), ("acceleration", "rad/s^2", second))
-    return [Variable(f"{name}.{w}", unit, f"{w} of {name}", (), x) for w, unit, x in words]

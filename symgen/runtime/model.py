@@ -255,11 +255,11 @@ class Model:
         SimulationError
             When no pose of the range can be reached, or a drive is not smooth.
         """
-        from symgen.runtime.kinematics import Range, analyse
+        from symgen.runtime.kinematics import Task, analyse
 
         begin = self.initial_state() if state is None else state
         end = self.description.t_end if stop is None else float(stop)
-        asked = Range(float(start), end, samples, through)
+        asked = Task(float(start), end, samples, through)
         return analyse(self._kinematics(), begin.q, begin.t, asked, of)
 
     def equilibrium(

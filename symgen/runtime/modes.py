@@ -14,7 +14,6 @@ from symgen.runtime.evaluate import Evaluator
 from symgen.runtime.linear import SMALL
 
 Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,7 +53,7 @@ class Mode:
 
     @property
     def damping_ratio(self) -> float:
-        """Part of the critical damping, -Re(s)/abs(s); 1 for a decay without oscillation, negative if it grows."""
+        """Part of the critical damping, -Re(s)/abs(s): 1 for a decay, negative if it grows."""
         return 0.0 if self.s.real == 0 else -self.s.real / abs(self.s)
 
 
@@ -120,16 +119,18 @@ def analyse(evaluator: Evaluator, equilibrium: Equilibrium) -> Modes:
         raise ModelError(
             f"{evaluator.description.name}: constraints and drives hold every freedom: nothing oscillates"
         )
-    root = np.linalg.cholesky(lin.mass)
+    root = np.asarray(np.linalg.cholesky(lin.mass), dtype=float)
+    values: NDArray[Any]
+    vectors: NDArray[Any]
     stiffness, damping = (_congruent(root, m) for m in (lin.stiffness, lin.damping))
     if np.any(damping) or not _symmetric(stiffness):
         values, vectors = _damped(stiffness, damping)
     else:
-        squares, vectors = np.linalg.eigh((stiffness + stiffness.T) / 2)
+        squares, shapes = np.linalg.eigh((stiffness + stiffness.T) / 2)
         small = SMALL * float(np.max(np.abs(squares)))
         squares = np.where(np.abs(squares) <= small, 0.0, squares)
         values = np.where(squares < 0, np.sqrt(np.abs(squares)), 1j * np.sqrt(np.abs(squares)))
-        vectors = _separated(squares, vectors)
+        vectors = _separated(squares, shapes)
     free = lin.basis @ np.linalg.solve(root.T, vectors)
     found = [
         Mode(_kind(complex(s)), complex(s), _shape(evaluator, equilibrium, free[:, i]))
@@ -157,7 +158,7 @@ def _kind(s: complex) -> str:
     return "oscillation" if s.imag else "decay"
 
 
-def _damped(stiffness: Array, damping: Array) -> tuple[Complex, Complex]:
+def _damped(stiffness: Array, damping: Array) -> tuple[NDArray[Any], NDArray[Any]]:
     """Return eigenvalues and shapes of y'' + C y' + K y = 0, one of each conjugate pair.
 
     Time is scaled, so that both blocks of the first-order form are of one size.
@@ -201,7 +202,7 @@ def _separated(squares: Array, vectors: Array) -> Array:
     return result
 
 
-def _shape(evaluator: Evaluator, equilibrium: Equilibrium, motion: Array) -> dict[str, Array]:
+def _shape(evaluator: Evaluator, equilibrium: Equilibrium, motion: NDArray[Any]) -> dict[str, Array]:
     """Return the displacement of every point, its largest component real and positive."""
     state, d = equilibrium.state, evaluator.description
     parts = [np.real(motion), np.imag(motion)]

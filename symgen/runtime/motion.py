@@ -1,4 +1,4 @@
-"""What a kinematic analysis gives: a result over time, with its dead centres and the ranges it cannot reach."""
+"""What a kinematic analysis gives: a result over time, with dead centres and ranges out of reach."""
 
 from __future__ import annotations
 
