@@ -16,7 +16,7 @@ from symgen.runtime.state import State
 
 Array = NDArray[np.float64]
 
-_STEPS, _BALANCED, _GOOD, _AWAY = 500, 1e-14, 1e-10, 1e4
+_STEPS, _AWAY = 500, 1e4
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,7 +117,7 @@ def find(statics: Statics, q: Array, stable: bool) -> tuple[Array, Linearised]:
     for _ in range(_STEPS):
         slope = -best.basis.T @ statics.force(here)
         left = float(np.max(np.abs(slope), initial=0.0))
-        if left <= _BALANCED * best.scale or (idle >= 3 and left <= _GOOD * best.scale):
+        if left <= best.noise or (idle >= 3 and left <= _balanced(best)):
             return here, best
         step = _step(best.stiffness, slope, radius, stable)
         there = polished(bonds, here + best.basis @ step, statics.t)
@@ -144,9 +144,14 @@ def find(statics: Statics, q: Array, stable: bool) -> tuple[Array, Linearised]:
         if np.max(np.abs(here - q)) > _AWAY * length or radius < 1e-15 * length:
             break
     left = float(np.max(np.abs(best.basis.T @ statics.force(here)), initial=0.0))
-    if left <= _GOOD * best.scale:
+    if left <= _balanced(best):
         return here, best
     raise _none(bonds, q, here, best, statics.force(here), length)
+
+
+def _balanced(found: Linearised) -> float:
+    """Return the residual that is accepted where steps no longer reduce it [N]."""
+    return max(100 * found.noise, 1e-10 * found.scale)
 
 
 def _step(stiffness: Array, slope: Array, radius: float, stable: bool) -> Array:
@@ -165,7 +170,7 @@ def _step(stiffness: Array, slope: Array, radius: float, stable: bool) -> Array:
             if np.linalg.norm(step) <= radius:
                 return step
     along = vectors.T @ slope
-    floor = 1e-14 * float(np.max(np.abs(values))) + 1e-300
+    floor = 1e-14 * float(np.max(np.abs(values))) + 1e-10 * float(np.linalg.norm(slope)) / radius
     low, high = (
         max(0.0, -float(values[0])) + floor,
         float(np.linalg.norm(slope)) / radius + abs(float(values[0])),

@@ -178,7 +178,8 @@ def _pose(curve: Curve, p: CurvePoint, kind: str, path: list[CurvePoint]) -> Sin
         for o in path[:: max(1, len(path) // 8)]
     ]
     pairs = []
-    for a, b in combinations(bonds.description.links, 2):
+    d = bonds.description
+    for a, b in combinations([k for k, points in d.links.items() if not set(points) <= set(d.ground)], 2):
         always = all(_in_line(bonds, a, b, other, 1e-3) for other in others)
         if _in_line(bonds, a, b, places, 1e-6) and not always:
             pairs.append((a, b))

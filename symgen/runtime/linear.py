@@ -13,6 +13,7 @@ from symgen.runtime.evaluate import Evaluator
 
 Array = NDArray[np.float64]
 
+_EPS = float(np.finfo(float).eps)
 #: Rank tolerance of the constraints, above the error with which poses meet them.
 RANK = 1e-9
 #: Squares of frequencies below this part of the largest one cannot be told from zero.
@@ -24,7 +25,8 @@ class Linearised:
     """M y'' + C y' + K y = 0 with dq = Z y, the columns of ``basis`` Z spanning the free motions.
 
     ``multipliers`` are those of least norm that balance the forces, ``unbalanced`` is what no multipliers
-    can balance [N], ``scale`` the largest of the forces and constraint forces it is left of [N].
+    can balance [N], ``scale`` the largest of the forces and constraint forces it is left of [N], ``noise``
+    the round-off of the forces, that of the positions times the stiffness included [N].
     """
 
     basis: Array
@@ -34,6 +36,7 @@ class Linearised:
     multipliers: Array
     unbalanced: Array
     scale: float
+    noise: float
 
     @property
     def freedoms(self) -> int:
@@ -103,9 +106,9 @@ class Statics:
         scaled = left[:, :rank] @ ((right[:rank] @ force) / values[:rank])
         multipliers = scaled / scale  # rows were divided by the scale, so multipliers carry it
         carried = jacobian.T @ scaled
-        mass, damping, stiffness = (
-            basis.T @ self.matrix(name, q, multipliers) @ basis
-            for name in ("mass_matrix", "damping", "stiffness")
-        )
+        whole = [self.matrix(name, q, multipliers) for name in ("mass_matrix", "damping", "stiffness")]
+        mass, damping, stiffness = (basis.T @ matrix @ basis for matrix in whole)
         size = float(max(np.max(np.abs(force), initial=0.0), np.max(np.abs(scaled), initial=0.0)))
-        return Linearised(basis, mass, damping, stiffness, multipliers, force - carried, size)
+        noise = 16 * _EPS * (size + float(np.max(np.abs(whole[2])) * np.max(np.abs(q))))
+        unbalanced = force - carried
+        return Linearised(basis, mass, damping, stiffness, multipliers, unbalanced, size, noise)

@@ -121,17 +121,17 @@ def analyse(evaluator: Evaluator, equilibrium: Equilibrium) -> Modes:
         )
     root = np.asarray(np.linalg.cholesky(lin.mass), dtype=float)
     values: NDArray[Any]
-    vectors: NDArray[Any]
+    free: NDArray[Any]
     stiffness, damping = (_congruent(root, m) for m in (lin.stiffness, lin.damping))
     if np.any(damping) or not _symmetric(stiffness):
         values, vectors = _damped(stiffness, damping)
+        free = lin.basis @ np.linalg.solve(root.T, vectors)
     else:
         squares, shapes = np.linalg.eigh((stiffness + stiffness.T) / 2)
         small = SMALL * float(np.max(np.abs(squares)))
         squares = np.where(np.abs(squares) <= small, 0.0, squares)
         values = np.where(squares < 0, np.sqrt(np.abs(squares)), 1j * np.sqrt(np.abs(squares)))
-        vectors = _separated(squares, shapes)
-    free = lin.basis @ np.linalg.solve(root.T, vectors)
+        free = _separated(squares, lin.basis @ np.linalg.solve(root.T, shapes))
     found = [
         Mode(_kind(complex(s)), complex(s), _shape(evaluator, equilibrium, free[:, i]))
         for i, s in enumerate(values)
@@ -179,24 +179,24 @@ def _damped(stiffness: Array, damping: Array) -> tuple[NDArray[Any], NDArray[Any
     return values[order] * rate, shapes / np.linalg.norm(shapes, axis=0)
 
 
-def _separated(squares: Array, vectors: Array) -> Array:
+def _separated(squares: Array, shapes: Array) -> Array:
     """Fix the shapes within each set of equal frequencies, which round-off would turn at will.
 
     Coordinate directions are projected onto their common space one after the other, and those are kept that
-    bring in something new.
+    bring in something new. The turn is orthogonal, so unit modal masses stay what they are.
     """
-    result = vectors.copy()
+    result = shapes.copy()
     close = 1e-9 * float(np.max(np.abs(squares)))
     groups = np.split(np.arange(len(squares)), np.flatnonzero(np.diff(squares) > close) + 1)
     for group in groups:
-        space = vectors[:, group]
+        space = shapes[:, group]
+        size = float(np.max(np.linalg.norm(space, axis=1)))
         chosen: list[Array] = []
         for least in (0.1, 1e-6):
-            for row in space:
+            for row in space / size:
                 new = row - sum((row @ c) * c for c in chosen)
-                size = float(np.linalg.norm(new))
-                if len(chosen) < len(group) and size > least:
-                    chosen.append(new / size)
+                if len(chosen) < len(group) and np.linalg.norm(new) > least:
+                    chosen.append(new / np.linalg.norm(new))
         if len(chosen) == len(group) > 1:
             result[:, group] = space @ np.array(chosen).T
     return result

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from linkages import GRAVITY, G, at, chain, ground, rod
+from linkages import GRAVITY, G, at, chain, ground
 from scipy.linalg import eigh
 from scipy.special import jn_zeros
 
