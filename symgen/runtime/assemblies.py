@@ -17,7 +17,7 @@ def assemblies(bonds: Bonds, near: Array, t: float, *, tries: int = 40) -> list[
 
     Starting poses are ``near``, its mirror images and random ones of the same seed every time. What is
     found is a solution to round-off; what is not found may still exist, though for linkages of few loops
-    that is unlikely.
+    that is unlikely. Poses in which the drives do not hold the linkage are left out.
     """
     from scipy.optimize import least_squares
 
@@ -25,14 +25,26 @@ def assemblies(bonds: Bonds, near: Array, t: float, *, tries: int = 40) -> list[
     found: list[Array] = []
     for start in _poses(bonds, near, length, tries):
         solved = least_squares(
-            bonds.residual, start, bonds.jacobian, args=(t,), xtol=1e-15, ftol=1e-15, gtol=1e-15, max_nfev=60
+            bonds.residual,
+            start,
+            bonds.jacobian,
+            method="lm",
+            args=(t,),
+            xtol=1e-12,
+            ftol=1e-12,
+            max_nfev=100,
         )
         q = polished(bonds, solved.x, t) if np.max(np.abs(solved.fun)) < 1e-6 * length else None
-        if q is None or bonds.turned_over(q, t):
+        if q is None or bonds.turned_over(q, t) or not _isolated(bonds, q, t):
             continue
         if all(np.max(np.abs(q - other)) > _SAME * length for other in found):
             found.append(q)
     return sorted(found, key=lambda q: (round(float(np.linalg.norm(q - near) / length), 6), q.tolist()))
+
+
+def _isolated(bonds: Bonds, q: Array, t: float) -> bool:
+    values = np.linalg.svd(bonds.jacobian(q, t), compute_uv=False)
+    return bool(values[-1] > _SAME * values[0])
 
 
 def polished(bonds: Bonds, q: Array, t: float) -> Array | None:

@@ -150,13 +150,13 @@ def _monotone(path: list[CurvePoint]) -> list[list[CurvePoint]]:
 
 
 def _singular(curve: Curve, path: list[CurvePoint], asked: Task) -> list[SingularPose]:
-    found = [(p, "bifurcation") for p in curve.crossings(path)]
-    for part in _monotone(path):
-        found += [(p, "dead centre") for p in (part[0], part[-1]) if abs(p.speed) <= _TURNING]
+    ends = [part[-1] for part in _monotone(path)[:-1]]
+    ends += [p for p in (path[0], path[-1]) if abs(p.speed) <= _TURNING]
+    found = [(p, "dead centre") for p in ends] + [(p, "bifurcation") for p in curve.crossings(path)]
     unique: list[tuple[CurvePoint, str]] = []
     order = {id(p): i for i, p in enumerate(path)}
     for p, kind in found:
-        if any(p is other or np.linalg.norm(p.x - other.x) < 1e-7 for other, _ in unique):
+        if any(p is other or np.linalg.norm(p.x - other.x) < 1e-6 for other, _ in unique):
             continue
         slack = 1e-7 * curve.duration
         if asked.start - slack <= p.x[-1] * curve.duration <= asked.stop + slack:

@@ -161,13 +161,25 @@ def test_peaucellier_draws_a_straight_line():
     scene = symgen.load_scene("peaucellier").model_dump(exclude_unset=True)
     scene["parameters"]["w"] = "1 rad/s"
     scene["drivers"] = [{"link": "OA", "angle": "pi + w*t"}]
-    motion = symgen.build(symgen.Scene(**scene)).kinematics(-0.6, 0.6, of=["C"])
+    model = symgen.build(symgen.Scene(**scene))
+    motion = model.kinematics(-0.6, 0.6, of=["C"])
     # C lies opposite A as seen from E, and EA*EC = 16 cm^2.
     theta = np.pi + motion.time
     a = 0.02 * np.array([np.cos(theta), np.sin(theta)]).T - [0.02, 0]
     c = [0.02, 0] - 16e-4 * a / np.sum(a * a, axis=1)[:, None]
     assert motion["C.position"].values == pytest.approx(c, abs=1e-15)
     assert motion["C.position"].values[:, 0] == pytest.approx(np.full(181, 0.06), abs=1e-15)
+
+    # It locks where EA, 4 sin(theta/2) cm, is the difference of its rods, 4 sqrt(2) - 4 cm: rank 7 falls to 5.
+    limit = 2 * np.arcsin(np.sqrt(2) - 1)
+    for through in (False, True):
+        whole = model.kinematics(-np.pi, np.pi, of=["C"], through=through)
+        angles = sorted(p.drives["OA.angle"] for p in whole.dead_centres)
+        assert angles == pytest.approx([limit, 2 * np.pi - limit], abs=1e-12)
+        assert whole.unassemblable == (
+            pytest.approx((-np.pi, limit - np.pi), abs=1e-12),
+            pytest.approx((np.pi - limit, np.pi), abs=1e-12),
+        )
 
 
 def test_a_spatial_mechanism_and_two_drives():
