@@ -86,7 +86,7 @@ def build(
         description,
         library,
         lambda: derive(text).by_name(),
-        analyses=lambda kind: _analysis(text, compiler, description, kind),
+        analyses=cache(lambda kind: _analysis(text, compiler, description, kind)),
     )
     return model.with_parameters(**_in_si(model, tunable, text.file)) if tunable else model
 

@@ -112,8 +112,12 @@ def find(statics: Statics, q: Array, stable: bool) -> tuple[Array, Linearised]:
     """
     bonds = statics.bonds
     length = bonds.length(q)
-    radius, best, idle = 0.1 * length, statics.at(q), 0
-    here = q
+    here = polished(bonds, q, statics.t)
+    if here is None:
+        raise SimulationError(
+            f"the pose to start from cannot be assembled at t = {statics.t:g} s\n  Start from another pose."
+        )
+    radius, best, idle = 0.1 * length, statics.at(here), 0
     for _ in range(_STEPS):
         slope = -best.basis.T @ statics.force(here)
         left = float(np.max(np.abs(slope), initial=0.0))

@@ -215,3 +215,28 @@ def test_kinds_of_analysis_leave_the_equations_of_motion_alone():
     before = model.operations
     model.kinematics(0, 0.1, samples=2)
     assert model.operations == before and "stiffness" not in before
+
+
+def test_peaucellier_against_the_bottom_of_its_potential_well():
+    """The minimum found with the crank angle as the only coordinate: 0.308868448299 rad off the symmetric pose."""
+    found = symgen.build("peaucellier").equilibrium()
+    a = found.state.positions["A"]
+    assert np.pi - abs(np.arctan2(a[1], a[0])) == pytest.approx(0.308868448299, abs=1e-12)
+    assert found.outputs["energy"].item() == pytest.approx(-4.039793e-4, abs=5e-11)
+    assert found.stability == "stable"
+    assert found.reactions["O"] + found.reactions["E"] == pytest.approx(
+        [0, G * 1.0 * total_length()], abs=1e-12
+    )
+
+
+def total_length():
+    return 0.02 + 4 * np.hypot(0.04, 0.04) + 2 * 0.04
+
+
+def test_the_pose_to_start_from_is_assembled_first():
+    model = symgen.build("four_bar")
+    rough = {p: model.initial_state().positions[p] + [0.02, -0.01] for p in "AB"}
+    found = model.equilibrium(state=model.state(rough))
+    assert found.state.positions["B"] == pytest.approx(model.equilibrium().state.positions["B"], abs=1e-12)
+    with pytest.raises(SimulationError, match="cannot be assembled|no equilibrium"):
+        model.equilibrium(state=model.state({"A": [0, 0], "B": [2, 0]}))
