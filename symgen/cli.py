@@ -153,6 +153,95 @@ def run(
         print_result(result, _console())
 
 
+JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")]
+
+
+@app.command()
+def kinematics(
+    scene: SceneArgument,
+    start: Annotated[float, typer.Option("--from", help="Start of the range [s].")] = 0.0,
+    stop: Annotated[
+        float | None, typer.Option("--to", help="End of the range [s]; the scene's own when absent.")
+    ] = None,
+    of: Annotated[
+        list[str] | None,
+        typer.Option("--of", metavar="NAME", help="A point or link to record; all if absent."),
+    ] = None,
+    samples: Annotated[int, typer.Option(help="Number of recorded times.")] = 181,
+    branch: Annotated[int, typer.Option(help="Which assembly at t = 0 to follow; 1 is the drawn one.")] = 1,
+    through: Annotated[
+        bool, typer.Option("--through", help="Go on through dead centres, back in time.")
+    ] = False,
+    set_: SetOption = None,
+    out: Annotated[Path | None, typer.Option(help="Save the result: .nc or .npz.")] = None,
+    plot: Annotated[Path | None, typer.Option(help="Save a plot: .png, .svg or .pdf.")] = None,
+    as_json: JsonOption = False,
+    backend: BackendOption = "auto",
+) -> None:
+    """Follow a driven linkage: positions, velocities, accelerations, dead centres."""
+    from symgen.errors import ModelError
+    from symgen.pipeline import build as build_model
+
+    model = build_model(scene, set=_changes(set_), backend=backend)
+    state = None
+    if branch != 1:
+        states = model.assemblies()
+        if not 1 <= branch <= len(states):
+            raise ModelError(f"there is no branch {branch}: {len(states)} assemblies were found at t = 0")
+        state = states[branch - 1]
+    motion = model.kinematics(start, stop, samples=samples, of=of, state=state, through=through)
+    if out:
+        motion.save(out)
+    if plot:
+        motion.plot(file=plot)
+    if as_json:
+        _print_json(motion.summary())
+    else:
+        from symgen.report.analyses import print_motion
+
+        print_motion(motion, _console())
+
+
+@app.command()
+def equilibrium(
+    scene: SceneArgument, set_: SetOption = None, as_json: JsonOption = False, backend: BackendOption = "auto"
+) -> None:
+    """Find the static equilibrium downhill from the start of a scene."""
+    from symgen.pipeline import build as build_model
+
+    model = build_model(scene, set=_changes(set_), backend=backend)
+    found = model.equilibrium()
+    if as_json:
+        _print_json({"scene": model.name, **found.summary()})
+    else:
+        from symgen.report.analyses import print_equilibrium
+
+        print_equilibrium(found, model.description.title, _console())
+
+
+@app.command()
+def modes(
+    scene: SceneArgument, set_: SetOption = None, as_json: JsonOption = False, backend: BackendOption = "auto"
+) -> None:
+    """Find frequencies and shapes of small oscillations about the equilibrium of a scene."""
+    from symgen.pipeline import build as build_model
+
+    model = build_model(scene, set=_changes(set_), backend=backend)
+    found = model.modes()
+    if as_json:
+        _print_json({"scene": model.name, **found.summary()})
+    else:
+        from symgen.report.analyses import print_modes
+
+        print_modes(found, model.description.title, _console())
+
+
+def _print_json(data: dict[str, Any]) -> None:
+    import json
+
+    print(json.dumps(data, allow_nan=False))
+
+
 @app.command()
 def show(
     model: Annotated[str, typer.Argument(help="A scene, or a building block: rod, rod_spatial.")],

@@ -7,8 +7,9 @@ import hashlib
 import importlib.util
 import os
 import warnings
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -74,14 +75,19 @@ def build(
     compiler = None if backend == "numpy" else find_compiler()
     if compiler is None and backend == "c":
         raise ModelError(f"the backend 'c' needs a C compiler, and there is none. {_GET_A_COMPILER}")
-    description, library = _cached(text, compiler, Cache())
+    description, library = _cached(text, compiler, "", lambda f: compile_scene(text, compiler, f))
     from symgen.runtime.library import open_shipped
     from symgen.runtime.model import Model
 
     if compiler is None and backend == "auto":
         library = open_shipped(description) or library
         _warn(library)
-    model = Model(description, library, lambda: derive(text).by_name())
+    model = Model(
+        description,
+        library,
+        lambda: derive(text).by_name(),
+        analyses=cache(lambda kind: _analysis(text, compiler, description, kind)),
+    )
     if not tunable:
         return model
     values = _in_si(model, tunable, text.file)
@@ -97,9 +103,6 @@ def compile_scene(
     Whether constraints are redundant shows at the start only; where some are, ``redundancy`` compiles anew.
     """
     with _no_collection():
-        from symgen.codegen.emit import emit, equations_hash
-        from symgen.codegen.target import Target
-        from symgen.lowering.program import lower_system
         from symgen.models.system import linkage_system, with_redundancy
         from symgen.scene.resolve import resolve
 
@@ -107,10 +110,7 @@ def compile_scene(
         system = linkage_system(linkage)  # Linkage -> System
         tolerant = with_redundancy(system)
         system = tolerant if redundancy else system
-        program = lower_system(system)  # System -> Program
-        target = Target("c" if compiler else "numpy")
-        equations = equations_hash(program, target)
-        sources = emit(program, target, equations)  # Program -> (SourceFile, ...)
+        program, equations, sources = _lowered(system, compiler)  # System -> Program, (SourceFile, ...)
     compilation = _written(sources, compiler, folder)  # (SourceFile, ...) -> compilers at work
     description = _describe(linkage, program, equations)  # the runtime is loaded while they work
     library = _opened(folder, description, compilation)  # -> Library
@@ -124,6 +124,39 @@ def compile_scene(
             file.replace(folder / file.name)
         again.rmdir()
     return started, library
+
+
+def _lowered(system: System, compiler: Compiler | None) -> tuple[Program, str, tuple[SourceFile, ...]]:
+    from symgen.codegen.emit import emit, equations_hash
+    from symgen.codegen.target import Target
+    from symgen.lowering.program import lower_system
+
+    program = lower_system(system)
+    target = Target("c" if compiler else "numpy")
+    equations = equations_hash(program, target)
+    return program, equations, emit(program, target, equations)
+
+
+def _analysis(
+    text: SceneText, compiler: Compiler | None, base: Description, kind: str
+) -> tuple[Description, Library]:
+    """Return the kernels of one kind of analysis, which are made when it is first asked for."""
+    from symgen.runtime.description import kernel_infos
+
+    def make(folder: Path) -> tuple[Description, Library]:
+        with _no_collection():
+            from symgen.models.linearised import analysis_system
+            from symgen.scene.resolve import resolve
+
+            program, equations, sources = _lowered(
+                analysis_system(resolve(check_scene(text)), kind), compiler
+            )
+        compilation = _written(sources, compiler, folder)
+        kernels = kernel_infos(program.kernels)
+        description = replace(base, name=program.name, equations=equations, kernels=kernels)
+        return description, _opened(folder, description, compilation)
+
+    return _cached(text, compiler, kind, make)
 
 
 def derive(scene: Scene | SceneText | str | os.PathLike[str]) -> System:
@@ -234,9 +267,17 @@ def _in_si(model: Model, values: Mapping[str, str], file: str) -> dict[str, floa
     return result
 
 
-def _cached(text: SceneText, compiler: Compiler | None, store: Cache) -> tuple[Description, Library]:
+def _cached(
+    text: SceneText,
+    compiler: Compiler | None,
+    kind: str,
+    make: Callable[[Path], tuple[Description, Library]],
+) -> tuple[Description, Library]:
+    """Take from the cache what ``make`` makes of a scene, or make it; ``kind`` is part of its name there."""
+    store = Cache()
     how = compiler.identity if compiler else "numpy"
-    name = f"{text.name}-{key(text.file, text.canonical, _fingerprint(), how)}"
+    parts = (text.file, text.canonical, _fingerprint(), how)
+    name = "-".join(part for part in (text.name, kind, key(*parts)) if part)
     found = _from_cache(store.find(name))
     if found:
         return found
@@ -245,7 +286,7 @@ def _cached(text: SceneText, compiler: Compiler | None, store: Cache) -> tuple[D
         if found:
             return found
         with store.building(name) as folder:
-            description, library = compile_scene(text, compiler, folder)
+            description, library = make(folder)
             try:
                 (folder / _DESCRIPTION).write_text(description.to_json(), encoding="utf-8")
             except OSError as error:
@@ -288,7 +329,7 @@ def _written(sources: tuple[SourceFile, ...], compiler: Compiler | None, folder:
 
 
 def _describe(linkage: Linkage, program: Program, equations: str) -> Description:
-    from symgen.runtime.description import BlockInfo, Description, KernelInfo, ParameterInfo
+    from symgen.runtime.description import Description, ParameterInfo, kernel_infos
     from symgen.symbolic.quantity import AXES
 
     kernels = {k.name: k for k in program.kernels}
@@ -303,6 +344,7 @@ def _describe(linkage: Linkage, program: Program, equations: str) -> Description
         points=tuple(p.name for p in linkage.points),
         free=tuple(dict.fromkeys(r.rpartition("_")[0] for r in solution["accelerations"].rows)),
         ground=tuple(p.name for p in linkage.points if p.ground),
+        links={k.name: [k.start, k.end, *(p.name for p in k.carried)] for k in linkage.links},
         constraints=tuple(r.removesuffix("_lambda") for r in solution["multipliers"].rows),
         labels=tuple(
             s.description.removeprefix("multiplier of ") for s in work if s.name.endswith("_lambda")
@@ -312,19 +354,7 @@ def _describe(linkage: Linkage, program: Program, equations: str) -> Description
             ParameterInfo(p.quantity.name, p.quantity.unit, p.quantity.description, float(p.default))
             for p in linkage.parameters
         ),
-        kernels=tuple(
-            KernelInfo(
-                k.name,
-                k.work_size,
-                k.out_size,
-                {kind: getattr(k.counts, kind) for kind in ("add", "mul", "div", "neg", "call", "flops")},
-                tuple(
-                    BlockInfo(b.name, b.offset, b.shape, b.unit, b.description, b.rows, b.columns)
-                    for b in k.blocks
-                ),
-            )
-            for k in program.kernels
-        ),
+        kernels=kernel_infos(program.kernels),
         first_pivot=program.pivots,
         start=(),
         redundant=(),
@@ -338,8 +368,6 @@ def _describe(linkage: Linkage, program: Program, equations: str) -> Description
 
 def _with_start(description: Description, library: Library) -> Description:
     """Find the start of the scene, which also tells whether there is one."""
-    from dataclasses import replace
-
     import numpy as np
 
     from symgen.runtime.evaluate import Evaluator

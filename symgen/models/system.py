@@ -14,7 +14,7 @@ from symgen.models.rods import REFERENCE, RodsModel
 from symgen.models.start import start_exports
 from symgen.scene.linkage import TIME, Linkage
 from symgen.symbolic.calculus import ZERO
-from symgen.symbolic.system import Export, Group, NamedMatrix, SaddlePoint, System
+from symgen.symbolic.system import Definition, Export, Group, NamedMatrix, SaddlePoint, System
 
 
 def linkage_system(linkage: Linkage) -> System:
@@ -33,28 +33,16 @@ def linkage_system(linkage: Linkage) -> System:
 
 def _assemble(model: RodsModel) -> System:
     linkage = model.linkage
-    free = [a for p in model.free for a in model.a[p]]
     asked = outputs.asked(model)
     start, start_kernels = start_exports(model)
     equations, exports = _equations(model), _exports(model)
     residual, refining = refinement(model)
     points = _points(model)
     derived = {m.name for m in (*equations, *points)}
-    groups = (
-        Group("t", "time", (TIME,)),
-        Group("q", "coordinates of the free points", tuple(model.coordinates)),
-        Group("u", "velocities of the free points", tuple(u for p in model.free for u in model.u[p])),
-        Group("p", "tunable parameters", tuple(p.quantity for p in linkage.parameters)),
-        Group(
-            "work",
-            "accelerations and multipliers, as the kernel 'accelerations' wrote them",
-            (*free, *model.multipliers.values()),
-        ),
-    )
     return System(
         name=linkage.name,
         title=linkage.title,
-        groups=groups,
+        groups=groups(model),
         matrices=(*equations, *points, *(m for m in asked if m.name not in derived), *start, *residual),
         exports=(
             *exports,
@@ -62,9 +50,7 @@ def _assemble(model: RodsModel) -> System:
             *start_kernels,
             *refining,
         ),
-        definitions=tuple(
-            replace(d, expression=d.expression.xreplace(model.held)) for d in model.calculus.definitions
-        ),
+        definitions=definitions(model),
         saddle_point=SaddlePoint(
             "mass_matrix",
             "constraint_jacobian",
@@ -79,6 +65,27 @@ def _assemble(model: RodsModel) -> System:
             for name in model.idle
         ),
     )
+
+
+def groups(model: RodsModel) -> tuple[Group, ...]:
+    """Return the argument arrays that every kernel of a linkage takes."""
+    free = [a for p in model.free for a in model.a[p]]
+    return (
+        Group("t", "time", (TIME,)),
+        Group("q", "coordinates of the free points", tuple(model.coordinates)),
+        Group("u", "velocities of the free points", tuple(u for p in model.free for u in model.u[p])),
+        Group("p", "tunable parameters", tuple(p.quantity for p in model.linkage.parameters)),
+        Group(
+            "work",
+            "accelerations and multipliers, as the kernel 'accelerations' wrote them",
+            (*free, *model.multipliers.values()),
+        ),
+    )
+
+
+def definitions(model: RodsModel) -> tuple[Definition, ...]:
+    """Return the shared subexpressions with the ground's motion put in."""
+    return tuple(replace(d, expression=d.expression.xreplace(model.held)) for d in model.calculus.definitions)
 
 
 #: Exponents of what rounding may leave of a pivot: of one that should vanish for an instant, and of one that

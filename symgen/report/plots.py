@@ -50,11 +50,7 @@ def plot(result: Result, *names: str, file: str | os.PathLike[str] | None = None
         panel.grid(alpha=0.3)
         panel.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize="small", frameon=False)
     panels[-1].set_xlabel("time [s]")
-    figure.suptitle(
-        f"{result.title}\n{result.provenance['method']}, {result.statistics['steps']} steps; "
-        f"drift: constraints {result.drift.constraint:.1e} m, energy {result.drift.energy:.1e} J",
-        fontsize="medium",
-    )
+    figure.suptitle(f"{result.title}\n{result.headline}", fontsize="medium")
     if file is not None:
         _save(figure, file)
     return figure

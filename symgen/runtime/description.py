@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterable
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -45,9 +46,9 @@ class KernelInfo:
 class Description:
     """Everything the runtime needs to know of a model, besides the code.
 
-    ``free`` are the points that have coordinates; ``labels`` say what each constraint is called in messages.
-    ``start`` holds the coordinates and then the velocities at the scene's own parameters, ``first_pivot`` is
-    where the kernel 'factor' leaves its pivots in ``work``.
+    ``free`` are the points that have coordinates; ``links`` holds the points of each link; ``labels`` say
+    what each constraint is called in messages. ``start`` holds the coordinates and then the velocities at
+    the scene's own parameters, ``first_pivot`` is where the kernel 'factor' leaves its pivots in ``work``.
     """
 
     name: str
@@ -58,6 +59,7 @@ class Description:
     points: tuple[str, ...]
     free: tuple[str, ...]
     ground: tuple[str, ...]
+    links: dict[str, list[str]]
     constraints: tuple[str, ...]
     labels: tuple[str, ...]
     work_of_loads: bool
@@ -119,3 +121,20 @@ class Description:
 def _block(data: dict[str, Any]) -> BlockInfo:
     lists = {key: tuple(data[key]) for key in ("shape", "rows", "columns")}
     return BlockInfo(**{**data, **lists})
+
+
+def kernel_infos(kernels: Iterable[Any]) -> tuple[KernelInfo, ...]:
+    """Return what the runtime keeps of the kernels of a program."""
+    return tuple(
+        KernelInfo(
+            k.name,
+            k.work_size,
+            k.out_size,
+            {kind: getattr(k.counts, kind) for kind in ("add", "mul", "div", "neg", "call", "flops")},
+            tuple(
+                BlockInfo(b.name, b.offset, b.shape, b.unit, b.description, b.rows, b.columns)
+                for b in k.blocks
+            ),
+        )
+        for k in kernels
+    )

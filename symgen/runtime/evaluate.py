@@ -19,7 +19,7 @@ class Evaluator:
     def __init__(self, description: Description, library: Library, parameters: Array) -> None:
         self.description, self.library = description, library
         self.parameters = np.array([*parameters, 0.0])
-        self.work_size = max(k.work_size for k in description.kernels)
+        self.work_size = max((k.work_size for k in description.kernels), default=0)
 
     def has(self, kernel: str) -> bool:
         """Tell whether the model has this kernel."""

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from typing import Any
+from collections.abc import Callable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -21,7 +21,15 @@ from symgen.runtime.result import Result
 from symgen.runtime.simulate import run
 from symgen.runtime.state import Accelerations, State
 
+if TYPE_CHECKING:
+    from symgen.runtime.bonds import Bonds
+    from symgen.runtime.equilibrium import Equilibrium
+    from symgen.runtime.modes import Modes
+    from symgen.runtime.motion import Motion
+
 Array = NDArray[np.float64]
+#: Gives the kernels of one kind of analysis, made when first asked for.
+Analyses = Callable[[str], tuple[Description, Library]]
 
 
 class Model:
@@ -37,8 +45,10 @@ class Model:
         library: Library,
         derive: Callable[[], Any],
         parameters: Mapping[str, float] | None = None,
+        analyses: Analyses | None = None,
     ) -> None:
         self.description, self._library, self._derive = description, library, derive
+        self._analyses = analyses
         self.parameters: dict[str, float] = {p.name: p.default for p in description.parameters}
         for name, value in (parameters or {}).items():
             if name not in self.parameters:
@@ -83,7 +93,9 @@ class Model:
 
     def with_parameters(self, **values: float) -> Model:
         """Return the same model with other values of its tunable parameters, in SI units."""
-        return Model(self.description, self._library, self._derive, {**self.parameters, **values})
+        return Model(
+            self.description, self._library, self._derive, {**self.parameters, **values}, self._analyses
+        )
 
     def initial_state(self) -> State:
         """Return the state in which a run starts.
@@ -188,6 +200,119 @@ class Model:
         open_rows = not_unique(self._evaluator, state.q, len(redundant))
         multipliers = dict(zip(d.constraints, work[n:-1].tolist(), strict=True))
         return Accelerations(points, multipliers, reactions, tuple(d.constraints[i] for i in open_rows))
+
+    def _kinematics(self) -> Bonds:
+        from symgen.runtime.bonds import Bonds
+
+        return Bonds(self._evaluator, self._analysis("kinematics"))
+
+    def _analysis(self, kind: str) -> Evaluator:
+        """Return the kernels that only one kind of analysis needs, made when first asked for."""
+        if self._analyses is None:
+            raise ModelError(
+                f"{self.name} was made without the kernels of {kind}: build it with symgen.build"
+            )
+        return Evaluator(*self._analyses(kind), self._evaluator.parameters[:-1])
+
+    def assemblies(self, t: float = 0.0) -> tuple[State, ...]:
+        """Return the ways in which the driven linkage goes together at a time, the drawn one (at 0 s) first.
+
+        They are looked for from many starting poses, the same ones every time; velocities are zero.
+        """
+        from symgen.runtime.assemblies import assemblies
+
+        q = self.initial_state().q
+        found = assemblies(self._kinematics(), q, t)
+        return tuple(self._state(t, pose, np.zeros_like(pose)) for pose in found)
+
+    def kinematics(
+        self,
+        start: float = 0.0,
+        stop: float | None = None,
+        *,
+        samples: int = 181,
+        of: Sequence[str] | None = None,
+        state: State | None = None,
+        through: bool = False,
+    ) -> Motion:
+        """Follow the driven linkage over a range of time, without forces: see ``docs/analyses.md``.
+
+        Parameters
+        ----------
+        start, stop
+            The range [s], 0 to the scene's ``t_end`` when absent. The drives are functions of the time.
+        samples
+            Number of equally spaced times at which poses are recorded.
+        of
+            Points and links (plane) to record; all that move when absent.
+        state
+            The assembly to follow, one of :meth:`assemblies`; the scene's own when absent.
+        through
+            Go on through dead centres, on the other branch and back in time, until the range is left or the
+            curve closes; otherwise a branch ends at its dead centre.
+
+        Raises
+        ------
+        ModelError
+            When freedoms are not driven (it says how many), or for a wrong range or name.
+        SimulationError
+            When no pose of the range can be reached, or a drive is not smooth.
+        """
+        from symgen.runtime.kinematics import Task, analyse
+
+        begin = self.initial_state() if state is None else state
+        end = self.description.t_end if stop is None else float(stop)
+        asked = Task(float(start), end, samples, through)
+        return analyse(self._kinematics(), begin.q, begin.t, asked, of)
+
+    def equilibrium(
+        self, *, state: State | None = None, t: float | None = None, stable: bool = True
+    ) -> Equilibrium:
+        """Return a static equilibrium: see ``docs/analyses.md``.
+
+        Parameters
+        ----------
+        state
+            The pose to start from; the scene's own when absent. Its velocities do not matter.
+        t
+            The time [s] at which forces and drives are held; that of ``state`` when absent.
+        stable
+            Go downhill to a stable equilibrium, or, if false, to one of any kind nearby. A start that is in
+            equilibrium already is the answer in both cases.
+
+        Raises
+        ------
+        ModelError
+            When a drive or a ground point moves at that time.
+        SimulationError
+            When no equilibrium is found, as in free fall.
+        """
+        from symgen.runtime.equilibrium import at_rest, describe, find
+        from symgen.runtime.linear import Statics
+
+        begin = self.initial_state() if state is None else state
+        when = begin.t if t is None else float(t)
+        bonds = self._kinematics()
+        at_rest(bonds, begin.q, when)
+        statics = Statics(bonds, self._analysis("statics"), when)
+        return describe(statics, *find(statics, begin.q, stable))
+
+    def modes(self, about: Equilibrium | None = None) -> Modes:
+        """Return frequencies and shapes of the small oscillations about an equilibrium.
+
+        Parameters
+        ----------
+        about
+            What :meth:`equilibrium` gave; the equilibrium found from the scene's start when absent.
+
+        Raises
+        ------
+        ModelError, SimulationError
+            When there is no equilibrium, or nothing is free to move.
+        """
+        from symgen.runtime.modes import analyse
+
+        return analyse(self._evaluator, self.equilibrium() if about is None else about)
 
     def simulate(
         self,

@@ -113,6 +113,14 @@ class Result:
         dataset: xarray.Dataset = self._cache["dataset"]
         return dataset
 
+    @property
+    def headline(self) -> str:
+        """What a plot says of the run."""
+        return (
+            f"{self.provenance['method']}, {self.statistics['steps']} steps; "
+            f"drift: constraints {self.drift.constraint:.1e} m, energy {self.drift.energy:.1e} J"
+        )
+
     def summary(self) -> dict[str, Any]:
         """Return the run in plain numbers: what ``symgen run --json`` prints."""
         return {
@@ -212,7 +220,10 @@ def load_result(file: str | os.PathLike[str]) -> Result:
         data = json.loads(meta)
         if data["symgen_result"] != FORMAT:
             raise ResultError(f"{path} has result format {data['symgen_result']}, this symgen reads {FORMAT}")
-        return Result(
+        made: type[Result] = Result
+        if data["provenance"]["method"] == "continuation":
+            from symgen.runtime.motion import Motion as made
+        return made(
             name=data["name"],
             title=data["title"],
             axes=tuple(data["axes"]),

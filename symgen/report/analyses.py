@@ -1,0 +1,73 @@
+"""Kinematic analyses, equilibria and modes on the terminal."""
+
+from __future__ import annotations
+
+import numpy as np
+from rich.console import Console
+
+from symgen.report.tables import table
+from symgen.runtime.equilibrium import Equilibrium
+from symgen.runtime.modes import Modes
+from symgen.runtime.motion import Motion
+
+
+def print_motion(motion: Motion, console: Console) -> None:
+    """Print the range of everything recorded, and where the linkage could not go."""
+    rows = []
+    for v in motion.variables:
+        columns = v.values.reshape(len(motion.time), -1)
+        for i, component in enumerate(v.components or ("",)):
+            values = columns[:, i]
+            low, high = int(np.argmin(values)), int(np.argmax(values))
+            name = f"{v.name} {component}".strip()
+            rows.append((name, v.unit, values[low], motion.time[low], values[high], motion.time[high]))
+    head = ("output", "unit", "least", "at t [s]", "greatest", "at t [s]")
+    span = f"{motion.time.min():g} s to {motion.time.max():g} s"
+    console.print(table(f"{motion.title}: {len(motion.time)} poses, {span}", head, rows))
+    for pose in motion.singular_poses:
+        console.print(pose.describe(), soft_wrap=True)
+    for low_end, high_end in motion.unassemblable:
+        console.print(f"no assembly was found from t = {low_end:.12g} s to {high_end:.12g} s", soft_wrap=True)
+    for low_end, high_end in motion.out_of_reach:
+        text = f"from t = {low_end:.12g} s to {high_end:.12g} s it can be assembled, but not driven there"
+        console.print(text, soft_wrap=True)
+    console.print(
+        f"constraints met within {motion.drift.constraint:.1e} m, their rates {motion.drift.velocity:.1e} m/s"
+    )
+
+
+def print_equilibrium(found: Equilibrium, title: str, console: Console) -> None:
+    """Print pose, reactions and outputs."""
+    axes = ", ".join("xyz"[: len(next(iter(found.state.positions.values())))])
+    rows = [
+        (p, _numbers(r), _numbers(found.reactions[p]) if p in found.reactions else "")
+        for p, r in found.state.positions.items()
+    ]
+    head = ("point", f"position {axes} [m]", "reaction [N]")
+    console.print(table(f"{title}: {found.stability} equilibrium, {found.freedoms} free", head, rows))
+    if found.outputs:
+        values = [(k, found.units[k], _numbers(np.atleast_1d(v))) for k, v in found.outputs.items()]
+        console.print(table("Recorded", ("output", "unit", "value"), values))
+    console.print(f"unbalanced {found.residual:.1e} N of {found.scale:.3g} N")
+
+
+def print_modes(found: Modes, title: str, console: Console) -> None:
+    """Print frequencies, damping, and the shapes of the moving points."""
+    rows = [
+        (i + 1, m.kind, m.frequency, m.omega, m.damping_ratio, f"{m.s.real:.6g}{m.s.imag:+.6g}i")
+        for i, m in enumerate(found.modes)
+    ]
+    head = ("mode", "kind", "frequency [Hz]", "omega [rad/s]", "damping ratio", "s [1/s]")
+    stability = found.equilibrium.stability
+    console.print(table(f"{title}: {len(found)} modes about a {stability} equilibrium", head, rows))
+    moving = [p for p in found[0].shape if any(np.any(m.shape[p]) for m in found.modes)]
+    shapes = [
+        (p, *(_numbers(np.where(np.abs(m.shape[p]) < 1e-12, 0, m.shape[p]), ".4g") for m in found.modes[:8]))
+        for p in moving
+    ]
+    numbers = [str(i + 1) for i in range(min(8, len(found)))]
+    console.print(table("Shapes in m/sqrt(kg), for unit modal mass", ("point", *numbers), shapes))
+
+
+def _numbers(values: np.ndarray, form: str = ".9g") -> str:
+    return "  ".join(format(x, form) for x in values.tolist())

@@ -1,0 +1,118 @@
+"""What a kinematic analysis records: points and links over the times that were reached."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import asdict
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symgen.errors import ModelError, nearest
+from symgen.runtime.bonds import Bonds
+from symgen.runtime.motion import Motion, Range, SingularPose
+from symgen.runtime.result import Drift, Variable
+
+Array = NDArray[np.float64]
+#: Poses, each with its time, coordinates, velocities and accelerations.
+Samples = list[tuple[float, Array, Array, Array]]
+
+
+def chosen_names(bonds: Bonds, of: Sequence[str] | None) -> list[str]:
+    """Return the points and links to record: all that move when none is named."""
+    d = bonds.description
+    moving = [
+        p for p in d.points if p not in d.ground or any(n.startswith(f"{p}.") for n in bonds.drives(0.0))
+    ]
+    turning = [k for k, points in d.links.items() if not set(points[:2]) <= set(d.ground)]
+    if of is None:
+        return [*moving, *(turning if len(d.axes) == 2 else [])]
+    known = [*d.points, *(turning if len(d.axes) == 2 else [])]
+    for name in of:
+        if name not in known:
+            raise ModelError(f"there is no point or moving link {name!r} to record. {nearest(name, known)}")
+    return list(dict.fromkeys(of))
+
+
+def recorded(
+    bonds: Bonds,
+    rows: Samples,
+    poses: list[SingularPose],
+    unassemblable: Sequence[Range],
+    out_of_reach: Sequence[Range],
+    chosen: Sequence[str],
+    stop: float,
+) -> Motion:
+    """Return samples, singular poses and ranges as a result."""
+    d, evaluator = bonds.description, bonds.evaluator
+    kinds: list[list[Array]] = [[], [], []]
+    errors = np.zeros(2)
+    for t, q, u, acceleration in rows:
+        both = evaluator.blocks("points", t, q, u)
+        work = np.concatenate([acceleration, np.zeros(bonds.m + 1)])
+        third = evaluator.blocks("point_accelerations", t, q, u, work)["point_accelerations"]
+        for kind, values in zip(kinds, (both["positions"], both["velocities"], third), strict=True):
+            kind.append(values)
+        rate = bonds.jacobian(q, t) @ u + bonds.drift(q, t)
+        found = [np.max(np.abs(e), initial=0.0) for e in (bonds.residual(q, t), rate)]
+        errors = np.maximum(errors, found)
+    r, v, a = (np.array(kind) for kind in kinds)
+    drives = [bonds.drives(t) for t, *_ in rows]
+    variables = [
+        Variable(name, unit, f"drive {name}", (), np.array([values[name] for values in drives]))
+        for name, unit in bonds.units().items()
+    ]
+    taken = {x.name for x in variables}
+    for name in chosen:
+        made = (
+            _of_point(d.points.index(name), name, d.axes, r, v, a)
+            if name in d.points
+            else _of_link(bonds, name, r, v, a)
+        )
+        variables += [x for x in made if x.name not in taken]
+    last = rows[-1]
+    return Motion(
+        name=d.name,
+        title=d.title,
+        axes=d.axes,
+        time=np.array([row[0] for row in rows]),
+        variables=tuple(variables),
+        drift=Drift(float(errors[0]), float(errors[1]), math.nan, math.nan),
+        final={
+            p: {"position": r[-1, i].tolist(), "velocity": v[-1, i].tolist()} for i, p in enumerate(d.points)
+        },
+        statistics={
+            "t": last[0],
+            "steps": len(rows),
+            "singular_poses": [asdict(p) for p in poses],
+            "unassemblable": [list(r) for r in unassemblable],
+            "out_of_reach": [list(r) for r in out_of_reach],
+        },
+        provenance={
+            "equations": d.equations,
+            "method": "continuation",
+            "t_end": stop,
+            "backend": evaluator.library.backend,
+            "parameters": {
+                p.name: x for p, x in zip(d.parameters, evaluator.parameters.tolist(), strict=False)
+            },
+        },
+    )
+
+
+def _of_point(i: int, name: str, axes: tuple[str, ...], r: Array, v: Array, a: Array) -> list[Variable]:
+    words = (("position", "m", r), ("velocity", "m/s", v), ("acceleration", "m/s^2", a))
+    return [Variable(f"{name}.{w}", unit, f"{w} of {name}", axes, x[:, i]) for w, unit, x in words]
+
+
+def _of_link(bonds: Bonds, name: str, r: Array, v: Array, a: Array) -> list[Variable]:
+    """Return direction, angular velocity and angular acceleration of a link in the plane."""
+    i, j = (bonds.description.points.index(p) for p in bonds.description.links[name][:2])
+    d, e, f = (x[:, j] - x[:, i] for x in (r, v, a))
+    squared = np.sum(d * d, axis=1)
+    rate = (d[:, 0] * e[:, 1] - d[:, 1] * e[:, 0]) / squared
+    second = (d[:, 0] * f[:, 1] - d[:, 1] * f[:, 0] - 2 * rate * np.sum(d * e, axis=1)) / squared
+    angle = np.unwrap(np.arctan2(d[:, 1], d[:, 0]))
+    words = (("angle", "rad", angle), ("rate", "rad/s", rate), ("acceleration", "rad/s^2", second))
+    return [Variable(f"{name}.{w}", unit, f"{w} of {name}", (), x) for w, unit, x in words]
