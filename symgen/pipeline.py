@@ -268,8 +268,8 @@ def _written(sources: tuple[SourceFile, ...], compiler: Compiler | None, folder:
 
 
 def _describe(linkage: Linkage, program: Program, equations: str) -> Description:
-    from symgen.mechanics.loads import AXES
     from symgen.runtime.description import BlockInfo, Description, KernelInfo, ParameterInfo
+    from symgen.symbolic.quantity import AXES
 
     kernels = {k.name: k for k in program.kernels}
     solution = {b.name: b for b in kernels["accelerations"].blocks}

@@ -6,8 +6,7 @@ import sympy as sp
 
 from symgen.mechanics.particles import Vector, dot
 from symgen.symbolic.calculus import Calculus
-
-AXES = "xyz"
+from symgen.symbolic.quantity import AXES
 
 
 def weight_potential(mass: sp.Expr, gravity: Vector, position: Vector) -> sp.Expr:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 
 @dataclass(frozen=True, slots=True)
@@ -11,15 +11,23 @@ class Tree:
     """A spanning tree from the ground.
 
     ``points`` lists the moving points from the ground outward, ``carrier`` the rod that carries each (None
-    for the root of a part that no rod ties to the ground), ``cuts`` the rods that close loops.
+    for the root of a part that no rod ties to the ground), ``braces`` the further rods of the same body that
+    hold it, ``cuts`` the rods that close loops.
     """
 
     points: tuple[str, ...]
     carrier: Mapping[str, str | None]
     cuts: tuple[str, ...]
+    braces: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
 
-def spanning_tree(ground: Iterable[str], points: Sequence[str], rods: Mapping[str, tuple[str, str]]) -> Tree:
+def spanning_tree(
+    ground: Iterable[str],
+    points: Sequence[str],
+    rods: Mapping[str, tuple[str, str]],
+    supports: Mapping[str, Sequence[str]] | None = None,
+    bodies: Mapping[str, str] | None = None,
+) -> Tree:
     """Walk the rods breadth first from the ground points, in the order they are written.
 
     Parameters
@@ -30,10 +38,16 @@ def spanning_tree(ground: Iterable[str], points: Sequence[str], rods: Mapping[st
         Names of the moving points.
     rods
         The two ends of every rod that has at least one moving end.
+    supports
+        The points that place an end which has no coordinates of its own: it is reached when they are.
+    bodies
+        The body of every rod that is one of the distances between points of a body.
     """
+    placed_by = supports or {}
+    ends = {rod: tuple(tuple(placed_by.get(e, (e,))) for e in pair) for rod, pair in rods.items()}
     at: dict[str, list[str]] = {}
-    for rod, ends in rods.items():
-        for end in ends:
+    for rod, (a, b) in ends.items():
+        for end in dict.fromkeys((*a, *b)):
             at.setdefault(end, []).append(rod)
     reached = list(dict.fromkeys(ground))
     seen, order = set(reached), []
@@ -42,8 +56,8 @@ def spanning_tree(ground: Iterable[str], points: Sequence[str], rods: Mapping[st
     while True:
         for point in reached:
             for rod in at.get(point, ()):
-                far = rods[rod][1] if rods[rod][0] == point else rods[rod][0]
-                if far not in seen:
+                far = _carried(ends[rod], seen)
+                if far:
                     seen.add(far)
                     reached.append(far)
                     order.append(far)
@@ -55,8 +69,40 @@ def spanning_tree(ground: Iterable[str], points: Sequence[str], rods: Mapping[st
         reached = [root]
         order.append(root)
         carrier[root] = None
-    used = set(carrier.values())
-    return Tree(tuple(order), carrier, tuple(rod for rod in rods if rod not in used))
+    braces = _braces(order, carrier, ends, bodies or {})
+    used = {*carrier.values(), *(rod for held in braces.values() for rod in held)}
+    return Tree(tuple(order), carrier, tuple(rod for rod in rods if rod not in used), braces)
+
+
+def _carried(ends: tuple[tuple[str, ...], ...], seen: set[str]) -> str:
+    """Return the new point that a rod carries from its end that is reached already, if it does."""
+    for near, far in (ends, ends[::-1]):
+        if len(far) == 1 and far[0] not in seen and all(p in seen for p in near):
+            return far[0]
+    return ""
+
+
+def _braces(
+    order: Sequence[str],
+    carrier: Mapping[str, str | None],
+    ends: Mapping[str, tuple[tuple[str, ...], ...]],
+    bodies: Mapping[str, str],
+) -> dict[str, tuple[str, ...]]:
+    """Return for each point that a body carries the body's further rods to what comes before it."""
+    later = set(order)
+    found: dict[str, tuple[str, ...]] = {}
+    for point in order:
+        later.discard(point)
+        own = carrier[point]
+        if own and own in bodies:
+            held = []
+            for rod, body in bodies.items():
+                a, b = ends[rod]
+                rest = b if a == (point,) else a if b == (point,) else (point,)
+                if rod != own and body == bodies[own] and point not in rest and not later & set(rest):
+                    held.append(rod)
+            found[point] = tuple(held)
+    return found
 
 
 def elimination_order(
@@ -64,7 +110,7 @@ def elimination_order(
 ) -> tuple[int, ...]:
     """Order the unknowns of [M J^T; J 0] so that no pivot vanishes unless J loses rank.
 
-    Leaves first, each point followed by the multiplier of the rod that carries it; the multipliers that
+    Leaves first, each point followed by the multipliers of the rods that carry it; the multipliers that
     close loops last.
 
     Parameters
@@ -83,6 +129,6 @@ def elimination_order(
         order.extend(coordinates[point])
         rod = tree.carrier[point]
         if rod is not None:
-            order.append(multipliers[rod])
+            order.extend(multipliers[r] for r in (rod, *tree.braces.get(point, ())))
     rest = sorted(set(range(count)) - set(order))
     return tuple(order + rest)

@@ -8,12 +8,14 @@ from typing import TYPE_CHECKING
 
 import sympy as sp
 
-from symgen.mechanics.particles import cross, dot, length_constraint
+from symgen.mechanics.loads import vector_between
+from symgen.mechanics.particles import Vector, cross, dot, length_constraint
+from symgen.models.points import bar_name
 
 if TYPE_CHECKING:
     from symgen.models.rods import RodsModel
 
-_ONE = sp.Integer(1)
+_ZERO, _ONE = sp.Integer(0), sp.Integer(1)
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,7 +23,7 @@ class Constraint:
     """One row Phi = 0.
 
     ``expression`` over ``scale`` is an error in metres; ``unit`` is the unit of the expression, ``label``
-    what it is called in messages, and ``link`` the rod whose length it is, if it is one.
+    what it is called in messages, and ``link`` the rod, or the bar of a body, whose length it is.
     """
 
     name: str
@@ -39,7 +41,7 @@ class Constraint:
 
 def constraints(model: RodsModel) -> list[Constraint]:
     """Return every constraint row: rod lengths first, in the order of the links."""
-    return [*_lengths(model), *_shared_joints(model), *_guides(model), *_drivers(model)]
+    return [*_lengths(model), *_shapes(model), *_shared_joints(model), *_guides(model), *_drivers(model)]
 
 
 def _lengths(model: RodsModel) -> Iterator[Constraint]:
@@ -49,8 +51,18 @@ def _lengths(model: RodsModel) -> Iterator[Constraint]:
         yield Constraint(rod.name, f"the length of link {rod.name}", expression, rod.length, "m^2", rod.name)
 
 
+def _shapes(model: RodsModel) -> Iterator[Constraint]:
+    """(d.d - l^2)/2 between the base points of a body in space."""
+    for body in model.linkage.bodies:
+        for bar in body.bars:
+            ends = (model.position(p) for p in (bar.start, bar.end))
+            name, label = bar_name(body, bar.start, bar.end), f"the shape of link {body.name}"
+            along = vector_between(model.calculus, name, *ends)
+            yield Constraint(name, label, length_constraint(along, bar.length), bar.length, "m^2", name)
+
+
 def _shared_joints(model: RodsModel) -> Iterator[Constraint]:
-    """r_p = (1 - z) r_i + z r_j where the point p of a body already has a position of its own."""
+    """r_p = (1 - z) r_i + z r_j where the point p of a link already has a place of its own."""
     for link, point in model.shared:
         carried = model.carried_position(link, point)
         for axis, own, other in zip(model.axes, model.position(point.name), carried, strict=True):
@@ -59,21 +71,40 @@ def _shared_joints(model: RodsModel) -> Iterator[Constraint]:
 
 
 def _guides(model: RodsModel) -> Iterator[Constraint]:
+    return (row.constraint for row in guide_rows(model))
+
+
+@dataclass(frozen=True, slots=True)
+class GuideRow:
+    """A row of a guide, with its derivatives by the vector along the link and by the guided point."""
+
+    constraint: Constraint
+    link: str
+    point: str
+    by_along: Vector
+    by_point: Vector
+
+
+def guide_rows(model: RodsModel) -> Iterator[GuideRow]:
     """(r_p - r_a) x d = 0, Eq. (16b): a point stays on the line of a link."""
     for guide in model.linkage.guides:
         link = model.linkage.link(guide.along)
-        along = model.along[link.name]
+        d = model.along[link.name]
         start = model.position(link.start)
         for point in guide.points:
             there = tuple(b - a for a, b in zip(start, model.position(point), strict=True))
             label = f"the guide of {point} along {link.name}"
-            if len(along) == 2:
-                yield Constraint(f"{guide.name}_{point}", label, cross(along, there), link.length, "m^2")
+            if len(d) == 2:
+                row = Constraint(f"{guide.name}_{point}", label, cross(d, there), link.length, "m^2")
+                yield GuideRow(row, link.name, point, (there[1], -there[0]), (-d[1], d[0]))
                 continue
             for i in _kept_components(model, link.start, link.end):
                 j, k = (i + 1) % 3, (i + 2) % 3
-                row = along[j] * there[k] - along[k] * there[j]
-                yield Constraint(f"{guide.name}_{point}_{model.axes[i]}", label, row, link.length, "m^2")
+                name = f"{guide.name}_{point}_{model.axes[i]}"
+                row = Constraint(name, label, d[j] * there[k] - d[k] * there[j], link.length, "m^2")
+                along, by_point = [_ZERO] * 3, [_ZERO] * 3
+                along[j], along[k], by_point[k], by_point[j] = there[k], -there[j], d[j], -d[k]
+                yield GuideRow(row, link.name, point, tuple(along), tuple(by_point))
 
 
 def _kept_components(model: RodsModel, start: str, end: str) -> list[int]:

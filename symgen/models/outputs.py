@@ -1,4 +1,4 @@
-"""What a scene may ask to record: ``point.word``, ``link.word`` or a bare word; one line each below."""
+"""What a scene may ask to record: ``owner.word`` or a bare word; one line each in the tables below."""
 
 from __future__ import annotations
 
@@ -8,6 +8,9 @@ from typing import TYPE_CHECKING
 import sympy as sp
 
 from symgen.errors import SceneError, nearest
+from symgen.mechanics.particles import cross
+from symgen.models.joint_forces import joint_force
+from symgen.models.loads import product
 from symgen.models.matrix import named
 from symgen.symbolic.system import NamedMatrix
 
@@ -40,7 +43,9 @@ def _reaction(model: RodsModel, name: str) -> Entries:
 def _tension(model: RodsModel, name: str) -> Entries:
     rod = model.rod(name)
     if rod is None:
-        raise SceneError(f"{name} lies between two ground points: its tension is not determined")
+        body = name not in model.idle
+        why = "is a body in space" if body else "lies between two ground points"
+        raise SceneError(f"{name} {why}: its tension is not determined")
     return (
         [model.multipliers[name].symbol * rod.length],
         "N",
@@ -60,6 +65,37 @@ def _potential_energy(model: RodsModel) -> Entries:
     return [model.potential_energy], "J", "potential of gravity and springs"
 
 
+def _momentum(model: RodsModel) -> Entries:
+    momenta = [p for _, p in model.momenta]
+    return [sp.Add(*c) for c in zip(*momenta, strict=True)], "kg*m/s", "linear momentum"
+
+
+def _angular_momentum(model: RodsModel) -> Entries:
+    about = "angular momentum about the origin"
+    pairs = [(model.position(point), p) for point, p in model.momenta]
+    if len(model.axes) == 2:
+        return [sp.Add(*(cross(r, p) for r, p in pairs))], "kg*m^2/s", about
+    moments = [product(r, p) for r, p in pairs]
+    return [sp.Add(*c) for c in zip(*moments, strict=True)], "kg*m^2/s", about
+
+
+def _angle(model: RodsModel, name: str) -> Entries:
+    if len(model.axes) == 3:
+        raise SceneError("a link has one angle only in the plane")
+    d = model.along[name]
+    return [sp.atan2(d[1], d[0])], "rad", f"direction of {name}, between -pi and pi"
+
+
+def _angular_velocity(model: RodsModel, name: str) -> Entries:
+    if len(model.axes) == 2:
+        return [model.turning(name)[1]], "rad/s", f"angular velocity of {name}"
+    return model.angular_velocity(name), "rad/s", f"angular velocity of {name}"
+
+
+def _force(model: RodsModel, link: str, point: str) -> Entries:
+    return joint_force(model, link, point), "N", f"force on {link} at {point} by what it meets there"
+
+
 def _torque(model: RodsModel, name: str) -> Entries:
     rod = model.rod(name)
     multiplier = model.multipliers.get(f"{name}_drive")
@@ -68,19 +104,28 @@ def _torque(model: RodsModel, name: str) -> Entries:
     return [-multiplier.symbol * rod.length], "N*m", f"torque of the drive on {name}, counter-clockwise"
 
 
-#: Outputs of a point, of a link, and of the whole linkage, by word.
+#: Outputs of a point, of a link, of a point of a link, and of the whole linkage, by word.
 OF_POINTS: dict[str, Callable[[RodsModel, str], Entries]] = {
     "position": _position,
     "velocity": _velocity,
     "acceleration": _acceleration,
     "reaction": _reaction,
 }
-OF_LINKS: dict[str, Callable[[RodsModel, str], Entries]] = {"tension": _tension, "torque": _torque}
+OF_LINKS: dict[str, Callable[[RodsModel, str], Entries]] = {
+    "tension": _tension,
+    "torque": _torque,
+    "angle": _angle,
+    "angular_velocity": _angular_velocity,
+}
 OF_THE_WHOLE: dict[str, Callable[[RodsModel], Entries]] = {
     "energy": _energy,
     "kinetic_energy": _kinetic_energy,
     "potential_energy": _potential_energy,
+    "momentum": _momentum,
+    "angular_momentum": _angular_momentum,
 }
+#: Outputs of a point of a link.
+OF_JOINTS: dict[str, Callable[[RodsModel, str, str], Entries]] = {"force": _force}
 
 
 def asked(model: RodsModel) -> list[NamedMatrix]:
@@ -91,7 +136,7 @@ def asked(model: RodsModel) -> list[NamedMatrix]:
             *(
                 f"{p}.{word}"
                 for p in model.points
-                if p not in model.ground
+                if p not in model.ground and not model.linkage.point(p).hidden
                 for word in ("position", "velocity")
             ),
             "energy",
@@ -117,10 +162,13 @@ def _entries(model: RodsModel, name: str) -> Entries:
         raise SceneError(f"there is no output {name!r}", hint=nearest(name, OF_THE_WHOLE))
     if word in OF_POINTS and owner in model.points:
         return OF_POINTS[word](model, owner)
-    links = [k.name for k in model.linkage.links]
+    links = {k.name: [*k.base, *(c.name for c in k.carried)] for k in model.parts}
     if word in OF_LINKS and owner in links:
         return OF_LINKS[word](model, owner)
-    known = [f"{p}.{w}" for p in model.points for w in OF_POINTS] + [
-        f"{k}.{w}" for k in links for w in OF_LINKS
-    ]
+    link, _, point = owner.partition(".")
+    if word in OF_JOINTS and point in links.get(link, ()):
+        return OF_JOINTS[word](model, link, point)
+    known = [f"{p}.{w}" for p in model.points for w in OF_POINTS]
+    known += [f"{k}.{w}" for k in links for w in OF_LINKS]
+    known += [f"{k}.{p}.{w}" for k, points in links.items() for p in points for w in OF_JOINTS]
     raise SceneError(f"there is no output {name!r}", hint=nearest(name, known))

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import sympy as sp
 
-from symgen.mechanics.loads import AXES, vector_between
+from symgen.mechanics.loads import vector_between
 from symgen.mechanics.particles import end_mass, kinetic_energy, length_constraint, particle_masses
 from symgen.symbolic.calculus import Calculus
-from symgen.symbolic.quantity import Quantity, quantity
+from symgen.symbolic.quantity import AXES, Quantity, quantity
 from symgen.symbolic.system import Export, Group, NamedMatrix, System
 
 REFERENCE = "H. A. Attia, Dynamic Analysis of a Chain of Rigid Rods, sections 2.1 and 2.2"

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import sympy as sp
 
+from symgen.models.loads import product
 from symgen.models.matrix import named
 from symgen.scene.linkage import TIME
 from symgen.symbolic.calculus import ZERO
@@ -100,11 +101,18 @@ def _velocity(model: RodsModel, names: list[str]) -> list[NamedMatrix]:
     wanted: list[sp.Expr] = []
     gradients: list[dict[sp.Symbol, sp.Expr]] = []
     for name, rate in model.linkage.start.rates:
-        length = model.linkage.link(name).length
-        turning, _ = model.turning(name)
-        rows.append(f"{name} rate")
-        wanted.append(rate * length)
-        gradients.append({q: slope * length for q, slope in turning.items()})
+        if len(rate) == 1:
+            length = model.linkage.link(name).length
+            turning, _ = model.turning(name)
+            rows.append(f"{name} rate")
+            wanted.append(rate[0] * length)
+            gradients.append({q: slope * length for q, slope in turning.items()})
+            continue
+        body = model.linkage.body(name)
+        for edge in model.loads.edges(body) if body else [model.along[name]]:
+            rows.extend(f"{name} rate {axis}" for axis in model.axes)
+            wanted.extend(product(rate, edge))
+            gradients.extend(model.calculus.gradient(c) for c in edge)
     for name, velocity in model.linkage.start.velocities:
         rows.extend(f"{name} velocity {axis}" for axis in model.axes)
         wanted.extend(velocity)

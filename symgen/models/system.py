@@ -36,7 +36,6 @@ def _assemble(model: RodsModel) -> System:
     start, start_kernels = start_exports(model)
     equations, exports = _equations(model), _exports(model)
     points = _points(model)
-    _check_names(model)
     derived = {m.name for m in (*equations, *points)}
     groups = (
         Group("t", "time", (TIME,)),
@@ -71,21 +70,6 @@ def _assemble(model: RodsModel) -> System:
             for name in model.idle
         ),
     )
-
-
-def _check_names(model: RodsModel) -> None:
-    """Refuse a parameter that is called like a quantity that the derivation names."""
-    made = [
-        *model.coordinates,
-        *model.multipliers.values(),
-        *(d.quantity for d in model.calculus.definitions),
-    ]
-    made += [x for group in (model.u, model.a) for p in model.free for x in group[p]]
-    taken = {x.name: x.description for x in made}
-    for parameter in model.linkage.parameters:
-        name = parameter.quantity.name
-        if name in taken:
-            raise SceneError(f"{name!r} is already the name of the {taken[name]}", where=f"parameters.{name}")
 
 
 def _order(model: RodsModel) -> tuple[int, ...]:
@@ -190,6 +174,10 @@ def _points(model: RodsModel) -> list[NamedMatrix]:
             ("point_accelerations", model.acceleration, "m/s^2"),
         )
     ]
+    if model.loads.divided:
+        rows, lengths = zip(*model.loads.divided, strict=True)
+        about = "length of every spring and actuator whose force has a direction"
+        made.append(named(model, "line_lengths", lengths, "m", about, rows=rows))
     if model.ground:
         made.append(
             named(
@@ -218,6 +206,9 @@ def _exports(model: RodsModel) -> list[Export]:
             Export("velocity_constraints", "rate of the constraints", ("velocity_constraints",)),
             Export("constraint_jacobian", "constraint Jacobian", ("constraint_jacobian",)),
         ]
+    if model.loads.divided:
+        about = "lengths of springs and actuators, by which their forces are divided"
+        exports.append(Export("line_lengths", about, ("line_lengths",)))
     if model.ground:
         exports.append(Export("reactions", "reactions at the ground points", ("reactions",)))
     return exports

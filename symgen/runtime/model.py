@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from symgen.errors import InitialStateError, ModelError, nearest
 from symgen.runtime import _core
+from symgen.runtime.causes import without_direction
 from symgen.runtime.description import Description
 from symgen.runtime.evaluate import Evaluator
 from symgen.runtime.initial import not_positive, start
@@ -105,6 +106,9 @@ class Model:
         equations = equations_of(self._evaluator)
         status = equations.check(0.0, np.concatenate([q, u, [0.0, 0.0]]))
         if status == _core.DONE:
+            line = without_direction(self._evaluator, 0.0, q, u)
+            if line:
+                raise InitialStateError(f"{line}\n  Draw its points apart.", where="springs")
             return
         weakest = equations.weakest
         if status == _core.NOT_FINITE or weakest < d.coordinates:
@@ -173,8 +177,10 @@ class Model:
         n = d.coordinates
         solution = self._evaluator("accelerations", state.t, state.q, state.u)
         if not np.all(np.isfinite(solution)):
+            line = without_direction(self._evaluator, state.t, state.q, state.u)
             raise ModelError(
                 f"the equations of motion are singular at t = {state.t:g} s: no finite accelerations"
+                f"{f'; {line}' if line else ''}"
             )
         work = np.append(solution, 0.0)
         of_points = self._evaluator.blocks("point_accelerations", state.t, state.q, state.u, work)

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from symgen.errors import ModelError, SimulationError
 from symgen.runtime import _core
+from symgen.runtime.causes import without_direction
 from symgen.runtime.description import Description
 from symgen.runtime.evaluate import Evaluator, part
 from symgen.runtime.integrators import integrator
@@ -91,7 +92,6 @@ def run(
     SimulationError
         When the run cannot go on, naming time and cause; the error carries what was recorded till then.
     """
-    description = evaluator.description
     if chosen.t_end <= t0:
         raise ModelError(f"expected t_end after the start at t = {t0:g} s, got {chosen.t_end:g} s")
     equations = equations_of(evaluator)
@@ -120,7 +120,7 @@ def run(
     if status == _core.DONE:
         return result
     raise SimulationError(
-        _problem(status, stepper, equations, description),
+        _problem(status, stepper, equations, evaluator),
         time=stepper.t,
         partial=result if stepper.recorded else None,
     )
@@ -152,8 +152,9 @@ def _problem(
     status: int,
     stepper: _core.Stepper,
     equations: _core.Equations,
-    description: Description,
+    evaluator: Evaluator,
 ) -> str:
+    description = evaluator.description
     free, axes = description.free, description.axes
     at = f"at t = {stepper.t:.9g} s after {stepper.steps} steps"
     where = ", ".join(
@@ -173,7 +174,10 @@ def _problem(
             f"the state could not be brought back onto the constraints {at}: the step is too large for the "
             f"motion\n  Use a smaller step or tighter tolerances. State: {where}."
         )
-    near = _near_singular(stepper, equations, description)
+    q, u, _ = np.split(stepper.state, [description.coordinates, 2 * description.coordinates])
+    reached = 2 * stepper.h * float(np.max(np.abs(u), initial=0.0))
+    line = without_direction(evaluator, stepper.t, q, u, reached)
+    near = f"; {line}" if line else _near_singular(stepper, equations, description)
     if status == _core.NOT_FINITE:
         return (
             f"a number that is not finite appeared in the step {at}{near}\n"

@@ -157,6 +157,8 @@ class _Reader:
                 return parse_any(number, {})
             case ast.Name(id=name):
                 return self.named(name)
+            case ast.Attribute(value=ast.Name(id=owner), attr=word) if any("." in n for n in self.names):
+                return self.named(f"{owner}.{word}")
             case ast.UnaryOp(op=ast.USub(), operand=operand):
                 inner, dim = self.node(operand, depth)
                 return -inner, dim
@@ -187,7 +189,8 @@ class _Reader:
         if name == "pi":
             return sp.pi, NUMBER
         if name not in self.names:
-            raise SceneError(f"{self.shown} uses the unknown name {name!r}", hint=nearest(name, self.names))
+            alike = [known for known in self.names if ("." in known) == ("." in name)]
+            raise SceneError(f"{self.shown} uses the unknown name {name!r}", hint=nearest(name, alike))
         return self.names[name]
 
     def power(self, base: Value, exponent: Value) -> Value:

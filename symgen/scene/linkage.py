@@ -28,12 +28,16 @@ class Parameter:
 
 @dataclass(frozen=True, slots=True)
 class PlacedPoint:
-    """A point where it is drawn [m]; ``motion`` is where a ground point is at the time t."""
+    """A point where it is drawn [m]; ``motion`` is where a ground point is at the time t.
+
+    ``hidden`` points are those that symgen adds to a body in space.
+    """
 
     name: str
     at: Vector
     ground: bool
     motion: Vector
+    hidden: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,6 +79,58 @@ class RigidLink:
     as_drawn: bool
     carried: tuple[CarriedPoint, ...]
 
+    @property
+    def base(self) -> tuple[str, ...]:
+        """The points that carry it."""
+        return self.start, self.end
+
+
+@dataclass(frozen=True, slots=True)
+class WeightedPoint:
+    """A point of a body in space: the sum of the base points, each times its weight; the weights add to 1."""
+
+    name: str
+    weights: Vector
+
+
+@dataclass(frozen=True, slots=True)
+class Bar:
+    """A fixed distance [m] between two base points of a body."""
+
+    start: str
+    end: str
+    length: sp.Expr
+
+
+@dataclass(frozen=True, slots=True)
+class SpatialBody:
+    """A rigid body in space on four of its points.
+
+    Attributes
+    ----------
+    base
+        The four points, not in one plane, that carry it.
+    bars
+        The distances between them that nothing else keeps.
+    mass, centre
+        Mass [kg], and the weights of the base points that give its centre.
+    masses
+        The constant matrix of the kinetic energy by the velocities of the base points [kg], row by row.
+    inverse
+        Inverse of the matrix of products e_j.e_k of e_k = r_k - r_0 [1/m^2]: for the angular velocity.
+    carried
+        Its further points.
+    """
+
+    name: str
+    base: tuple[str, ...]
+    bars: tuple[Bar, ...]
+    mass: sp.Expr
+    centre: Vector
+    masses: tuple[Vector, ...]
+    inverse: tuple[Vector, ...]
+    carried: tuple[WeightedPoint, ...]
+
 
 @dataclass(frozen=True, slots=True)
 class PlacedMass:
@@ -97,8 +153,33 @@ class LinearSpring:
 
 
 @dataclass(frozen=True, slots=True)
+class LineForce:
+    """A force [N] along the line between two points, which pushes them apart where it is positive."""
+
+    name: str
+    start: str
+    end: str
+    force: sp.Expr
+
+
+@dataclass(frozen=True, slots=True)
+class AngularSpring:
+    """A torsion spring on a link against another one, or the ground where ``against`` is empty.
+
+    Stiffness [N m/rad], free angle [rad], damping [N m s/rad].
+    """
+
+    name: str
+    link: str
+    against: str
+    stiffness: sp.Expr
+    angle: sp.Expr
+    damping: sp.Expr
+
+
+@dataclass(frozen=True, slots=True)
 class AppliedForce:
-    """A force [N] on a point, components fixed in space; may depend on the time t."""
+    """A force [N] on a point, components fixed in space; may depend on the time t and the state."""
 
     point: str
     force: Vector
@@ -106,10 +187,14 @@ class AppliedForce:
 
 @dataclass(frozen=True, slots=True)
 class AppliedTorque:
-    """A couple [N m] on a link in the plane, and its reaction on the link ``against`` if there is one."""
+    """A couple [N m] on a link, and its reaction on the link ``against`` if there is one.
 
+    One component in the plane, three in space.
+    """
+
+    name: str
     link: str
-    torque: sp.Expr
+    torque: Vector
     against: str
 
 
@@ -135,7 +220,7 @@ class StartConditions:
     """Directions [rad] and rates [rad/s] of links, and velocities [m/s] of points, that the start has."""
 
     angles: tuple[tuple[str, sp.Expr], ...]
-    rates: tuple[tuple[str, sp.Expr], ...]
+    rates: tuple[tuple[str, Vector], ...]
     velocities: tuple[tuple[str, Vector], ...]
 
 
@@ -150,9 +235,12 @@ class Linkage:
     parameters: tuple[Parameter, ...]
     points: tuple[PlacedPoint, ...]
     links: tuple[RigidLink, ...]
+    bodies: tuple[SpatialBody, ...]
     gravity: Vector
     masses: tuple[PlacedMass, ...]
     springs: tuple[LinearSpring, ...]
+    actuators: tuple[LineForce, ...]
+    torsion_springs: tuple[AngularSpring, ...]
     forces: tuple[AppliedForce, ...]
     torques: tuple[AppliedTorque, ...]
     guides: tuple[Guide, ...]
@@ -177,6 +265,20 @@ class Linkage:
     def link(self, name: str) -> RigidLink:
         """Return the link called ``name``."""
         return next(k for k in self.links if k.name == name)
+
+    def body(self, name: str) -> SpatialBody | None:
+        """Return the body in space called ``name``, if it is one."""
+        return next((k for k in self.bodies if k.name == name), None)
+
+
+def state_symbol(name: str) -> sp.Symbol:
+    """Return what stands in a load for a quantity of the state: a symbol called ``owner.word``."""
+    return sp.Symbol(name, real=True)
+
+
+def state_of(expression: sp.Expr) -> list[sp.Symbol]:
+    """Return the symbols in an expression that stand for quantities of the state, in order."""
+    return sorted((s for s in expression.free_symbols if "." in s.name), key=lambda s: str(s.name))
 
 
 def number(expression: sp.Expr, values: Mapping[sp.Symbol, sp.Expr]) -> float:

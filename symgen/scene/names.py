@@ -10,26 +10,33 @@ from symgen.scene.expressions import FUNCTIONS
 from symgen.scene.schema import Scene
 
 _RESERVED = {"t", "pi", *FUNCTIONS}
-#: What springs and guides, which have no names of their own, are called, and what is made from that.
-_NUMBERED = re.compile(r"(spring|guide)_[0-9]+(_.*)?")
-#: What the derivation calls the components of points and of links.
+#: What stands for the load itself in its own expressions.
+_OWN = "this"
+#: What loads and guides, which have no names of their own, are called, and what is made from that.
+_NUMBERED = re.compile(r"(spring|guide|actuator|torsion_spring|torque)_[0-9]+(_.*)?")
+#: What the derivation calls the components of points and of links, and the points it adds to bodies.
 _OF_POINT = re.compile(r"(?P<owner>.+)_[va]?[xyz]")
 _OF_LINK = re.compile(r"(?P<owner>.+)_d[xyz](_rate)?")
+_ADDED = re.compile(r"(?P<owner>.+)_base[1-3]")
 
 
 def check_names(scene: Scene) -> None:
-    """Raise SceneError for a parameter or a link whose name has a meaning already."""
+    """Raise SceneError for a parameter, a point or a link whose name has a meaning already."""
     for name, parameter in scene.parameters.items():
         problem = _word(name) or (_quantity(name, scene) if parameter.tunable else "")
-        if problem:
-            raise SceneError(problem, where=f"parameters.{name}", hint="Choose another name.")
+        _refuse(problem, f"parameters.{name}")
+    for name in scene.points:
+        _refuse(_owner(name) or (_added(name, scene) if _ADDED.fullmatch(name) else ""), f"points.{name}")
+    rows = _rows(scene)
     for name in scene.links:
-        if _NUMBERED.fullmatch(name) or name in _rows(scene):
-            raise SceneError(
-                f"{name!r} is what symgen calls a spring, a guide, a drive or a joint",
-                where=f"links.{name}",
-                hint="Choose another name.",
-            )
+        row = _NUMBERED.fullmatch(name) or name in rows
+        of_symgen = f"{name!r} is what symgen calls a spring or another load, a guide, a drive or a joint"
+        _refuse(_owner(name) or (of_symgen if row else ""), f"links.{name}")
+
+
+def _refuse(problem: str, where: str) -> None:
+    if problem:
+        raise SceneError(problem, where=where, hint="Choose another name.")
 
 
 def _word(name: str) -> str:
@@ -38,19 +45,36 @@ def _word(name: str) -> str:
     return f"{name!r} is a word of Python, which expressions cannot use as a name" if iskeyword(name) else ""
 
 
+def _owner(name: str) -> str:
+    return f"{name!r} is what a load calls itself in its expressions" if name == _OWN else ""
+
+
+def _added(name: str, scene: Scene) -> str:
+    """Say so when a name is that of a point that symgen may add to a body in space."""
+    added = _ADDED.fullmatch(name)
+    if added and added["owner"] in scene.links:
+        return f"{name!r} is what symgen calls a point of the link {added['owner']}"
+    return ""
+
+
 def _quantity(name: str, scene: Scene) -> str:
-    """Say so when a tunable parameter is called like a quantity of a point, a link or a spring."""
+    """Say so when a tunable parameter is called like a quantity of a point, a link or a load."""
     point, link = _OF_POINT.fullmatch(name), _OF_LINK.fullmatch(name)
-    if point and point["owner"] in scene.points:
+    if point and (point["owner"] in scene.points or _added(point["owner"], scene)):
         return f"{name!r} is what symgen calls a component of the point {point['owner']}"
-    if link and link["owner"] in scene.links:
+    if link and (link["owner"] in scene.links or link["owner"] in _rows(scene)):
         return f"{name!r} is what symgen calls a component of the link {link['owner']}"
     if _NUMBERED.fullmatch(name) or name.endswith("_lambda"):
-        return f"{name!r} is what symgen calls a quantity of a spring, or a multiplier"
+        return f"{name!r} is what symgen calls a quantity of a spring or another load, or a multiplier"
     return ""
 
 
 def _rows(scene: Scene) -> set[str]:
     """Return the names of constraints that are not made from the name of one link alone."""
-    joints = {f"{k}_{p}_{axis}" for k, link in scene.links.items() for p in link.points[2:] for axis in "xyz"}
-    return joints | {f"{driver.link}_drive" for driver in scene.drivers}
+    rows = {f"{driver.link}_drive" for driver in scene.drivers}
+    for name, link in scene.links.items():
+        placed = [p for p, point in scene.points.items() if point.on == name]
+        rows |= {f"{name}_{p}_{axis}" for p in (*link.points, *placed) for axis in "xyz"}
+        base = [*link.points, *(f"{name}_base{i}" for i in range(1, 4))]
+        rows |= {f"{name}_{a}_{b}" for a in base for b in base}
+    return rows

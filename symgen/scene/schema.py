@@ -24,6 +24,7 @@ Value = Annotated[
     Field(description='A quantity ("2 cm"), an expression over parameters ("2*a"), or a plain number.'),
 ]
 Vector = Annotated[list[Value], Field(min_length=2, max_length=3)]
+Moments = Annotated[list[Value], Field(min_length=3, max_length=6)]
 
 
 #: Words for people: any characters but control characters, which have no place in generated comments.
@@ -63,7 +64,12 @@ class Parameter(Table):
 class Point(Table):
     """A joint, a tip or a fixed point of the mechanism, where it is drawn."""
 
-    at: Vector = Field(description="Coordinates: two in the plane, three in space.")
+    at: Vector | None = Field(None, description="Coordinates: two in the plane, three in space.")
+    on: Name | None = Field(None, description="Instead of coordinates: the link whose line it is fixed to.")
+    fraction: Value | None = Field(
+        None,
+        description="Where on that line: 0 at the first point of the link, 1 at its second; any number.",
+    )
     ground: bool = Field(False, description="Fixed to the ground, or moved by it where motion is given.")
     motion: Vector | None = Field(
         None, description="Displacement of a ground point from where it is drawn, by the time t."
@@ -71,18 +77,20 @@ class Point(Table):
 
 
 class Link(Table):
-    """A rigid rod between two points, or in the plane a rigid body with more points on it."""
+    """A rigid rod between two points, or a rigid body with more points on it."""
 
     points: list[Name] = Field(min_length=2)
     mass: Value | None = None
     mass_per_length: Value | None = None
     centre: Value | Vector | None = Field(
         None,
-        description="Centre of mass: a fraction of the length, or in the plane its coordinates as drawn; "
-        "the middle of a rod if absent.",
+        description="Centre of mass: a fraction of the length, or its coordinates as drawn; the middle of a "
+        "rod if absent.",
     )
-    inertia: Value | None = Field(
-        None, description="Moment of inertia about the centre of mass; mass*length^2/12 for a rod if absent."
+    inertia: Value | Moments | None = Field(
+        None,
+        description="Moment of inertia about the centre of mass; mass*length^2/12 for a rod if absent. Of a "
+        "body in space: xx, yy, zz and, if they are not zero, xy, xz, yz of the inertia matrix as drawn.",
     )
     length: Value | None = Field(
         None,
@@ -113,18 +121,38 @@ class Spring(Table):
     damping: Value | None = None
 
 
+class Actuator(Table):
+    """A force along the line between two points, which pushes them apart where it is positive."""
+
+    between: list[Name] = Field(min_length=2, max_length=2)
+    force: Value = Field(description="May use the time t, the state, and this.length and this.rate.")
+
+
+class TorsionSpring(Table):
+    """A torsion spring, with damping if given, between two links, or a link and the ground (plane)."""
+
+    link: Name
+    against: Name | None = Field(None, description="The other link; the ground if absent.")
+    stiffness: Value = Field(description="Torque per radian.")
+    angle: Value = Field(0, description="Angle of the link from the other one at which it is slack.")
+    damping: Value | None = None
+
+
 class Force(Table):
-    """A force on a point, its components fixed in space; expressions may use the time t."""
+    """A force on a point, its components fixed in space; may use the time t and the state."""
 
     point: Name
     force: Vector
 
 
 class Torque(Table):
-    """A couple on a link in the plane, counter-clockwise, and its reaction on another link if named."""
+    """A couple on a link, and its reaction on another link if named."""
 
     link: Name
-    torque: Value = Field(description="May use the time t.")
+    torque: Value | Vector = Field(
+        description="In the plane counter-clockwise, in space three components. May use the time t, the "
+        "state and, in the plane, this.angle and this.rate of the link relative to the other one."
+    )
     against: Name | None = None
 
 
@@ -148,7 +176,9 @@ class Start(Table):
     angles: dict[Name, Value] = Field(
         default_factory=dict, description="Direction of a link from its first point to its second (plane)."
     )
-    rates: dict[Name, Value] = Field(default_factory=dict, description="Angular velocity of a link (plane).")
+    rates: dict[Name, Value | Vector] = Field(
+        default_factory=dict, description="Angular velocity of a link; in space three components."
+    )
     velocities: dict[Name, Vector] = Field(default_factory=dict, description="Velocity of a point.")
 
 
@@ -180,6 +210,8 @@ class Scene(Table):
     gravity: Gravity | None = None
     masses: list[PointMass] = Field(default_factory=list)
     springs: list[Spring] = Field(default_factory=list)
+    actuators: list[Actuator] = Field(default_factory=list)
+    torsion_springs: list[TorsionSpring] = Field(default_factory=list)
     forces: list[Force] = Field(default_factory=list)
     torques: list[Torque] = Field(default_factory=list)
     guides: list[Guide] = Field(default_factory=list)
@@ -218,6 +250,6 @@ class Scene(Table):
 #: The table model behind each top-level key, to name the nearest known key in errors.
 TABLES: dict[str, type[Table]] = {
     "parameters": Parameter, "points": Point, "links": Link, "gravity": Gravity, "masses": PointMass,
-    "springs": Spring, "forces": Force, "torques": Torque, "guides": Guide, "drivers": Driver,
-    "start": Start, "analysis": Analysis,
+    "springs": Spring, "actuators": Actuator, "torsion_springs": TorsionSpring, "forces": Force,
+    "torques": Torque, "guides": Guide, "drivers": Driver, "start": Start, "analysis": Analysis,
 }  # fmt: skip

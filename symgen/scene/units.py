@@ -60,8 +60,16 @@ FORCE = dimension(1, 1, -2)
 TORQUE = dimension(2, 1, -2)
 STIFFNESS = dimension(0, 1, -2)
 DAMPING = dimension(0, 1, -1)
+ANGULAR_DAMPING = dimension(2, 1, -1)
 
-_NAMED = {FORCE: "N", TORQUE: "N*m", STIFFNESS: "N/m", DAMPING: "N*s/m", dimension(-1, 1, -2): "Pa"}
+_NAMED = {
+    FORCE: "N",
+    TORQUE: "N*m",
+    STIFFNESS: "N/m",
+    DAMPING: "N*s/m",
+    ANGULAR_DAMPING: "N*m*s",
+    dimension(-1, 1, -2): "Pa",
+}
 
 #: What each kind of value is called in messages, and an example of how to write it.
 KINDS: dict[Dimension, tuple[str, str]] = {
@@ -78,6 +86,7 @@ KINDS: dict[Dimension, tuple[str, str]] = {
     TORQUE: ("a torque or an energy", '"3 N*m"'),
     STIFFNESS: ("a stiffness", '"200 N/m"'),
     DAMPING: ("a damping", '"5 N*s/m"'),
+    ANGULAR_DAMPING: ("a damping of rotation", '"0.1 N*m*s"'),
 }
 
 #: Units whose answers are kept in ``units.json``.

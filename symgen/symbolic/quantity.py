@@ -8,6 +8,9 @@ import sympy as sp
 
 from symgen.errors import DerivationError
 
+#: Names of the coordinate axes; the plane has the first two.
+AXES = "xyz"
+
 
 @dataclass(frozen=True, slots=True)
 class Quantity:

@@ -1,0 +1,182 @@
+"""Forces that act on one link at its points: what its neighbours, and the loads there, do to it.
+
+For a base point of a link it is the residual of the link alone, M_k a + J_k^T lambda - f_k, less what comes
+in at the points that the link carries. At a carried point the forces on all links there balance the loads
+on the point, and at a joint with rows of its own the force is the multiplier.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import cache
+from typing import TYPE_CHECKING
+
+import sympy as sp
+
+from symgen.errors import SceneError
+from symgen.mechanics.particles import Vector, end_mass
+from symgen.models.constraints import guide_rows
+from symgen.models.points import Part, Place, bar_name
+from symgen.scene.linkage import LinearSpring, LineForce, RigidLink, SpatialBody, WeightedPoint
+from symgen.symbolic.calculus import ZERO
+
+if TYPE_CHECKING:
+    from symgen.models.rods import RodsModel
+
+#: Forces on some points of a link, to be added up.
+Forces = Iterator[tuple[str, Vector]]
+
+
+def joint_force(model: RodsModel, link: str, point: str) -> Vector:
+    """Return the force [N] that acts on a link at one of its points, but for the weight of the link itself.
+
+    Raises
+    ------
+    SceneError
+        When the link lies between ground points, so that its forces are not determined.
+    """
+    if link in model.idle:
+        raise SceneError(f"{link} lies between two ground points: the forces on it are not determined")
+    own = cache(lambda name: _own(model, next(k for k in model.parts if k.name == name)))
+
+    def force(part: Part, p: str) -> Vector:
+        if p in part.base:
+            carried = [(_share(part, c, p, force(part, c.name))) for c in part.carried]
+            return _sum([own(part.name)[p], *(_times(-1, x) for x in carried)])
+        if p in model.carrier and model.carrier[p][0] == part:
+            others = [k for k in model.parts if k != part and k.name not in model.idle]
+            there = [force(k, p) for k in others if p in (*k.base, *(c.name for c in k.carried))]
+            return _sum([_on_point(model, p), *(_times(-1, x) for x in there)])
+        return tuple(model.multipliers[f"{part.name}_{p}_{axis}"].symbol for axis in model.axes)
+
+    return force(next(k for k in model.parts if k.name == link), point)
+
+
+def _share(part: Part, carried: Place, base: str, force: Vector) -> Vector:
+    """Return what a force on a carried point is on a base point, by virtual work."""
+    if isinstance(carried, WeightedPoint):
+        return _times(carried.weights[part.base.index(base)], force)
+    on_end = _times(carried.along, force)
+    if len(force) == 2:
+        on_end = _sum([on_end, _times(-carried.across, _left(force))])
+    return on_end if base == part.base[1] else _sum([force, _times(-1, on_end)])
+
+
+def _own(model: RodsModel, part: Part) -> dict[str, Vector]:
+    """Return M_k a + J_k^T lambda - f_k of one link alone at its base points."""
+    found: dict[str, list[Vector]] = {p: [] for p in part.base}
+    forces = _of_body(model, part) if isinstance(part, SpatialBody) else _of_link(model, part)
+    for point, force in forces:
+        found[point].append(force)
+    return {p: _sum(each) for p, each in found.items()}
+
+
+def _of_body(model: RodsModel, body: SpatialBody) -> Forces:
+    accelerations = [model.acceleration(p) for p in body.base]
+    for row, point, weight in zip(body.masses, body.base, body.centre, strict=True):
+        yield point, _sum([_times(m, a) for m, a in zip(row, accelerations, strict=True)])
+        yield point, _times(-body.mass * weight, model.linkage.gravity)
+    for bar in body.bars:
+        name = bar_name(body, bar.start, bar.end)
+        ends = (model.position(p) for p in (bar.start, bar.end))
+        pull = _times(model.multipliers[name].symbol, tuple(b - a for a, b in zip(*ends, strict=True)))
+        yield bar.end, pull
+        yield bar.start, _times(-1, pull)
+    for torque in _torques(model, body.name):
+        for point, (_, force) in zip(
+            body.base[1:], model.loads.couple_in_space(body.name, torque), strict=True
+        ):
+            yield point, _times(-1, force)
+            yield body.base[0], force
+
+
+def _of_link(model: RodsModel, link: RigidLink) -> Forces:
+    start, end = link.base
+    a, b = (model.acceleration(p) for p in link.base)
+    ends = end_mass(link.mass, link.length, link.centre, link.inertia, link.offset)
+    yield start, _sum([_times(ends.a11, a), _times(ends.a12, b)])
+    yield end, _sum([_times(ends.a12, a), _times(ends.a22, b)])
+    gravity, share = model.linkage.gravity, link.mass * link.centre / link.length
+    yield start, _times(share - link.mass, gravity)
+    yield end, _times(-share, gravity)
+    if link.offset != 0:
+        yield start, _times(ends.cross, _left(b))
+        yield end, _times(-ends.cross, _left(a))
+    for on_along in _on_along(model, link):
+        yield end, on_along
+        yield start, _times(-1, on_along)
+    for row in guide_rows(model):
+        if row.link == link.name:
+            yield start, _times(-model.multipliers[row.constraint.name].symbol, row.by_point)
+
+
+def _on_along(model: RodsModel, link: RigidLink) -> Iterator[Vector]:
+    """Yield J^T lambda - f on the vector d along a link, which acts on its end and against its start."""
+    d, lever = model.along[link.name], link.mass * link.offset / link.length
+    yield _times(model.multipliers[link.name].symbol, d)
+    if link.offset != 0:
+        yield _times(lever, _left(model.linkage.gravity))
+    for torque in _torques(model, link.name):
+        if len(torque) == 1:
+            yield _times(-torque[0] / link.length**2, _left(d))
+        else:
+            ((_, force),) = model.loads.couple_in_space(link.name, torque)
+            yield _times(-1, force)
+    if len(d) == 3:
+        for spring in model.linkage.torsion_springs:
+            pair = (spring.link, spring.against)
+            if link.name in pair:
+                other = model.linkage.link(pair[1 - pair.index(link.name)])
+                yield _times(-spring.stiffness / (link.length * other.length), model.along[other.name])
+    for driver in model.linkage.drivers:
+        if driver.link == link.name:
+            row = model.multipliers[f"{link.name}_drive"].symbol
+            yield (-row * sp.sin(driver.angle), row * sp.cos(driver.angle))
+    for guide in guide_rows(model):
+        if guide.link == link.name:
+            yield _times(model.multipliers[guide.constraint.name].symbol, guide.by_along)
+
+
+def _torques(model: RodsModel, link: str) -> Iterator[Vector]:
+    """Yield the couples on a link [N m]: torques, and in the plane torsion springs."""
+    for torque in model.linkage.torques:
+        for name, sign in ((torque.link, 1), (torque.against, -1)):
+            if name == link:
+                yield _times(sign, model.loads.with_state(torque.torque))
+    if len(model.axes) == 2:
+        for spring in model.linkage.torsion_springs:
+            for name, sign in ((spring.link, 1), (spring.against, -1)):
+                if name == link:
+                    yield (sign * model.loads.torsion(spring),)
+
+
+def _on_point(model: RodsModel, point: str) -> Vector:
+    """Return the loads on a point itself [N], the inertia of point masses and guides included."""
+    linkage, loads = model.linkage, model.loads
+    found: list[Vector] = [(ZERO,) * len(model.axes)]
+    found += [loads.with_state(f.force) for f in linkage.forces if f.point == point]
+    for mass in linkage.masses:
+        if mass.point == point:
+            found += [_times(mass.mass, linkage.gravity), _times(-mass.mass, model.acceleration(point))]
+    lines: list[LinearSpring | LineForce] = [*linkage.springs, *linkage.actuators]
+    for line in lines:
+        for end, sign in ((line.end, 1), (line.start, -1)):
+            if end == point:
+                found.append(_times(sign, loads.push(line)))
+    for row in guide_rows(model):
+        if row.point == point:
+            found.append(_times(-model.multipliers[row.constraint.name].symbol, row.by_point))
+    return _sum(found)
+
+
+def _left(v: Vector) -> Vector:
+    """Return a vector in the plane turned left by a right angle."""
+    return (-v[1], v[0])
+
+
+def _times(factor: sp.Expr | int, v: Vector) -> Vector:
+    return tuple(factor * c for c in v)
+
+
+def _sum(vectors: list[Vector]) -> Vector:
+    return tuple(sp.Add(*components) for components in zip(*vectors, strict=True))

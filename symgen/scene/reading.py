@@ -1,0 +1,164 @@
+"""Reading the values of a scene: parameters, units, dimensions, names of points and links."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+
+import sympy as sp
+
+from symgen.errors import SceneError, nearest
+from symgen.scene import units
+from symgen.scene.expressions import Names, parse_any, parse_value
+from symgen.scene.linkage import TIME, Parameter, PlacedPoint, number, state_of, state_symbol
+from symgen.scene.schema import Scene
+from symgen.scene.units import Dimension
+from symgen.symbolic.quantity import AXES, quantity
+
+Text = str | int | float
+
+
+@contextmanager
+def at(where: str) -> Iterator[None]:
+    """Add a place in front of that of any fault inside."""
+    try:
+        yield
+    except SceneError as error:
+        raise error.located(where=where) from None
+
+
+class Reader:
+    """Reads values of one scene: every fault is a SceneError that names table and key.
+
+    ``points`` are those placed so far, ``dimension`` is 2 in the plane and 3 in space.
+    """
+
+    def __init__(self, scene: Scene) -> None:
+        self.scene = scene
+        self.names: dict[str, tuple[sp.Expr, Dimension]] = {}
+        self.parameters: list[Parameter] = []
+        self.defaults: dict[sp.Symbol, sp.Expr] = {}
+        self._read_parameters()
+        dims = {len(point.at) for point in scene.points.values() if point.at is not None}
+        if len(dims) > 1:
+            raise SceneError(
+                "expected all points with two coordinates (plane) or all with three (space)", where="points"
+            )
+        if not dims:
+            raise SceneError("no point says where it is drawn", where="points", hint="Give some of them at.")
+        self.dimension = dims.pop()
+        self.points: dict[str, PlacedPoint] = {}
+
+    def _read_parameters(self) -> None:
+        for name, parameter in self.scene.parameters.items():
+            where = f"parameters.{name}"
+            with at(f"{where}.value"):
+                value, dim = parse_any(parameter.value, self.names)
+                self.number(value)
+            if not parameter.tunable:
+                self.names[name] = value, dim
+                continue
+            q = quantity(name, dim.unit, parameter.about.strip() or f"parameter {name}")
+            self.names[name] = q.symbol, dim
+            self.defaults[q.symbol] = value.xreplace(self.defaults)
+            self.parameters.append(Parameter(q, self.defaults[q.symbol]))
+
+    def value(
+        self, text: str | int | float, dim: Dimension, where: str, names: Names | None = None
+    ) -> sp.Expr:
+        """Return a value of this dimension, which must be finite at the scene's own parameters."""
+        with at(where):
+            expression = parse_value(text, self.names if names is None else names, dim)
+            if not state_of(expression):
+                self.number(expression)
+        return expression
+
+    def moving(self, expression: sp.Expr, where: str) -> None:
+        """Check that a prescribed motion has a velocity and an acceleration."""
+        for _ in range(2):
+            expression = sp.diff(expression, TIME.symbol)
+            if expression.has(sp.sign, sp.Derivative, sp.re, sp.im):
+                raise SceneError(
+                    "a prescribed motion needs an acceleration at every time: it cannot use abs", where=where
+                )
+            with at(where):
+                self.number(expression)
+
+    @property
+    def with_time(self) -> Names:
+        """Names for values that may depend on the time."""
+        return {**self.names, "t": (TIME.symbol, units.TIME)}
+
+    def with_state(self, own: str = "", words: Mapping[str, Dimension] | None = None) -> Names:
+        """Names for loads: the time, and the state as ``owner.word``; ``this.word`` of the load ``own``.
+
+        A name of the state stands for a symbol that is called like it, with the load's own name for ``this``.
+        """
+        found = dict(self.with_time)
+        for point in self.scene.points:
+            for axis in AXES[: self.dimension]:
+                found[f"{point}.{axis}"] = state_symbol(f"{point}.{axis}"), units.LENGTH
+                found[f"{point}.v{axis}"] = state_symbol(f"{point}.v{axis}"), units.VELOCITY
+        if self.dimension == 2:
+            for link in self.scene.links:
+                found[f"{link}.angle"] = state_symbol(f"{link}.angle"), units.NUMBER
+                found[f"{link}.rate"] = state_symbol(f"{link}.rate"), units.ANGULAR_RATE
+        for word, dim in (words or {}).items():
+            found[f"this.{word}"] = state_symbol(f"{own}.{word}"), dim
+        return found
+
+    def number(self, expression: sp.Expr) -> float:
+        """Value at the scene's own parameters and t = 0, for checks."""
+        return number(expression, self.defaults)
+
+    def positive(
+        self, text: str | int | float, dim: Dimension, where: str, names: Names | None = None
+    ) -> sp.Expr:
+        """Return a value that must be above zero."""
+        expression = self.value(text, dim, where, names)
+        if not self.number(expression) > 0:
+            raise SceneError(f"expected {units.describe(dim)} above zero, got {text!r}", where=where)
+        return expression
+
+    def not_negative(self, text: str | int | float, dim: Dimension, where: str) -> sp.Expr:
+        """Return a value that must not be below zero."""
+        expression = self.value(text, dim, where)
+        if self.number(expression) < 0:
+            raise SceneError(f"expected {units.describe(dim)} of at least zero, got {text!r}", where=where)
+        return expression
+
+    def vector(
+        self, texts: list[str | int | float], dim: Dimension, where: str, names: Names | None = None
+    ) -> tuple[sp.Expr, ...]:
+        """Return a vector with as many components as the points have."""
+        if len(texts) != self.dimension:
+            raise SceneError(
+                f"expected {self.dimension} components like the points have, got {len(texts)}", where=where
+            )
+        return tuple(self.value(text, dim, f"{where}.{i}", names) for i, text in enumerate(texts))
+
+    def known_point(self, name: str, where: str) -> PlacedPoint:
+        """Return the point of this name."""
+        if name not in self.points:
+            hint = nearest(name, self.points)
+            raise SceneError(f"there is no point called {name!r}", where=where, hint=hint)
+        return self.points[name]
+
+    def known_link(self, name: str, where: str) -> None:
+        """Check that there is a link of this name."""
+        if name not in self.scene.links:
+            hint = nearest(name, self.scene.links)
+            raise SceneError(f"there is no link called {name!r}", where=where, hint=hint)
+
+    def turning_link(self, name: str, where: str) -> None:
+        """Check that a link is there, and has one angle."""
+        self.known_link(name, where)
+        if self.dimension != 2:
+            raise SceneError("a link has one angle only in the plane", where=where)
+        self.moving_link(name, where)
+
+    def moving_link(self, name: str, where: str) -> None:
+        """Check that a link is there, and can turn."""
+        self.known_link(name, where)
+        if all(self.known_point(p, where).ground for p in self.scene.links[name].points[:2]):
+            raise SceneError(f"{name} lies between two ground points and cannot turn", where=where)
