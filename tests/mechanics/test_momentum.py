@@ -230,6 +230,87 @@ def test_guides_drives_and_moving_ground():
         assert found[f"{name}_lambda"] == pytest.approx(expected.multipliers[name], rel=1e-11)
 
 
+G2 = {"acceleration": ["0 m/s^2", "-9.81 m/s^2"]}
+G3 = {"acceleration": ["1 m/s^2", "2 m/s^2", "-9.81 m/s^2"]}
+LOADED = {
+    "plane": {
+        "points": {
+            "O": {"at": ["0 m", "0 m"], "ground": True},
+            "E": {"at": ["2 m", "-1 m"], "ground": True},
+            "A": {"at": ["0.8 m", "0.1 m"]},
+            "P": {"on": "OA", "fraction": 0.4},
+            "T": {"on": "OA", "fraction": 1.25},
+            "B": {"at": ["0.5 m", "-0.9 m"]},
+            "C": {"at": ["1.4 m", "-0.5 m"]},
+            "D": {"at": ["0.1 m", "-1.3 m"]},
+        },
+        "links": {
+            "OA": {"points": ["O", "A"], "mass": "1 kg"},
+            "PB": {"points": ["P", "B"], "mass": "2 kg"},
+            "TC": {"points": ["C", "T"], "mass": "0.7 kg"},
+            "BD": {"points": ["B", "D"], "mass": "0.4 kg"},
+            "CE": {"points": ["C", "E"], "mass": "0.5 kg"},
+        },
+        "masses": [{"point": "T", "mass": "0.3 kg"}],
+        "forces": [{"point": "P", "force": ["2 N", "3 N"]}],
+        "actuators": [{"between": ["P", "C"], "force": "4 N"}],
+        "springs": [{"between": ["B", "C"], "stiffness": "30 N/m", "length": 0}],
+        "torsion_springs": [
+            {
+                "link": "PB",
+                "against": "OA",
+                "stiffness": "3 N*m/rad",
+                "damping": "0.2 N*m*s/rad",
+                "angle": "0.3",
+            },
+            {"link": "BD", "stiffness": "2 N*m/rad"},
+        ],
+        "torques": [{"link": "TC", "against": "PB", "torque": "1.5 N*m"}],
+        "gravity": G2,
+    },
+    "space": {
+        "points": {
+            "O": {"at": ["0 m", "0 m", "0 m"], "ground": True},
+            "A": {"at": ["0.8 m", "0.1 m", "0.2 m"]},
+            "P": {"on": "OA", "fraction": 0.4},
+            "B": {"at": ["0.5 m", "-0.9 m", "0.4 m"]},
+            "C": {"at": ["1.4 m", "-0.5 m", "-0.3 m"]},
+            "D": {"at": ["0.6 m", "-1.7 m", "0.9 m"]},
+        },
+        "links": {
+            "OA": {"points": ["O", "A"], "mass": "1 kg"},
+            "PB": {"points": ["P", "B"], "mass": "2 kg"},
+            "AC": {"points": ["C", "A"], "mass": "0.7 kg"},
+            "BD": {"points": ["B", "D"], "mass": "0.4 kg"},
+        },
+        "torsion_springs": [{"link": "PB", "against": "OA", "stiffness": "3 N*m/rad"}],
+        "torques": [
+            {"link": "BD", "against": "PB", "torque": ["1.5 N*m", "-2 N*m", "1 N*m"]},
+            {"link": "AC", "torque": ["0.5 N*m", "1 N*m", "-3 N*m"]},
+        ],
+        "actuators": [{"between": ["B", "C"], "force": "4 N"}],
+        "gravity": G3,
+    },
+}
+
+
+@pytest.mark.parametrize("name", LOADED)
+def test_every_load_is_in_the_rows(name):
+    scene = symgen.Scene(**LOADED[name])
+    model, rows = symgen.build(scene, backend="numpy"), momentum_rows(scene)
+    agrees(solved(rows, model, model.initial_state()), model, model.accelerations())
+
+
+def test_bodies_in_space_are_refused():
+    points = {"O": {"at": ["0 m", "0 m", "0 m"], "ground": True}}
+    corners = {"A": (1, 0, 0), "B": (0, 1, 0), "C": (0, 0, 1)}
+    points |= {k: {"at": [f"{x} m" for x in v]} for k, v in corners.items()}
+    body = {"points": list(points), "mass": "1 kg", "centre": ["0.2 m", "0.2 m", "0.2 m"]}
+    body["inertia"] = ["1 kg*m^2", "1 kg*m^2", "1 kg*m^2"]
+    with pytest.raises(DerivationError, match="momentum rows"):
+        momentum_rows(symgen.Scene(points=points, links={"top": body}))
+
+
 def prismatic():
     n = reference("rods_prismatic_planar")
     points = {
