@@ -97,14 +97,13 @@ class Outboard:
         return {p: share for p, share in found.items() if any(share)}
 
     def place(self, link: RigidLink, along: sp.Expr, across: sp.Expr) -> Vector:
-        """Return a place of a link [m], from its inner joint along its own vector."""
-        joint = self.tree.inner[link.name]
-        its = {link.start: (ZERO, ZERO), link.end: (ONE, ZERO)}
-        its |= {c.name: (c.along, c.across) for c in link.carried}
-        x, y = along - its[joint][0], across - its[joint][1]
+        """Return a place of a link [m]: from the end that is its inner joint, or else from its start."""
+        by_end = self.tree.inner[link.name] == link.end
+        x, y = (along - ONE if by_end else along), across
+        base = self.model.position(link.end if by_end else link.start)
         d = self.model.along[link.name]
         turned = (-d[1], d[0]) if len(d) == 2 else (ZERO,) * 3
-        return tuple(r + x * a + y * b for r, a, b in zip(self.model.position(joint), d, turned, strict=True))
+        return tuple(r + x * a + y * b for r, a, b in zip(base, d, turned, strict=True))
 
     def masses(
         self, bodies: Iterable[str], points: Iterable[str]

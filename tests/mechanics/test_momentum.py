@@ -21,6 +21,7 @@ from symgen.mechanics.momentum import open_tree, particles, perpendicular, small
 from symgen.mechanics.particles import end_mass, particle_masses
 from symgen.models import outboard
 from symgen.pipeline import momentum_rows
+from symgen.scene.resolve import resolve
 
 DIGITS = 30
 CHAINS_AND_TREES = [
@@ -63,7 +64,7 @@ def test_momentum_rows_are_the_projected_equations(case):
     a = sp.Matrix([values[x.symbol] for x in rows.group("x").quantities if "_a" in x.name])
     residual = at(system, "mass_matrix") * a - at(system, "force")
     free = [x.name.rpartition("_")[0] for x in system.group("q").quantities][:: case[0]]
-    place = {p: sp.Matrix([sp.Rational(str(x)) for x in words_of(scene, p)]) for p in scene.points}
+    place = {p: sp.Matrix(at) for p, at in drawn_at(scene).items()}
     root = next((p for p in scene.points if scene.points[p].ground), next(iter(scene.points)))
     checked = 0
     for name, link in scene.links.items():
@@ -85,15 +86,21 @@ def test_momentum_rows_are_the_projected_equations(case):
     assert checked == case[2] * (case[0] - 1)
 
 
-def words_of(scene, point):
-    return [word.split()[0] for word in scene.points[point].at]
+def drawn_at(scene):
+    """Where every point is drawn, exactly."""
+    return {p.name: p.at for p in resolve(scene).points}
+
+
+def points_of(scene, link):
+    """All points of a link."""
+    return [*scene.links[link].points, *(p for p, point in scene.points.items() if point.on == link)]
 
 
 def numbers(rng, scene, system, rows):
     """The pose as drawn, exactly; any velocities and accelerations."""
     values = {}
     drawn = {
-        f"{p}_{axis}": x for p in scene.points for axis, x in zip("xyz", words_of(scene, p), strict=False)
+        f"{p}_{axis}": x for p, at in drawn_at(scene).items() for axis, x in zip("xyz", at, strict=False)
     }
     for group in (*system.groups, *rows.groups):
         for x in group.quantities:
@@ -107,11 +114,11 @@ def split(scene, link, root):
     reached, waiting = {root}, [root]
     while waiting:
         point = waiting.pop()
-        for name, other in scene.links.items():
-            if name != link and point in other.points:
-                waiting += set(other.points) - reached
-                reached |= set(other.points)
-    (inner,) = [p for p in scene.links[link].points if p in reached]
+        for other in scene.links:
+            if other != link and point in points_of(scene, other):
+                waiting += set(points_of(scene, other)) - reached
+                reached |= set(points_of(scene, other))
+    (inner,) = [p for p in points_of(scene, link) if p in reached]
     return inner, set(scene.points) - reached
 
 
@@ -309,6 +316,25 @@ def test_bodies_in_space_are_refused():
     body["inertia"] = ["1 kg*m^2", "1 kg*m^2", "1 kg*m^2"]
     with pytest.raises(DerivationError, match="momentum rows"):
         momentum_rows(symgen.Scene(points=points, links={"top": body}))
+
+
+def test_a_body_that_hangs_on_its_third_point():
+    points = {
+        "O": {"at": ["0 m", "0 m"], "ground": True},
+        "A": {"at": ["0.5 m", "-0.2 m"]},
+        "B": {"at": ["-0.3 m", "-0.6 m"]},
+        "C": {"at": ["0.2 m", "-1.1 m"]},
+        "D": {"at": ["0.9 m", "-0.8 m"]},
+    }
+    body = {"mass": "2 kg", "inertia": "0.3 kg*m^2"}
+    links = {
+        "top": {"points": ["A", "B", "O"], "centre": ["0.1 m", "-0.4 m"], **body},
+        "low": {"points": ["C", "D", "A"], "centre": ["0.4 m", "-0.9 m"], **body},
+    }
+    gravity = {"acceleration": ["0 m/s^2", "-9.81 m/s^2"]}
+    scene = symgen.Scene(points=points, links=links, gravity=gravity)
+    model = symgen.build(scene)
+    agrees(solved(momentum_rows(scene), model, model.initial_state()), model, model.accelerations())
 
 
 def prismatic():
