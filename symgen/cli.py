@@ -164,7 +164,7 @@ def show(
     """Show the derived equations."""
     from symgen.models import BLOCKS
     from symgen.pipeline import build as build_model
-    from symgen.pipeline import derive, momentum_rows
+    from symgen.pipeline import derive
     from symgen.report import equations
 
     changes = _changes(set_)
@@ -175,7 +175,14 @@ def show(
         from symgen.scene.loading import override, read_scene
 
         text = override(read_scene(model), changes)
-        system = momentum_rows(text) if form_of == "momentum_rows" else derive(text)
+        if form_of == "momentum_rows":
+            from symgen.models.momentum import momentum_system
+            from symgen.scene.loading import check_scene
+            from symgen.scene.resolve import resolve
+
+            system = momentum_system(resolve(check_scene(text)))
+        else:
+            system = derive(text)
     if matrix is None:
         from symgen.report.tables import table
 
@@ -188,6 +195,19 @@ def show(
         print(equations.show_rows(system, form, built))
     else:
         print(equations.show(system, row or matrix, form, built))
+
+
+@app.command()
+def explain(scene: SceneArgument, set_: SetOption = None) -> None:
+    """Tell how a scene hangs together: its tree, loops, degrees of freedom and redundant rows."""
+    from symgen.pipeline import build as build_model
+    from symgen.pipeline import structure
+    from symgen.report.summary import freedom_lines
+    from symgen.scene.loading import override, read_scene
+
+    changes = _changes(set_)
+    print(*structure(override(read_scene(scene), changes)), sep="\n", flush=True)
+    print(*freedom_lines(build_model(scene, set=changes)), sep="\n")
 
 
 @app.command()

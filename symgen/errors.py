@@ -39,7 +39,10 @@ class SceneError(SymgenError):
         return SceneError(self.problem, where=place, file=self.file or file, hint=self.hint)
 
     def __str__(self) -> str:
-        table, _, key = self.where.rpartition(".")
+        *path, key = self.where.split(".")
+        if key.isdecimal() and len(path) > 1:  # a place in a list, counted from 0
+            key = f"{path.pop()}[{key}]"
+        table = ".".join(path)
         place = f"[{table}] {key}" if table else (f"[{key}]" if key else "")
         head = " ".join(part for part in (f"{self.file}:" if self.file else "", place) if part)
         text = f"{head}: {self.problem}" if place else f"{head} {self.problem}".strip()

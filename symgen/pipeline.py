@@ -82,7 +82,11 @@ def build(
         library = open_shipped(description) or library
         _warn(library)
     model = Model(description, library, lambda: derive(text).by_name())
-    return model.with_parameters(**_in_si(model, tunable, text.file)) if tunable else model
+    if not tunable:
+        return model
+    values = _in_si(model, tunable, text.file)
+    _check_values(override(text, tunable))
+    return model.with_parameters(**values)
 
 
 def compile_scene(text: SceneText, compiler: Compiler | None, folder: Path) -> tuple[Description, Library]:
@@ -114,12 +118,16 @@ def derive(scene: Scene | SceneText | str | os.PathLike[str]) -> System:
     return linkage_system(resolve(check_scene(_text_of(scene))))
 
 
-def momentum_rows(scene: Scene | SceneText | str | os.PathLike[str]) -> System:
-    """Return the equations of a scene as momentum rows, the source's own form, for inspection."""
-    from symgen.models.momentum import momentum_system
+def structure(scene: SceneText | str | os.PathLike[str]) -> Iterator[str]:
+    """Yield how a scene hangs together, line by line: its tree, its loops, what is left out."""
+    from symgen.models.structure import structure as lines
     from symgen.scene.resolve import resolve
 
-    return momentum_system(resolve(check_scene(_text_of(scene))))
+    text = _text_of(scene)
+    try:
+        yield from lines(resolve(check_scene(text)))
+    except SceneError as error:
+        raise error.located(file=text.file) from None
 
 
 def shipped_sources() -> list[SourceFile]:
@@ -197,6 +205,13 @@ def _split(text: SceneText, changes: Mapping[str, str]) -> tuple[dict[str, str],
             if is_quantity(str(value)):
                 tunable[name] = str(value)
     return tunable, {k: v for k, v in changes.items() if k not in tunable}
+
+
+def _check_values(text: SceneText) -> None:
+    """Check a scene with other values of its tunable parameters as if they were written in it."""
+    from symgen.scene.resolve import resolve
+
+    resolve(check_scene(text))
 
 
 def _in_si(model: Model, values: Mapping[str, str], file: str) -> dict[str, float]:

@@ -175,7 +175,10 @@ def entry(monkeypatch, capfd):
         (["--samples", "1"], "samples"),
         (["--backend", "fortran"], "no backend 'fortran'"),
         (["--set", "rho=nan kg/m"], "finite number"),
-        (["--set", "rho=-1 kg/m"], "not positive definite with rho = -1"),
+        (
+            ["--set", "rho=-1 kg/m"],
+            "[links.OA] mass_per_length: expected a mass per length of at least zero, got 'rho', which is -1 kg/m",
+        ),
         (["--set", "links.OA.mass=1 kg"], "mass or mass_per_length, not both"),
         (["--set", "points.A.at.0=open('x')"], "calls 'open'"),
         (["--out", "run.csv"], "ending in .nc or .npz"),

@@ -9,7 +9,7 @@ from test_mechanisms import GRAVITY, at, ground
 from test_points_on_links import outputs_at_start
 
 import symgen
-from symgen.errors import ModelError, SceneError, SimulationError
+from symgen.errors import ModelError, SceneError
 
 SPACE = {"acceleration": ["0 m/s^2", "0 m/s^2", "-9.81 m/s^2"]}
 
@@ -221,16 +221,13 @@ def test_a_spring_without_direction_is_named():
     assert caught.value.where == "springs"
 
 
-def test_a_run_that_meets_a_place_without_direction_names_it():
-    """The mass runs at 1 m/s from 1 m, in steps that meet the anchor exactly."""
-    tables = slider(1.0, length="0.5 m", stiffness="k")
-    tables["parameters"] = {"k": {"value": "0 N/m", "tunable": True}}
-    tables["start"] = {"velocities": {"A": ["-1 m/s", "0 m/s"]}}
-    model = symgen.build(symgen.Scene(**tables))
-    with pytest.raises(SimulationError, match="the spring between M and A is 0.125 m long") as caught:
-        model.simulate(5.0, step=0.125)
-    assert caught.value.time == 0.875
-    assert model.simulate(5.0).final["A"]["position"] == pytest.approx([-4, 0], abs=1e-12)
+def test_a_run_that_fails_within_reach_of_a_place_without_direction_names_it():
+    from symgen.runtime.causes import without_direction
+
+    model = symgen.build(symgen.Scene(**slider(1.0, length="0.4 m")))
+    q, u = np.array([0.125, 0.0]), np.array([-1.0, 0.0])
+    assert without_direction(model._evaluator, 0.0, q, u) == ""
+    assert "between M and A is 0.125 m long" in without_direction(model._evaluator, 0.0, q, u, reach=0.2)
 
 
 BAD = {

@@ -260,6 +260,81 @@ def test_a_prescribed_length_pulls_a_mass():
     assert result.drift.energy < 1e-9
 
 
+@pytest.mark.parametrize(
+    "centre, inertia, negative",
+    [
+        (0.5, 0.9, "middle"),
+        (0.2, 0.01, "end"),
+        (0.8, 0.01, "start"),
+        (3.0, 0.5, "middle"),
+        (-1.0, 0.2, "middle"),
+    ],
+)
+def test_particles_with_negative_masses(centre, inertia, negative):
+    """The equivalent particles may have negative masses: two rods in a row against Lagrange's equations."""
+    from symgen.mechanics.particles import particle_masses
+
+    masses = dict(zip(("start", "middle", "end"), particle_masses(1, 1, centre, inertia), strict=True))
+    assert masses[negative] < 0
+    rod = {"mass": "1 kg", "centre": centre, "inertia": f"{inertia} kg*m^2"}
+    scene = symgen.Scene(
+        points={"O": ground(0.0, 0.0), "A": at(0.6, -0.8), "B": at(1.4, -0.2)},
+        links={"OA": {"points": ["O", "A"], **rod}, "AB": {"points": ["A", "B"], **rod}},
+        gravity=GRAVITY,
+        start={"rates": {"OA": "0.7 rad/s", "AB": "-1.1 rad/s"}},
+    )
+    model = symgen.build(scene)
+    a, b = np.arctan2(-0.8, 0.6), np.arctan2(0.6, 0.8)
+    wa, wb, c = 0.7, -1.1, centre
+    coupling, turn = c * np.cos(a - b), c * np.sin(a - b)
+    matrix = [[inertia + c**2 + 1, coupling], [coupling, inertia + c**2]]
+    rhs = [-turn * wb**2 - G * (c + 1) * np.cos(a), turn * wa**2 - G * c * np.cos(b)]
+    alpha, beta = np.linalg.solve(matrix, rhs)
+    unit = lambda x: np.array([np.cos(x), np.sin(x)])  # noqa: E731
+    left = lambda x: np.array([-np.sin(x), np.cos(x)])  # noqa: E731
+    tip = alpha * left(a) - wa**2 * unit(a)
+    found = model.accelerations()
+    assert found["A"] == pytest.approx(tip, rel=1e-12, abs=1e-12)
+    assert found["B"] == pytest.approx(tip + beta * left(b) - wb**2 * unit(b), rel=1e-12, abs=1e-12)
+    assert model.simulate(1.0, rtol=1e-11).drift.energy < 1e-9
+
+
+def test_a_massless_outer_end_is_refused():
+    """A rod whose mass sits in its inner joint leaves nothing to move its outer end."""
+    points = {"O": ground(0.0, 0.0), "A": at(1.0, 0.0), "B": at(2.0, 0.0)}
+    rod = {"points": ["A", "B"], "mass": "1 kg", "centre": 0, "inertia": "0 kg*m^2"}
+    with pytest.raises(SceneError, match="carries no mass: nothing says how it accelerates") as caught:
+        symgen.build(
+            symgen.Scene(points=points, links={"OA": {"points": ["O", "A"], "mass": "1 kg"}, "AB": rod})
+        )
+    assert caught.value.where == "points.B"
+
+
+def test_values_set_from_outside_pass_the_checks_of_the_scene():
+    """A tunable stiffness, mass or length: the key where it is wrong is named, and the value."""
+    scene = symgen.Scene(
+        parameters={
+            "k": {"value": "9 N/m", "tunable": True},
+            "m": {"value": "1 kg", "tunable": True},
+            "l": {"value": "1 m", "tunable": True},
+        },
+        points={"O": ground(0.0, 0.0), "G": ground(0.0, 1.0), "A": {"at": ["l", "0 m"]}},
+        links={"OA": {"points": ["O", "A"], "mass": "m"}},
+        springs=[{"between": ["G", "A"], "stiffness": "k", "length": "l/2"}],
+    )
+    assert symgen.build(scene, set={"k": "12 N/m"}).parameters["k"] == 12
+    for key, value, where, words in (
+        ("k", "-3 N/m", "springs.0.stiffness", "at least zero, got 'k', which is -3 N/m"),
+        ("m", "-1 kg", "links.OA.mass", "at least zero, got 'm', which is -1 kg"),
+        ("l", "0 m", "links.OA.points", "zero length"),
+        ("l", "-1 m", "springs.0.length", "at least zero"),
+        ("k", "3 N", "parameters.k", "expected a quantity in N/m"),
+    ):
+        with pytest.raises(SceneError, match=words) as caught:
+            symgen.build(scene, set={key: value})
+        assert caught.value.where == where
+
+
 BAD = {
     "driven twice": ({"drivers": [{"link": "crank", "angle": "0"}] * 2}, "driven twice"),
     "driver unknown": ({"drivers": [{"link": "krank", "angle": "0"}]}, "Did you mean 'crank'"),

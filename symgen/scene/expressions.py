@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import ast
 import math
+import re
 from collections.abc import Callable, Mapping
 from fractions import Fraction
 from typing import Any
@@ -15,7 +16,16 @@ from typing import Any
 import sympy as sp
 
 from symgen.errors import SceneError, nearest
-from symgen.scene.units import NUMBER, Dimension, describe, example, fits, is_quantity, parse_quantity
+from symgen.scene.units import (
+    ANGULAR_RATE,
+    NUMBER,
+    Dimension,
+    describe,
+    example,
+    fits,
+    is_quantity,
+    parse_quantity,
+)
 
 Value = tuple[sp.Expr, Dimension]
 Names = Mapping[str, Value]
@@ -25,6 +35,7 @@ _LARGEST_POWER, _LARGEST_SYMBOLIC_POWER = 64, 16  # SymPy may expand what holds 
 _SIMPLE, _DIGITS = 8, 60  # operations that a number keeps, and its digits where it has more
 _LARGEST_NUMBER = 1024  # bits: what a double can hold
 _LARGEST_EXPONENT = 700  # exp(709.8) overflows a double
+_HERTZ = re.compile(r"Hz\b|hertz\b")
 _SHOWN = 80  # characters of an expression in a message
 
 #: Functions a scene may call: what they are in SymPy and how many arguments they take. All act on plain
@@ -60,6 +71,11 @@ def parse_value(value: str | int | float, names: Names, expected: Dimension | No
         When it is not finite, of another dimension, or uses anything outside the whitelist.
     """
     expression, dim = parse_any(value, names)
+    if expected == ANGULAR_RATE and isinstance(value, str) and is_quantity(value) and _HERTZ.search(value):
+        raise SceneError(
+            f"expected an angular velocity, got the frequency {value!r}",
+            hint='Say turns or radians: "2 rev/s", "120 rpm" or "12.6 rad/s".',
+        )
     if expected is not None and dim != expected and not (expression == 0 and dim == NUMBER):
         got = describe(dim)
         raise SceneError(f"expected {describe(expected)} such as {example(expected)}, got {value!r}, {got}")
@@ -183,6 +199,8 @@ class _Reader:
                 return a / b, da.times(db.power(Fraction(-1)))
             case ast.Pow():
                 return self.power(left, right)
+        if isinstance(op, ast.BitXor):
+            raise self.refuse("uses ^, which is for units only", "Write ** for a power.")
         raise self.refuse(f"uses {type(op).__name__}, which a scene may not")
 
     def named(self, name: str) -> Value:

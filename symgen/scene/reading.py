@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 
@@ -12,10 +13,11 @@ from symgen.scene import units
 from symgen.scene.expressions import Names, parse_any, parse_value
 from symgen.scene.linkage import TIME, Parameter, PlacedPoint, number, state_of, state_symbol
 from symgen.scene.schema import Scene
-from symgen.scene.units import Dimension
+from symgen.scene.units import Dimension, is_quantity
 from symgen.symbolic.quantity import AXES, quantity
 
-Text = str | int | float
+#: Names in an expression, as far as they matter here.
+_NAME = re.compile(r"[A-Za-z]\w*", re.ASCII)
 
 
 @contextmanager
@@ -50,18 +52,33 @@ class Reader:
         self.points: dict[str, PlacedPoint] = {}
 
     def _read_parameters(self) -> None:
-        for name, parameter in self.scene.parameters.items():
-            where = f"parameters.{name}"
-            with at(f"{where}.value"):
-                value, dim = parse_any(parameter.value, self.names)
-                self.number(value)
-            if not parameter.tunable:
-                self.names[name] = value, dim
-                continue
-            q = quantity(name, dim.unit, parameter.about.strip() or f"parameter {name}")
-            self.names[name] = q.symbol, dim
-            self.defaults[q.symbol] = value.xreplace(self.defaults)
-            self.parameters.append(Parameter(q, self.defaults[q.symbol]))
+        """Read every parameter after those it uses, wherever they are written."""
+        for name in self.scene.parameters:
+            self._read_parameter(name, ())
+        order = list(self.scene.parameters)
+        self.parameters.sort(key=lambda p: order.index(p.quantity.name))
+
+    def _read_parameter(self, name: str, waiting: tuple[str, ...]) -> None:
+        if name in self.names:
+            return
+        parameter, where = self.scene.parameters[name], f"parameters.{name}.value"
+        if name in waiting:
+            ring = " by ".join((*waiting[waiting.index(name) :], name))
+            raise SceneError(f"these parameters are given by each other: {ring}", where=where)
+        text = str(parameter.value)
+        for used in [] if is_quantity(text) else dict.fromkeys(_NAME.findall(text)):
+            if used in self.scene.parameters:
+                self._read_parameter(used, (*waiting, name))
+        with at(where):
+            value, dim = parse_any(parameter.value, self.names)
+            self.number(value)
+        if not parameter.tunable:
+            self.names[name] = value, dim
+            return
+        q = quantity(name, dim.unit, parameter.about.strip() or f"parameter {name}")
+        self.names[name] = q.symbol, dim
+        self.defaults[q.symbol] = value.xreplace(self.defaults)
+        self.parameters.append(Parameter(q, self.defaults[q.symbol]))
 
     def value(
         self, text: str | int | float, dim: Dimension, where: str, names: Names | None = None
@@ -116,15 +133,21 @@ class Reader:
     ) -> sp.Expr:
         """Return a value that must be above zero."""
         expression = self.value(text, dim, where, names)
-        if not self.number(expression) > 0:
-            raise SceneError(f"expected {units.describe(dim)} above zero, got {text!r}", where=where)
+        value = self.number(expression)
+        if not value > 0:
+            raise SceneError(
+                f"expected {units.describe(dim)} above zero, got {_got(text, value, dim)}", where=where
+            )
         return expression
 
     def not_negative(self, text: str | int | float, dim: Dimension, where: str) -> sp.Expr:
         """Return a value that must not be below zero."""
         expression = self.value(text, dim, where)
-        if self.number(expression) < 0:
-            raise SceneError(f"expected {units.describe(dim)} of at least zero, got {text!r}", where=where)
+        value = self.number(expression)
+        if value < 0:
+            raise SceneError(
+                f"expected {units.describe(dim)} of at least zero, got {_got(text, value, dim)}", where=where
+            )
         return expression
 
     def vector(
@@ -162,3 +185,9 @@ class Reader:
         self.known_link(name, where)
         if all(self.known_point(p, where).ground for p in self.scene.links[name].points[:2]):
             raise SceneError(f"{name} lies between two ground points and cannot turn", where=where)
+
+
+def _got(text: str | int | float, value: float, dim: Dimension) -> str:
+    """Return what was written, and its value where that is not plain from it."""
+    plain = not isinstance(text, str) or is_quantity(text)
+    return repr(text) if plain else f"{text!r}, which is {value:g} {dim.unit}"

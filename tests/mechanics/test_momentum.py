@@ -20,7 +20,7 @@ from symgen.errors import DerivationError
 from symgen.mechanics.momentum import open_tree, particles, perpendicular, smallest_axis, transverse
 from symgen.mechanics.particles import end_mass, particle_masses
 from symgen.models import outboard
-from symgen.pipeline import momentum_rows
+from symgen.models.momentum import momentum_system
 from symgen.scene.resolve import resolve
 
 DIGITS = 30
@@ -31,6 +31,11 @@ CHAINS_AND_TREES = [
     for free in (False, True)
     if not (dimension == 3 and kind == "bodies")
 ]
+
+
+def momentum_rows(scene):
+    """The momentum rows of a scene, or of a shipped one by its name."""
+    return momentum_system(resolve(symgen.load_scene(scene) if isinstance(scene, str) else scene))
 
 
 def named(case):

@@ -109,7 +109,21 @@ CASES = {
         "[links]", '[start]\nvelocities = { O = ["1 m/s", "0 m/s"] }\n[links]', "start.velocities.O", "does not move",
     ),
     "rate of a link that is not there": ("[links]", '[start]\nrates = { AO = "1 rad/s" }\n[links]', "start.rates.AO", "no link called 'AO'"),
-    "parameter further down": ("[points]", 'a = "2*bb"\nbb = "1 m"\n[points]', "parameters.a.value", "unknown name 'bb'"),
+    "parameter that is not there": ("[points]", 'a = "2*bb"\nb = "1 m"\n[points]', "parameters.a.value", "unknown name 'bb'"),
+    "parameters in a ring": (
+        "[points]", 'a = "2*bb"\nbb = "c + l"\nc = "a"\n[points]', "parameters.a.value", "by each other: a by bb by c by a",
+    ),
+    "parameter of itself": ("[points]", 'a = "2*a"\n[points]', "parameters.a.value", "each other: a by a"),
+    "fault in a parameter further down": (
+        "[points]", 'a = "2*bb"\nbb = "1 kgg"\n[points]', "parameters.bb.value", "not a unit",
+    ),
+    "power by ^": ("[points]", 'a = "l^2"\n[points]', "parameters.a.value", "Write ** for a power"),
+    "angular velocity in hertz": ("[links]", '[start]\nrates = { OA = "2 Hz" }\n[links]', "start.rates.OA", '"2 rev/s"'),
+    "point called this": ("B = { at", "this = { at", "points.this", "calls itself", ('"B"', '"this"')),
+    "link called this": ("EB =", "this =", "links.this", "calls itself"),
+    "value by its parameter": (
+        'mass = "1 kg"', 'mass = "mm - 2*mm"', "links.OA.mass", "'mm - 2*mm', which is -3 kg", ("[points]", 'mm = "3 kg"\n[points]'),
+    ),
 }  # fmt: skip
 
 
@@ -189,3 +203,26 @@ def test_files_of_other_systems_are_read(content, tmp_path):
 def test_names_made_from_files(stem, name, tmp_path):
     (tmp_path / f"{stem}.toml").write_text(GOOD)
     assert symgen.load_scene(tmp_path / f"{stem}.toml").name == name
+
+
+def test_parameters_are_read_after_those_they_use(tmp_path):
+    """The order of the kernels' arguments stays that of the scene."""
+    added = (
+        'a = { value = "b + c", tunable = true }\nb = "2*c"\nc = { value = "3 m", tunable = true }\n[points]'
+    )
+    linkage = resolve(scene_of(GOOD.replace("[points]", added, 1), tmp_path))
+    assert [p.quantity.name for p in linkage.parameters] == ["zero", "a", "c"]
+    assert [p.default for p in linkage.parameters] == [0, 9, 3]
+
+
+def test_a_place_in_a_list_is_written_like_one():
+    error = SceneError("wrong", where="points.A.at.0", file="x.toml")
+    assert str(error) == "x.toml: [points.A] at[0]: wrong"
+    assert str(SceneError("wrong", where="forces.2.force.1")) == "[forces.2] force[1]: wrong"
+    assert str(SceneError("wrong", where="springs.0")) == "[springs] 0: wrong"
+
+
+@pytest.mark.parametrize("text", ["2 rad/s", "2 rev/s", "120 rpm", "2 1/s"])
+def test_angular_velocities_are_read(text, tmp_path):
+    scene = scene_of(GOOD.replace("[links]", f'[start]\nrates = {{ OA = "{text}" }}\n[links]', 1), tmp_path)
+    assert len(resolve(scene).start.rates) == 1

@@ -1,0 +1,51 @@
+"""How a linkage hangs together, in words: the spanning tree, the loops that are cut, what is left out."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from symgen.models.rods import RodsModel
+from symgen.scene.linkage import Linkage
+
+
+def structure(linkage: Linkage) -> Iterator[str]:
+    """Yield the structure of a linkage line by line.
+
+    Raises
+    ------
+    SceneError
+        When a point carries no mass.
+    """
+    model = RodsModel(linkage)
+    yield f"ground: {', '.join(model.ground) or 'none, the linkage floats'}"
+    ends = {k.name: k.base for k in model.rods}
+    bars = {row.link: row.label for row in model.constraints if row.link and row.link not in ends}
+    yield "tree, from the ground outward:"
+    for point in model.tree.points:
+        rod = model.tree.carrier[point]
+        if rod is None:
+            yield f"  {point} is free to move: a part that no link ties to the ground starts here"
+        elif rod in bars:
+            yield f"  {point} after {bars[rod].removeprefix('the shape of ')}"
+        else:
+            near = next(e for e in ends[rod] if e != point)
+            yield f"  {point} after link {rod} from {near}"
+    for point, (part, _) in model.carrier.items():
+        yield f"  {point} is carried by link {part.name}: no coordinates of its own"
+    cuts = list(dict.fromkeys(_cut(model, rod, bars) for rod in model.tree.cuts))
+    yield f"loops: {len(cuts)} links close them" if cuts else "loops: none is closed by a link"
+    yield from (f"  {cut}" for cut in cuts)
+    labels = dict.fromkeys(row.label for row in model.constraints if not row.link)
+    if labels:
+        yield "further bonds:"
+        yield from (f"  {label}" for label in labels)
+    if model.idle:
+        yield "left out: " + ", ".join(f"link {name} lies between fixed points" for name in model.idle)
+
+
+def _cut(model: RodsModel, rod: str, bars: dict[str, str]) -> str:
+    """Return what closes a loop: a rod with its ends, or a distance inside a body."""
+    if rod in bars:
+        return f"{bars[rod].removeprefix('the shape of ')}, cut between its points"
+    link = model.linkage.link(rod)
+    return f"link {rod}, cut between {link.start} and {link.end}"
