@@ -56,7 +56,7 @@ class Mechanism:
     masses: dict[str, Real] = field(default_factory=dict)
     springs: list[Spring] = field(default_factory=list)
     forces: list[tuple] = field(default_factory=list)  # (point, t -> force)
-    torques: list[tuple] = field(default_factory=list)  # (body, against or None, t -> torque)
+    torques: list[tuple] = field(default_factory=list)  # (body, against or None, t -> components)
 
 
 @dataclass(frozen=True)
@@ -118,6 +118,14 @@ def across(e):
     second = [e[1] * first[2] - e[2] * first[1], e[2] * first[0] - e[0] * first[2]]
     second.append(e[0] * first[1] - e[1] * first[0])
     return np.column_stack([first, second])
+
+
+def about(e):
+    """The axes about which the speeds turn a body: e x b for each b of the basis across e."""
+    if len(e) == 2:
+        return np.ones((1, 1), dtype=Real)
+    first, second = across(e).T
+    return np.array([second, -first])
 
 
 class Minimal:
@@ -255,9 +263,9 @@ class Minimal:
         for p, f in force.items():
             rhs += points[p].slope.T @ (f - m.masses.get(p, Real(0)) * points[p].rest)
         for name, against, of_time in m.torques:
-            rhs[self.at[name]] += of_time(t)
+            rhs[self.at[name]] += about(pose.directions[name]) @ of_time(t)
             if against:
-                rhs[self.at[against]] -= of_time(t)
+                rhs[self.at[against]] -= about(pose.directions[against]) @ of_time(t)
         _, slope, rest = self.gaps(points, own)
         k = len(rest)
         whole = np.block([[matrix, slope.T], [slope, np.zeros((k, k), dtype=Real)]])

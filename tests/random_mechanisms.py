@@ -18,6 +18,7 @@ class Draft:
         self.rng, self.dimension = rng, dimension
         self.at: dict[str, np.ndarray] = {}
         self.ground: list[str] = []
+        self.on: dict[str, tuple[str, float]] = {}
         self.links: dict[str, list[str]] = {}
 
     def number(self, low, high):
@@ -45,6 +46,14 @@ class Draft:
             points[:2] = points[1::-1]
         self.links[f"L{len(self.links)}"] = points
 
+    def place_on(self, link: str) -> str:
+        """A further point on the line of a link, beyond its ends too; drawn to the digits of a double."""
+        name, fraction = f"P{len(self.at)}", self.number(-0.4, 1.4)
+        start, end = (self.at[p] for p in self.links[link][:2])
+        self.at[name] = start + fraction * (end - start)
+        self.on[name] = link, fraction
+        return name
+
     def pick(self, names):
         return names[int(self.rng.integers(len(names)))]
 
@@ -60,7 +69,7 @@ class Draft:
 
 
 def sketch(rng, dimension: int, count: int, kind: str, free: bool) -> Draft:
-    """Points and links: a serial chain, a tree, a tree closed to loops, or a tree with ternary bodies."""
+    """Points and links: a serial chain, a tree, a tree closed to loops, or a tree with joints all over its bodies."""
     draft = Draft(rng, dimension)
     first = draft.place(ground=not free)
     chords = 0 if kind != "loop" else int(rng.integers(1, 1 + max(1, count // 3)))
@@ -69,10 +78,12 @@ def sketch(rng, dimension: int, count: int, kind: str, free: bool) -> Draft:
         parent = tips[-1] if kind == "chain" else draft.pick(list(draft.at))
         points = [parent, draft.place(near=parent)]
         tips.append(points[1])
-        if kind == "bodies" and rng.random() < 0.5:
+        if kind == "bodies" and dimension == 2 and rng.random() < 0.5:
             points.append(draft.place(near=parent))
             rng.shuffle(points)
         draft.link(points)
+        if kind == "bodies" and rng.random() < 0.6:
+            draft.place_on(list(draft.links)[-1])
     for _ in range(chords):
         pairs = draft.apart()
         if not pairs or (not free and rng.random() < 0.6):
@@ -95,7 +106,9 @@ def in_unit(values, unit: str) -> list[str]:
 def loaded(draft: Draft) -> tuple[Mechanism, symgen.Scene]:
     """Give a sketch its masses and loads, twice: as numbers, and as the words of a scene."""
     words: dict = {"parameters": {"newton": "1 N", "hz": "1 Hz"}, "links": {}}
-    words["points"] = {p: {"at": in_unit(at, "m"), "ground": p in draft.ground} for p, at in draft.at.items()}
+    placed = {p: at for p, at in draft.at.items() if p not in draft.on}
+    words["points"] = {p: {"at": in_unit(at, "m"), "ground": p in draft.ground} for p, at in placed.items()}
+    words["points"] |= {p: {"on": link, "fraction": z} for p, (link, z) in draft.on.items()}
     gravity = draft.vector(10)
     words["gravity"] = {"acceleration": in_unit(gravity, "m/s^2")}
     ground = {p: exactly(draft.at[p]) for p in draft.ground}
@@ -104,8 +117,7 @@ def loaded(draft: Draft) -> tuple[Mechanism, symgen.Scene]:
         _add_body(draft, name, mechanism, words)
     _add_at_points(draft, mechanism, words)
     _add_springs(draft, mechanism, words)
-    if draft.dimension == 2:
-        _add_torques(draft, mechanism, words)
+    _add_torques(draft, mechanism, words)
     return mechanism, symgen.Scene(**words)
 
 
@@ -129,6 +141,9 @@ def _add_body(draft: Draft, name: str, mechanism: Mechanism, words: dict) -> Non
     frame = {points[0]: (Real(0), Real(0)), points[1]: (length, Real(0))}
     for p in points[2:]:
         frame[p] = ((exactly(draft.at[p]) - start) @ e, (exactly(draft.at[p]) - start) @ left)
+    for p, (link, fraction) in draft.on.items():
+        if link == name:
+            frame[p] = (Real(repr(fraction)) * length, Real(0))
     words["links"][name] = {
         "points": points,
         "mass": f"{mass!r} kg",
@@ -176,12 +191,14 @@ def _add_torques(draft: Draft, mechanism: Mechanism, words: dict) -> None:
     words["torques"] = []
     names = list(draft.links)
     for _ in range(min(2, len(names))):
-        torque, link, against = draft.number(-8, 8), draft.pick(names), draft.pick(names)
-        couple = {"link": link, "torque": f"{torque!r} N*m"}
+        link, against = draft.pick(names), draft.pick(names)
+        torque = draft.vector(8)[: 1 if draft.dimension == 2 else 3]
+        components = in_unit(torque, "N*m")
+        couple = {"link": link, "torque": components[0] if len(torque) == 1 else components}
         if against != link:
             couple["against"] = against
         words["torques"].append(couple)
-        exact = Real(repr(torque))
+        exact = exactly(torque)
         mechanism.torques.append((link, couple.get("against"), lambda t, exact=exact: exact))
 
 

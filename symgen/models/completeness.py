@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import sympy as sp
 
 from symgen.errors import DerivationError
+from symgen.mechanics.momentum import moment
 from symgen.symbolic.calculus import ZERO
 
 if TYPE_CHECKING:
@@ -42,8 +43,8 @@ def check_complete(form: Outboard) -> None:
     size = max((abs(b) for _, b in numbers), default=ZERO)
     if any(abs(a - b) > _AGREE * size for a, b in numbers):
         raise DerivationError(
-            f"{form.linkage.name}: its momentum rows are not known: it has masses or loads beyond rods, "
-            "planar bodies, point masses, gravity, forces on points, springs and torques in the plane"
+            f"{form.linkage.name}: its momentum rows are not known: it has masses or loads beyond those of "
+            "rods, planar bodies and point masses"
         )
 
 
@@ -71,10 +72,16 @@ def _forces(form: Outboard) -> Terms:
             for component, place in zip(push.force, push.place, strict=True):
                 if push.unknown is None:
                     _work(found, component, model.calculus.gradient(place))
-    for body in form.link:
-        for (couple,), unknown in form.couples([body]):
-            if unknown is None:
-                _work(found, couple, model.turning(body)[0])
+    for name, link in form.link.items():
+        for couple, unknown in form.couples([name]):
+            if unknown is not None:
+                continue
+            if len(couple) == 1:
+                _work(found, couple[0], model.turning(name)[0])
+                continue
+            d = model.along[name]
+            for component, along in zip(moment(couple, d), d, strict=True):
+                _work(found, component / link.length**2, model.calculus.gradient(along))
     return found
 
 

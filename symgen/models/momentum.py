@@ -17,6 +17,7 @@ from symgen.errors import DerivationError, SceneError
 from symgen.mechanics.momentum import effective_lever, moment, perpendicular, smallest_axis
 from symgen.mechanics.particles import Vector, dot
 from symgen.models.completeness import check_complete
+from symgen.models.constraints import guide_rows
 from symgen.models.matrix import named
 from symgen.models.outboard import Outboard
 from symgen.models.rods import REFERENCE, RodsModel
@@ -163,8 +164,11 @@ class MomentumForm(Outboard):
     @cached_property
     def reactions(self) -> dict[str, tuple[Quantity, ...]]:
         """Reaction at each ground point, but for rails, whose guides put forces on them that no row tells."""
-        rails = {g.along for g in self.linkage.guides} & set(self.model.idle)
-        ends = {p for k in self.linkage.links if k.name in rails for p in (k.start, k.end)}
+        model = self.model
+        rails = {g.along for g in self.linkage.guides} & set(model.idle)
+        ends = {p for name in rails for p in self.linkage.link(name).base}
+        ends |= {p for p in model.points if model.is_fixed(p) and p not in model.ground}
+        ends = {s for p in ends for s in model.supports(p)}
         return {
             p: self.unknown_force(f"{p}_reaction", f"reaction at {p}")
             for p in self.model.ground
@@ -174,9 +178,10 @@ class MomentumForm(Outboard):
     def bonds(self) -> Iterator[Rows]:
         """Eq. (14) for each length, Eq. (16b) for guides, and the other bonds, twice differentiated."""
         model = self.model
+        guides = {row.constraint.name for row in guide_rows(model)}
         free = [(q.symbol, a.symbol) for p in model.free for q, a in zip(model.q[p], model.a[p], strict=True)]
         for c, row, rhs in zip(model.constraints, model.jacobian, model.acceleration_rhs, strict=True):
-            number = "Eq. (14): " if c.link else "Eq. (16b): " if self.guide(c)[0] else ""
+            number = "Eq. (14): " if c.link else "Eq. (16b): " if c.name in guides else ""
             unit = {"m^2": "m^2/s^2", "m": "m/s^2"}[c.unit]
             coefficients = {a: row[q] for q, a in free if q in row}
             name = f"{c.name}_length" if c.link else c.name

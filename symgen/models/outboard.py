@@ -7,15 +7,15 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
-from functools import cached_property
 
 import sympy as sp
 
-from symgen.mechanics.momentum import OpenTree, Particle, open_tree, particles
-from symgen.mechanics.particles import Vector, dot
-from symgen.models.constraints import Constraint
+from symgen.errors import DerivationError
+from symgen.mechanics.momentum import OpenTree, Particle, open_tree, particles, transverse
+from symgen.mechanics.particles import Vector
+from symgen.models.constraints import guide_rows
 from symgen.models.rods import RodsModel
-from symgen.scene.linkage import RigidLink
+from symgen.scene.linkage import CarriedPoint, LinearSpring, LineForce, RigidLink
 from symgen.symbolic.calculus import ONE, ZERO
 from symgen.symbolic.quantity import Quantity, quantity
 from symgen.symbolic.system import Definition
@@ -44,8 +44,8 @@ class Outboard:
         self.linkage = model.linkage
         self.link = {k.name: k for k in model.rods}
         self.tree: OpenTree = open_tree(
-            model.ground,
-            [p for p in model.points if p not in model.ground],
+            [p for p in model.points if model.is_fixed(p)],
+            [p for p in model.points if not model.is_fixed(p)],
             {k.name: (k.start, k.end, *(c.name for c in k.carried)) for k in model.rods},
         )
         self.definitions: dict[sp.Symbol, Definition] = {}
@@ -81,7 +81,20 @@ class Outboard:
         if point in self.model.q:
             return {point: (ONE, ZERO)}
         link, carried = self.model.carrier[point]
-        return _shares(link, carried.along, carried.across)
+        if not isinstance(link, RigidLink) or not isinstance(carried, CarriedPoint):
+            raise DerivationError(
+                f"{self.linkage.name}: the momentum rows of the body {link.name} are not known"
+            )
+        return self.shares(link, carried.along, carried.across)
+
+    def shares(self, link: RigidLink, along: sp.Expr, across: sp.Expr) -> Shares:
+        """Return how a place of a link moves with points that have coordinates."""
+        found: Shares = {}
+        for end, (x, y) in ((link.start, (ONE - along, -across)), (link.end, (along, across))):
+            for point, (z, w) in self.weights(end).items():
+                before = found.get(point, (ZERO, ZERO))
+                found[point] = before[0] + x * z - y * w, before[1] + x * w + y * z
+        return {p: share for p, share in found.items() if any(share)}
 
     def place(self, link: RigidLink, along: sp.Expr, across: sp.Expr) -> Vector:
         """Return a place of a link [m]: from the end that is its inner joint, or else from its start."""
@@ -99,7 +112,7 @@ class Outboard:
         for body in bodies:
             link = self.link[body]
             for mass, x, y in self.particles(link):
-                yield mass, _shares(link, x, y), self.place(link, x, y)
+                yield mass, self.shares(link, x, y), self.place(link, x, y)
         inside = set(points)
         for placed in self.linkage.masses:
             if placed.point in inside:
@@ -119,69 +132,56 @@ class Outboard:
                     yield Push(position(placed.point), tuple(placed.mass * g for g in self.linkage.gravity))
         for load in self.linkage.forces:
             if load.point in points:
-                yield Push(position(load.point), load.force)
-        for spring in self.linkage.springs:
-            sign = (spring.start in points) - (spring.end in points)
+                yield Push(position(load.point), self.model.loads.with_state(load.force))
+        lines: list[LinearSpring | LineForce] = [*self.linkage.springs, *self.linkage.actuators]
+        for line in lines:
+            sign = (line.end in points) - (line.start in points)
             if sign:
-                pull = self.spring_forces[spring.name]
-                yield Push(position(spring.start if sign > 0 else spring.end), tuple(sign * c for c in pull))
+                force = tuple(sign * c for c in self.model.loads.push(line))
+                yield Push(position(line.end if sign > 0 else line.start), force)
+        if len(self.model.axes) == 3:
+            yield from self._bending(bodies)
         for (body, point), force in self.cut_forces.items():
             sign = (body in bodies) - (point in points)
             for i, component in enumerate(force if sign else ()):
                 unit = tuple(sp.Integer(sign * (i == k)) for k in range(len(force)))
                 yield Push(position(point), unit, component.symbol)
-        for constraint in self.forced:
-            point, along, normal = self.guide(constraint)
-            sign = (point in points) - (along in bodies)
-            if point and sign:
-                force = tuple(-sign * c for c in normal)
-                yield Push(position(point), force, self.model.multipliers[constraint.name].symbol)
+        for row in guide_rows(self.model):
+            sign = (row.point in points) - (row.link in bodies)
+            if sign:
+                force = tuple(-sign * c for c in row.by_point)
+                yield Push(position(row.point), force, self.model.multipliers[row.constraint.name].symbol)
+
+    def _bending(self, bodies: set[str]) -> Iterator[Push]:
+        """Yield the forces of torsion springs in space: on the ends of a rod, along the other one."""
+        for spring in self.linkage.torsion_springs:
+            for name, other in ((spring.link, spring.against), (spring.against, spring.link)):
+                if name in bodies:
+                    scale = spring.stiffness / sp.Mul(*(self.linkage.link(k).length for k in (name, other)))
+                    for end, sign in ((ONE, 1), (ZERO, -1)):
+                        force = tuple(sign * scale * c for c in self.model.along[other])
+                        yield Push(self.place(self.link[name], end, ZERO), force)
 
     def couples(self, bodies: Iterable[str]) -> Iterator[tuple[Vector, sp.Symbol | None]]:
         """Yield every couple on these bodies from outside of them; times an unknown where there is one."""
-        inside = set(bodies)
+        inside, loads = set(bodies), self.model.loads
         for torque in self.linkage.torques:
-            sign = (torque.link in inside) - (torque.against in inside)
-            if sign:
-                yield (sign * torque.torque,), None
+            yield from self._between(torque.link, torque.against, loads.with_state(torque.torque), inside)
+        if len(self.model.axes) == 2:
+            for spring in self.linkage.torsion_springs:
+                yield from self._between(spring.link, spring.against, (loads.torsion(spring),), inside)
         for driver in self.linkage.drivers:
             if driver.link in inside:
                 unknown = self.model.multipliers[f"{driver.link}_drive"].symbol
                 yield (-self.link[driver.link].length,), unknown
 
-    @cached_property
-    def spring_forces(self) -> dict[str, Vector]:
-        """Force of each spring on its start [N]."""
-        found = {}
-        for spring in self.linkage.springs:
-            ends = (spring.start, spring.end)
-            along, rates = (
-                tuple(b - a for a, b in zip(*(of(p) for p in ends), strict=True))
-                for of in (self.model.position, self.model.velocity)
-            )
-            span = self.define(
-                f"{spring.name}_span", sp.sqrt(dot(along, along)), "m", f"length of {spring.name}"
-            )
-            pull = spring.stiffness * (span - spring.length) + spring.damping * dot(along, rates) / span
-            about = f"force over length of {spring.name}"
-            pull = self.define(f"{spring.name}_pull", pull / span, "N/m", about)
-            found[spring.name] = tuple(pull * c for c in along)
-        return found
-
-    def guide(self, constraint: Constraint) -> tuple[str, str, Vector]:
-        """Return the guided point, the link along which it slides, and the row's derivative by the point."""
-        for guide in self.linkage.guides:
-            for point in guide.points:
-                if constraint.name.startswith(f"{guide.name}_{point}"):
-                    d = self.model.along[guide.along]
-                    if len(d) == 2:
-                        return point, guide.along, (-d[1], d[0])
-                    gradient = self.model.calculus.gradient(constraint.expression)
-                    its = self.model.symbols(self.model.q[point])
-                    return point, guide.along, tuple(gradient.get(s, ZERO) for s in its)
-        return "", "", ()
-
-
-def _shares(link: RigidLink, along: sp.Expr, across: sp.Expr) -> Shares:
-    shares = {link.start: (ONE - along, -across), link.end: (along, across)}
-    return {p: share for p, share in shares.items() if any(share)}
+    def _between(
+        self, link: str, against: str, couple: Vector, inside: set[str]
+    ) -> Iterator[tuple[Vector, sp.Symbol | None]]:
+        """Yield a couple on a link and its opposite on another, as far as they are inside."""
+        for name, sign in ((link, 1), (against, -1)):
+            if name in inside and not (len(couple) == 1 and {link, against} <= inside):
+                part = couple
+                if len(couple) == 3:
+                    part = transverse(couple, self.model.along[name], self.link[name].length)
+                yield tuple(sign * c for c in part), None

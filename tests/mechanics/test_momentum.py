@@ -69,7 +69,7 @@ def test_momentum_rows_are_the_projected_equations(case):
     a = sp.Matrix([values[x.symbol] for x in rows.group("x").quantities if "_a" in x.name])
     residual = at(system, "mass_matrix") * a - at(system, "force")
     free = [x.name.rpartition("_")[0] for x in system.group("q").quantities][:: case[0]]
-    place = {p: sp.Matrix([sp.Rational(str(x)) for x in words_of(scene, p)]) for p in scene.points}
+    place = {p: sp.Matrix(at) for p, at in drawn_at(scene).items()}
     root = next((p for p in scene.points if scene.points[p].ground), next(iter(scene.points)))
     checked = 0
     for name, link in scene.links.items():
@@ -91,15 +91,21 @@ def test_momentum_rows_are_the_projected_equations(case):
     assert checked == case[2] * (case[0] - 1)
 
 
-def words_of(scene, point):
-    return [word.split()[0] for word in scene.points[point].at]
+def drawn_at(scene):
+    """Where every point is drawn, exactly."""
+    return {p.name: p.at for p in resolve(scene).points}
+
+
+def points_of(scene, link):
+    """All points of a link."""
+    return [*scene.links[link].points, *(p for p, point in scene.points.items() if point.on == link)]
 
 
 def numbers(rng, scene, system, rows):
     """The pose as drawn, exactly; any velocities and accelerations."""
     values = {}
     drawn = {
-        f"{p}_{axis}": x for p in scene.points for axis, x in zip("xyz", words_of(scene, p), strict=False)
+        f"{p}_{axis}": x for p, at in drawn_at(scene).items() for axis, x in zip("xyz", at, strict=False)
     }
     for group in (*system.groups, *rows.groups):
         for x in group.quantities:
@@ -113,11 +119,11 @@ def split(scene, link, root):
     reached, waiting = {root}, [root]
     while waiting:
         point = waiting.pop()
-        for name, other in scene.links.items():
-            if name != link and point in other.points:
-                waiting += set(other.points) - reached
-                reached |= set(other.points)
-    (inner,) = [p for p in scene.links[link].points if p in reached]
+        for other in scene.links:
+            if other != link and point in points_of(scene, other):
+                waiting += set(points_of(scene, other)) - reached
+                reached |= set(points_of(scene, other))
+    (inner,) = [p for p in points_of(scene, link) if p in reached]
     return inner, set(scene.points) - reached
 
 
@@ -234,6 +240,87 @@ def test_guides_drives_and_moving_ground():
     agrees(found, model, expected)
     for name in ("crank_drive", "guide_0_S", "guide_1_B"):
         assert found[f"{name}_lambda"] == pytest.approx(expected.multipliers[name], rel=1e-11)
+
+
+G2 = {"acceleration": ["0 m/s^2", "-9.81 m/s^2"]}
+G3 = {"acceleration": ["1 m/s^2", "2 m/s^2", "-9.81 m/s^2"]}
+LOADED = {
+    "plane": {
+        "points": {
+            "O": {"at": ["0 m", "0 m"], "ground": True},
+            "E": {"at": ["2 m", "-1 m"], "ground": True},
+            "A": {"at": ["0.8 m", "0.1 m"]},
+            "P": {"on": "OA", "fraction": 0.4},
+            "T": {"on": "OA", "fraction": 1.25},
+            "B": {"at": ["0.5 m", "-0.9 m"]},
+            "C": {"at": ["1.4 m", "-0.5 m"]},
+            "D": {"at": ["0.1 m", "-1.3 m"]},
+        },
+        "links": {
+            "OA": {"points": ["O", "A"], "mass": "1 kg"},
+            "PB": {"points": ["P", "B"], "mass": "2 kg"},
+            "TC": {"points": ["C", "T"], "mass": "0.7 kg"},
+            "BD": {"points": ["B", "D"], "mass": "0.4 kg"},
+            "CE": {"points": ["C", "E"], "mass": "0.5 kg"},
+        },
+        "masses": [{"point": "T", "mass": "0.3 kg"}],
+        "forces": [{"point": "P", "force": ["2 N", "3 N"]}],
+        "actuators": [{"between": ["P", "C"], "force": "4 N"}],
+        "springs": [{"between": ["B", "C"], "stiffness": "30 N/m", "length": 0}],
+        "torsion_springs": [
+            {
+                "link": "PB",
+                "against": "OA",
+                "stiffness": "3 N*m/rad",
+                "damping": "0.2 N*m*s/rad",
+                "angle": "0.3",
+            },
+            {"link": "BD", "stiffness": "2 N*m/rad"},
+        ],
+        "torques": [{"link": "TC", "against": "PB", "torque": "1.5 N*m"}],
+        "gravity": G2,
+    },
+    "space": {
+        "points": {
+            "O": {"at": ["0 m", "0 m", "0 m"], "ground": True},
+            "A": {"at": ["0.8 m", "0.1 m", "0.2 m"]},
+            "P": {"on": "OA", "fraction": 0.4},
+            "B": {"at": ["0.5 m", "-0.9 m", "0.4 m"]},
+            "C": {"at": ["1.4 m", "-0.5 m", "-0.3 m"]},
+            "D": {"at": ["0.6 m", "-1.7 m", "0.9 m"]},
+        },
+        "links": {
+            "OA": {"points": ["O", "A"], "mass": "1 kg"},
+            "PB": {"points": ["P", "B"], "mass": "2 kg"},
+            "AC": {"points": ["C", "A"], "mass": "0.7 kg"},
+            "BD": {"points": ["B", "D"], "mass": "0.4 kg"},
+        },
+        "torsion_springs": [{"link": "PB", "against": "OA", "stiffness": "3 N*m/rad"}],
+        "torques": [
+            {"link": "BD", "against": "PB", "torque": ["1.5 N*m", "-2 N*m", "1 N*m"]},
+            {"link": "AC", "torque": ["0.5 N*m", "1 N*m", "-3 N*m"]},
+        ],
+        "actuators": [{"between": ["B", "C"], "force": "4 N"}],
+        "gravity": G3,
+    },
+}
+
+
+@pytest.mark.parametrize("name", LOADED)
+def test_every_load_is_in_the_rows(name):
+    scene = symgen.Scene(**LOADED[name])
+    model, rows = symgen.build(scene, backend="numpy"), momentum_rows(scene)
+    agrees(solved(rows, model, model.initial_state()), model, model.accelerations())
+
+
+def test_bodies_in_space_are_refused():
+    points = {"O": {"at": ["0 m", "0 m", "0 m"], "ground": True}}
+    corners = {"A": (1, 0, 0), "B": (0, 1, 0), "C": (0, 0, 1)}
+    points |= {k: {"at": [f"{x} m" for x in v]} for k, v in corners.items()}
+    body = {"points": list(points), "mass": "1 kg", "centre": ["0.2 m", "0.2 m", "0.2 m"]}
+    body["inertia"] = ["1 kg*m^2", "1 kg*m^2", "1 kg*m^2"]
+    with pytest.raises(DerivationError, match="momentum rows"):
+        momentum_rows(symgen.Scene(points=points, links={"top": body}))
 
 
 def test_a_body_that_hangs_on_its_third_point():
