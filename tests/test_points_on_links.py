@@ -408,6 +408,32 @@ def test_forces_with_a_guide_on_a_moving_link_and_a_drive():
         assert moment + couple == pytest.approx(mass * cross(d, turn) / 12, abs=1e-10)
 
 
+def test_forces_with_a_guide_in_space():
+    """A bead on a swinging rod: the rod feels the bead's inertia and weight, across itself only."""
+    tables = {
+        "points": {
+            "O": {"at": ["0 m", "0 m", "0 m"], "ground": True},
+            "B": {"at": ["0.6 m", "0.9 m", "-0.5 m"]},
+            "P": {"at": ["0.3 m", "0.45 m", "-0.25 m"]},
+        },
+        "links": {"OB": {"points": ["O", "B"], "mass": "1.3 kg"}},
+        "masses": [{"point": "P", "mass": "0.7 kg"}],
+        "guides": [{"points": ["P"], "along": "OB"}],
+        "gravity": {"acceleration": ["0 m/s^2", "0 m/s^2", "-9.81 m/s^2"]},
+        "start": {"rates": {"OB": ["0.5 rad/s", "-1 rad/s", "2 rad/s"]}},
+        "analysis": {
+            "outputs": ["OB.O.force", "OB.B.force", "B.acceleration", "P.acceleration", "B.position"]
+        },
+    }
+    out = outputs_at_start(symgen.build(symgen.Scene(**tables)))
+    weight = np.array([0, 0, -G])
+    on_rod = 0.7 * (weight - out["P.acceleration"])
+    assert on_rod @ out["B.position"] == pytest.approx(0, abs=1e-10)
+    assert out["OB.B.force"] == pytest.approx([0, 0, 0], abs=1e-10)
+    total = out["OB.O.force"] + on_rod + 1.3 * weight
+    assert total == pytest.approx(1.3 * out["B.acceleration"] / 2, abs=1e-10)
+
+
 def test_bad_forces_on_links():
     tables = {
         "points": {"O": ground(0.0, 0.0), "E": ground(2.0, 0.0), "A": at(1.0, 1.0)},
