@@ -314,8 +314,8 @@ def generate(
 ) -> None:
     """Write the shipped kernels under generated/ anew."""
     from symgen.errors import GenerationError
-    from symgen.pipeline import generate as write
-    from symgen.pipeline import not_current
+    from symgen.shipped import generate as write
+    from symgen.shipped import not_current
 
     if check:
         found = not_current()

@@ -19,8 +19,8 @@ from symgen.compiler import find_compiler
 from symgen.errors import StaleBinaryError
 from symgen.lowering.program import lower_system
 from symgen.models import BLOCKS, SHIPPED_SCENES
-from symgen.pipeline import generated_folder, shipped_sources
 from symgen.runtime.library import shipped_module
+from symgen.shipped import generated_folder, shipped_sources
 
 NAMES = (*BLOCKS, *symgen.shipped_scenes())
 
@@ -51,7 +51,7 @@ def test_same_bytes_whatever_the_hash_seed(tmp_path):
     """Everything under generated/ and the kernels of all scenes, in four processes of their own."""
     code = (
         "import hashlib, symgen\n"
-        "from symgen.pipeline import shipped_sources\n"
+        "from symgen.shipped import shipped_sources\n"
         "from symgen.codegen.emit import emit\nfrom symgen.codegen.target import Target\n"
         "from symgen.lowering.program import lower_system\n"
         "files = list(shipped_sources())\n"
