@@ -12,8 +12,9 @@ from symgen.lowering.kernel import Slot
 from symgen.lowering.loop import Loops, Result, Step
 from symgen.lowering.nodes import references, rename
 
-#: Chains side by side in one group of lanes: eight doubles fill the widest vector registers in use.
-LANES = 8
+#: Chains side by side in one group of lanes: two of the widest vector registers, so that one hides the other's
+#: latency.
+LANES = 16
 
 TEMPLATES = (
     ("c/chain_kernel.h.j2", "{}_kernel.h"),
