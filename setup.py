@@ -10,7 +10,6 @@ from setuptools import Extension, setup
 MODELS = json.loads(Path("generated/manifest.json").read_text(encoding="utf-8"))["models"]
 
 
-
 def flags(optimisation):
     return [] if os.name == "nt" else [f"-O{optimisation}", "-std=c11", "-ffp-contract=off"]
 

@@ -188,7 +188,11 @@ def _gather(axes: _Axes) -> System:
         "gather",
         "mass matrix and load of a point by itself",
         (Group("mass", _MASS.description, (_MASS,)), Group("force", "force on the point", force)),
-        (_column("here", [*matrix, *_symbols(force)], "kg, N", "mass matrix and load gathered at the point"),),
+        (
+            _column(
+                "here", [*matrix, *_symbols(force)], "kg, N", "mass matrix and load gathered at the point"
+            ),
+        ),
     )
 
 
@@ -228,7 +232,9 @@ def _inward(axes: _Axes) -> System:
         (along_group, _COUPLING, Group("gamma", _GAMMA.description, (_GAMMA,)), here),
         (
             _column("factors", factors, "1", "what the way back needs; last what det S lost to cancellation"),
-            _column("add_inner", [*gathered, *passed], "kg, N", "mass matrix and load passed to the inner point"),
+            _column(
+                "add_inner", [*gathered, *passed], "kg, N", "mass matrix and load passed to the inner point"
+            ),
         ),
         tuple(names.definitions),
     )
