@@ -11,6 +11,7 @@ MODELS = json.loads(Path("generated/manifest.json").read_text(encoding="utf-8"))
 
 
 def flags(optimisation):
+    """Return the compiler flags: no contraction, so that all processors give the same bits."""
     return [] if os.name == "nt" else [f"-O{optimisation}", "-std=c11", "-ffp-contract=off"]
 
 

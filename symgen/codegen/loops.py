@@ -12,8 +12,8 @@ from symgen.lowering.kernel import Slot
 from symgen.lowering.loop import Loops, Result, Step
 from symgen.lowering.nodes import references, rename
 
-#: Chains side by side in one group of lanes: two of the widest vector registers, so that one hides the other's
-#: latency.
+#: Chains side by side in one group of lanes: two of the widest vector registers, so that one hides the
+#: latency of the other.
 LANES = 16
 
 TEMPLATES = (

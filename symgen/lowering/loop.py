@@ -1,4 +1,4 @@
-"""A recursion over rods becomes loops: each step one straight-line kernel over what a rod reads and leaves."""
+"""A recursion over rods becomes loops: each step a straight-line kernel over one rod or point."""
 
 from __future__ import annotations
 
@@ -18,15 +18,24 @@ class Recursion(Protocol):
     """What a derivation hands over: steps over one rod or point, and what they are for."""
 
     @property
-    def name(self) -> str: ...
+    def name(self) -> str:
+        """Name of the kernels' module."""
+
     @property
-    def title(self) -> str: ...
+    def title(self) -> str:
+        """What it models."""
+
     @property
-    def dimension(self) -> int: ...
+    def dimension(self) -> int:
+        """Components of a vector."""
+
     @property
-    def steps(self) -> tuple[System, ...]: ...
+    def steps(self) -> tuple[System, ...]:
+        """The steps, each a system of its own."""
+
     @property
-    def references(self) -> tuple[str, ...]: ...
+    def references(self) -> tuple[str, ...]:
+        """Sources of the equations."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -16,9 +16,10 @@ and Schur elimination of a_c and lambda adds to the inner point, with e = a12 t 
     S_p += -a12^2 adj(S)/det + e e^T/(det pivot)
     b_p += -a12 adj(S) b/det + e (t . b - det gamma)/(det pivot).
 
-S starts from the constant mass of a point and only ever gains positive semidefinite terms, so it stays positive
-definite, and det and pivot positive, whatever the configuration: one division, by det times pivot, and no
-choice of pivots. Going back, lambda = (t . b - det gamma - e . a_p)/pivot, and S a_c = b - a12 a_p - d lambda.
+S starts from the constant mass of a point, and what a rod adds to it is never less than minus the a11 that
+the rod brought there: S stays positive definite, det and pivot positive, in any configuration. One division,
+by det times pivot, and no choice of pivots. Going back, lambda = (t . b - det gamma - e . a_p)/pivot, and
+S a_c = b - a12 a_p - d lambda.
 """
 
 from __future__ import annotations
@@ -167,7 +168,7 @@ def _ends() -> System:
 
 
 def _length(axes: _Axes) -> System:
-    """Return the step that gives gamma: minus the velocity terms of the length row, Eq. (3a), twice derived."""
+    """Return the step that gives gamma: minus the velocity terms of Eq. (3a), derived twice."""
     along, _ = _along(axes)
     rate = axes.vector("w", "m/s", "the rate of d")
     calculus = Calculus(along, rate, sp.Symbol("t", real=True))
@@ -205,13 +206,13 @@ def _inward(axes: _Axes) -> System:
     names = _Names()
     adjugate, det = _adjugate(axes, names, s)
     t = names.all(axes.vector("t", "kg*m", "adj(S) d"), list(adjugate * sp.Matrix(d)))
-    pivot = names.scalar("pivot", dot(d, t), "kg*m^2", "d . t")
+    pivot = names.scalar("pivot", dot(d, tuple(t)), "kg*m^2", "d . t")
     inverse = names.scalar("q", 1 / (det * pivot), "1", "the only division: 1/(det pivot)")
     e = names.all(
         axes.vector("e", "kg^2*m", "a12 t + det d"), [a12 * t[i] + det * d[i] for i in range(len(d))]
     )
     z = names.all(axes.vector("z", "N*kg", "adj(S) b"), list(adjugate * sp.Matrix(b)))
-    h = names.scalar("h", dot(d, z) - det * gamma, "N*kg*m", "t . b - det gamma")
+    h = names.scalar("h", dot(d, tuple(z)) - det * gamma, "N*kg*m", "t . b - det gamma")
     across = names.scalar("a12_pivot", a12 * pivot, "kg^2*m^2", "a12 pivot")
     square = names.scalar("a12_a12_pivot", a12 * across, "kg^3*m^2", "a12^2 pivot")
     one_over_det = names.scalar("one_over_det", pivot * inverse, "1", "1/det S")
@@ -336,6 +337,7 @@ def _rest(axes: _Axes) -> System:
         a11=sp.Integer(0), a12=_A12.symbol, a22=sp.Integer(0)
     )
     inertial = kinetic_energy(masses, start, end)
+    rows = zip(d, start, end, strict=True)
     return _step(
         "rest",
         "what a solution leaves of a rod's equations",
@@ -352,7 +354,7 @@ def _rest(axes: _Axes) -> System:
                     "N", "taken from the load of the inner point"),
             _column("add_outer", [-sp.diff(inertial, a) - lam * x for a, x in zip(end, d, strict=True)],
                     "N", "taken from the load of the outer point"),
-            _column("length_left", [_GAMMA.symbol - sp.Add(*(x * (b - a) for x, a, b in zip(d, start, end, strict=True)))],
+            _column("length_left", [_GAMMA.symbol - sp.Add(*(x * (b - a) for x, a, b in rows))],
                     "m^2/s^2", "what is left of the length row"),
         ),
     )  # fmt: skip

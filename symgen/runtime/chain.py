@@ -1,6 +1,6 @@
 """Open chains and trees of rigid rods of any length, in time proportional to the number of rods.
 
-The kernels are the shipped loops ``chain`` and ``chain_spatial``; nothing is generated or compiled for a chain.
+The kernels are the shipped loops ``chain`` and ``chain_spatial``: nothing is compiled for a chain.
 """
 
 from __future__ import annotations
@@ -30,9 +30,10 @@ _REFINEMENTS = 4
 class ChainMotion:
     """Accelerations and forces of a chain, or of many: then every array has one more axis in front.
 
-    ``accelerations`` (points, axes) [m/s^2]; ``multipliers`` (rods) [N/m]; ``tensions`` (rods) [N], the force that
-    keeps a rod's length, positive in tension; ``reaction`` (axes) [N], of the ground on a held base, else zero;
-    ``cancellation`` (rods) [1], how much larger than its determinant the diagonal of what was inverted was.
+    ``accelerations`` (points, axes) [m/s^2]; ``multipliers`` (rods) [N/m]; ``tensions`` (rods) [N]: the force
+    that keeps a rod's length, positive in tension; ``reaction`` (axes) [N]: of the ground on a held base, else
+    zero; ``cancellation`` (rods) [1]: the diagonal's product of a rod's gathered mass matrix over its
+    determinant.
     """
 
     accelerations: Array
@@ -66,7 +67,7 @@ class Chain:
     centres
         Centre of mass of each rod from its inner point [m]; by default the middle.
     inertias
-        Moment of inertia of each rod about its centre of mass, across it [kg m^2]; by default of a uniform rod.
+        Moment of inertia of each rod about its centre of mass, across it [kg m^2]; by default uniform.
     parents
         The point that each rod starts from, ``parents[k] <= k``; by default the end of the rod before.
     point_masses
@@ -157,7 +158,7 @@ class Chain:
             Of all points (n + 1, axes) [m, m/s]; velocities are zero by default. With one more axis in front,
             many chains at once, side by side.
         along, rates
-            In their place: vectors of the rods from inner to outer point (n, axes) [m], and their rates [m/s].
+            In their place: vectors of the rods from inner to outer point (n, axes) [m], and rates [m/s].
             They lose no digits far from the origin.
         forces
             Forces on the points besides gravity (n + 1, axes) [N].
@@ -200,7 +201,7 @@ class Chain:
         return energy
 
     def potential_energy(self, positions: ArrayLike) -> Array:
-        """Return the potential energy [J] of gravity at positions (..., n + 1, axes) [m]; zero at the origin."""
+        """Return the potential energy [J] of gravity at positions (..., n + 1, axes) [m]."""
         energy: Array = -np.einsum("...pi,pi->...", self._points("positions", positions), self._weight)
         return energy
 
@@ -216,8 +217,8 @@ class Chain:
     ) -> ChainRun:
         """Step one chain, or many, with RK4, and project lengths and their rates after every step.
 
-        The projection is the smallest change in the metric of the mass matrix, by the same elimination. The state
-        is kept as rod vectors, so lengths keep their digits far from the origin.
+        The projection is the smallest change in the metric of the mass matrix, by the same elimination. The
+        state is kept as rod vectors, so lengths keep their digits far from the origin.
 
         Parameters
         ----------
@@ -295,7 +296,7 @@ class Chain:
         groups = -(-count // lanes)
 
         def side_by_side(values: Array) -> Array:
-            """Bring the chains of a group into lanes; what is missing in the last group repeats the last chain."""
+            """Bring the chains of a group into lanes; the last chain fills up the last group."""
             flat = values.reshape(count, -1)
             padded = flat[np.minimum(np.arange(groups * lanes), count - 1)]
             made = aligned((groups, flat.shape[1], lanes))
@@ -334,7 +335,8 @@ class Chain:
             with ThreadPoolExecutor(workers) as pool:
                 list(pool.map(some, edges[:-1], edges[1:]))
         return (
-            back(a, (n + 1, self.dimension)), back(lam, (n,)), back(reaction, (self.dimension,)), back(loss, (n,))
+            back(a, (n + 1, self.dimension)), back(lam, (n,)),
+            back(reaction, (self.dimension,)), back(loss, (n,)),
         )  # fmt: skip
 
     def _rest(self, d: Array, gamma: Array, force: Array, a: Array, lam: Array) -> tuple[Array, Array]:
@@ -352,10 +354,10 @@ class Chain:
         worst = np.abs(solved.cancellation).reshape(-1, self.rods)
         bad = ~(worst < _REFUSE)
         if bad.any():
-            rod = int(np.argwhere(bad)[0, 1])
+            rod = int(np.argwhere(bad)[:, 1].max())  # what fails there spoils all that is inboard of it
             raise ModelError(
-                f"nothing determines the motion of the outer point of rod {rod}: what it carries has no inertia "
-                "in some direction. Give it mass, or the rod inertia"
+                f"nothing determines the motion of the outer point of rod {rod}: what it carries has no "
+                "inertia in some direction. Give it mass, or the rod inertia"
             )
         if not np.isfinite(solved.accelerations).all():
             raise ModelError(

@@ -59,7 +59,8 @@ def tree(parents: Any, n: int) -> NDArray[np.intp] | None:
     if wrong.any():
         k = int(np.argmax(wrong))
         raise ModelError(
-            f"parents[{k}] is {given[k]}, expected a point from 0 to {k}: number the rods from the base outwards"
+            f"parents[{k}] is {given[k]}, expected a point from 0 to {k}: "
+            "number the rods from the base outwards"
         )
     made = np.ascontiguousarray(given, dtype=np.intp)
     return None if np.array_equal(made, np.arange(n)) else made

@@ -76,11 +76,7 @@ def run(
 
 def _rates(chain: Chain, t: float, state: _State, forces: Forces | None) -> tuple[Array, ...]:
     base, speed, along, rate = state.parts
-    given: ArrayLike | None
-    if callable(forces):
-        given = forces(t, *_points(chain, state))
-    else:
-        given = forces
+    given = forces(t, *_points(chain, state)) if callable(forces) else forces
     force = chain._force(given, along.shape[:-2])
     gamma = -np.einsum("...i,...i->...", rate, rate)
     with np.errstate(all="ignore"):
