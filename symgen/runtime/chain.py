@@ -31,9 +31,9 @@ class ChainMotion:
     """Accelerations and forces of a chain, or of many: then every array has one more axis in front.
 
     ``accelerations`` (points, axes) [m/s^2]; ``multipliers`` (rods) [N/m]; ``tensions`` (rods) [N]: the force
-    that keeps a rod's length, positive in tension; ``reaction`` (axes) [N]: of the ground on a held base, else
-    zero; ``cancellation`` (rods) [1]: the diagonal's product of a rod's gathered mass matrix over its
-    determinant.
+    that keeps a rod's length, positive in tension; ``reaction`` (axes) [N]: of the ground on a held base,
+    else zero; ``cancellation`` (rods) [1]: the product of the diagonal of a rod's gathered mass matrix over
+    its determinant, which tells the digits lost.
     """
 
     accelerations: Array

@@ -28,9 +28,7 @@ def upper(matrix):
 
 def result(step, name, values):
     """Evaluate a result of a step, with the entries of every group given."""
-    known = {
-        x.symbol: v for g in step.groups for x, v in zip(g.quantities, values[g.name], strict=True)
-    }
+    known = {x.symbol: v for g in step.groups for x, v in zip(g.quantities, values[g.name], strict=True)}
     return list(step.expanded(name).xreplace(known))
 
 

@@ -314,7 +314,10 @@ def test_a_free_chain_keeps_its_momentum():
         p[k + 1], v[k + 1] = p[inner] + along[k], v[inner] + rates[k]
     run = chain.simulate(1.0, 5e-3, p, v)
     momentum = [
-        sum(m * (x[i] + x[k + 1]) / 2 for k, (i, m) in enumerate(zip(chain.parents, chain.masses, strict=True)))
+        sum(
+            m * (x[i] + x[k + 1]) / 2
+            for k, (i, m) in enumerate(zip(chain.parents, chain.masses, strict=True))
+        )
         for x in run.velocities
     ]
     assert np.ptp(momentum, axis=0).max() < 1e-12
