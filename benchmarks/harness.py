@@ -33,7 +33,7 @@ class Case:
 
 @dataclass(frozen=True, slots=True)
 class Timing:
-    """Seconds for one unit of work over the rounds: median, quartiles, and the best, which noise never makes."""
+    """Seconds for one unit of work over the rounds: median, quartiles and the best."""
 
     median: float
     lower: float
