@@ -12,9 +12,9 @@ from symgen.lowering.kernel import Slot
 from symgen.lowering.loop import Loops, Result, Step
 from symgen.lowering.nodes import references, rename
 
-#: Chains side by side in one group of lanes: two of the widest vector registers, so that one hides the
-#: latency of the other.
-LANES = 16
+#: Chains side by side in one group of lanes, by dimension: one of the widest vector registers in space; two in
+#: the plane, where the second hides the latency of the first.
+LANES = {2: 16, 3: 8}
 
 TEMPLATES = (
     ("c/chain_kernel.h.j2", "{}_kernel.h"),
@@ -68,7 +68,7 @@ class LoopsView:
 
 def loops_hash(loops: Loops) -> str:
     """Return the hash of everything that decides the generated code: steps, lanes and templates."""
-    digest = hashlib.sha256(repr((loops, LANES)).encode())
+    digest = hashlib.sha256(repr((loops, LANES[loops.dimension])).encode())
     for template, _ in TEMPLATES:
         digest.update(environment().loader.get_source(environment(), template)[0].encode())
     return digest.hexdigest()
@@ -91,7 +91,7 @@ def emit_loops(loops: Loops, equations: str) -> tuple[SourceFile, ...]:
         equations=equations,
         references=loops.references,
         dimension=loops.dimension,
-        lanes=LANES,
+        lanes=LANES[loops.dimension],
         factors=loops.size("inward", "factors"),
         gathered=loops.size("gather", "here"),
         flops=loops.per_rod.flops,
