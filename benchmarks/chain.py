@@ -84,9 +84,8 @@ def main() -> int:
             "peer": "Pinocchio",
         }
         flops = kernels[where, n].module.FLOPS if what != "peer" else None
-        rows.append(
-            _row(f"{where}, {known[what]}", n, timing, overhead, what == "peer", errors.get(case), flops)
-        )
+        call = overhead if what == "peer" else None
+        rows.append(_row(f"{where}, {known[what]}", n, timing, call, errors.get(case), flops))
     rows.sort(key=lambda row: (row["case"].partition(",")[0], row["N"]))
     notes = [
         f"Time of one evaluation, over {ROUNDS} rounds; side by side, of one of the chains.",

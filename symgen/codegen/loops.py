@@ -12,7 +12,7 @@ from symgen.lowering.kernel import Slot
 from symgen.lowering.loop import Loops, Result, Step
 from symgen.lowering.nodes import references, rename
 
-#: Chains side by side in one group of lanes, by dimension: one of the widest vector registers in space; two in
+#: Chains side by side in one group of lanes, by dimension: one of the widest vector registers in space, two in
 #: the plane, where the second hides the latency of the first.
 LANES = {2: 16, 3: 8}
 
