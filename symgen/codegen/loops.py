@@ -12,8 +12,8 @@ from symgen.lowering.kernel import Slot
 from symgen.lowering.loop import Loops, Result, Step
 from symgen.lowering.nodes import references, rename
 
-#: Chains side by side in one group of lanes, by dimension: one of the widest vector registers in space, two in
-#: the plane, where the second hides the latency of the first.
+#: Chains side by side in one group of lanes, by dimension: one of the widest vector registers in space; two in
+#: the plane, where one hides the latency of the other.
 LANES = {2: 16, 3: 8}
 
 TEMPLATES = (
