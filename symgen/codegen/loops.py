@@ -12,8 +12,8 @@ from symgen.lowering.kernel import Slot
 from symgen.lowering.loop import Loops, Result, Step
 from symgen.lowering.nodes import references, rename
 
-#: Chains side by side in one group of lanes, by dimension. In space one of the widest vector registers; in the
-#: plane two, of which each hides the latency of the other.
+#: Chains side by side in one group of lanes, by dimension. In space they fill one of the widest vector
+#: registers; in the plane two, of which each hides the latency of the other.
 LANES = {2: 16, 3: 8}
 
 TEMPLATES = (
