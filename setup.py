@@ -7,21 +7,26 @@ from pathlib import Path
 from Cython.Build import cythonize
 from setuptools import Extension, setup
 
-FLAGS = [] if os.name == "nt" else ["-O1", "-std=c11", "-ffp-contract=off"]
 MODELS = json.loads(Path("generated/manifest.json").read_text(encoding="utf-8"))["models"]
+
+
+def flags(optimisation):
+    """Return the compiler flags: no contraction, so that all processors give the same bits."""
+    return [] if os.name == "nt" else [f"-O{optimisation}", "-std=c11", "-ffp-contract=off"]
+
 
 extensions = [
     Extension(
         "symgen.runtime._core",
         ["symgen/runtime/_core.pyx"],
-        extra_compile_args=[] if os.name == "nt" else ["-O2", "-std=c11", "-ffp-contract=off"],
+        extra_compile_args=flags(2),
     ),
     *(
         Extension(
             f"symgen.generated.{name}",
             [f"generated/{file}" for file in sorted(model["sources"]) if file.endswith((".pyx", ".c"))],
             include_dirs=["generated"],
-            extra_compile_args=FLAGS,
+            extra_compile_args=flags(model["optimisation"]),
         )
         for name, model in sorted(MODELS.items())
     ),

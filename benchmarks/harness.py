@@ -33,11 +33,12 @@ class Case:
 
 @dataclass(frozen=True, slots=True)
 class Timing:
-    """Seconds for one unit of work: median and quartiles over the rounds."""
+    """Seconds for one unit of work over the rounds: median, quartiles and the best."""
 
     median: float
     lower: float
     upper: float
+    best: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,7 +85,7 @@ def measure(cases: Mapping[str, Case], rounds: int = 15, warm_up: int = 2) -> di
     result = {}
     for name, values in times.items():
         lower, _, upper = quantiles(values, n=4)
-        result[name] = Timing(median(values), lower, upper)
+        result[name] = Timing(median(values), lower, upper, min(values))
     return result
 
 

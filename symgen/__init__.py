@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from symgen.errors import SymgenError as SymgenError
     from symgen.pipeline import build as build
     from symgen.pipeline import derive as derive
+    from symgen.runtime.chain import Chain as Chain
     from symgen.runtime.model import Model as Model
     from symgen.runtime.result import Result as Result
     from symgen.runtime.result import load_result as load_result
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
     from symgen.scene.schema import Scene as Scene
 
 _HOME = {
+    "Chain": "symgen.runtime.chain",
     "Model": "symgen.runtime.model",
     "Result": "symgen.runtime.result",
     "Scene": "symgen.scene.schema",

@@ -15,10 +15,12 @@ if TYPE_CHECKING:
 def shipped_sources() -> list[SourceFile]:
     """Generate everything that belongs under ``generated/``, in memory."""
     from symgen.codegen.emit import emit, equations_hash
-    from symgen.codegen.manifest import manifest
+    from symgen.codegen.loops import emit_loops, loops_hash
+    from symgen.codegen.manifest import Shipped, manifest
     from symgen.codegen.target import Target
+    from symgen.lowering.loop import lower_recursion
     from symgen.lowering.program import lower_system
-    from symgen.models import BLOCKS, SHIPPED_SCENES
+    from symgen.models import BLOCKS, RECURSIONS, SHIPPED_SCENES
 
     systems = {name: make() for name, make in BLOCKS.items()}
     systems |= {name: derive(name) for name in SHIPPED_SCENES}
@@ -27,8 +29,12 @@ def shipped_sources() -> list[SourceFile]:
         program = lower_system(system)
         equations = equations_hash(program, Target())
         files = [f for language in ("c", "cython") for f in emit(program, Target(language), equations)]
-        models[name] = (equations, files)
-    return [*(f for _, files in models.values() for f in files), manifest(models)]
+        models[name] = Shipped(equations, files)
+    for name, recursion in RECURSIONS.items():
+        loops = lower_recursion(recursion())
+        equations = loops_hash(loops)
+        models[name] = Shipped(equations, emit_loops(loops, equations), optimisation=3)
+    return [*(f for model in models.values() for f in model.files), manifest(models)]
 
 
 def generated_folder() -> Path:

@@ -104,7 +104,8 @@ class UnitView:
 
 
 @lru_cache(maxsize=1)
-def _environment() -> Any:
+def environment() -> Any:
+    """Return the one Jinja environment of all templates."""
     import jinja2
 
     return jinja2.Environment(
@@ -136,7 +137,7 @@ def equations_hash(program: Program, target: Target) -> str:
     digest = hashlib.sha256()
     digest.update(repr((program, target.precision, STATEMENTS)).encode())
     for template in sorted(name for files in TEMPLATES.values() for name, _ in files):
-        digest.update(_environment().loader.get_source(_environment(), template)[0].encode())
+        digest.update(environment().loader.get_source(environment(), template)[0].encode())
     return digest.hexdigest()
 
 
@@ -157,7 +158,7 @@ def emit(program: Program, target: Target, equations: str) -> tuple[SourceFile, 
     for template, file in TEMPLATES[target.language]:
         parts = _parts(whole) if template == SPLIT else [whole]
         for i, part in enumerate(parts):
-            text = _environment().get_template(template).render(unit=part)
+            text = environment().get_template(template).render(unit=part)
             files.append(SourceFile(file.format(program.name, f"_{i + 1}" if i else ""), text))
     return tuple(files)
 

@@ -6,6 +6,7 @@ import difflib
 import hashlib
 import json
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 from symgen.atomic import write_text
@@ -14,15 +15,25 @@ from symgen.codegen.emit import SourceFile
 MANIFEST = "manifest.json"
 
 
-def manifest(models: Mapping[str, tuple[str, Sequence[SourceFile]]]) -> SourceFile:
-    """Return the manifest of these models: for each its equations hash and the hash of every file."""
+@dataclass(frozen=True, slots=True)
+class Shipped:
+    """The files of one shipped model, the hash of its equations, and how hard to optimise (-O1, -O3)."""
+
+    equations: str
+    files: Sequence[SourceFile]
+    optimisation: int = 1
+
+
+def manifest(models: Mapping[str, Shipped]) -> SourceFile:
+    """Return the manifest of these models: equations hash, optimisation, and the hash of every file."""
     content = {
         "models": {
             name: {
-                "equations": equations,
-                "sources": {f.name: hashlib.sha256(f.text.encode()).hexdigest() for f in files},
+                "equations": model.equations,
+                "optimisation": model.optimisation,
+                "sources": {f.name: hashlib.sha256(f.text.encode()).hexdigest() for f in model.files},
             }
-            for name, (equations, files) in sorted(models.items())
+            for name, model in sorted(models.items())
         }
     }
     return SourceFile(MANIFEST, json.dumps(content, indent=1, sort_keys=True) + "\n")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from symgen.mechanics.recursion import Recursion, chain_recursion
 from symgen.models.rod import rod_system
 from symgen.symbolic.system import System
 
@@ -11,6 +12,12 @@ from symgen.symbolic.system import System
 BLOCKS: dict[str, Callable[[], System]] = {
     "rod": lambda: rod_system(2),
     "rod_spatial": lambda: rod_system(3),
+}
+
+#: Recursions over rods, shipped as loops with the number of rods as an argument, by name.
+RECURSIONS: dict[str, Callable[[], Recursion]] = {
+    "chain": lambda: chain_recursion(2),
+    "chain_spatial": lambda: chain_recursion(3),
 }
 
 #: Shipped scenes whose kernels are committed under ``generated/`` and compiled at install.

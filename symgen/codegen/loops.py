@@ -1,0 +1,133 @@
+"""Loops over rods -> source files, through the templates."""
+
+from __future__ import annotations
+
+import hashlib
+import re
+from dataclasses import dataclass
+
+from symgen.codegen.emit import SourceFile, TextAssignment, environment
+from symgen.codegen.printers import Printer
+from symgen.lowering.kernel import Slot
+from symgen.lowering.loop import Loops, Result, Step
+from symgen.lowering.nodes import references, rename
+
+#: Chains side by side in one group of lanes, by dimension. In space they fill one of the widest vector
+#: registers; in the plane two, of which each hides the latency of the other.
+LANES = {2: 16, 3: 8}
+
+TEMPLATES = (
+    ("c/chain_kernel.h.j2", "{}_kernel.h"),
+    ("c/chain_kernel.c.j2", "{}_kernel.c"),
+    ("cython/chain.pyx.j2", "{}.pyx"),
+    ("report/chain.md.j2", "{}.md"),
+)
+
+
+@dataclass(frozen=True, slots=True)
+class StepGroup:
+    """What a step reads of one rod or point."""
+
+    name: str
+    description: str
+    slots: tuple[Slot, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class StepView:
+    """A step as the templates see it: loads by place, finished expressions, stores by place."""
+
+    name: str
+    description: str
+    counts: str
+    arguments: tuple[str, ...]
+    results: tuple[Result, ...]
+    groups: tuple[StepGroup, ...]
+    loads: tuple[tuple[str, str, int], ...]
+    assignments: tuple[TextAssignment, ...]
+    stores: tuple[tuple[str, int, str, str], ...]
+
+
+@dataclass(frozen=True, slots=True)
+class LoopsView:
+    """A recursion as the templates see it; ``factors`` and ``gathered`` are doubles for one rod and point."""
+
+    name: str
+    title: str
+    guard: str
+    equations: str
+    references: tuple[str, ...]
+    dimension: int
+    lanes: int
+    factors: int
+    gathered: int
+    flops: int
+    per_rod: str
+    steps: tuple[StepView, ...]
+
+
+def loops_hash(loops: Loops) -> str:
+    """Return the hash of everything that decides the generated code: steps, lanes and templates."""
+    digest = hashlib.sha256(repr((loops, LANES[loops.dimension])).encode())
+    for template, _ in TEMPLATES:
+        digest.update(environment().loader.get_source(environment(), template)[0].encode())
+    return digest.hexdigest()
+
+
+def emit_loops(loops: Loops, equations: str) -> tuple[SourceFile, ...]:
+    """Return the header, the C source, the Cython module and the page of a recursion.
+
+    Parameters
+    ----------
+    loops
+        What to print.
+    equations
+        Their :func:`loops_hash`, which the code carries.
+    """
+    view = LoopsView(
+        name=loops.name,
+        title=loops.title,
+        guard=f"SYMGEN_{loops.name.upper()}_KERNEL_H",
+        equations=equations,
+        references=loops.references,
+        dimension=loops.dimension,
+        lanes=LANES[loops.dimension],
+        factors=loops.size("inward", "factors"),
+        gathered=loops.size("gather", "here"),
+        flops=loops.per_rod.flops,
+        per_rod=str(loops.per_rod),
+        steps=tuple(map(_step, loops.steps)),
+    )
+    return tuple(
+        SourceFile(file.format(loops.name), environment().get_template(template).render(unit=view))
+        for template, file in TEMPLATES
+    )
+
+
+def _step(step: Step) -> StepView:
+    printer, kernel = Printer({}), step.kernel
+    values = [a.value for a in kernel.assignments] + [s.value for s in kernel.stores]
+    loads = [_load(r) for r in references(values) if "[" in r]
+    names = {f"{array}[{i}]": name for name, array, i in loads}
+    added = {r.name for r in step.results if r.added}
+    return StepView(
+        name=kernel.name,
+        description=kernel.description,
+        counts=str(step.counts),
+        arguments=tuple(name for name, _ in kernel.inputs),
+        results=step.results,
+        groups=tuple(StepGroup(*group) for group in step.groups),
+        loads=tuple(sorted(loads, key=lambda load: load[1:])),
+        assignments=tuple(
+            TextAssignment(a.target, printer(rename(a.value, names))) for a in kernel.assignments
+        ),
+        stores=tuple(
+            (s.array, s.index, "+=" if s.array in added else "=", printer(rename(s.value, names)))
+            for s in kernel.stores
+        ),
+    )
+
+
+def _load(reference: str) -> tuple[str, str, int]:
+    array, index = re.fullmatch(r"(\w+)\[(\d+)\]", reference).groups()  # type: ignore[union-attr]
+    return f"{array}_{index}", array, int(index)

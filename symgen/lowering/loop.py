@@ -1,0 +1,115 @@
+"""A recursion over rods becomes loops: each step a straight-line kernel over one rod or point."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+from symgen.lowering.kernel import Kernel, Slot, Store
+from symgen.lowering.nodes import OperationCount, references
+from symgen.lowering.straight_line import Shared, StraightLine
+from symgen.symbolic.system import System
+
+#: The steps that every rod goes through in one evaluation of all accelerations.
+PER_ROD = ("length", "gather", "inward", "outward")
+
+
+class Recursion(Protocol):
+    """What a derivation hands over: steps over one rod or point, and what they are for."""
+
+    @property
+    def name(self) -> str:
+        """Name of the kernels' module."""
+
+    @property
+    def title(self) -> str:
+        """What it models."""
+
+    @property
+    def dimension(self) -> int:
+        """Components of a vector."""
+
+    @property
+    def steps(self) -> tuple[System, ...]:
+        """The steps, each a system of its own."""
+
+    @property
+    def references(self) -> tuple[str, ...]:
+        """Sources of the equations."""
+
+
+@dataclass(frozen=True, slots=True)
+class Result:
+    """What a step leaves, entry by entry; ``added`` when it is added to what stands there."""
+
+    name: str
+    size: int
+    unit: str
+    description: str
+
+    @property
+    def added(self) -> bool:
+        """Whether the step adds to what stands there."""
+        return self.name.startswith("add_")
+
+
+@dataclass(frozen=True, slots=True)
+class Step:
+    """One step: its kernel, and the meaning of all that it reads and leaves."""
+
+    kernel: Kernel
+    groups: tuple[tuple[str, str, tuple[Slot, ...]], ...]
+    results: tuple[Result, ...]
+
+    @property
+    def counts(self) -> OperationCount:
+        """Operations of one call, the additions to what stands there included."""
+        added = sum(r.size for r in self.results if r.added)
+        return self.kernel.counts + OperationCount(add=added)
+
+
+@dataclass(frozen=True, slots=True)
+class Loops:
+    """All steps of a recursion, ready to be printed."""
+
+    name: str
+    title: str
+    dimension: int
+    steps: tuple[Step, ...]
+    references: tuple[str, ...]
+
+    def step(self, name: str) -> Step:
+        """Return the step called ``name``."""
+        return next(s for s in self.steps if s.kernel.name == name)
+
+    def size(self, step: str, result: str) -> int:
+        """Return the number of entries that a step leaves in one of its results."""
+        return next(r.size for r in self.step(step).results if r.name == result)
+
+    @property
+    def per_rod(self) -> OperationCount:
+        """Operations for one rod in one evaluation of all accelerations."""
+        return sum((self.step(name).counts for name in PER_ROD), OperationCount())
+
+
+def lower_recursion(recursion: Recursion) -> Loops:
+    """Turn every step of a recursion into a kernel."""
+    steps = tuple(_lower(step) for step in recursion.steps)
+    return Loops(recursion.name, recursion.title, recursion.dimension, steps, recursion.references)
+
+
+def _lower(step: System) -> Step:
+    shared = Shared(step, tuple(m.name for m in step.matrices))
+    stores = [Store(m.name, i, e) for m in step.matrices for i, e in enumerate(shared.entries[m.name])]
+    assignments = StraightLine(shared.values).assignments(s.value for s in stores)
+    read = references([a.value for a in assignments] + [s.value for s in stores])
+    used = {r.partition("[")[0] for r in read if "[" in r}
+    inputs = tuple((g.name, len(g.quantities)) for g in step.groups if g.name in used)
+    return Step(
+        Kernel(step.name, step.title, inputs, assignments, tuple(stores), ()),
+        tuple(
+            (g.name, g.description, tuple(Slot(x.name, x.unit, x.description) for x in g.quantities))
+            for g in step.groups
+        ),
+        tuple(Result(m.name, m.matrix.rows, m.unit, m.description) for m in step.matrices),
+    )

@@ -1,0 +1,81 @@
+"""What a chain is made of: arrays checked, with errors that name the entry, and laid out for the kernels."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from symgen.errors import ModelError
+
+Array = NDArray[np.float64]
+
+
+def vector(name: str, values: ArrayLike, size: int | None) -> Array:
+    """Return finite numbers, ``size`` of them when it is given; one number stands for all."""
+    try:
+        array = np.array(values, dtype=float)
+    except (TypeError, ValueError) as error:
+        raise ModelError(f"{name}: expected numbers, got {values!r:.80}") from error
+    if size is not None and array.ndim == 0:
+        array = np.full(size, float(array))
+    if array.ndim != 1 or (size is not None and len(array) != size):
+        expected = "a list of numbers" if size is None else f"{size} numbers"
+        raise ModelError(f"{name}: expected {expected}, got an array of shape {array.shape}")
+    refuse(name, ~np.isfinite(array), array, "finite")
+    return array
+
+
+def refuse(name: str, wrong: NDArray[np.bool_], array: Array, expected: str) -> None:
+    """Refuse an array that is wrong somewhere, and say where."""
+    if wrong.any():
+        k = int(np.argmax(wrong))
+        raise ModelError(f"{name}[{k}] is {array[k]:g}, expected {expected}")
+
+
+def shaped(name: str, values: Any, shape: tuple[int, int]) -> Array:
+    """Return finite numbers of a shape, or with further axes in front."""
+    try:
+        array = np.array(values, dtype=float)
+    except (TypeError, ValueError) as error:
+        raise ModelError(f"{name}: expected numbers, got {values!r:.80}") from error
+    if array.shape[-2:] != shape:
+        raise ModelError(f"{name} have shape {array.shape}, expected {shape}, or that with axes in front")
+    if not np.isfinite(array).all():
+        place = np.argwhere(~np.isfinite(array))[0].tolist()
+        raise ModelError(f"{name}{place} is not finite")
+    return array
+
+
+def tree(parents: Any, n: int) -> NDArray[np.intp] | None:
+    """Return the inner point of every rod, or None for a chain without branches."""
+    if parents is None:
+        return None
+    given = np.asarray(parents)
+    if given.shape != (n,) or not np.issubdtype(given.dtype, np.integer):
+        raise ModelError(f"parents: expected {n} whole numbers, one for each rod, got {parents!r:.80}")
+    wrong = (given < 0) | (given > np.arange(n))
+    if wrong.any():
+        k = int(np.argmax(wrong))
+        raise ModelError(
+            f"parents[{k}] is {given[k]}, expected a point from 0 to {k}: "
+            "number the rods from the base outwards"
+        )
+    made = np.ascontiguousarray(given, dtype=np.intp)
+    return None if np.array_equal(made, np.arange(n)) else made
+
+
+def aligned(shape: tuple[int, ...]) -> Array:
+    """Return memory that starts on a cache line, so that no vector register's load straddles two."""
+    size = int(np.prod(shape))
+    buffer = np.empty(size + 7)
+    first = -buffer.ctypes.data % 64 // 8
+    return buffer[first : first + size].reshape(shape)
+
+
+def repeated(values: Array, lanes: int) -> Array:
+    """Return values of one chain for every lane of a group."""
+    made = aligned((len(values), lanes))
+    made[...] = values[:, None]
+    return made.reshape(-1)
