@@ -13,6 +13,8 @@ from scipy.integrate import solve_ivp
 import symgen
 from symgen.errors import SceneError, SimulationError
 from symgen.pipeline import derive
+from symgen.runtime.options import options
+from symgen.runtime.simulate import run
 from symgen.scene.loading import read_scene
 from tests.oracle import Oracle, relative_error
 
@@ -181,12 +183,12 @@ def test_redundant_crank_with_an_assembly_error(excess):
     inertia = 2 * (1 / 12 + 1 / 4) + 0.09 + 1 / 4 + 2
     turn = -G * (0.5 * 3 + 2) * np.cos(start) / inertia
     assert solution["B"] == pytest.approx(turn * np.array([0.8, 0.6]), abs=1e-12 + 10 * excess)
-    assert set(solution.not_unique) == {"AB", "DC", "GE", "BE_E_x", "BE_E_y"}
+    assert set(solution.not_unique) == {"AB", "DC", "GE"}
     result = model.simulate(rtol=1e-12, samples=31)
     expected = crank_angle(result.time, start, 0.0, 3.5, inertia)
     place = np.stack([np.cos(expected), np.sin(expected)], axis=1)
     assert np.abs(result["B.position"].values - place).max() < 1e-11 + 5 * excess
-    assert "1 of 6 constraints redundant" in result.notes[0]
+    assert "1 of 4 constraints redundant" in result.notes[0]
     assert all(np.all(np.isfinite(v.values)) for v in result.variables)
 
 
@@ -196,7 +198,7 @@ def test_least_norm_is_the_least():
     state = model.initial_state()
     solution = model.accelerations(state)
     system = derive("double_four_bar")
-    values = {"t": np.zeros(1), "q": state.q, "u": state.u, "p": np.zeros(1), "work": np.zeros(12)}
+    values = {"t": np.zeros(1), "q": state.q, "u": state.u, "p": np.zeros(1), "work": np.zeros(8)}
     mass, jacobian, force, scale = (
         np.array(Oracle(system).matrix(name, values).tolist(), dtype=float)
         for name in ("mass_matrix", "constraint_jacobian", "force", "constraint_scale")
@@ -218,15 +220,28 @@ def test_an_untold_assembly_error_is_refused():
         symgen.build(symgen.Scene(**data))
 
 
-def test_a_contradiction_that_shows_on_the_way_ends_the_run():
-    """Where the cranks come to lie on one line, an excess length cannot be told from a turn of the coupler."""
-    model = symgen.build("double_four_bar").with_parameters(excess=1e-6)
+@pytest.mark.parametrize("excess", [0.0, 1e-9, 1e-6])
+def test_redundant_crank_through_its_collinear_states(excess):
+    """Swung all the way round: the motion errs by the assembly error, magnified a little at every passage."""
+    model = symgen.build("double_four_bar").with_parameters(excess=excess)
     begin = model.initial_state()
-    fast = {k: 8 * np.array([-begin.positions["B"][1], begin.positions["B"][0]]) for k in "BE"}
     pose = {k: begin.positions[k] for k in model.description.free}
-    with pytest.raises(SimulationError, match="no longer so|lost rank|not be brought back") as caught:
-        model.simulate(state=model.state(pose, dict.fromkeys(pose, fast["B"])))
-    assert caught.value.partial is not None
+    fast = 8 * np.array([-begin.positions["B"][1], begin.positions["B"][0]])
+    result = model.simulate(state=model.state(pose, dict.fromkeys(pose, fast)), rtol=1e-12, samples=31)
+    inertia = 2 * (1 / 12 + 1 / 4) + 0.09 + 1 / 4 + 2
+    expected = crank_angle(result.time, np.arctan2(-0.8, 0.6), 8.0, 3.5, inertia)
+    place = np.stack([np.cos(expected), np.sin(expected)], axis=1)
+    assert np.abs(result["B.position"].values - place).max() < 1e-8 + 50 * excess
+    assert result.notes[-1].startswith("passed 6 losses of rank")
+
+
+def test_a_redundant_constraint_that_gets_independent_ends_the_run():
+    """A four-bar taken for redundant, as if its contradiction had grown: the cause is named."""
+    model = symgen.build("four_bar")
+    begin = model.initial_state()
+    chosen = options(1.0, None, None, None, None, 11, 1000)
+    with pytest.raises(SimulationError, match="redundant at the start is no longer so"):
+        run(model._evaluator, 0.0, begin.q, begin.u, (2,), chosen, None)
 
 
 @pytest.mark.parametrize("name", ["mass_ratios", "length_ratios"])

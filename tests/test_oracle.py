@@ -23,6 +23,10 @@ STATES = 3
 #: Relative to the largest entry of a kernel's result. The assembly residual cancels to nothing by design.
 TOLERANCE = 1e-13
 SOLUTION_TOLERANCE = 2e-11
+#: Away from what the constraints allow, a redundant one is nearly dependent on the others.
+REDUNDANT_TOLERANCE = 1e-9
+#: Unknowns beyond which one state must do: their solution in 30 digits takes half a minute.
+MANY = 60
 
 
 def random_values(system, model, rng):
@@ -48,7 +52,8 @@ def test_scene_kernels(scene, backend):
     exports = {e.kernel: e.matrices for e in system.exports}
     rng = np.random.default_rng(0x5EED)
     checked = set()
-    for _ in range(STATES):
+    tolerance = REDUNDANT_TOLERANCE if model.redundant else SOLUTION_TOLERANCE
+    for _ in range(STATES if len(system.group("work").quantities) < MANY else 1):
         values = random_values(system, model, rng)
         again = model.with_parameters(**dict(zip(model.parameters, values["p"].tolist(), strict=True)))
         evaluate = again._evaluator
@@ -60,13 +65,13 @@ def test_scene_kernels(scene, backend):
                 assert relative_error(found[name].ravel(), exact) < TOLERANCE, (kernel, name)
             checked.add(kernel)
         solution = evaluate("accelerations", t, q, u)
-        assert relative_error(solution, oracle.solve(values)) < SOLUTION_TOLERANCE
+        assert relative_error(solution, oracle.solve(values)) < tolerance
         memory = np.zeros(evaluate.work_size + 1)
         evaluate("factor", t, q, u, memory)
         rhs = rng.standard_normal(len(solution))
         solved = np.append(rhs, 0.0)
         _solve_in_place(evaluate, t, q, u, memory, solved)
-        assert relative_error(solved[:-1], oracle.solve(values, mpmath.matrix(rhs))) < SOLUTION_TOLERANCE
+        assert relative_error(solved[:-1], oracle.solve(values, mpmath.matrix(rhs))) < tolerance
         checked |= {"accelerations", "factor", "solve"}
     assert checked == {k.name for k in model.description.kernels}
 
