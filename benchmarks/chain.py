@@ -19,8 +19,8 @@ at its own rounded coordinates, in the plane; in space its rods are not quite th
 from __future__ import annotations
 
 import sys
-from pathlib import Path
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import mpmath
