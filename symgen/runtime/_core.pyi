@@ -62,6 +62,7 @@ class Stepper:
     t_end: float
     h: float
     recorded: int
+    moved: int
     steps: int
     rejected: int
     position_drift: float
@@ -86,6 +87,8 @@ class Stepper:
     ) -> None: ...
     @property
     def result(self) -> Array: ...
+    @property
+    def sampled(self) -> Array: ...
     @property
     def state(self) -> Array: ...
     def begin(self) -> int: ...

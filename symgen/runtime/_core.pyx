@@ -24,6 +24,8 @@ cdef double PASSAGE = 1e-6
 # too: they vanish again when the end of the step is projected.
 cdef double NEAR = 1e-2
 cdef int REFINEMENTS = 2
+# How often a sample is moved away from a loss of rank, each time by more.
+cdef int SHIFTS = 24
 # Iterations of the projection: with the same factor it converges by the step's own error each time.
 cdef int PROJECTIONS = 10
 
@@ -304,7 +306,7 @@ cdef class Stepper:
     cdef double[::1] b, c, y, y_new, stage, times, error, weights, y_old, k_old
     cdef double t_old, sound, sound_old
     cdef readonly list passages
-    cdef readonly Py_ssize_t recorded
+    cdef readonly Py_ssize_t recorded, moved
     cdef readonly long steps, rejected
     cdef readonly double position_drift, velocity_drift, energy_drift
     cdef readonly double kinetic_min, kinetic_max, potential_min, potential_max
@@ -329,7 +331,7 @@ cdef class Stepper:
         self.times = np.ascontiguousarray([*times, INFINITY])
         self.samples = np.full((len(times) + 1, dim + 1), np.nan)
         self.h = step
-        self.recorded = 0
+        self.recorded = self.moved = 0
         self.y_old, self.k_old = np.zeros(dim + 1), np.zeros(dim + 1)
         self.t_old, self.sound, self.sound_old = t0, INFINITY, INFINITY
         self.passages = []
@@ -338,6 +340,11 @@ cdef class Stepper:
     def result(self):
         """The recorded states, one row a time."""
         return np.asarray(self.samples)[: self.recorded, : self.equations.dim]
+
+    @property
+    def sampled(self):
+        """The times of the recorded states."""
+        return np.array(self.times)[: self.recorded]
 
     @property
     def state(self):
@@ -498,7 +505,7 @@ cdef class Stepper:
         self.equations.derivative(t_new, &self.y_new[0], &self.k[self.stages, 0])
         if not self._finite(&self.k[self.stages, 0]):
             return _NOT_FINITE
-        status = self._record(t_new, h)
+        status = self._record(t_new, h, sound)
         if status != _DONE:
             return status
         if self.sound <= self.sound_old and self.sound < sound and self.sound < 0.1:
@@ -551,36 +558,59 @@ cdef class Stepper:
             with gil:
                 self.passages.append((x, fmax(at_x, 0.0), self.equations.weakest))
 
-    cdef int _record(self, double t_new, double h) noexcept nogil:
-        """Record the samples that lie in this step: interpolated, then projected."""
-        cdef Py_ssize_t i, j, d, dim = self.equations.dim
-        cdef double theta, power
+    cdef int _record(self, double t_new, double h, double sound) noexcept nogil:
+        """Record the samples that lie in this step: interpolated, then projected.
+
+        A sample too near a loss of rank for its accelerations to mean anything is moved a little in time.
+        """
+        cdef Py_ssize_t j, k
+        cdef double wanted, shift
         cdef double *sample
         cdef bint ready = False
         cdef int status
         while self.times[self.recorded] <= t_new:
             sample = &self.samples[self.recorded, 0]
-            if self.times[self.recorded] == t_new:
-                memcpy(sample, &self.y_new[0], dim * sizeof(double))
-            else:
-                if not ready:
-                    for j in range(self.stages + 1, self.all_stages):
-                        self._stage(j, self.t, h)
-                    ready = True
-                theta = (self.times[self.recorded] - self.t) / h
-                memcpy(sample, &self.y[0], dim * sizeof(double))
-                for j in range(self.all_stages):
-                    power, self.weights[j] = theta * h, 0.0
-                    for d in range(self.degree):
-                        self.weights[j] += self.dense[j, d] * power
-                        power *= theta
-                    for i in range(dim):
-                        sample[i] += self.weights[j] * self.k[j, i]
+            wanted = self.times[self.recorded]
+            if wanted == t_new and sound >= PASSAGE:
+                memcpy(sample, &self.y_new[0], self.equations.dim * sizeof(double))
+                self.recorded += 1
+                continue
+            if not ready:
+                for j in range(self.stages + 1, self.all_stages):
+                    self._stage(j, self.t, h)
+                ready = True
+            for k in range(SHIFTS):
+                self._interpolate(self.times[self.recorded], h, sample)
                 status = self.equations.project(self.times[self.recorded], sample)
-                if status != _DONE:
+                if status == _DONE and self.equations.soundness >= PASSAGE:
+                    break
+                if status == _NOT_FINITE:
                     return status
+                shift = 1e-4 * h * pow(2.0, k // 2) * (1.0 if k % 2 else -1.0)
+                if (self.t < wanted + shift < t_new and wanted + shift < self.times[self.recorded + 1]
+                        and (self.recorded == 0 or wanted + shift > self.times[self.recorded - 1])):
+                    self.times[self.recorded] = wanted + shift
+            else:
+                if self.times[self.recorded + 1] <= t_new:
+                    return _SINGULAR
+                self.times[self.recorded] = t_new
+                memcpy(sample, &self.y_new[0], self.equations.dim * sizeof(double))
+            self.moved += self.times[self.recorded] != wanted
             self.recorded += 1
         return _DONE
+
+    cdef void _interpolate(self, double t, double h, double *sample) noexcept nogil:
+        """Write the interpolant of this step at a time."""
+        cdef Py_ssize_t i, j, d, dim = self.equations.dim
+        cdef double theta = (t - self.t) / h, power
+        memcpy(sample, &self.y[0], dim * sizeof(double))
+        for j in range(self.all_stages):
+            power, self.weights[j] = theta * h, 0.0
+            for d in range(self.degree):
+                self.weights[j] += self.dense[j, d] * power
+                power *= theta
+            for i in range(dim):
+                sample[i] += self.weights[j] * self.k[j, i]
 
     cdef void _monitor(self) noexcept nogil:
         """Update the drift of constraints and energy with the state just accepted."""

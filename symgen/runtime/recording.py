@@ -23,14 +23,13 @@ def recorded(
     evaluator: Evaluator,
     equations: _core.Equations,
     stepper: _core.Stepper,
-    times: Array,
     redundant: tuple[int, ...],
     chosen: Options,
     wall: float,
 ) -> Result:
     """Return what a run has recorded till now."""
     description = evaluator.description
-    count = stepper.recorded
+    times = stepper.sampled
     final = evaluator.blocks("points", stepper.t, *np.split(stepper.state[: 2 * description.coordinates], 2))
     drift = Drift(
         constraint=stepper.position_drift,
@@ -45,8 +44,8 @@ def recorded(
         name=description.name,
         title=description.title,
         axes=description.axes,
-        time=times[:count],
-        variables=_outputs(evaluator, equations, times[:count], stepper.result, len(redundant)),
+        time=times,
+        variables=_outputs(evaluator, equations, times, stepper.result, len(redundant)),
         drift=drift,
         final={
             p: {"position": final["positions"][i].tolist(), "velocity": final["velocities"][i].tolist()}
@@ -128,6 +127,8 @@ def _of_passages(evaluator: Evaluator, stepper: _core.Stepper) -> Iterator[str]:
             f"passed {len(stepper.passages)} losses of rank of the constraints ({names}), at "
             f"t = {times}{more} s: the motion may branch there, and went on smoothly"
         )
+    if stepper.moved:
+        yield f"{stepper.moved} samples moved in time from where rank is lost and forces are not determined"
 
 
 def _squeezed(values: Array, shape: tuple[int, int]) -> Array:

@@ -65,7 +65,7 @@ def run(
         if progress:
             progress((stepper.t - t0) / (chosen.t_end - t0))
     wall = time.perf_counter() - begun
-    result = recorded(evaluator, equations, stepper, times, redundant, chosen, wall)
+    result = recorded(evaluator, equations, stepper, redundant, chosen, wall)
     if status == _core.DONE:
         return result
     raise SimulationError(
