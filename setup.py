@@ -16,10 +16,9 @@ def flags(optimisation):
 
 
 extensions = [
-    Extension(
-        "symgen.runtime._core",
-        ["symgen/runtime/_core.pyx"],
-        extra_compile_args=flags(2),
+    *(
+        Extension(f"symgen.runtime.{name}", [f"symgen/runtime/{name}.pyx"], extra_compile_args=flags(2))
+        for name in ("_core", "_stepper")
     ),
     *(
         Extension(

@@ -3,9 +3,7 @@
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
-
-from symgen.runtime.integrators.tableau import ExplicitRungeKutta
+from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
@@ -56,40 +54,3 @@ class Equations:
     def solutions(self, t: Array, y: Array) -> Array: ...
     def lost_rows(self) -> list[int]: ...
     def check(self, t: float, y: Array) -> int: ...
-
-class Stepper:
-    t: float
-    t_end: float
-    h: float
-    recorded: int
-    moved: int
-    steps: int
-    rejected: int
-    position_drift: float
-    velocity_drift: float
-    energy_drift: float
-    kinetic_min: float
-    kinetic_max: float
-    potential_min: float
-    potential_max: float
-    passages: list[tuple[float, float, int]]
-    def __init__(
-        self,
-        equations: Equations,
-        tableau: ExplicitRungeKutta,
-        t0: float,
-        y0: ArrayLike,
-        t_end: float,
-        rtol: float,
-        atol: float,
-        step: float,
-        times: Array,
-    ) -> None: ...
-    @property
-    def result(self) -> Array: ...
-    @property
-    def sampled(self) -> Array: ...
-    @property
-    def state(self) -> Array: ...
-    def begin(self) -> int: ...
-    def advance(self, most: int) -> int: ...

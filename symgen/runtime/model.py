@@ -183,9 +183,12 @@ class Model:
         if line:
             raise ModelError(f"no finite accelerations at t = {state.t:g} s: {line}")
         if status != _core.DONE:
+            name = "a redundant constraint is independent of the others there"
+            if equations.lost == equations.redundant:
+                name = f"{d.unknown(equations.weakest)} is not independent of the others"
             raise ModelError(
                 f"the equations of motion are singular at t = {state.t:g} s, so accelerations are not "
-                f"determined: {d.unknown(equations.weakest)} is not independent of the others"
+                f"determined: {name}"
             )
         work = equations.solutions(np.array([state.t]), row[None, :])[0]
         if redundant:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symgen.errors import ModelError, SimulationError
-from symgen.runtime import _core
+from symgen.runtime import _core, _stepper
 from symgen.runtime.causes import without_direction
 from symgen.runtime.description import Description
 from symgen.runtime.evaluate import Evaluator
@@ -49,7 +49,7 @@ def run(
     y0 = np.concatenate([q, u, np.zeros(equations.extra)])
     if not np.all(np.isfinite(y0)):
         raise ModelError("the start state holds a number that is not finite")
-    stepper = _core.Stepper(
+    stepper = _stepper.Stepper(
         equations, chosen.method, t0, y0, chosen.t_end, chosen.rtol, chosen.atol, chosen.step, times
     )
     begun = time.perf_counter()
@@ -77,7 +77,7 @@ def run(
 
 def _problem(
     status: int,
-    stepper: _core.Stepper,
+    stepper: _stepper.Stepper,
     equations: _core.Equations,
     evaluator: Evaluator,
 ) -> str:
@@ -124,7 +124,7 @@ def _problem(
     return f"the run was not finished within max_steps, {at}\n  Raise max_steps or shorten the run."
 
 
-def _near_singular(stepper: _core.Stepper, equations: _core.Equations, description: Description) -> str:
+def _near_singular(stepper: _stepper.Stepper, equations: _core.Equations, description: Description) -> str:
     """Say so when the constraints of the last good state are close to losing rank."""
     equations.check(stepper.t, np.append(stepper.state, 0.0))
     if equations.soundness > _NEAR:
