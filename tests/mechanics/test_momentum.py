@@ -16,7 +16,7 @@ from typer.testing import CliRunner
 
 import symgen
 from symgen.cli import app
-from symgen.errors import DerivationError
+from symgen.errors import DerivationError, SymgenError
 from symgen.mechanics.momentum import open_tree, particles, perpendicular, smallest_axis, transverse
 from symgen.mechanics.particles import end_mass, particle_masses
 from symgen.models import outboard
@@ -207,6 +207,8 @@ def test_the_rows_have_the_solution_of_the_model(case):
         assert set(forces) == set(minimal.mechanism.ground)
 
 
+#: Scenes whose bodies these rows do not know.
+BODIES_IN_SPACE = {"tumbling_body"}
 #: What a dense unsymmetric solution of the rows loses where masses, lengths or positions spread: the reason
 #: why it is not what runs.
 LOSSES = {"mass_ratios": 1e-3, "length_ratios": 1e-8, "far_origin": 1e-9}
@@ -215,6 +217,10 @@ LOSSES = {"mass_ratios": 1e-3, "length_ratios": 1e-8, "far_origin": 1e-9}
 @pytest.mark.parametrize("scene", symgen.shipped_scenes())
 def test_shipped_scenes(scene):
     model = symgen.build(scene)
+    if scene in BODIES_IN_SPACE:
+        with pytest.raises(SymgenError, match="bodies in space|body"):
+            momentum_rows(scene)
+        return
     found = solved(momentum_rows(scene), model, model.initial_state())
     agrees(found, model, model.accelerations(), LOSSES.get(scene, 1e-12))
 
