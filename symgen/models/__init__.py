@@ -3,10 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import TYPE_CHECKING
 
-from symgen.mechanics.recursion import Recursion, chain_recursion
 from symgen.models.rod import rod_system
 from symgen.symbolic.system import System
+
+if TYPE_CHECKING:
+    from symgen.mechanics.recursion import Recursion
+
+
+def _chain(dimension: int) -> Recursion:
+    from symgen.mechanics.recursion import chain_recursion  # no scene needs it
+
+    return chain_recursion(dimension)
+
 
 #: Building blocks whose kernels are shipped, by name: one line each.
 BLOCKS: dict[str, Callable[[], System]] = {
@@ -16,8 +26,8 @@ BLOCKS: dict[str, Callable[[], System]] = {
 
 #: Recursions over rods, shipped as loops with the number of rods as an argument, by name.
 RECURSIONS: dict[str, Callable[[], Recursion]] = {
-    "chain": lambda: chain_recursion(2),
-    "chain_spatial": lambda: chain_recursion(3),
+    "chain": lambda: _chain(2),
+    "chain_spatial": lambda: _chain(3),
 }
 
 #: Shipped scenes whose kernels are committed under ``generated/`` and compiled at install.
