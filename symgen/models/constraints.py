@@ -10,10 +10,12 @@ import sympy as sp
 
 from symgen.mechanics.loads import vector_between
 from symgen.mechanics.particles import Vector, cross, dot, length_constraint
+from symgen.models.loads import product
 from symgen.models.points import bar_name
 
 if TYPE_CHECKING:
     from symgen.models.rods import RodsModel
+    from symgen.scene.linkage import RigidLink
 
 _ZERO, _ONE = sp.Integer(0), sp.Integer(1)
 
@@ -63,10 +65,13 @@ def _shapes(model: RodsModel) -> Iterator[Constraint]:
 
 def _shared_joints(model: RodsModel) -> Iterator[Constraint]:
     """r_p = (1 - z) r_i + z r_j where the point p of a link already has a place of its own."""
+    free = {q.symbol for q in model.coordinates}
     for link, point in model.shared:
         carried = model.carried_position(link, point)
         for axis, own, other in zip(model.axes, model.position(point.name), carried, strict=True):
             name = f"{link.name}_{point.name}_{axis}"
+            if not free & model.calculus.gradient(own - other).keys():
+                continue  # ground on ground: the row binds nothing that can move
             yield Constraint(name, f"the joint {point.name} of link {link.name}", own - other, _ONE, "m")
 
 
@@ -98,13 +103,55 @@ def guide_rows(model: RodsModel) -> Iterator[GuideRow]:
                 row = Constraint(f"{guide.name}_{point}", label, cross(d, there), link.length, "m^2")
                 yield GuideRow(row, link.name, point, (there[1], -there[0]), (-d[1], d[0]))
                 continue
+            if not _keeps_direction(model, link.start, link.end):
+                for i, (row, by_along, by_point) in enumerate(_along_a_turning_rod(model, link, there), 1):
+                    name = f"{guide.name}_{point}_{i}"
+                    scale = sp.sqrt(dot(by_point, by_point))
+                    bound = Constraint(name, label, row, scale, "m^2")
+                    yield GuideRow(bound, link.name, point, by_along, by_point)
+                continue
             for i in _kept_components(model, link.start, link.end):
                 j, k = (i + 1) % 3, (i + 2) % 3
                 name = f"{guide.name}_{point}_{model.axes[i]}"
                 row = Constraint(name, label, d[j] * there[k] - d[k] * there[j], link.length, "m^2")
-                along, by_point = [_ZERO] * 3, [_ZERO] * 3
-                along[j], along[k], by_point[k], by_point[j] = there[k], -there[j], d[j], -d[k]
-                yield GuideRow(row, link.name, point, tuple(along), tuple(by_point))
+                by_d, by_r = [_ZERO] * 3, [_ZERO] * 3
+                by_d[j], by_d[k], by_r[k], by_r[j] = there[k], -there[j], d[j], -d[k]
+                yield GuideRow(row, link.name, point, tuple(by_d), tuple(by_r))
+
+
+#: Directions of which the one most across a rod as it is drawn is kept: oblique to all axes, since a rod that
+#: comes to point along it would let go of what it guides.
+_OBLIQUE = tuple(
+    tuple(sp.Rational(c, 25) for c in components)
+    for components in ((9, 12, 20), (20, -9, 12), (-12, 20, 9), (12, 20, -9))
+)
+
+
+def _keeps_direction(model: RodsModel, start: str, end: str) -> bool:
+    """Tell whether a link between ground points keeps its direction."""
+    points = [model.linkage.point(p) for p in (start, end)]
+    moved = [tuple(b - a for a, b in zip(p.at, p.motion, strict=True)) for p in points if p.ground]
+    return len(moved) == 2 and moved[0] == moved[1]
+
+
+def _along_a_turning_rod(
+    model: RodsModel, link: RigidLink, there: Vector
+) -> Iterator[tuple[sp.Expr, Vector, Vector]]:
+    """Yield r x d = 0 across d in two directions that turn with d, and derivatives by d and by r.
+
+    Two fixed components of the product would lose one whenever the rod comes across an axis; (d x c) . r and
+    ((d x c) x d) . r / l with a constant c lose them only where d is along c.
+    """
+    d, r = model.along[link.name], there
+    ends = (model.linkage.point(p).at for p in (link.start, link.end))
+    drawn = [b - a for a, b in zip(*ends, strict=True)]
+    c = min(_OBLIQUE, key=lambda x: abs(model.linkage.number(dot(tuple(drawn), x))))
+    squared, dc, dr, cr = dot(d, d), dot(d, c), dot(d, r), dot(c, r)
+    across = product(d, c)
+    yield dot(across, r), product(c, r), across
+    upright = tuple((squared * x - dc * y) / link.length for x, y in zip(c, d, strict=True))
+    by_d = tuple((2 * cr * y - dc * z - dr * x) / link.length for x, y, z in zip(c, d, r, strict=True))
+    yield dot(upright, r), by_d, upright
 
 
 def _kept_components(model: RodsModel, start: str, end: str) -> list[int]:

@@ -60,7 +60,10 @@ class JointForces:
             others = [k for k in model.parts if k != part and k.name not in model.idle]
             there = [self.on(k.name, p) for k in others if p in (*k.base, *(c.name for c in k.carried))]
             return _sum([_on_point(model, p), *(_times(-1, x) for x in there)])
-        return tuple(model.multipliers[f"{part.name}_{p}_{axis}"].symbol for axis in model.axes)
+        rows = [f"{part.name}_{p}_{axis}" for axis in model.axes]
+        if any(row not in model.multipliers for row in rows):
+            raise SceneError(f"{part.name} is held without {p}: the force there is not determined")
+        return tuple(model.multipliers[row].symbol for row in rows)
 
 
 def _share(part: Part, carried: Place, base: str, force: Vector) -> Vector:

@@ -9,6 +9,7 @@ cdef enum:
     _STEP_TOO_SMALL = 3
     _SINGULAR = 4
     _PROJECTION_FAILED = 5
+    _CONTRADICTED = 6
 
 
 cdef class Equations:
@@ -16,7 +17,8 @@ cdef class Equations:
     cdef readonly Py_ssize_t n, m, extra, dim
     cdef readonly long evaluations, factorisations
     cdef readonly Py_ssize_t weakest
-    cdef readonly double soundness, rank_tolerance
+    cdef readonly double soundness, rank_tolerance, missed
+    cdef double slack
     cdef readonly Py_ssize_t lost, redundant
     cdef Py_ssize_t first_pivot
     cdef double[::1] p, work, factors, out, rates, rhs, energies, before, zero

@@ -13,6 +13,7 @@ NOT_FINITE: int
 STEP_TOO_SMALL: int
 SINGULAR: int
 PROJECTION_FAILED: int
+CONTRADICTED: int
 
 def call(address: int, t: Array, q: Array, u: Array, p: Array, work: Array, out: Array) -> None: ...
 def call_many(
@@ -38,6 +39,7 @@ class Equations:
     weakest: int
     soundness: float
     lost: int
+    missed: float
     redundant: int
     def __init__(
         self,
@@ -50,6 +52,7 @@ class Equations:
         first_pivot: int,
         rank_tolerance: float,
         redundant: int,
+        slack: float,
     ) -> None: ...
     def solutions(self, t: Array, y: Array) -> Array: ...
     def lost_rows(self) -> list[int]: ...

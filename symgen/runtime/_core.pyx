@@ -9,7 +9,7 @@ from libc.stdint cimport uintptr_t
 from libc.string cimport memcpy, memset
 
 #: What a step, a projection or a factorisation answers.
-DONE, MORE, NOT_FINITE, STEP_TOO_SMALL, SINGULAR, PROJECTION_FAILED = range(6)
+DONE, MORE, NOT_FINITE, STEP_TOO_SMALL, SINGULAR, PROJECTION_FAILED, CONTRADICTED = range(7)
 
 # A coordinate's pivot that keeps no more than this of its own-signed terms has no mass. Much may cancel
 # before: rods a million million times heavier than their neighbours leave 1e-12.
@@ -70,10 +70,13 @@ cdef class Equations:
         multiplier to zero.
     redundant
         Number of constraints that follow from the others in every configuration: so many pivots must be lost.
+    slack
+        By how much [m] a redundant constraint may contradict the others.
     """
 
     def __init__(self, addresses, Py_ssize_t n, Py_ssize_t m, Py_ssize_t extra, p, Py_ssize_t work_size,
-                 Py_ssize_t first_pivot, double rank_tolerance, Py_ssize_t redundant):
+                 Py_ssize_t first_pivot, double rank_tolerance, Py_ssize_t redundant,
+                 double slack):
         self.accelerations = _kernel(addresses, "accelerations")
         self.factor = _kernel(addresses, "factor")
         self.solve = _kernel(addresses, "solve")
@@ -90,7 +93,7 @@ cdef class Equations:
         self.rhs, self.before, self.energies = np.zeros(n + m + 1), np.zeros(n + 1), np.zeros(3)
         self.zero = np.zeros(n + 1)
         self.weakest, self.soundness, self.first_pivot = -1, INFINITY, first_pivot
-        self.rank_tolerance = rank_tolerance
+        self.rank_tolerance, self.slack, self.missed = rank_tolerance, slack, 0.0
         self.lost, self.redundant, self.dropped = 0, redundant, np.zeros(m + 1, dtype=np.int8)
 
     cdef void accelerate(self, double t, const double *y) noexcept nogil:
@@ -123,10 +126,13 @@ cdef class Equations:
         cdef double worst = 0.0, error
         self.constraints(&t, y, y + self.n, &self.p[0], &self.work[0], &self.out[0])
         memset(&self.rhs[0], 0, self.n * sizeof(double))
+        self.missed = 0.0
         for i in range(self.m):
             self.rhs[self.n + i] = -self.out[i]
             error = fabs(self.out[i]) / self.out[self.m + i]
-            if not error <= worst and not self.dropped[i]:
+            if self.dropped[i]:
+                self.missed = fmax(self.missed, error)
+            elif not error <= worst:
                 worst = error
         return worst
 
@@ -207,6 +213,8 @@ cdef class Equations:
             self.solve(&t, y, y + n, &self.p[0], &self.factors[0], &self.rhs[0])
             for i in range(n):
                 y[i] += self.rhs[i]
+        if self.redundant and not self.missed <= self.slack:
+            return _CONTRADICTED
         previous = INFINITY
         for k in range(3):
             worst = self.velocity_error(t, y)

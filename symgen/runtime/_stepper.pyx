@@ -18,6 +18,8 @@ cdef double PASSAGE = 1e-6
 cdef double NEAR = 1e-2
 # How often a sample is moved away from a loss of rank, each time by more.
 cdef int SHIFTS = 24
+# Looks at the pivots in each step.
+cdef int LOOKS = 4
 
 
 cdef class Stepper:
@@ -47,7 +49,7 @@ cdef class Stepper:
     cdef double exponent
     cdef double[:, ::1] a, e, dense, k, samples
     cdef double[::1] b, c, y, y_new, stage, times, error, weights, y_old, k_old
-    cdef double t_old, sound, sound_old
+    cdef double t_old, sound, t_look, at_look, t_before, at_before
     cdef readonly list passages
     cdef readonly Py_ssize_t recorded, moved
     cdef readonly long steps, rejected
@@ -76,7 +78,9 @@ cdef class Stepper:
         self.h = step
         self.recorded = self.moved = 0
         self.y_old, self.k_old = np.zeros(dim + 1), np.zeros(dim + 1)
-        self.t_old, self.sound, self.sound_old = t0, INFINITY, INFINITY
+        self.t_old, self.sound = t0, INFINITY
+        self.t_look = self.t_before = t0
+        self.at_look = self.at_before = INFINITY
         self.passages = []
 
     @property
@@ -99,7 +103,7 @@ cdef class Stepper:
         cdef int status = self.equations.project(self.t, &self.y[0])
         if status != _DONE:
             return status
-        self.sound = self.equations.soundness
+        self.sound = self.at_look = self.at_before = self.equations.soundness
         self.equations.derivative(self.t, &self.y[0], &self.k[0, 0])
         if not self._finite(&self.k[0, 0]):
             return _NOT_FINITE
@@ -251,11 +255,10 @@ cdef class Stepper:
         status = self._record(t_new, h, sound)
         if status != _DONE:
             return status
-        if self.sound <= self.sound_old and self.sound < sound and self.sound < 0.1:
-            self._passage(t_new)
+        self._watch(t_new, sound)
         memcpy(&self.y_old[0], &self.y[0], dim * sizeof(double))
         memcpy(&self.k_old[0], &self.k[0, 0], dim * sizeof(double))
-        self.t_old, self.sound_old, self.sound = self.t, self.sound, sound
+        self.t_old, self.sound = self.t, sound
         memcpy(&self.y[0], &self.y_new[0], dim * sizeof(double))
         memcpy(&self.k[0, 0], &self.k[self.stages, 0], dim * sizeof(double))
         self.t = t_new
@@ -282,9 +285,29 @@ cdef class Stepper:
         self.equations.factorise(t, &self.stage[0])
         return self.equations.soundness
 
-    cdef void _passage(self, double t_new) noexcept nogil:
-        """Look where between the last three states the constraints come nearest to losing rank."""
-        cdef double a = self.t_old, b = t_new, ratio = 0.6180339887498949
+    cdef void _watch(self, double t_new, double sound) noexcept nogil:
+        """Follow the least pivot through the step, and look closer wherever it has a minimum.
+
+        The last two looks before this one are (t_before, at_before) and (t_look, at_look).
+        """
+        cdef int k
+        cdef double t, at
+        if self.equations.m == 0 or self.sound == 1.0 and sound == 1.0:
+            return
+        for k in range(1, LOOKS + 1):
+            t = self.t + k * (t_new - self.t) / LOOKS
+            at = sound if k == LOOKS else self._soundness(t, t_new)
+            if self.at_look <= self.at_before and self.at_look < at:
+                self._passage(self.t_before, t, t_new)
+            self.t_before, self.at_before = self.t_look, self.at_look
+            self.t_look, self.at_look = t, at
+        if t_new >= self.t_end and self.at_look < self.at_before:
+            self._passage(self.t_before, t_new, t_new)
+        self.equations.factorise(t_new, &self.y_new[0])
+
+    cdef void _passage(self, double a, double b, double t_new) noexcept nogil:
+        """Look where in these looks the constraints come nearest to losing rank."""
+        cdef double ratio = 0.6180339887498949
         cdef double x = b - ratio * (b - a), y = a + ratio * (b - a)
         cdef double at_x = self._soundness(x, t_new), at_y = self._soundness(y, t_new)
         cdef int k

@@ -169,7 +169,7 @@ def _step(stiffness: Array, slope: Array, radius: float, stable: bool) -> Array:
         slope = stiffness.T @ slope
     else:
         values, vectors = np.linalg.eigh((stiffness + stiffness.T) / 2)
-        if values[0] > 0:
+        if values[0] > 1e-12 * values[-1]:
             step = np.asarray(-np.linalg.solve(stiffness, slope), dtype=float)
             if np.linalg.norm(step) <= radius:
                 return step

@@ -126,6 +126,8 @@ class Model:
         return tuple(self.description.labels[i] for i in self._found().redundant)
 
     def _state(self, t: float, q: Array, u: Array) -> State:
+        if not np.isfinite(t):
+            raise ModelError(f"expected a finite time of the state, got {t!r}")
         parts = self._evaluator.blocks("points", t, q, u)
         named = [
             dict(zip(self.description.points, parts[k], strict=True)) for k in ("positions", "velocities")

@@ -11,6 +11,8 @@ from symgen.runtime.evaluate import Evaluator
 
 Array = NDArray[np.float64]
 
+#: The share of the linkage's size that an assembly error may have unstated, and how it may grow on the way.
+_ASSEMBLED, _SLACK = 1e-8, 10.0
 _NEIGHBOURS, _AWAY, _NEWTON = 3, 1e-2, 50
 #: A row with a smaller part in every self-stress has a multiplier that is unique.
 _TAKES_PART = 1e-6
@@ -92,6 +94,11 @@ def extent(evaluator: Evaluator, q: Array) -> float:
     """Return the size of the linkage: the largest spread of its points along an axis [m]."""
     positions = evaluator.blocks("points", 0.0, q, np.zeros_like(q))["positions"]
     return float(np.max(np.ptp(positions, axis=0)))
+
+
+def slack(evaluator: Evaluator, q: Array) -> float:
+    """Return by how much [m] a redundant constraint may contradict the others in a run."""
+    return _SLACK * max(_ASSEMBLED * extent(evaluator, q), evaluator.description.assembly_tolerance)
 
 
 def _rank(evaluator: Evaluator) -> float:

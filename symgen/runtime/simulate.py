@@ -15,6 +15,7 @@ from symgen.runtime.description import Description
 from symgen.runtime.evaluate import Evaluator
 from symgen.runtime.options import Options
 from symgen.runtime.recording import recorded
+from symgen.runtime.redundancy import slack
 from symgen.runtime.result import Result
 
 Array = NDArray[np.float64]
@@ -43,7 +44,7 @@ def run(
     """
     if chosen.t_end <= t0:
         raise ModelError(f"expected t_end after the start at t = {t0:g} s, got {chosen.t_end:g} s")
-    equations = evaluator.equations(len(redundant))
+    equations = evaluator.equations(len(redundant), slack(evaluator, q))
     times = np.linspace(t0, chosen.t_end, chosen.samples)
     times[-1] = chosen.t_end
     y0 = np.concatenate([q, u, np.zeros(equations.extra)])
@@ -88,6 +89,12 @@ def _problem(
         f"{p} ({', '.join(f'{x:.6g}' for x in stepper.state[i * len(axes) : (i + 1) * len(axes)])}) m"
         for i, p in enumerate(free[:8])
     )
+    if status == _core.CONTRADICTED:
+        return (
+            f"a redundant constraint contradicts the others by {equations.missed:.2g} m {at}: the linkage "
+            "cannot be in two places\n  Make the lengths, drives and motions of the ground agree. "
+            f"State: {where}."
+        )
     if status == _core.SINGULAR and equations.lost < equations.redundant:
         return (
             f"a constraint that was redundant at the start is no longer so {at}: the linkage contradicts "
