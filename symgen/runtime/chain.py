@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from symgen.errors import ModelError
-from symgen.runtime.chain_input import Array, aligned, refuse, repeated, shaped, tree, vector
+from symgen.runtime.chain_input import Array, aligned, on_length, refuse, repeated, shaped, tree, vector
 from symgen.runtime.library import shipped_module
 
 Forces = ArrayLike | Callable[[float, Array, Array], ArrayLike]
@@ -370,7 +370,10 @@ class Chain:
         if vectors is not None:
             return shaped(other, vectors, (self.rods, self.dimension))
         p = self._points(name, points)
-        return p[..., 1:, :] - p[..., self.parents, :]
+        along = p[..., 1:, :] - p[..., self.parents, :]
+        if name == "positions":
+            on_length(along, self.lengths)
+        return along
 
     def _points(self, name: str, values: Any) -> Array:
         return shaped(name, values, (self.rods + 1, self.dimension))

@@ -11,6 +11,9 @@ from symgen.errors import ModelError
 
 Array = NDArray[np.float64]
 
+#: Relative error that the length of a rod may have.
+_ON_LENGTH = 1e-6
+
 
 def vector(name: str, values: ArrayLike, size: int | None) -> Array:
     """Return finite numbers, ``size`` of them when it is given; one number stands for all."""
@@ -64,6 +67,16 @@ def tree(parents: Any, n: int) -> NDArray[np.intp] | None:
         )
     made = np.ascontiguousarray(given, dtype=np.intp)
     return None if np.array_equal(made, np.arange(n)) else made
+
+
+def on_length(along: Array, lengths: Array) -> None:
+    """Refuse rods that are not as long as they are said to be, but for what rounding and projection leave."""
+    error = (
+        np.abs(np.linalg.norm(along, axis=-1) / lengths - 1).reshape(-1, len(lengths)).max(axis=0, initial=0)
+    )
+    if not error.max() <= _ON_LENGTH:
+        rod = int(np.argmax(error))
+        raise ModelError(f"positions: rod {rod} is off its length by {error[rod]:.1e} of it")
 
 
 def aligned(shape: tuple[int, ...]) -> Array:

@@ -46,12 +46,26 @@ def start(evaluator: Evaluator) -> Start:
     q = evaluator("drawn", 0.0, np.zeros(n), np.zeros(n))
     if evaluator.has("assembly"):
         q = _assemble(evaluator, q)
+    _check_scales(evaluator, q)
     redundant = redundant_constraints(evaluator, q)
     u = _velocities(evaluator, q, redundant) if evaluator.has("mass_matrix") else np.zeros(n)
     line = without_direction(evaluator, 0.0, q, u)
     if line:
         raise InitialStateError(f"{line}\n  Draw its points apart.", where="springs")
     return Start(q, u, redundant)
+
+
+def _check_scales(evaluator: Evaluator, q: Array) -> None:
+    """Refuse lengths that tunable parameters made zero or less."""
+    if not evaluator.has("constraints"):
+        return
+    d = evaluator.description
+    scales = evaluator.blocks("constraints", 0.0, q, np.zeros_like(q))["constraint_scale"]
+    for i in np.flatnonzero(~(scales > 0))[:1]:
+        raise InitialStateError(
+            f"{d.labels[i]} needs a length above zero, got {scales[i]:g} m\n  Change the parameters.",
+            where=d.place(int(i)),
+        )
 
 
 def _assemble(evaluator: Evaluator, q: Array) -> Array:

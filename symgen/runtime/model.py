@@ -55,8 +55,8 @@ class Model:
                 raise ModelError(
                     f"{self.name} has no tunable parameter {name!r}. {nearest(name, self.parameters)}"
                 )
-            if not np.isfinite(value):
-                raise ModelError(f"expected a finite value for {name}, got {value!r}")
+            if not isinstance(value, int | float | np.number) or not np.isfinite(value):
+                raise ModelError(f"expected a finite number for {name}, in SI units, got {value!r}")
             self.parameters[name] = float(value)
         self._evaluator = Evaluator(description, library, np.array(list(self.parameters.values())))
         self._start: Start | None = None

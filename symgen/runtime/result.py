@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -84,6 +84,14 @@ class Result:
         """Return one output as a labelled array over time, its unit in ``attrs["units"]``."""
         self.variable(name)
         return self.dataset[name]
+
+    def __contains__(self, name: object) -> bool:
+        """Tell whether an output of this name was recorded."""
+        return any(v.name == name for v in self.variables)
+
+    def __iter__(self) -> Iterator[str]:
+        """Yield the names of the outputs."""
+        return (v.name for v in self.variables)
 
     def variable(self, name: str) -> Variable:
         """Return one output as it was recorded; raise ResultError with the nearest name otherwise."""

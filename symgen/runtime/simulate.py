@@ -23,7 +23,7 @@ Progress = Callable[[float], None]
 
 _CHUNK_SECONDS = 0.05
 #: Pivots that keep less than this are worth a word when a run fails.
-_NEAR = 1e-3
+_NEAR = 1e-2
 
 
 def run(
@@ -108,15 +108,24 @@ def _problem(
             f"the constraints lost rank {at}: {name} is no longer independent of the others (a dead centre "
             f"of the linkage, or a redundant link)\n  State: {where}."
         )
-    if status == _core.PROJECTION_FAILED:
+    near_lost_rank = _near_singular(stepper, equations, description)
+    if status == _core.PROJECTION_FAILED and not near_lost_rank:
         return (
             f"the state could not be brought back onto the constraints {at}: the step is too large for the "
-            f"motion\n  Use a smaller step or tighter tolerances. State: {where}."
+            f"motion, or the start is off the constraints\n  Use a smaller step or tighter tolerances. "
+            f"State: {where}."
         )
+    if status == _core.PROJECTION_FAILED or (status == _core.STEP_TOO_SMALL and near_lost_rank):
+        cause = "the linkage comes to a dead centre, which it cannot be taken through"
+        hint = "Start elsewhere, or change the lengths."
+        if description.drives:
+            cause = "the linkage comes to a dead centre, beyond which its drives cannot take it"
+            hint = "'symgen kinematics SCENE' shows how far the drives go."
+        return f"the run cannot go on {at}{near_lost_rank}: {cause}\n  {hint} State: {where}."
     q, u, _ = np.split(stepper.state, [description.coordinates, 2 * description.coordinates])
     reached = 2 * stepper.h * float(np.max(np.abs(u), initial=0.0))
     line = without_direction(evaluator, stepper.t, q, u, reached)
-    near = f"; {line}" if line else _near_singular(stepper, equations, description)
+    near = f"; {line}" if line else near_lost_rank
     if status == _core.NOT_FINITE:
         return (
             f"a number that is not finite appeared in the step {at}{near}\n"

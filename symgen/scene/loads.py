@@ -69,7 +69,13 @@ def torsion_springs(read: Reader) -> Iterator[AngularSpring]:
         damping = read.not_negative(spring.damping or 0, units.ANGULAR_DAMPING, f"{where}.damping")
         pair = [k for k in (spring.link, spring.against) if k is not None]
         rods = len(pair) == 2 and not any(map(read.is_spatial_body, pair))
-        if read.dimension == 3 and (not rods or angle != 0 or damping != 0):
+        if read.dimension == 3 and not rods:
+            raise SceneError(
+                "in space a torsion spring joins two rods, not a body or the ground",
+                where=where,
+                hint="Put it between two rods: link and against.",
+            )
+        if read.dimension == 3 and (angle != 0 or damping != 0):
             raise SceneError(
                 "in space a torsion spring bends two rods that are slack in line: it takes link, against and "
                 "stiffness, and no angle or damping",
