@@ -124,7 +124,7 @@ def test_a_sample_on_the_branching_point_is_moved(options):
     place = np.stack([3 + np.cos(0.9 - result.time), np.sin(0.9 - result.time)], axis=1)
     assert result["C.position"].values == pytest.approx(place, abs=1e-11)
     weight = (0.5 + 0.5 + 3) * G * np.cos(0.9 - result.time)
-    assert result["AB.torque"].values == pytest.approx(weight, abs=1e-5)
+    assert result["AB.torque"].values == pytest.approx(weight, abs=5e-5)
     assert np.all(np.diff(result.time) > 0)
     assert 0 < abs(result.time[36] - 0.9) < 0.01
     assert "1 samples moved in time" in result.notes[-1]
@@ -258,6 +258,58 @@ def test_a_redundant_constraint_that_gets_independent_ends_the_run():
     chosen = options(1.0, None, None, None, None, 11, 1000)
     with pytest.raises(SimulationError, match="redundant at the start is no longer so"):
         run(model._evaluator, 0.0, begin.q, begin.u, (2,), chosen, None)
+
+
+def test_a_redundant_link_that_changes_its_length_ends_the_run():
+    """It agrees with the others at the start only: no motion meets it later."""
+    data = read_scene("double_four_bar").data
+    del data["analysis"]["assembly_tolerance"]
+    data["parameters"] |= {"rate": "1 m/s"}
+    data["links"]["GE"] = {"points": ["G", "E"], "mass": "0 kg", "length": "crank + rate*t"}
+    data["analysis"]["outputs"] = ["B.position"]
+    with pytest.raises(SimulationError, match="a redundant constraint contradicts the others by"):
+        symgen.build(symgen.Scene(**data)).simulate(1.0)
+
+
+@pytest.mark.parametrize(
+    "options", [{"rtol": 1e-9}, {"rtol": 1e-2, "atol": 1e-2}, {"step": 0.3}, {"step": 1.0}]
+)
+def test_every_passage_is_found_however_large_the_steps(options):
+    data = read_scene("parallelogram").data
+    data |= {"parameters": {"rate": "1 rad/s"}, "start": {}}
+    data["drivers"] = [{"link": "AB", "angle": "0.9 - rate*t"}]
+    data["analysis"]["outputs"] = ["C.position"]
+    model = symgen.build(symgen.Scene(**data))
+    notes = model.simulate(62.0, **options).notes
+    assert notes[0].startswith("passed 20 losses of rank")
+    (note,) = model.simulate(0.901, samples=2).notes
+    assert "at t = 0.9000000" in note or "at t = 0.9 s" in note
+
+
+@pytest.mark.parametrize("drawn", [["0 m", "0 m", "-2 m"], ["2 m", "0 m", "0 m"], ["2 m", "0.3 m", "0.1 m"]])
+def test_a_bead_stays_on_its_rod_whatever_the_attitude(drawn):
+    """Guided along a rod that turns in space: three small oscillations at rest, known in closed form."""
+    half = [f"{float(x.split()[0]) / 2} m" for x in drawn]
+    scene = symgen.Scene(
+        points={"O": {"at": ["0 m"] * 3, "ground": True}, "A": {"at": drawn}, "P": {"at": half}},
+        links={"OA": {"points": ["O", "A"], "mass": "3 kg"}},
+        masses=[{"point": "P", "mass": "1 kg"}],
+        guides=[{"points": ["P"], "along": "OA"}],
+        springs=[{"between": ["O", "P"], "stiffness": "40 N/m", "length": "1 m"}],
+        gravity={"acceleration": ["0 m/s^2", "0 m/s^2", "-9.81 m/s^2"]},
+        analysis={"outputs": ["A.position", "P.position"]},
+    )
+    model = symgen.build(scene)
+    place = model.equilibrium().state.positions
+    length, down = np.linalg.norm(place["A"]), -place["P"][2]
+    swing = np.sqrt((3 * length / 2 + down) * G / (length**2 + down**2))
+    rates = [mode.omega for mode in model.modes().modes]
+    assert rates == pytest.approx([swing, swing, np.sqrt(40)], rel=1e-9)
+    push = {"A": [0.02, 0.3, 0.0], "P": [0.01 * down, 0.15 * down, 0.3]}
+    result = model.simulate(5.0, state=model.state({p: place[p] for p in "AP"}, push), rtol=1e-10)
+    rods, beads = (result[f"{p}.position"].values for p in "AP")
+    assert np.abs(np.cross(rods, beads)).max() < 1e-12
+    assert result.notes == ()
 
 
 @pytest.mark.parametrize("name", ["mass_ratios", "length_ratios"])

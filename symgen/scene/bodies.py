@@ -117,6 +117,13 @@ def link(read: Reader, name: str, link: Link) -> RigidLink:
     carried = [CarriedPoint(p.name, *in_frame(drawn, squared, start.at, p.at)) for p in others]
     carried += [CarriedPoint(p, fraction, _ZERO) for p, fraction in on_link(read, name)]
     mass, centre, offset, inertia = body(read, link, length, drawn, start.at, bool(others), where)
+    moving = start.ground and end.ground and (start.motion, end.motion) != (start.at, end.at)
+    if moving and mass != 0:
+        raise SceneError(
+            "a link between ground points that move has its motion prescribed: its mass would load nothing",
+            where=f"{where}.mass",
+            hint="Leave its mass out, or free one of its points and drive it.",
+        )
     if TIME.symbol in length.free_symbols and mass != 0:
         raise SceneError(
             "a length that depends on the time is for a massless link",

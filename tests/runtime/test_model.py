@@ -100,7 +100,7 @@ def test_parameters_are_checked():
     model = symgen.build("peaucellier")
     with pytest.raises(ModelError, match="no tunable parameter 'roh'. Did you mean 'rho'"):
         model.with_parameters(roh=1.0)
-    with pytest.raises(ModelError, match="finite value for rho"):
+    with pytest.raises(ModelError, match="finite number for rho"):
         model.with_parameters(rho=float("nan"))
     with pytest.raises(InitialStateError, match="not positive definite with rho = -1 kg/m"):
         model.with_parameters(rho=-1.0).simulate(0.1)
@@ -161,7 +161,7 @@ def test_a_drive_past_the_limit_ends_the_run_with_cause_and_partial_result():
         analysis={"outputs": ["A.position"]},
     )
     for options in ({}, {"step": 1e-4}):
-        with pytest.raises(SimulationError, match=r"(lost|lose) rank|back onto the constraints") as caught:
+        with pytest.raises(SimulationError, match=r"dead centre|(lost|lose) rank") as caught:
             symgen.build(scene).simulate(1.0, **options)
         assert caught.value.time == pytest.approx(limit - 0.3, abs=1e-3)
         partial = caught.value.partial
