@@ -376,6 +376,6 @@ def test_a_guide_runs_along_a_rod():
 def test_a_torsion_spring_in_space_takes_rods():
     tables = joined_bodies()
     tables["torsion_springs"] = [{"link": "one", "against": "OA", "stiffness": "1 N*m"}]
-    with pytest.raises(SceneError, match="bends two rods") as caught:
+    with pytest.raises(SceneError, match="joins two rods") as caught:
         symgen.build(symgen.Scene(**tables))
     assert caught.value.where == "torsion_springs.0"
