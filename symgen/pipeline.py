@@ -94,35 +94,37 @@ def build(
     return model.with_parameters(**values)
 
 
-def compile_scene(
-    text: SceneText, compiler: Compiler | None, folder: Path, redundancy: bool = False
-) -> tuple[Description, Library]:
-    """Run the whole pipeline into a folder: sources, library and description.
-
-    Whether constraints are redundant shows at the start only; where some are, ``redundancy`` compiles anew.
-    """
+def compile_scene(text: SceneText, compiler: Compiler | None, folder: Path) -> tuple[Description, Library]:
+    """Run the whole pipeline into a folder: sources, library and description."""
     with _no_collection():
         from symgen.models.system import linkage_system, with_redundancy
         from symgen.scene.resolve import resolve
 
         linkage = resolve(check_scene(text))  # SceneText -> Scene -> Linkage
         system = linkage_system(linkage)  # Linkage -> System
-        tolerant = with_redundancy(system)
-        system = tolerant if redundancy else system
+    description, library = _compiled(linkage, system, compiler, folder)
+    # That constraints are redundant shows at the start only: then the factorisation must expect it.
+    tolerant = with_redundancy(system)
+    if description.redundant and tolerant is not system:
+        # In a folder of its own: a library of a path that is open already would not be loaded again.
+        again = folder / "again"
+        again.mkdir()
+        description, library = _compiled(linkage, tolerant, compiler, again)
+        for file in sorted(again.iterdir()):
+            file.replace(folder / file.name)
+        again.rmdir()
+    return description, library
+
+
+def _compiled(
+    linkage: Linkage, system: System, compiler: Compiler | None, folder: Path
+) -> tuple[Description, Library]:
+    with _no_collection():
         program, equations, sources = _lowered(system, compiler)  # System -> Program, (SourceFile, ...)
     compilation = _written(sources, compiler, folder)  # (SourceFile, ...) -> compilers at work
     description = _describe(linkage, program, equations)  # the runtime is loaded while they work
     library = _opened(folder, description, compilation)  # -> Library
-    started = _with_start(description, library)
-    if started.redundant and system is not tolerant:
-        # In a folder of its own: a library of a path that is open already would not be loaded again.
-        again = folder / "again"
-        again.mkdir()
-        started, library = compile_scene(text, compiler, again, redundancy=True)
-        for file in sorted(again.iterdir()):
-            file.replace(folder / file.name)
-        again.rmdir()
-    return started, library
+    return _with_start(description, library), library
 
 
 def _lowered(system: System, compiler: Compiler | None) -> tuple[Program, str, tuple[SourceFile, ...]]:

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from symgen.runtime import _core
 from symgen.runtime.evaluate import Evaluator
+from symgen.runtime.redundancy import extent
 
 Array = NDArray[np.float64]
 
@@ -84,8 +85,7 @@ class Bonds:
 
     def length(self, q: Array) -> float:
         """Return the size of the linkage [m]: the largest extent of its points."""
-        places = self.places(q, 0.0)
-        return float(np.max(np.ptp(places, axis=0)))
+        return extent(self.evaluator, q)
 
     def places(self, q: Array, t: float) -> Array:
         """Return the positions of all points [m], shape (points, axes)."""

@@ -10,14 +10,14 @@ from numpy.typing import NDArray
 from symgen.errors import InitialStateError
 from symgen.runtime.causes import without_direction
 from symgen.runtime.evaluate import Evaluator
-from symgen.runtime.redundancy import extent, not_positive, redundant_constraints
+from symgen.runtime.redundancy import assembly_tolerance, extent, not_positive, redundant_constraints
 
 Array = NDArray[np.float64]
 
 _STEPS, _SMALLEST = 32, 1 / 4096
 _NEWTON, _ROUNDING, _CONSISTENT = 30, 1e-14, 1e-9
-#: Redundant constraints may contradict the others by so much of the linkage's size without being told.
-_ASSEMBLY, _MOST = 1e-8, 1e-5
+#: The largest assembly tolerance over the linkage's size.
+_MOST = 1e-5
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,11 +87,10 @@ def _assemble(evaluator: Evaluator, q: Array) -> Array:
 def _newton(evaluator: Evaluator, at: float, q: Array) -> Array | None:
     size = float(np.max(np.abs(q), initial=0.0))
     wide = extent(evaluator, q)
-    asked = evaluator.description.assembly_tolerance
-    tolerance = max(_ASSEMBLY * wide, asked)
-    if asked > _MOST * wide:
+    tolerance = assembly_tolerance(evaluator, q)
+    if tolerance > _MOST * wide:
         raise InitialStateError(
-            f"an assembly tolerance of {asked:g} m is too large for a linkage of {wide:g} m: redundant "
+            f"an assembly tolerance of {tolerance:g} m is too large for a linkage of {wide:g} m: redundant "
             f"constraints could not be told from independent ones\n  Give at most {_MOST * wide:.2g} m.",
             where="analysis.assembly_tolerance",
         )

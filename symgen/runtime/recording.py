@@ -39,7 +39,6 @@ def recorded(
             stepper.kinetic_max - stepper.kinetic_min, stepper.potential_max - stepper.potential_min, 0.0
         ),
     )
-    evaluations, factorisations = equations.evaluations, equations.factorisations
     return Result(
         name=description.name,
         title=description.title,
@@ -55,8 +54,8 @@ def recorded(
             "t": stepper.t,
             "steps": stepper.steps,
             "rejected": stepper.rejected,
-            "evaluations": evaluations,
-            "factorisations": factorisations,
+            "evaluations": equations.evaluations,
+            "factorisations": equations.factorisations,
             "wall_s": wall,
         },
         provenance={
@@ -114,7 +113,7 @@ def _of_redundancy(
     miss = float(np.max(np.abs(blocks["constraints"] / blocks["constraint_scale"])[list(redundant)]))
     rows = ", ".join(d.labels[i] for i in redundant)
     yield f"{len(redundant)} of {len(d.constraints)} constraints redundant ({rows}), missed by {miss:.1e} m"
-    names = ", ".join(d.constraints[i] for i in not_unique(evaluator, q, len(redundant)))
+    names = ", ".join(d.constraints[i] for i in not_unique(evaluator, stepper.t, q, len(redundant)))
     yield f"constraint forces are not unique in {names}: those of least norm are given, and reactions by them"
 
 

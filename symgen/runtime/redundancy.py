@@ -41,7 +41,7 @@ def redundant_constraints(evaluator: Evaluator, q: Array) -> tuple[int, ...]:
     rank = f"{len(d.constraints)} constraints of rank {len(d.constraints) - len(lost)}"
     name, place = d.unknown(d.coordinates + lost[-1]), d.place(lost[-1])
     drives = d.drives
-    for row in set(drives) & set(not_unique(evaluator, q, len(lost))):
+    for row in set(drives) & set(not_unique(evaluator, 0.0, q, len(lost))):
         raise InitialStateError(
             f"the constraints are singular at the start: {rank}; {d.labels[row]} is not independent of the "
             "others\n  Drive each freedom of the linkage once, and start away from its dead centres.",
@@ -96,9 +96,14 @@ def extent(evaluator: Evaluator, q: Array) -> float:
     return float(np.max(np.ptp(positions, axis=0)))
 
 
+def assembly_tolerance(evaluator: Evaluator, q: Array) -> float:
+    """Return by how much [m] redundant constraints may contradict the others at the start."""
+    return max(_ASSEMBLED * extent(evaluator, q), evaluator.description.assembly_tolerance)
+
+
 def slack(evaluator: Evaluator, q: Array) -> float:
     """Return by how much [m] a redundant constraint may contradict the others in a run."""
-    return _SLACK * max(_ASSEMBLED * extent(evaluator, q), evaluator.description.assembly_tolerance)
+    return _SLACK * assembly_tolerance(evaluator, q)
 
 
 def _rank(evaluator: Evaluator) -> float:
@@ -142,11 +147,11 @@ def least_norm(evaluator: Evaluator, t: float, q: Array, solution: Array, redund
     return np.concatenate([solution[:n], forces / scale, solution[n + len(scale) :]])
 
 
-def not_unique(evaluator: Evaluator, q: Array, redundant: int) -> tuple[int, ...]:
+def not_unique(evaluator: Evaluator, t: float, q: Array, redundant: int) -> tuple[int, ...]:
     """Return the numbers of the constraints whose multipliers the redundant constraints leave open."""
     if not redundant:
         return ()
-    self_stress, _ = _self_stress(evaluator, 0.0, q, redundant)
+    self_stress, _ = _self_stress(evaluator, t, q, redundant)
     return tuple(np.flatnonzero(np.max(np.abs(self_stress), axis=1) > _TAKES_PART).tolist())
 
 
