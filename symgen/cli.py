@@ -273,9 +273,9 @@ def show(
         if form_of == "momentum_rows":
             from symgen.models.momentum import momentum_system
             from symgen.scene.loading import check_scene
-            from symgen.scene.resolve import resolve
+            from symgen.scene.resolve import resolve_linkage
 
-            system = momentum_system(resolve(check_scene(text)))
+            system = momentum_system(resolve_linkage(check_scene(text)))
         else:
             system = derive(text)
     if matrix is None:
@@ -299,10 +299,10 @@ def explain(scene: SceneArgument, set_: SetOption = None) -> None:
     from symgen.pipeline import build as build_model
     from symgen.report.summary import freedom_lines
     from symgen.scene.loading import load_scene
-    from symgen.scene.resolve import resolve
+    from symgen.scene.resolve import resolve_linkage
 
     changes = _changes(set_)
-    print(*structure(resolve(load_scene(scene, set=changes))), sep="\n", flush=True)
+    print(*structure(resolve_linkage(load_scene(scene, set=changes))), sep="\n", flush=True)
     print(*freedom_lines(build_model(scene, set=changes)), sep="\n")
 
 

@@ -98,9 +98,9 @@ def compile_scene(text: SceneText, compiler: Compiler | None, folder: Path) -> t
     """Run the whole pipeline into a folder: sources, library and description."""
     with _no_collection():
         from symgen.models.system import linkage_system, with_redundancy
-        from symgen.scene.resolve import resolve
+        from symgen.scene.resolve import resolve_linkage
 
-        linkage = resolve(check_scene(text))  # SceneText -> Scene -> Linkage
+        linkage = resolve_linkage(check_scene(text))  # SceneText -> Scene -> Linkage
         system = linkage_system(linkage)  # Linkage -> System
     description, library = _compiled(linkage, system, compiler, folder)
     # That constraints are redundant shows at the start only: then the factorisation must expect it.
@@ -147,10 +147,10 @@ def _analysis(
     def make(folder: Path) -> tuple[Description, Library]:
         with _no_collection():
             from symgen.models.linearised import analysis_system
-            from symgen.scene.resolve import resolve
+            from symgen.scene.resolve import resolve_linkage
 
             program, equations, sources = _lowered(
-                analysis_system(resolve(check_scene(text)), kind), compiler
+                analysis_system(resolve_linkage(check_scene(text)), kind), compiler
             )
         compilation = _written(sources, compiler, folder)
         kernels = kernel_infos(program.kernels)
@@ -163,9 +163,9 @@ def _analysis(
 def derive(scene: Scene | SceneText | str | os.PathLike[str]) -> System:
     """Return the derived equations of a scene: its SymPy matrices by name."""
     from symgen.models.system import linkage_system
-    from symgen.scene.resolve import resolve
+    from symgen.scene.resolve import resolve_linkage
 
-    return linkage_system(resolve(check_scene(_text_of(scene))))
+    return linkage_system(resolve_linkage(check_scene(_text_of(scene))))
 
 
 def _text_of(scene: Any) -> SceneText:

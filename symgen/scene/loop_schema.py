@@ -12,9 +12,9 @@ from symgen.scene.table import Moments, Name, SpatialVector, Table, Value
 class LoopUnits(Table):
     """Units that results are given in."""
 
-    length: str = Field("m", description="Such as in, mm, m.")
-    force: str = Field("N", description="Such as lbf, kN, N.")
-    angle: str = Field("rad", description="rad, deg or rev.")
+    length: str = Field(default="m", description="Such as in, mm, m.")
+    force: str = Field(default="N", description="Such as lbf, kN, N.")
+    angle: str = Field(default="rad", description="rad, deg or rev.")
 
 
 class LoopRow(Table):
