@@ -34,7 +34,8 @@ class Closed:
     """The mechanism at crank angles theta [rad]; vectors have their components in the last axis, in frame {1}."""
 
     def __init__(self, offsets: Offsets, theta):
-        self.offsets, self.theta = offsets, theta = offsets, np.asarray(theta, dtype=float)
+        theta = np.asarray(theta, dtype=float)
+        self.offsets, self.theta = offsets, theta
         a4, S1, w, A = offsets.a4, offsets.S1, SPEED, np.radians(offsets.alpha4)
         c, s, sA, cA = np.cos(theta), np.sin(theta), np.sin(A), np.cos(A)
         zero = np.zeros_like(theta)

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.optimize import brentq
-
 from reference import printed_slider_crank as printed
 from reference.closed_slider_crank import A1, A2, M1, M2, SPEED, Closed, Offsets
+from scipy.optimize import brentq
 
 TURN = np.radians(np.arange(0.0, 360.0, 0.25))
 #: Scenes of the source's study: a4, alpha4, S1.
@@ -95,7 +94,7 @@ def planar_forces(a4, degrees, *, signs=False, centres=False):
 def _second_rate(a4, degrees):
     """Second rate of theta3 in the plane: the direction of the rod turns by u x u''."""
     closed = Closed(Offsets(a4), np.radians(degrees))
-    u, v, a = closed.along, closed.along_rate, closed.along_acceleration
+    u, a = closed.along, closed.along_acceleration
     return -(u[0] * a[1] - u[1] * a[0])  # theta1 + theta2 + theta3 = 0, and |u| = 1 leaves no other term
 
 

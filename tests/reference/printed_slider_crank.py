@@ -11,7 +11,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-
 from reference.closed_slider_crank import (
     A1,
     A2,
