@@ -12,6 +12,7 @@ Lengths in inches, forces in pounds, masses in lbf s^2/in; extended doubles.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 from jets import (
@@ -64,6 +65,16 @@ class Crank:
         volumes = (PI * r1**2 * self.a1, PI * r2**2 * self.a2, side**3)
         object.__setattr__(self, "masses", tuple(self.density * v for v in volumes))
 
+    def inertia_of_crank(self) -> np.ndarray:
+        """About the centre of mass, in the frame {2}; the moment about k is what turns count."""
+        return np.diag(cylinder(self.masses[0], self.radii[0], self.a1))
+
+    def inertia_of_rod(self) -> np.ndarray:
+        """About the centre of mass, in the frame {3}."""
+        if self.rod_inertia is not None:
+            return np.array(self.rod_inertia, dtype=Real)
+        return np.diag(cylinder(self.masses[1], self.radii[1], self.a2))
+
     def motion(self, theta1: Jet, S1: Jet, spin: Jet | float = 0.0, branch: int = 1) -> Motion:
         return Motion(self, jet(theta1), jet(S1), jet(spin), branch)
 
@@ -96,10 +107,23 @@ class Motion:
         self.gauge = about_z(heading) @ about_y(self.eta2)
         self.frame3 = self.gauge @ about_x(spin)
         self.frame4 = about_x(zero - alpha4)
-        r = self.frame3.transposed @ self.frame4
-        self.theta3 = atan2(r[..., 1, 0], r[..., 0, 0])
-        self.eta3 = -atan2(r[..., 2, 0], sqrt(r[..., 0, 0] * r[..., 0, 0] + r[..., 1, 0] * r[..., 1, 0]))
-        self.alpha3 = atan2(r[..., 2, 1], r[..., 2, 2])
+
+    @cached_property
+    def _bend(self) -> Jet:
+        return self.frame3.transposed @ self.frame4
+
+    @cached_property
+    def theta3(self) -> Jet:
+        return atan2(self._bend[..., 1, 0], self._bend[..., 0, 0])
+
+    @cached_property
+    def eta3(self) -> Jet:
+        x, y = self._bend[..., 0, 0], self._bend[..., 1, 0]
+        return -atan2(self._bend[..., 2, 0], sqrt(x * x + y * y))
+
+    @cached_property
+    def alpha3(self) -> Jet:
+        return atan2(self._bend[..., 2, 1], self._bend[..., 2, 2])
 
     def variables(self) -> dict[str, Jet]:
         names = ("theta1", "S1", "theta2", "eta2", "theta3", "eta3", "alpha3", "S4")
@@ -124,7 +148,7 @@ class Motion:
         centre1 = self.p2 - self.frame2[..., 0] * (Real(c.a1) / 2)
         push1 = m1 * (centre1.second - g)
         spin1, spin1_rate = angular_velocity(self.frame2)
-        own1 = _rate_of_spin(self.frame2.value, np.diag(cylinder(m1, c.radii[0], c.a1)), spin1, spin1_rate)
+        own1 = _rate_of_spin(self.frame2.value, c.inertia_of_crank(), spin1, spin1_rate)
         crank_moment = own1 + cross(centre1.value, push1)
         k = np.array([0, 0, 1], dtype=Real)
         if theta1_drive is None:
@@ -155,30 +179,28 @@ class Motion:
     def _rod(self) -> tuple[Jet, np.ndarray]:
         """Centre of mass, and the rate of the angular momentum about it."""
         c = self.crank
-        m2 = c.masses[1]
         if c.rod_inertia is None:
             u, _, u2 = self.u.parts
-            across = cylinder(m2, c.radii[1], c.a2)[1]
+            across = c.inertia_of_rod()[1, 1]
             return (self.p2 + self.p3) / 2, across * cross(u, u2)
         spin, spin_rate = angular_velocity(self.frame3)
         arm = self.frame3 @ Jet(np.array(c.rod_centre, dtype=Real)[:, None])
-        inertia = np.array(c.rod_inertia, dtype=Real)
-        return self.p3 + arm[..., 0], _rate_of_spin(self.frame3.value, inertia, spin, spin_rate)
+        return self.p3 + arm[..., 0], _rate_of_spin(self.frame3.value, c.inertia_of_rod(), spin, spin_rate)
 
     def kinetic_energy(self) -> np.ndarray:
         c = self.crank
         m1, m2, m3 = c.masses
         spin1, _ = angular_velocity(self.frame2)
-        inertia1 = cylinder(m1, c.radii[0], c.a1)[2] + m1 * (Real(c.a1) / 2) ** 2
+        inertia1 = c.inertia_of_crank()[2, 2] + m1 * (Real(c.a1) / 2) ** 2
         energy = inertia1 * spin1[..., 2] ** 2 / 2 + m1 * self.S1.rate**2 / 2
         centre, _ = self._rod()
         energy = energy + m2 * dot(centre.rate, centre.rate) / 2
         if c.rod_inertia is None:
-            energy = energy + cylinder(m2, c.radii[1], c.a2)[1] * dot(self.u.rate, self.u.rate) / 2
+            energy = energy + c.inertia_of_rod()[1, 1] * dot(self.u.rate, self.u.rate) / 2
         else:
             spin, _ = angular_velocity(self.frame3)
             own = _into(self.frame3, spin)
-            energy = energy + dot(own, own @ np.array(c.rod_inertia, dtype=Real)) / 2
+            energy = energy + dot(own, own @ c.inertia_of_rod()) / 2
         return energy + m3 * dot(self.p3.rate, self.p3.rate) / 2
 
 

@@ -18,7 +18,9 @@ class Jet:
 
     def __init__(self, value, rate=0, second=0):
         parts = [np.asarray(x, dtype=Real) for x in (value, rate, second)]
-        self.value, self.rate, self.second = np.broadcast_arrays(*parts)
+        if not parts[0].shape == parts[1].shape == parts[2].shape:
+            parts = np.broadcast_arrays(*parts)
+        self.value, self.rate, self.second = parts
 
     @property
     def parts(self):
@@ -35,7 +37,7 @@ class Jet:
         return self + -jet(other)
 
     def __rsub__(self, other):
-        return jet(other) - self
+        return jet(other) + -self
 
     def _product(self, other, times):
         other = jet(other)
@@ -84,8 +86,8 @@ def dot(a, b):
 
 
 def cross(a, b):
-    (ax, ay, az), (bx, by, bz) = (np.moveaxis(x, -1, 0) for x in np.broadcast_arrays(a, b))
-    return np.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx], axis=-1)
+    ax, ay, az, bx, by, bz = (x[..., i] for x in (a, b) for i in range(3))
+    return stacked([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx])
 
 
 def sin(x):
@@ -110,15 +112,23 @@ def atan2(y, x):
     return Jet(np.arctan2(y.value, x.value), turn / r2, turn_rate / r2 - turn * r2_rate / r2**2)
 
 
+def stacked(parts):
+    """Arrays side by side along a new last axis."""
+    made = np.empty((*np.broadcast(*parts).shape, len(parts)), dtype=Real)
+    for i, p in enumerate(parts):
+        made[..., i] = p
+    return made
+
+
 def vector(x, y, z):
     parts = [jet(c).parts for c in (x, y, z)]
-    return Jet(*(np.stack(np.broadcast_arrays(*p), axis=-1) for p in zip(*parts, strict=True)))
+    return Jet(*(stacked(p) for p in zip(*parts, strict=True)))
 
 
 def matrix(*columns):
     """Three vectors as the columns of a matrix."""
     parts = [c.parts for c in columns]
-    return Jet(*(np.stack(np.broadcast_arrays(*p), axis=-1) for p in zip(*parts, strict=True)))
+    return Jet(*(stacked(p) for p in zip(*parts, strict=True)))
 
 
 def about_z(angle):
@@ -145,6 +155,6 @@ def angular_velocity(turn):
 
 def _axial(m):
     """Half of the skew part: the symmetric part of R'' R^T is not an acceleration."""
-    return np.stack(
-        [m[..., 2, 1] - m[..., 1, 2], m[..., 0, 2] - m[..., 2, 0], m[..., 1, 0] - m[..., 0, 1]], axis=-1
+    return stacked(
+        [m[..., 2, 1] - m[..., 1, 2], m[..., 0, 2] - m[..., 2, 0], m[..., 1, 0] - m[..., 0, 1]]
     ) / Real(2)
