@@ -18,7 +18,7 @@ def flags(optimisation):
 extensions = [
     *(
         Extension(f"symgen.runtime.{name}", [f"symgen/runtime/{name}.pyx"], extra_compile_args=flags(2))
-        for name in ("_core", "_stepper")
+        for name in ("_core", "_loop", "_stepper")
     ),
     *(
         Extension(

@@ -16,8 +16,8 @@ from typing import TYPE_CHECKING, Any
 
 from symgen.cache import Cache, Entry, key
 from symgen.compiler import Compilation, Compiler, find_compiler
+from symgen.describe import describe, with_start
 from symgen.errors import (
-    InitialStateError,
     ModelError,
     SceneError,
     SlowBackendWarning,
@@ -28,16 +28,18 @@ from symgen.scene.loading import SceneText, check_scene, override, read_scene
 if TYPE_CHECKING:
     from symgen.codegen.emit import SourceFile
     from symgen.lowering.kernel import Program
-    from symgen.runtime.description import Description
+    from symgen.runtime.description import Described, Description
     from symgen.runtime.library import Library
+    from symgen.runtime.loop_model import LoopModel
     from symgen.runtime.model import Model
     from symgen.scene.linkage import Linkage
+    from symgen.scene.loop import Loop
     from symgen.scene.schema import Scene
     from symgen.symbolic.system import System
 
 BACKENDS = ("auto", "c", "numpy")
 _DESCRIPTION, _LIBRARY = "description.json", "kernels.so"
-_GENERATOR = ("scene", "symbolic", "mechanics", "models", "lowering", "codegen")
+_GENERATOR = ("scene", "symbolic", "joints", "mechanics", "models", "lowering", "codegen")
 
 
 def build(
@@ -45,8 +47,11 @@ def build(
     *,
     set: Mapping[str, str] | None = None,
     backend: str = "auto",
-) -> Model:
+) -> Model | LoopModel:
     """Derive, lower, emit and compile a scene, or take it from the cache.
+
+    Returns a :class:`~symgen.runtime.model.Model`, or, of a scene with a link-joint table, a
+    :class:`~symgen.runtime.loop_model.LoopModel`.
 
     Parameters
     ----------
@@ -76,17 +81,11 @@ def build(
         raise ModelError(f"the backend 'c' needs a C compiler, and there is none. {_GET_A_COMPILER}")
     description, library = _cached(text, compiler, "", lambda f: compile_scene(text, compiler, f))
     from symgen.runtime.library import open_shipped
-    from symgen.runtime.model import Model
 
     if compiler is None and backend == "auto":
         library = open_shipped(description) or library
         _warn(library)
-    model = Model(
-        description,
-        library,
-        lambda: derive(text).by_name(),
-        analyses=cache(lambda kind: _analysis(text, compiler, description, kind)),
-    )
+    model = _model(text, compiler, description, library)
     if not tunable:
         return model
     values = _in_si(model, tunable, text.file)
@@ -94,37 +93,68 @@ def build(
     return model.with_parameters(**values)
 
 
-def compile_scene(text: SceneText, compiler: Compiler | None, folder: Path) -> tuple[Description, Library]:
+def _model(
+    text: SceneText, compiler: Compiler | None, description: Any, library: Library
+) -> Model | LoopModel:
+    from symgen.runtime.description import LoopDescription
+
+    def equations() -> Any:
+        return derive(text).by_name()
+
+    if isinstance(description, LoopDescription):
+        from symgen.runtime.loop_model import LoopModel
+
+        return LoopModel(description, library, equations)
+    from symgen.runtime.model import Model
+
+    analyses = cache(lambda kind: _analysis(text, compiler, description, kind))
+    return Model(description, library, equations, analyses=analyses)
+
+
+def compile_scene(text: SceneText, compiler: Compiler | None, folder: Path) -> tuple[Any, Library]:
     """Run the whole pipeline into a folder: sources, library and description."""
     with _no_collection():
-        from symgen.models.system import linkage_system, with_redundancy
+        from symgen.models.system import with_redundancy
         from symgen.scene.resolve import resolve
 
-        linkage = resolve(check_scene(text))  # SceneText -> Scene -> Linkage
-        system = linkage_system(linkage)  # Linkage -> System
-    description, library = _compiled(linkage, system, compiler, folder)
+        resolved = resolve(check_scene(text))  # SceneText -> Scene -> Linkage | Loop
+        system = system_of(resolved)  # Linkage | Loop -> System
+    description, library = _compiled(resolved, system, compiler, folder)
     # That constraints are redundant shows at the start only: then the factorisation must expect it.
     tolerant = with_redundancy(system)
-    if description.redundant and tolerant is not system:
+    if tolerant is not system and description.redundant:
         # In a folder of its own: a library of a path that is open already would not be loaded again.
         again = folder / "again"
         again.mkdir()
-        description, library = _compiled(linkage, tolerant, compiler, again)
+        description, library = _compiled(resolved, tolerant, compiler, again)
         for file in sorted(again.iterdir()):
             file.replace(folder / file.name)
         again.rmdir()
     return description, library
 
 
+def system_of(resolved: Linkage | Loop) -> System:
+    """Return the System of a resolved scene."""
+    from symgen.scene.loop import Loop
+
+    if isinstance(resolved, Loop):
+        from symgen.models.loop import loop_system
+
+        return loop_system(resolved)
+    from symgen.models.system import linkage_system
+
+    return linkage_system(resolved)
+
+
 def _compiled(
-    linkage: Linkage, system: System, compiler: Compiler | None, folder: Path
-) -> tuple[Description, Library]:
+    resolved: Linkage | Loop, system: System, compiler: Compiler | None, folder: Path
+) -> tuple[Any, Library]:
     with _no_collection():
         program, equations, sources = _lowered(system, compiler)  # System -> Program, (SourceFile, ...)
     compilation = _written(sources, compiler, folder)  # (SourceFile, ...) -> compilers at work
-    description = _describe(linkage, program, equations)  # the runtime is loaded while they work
+    description = describe(resolved, program, equations)  # the runtime is loaded while they work
     library = _opened(folder, description, compilation)  # -> Library
-    return _with_start(description, library), library
+    return with_start(description, library), library
 
 
 def _lowered(system: System, compiler: Compiler | None) -> tuple[Program, str, tuple[SourceFile, ...]]:
@@ -162,10 +192,9 @@ def _analysis(
 
 def derive(scene: Scene | SceneText | str | os.PathLike[str]) -> System:
     """Return the derived equations of a scene: its SymPy matrices by name."""
-    from symgen.models.system import linkage_system
     from symgen.scene.resolve import resolve
 
-    return linkage_system(resolve(check_scene(_text_of(scene))))
+    return system_of(resolve(check_scene(_text_of(scene))))
 
 
 def _text_of(scene: Any) -> SceneText:
@@ -197,7 +226,7 @@ def _check_values(text: SceneText) -> None:
     resolve(check_scene(text))
 
 
-def _in_si(model: Model, values: Mapping[str, str], file: str) -> dict[str, float]:
+def _in_si(model: Model | LoopModel, values: Mapping[str, str], file: str) -> dict[str, float]:
     from symgen.scene.units import parse_quantity
 
     result = {}
@@ -217,8 +246,8 @@ def _cached(
     text: SceneText,
     compiler: Compiler | None,
     kind: str,
-    make: Callable[[Path], tuple[Description, Library]],
-) -> tuple[Description, Library]:
+    make: Callable[[Path], tuple[Any, Library]],
+) -> tuple[Any, Library]:
     """Take from the cache what ``make`` makes of a scene, or make it; ``kind`` is part of its name there."""
     store = Cache()
     how = compiler.identity if compiler else "numpy"
@@ -240,19 +269,19 @@ def _cached(
         return description, library
 
 
-def _from_cache(entry: Entry | None) -> tuple[Description, Library] | None:
+def _from_cache(entry: Entry | None) -> tuple[Described, Library] | None:
     if entry is None:
         return None
-    from symgen.runtime.description import Description
+    from symgen.runtime.description import read_description
 
     try:
-        description = Description.from_json(entry.read_text(_DESCRIPTION))
+        description = read_description(entry.read_text(_DESCRIPTION))
         return description, _opened(entry.folder, description)
     except (KeyError, TypeError, ValueError, OSError):
         return None
 
 
-def _opened(folder: Path, description: Description, compilation: Compilation | None = None) -> Library:
+def _opened(folder: Path, description: Described, compilation: Compilation | None = None) -> Library:
     """Open the kernels in a folder: the compiled library, else the NumPy source."""
     from symgen.runtime.library import open_library, open_numpy
 
@@ -274,66 +303,12 @@ def _written(sources: tuple[SourceFile, ...], compiler: Compiler | None, folder:
     return compiler.start([folder / s.name for s in sources if s.name.endswith(".c")], folder / _LIBRARY)
 
 
-def _describe(linkage: Linkage, program: Program, equations: str) -> Description:
-    from symgen.runtime.description import Description, ParameterInfo, kernel_infos
-    from symgen.symbolic.quantity import AXES
-
-    kernels = {k.name: k for k in program.kernels}
-    solution = {b.name: b for b in kernels["accelerations"].blocks}
-    work = next(slots for name, _, slots in program.groups if name == "work")
-    return Description(
-        name=program.name,
-        file=linkage.file,
-        title=program.title,
-        equations=equations,
-        axes=tuple(AXES[: linkage.dimension]),
-        points=tuple(p.name for p in linkage.points),
-        free=tuple(dict.fromkeys(r.rpartition("_")[0] for r in solution["accelerations"].rows)),
-        ground=tuple(p.name for p in linkage.points if p.ground),
-        links={k.name: [k.start, k.end, *(p.name for p in k.carried)] for k in linkage.links},
-        constraints=tuple(r.removesuffix("_lambda") for r in solution["multipliers"].rows),
-        labels=tuple(
-            s.description.removeprefix("multiplier of ") for s in work if s.name.endswith("_lambda")
-        ),
-        work_of_loads=any(b.name == "power" for b in kernels["energy"].blocks),
-        parameters=tuple(
-            ParameterInfo(p.quantity.name, p.quantity.unit, p.quantity.description, float(p.default))
-            for p in linkage.parameters
-        ),
-        kernels=kernel_infos(program.kernels),
-        first_pivot=program.pivots,
-        start=(),
-        redundant=(),
-        t_end=float(linkage.t_end.xreplace(dict(linkage.defaults))),
-        assembly_tolerance=float(linkage.assembly_tolerance.xreplace(dict(linkage.defaults))),
-        rank_tolerance=float(program.rank_tolerance),
-        references=program.references,
-        left_out=program.left_out,
-    )
-
-
-def _with_start(description: Description, library: Library) -> Description:
-    """Find the start of the scene, which also tells whether there is one."""
-    import numpy as np
-
-    from symgen.runtime.evaluate import Evaluator
-    from symgen.runtime.initial import start
-
-    evaluator = Evaluator(description, library, np.array([p.default for p in description.parameters]))
-    try:
-        found = start(evaluator)
-    except InitialStateError as error:
-        problem, _, hint = str(error).partition("\n")
-        raise SceneError(problem, where=error.where, file=description.file, hint=hint.strip()) from None
-    return replace(description, start=(*found.q.tolist(), *found.u.tolist()), redundant=found.redundant)
-
-
 @cache
 def _fingerprint() -> str:
     """Return a hash of everything that decides the generated code besides the scene."""
     here = Path(__file__).resolve().parent
     files = [p for part in _GENERATOR for p in (here / part).rglob("*") if p.suffix in (".py", ".txt")]
-    files += [Path(__file__), here / "runtime" / "description.py"]
+    files += [Path(__file__), here / "describe.py", here / "runtime" / "description.py"]
     templates = importlib.util.find_spec("symgen.templates")
     if templates and templates.origin:
         files += Path(templates.origin).parent.rglob("*.j2")

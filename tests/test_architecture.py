@@ -29,7 +29,10 @@ ALLOWED = {
     "cache": set(),
     "runtime": {"atomic", "report"},
     "report": {"runtime", "symbolic", "lowering", "codegen", "atomic"},
+    "describe": {"scene", "lowering", "runtime", "symbolic"},
+    "runs": {"runtime", "scene"},
     "pipeline": {
+        "describe",
         "scene", "symbolic", "mechanics", "models", "lowering", "codegen", "compiler", "cache", "runtime",
         "atomic",
     },

@@ -4,13 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from symgen.runtime.description import LoopDescription
+from symgen.runtime.loop_model import LoopModel
 from symgen.runtime.model import Model
 
 
-def model_lines(model: Model) -> Iterator[str]:
+def model_lines(model: Model | LoopModel) -> Iterator[str]:
     """Yield the kernels of a model with their cost, its parameters, and what was left out."""
     d = model.description
-    yield f"{d.title}: {model.backend} backend, {d.coordinates} coordinates, {len(d.constraints)} constraints"
+    what = (
+        f"{' '.join(d.joints)} loop"
+        if isinstance(d, LoopDescription)
+        else f"{len(d.constraints)} constraints"
+    )
+    yield f"{d.title}: {model.backend} backend, {d.coordinates} coordinates, {what}"
     width = max(len(name) for name in model.operations)
     for name, counts in model.operations.items():
         kinds = ", ".join(f"{n} {kind}" for kind, n in counts.items() if n and kind != "flops")
@@ -21,10 +28,28 @@ def model_lines(model: Model) -> Iterator[str]:
         yield f"  left out: {what}"
 
 
-def freedom_lines(model: Model) -> Iterator[str]:
+def freedom_lines(model: Model | LoopModel) -> Iterator[str]:
     """Yield the degrees of freedom at the start, and the constraints that others imply there."""
+    if isinstance(model, LoopModel):
+        yield from _of_loop(model.description)
+        return
     d, redundant = model.description, model.redundant
     freedom = d.coordinates - len(d.constraints) + len(redundant)
-    degrees = "1 degree" if freedom == 1 else f"{freedom} degrees"
-    yield f"{d.coordinates} coordinates, {len(d.constraints)} constraints: {degrees} of freedom at the start"
+    yield (
+        f"{d.coordinates} coordinates, {len(d.constraints)} constraints: {_degrees(freedom)} of freedom at the "
+        "start"
+    )
     yield f"redundant: {', '.join(redundant) or 'none'}"
+
+
+def _of_loop(d: LoopDescription) -> Iterator[str]:
+    inputs, free, dependent = (len(d.having(role)) for role in ("input", "free", "dependent"))
+    yield (
+        f"{d.coordinates} variables: {inputs} prescribed, {free} free, {dependent} dependent, whose screws have "
+        f"rank {d.rank}: {_degrees(inputs + free)} of freedom"
+    )
+    yield f"redundant: {6 - d.rank} of 6 closure equations" if d.rank < 6 else "redundant: none"
+
+
+def _degrees(count: int) -> str:
+    return "1 degree" if count == 1 else f"{count} degrees"

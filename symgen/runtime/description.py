@@ -43,18 +43,46 @@ class KernelInfo:
 
 
 @dataclass(frozen=True, slots=True)
-class Description:
-    """Everything the runtime needs to know of a model, besides the code.
+class Described:
+    """What the runtime needs to know of any model, besides the code."""
+
+    name: str
+    file: str
+    title: str
+    equations: str
+    parameters: tuple[ParameterInfo, ...]
+    kernels: tuple[KernelInfo, ...]
+    references: tuple[str, ...]
+    left_out: tuple[str, ...]
+
+    @property
+    def coordinates(self) -> int:
+        """Number of coordinates."""
+        raise NotImplementedError
+
+    def kernel(self, name: str) -> KernelInfo | None:
+        """Return what is known of a kernel; None when the model has none of that name."""
+        return next((k for k in self.kernels if k.name == name), None)
+
+    @property
+    def work_size(self) -> int:
+        """Number of doubles of work memory that the largest kernel needs."""
+        return max((k.work_size for k in self.kernels), default=0)
+
+    def to_json(self) -> str:
+        """Return the description as JSON text."""
+        return json.dumps(asdict(self), indent=1)
+
+
+@dataclass(frozen=True, slots=True)
+class Description(Described):
+    """What the runtime needs to know of a linkage of points and links.
 
     ``free`` are the points that have coordinates; ``links`` holds the points of each link; ``labels`` say
     what each constraint is called in messages. ``start`` holds the coordinates and then the velocities at
     the scene's own parameters, ``first_pivot`` is where the kernel 'factor' leaves its pivots in ``work``.
     """
 
-    name: str
-    file: str
-    title: str
-    equations: str
     axes: tuple[str, ...]
     points: tuple[str, ...]
     free: tuple[str, ...]
@@ -63,20 +91,12 @@ class Description:
     constraints: tuple[str, ...]
     labels: tuple[str, ...]
     work_of_loads: bool
-    parameters: tuple[ParameterInfo, ...]
-    kernels: tuple[KernelInfo, ...]
     first_pivot: int
     start: tuple[float, ...]
     redundant: tuple[int, ...]
     t_end: float
     assembly_tolerance: float
     rank_tolerance: float
-    references: tuple[str, ...]
-    left_out: tuple[str, ...]
-
-    def kernel(self, name: str) -> KernelInfo | None:
-        """Return what is known of a kernel; None when the model has none of that name."""
-        return next((k for k in self.kernels if k.name == name), None)
 
     @property
     def coordinates(self) -> int:
@@ -100,22 +120,77 @@ class Description:
         table = "drivers" if constraint in self.drives else "links"
         return f"{table}.{self.constraints[constraint].removesuffix('_drive')}"
 
-    def to_json(self) -> str:
-        """Return the description as JSON text."""
-        return json.dumps(asdict(self), indent=1)
 
-    @classmethod
-    def from_json(cls, text: str) -> Description:
-        """Read what :meth:`to_json` wrote; any fault raises KeyError, TypeError or ValueError."""
-        data: dict[str, Any] = json.loads(text)
-        data["parameters"] = tuple(ParameterInfo(**p) for p in data["parameters"])
-        data["kernels"] = tuple(
-            KernelInfo(**{**k, "blocks": tuple(_block(b) for b in k["blocks"])}) for k in data["kernels"]
-        )
-        for key, value in data.items():
-            if isinstance(value, list):
-                data[key] = tuple(value)
-        return cls(**data)
+@dataclass(frozen=True, slots=True)
+class VariableInfo:
+    """A joint variable of a loop: see :class:`symgen.scene.loop.Variable`.
+
+    ``unit`` is ``rad`` or ``m``; ``unknown`` tells whether the effort of its drive is to be found.
+    """
+
+    name: str
+    unit: str
+    row: int
+    role: str
+    unknown: bool
+    start: float
+    start_rate: float
+
+    @property
+    def is_length(self) -> bool:
+        """Whether it is a displacement."""
+        return self.unit == "m"
+
+
+@dataclass(frozen=True, slots=True)
+class LoopDescription(Described):
+    """What the runtime needs to know of a closed loop.
+
+    ``joints`` and ``links`` name each row of the table. ``span`` is the range of the first input, empty where
+    nothing is prescribed. ``units`` gives the name and the size in SI of the scene's units of length, force
+    and angle. ``start`` are the variables at the start, at the scene's own parameters, ``rank`` is the rank
+    of the screws of the dependent variables.
+    """
+
+    joints: tuple[str, ...]
+    links: tuple[str, ...]
+    variables: tuple[VariableInfo, ...]
+    span: tuple[float, ...]
+    t_end: float
+    size: float
+    units: dict[str, list[Any]]
+    start: tuple[float, ...]
+    rank: int
+
+    @property
+    def coordinates(self) -> int:
+        """Number of joint variables."""
+        return len(self.variables)
+
+    def having(self, *roles: str) -> list[int]:
+        """Return the numbers of the variables of these roles."""
+        return [i for i, v in enumerate(self.variables) if v.role in roles]
+
+    def row(self, index: int) -> str:
+        """Return what the row of a variable is called in messages."""
+        v = self.variables[index]
+        return f"{v.name} of row {v.row + 1} (joint {self.joints[v.row]}, link {self.links[v.row]})"
+
+
+def read_description(text: str) -> Description | LoopDescription:
+    """Read what ``to_json`` wrote; any fault raises KeyError, TypeError or ValueError."""
+    data: dict[str, Any] = json.loads(text)
+    data["parameters"] = tuple(ParameterInfo(**p) for p in data["parameters"])
+    data["kernels"] = tuple(
+        KernelInfo(**{**k, "blocks": tuple(_block(b) for b in k["blocks"])}) for k in data["kernels"]
+    )
+    for key, value in data.items():
+        if isinstance(value, list):
+            data[key] = tuple(value)
+    if "variables" not in data:
+        return Description(**data)
+    data["variables"] = tuple(VariableInfo(**v) for v in data["variables"])
+    return LoopDescription(**data)
 
 
 def _block(data: dict[str, Any]) -> BlockInfo:

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from symgen.errors import StaleBinaryError
-from symgen.runtime.description import Description
+from symgen.runtime.description import Described
 
 _POINTER = ctypes.POINTER(ctypes.c_double)
 _KERNEL = ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * 6)
@@ -29,7 +29,7 @@ class Library:
     owner: Any
 
 
-def open_library(path: Path, description: Description) -> Library:
+def open_library(path: Path, description: Described) -> Library:
     """Open a compiled shared library and check that it computes the described equations.
 
     Raises
@@ -52,7 +52,7 @@ def open_library(path: Path, description: Description) -> Library:
     return Library("c", addresses, library)
 
 
-def open_shipped(description: Description) -> Library | None:
+def open_shipped(description: Described) -> Library | None:
     """Return the kernels compiled at install when they are of exactly these equations, else None."""
     try:
         module = shipped_module(description.name)
@@ -91,7 +91,7 @@ def _check_tag(tag: str, expected: str, what: str) -> None:
         )
 
 
-def open_numpy(source: str, description: Description) -> Library:
+def open_numpy(source: str, description: Described) -> Library:
     """Return the kernels of the NumPy backend from their generated Python source."""
     namespace: dict[str, Any] = {}
     exec(compile(source, f"<{description.name} numpy kernels>", "exec"), namespace)  # noqa: S102 - our own code

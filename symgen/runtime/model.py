@@ -91,6 +91,9 @@ class Model:
             f"{self.backend} backend>"
         )
 
+    #: Whether its inputs alone move it; a linkage's motion is followed in time.
+    is_driven = False
+
     def with_parameters(self, **values: float) -> Model:
         """Return the same model with other values of its tunable parameters, in SI units."""
         return Model(

@@ -53,6 +53,21 @@ def run(
     stepper = _stepper.Stepper(
         equations, chosen.method, t0, y0, chosen.t_end, chosen.rtol, chosen.atol, chosen.step, times
     )
+    status, wall = drive(stepper, t0, chosen, progress)
+    result = recorded(evaluator, equations, stepper, redundant, chosen, wall)
+    if status == _core.DONE:
+        return result
+    raise SimulationError(
+        _problem(status, stepper, equations, evaluator),
+        time=stepper.t,
+        partial=result if stepper.recorded else None,
+    )
+
+
+def drive(
+    stepper: _stepper.Stepper, t0: float, chosen: Options, progress: Progress | None
+) -> tuple[int, float]:
+    """Step to the end in chunks of time; return the last status and the wall time [s]."""
     begun = time.perf_counter()
     status = stepper.begin()
     chunk, tick = 256, begun
@@ -65,15 +80,7 @@ def run(
         tick = now
         if progress:
             progress((stepper.t - t0) / (chosen.t_end - t0))
-    wall = time.perf_counter() - begun
-    result = recorded(evaluator, equations, stepper, redundant, chosen, wall)
-    if status == _core.DONE:
-        return result
-    raise SimulationError(
-        _problem(status, stepper, equations, evaluator),
-        time=stepper.t,
-        partial=result if stepper.recorded else None,
-    )
+    return status, time.perf_counter() - begun
 
 
 def _problem(

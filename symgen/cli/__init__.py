@@ -1,0 +1,47 @@
+"""The command line: arguments in, calls out."""
+
+from __future__ import annotations
+
+import atexit
+import gc
+import sys
+import warnings
+from typing import Annotated
+
+import typer
+
+# In the order in which --help lists the commands.
+from symgen.cli import analyses, inspection, making, running
+from symgen.cli.common import app
+from symgen.errors import SymgenError
+
+__all__ = ["analyses", "app", "inspection", "main", "making", "running"]
+
+
+def main() -> None:
+    """Run the command line: every error that symgen raises on purpose becomes one message and exit code 2."""
+    gc.disable()  # a short process: collecting garbage would only lengthen its start and, thawed, its end
+    atexit.register(gc.freeze)
+    warnings.showwarning = lambda message, *_, **__: print(f"symgen: {message}", file=sys.stderr)
+    try:
+        app()
+    except SymgenError as error:
+        print(f"symgen: {error}", file=sys.stderr)
+        raise SystemExit(2) from None
+    except KeyboardInterrupt:
+        print("symgen: interrupted", file=sys.stderr)
+        raise SystemExit(130) from None
+    except BrokenPipeError:
+        sys.stderr.close()
+        raise SystemExit(1) from None
+
+
+@app.callback(invoke_without_command=True)
+def _version(
+    ctx: typer.Context, version: Annotated[bool, typer.Option("--version", help="Print the version.")] = False
+) -> None:
+    if version:
+        from symgen import __version__
+
+        print(__version__)
+        raise typer.Exit

@@ -1,0 +1,91 @@
+"""``symgen kinematics``, ``equilibrium`` and ``modes``: what is asked of linkages besides their motion."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from symgen.cli.common import (
+    BackendOption,
+    JsonOption,
+    SceneArgument,
+    SetOption,
+    app,
+)
+
+
+@app.command()
+def kinematics(
+    scene: SceneArgument,
+    start: Annotated[float, typer.Option("--from", help="Start of the range [s].")] = 0.0,
+    stop: Annotated[
+        float | None, typer.Option("--to", help="End of the range [s]; the scene's own when absent.")
+    ] = None,
+    of: Annotated[
+        list[str] | None,
+        typer.Option("--of", metavar="NAME", help="A point or link to record; all if absent."),
+    ] = None,
+    samples: Annotated[int, typer.Option(help="Number of recorded times.")] = 181,
+    branch: Annotated[int, typer.Option(help="Which assembly at t = 0 to follow; 1 is the drawn one.")] = 1,
+    through: Annotated[
+        bool, typer.Option("--through", help="Go on through dead centres, back in time.")
+    ] = False,
+    set_: SetOption = None,
+    out: Annotated[Path | None, typer.Option(help="Save the result: .nc or .npz.")] = None,
+    plot: Annotated[Path | None, typer.Option(help="Save a plot: .png, .svg or .pdf.")] = None,
+    as_json: JsonOption = False,
+    backend: BackendOption = "auto",
+) -> None:
+    """Follow a driven linkage: positions, velocities, accelerations, dead centres."""
+    from symgen.errors import ModelError
+
+    model = linkage(scene, set_, backend, "kinematics")
+    state = None
+    if branch != 1:
+        states = model.assemblies()
+        if not 1 <= branch <= len(states):
+            raise ModelError(f"there is no branch {branch}: {len(states)} assemblies were found at t = 0")
+        state = states[branch - 1]
+    motion = model.kinematics(start, stop, samples=samples, of=of, state=state, through=through)
+    if out:
+        motion.save(out)
+    if plot:
+        motion.plot(file=plot)
+    if as_json:
+        print_json(motion.summary())
+    else:
+        from symgen.report.analyses import print_motion
+
+        print_motion(motion, console())
+
+
+@app.command()
+def equilibrium(
+    scene: SceneArgument, set_: SetOption = None, as_json: JsonOption = False, backend: BackendOption = "auto"
+) -> None:
+    """Find the static equilibrium downhill from the start of a scene."""
+    model = linkage(scene, set_, backend, "equilibrium")
+    found = model.equilibrium()
+    if as_json:
+        print_json({"scene": model.name, **found.summary()})
+    else:
+        from symgen.report.analyses import print_equilibrium
+
+        print_equilibrium(found, model.description.title, console())
+
+
+@app.command()
+def modes(
+    scene: SceneArgument, set_: SetOption = None, as_json: JsonOption = False, backend: BackendOption = "auto"
+) -> None:
+    """Find frequencies and shapes of small oscillations about the equilibrium of a scene."""
+    model = linkage(scene, set_, backend, "modes")
+    found = model.modes()
+    if as_json:
+        print_json({"scene": model.name, **found.summary()})
+    else:
+        from symgen.report.analyses import print_modes
+
+        print_modes(found, model.description.title, console())

@@ -1,0 +1,73 @@
+"""What the commands share: the application, its options, and how arguments are read."""
+
+from __future__ import annotations
+
+import sys
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from symgen.errors import ModelError, SceneError
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from symgen.runtime.model import Model
+
+app = typer.Typer(
+    help="Derive the equations of a mechanism, print them as C, and run them compiled.",
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+    add_completion=False,
+)
+
+SceneArgument = Annotated[
+    str, typer.Argument(help="A name that 'symgen scenes' lists, or the path of a TOML file.")
+]
+SetOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--set", metavar="KEY=VALUE", help='A parameter or dotted key: rho="2 kg/m", links.OA.mass="1 kg".'
+    ),
+]
+BackendOption = Annotated[str, typer.Option(help="auto, c or numpy.")]
+JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")]
+
+
+def console() -> Console:
+    from rich.console import Console
+
+    return Console(width=None if sys.stdout.isatty() else 110, highlight=False)
+
+
+def changes(changes: list[str] | None) -> dict[str, str]:
+    result = {}
+    for change in changes or []:
+        name, equals, value = change.partition("=")
+        if not equals or not name.strip():
+            raise SceneError(f"expected --set KEY=VALUE, got {change!r}")
+        bare = value.strip()
+        quoted = len(bare) > 1 and bare[0] == bare[-1] and bare[0] in "\"'"
+        result[name.strip()] = bare[1:-1] if quoted else bare
+    return result
+
+
+def linkage(scene: str, changes: list[str] | None, backend: str, command: str) -> Model:
+    """Build a linkage of points and links, which some analyses are for."""
+    from symgen.pipeline import build as build_model
+    from symgen.runtime.model import Model
+
+    model = build_model(scene, set=changes(changes), backend=backend)
+    if not isinstance(model, Model):
+        raise ModelError(
+            f"'symgen {command}' is for linkages of points and links, and {scene} is a link-joint table\n"
+            f"  'symgen run {scene}' evaluates it."
+        )
+    return model
+
+
+def print_json(data: dict[str, Any]) -> None:
+    import json
+
+    print(json.dumps(data, allow_nan=False))

@@ -1,0 +1,91 @@
+"""``symgen run``: a motion in time, or a driven loop over its input."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from symgen.cli.common import (
+    BackendOption,
+    SceneArgument,
+    SetOption,
+    app,
+)
+
+if TYPE_CHECKING:
+    from symgen.runtime.result import Result
+
+
+@app.command()
+def run(
+    scene: SceneArgument,
+    t_end: Annotated[
+        float | None, typer.Option(help="End of the run [s]; the scene's own when absent.")
+    ] = None,
+    method: Annotated[str | None, typer.Option(help="dop853 (adaptive) or rk4 (fixed step).")] = None,
+    rtol: Annotated[float | None, typer.Option(help="Relative tolerance of the local error.")] = None,
+    atol: Annotated[float | None, typer.Option(help="Absolute tolerance [m, m/s].")] = None,
+    step: Annotated[float | None, typer.Option(help="Fixed step [s].")] = None,
+    samples: Annotated[
+        int | None, typer.Option(help="Number of recorded times (201), or of values of the input (361).")
+    ] = None,
+    at: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--at",
+            metavar="VALUE[,VALUE...]",
+            help='Values of the first input of a driven loop: "45,100" (degrees, or the scene\'s unit of '
+            'length), "0.5 rad", "3 in".',
+        ),
+    ] = None,
+    set_: SetOption = None,
+    out: Annotated[Path | None, typer.Option(help="Save the result: .nc or .npz.")] = None,
+    plot: Annotated[Path | None, typer.Option(help="Save a plot: .png, .svg or .pdf.")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
+    backend: BackendOption = "auto",
+) -> None:
+    """Run a scene and print where it ended; a driven loop is evaluated over the range of its input."""
+    from symgen.atomic import writable
+    from symgen.errors import SimulationError
+    from symgen.pipeline import build as build_model
+    from symgen.report.plots import DRAWN_AS
+    from symgen.runtime.result import SAVED_AS
+
+    for file, endings, what in ((out, SAVED_AS, "result"), (plot, DRAWN_AS, "plot")):
+        if file:
+            writable(file, endings, what)
+    model = build_model(scene, set=changes(set_), backend=backend)
+    options: dict[str, Any] = {"method": method, "rtol": rtol, "atol": atol, "step": step}
+    result: Result
+    try:
+        if model.is_driven or at:
+            from symgen.runs import driven_run
+
+            result = driven_run(model, at, samples, {"t_end": t_end, **options})
+        elif as_json or not sys.stderr.isatty():
+            result = model.simulate(t_end, **options, samples=samples or 201)
+        else:
+            from symgen.report.progress import bar
+
+            with bar(model.description.title) as progress:
+                result = model.simulate(t_end, **options, samples=samples or 201, progress=progress)
+    except SimulationError as error:
+        if out and error.partial is not None:
+            error.partial.save(out)
+            print(f"symgen: what was recorded until then is in {out}", file=sys.stderr)
+        raise
+    if out:
+        result.save(out)
+    if plot:
+        result.plot(file=plot)
+    if as_json:
+        import json
+
+        print(json.dumps(result.summary(), allow_nan=False))
+    else:
+        from symgen.report.tables import print_result
+
+        print_result(result, console())

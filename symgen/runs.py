@@ -1,0 +1,66 @@
+"""Evaluating a driven loop as the command line asks for it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from symgen.errors import ModelError, SceneError
+from symgen.runtime.loop_model import LoopModel
+from symgen.runtime.model import Model
+from symgen.runtime.turn import Turn
+
+
+def driven_run(
+    model: Model | LoopModel, at: Sequence[str] | None, samples: int | None, options: Mapping[str, Any]
+) -> Turn:
+    """Return a driven loop at the values asked for, or over its whole range.
+
+    Raises
+    ------
+    ModelError
+        When the scene is not a driven loop, a value cannot be read, or an option of time is given.
+    """
+    if not isinstance(model, LoopModel):
+        raise ModelError(
+            "--at is for driven loops (scenes with a link-joint table)\n"
+            "  'symgen kinematics' follows the drives of a linkage of points and links."
+        )
+    given = [f"--{name.replace('_', '-')}" for name, value in options.items() if value is not None]
+    if given:
+        raise ModelError(
+            f"{', '.join(given)} does not go with a driven loop: it is evaluated over its input, not in time"
+        )
+    if not at:
+        return model.turn(samples=361 if samples is None else samples)
+    if samples is not None:
+        raise ModelError("give --at or --samples, not both")
+    texts = [text.strip() for group in at for text in group.split(",")]
+    return model.at([_value(model, text) for text in texts])
+
+
+def _value(model: LoopModel, text: str) -> float:
+    """Return a value of the first input in SI: a bare angle is in degrees, a length in the scene's unit."""
+    from symgen.scene.units import LENGTH, NUMBER, parse_quantity
+
+    d = model.description
+    first = d.variables[d.having("input")[0]] if d.having("input") else None
+    if first is None:
+        return 0.0
+    try:
+        try:
+            value = float(text)
+        except ValueError:
+            number, dimension = parse_quantity(text)
+            if dimension != (LENGTH if first.is_length else NUMBER):
+                raise SceneError("") from None
+            return float(number)
+        if not math.isfinite(value):
+            raise SceneError("")
+    except SceneError:
+        example = "3 in" if first.is_length else "45 deg"
+        raise ModelError(
+            f'expected values of {first.name} behind --at, such as "{example}", got {text!r}'
+        ) from None
+    return value * d.units["length"][1] if first.is_length else math.radians(value)

@@ -1,0 +1,209 @@
+"""A compiled closed loop: what a user holds in hand."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from symgen.errors import ModelError, nearest
+from symgen.runtime import _core
+from symgen.runtime.description import LoopDescription
+from symgen.runtime.library import Library
+from symgen.runtime.loop_kernels import LoopKernels
+from symgen.runtime.loop_start import Closed, assemblies, close_near, counted
+from symgen.runtime.loop_turn import driven, follow
+from symgen.runtime.options import options
+from symgen.runtime.turn import Turn
+
+if TYPE_CHECKING:
+    from symgen.runtime.result import Result
+
+Array = NDArray[np.float64]
+
+#: Steps in which parameters go from the scene's to other values while the loop is kept closed.
+_STAGES = 16
+
+
+class LoopModel:
+    """Compiled equations of one closed loop of links, given as a link-joint table.
+
+    Made by :func:`symgen.build`. Parameters that the scene declares tunable can be changed with
+    :meth:`with_parameters` without compiling again.
+    """
+
+    def __init__(
+        self,
+        description: LoopDescription,
+        library: Library,
+        derive: Callable[[], Any],
+        parameters: Mapping[str, float] | None = None,
+    ) -> None:
+        self.description, self._library, self._derive = description, library, derive
+        self.parameters = {p.name: p.default for p in description.parameters}
+        for name, value in (parameters or {}).items():
+            if name not in self.parameters:
+                raise ModelError(
+                    f"{description.name} has no tunable parameter {name!r}. {nearest(name, self.parameters)}"
+                )
+            if not np.isfinite(value):
+                raise ModelError(f"expected a finite value of {name}, got {value!r}")
+            self.parameters[name] = float(value)
+        self._kernels = LoopKernels(description, library, list(self.parameters.values()))
+        self._start: Closed | None = None
+        self._equations: Any = None
+
+    @property
+    def name(self) -> str:
+        """Short name of the scene."""
+        return self.description.name
+
+    @property
+    def backend(self) -> str:
+        """Where the kernels come from: ``c`` (compiled for the scene), ``shipped`` or ``numpy``."""
+        return self._library.backend
+
+    @property
+    def equations(self) -> Any:
+        """The derived SymPy matrices by name: ``model.equations["screws"]``."""
+        if self._equations is None:
+            self._equations = self._derive()
+        return self._equations
+
+    @property
+    def operations(self) -> dict[str, dict[str, int]]:
+        """Operations of each kernel by kind."""
+        return {k.name: dict(k.operations) for k in self.description.kernels}
+
+    def __repr__(self) -> str:
+        d = self.description
+        return (
+            f"<LoopModel {d.name!r}: {' '.join(d.joints)}, {d.coordinates} variables, {self.backend} backend>"
+        )
+
+    @property
+    def is_driven(self) -> bool:
+        """Whether its inputs alone move it; otherwise its motion follows from forces."""
+        return not self.description.having("free")
+
+    def with_parameters(self, **values: float) -> LoopModel:
+        """Return the same loop with other values of its tunable parameters, in SI units."""
+        return LoopModel(self.description, self._library, self._derive, {**self.parameters, **values})
+
+    def _begin(self) -> Closed:
+        """Return the closed pose at the beginning of the range, found once."""
+        if self._start is None:
+            d = self.description
+            t = self._kernels.time_of(d.span[0]) if d.span else 0.0
+            q = np.array(d.start)
+            if self.parameters == {p.name: p.default for p in d.parameters}:
+                self._start = Closed(t, q, d.rank)
+            else:
+                self._start = self._kept_closed() or close_near(self._kernels, t, q)
+        return self._start
+
+    def _kept_closed(self) -> Closed | None:
+        """Follow the closure from the scene's own parameters to these; None where that does not lead here."""
+        d = self.description
+        q, kernels = np.append(d.start, 0.0), self._kernels
+        own = np.array([p.default for p in d.parameters])
+        asked = np.array(list(self.parameters.values()))
+        t = 0.0
+        for part in np.linspace(0.0, 1.0, _STAGES + 1)[1:]:
+            kernels = LoopKernels(d, self._library, ((1 - part) * own + part * asked).tolist())
+            try:
+                t = kernels.time_of(d.span[0]) if d.span else 0.0
+            except ModelError:
+                return None
+            before = q.copy()
+            if kernels.equations(d.having("dependent"), d.rank).close(t, q) != _core.DONE:
+                return None
+            scale = np.array([d.size if v.is_length else 1.0 for v in d.variables])
+            if np.max(np.abs(q - before)[:-1] / scale) > 1.0:
+                return None
+        return counted(self._kernels, t, q[:-1])
+
+    def at(self, values: ArrayLike) -> Turn:
+        """Evaluate the driven loop at these values of its first input [rad, m], each on the scene's branch.
+
+        The loop is followed to each of them from the beginning of its range, so that it never changes its
+        assembly; the order of the values is kept.
+
+        Raises
+        ------
+        ModelError
+            When the loop is not driven by inputs alone.
+        SimulationError
+            When a value cannot be reached, naming it and the row that holds the loop; it carries the rest.
+        InitialStateError
+            When the loop cannot be assembled at the beginning of its range.
+        """
+        driven(self.description)
+        return follow(self._kernels, self._begin(), np.atleast_1d(np.asarray(values, dtype=float)).ravel())
+
+    def turn(self, start: float | None = None, stop: float | None = None, samples: int = 361) -> Turn:
+        """Evaluate the driven loop over a range of its first input [rad, m]; the scene's own when absent.
+
+        Raises
+        ------
+        As :meth:`at`; a range that cannot be gone through ends with SimulationError, which carries the part
+        that was reached.
+        """
+        driven(self.description)
+        if not 2 <= samples <= 10_000_000:
+            raise ModelError(f"expected between 2 and 10 million samples, got {samples}")
+        low, high = self.description.span
+        low, high = low if start is None else float(start), high if stop is None else float(stop)
+        if not low < high:
+            raise ModelError(f"expected a range with start before stop, got {low:g} to {high:g}")
+        return self.at(np.linspace(low, high, samples))
+
+    def assemblies(self, value: float | None = None) -> tuple[dict[str, float], ...]:
+        """Return the ways in which the loop closes at a value of its first input, by variable [rad, m].
+
+        They are looked for from many starts, the same every time; the nearest to the scene's own comes first.
+        """
+        if value is not None:
+            driven(self.description)
+        begin = self._begin()
+        t = begin.t if value is None else self._kernels.time_of(float(value))
+        names = [v.name for v in self.description.variables]
+        return tuple(dict(zip(names, q.tolist(), strict=True)) for q in assemblies(self._kernels, t, begin.q))
+
+    def simulate(
+        self,
+        t_end: float | None = None,
+        *,
+        method: str | None = None,
+        rtol: float | None = None,
+        atol: float | None = None,
+        step: float | None = None,
+        samples: int = 201,
+        max_steps: int = 1_000_000_000,
+        progress: Callable[[float], None] | None = None,
+    ) -> Result:
+        """Run the motion of a loop with free variables; arguments and errors as of ``Model.simulate``.
+
+        Raises
+        ------
+        ModelError
+            When nothing is free: :meth:`turn` evaluates a driven loop.
+        SimulationError
+            When the run cannot go on; it carries the time and what was recorded.
+        InitialStateError
+            When the loop cannot be assembled at the start.
+        """
+        from symgen.runtime.loop_run import run
+
+        d = self.description
+        if not d.having("free"):
+            raise ModelError(
+                f"{d.name} has no free variable: its inputs move it\n"
+                "  Evaluate it over its range ('symgen run SCENE', model.turn()), or give a variable under "
+                "loop.free."
+            )
+        end = d.t_end if t_end is None else float(t_end)
+        chosen = options(end, method, rtol, atol, step, samples, max_steps)
+        return run(self._kernels, self._begin(), chosen, progress)

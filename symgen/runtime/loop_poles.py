@@ -1,0 +1,146 @@
+"""Where given loads cannot hold the loop, and which components of the wrenches nothing determines.
+
+Let E be the dependent variables of unknown effort, and G = dq_E/dq_i what the inputs i of given effort do to
+them. The unknown efforts x solve G^T x = needed - given; where G loses rank, at a dead centre, x has a true
+pole in the input. Its residue follows from the rate of G, which the rates of the screws give.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import brentq
+
+from symgen.runtime import _core, _loop
+from symgen.runtime.loop_kernels import LoopKernels
+
+Array = NDArray[np.float64]
+
+_RANK, _PART = 1e-8, 1e-9
+
+
+@dataclass(frozen=True, slots=True)
+class PoleAt:
+    """A pole: the time [s], the state there, and the residue of each output in time, SI units."""
+
+    t: float
+    q: Array
+    residue: dict[str, Array]
+
+
+def poles(
+    kernels: LoopKernels, equations: _loop.LoopEquations, times: Array, states: Array, diagnosis: Array
+) -> list[PoleAt]:
+    """Return the poles met and passed between the samples of a followed loop, in order."""
+    d = kernels.description
+    if not kernels.has("inverse") or not any(d.variables[i].unknown for i in d.having("dependent")):
+        return []
+    n = d.coordinates
+    hold, found = diagnosis[:, _loop.HOLD], []
+    met = diagnosis[:, _loop.STATUS] == _loop.POLE
+    for i, t in enumerate(times):
+        if met[i]:
+            found.append((float(t), states[i, :n]))
+        elif i and not met[i - 1] and hold[i - 1] * hold[i] < 0.0:
+            follower = _Follower(kernels, equations, float(times[i - 1]), states[i - 1, :n])
+            at = brentq(follower, times[i - 1], t, xtol=1e-15 * max(1.0, abs(t)), rtol=8.9e-16)
+            follower(at)
+            if abs(follower.hold) < 1e-6:
+                found.append((float(at), follower.q))
+    return [PoleAt(t, q, _residue(kernels, equations, t, q)) for t, q in found]
+
+
+class _Follower:
+    """The hold of the drives as a function of the time, followed from a state."""
+
+    def __init__(self, kernels: LoopKernels, equations: _loop.LoopEquations, t: float, q: Array) -> None:
+        self.equations, self.t, self.start = equations, t, q
+        info = kernels.description.kernel("outputs")
+        self.out = np.zeros((1, (info.out_size if info else 0) + 1))
+        self.states = np.zeros((1, 3 * len(q) + 7))
+        self.q, self.hold = q, 0.0
+
+    def __call__(self, t: float) -> float:
+        q, diagnosis = np.append(self.start, 0.0), np.zeros((1, 5))
+        span = max(abs(t - self.t), 1e-12)
+        self.equations.follow(self.t, q, np.array([t]), span, self.states, self.out, diagnosis)
+        self.q, self.hold = q[:-1], float(diagnosis[0, _loop.HOLD])
+        return self.hold
+
+
+def at_state(kernels: LoopKernels, equations: _loop.LoopEquations, t: float, q: Array) -> tuple[Array, Array]:
+    """Return rates, and accelerations with the closing wrench, of the closed loop at (t, q)."""
+    n = kernels.description.coordinates
+    info = kernels.description.kernel("outputs")
+    states, out = np.zeros((1, 3 * n + 7)), np.zeros((1, (info.out_size if info else 0) + 1))
+    status, *_ = equations.follow(t, np.append(q, 0.0), np.array([t]), 1.0, states, out, np.zeros((1, 5)))
+    if status != _core.DONE:
+        return np.zeros(n), np.zeros(n + 6)
+    return states[0, n : 2 * n], states[0, 2 * n : 3 * n + 6]
+
+
+def _residue(kernels: LoopKernels, equations: _loop.LoopEquations, t: float, q: Array) -> dict[str, Array]:
+    """Return lim (t - t*) times every output, at a pole t* of the efforts."""
+    d = kernels.description
+    solved, inputs = d.having("dependent"), d.having("input")
+    unknown = [k for k, j in enumerate(solved) if d.variables[j].unknown]
+    given = [j for j in inputs if not d.variables[j].unknown]
+    u, work = at_state(kernels, equations, t, q)
+    motion = kernels("motion", t, q, u)
+    screws, rates = motion["screws"], motion["screw_rates"]
+    inverse = np.linalg.pinv(screws[:, solved], rcond=_RANK)
+    gain = -inverse @ screws[:, given]
+    slope = -inverse @ (rates[:, given] + rates[:, solved] @ gain)
+    needed = kernels("inverse", t, q, u, work[: len(q)])["inverse_efforts"]
+    known = kernels("given", t, q, u)["given_efforts"] if kernels.has("given") else np.zeros(len(q))
+    across = np.vstack([screws[3:], screws[:3]])  # reciprocal product with (force, moment)
+    basis = np.linalg.pinv(across[:, solved].T, rcond=_RANK)
+    wrench = basis @ (known - needed)[solved]
+    missing = (needed + across.T @ wrench - known)[given]
+    left, _, right = np.linalg.svd(gain[unknown].T)
+    row, column = left[:, -1], right[-1]
+    strength = (row @ missing) / (row @ slope[unknown].T @ column)
+    effort = np.zeros(len(solved))
+    effort[unknown] = strength * column
+    return _differences(kernels, t, q, [basis @ effort])[0]
+
+
+def undetermined(
+    kernels: LoopKernels, equations: _loop.LoopEquations, times: Array, states: Array
+) -> dict[str, NDArray[np.bool_]]:
+    """Return which entries of the outputs redundant constraints leave open, at one of a few states."""
+    found: dict[str, NDArray[np.bool_]] = {}
+    if not kernels.has("inverse") or kernels.description.rank == 6 or not len(times):
+        return found
+    n = kernels.description.coordinates
+    for i in np.unique(np.linspace(0, len(times) - 1, 5).astype(int)):
+        q = states[i, :n]
+        screws = kernels("position", float(times[i]), q, np.zeros(n))["screws"]
+        size = kernels.description.size
+        across = np.vstack([size * screws[3:], screws[:3]]) / size  # of (force, moment over size)
+        left, values, _ = np.linalg.svd(across)
+        rank = int(np.count_nonzero(values > _RANK * values[0]))
+        free = left[:, rank:].T * np.array([1.0, 1.0, 1.0, size, size, size])
+        for change in _differences(kernels, float(times[i]), q, list(free)):
+            for name, differs in change.items():
+                open_ = np.abs(differs) > _PART * max(1.0, size)
+                if np.any(open_):
+                    found[name] = np.logical_or(found.get(name, False), open_)
+    return found
+
+
+def _differences(kernels: LoopKernels, t: float, q: Array, wrenches: list[Array]) -> list[dict[str, Array]]:
+    """Return what each of these closing wrenches, alone, does to the outputs, which are affine in it."""
+    base, u = np.zeros(len(q) + 6), np.zeros(len(q))
+    without = kernels("outputs", t, q, u, base)
+    found = []
+    for wrench in wrenches:
+        size = float(np.max(np.abs(wrench))) or 1.0
+        base[len(q) :] = wrench / size
+        with_it = kernels("outputs", t, q, u, base)
+        change = {name: with_it[name] - without[name] for name in without}
+        noise = {name: 1e-13 * (np.abs(without[name]) + 1.0) for name in without}
+        found.append({n: size * np.where(np.abs(x) > noise[n], x, 0.0) for n, x in change.items()})
+    return found

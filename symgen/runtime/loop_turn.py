@@ -1,0 +1,266 @@
+"""Following a driven loop over values of its input."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Iterator
+from dataclasses import asdict
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symgen.errors import ModelError, SimulationError
+from symgen.runtime import _core, _loop
+from symgen.runtime.description import LoopDescription
+from symgen.runtime.loop_kernels import LoopKernels, in_words
+from symgen.runtime.loop_poles import PoleAt, poles, undetermined
+from symgen.runtime.loop_start import Closed, distance, scaled_screws
+from symgen.runtime.result import Drift
+from symgen.runtime.turn import Pole, Turn, converters, variables
+
+Array = NDArray[np.float64]
+
+#: Longest step over the range that is followed, and the longest turn of an input in one step [rad].
+_PARTS = 36
+_TURNED = 1e-6
+
+
+def follow(kernels: LoopKernels, begin: Closed, values: Array) -> Turn:
+    """Return the loop at these values of its first input, followed from a closed pose on one branch.
+
+    Raises
+    ------
+    ModelError
+        When the loop has no input, or free variables besides.
+    SimulationError
+        When the loop cannot be followed to a value, naming it and the row that holds it; the error carries
+        what was reached.
+    """
+    d = kernels.description
+    driven(d)
+    if not np.all(np.isfinite(values)):
+        raise ModelError("expected finite values of the input")
+    begun = time.perf_counter()
+    times = _times(kernels, values)
+    equations = kernels.equations(d.having("dependent"), begin.rank)
+    order = np.argsort(times, kind="stable")
+    ahead, behind = order[times[order] >= begin.t], order[times[order] < begin.t][::-1]
+    info = d.kernel("outputs")
+    n, size = d.coordinates, info.out_size if info else 0
+    states, out, diagnosis = (
+        np.zeros((len(times), 3 * n + 7)),
+        np.zeros((len(times), size + 1)),
+        np.zeros((len(times), 5)),
+    )
+    failed = None
+    reached: list[int] = []
+    for part in (behind, ahead):
+        if not len(part):
+            continue
+        rows = [np.zeros((len(part), a.shape[1])) for a in (states, out, diagnosis)]
+        longest = max(abs(times[part[-1]] - begin.t), 1e-12) / _PARTS
+        status, count, at = equations.follow(begin.t, np.append(begin.q, 0.0), times[part], longest, *rows)
+        for whole, found in zip((states, out, diagnosis), rows, strict=True):
+            whole[part[:count]] = found[:count]
+        reached += part[:count].tolist()
+        if status != _core.DONE and failed is None:
+            failed = (
+                status,
+                at,
+                rows[0][count - 1, :n] if count else begin.q,
+                times[part[count]] if count < len(part) else at,
+            )
+    kept = np.sort(np.array(reached, dtype=int))
+    turn = _recorded(
+        kernels,
+        equations,
+        begin,
+        times[kept],
+        states[kept],
+        out[kept],
+        diagnosis[kept],
+        time.perf_counter() - begun,
+    )
+    if failed:
+        raise SimulationError(
+            _problem(kernels, equations, *failed), time=failed[1], partial=turn if len(kept) else None
+        )
+    return turn
+
+
+def driven(d: LoopDescription) -> None:
+    """Check that inputs alone move the loop; raise ModelError otherwise."""
+    free = [v.name for v in d.variables if v.role == "free"]
+    if free:
+        raise ModelError(
+            f"{d.name} has free variables ({', '.join(free)}): its motion follows from forces\n"
+            "  Run it in time ('symgen run SCENE', model.simulate()), or make them inputs."
+        )
+    if not d.having("input"):
+        raise ModelError(f"{d.name} has no input: nothing moves. Give one under loop.inputs")
+
+
+def _times(kernels: LoopKernels, values: Array) -> Array:
+    """Return the times at which the first input has these values."""
+    if not len(values):
+        raise ModelError("expected at least one value of the input")
+    ((start, rate, _),) = kernels.prescribed(0.0)[:1]
+    if rate:
+        times = (values - start) / rate
+        info = kernels.description.kernel("inputs")
+        out = np.zeros((len(times), (info.out_size if info else 0) + 1))
+        rows = np.zeros((len(times), 2 * kernels.description.coordinates + 1))
+        _core.call_many(
+            kernels.library.addresses["inputs"],
+            times,
+            rows,
+            kernels.description.coordinates,
+            kernels.parameters,
+            np.zeros((len(times), kernels.work_size + 1)),
+            out,
+        )
+        if np.all(np.abs(out[:, 0] - values) <= 1e-15 * np.maximum(1.0, np.abs(values)) * 4):
+            return np.asarray(times)
+    return np.array([kernels.time_of(float(v)) for v in values])
+
+
+def _recorded(
+    kernels: LoopKernels,
+    equations: _loop.LoopEquations,
+    begin: Closed,
+    times: Array,
+    states: Array,
+    out: Array,
+    diagnosis: Array,
+    wall: float,
+) -> Turn:
+    d = kernels.description
+    found = poles(kernels, equations, times, states, diagnosis)
+    made = variables(d, out)
+    told = [_pole(kernels, p) for p in found]
+    met = diagnosis[:, _loop.STATUS] == _loop.POLE
+    for v in made:
+        columns = v.values.reshape(len(times), -1)
+        for i, c in enumerate(v.components or ("",)):
+            if any((f"{v.name}.{c}" if c else v.name) in p.residues for p in told):
+                columns[met, i] = np.nan
+    open_ = undetermined(kernels, equations, times, states)
+    components = {v.name: v.components or ("",) for v in made}
+    indeterminate = [
+        f"{name}.{c}" if c else name
+        for name, which in open_.items()
+        for c, is_open in zip(components[name], np.atleast_1d(which).ravel(), strict=True)
+        if is_open
+    ]
+    last = {v.name: np.atleast_1d(v.values[-1]).tolist() if len(times) else [] for v in made}
+    return Turn(
+        name=d.name,
+        title=d.title,
+        axes=("x", "y", "z"),
+        time=times,
+        variables=tuple(made),
+        drift=Drift(
+            float(np.max(diagnosis[:, _loop.CLOSURE], initial=0.0)) * d.size,
+            float(np.max(diagnosis[:, _loop.RATES], initial=0.0)),
+            math.nan,
+            math.nan,
+        ),
+        final={name: {"value": v[0] if len(v) == 1 else v} for name, v in last.items()},
+        statistics={
+            "input": d.variables[kernels.inputs[0]].name,
+            "t": float(times[-1]) if len(times) else begin.t,
+            "steps": len(times),
+            "closure": float(np.max(diagnosis[:, _loop.CLOSURE], initial=0.0)),
+            "least_singular": float(np.min(diagnosis[:, _loop.SOUNDNESS], initial=1.0)),
+            "rank": begin.rank,
+            "poles": [asdict(p) for p in told],
+            "indeterminate": indeterminate,
+            "wall_s": wall,
+        },
+        provenance={
+            "equations": d.equations,
+            "method": "closure",
+            "t_end": float(times[-1]) if len(times) else begin.t,
+            "backend": kernels.library.backend,
+            "parameters": {
+                p.name: x for p, x in zip(d.parameters, kernels.parameters.tolist(), strict=False)
+            },
+        },
+        notes=tuple(_notes(kernels, times, states, told, met, indeterminate)),
+    )
+
+
+def _pole(kernels: LoopKernels, pole: PoleAt) -> Pole:
+    """Return a pole in the scene's units, by the value of the input."""
+    d = kernels.description
+    first = d.variables[kernels.inputs[0]]
+    value, rate, _ = kernels.prescribed(pole.t)[0]
+    units = converters(d)
+    size = units[first.unit][1]
+    info = d.kernel("outputs")
+    residues = {}
+    for b in info.blocks if info else ():
+        entries = np.atleast_1d(pole.residue[b.name]).ravel() * rate / units[b.unit][1] / size
+        for c, x in zip(b.rows if len(entries) > 1 else ("",), entries.tolist(), strict=True):
+            if x:
+                residues[f"{b.name}.{c}" if c else b.name] = x
+    largest = max(map(abs, residues.values()), default=0.0)
+    return Pole(float(value) / size, {k: x for k, x in residues.items() if abs(x) > 1e-12 * largest})
+
+
+def _notes(
+    kernels: LoopKernels, times: Array, states: Array, told: list[Pole], met: Array, indeterminate: list[str]
+) -> Iterator[str]:
+    d = kernels.description
+    n = d.coordinates
+    first = d.variables[kernels.inputs[0]]
+    unit, size = converters(d)[first.unit]
+    for p in told:
+        names = ", ".join(f"{name} {x:.9g}" for name, x in p.residues.items())
+        yield (
+            f"dead centre at {first.name} = {in_words(p.at * size, first.is_length, d)}: the given efforts "
+            f"cannot hold the loop there, and these have a pole, with the residue (value times "
+            f"{first.name} in {unit}): {names}"
+        )
+    if indeterminate:
+        yield (
+            f"redundant constraints leave {len(indeterminate)} components undetermined, and those of least "
+            f"norm are given: {', '.join(indeterminate)}"
+        )
+    if len(times) > 1:
+        lengths = np.array([v.is_length for v in d.variables])
+        inputs = states[:, kernels.inputs]
+        gap = inputs[-1] - inputs[0]
+        turned = np.where(lengths[kernels.inputs], gap, (gap + np.pi) % (2 * np.pi) - np.pi)
+        whole = np.max(np.abs(turned)) < 1e-9 * max(1.0, d.size) and abs(gap[0]) > 1.0
+        if whole and distance(kernels, states[-1, :n], states[0, :n]) > _TURNED:
+            yield (
+                "the inputs came back to where they began, but the loop did not: after the turn it is on "
+                "another branch"
+            )
+
+
+def _problem(
+    kernels: LoopKernels, equations: _loop.LoopEquations, status: int, t: float, q: Array, target: float
+) -> str:
+    d = kernels.description
+    solved = d.having("dependent")
+    at, wanted = kernels.value_at(t), kernels.value_at(float(target))
+    own = scaled_screws(kernels, t, q)[:, solved]
+    _, values, right = np.linalg.svd(own)
+    weakest = d.row(solved[int(np.argmax(np.abs(right[len(values) - 1])))])
+    least = values[len(solved) - 1] / values[0]
+    if status == _loop.INCONSISTENT:
+        return (
+            f"the loop closes at {at} but cannot move on: the dependent variables cannot follow the inputs "
+            f"(rates are missed by {equations.rates_left:.1e})\n  The table has too few variables."
+        )
+    if status == _core.NOT_FINITE:
+        return f"a number that is not finite appeared beyond {at}\n  Look for a length or load that has none."
+    return (
+        f"the loop cannot be followed beyond {at} towards {wanted}: its screws lose rank there (least "
+        f"singular value {least:.1e} of the largest, {weakest} the least held), a dead "
+        "centre or the end of the range in which it can be assembled\n"
+        "  Stay below it, change the lengths, or choose another input."
+    )
