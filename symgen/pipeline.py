@@ -177,10 +177,10 @@ def _analysis(
     def make(folder: Path) -> tuple[Description, Library]:
         with _no_collection():
             from symgen.models.linearised import analysis_system
-            from symgen.scene.resolve import resolve
+            from symgen.scene.resolve import resolve_linkage
 
             program, equations, sources = _lowered(
-                analysis_system(resolve(check_scene(text)), kind), compiler
+                analysis_system(resolve_linkage(check_scene(text)), kind), compiler
             )
         compilation = _written(sources, compiler, folder)
         kernels = kernel_infos(program.kernels)

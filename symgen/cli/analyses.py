@@ -13,6 +13,9 @@ from symgen.cli.common import (
     SceneArgument,
     SetOption,
     app,
+    console,
+    linkage,
+    print_json,
 )
 
 

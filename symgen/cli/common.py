@@ -36,14 +36,16 @@ JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON object 
 
 
 def console() -> Console:
+    """Return what tables are printed on."""
     from rich.console import Console
 
     return Console(width=None if sys.stdout.isatty() else 110, highlight=False)
 
 
-def changes(changes: list[str] | None) -> dict[str, str]:
+def changes(options: list[str] | None) -> dict[str, str]:
+    """Return what --set asks for, by key."""
     result = {}
-    for change in changes or []:
+    for change in options or []:
         name, equals, value = change.partition("=")
         if not equals or not name.strip():
             raise SceneError(f"expected --set KEY=VALUE, got {change!r}")
@@ -53,12 +55,12 @@ def changes(changes: list[str] | None) -> dict[str, str]:
     return result
 
 
-def linkage(scene: str, changes: list[str] | None, backend: str, command: str) -> Model:
+def linkage(scene: str, options: list[str] | None, backend: str, command: str) -> Model:
     """Build a linkage of points and links, which some analyses are for."""
     from symgen.pipeline import build as build_model
     from symgen.runtime.model import Model
 
-    model = build_model(scene, set=changes(changes), backend=backend)
+    model = build_model(scene, set=changes(options), backend=backend)
     if not isinstance(model, Model):
         raise ModelError(
             f"'symgen {command}' is for linkages of points and links, and {scene} is a link-joint table\n"
@@ -68,6 +70,7 @@ def linkage(scene: str, changes: list[str] | None, backend: str, command: str) -
 
 
 def print_json(data: dict[str, Any]) -> None:
+    """Print one JSON object."""
     import json
 
     print(json.dumps(data, allow_nan=False))

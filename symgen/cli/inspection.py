@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from symgen.cli.common import SceneArgument, SetOption, app
+from symgen.cli.common import SceneArgument, SetOption, app, changes, console
 
 
 @app.command()
@@ -54,9 +54,9 @@ def show(
         if form_of == "momentum_rows":
             from symgen.models.momentum import momentum_system
             from symgen.scene.loading import check_scene
-            from symgen.scene.resolve import resolve
+            from symgen.scene.resolve import resolve_linkage
 
-            system = momentum_system(resolve(check_scene(text)))
+            system = momentum_system(resolve_linkage(check_scene(text)))
         else:
             system = derive(text)
     if matrix is None:
@@ -66,11 +66,12 @@ def show(
         shown.columns[3].justify = "left"
         console().print(shown)
         return
-    built = None
+    built: Model | None = None
     if form == "numeric" and model not in BLOCKS:
-        built = build_model(model, set=asked)
-        if not isinstance(built, Model):
+        made = build_model(model, set=asked)
+        if not isinstance(made, Model):
             raise ModelError(f"numbers are shown of linkages; 'symgen run {model}' gives those of a loop")
+        built = made
     if matrix == "momentum_rows" and model not in BLOCKS:
         print(equations.show_rows(system, form, built))
     else:

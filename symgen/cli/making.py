@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from symgen.cli.common import BackendOption, SceneArgument, SetOption, app
+from symgen.cli.common import BackendOption, SceneArgument, SetOption, app, changes, console
 
 cache_app = typer.Typer(help="The folder of compiled scenes.", no_args_is_help=True)
 app.add_typer(cache_app, name="cache")

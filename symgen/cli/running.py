@@ -13,6 +13,9 @@ from symgen.cli.common import (
     SceneArgument,
     SetOption,
     app,
+    changes,
+    console,
+    print_json,
 )
 
 if TYPE_CHECKING:
@@ -82,9 +85,7 @@ def run(
     if plot:
         result.plot(file=plot)
     if as_json:
-        import json
-
-        print(json.dumps(result.summary(), allow_nan=False))
+        print_json(result.summary())
     else:
         from symgen.report.tables import print_result
 

@@ -33,6 +33,7 @@ from symgen.errors import DerivationError
 from symgen.mechanics.loads import AXES
 from symgen.mechanics.particles import dot, end_mass, kinetic_energy, length_constraint
 from symgen.symbolic.calculus import Calculus
+from symgen.symbolic.names import Names
 from symgen.symbolic.quantity import Quantity, quantity
 from symgen.symbolic.system import Definition, Group, NamedMatrix, System
 
@@ -105,24 +106,6 @@ class _Axes:
 
     def upper(self, matrix: sp.Matrix) -> list[sp.Expr]:
         return [matrix[i, j] for i, j in self.pairs]
-
-
-class _Names:
-    """Named intermediates of a step."""
-
-    def __init__(self) -> None:
-        self.definitions: list[Definition] = []
-
-    def scalar(self, name: str, expression: sp.Expr, unit: str, meaning: str) -> sp.Expr:
-        if expression.is_Atom or (-expression).is_Atom:
-            return expression
-        new = quantity(name, unit, meaning)
-        self.definitions.append(Definition(new, expression))
-        return new.symbol
-
-    def all(self, new: Sequence[Quantity], expressions: Sequence[sp.Expr]) -> list[sp.Expr]:
-        pairs = zip(new, expressions, strict=True)
-        return [self.scalar(x.name, e, x.unit, x.description) for x, e in pairs]
 
 
 _MASS = quantity("mass", "kg", "mass at a point: a22 of its rod, a11 of the rods it carries, point masses")
@@ -203,7 +186,7 @@ def _inward(axes: _Axes) -> System:
     mass, load, here = _here(axes)
     s, d, b = axes.matrix(mass), _symbols(along), _symbols(load)
     a12, gamma = _A12.symbol, _GAMMA.symbol
-    names = _Names()
+    names = Names()
     adjugate, det = _adjugate(axes, names, s)
     t = names.all(axes.vector("t", "kg*m", "adj(S) d"), list(adjugate * sp.Matrix(d)))
     pivot = names.scalar("pivot", dot(d, tuple(t)), "kg*m^2", "d . t")
@@ -237,7 +220,7 @@ def _inward(axes: _Axes) -> System:
                 "add_inner", [*gathered, *passed], "kg, N", "mass matrix and load passed to the inner point"
             ),
         ),
-        tuple(names.definitions),
+        names.definitions,
     )
 
 
@@ -251,7 +234,7 @@ def _outward(axes: _Axes) -> System:
     reciprocal = quantity("one_over_pivot", "1", "1/(d . t)")
     loss = quantity("loss", "1", "product of the diagonal of S over det S")
     inner = axes.vector("a", "m/s^2", "the acceleration of the inner point")
-    names = _Names()
+    names = Names()
     a_p, d = _symbols(inner), _symbols(along)
     lam = names.scalar(
         "lam", reciprocal.symbol * (h.symbol - dot(_symbols(e), a_p)), _LAMBDA.unit, _LAMBDA.description
@@ -274,14 +257,14 @@ def _outward(axes: _Axes) -> System:
             _column("outer_motion", motion, "m/s^2", "acceleration of the outer point"),
             _column("multiplier", [lam], _LAMBDA.unit, _LAMBDA.description),
         ),
-        tuple(names.definitions),
+        names.definitions,
     )
 
 
 def _free(axes: _Axes) -> System:
     """Return the acceleration of a free base: S a = b with all that gathered there."""
     mass, load, here = _here(axes)
-    names = _Names()
+    names = Names()
     adjugate, det = _adjugate(axes, names, axes.matrix(mass))
     inverse = names.scalar("q", 1 / det, "1", "1/det S")
     motion = [inverse * x for x in adjugate * sp.Matrix(_symbols(load))]
@@ -290,7 +273,7 @@ def _free(axes: _Axes) -> System:
         "acceleration of a free base",
         (here,),
         (_column("motion", motion, "m/s^2", "acceleration of the base"),),
-        tuple(names.definitions),
+        names.definitions,
     )
 
 
@@ -360,7 +343,7 @@ def _rest(axes: _Axes) -> System:
     )  # fmt: skip
 
 
-def _adjugate(axes: _Axes, names: _Names, s: sp.Matrix) -> tuple[sp.Matrix, sp.Expr]:
+def _adjugate(axes: _Axes, names: Names, s: sp.Matrix) -> tuple[sp.Matrix, sp.Expr]:
     """Name the adjugate and the determinant of a symmetric matrix."""
     plain = s.adjugate()
     if sp.expand((s * plain)[0, 0] - s.det()) != 0:

@@ -35,18 +35,16 @@ def freedom_lines(model: Model | LoopModel) -> Iterator[str]:
         return
     d, redundant = model.description, model.redundant
     freedom = d.coordinates - len(d.constraints) + len(redundant)
-    yield (
-        f"{d.coordinates} coordinates, {len(d.constraints)} constraints: {_degrees(freedom)} of freedom at the "
-        "start"
-    )
+    count = f"{d.coordinates} coordinates, {len(d.constraints)} constraints"
+    yield f"{count}: {_degrees(freedom)} of freedom at the start"
     yield f"redundant: {', '.join(redundant) or 'none'}"
 
 
 def _of_loop(d: LoopDescription) -> Iterator[str]:
     inputs, free, dependent = (len(d.having(role)) for role in ("input", "free", "dependent"))
     yield (
-        f"{d.coordinates} variables: {inputs} prescribed, {free} free, {dependent} dependent, whose screws have "
-        f"rank {d.rank}: {_degrees(inputs + free)} of freedom"
+        f"{d.coordinates} variables: {inputs} prescribed, {free} free, {dependent} dependent, whose screws "
+        f"have rank {d.rank}: {_degrees(inputs + free)} of freedom"
     )
     yield f"redundant: {6 - d.rank} of 6 closure equations" if d.rank < 6 else "redundant: none"
 

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
+from typing import Any, get_args
+
 from pydantic import ValidationError
 
 from symgen.errors import SceneError, nearest
-from symgen.scene.schema import TABLES, Scene
+from symgen.scene.schema import Scene
+from symgen.scene.table import Table
 
 #: The alternatives of a value, which pydantic names behind and inside the place of a fault.
 _ALTERNATIVES = {"string_type": "str", "int_type": "int", "float_type": "float"}
@@ -35,8 +39,7 @@ def scene_error(error: ValidationError) -> SceneError:
             limit, bound = ("least", "min_length") if kind == "too_short" else ("most", "max_length")
             problem = f"expected at {limit} {fault['ctx'][bound]} of these, got {got}"
         case "extra_forbidden":
-            table = TABLES.get(place[0], Scene) if len(place) > 1 else Scene
-            problem, hint = f"unknown key {place[-1]!r}", nearest(place[-1], table.model_fields)
+            problem, hint = f"unknown key {place[-1]!r}", nearest(place[-1], _table_at(place).model_fields)
         case "missing":
             problem = "this key is missing"
         case "string_pattern_mismatch":
@@ -47,3 +50,20 @@ def scene_error(error: ValidationError) -> SceneError:
             message = fault["msg"]
             problem = f"{message[:1].lower()}{message[1:]}, got {got}"
     return SceneError(problem, where=where, hint=hint)
+
+
+def _table_at(place: Sequence[str]) -> type[Table]:
+    """Return the model of the table that the last part of a place is a key of."""
+    table: type[Table] = Scene
+    for part in place[:-1]:
+        if part in table.model_fields:
+            table = next(_models(table.model_fields[part].annotation), table)
+    return table
+
+
+def _models(annotation: Any) -> Iterator[type[Table]]:
+    """Yield the tables in an annotation, in tables of tables and lists of them as well."""
+    if isinstance(annotation, type) and issubclass(annotation, Table):
+        yield annotation
+    for inner in get_args(annotation):
+        yield from _models(inner)

@@ -34,6 +34,11 @@ def check_names(scene: Scene) -> None:
         _refuse(_owner(name) or (of_symgen if row else ""), f"links.{name}")
 
 
+def check_word(name: str, where: str) -> None:
+    """Raise SceneError for a name that has a meaning in expressions already."""
+    _refuse(_word(name), where)
+
+
 def _refuse(problem: str, where: str) -> None:
     if problem:
         raise SceneError(problem, where=where, hint="Choose another name.")

@@ -11,7 +11,7 @@ import sympy as sp
 from symgen.errors import SceneError, nearest
 from symgen.scene import units
 from symgen.scene.expressions import Names, parse_any, parse_value
-from symgen.scene.linkage import TIME, Parameter, PlacedPoint, number, state_of, state_symbol
+from symgen.scene.linkage import TIME, Parameter, PlacedPoint, number, state_symbol
 from symgen.scene.schema import Scene
 from symgen.scene.units import Dimension, is_quantity
 from symgen.symbolic.quantity import AXES, quantity
@@ -29,11 +29,13 @@ def at(where: str) -> Iterator[None]:
         raise error.located(where=where) from None
 
 
-class Reader:
+class Values:
     """Reads values of one scene: every fault is a SceneError that names table and key.
 
-    ``points`` are those placed so far, ``dimension`` is 2 in the plane and 3 in space.
+    ``dimension`` is 2 in the plane and 3 in space.
     """
+
+    dimension = 3
 
     def __init__(self, scene: Scene) -> None:
         self.scene = scene
@@ -41,15 +43,6 @@ class Reader:
         self.parameters: list[Parameter] = []
         self.defaults: dict[sp.Symbol, sp.Expr] = {}
         self._read_parameters()
-        dims = {len(point.at) for point in scene.points.values() if point.at is not None}
-        if len(dims) > 1:
-            raise SceneError(
-                "expected all points with two coordinates (plane) or all with three (space)", where="points"
-            )
-        if not dims:
-            raise SceneError("no point says where it is drawn", where="points", hint="Give some of them at.")
-        self.dimension = dims.pop()
-        self.points: dict[str, PlacedPoint] = {}
 
     def _read_parameters(self) -> None:
         """Read every parameter after those it uses, wherever they are written."""
@@ -86,7 +79,7 @@ class Reader:
         """Return a value of this dimension, which must be finite at the scene's own parameters."""
         with at(where):
             expression = parse_value(text, self.names if names is None else names, dim)
-            if not state_of(expression):
+            if expression.free_symbols <= {*self.defaults, TIME.symbol}:
                 self.number(expression)
         return expression
 
@@ -105,24 +98,6 @@ class Reader:
     def with_time(self) -> Names:
         """Names for values that may depend on the time."""
         return {**self.names, "t": (TIME.symbol, units.TIME)}
-
-    def with_state(self, own: str = "", words: Mapping[str, Dimension] | None = None) -> Names:
-        """Names for loads: the time, and the state as ``owner.word``; ``this.word`` of the load ``own``.
-
-        A name of the state stands for a symbol that is called like it, with the load's own name for ``this``.
-        """
-        found = dict(self.with_time)
-        for point in self.scene.points:
-            for axis in AXES[: self.dimension]:
-                found[f"{point}.{axis}"] = state_symbol(f"{point}.{axis}"), units.LENGTH
-                found[f"{point}.v{axis}"] = state_symbol(f"{point}.v{axis}"), units.VELOCITY
-        if self.dimension == 2:
-            for link in self.scene.links:
-                found[f"{link}.angle"] = state_symbol(f"{link}.angle"), units.NUMBER
-                found[f"{link}.rate"] = state_symbol(f"{link}.rate"), units.ANGULAR_RATE
-        for word, dim in (words or {}).items():
-            found[f"this.{word}"] = state_symbol(f"{own}.{word}"), dim
-        return found
 
     def number(self, expression: sp.Expr) -> float:
         """Value at the scene's own parameters and t = 0, for checks."""
@@ -153,12 +128,47 @@ class Reader:
     def vector(
         self, texts: list[str | int | float], dim: Dimension, where: str, names: Names | None = None
     ) -> tuple[sp.Expr, ...]:
-        """Return a vector with as many components as the points have."""
+        """Return a vector with as many components as there are dimensions."""
         if len(texts) != self.dimension:
+            space = "the plane of the points" if self.dimension == 2 else "space"
             raise SceneError(
-                f"expected {self.dimension} components like the points have, got {len(texts)}", where=where
+                f"expected {self.dimension} components in {space}, got {len(texts)}", where=where
             )
         return tuple(self.value(text, dim, f"{where}.{i}", names) for i, text in enumerate(texts))
+
+
+class Reader(Values):
+    """Reads a scene of points and links; ``points`` are those placed so far."""
+
+    def __init__(self, scene: Scene) -> None:
+        super().__init__(scene)
+        dims = {len(point.at) for point in scene.points.values() if point.at is not None}
+        if len(dims) > 1:
+            raise SceneError(
+                "expected all points with two coordinates (plane) or all with three (space)", where="points"
+            )
+        if not dims:
+            raise SceneError("no point says where it is drawn", where="points", hint="Give some of them at.")
+        self.dimension = dims.pop()
+        self.points: dict[str, PlacedPoint] = {}
+
+    def with_state(self, own: str = "", words: Mapping[str, Dimension] | None = None) -> Names:
+        """Names for loads: the time, and the state as ``owner.word``; ``this.word`` of the load ``own``.
+
+        A name of the state stands for a symbol that is called like it, with the load's own name for ``this``.
+        """
+        found = dict(self.with_time)
+        for point in self.scene.points:
+            for axis in AXES[: self.dimension]:
+                found[f"{point}.{axis}"] = state_symbol(f"{point}.{axis}"), units.LENGTH
+                found[f"{point}.v{axis}"] = state_symbol(f"{point}.v{axis}"), units.VELOCITY
+        if self.dimension == 2:
+            for link in self.scene.links:
+                found[f"{link}.angle"] = state_symbol(f"{link}.angle"), units.NUMBER
+                found[f"{link}.rate"] = state_symbol(f"{link}.rate"), units.ANGULAR_RATE
+        for word, dim in (words or {}).items():
+            found[f"this.{word}"] = state_symbol(f"{own}.{word}"), dim
+        return found
 
     def known_point(self, name: str, where: str) -> PlacedPoint:
         """Return the point of this name."""

@@ -1,4 +1,4 @@
-"""From a checked scene to a linkage: every value read, every name looked up, every fault named."""
+"""From a checked scene to a linkage or a loop: every value read, every name looked up, every fault named."""
 
 from __future__ import annotations
 
@@ -7,14 +7,16 @@ import sympy as sp
 from symgen.errors import SceneError
 from symgen.scene import bodies, bonds, loads, units
 from symgen.scene.linkage import Linkage
+from symgen.scene.loop import Loop
+from symgen.scene.loops import loop_of
 from symgen.scene.names import check_names
 from symgen.scene.reading import Reader
 from symgen.scene.schema import Scene
 from symgen.scene.spatial import spatial_bodies
 
 
-def resolve(scene: Scene) -> Linkage:
-    """Return the linkage a scene describes.
+def resolve(scene: Scene) -> Linkage | Loop:
+    """Return the linkage, or the loop, that a scene describes.
 
     Raises
     ------
@@ -22,13 +24,32 @@ def resolve(scene: Scene) -> Linkage:
         For a wrong unit, an unknown name, a value that is not physical; with file, table and key.
     """
     try:
-        return _linkage(scene)
+        check_names(scene)
+        return _linkage(scene) if scene.loop is None else loop_of(scene, scene.loop)
     except SceneError as error:
         raise error.located(file=scene.file) from None
 
 
+def resolve_linkage(scene: Scene) -> Linkage:
+    """Return the linkage a scene describes, for what is not there for loops.
+
+    Raises
+    ------
+    SceneError
+        As :func:`resolve` does, and for a scene with a loop.
+    """
+    found = resolve(scene)
+    if isinstance(found, Loop):
+        raise SceneError(
+            "expected a scene of points and links, got a loop",
+            where="loop",
+            file=scene.file,
+            hint="This is not there for loops.",
+        )
+    return found
+
+
 def _linkage(scene: Scene) -> Linkage:
-    check_names(scene)
     read = Reader(scene)
     bodies.points(read)
     links = tuple(

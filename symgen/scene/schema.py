@@ -2,44 +2,29 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from typing import Any, Literal
 
-from pydantic import (
-    BaseModel,
-    ConfigDict,
-    Field,
-    GetJsonSchemaHandler,
-    PrivateAttr,
-    StringConstraints,
-    ValidationError,
-    model_validator,
-)
+from pydantic import ConfigDict, Field, GetJsonSchemaHandler, PrivateAttr, ValidationError, model_validator
 from pydantic_core import CoreSchema
+
+from symgen.errors import SceneError
+from symgen.scene.loop_schema import SpatialLoop
+from symgen.scene.table import Moments, Name, Table, Text, Value, Vector
 
 FORMAT_VERSION = 1
 
-Name = Annotated[str, StringConstraints(pattern=r"^[A-Za-z][A-Za-z0-9_]*$", max_length=40)]
-Value = Annotated[
-    str | int | float,
-    Field(description='A quantity ("2 cm"), an expression over parameters ("2*a"), or a plain number.'),
-]
-Vector = Annotated[list[Value], Field(min_length=2, max_length=3)]
-Moments = Annotated[list[Value], Field(min_length=3, max_length=6)]
+#: Tables that every scene may have; all others are of points and links, or of a loop.
+_SHARED = {"symgen", "title", "about", "parameters", "gravity", "analysis"}
 
 
-#: Words for people: any characters but control characters, which have no place in generated comments.
-Text = Annotated[str, StringConstraints(pattern=r"^[^\x00-\x08\x0b\x0c\x0e-\x1f\x7f]*$")]
-
-
-def _version_required(schema: dict[str, Any]) -> None:
-    """Tell editors that a file must say its version, which a scene in Python need not."""
-    schema["required"] = ["symgen", *schema["required"]]
-
-
-class Table(BaseModel):
-    """A table of the scene: unknown keys are errors, and nothing changes after it was read."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=True)
+def _for_editors(schema: dict[str, Any]) -> None:
+    """Tell editors that a file must say its version, and is made of points and links or of a loop."""
+    schema["required"] = ["symgen"]
+    others = [key for key in schema["properties"] if key not in _SHARED]
+    schema["anyOf"] = [
+        {"required": ["points", "links"], "properties": {"loop": False}},
+        {"required": ["loop"], "properties": {key: False for key in others if key != "loop"}},
+    ]
 
 
 class Parameter(Table):
@@ -196,20 +181,21 @@ class Analysis(Table):
 
 
 class Scene(Table):
-    """One mechanism and what is asked of it.
+    """One mechanism and what is asked of it: made of points and links, or of a loop.
 
     Build it from a file with :func:`symgen.load_scene`, or in Python with the same words:
     ``symgen.Scene(symgen=1, points={...}, links={...})``.
     """
 
-    model_config = ConfigDict(json_schema_extra=_version_required)
+    model_config = ConfigDict(json_schema_extra=_for_editors)
 
     symgen: Literal[1] = Field(1, description="Version of the scene format.")
     title: Text = ""
     about: Text = ""
     parameters: dict[Name, Parameter] = Field(default_factory=dict)
-    points: dict[Name, Point] = Field(min_length=1)
-    links: dict[Name, Link] = Field(min_length=1)
+    points: dict[Name, Point] = Field(default_factory=dict, min_length=1)
+    links: dict[Name, Link] = Field(default_factory=dict, min_length=1)
+    loop: SpatialLoop | None = None
     gravity: Gravity | None = None
     masses: list[PointMass] = Field(default_factory=list)
     springs: list[Spring] = Field(default_factory=list)
@@ -232,6 +218,25 @@ class Scene(Table):
             from symgen.scene.faults import scene_error
 
             raise scene_error(error) from None
+        self._check_kind()
+
+    def _check_kind(self) -> None:
+        """Raise SceneError unless it is made of points and links, or of a loop."""
+        if self.loop is None:
+            for key in ("points", "links"):
+                if key not in self.model_fields_set:
+                    raise SceneError(
+                        "this key is missing",
+                        where=key,
+                        hint="A scene is made of points and links, or of a loop.",
+                    )
+            return
+        for key in sorted(self.model_fields_set - _SHARED - {"loop"}):
+            raise SceneError(
+                f"a scene with a loop has no {key}",
+                where=key,
+                hint="A scene is made of points and links, or of a loop with links and loads of its own.",
+            )
 
     @property
     def name(self) -> str:
@@ -255,4 +260,5 @@ TABLES: dict[str, type[Table]] = {
     "parameters": Parameter, "points": Point, "links": Link, "gravity": Gravity, "masses": PointMass,
     "springs": Spring, "actuators": Actuator, "torsion_springs": TorsionSpring, "forces": Force,
     "torques": Torque, "guides": Guide, "drivers": Driver, "start": Start, "analysis": Analysis,
+    "loop": SpatialLoop,
 }  # fmt: skip

@@ -15,6 +15,7 @@ import sympy as sp
 
 from symgen.errors import SceneError
 from symgen.scene import bodies, units
+from symgen.scene.inertia import FLAT, check_real, inertia_matrix, spread
 from symgen.scene.linkage import Bar, PlacedPoint, RigidLink, SpatialBody, Vector, WeightedPoint
 from symgen.scene.reading import Reader
 from symgen.scene.schema import Link
@@ -22,8 +23,6 @@ from symgen.scene.schema import Link
 _DIGITS = 40
 #: Shares of a body's size: how far a point must be out of the span of the others to be a base point.
 _SHARED, _OWN = 1e-3, 0.3
-#: A principal extent squared below this share of the largest makes a body flat.
-_FLAT = 1e-9
 
 Pairs = set[frozenset[str]]
 Floats = list[float]
@@ -57,8 +56,8 @@ def _body(read: Reader, name: str, link: Link, rigid: Pairs) -> SpatialBody:
         )
     mass = read.positive(link.mass, units.MASS, f"{where}.mass")
     centre = _exact(read.vector(link.centre, units.LENGTH, f"{where}.centre"), f"{where}.centre")
-    spread = _spread(read, link.inertia, f"{where}.inertia")
-    base = _base(read, name, own, centre, _radius(read, mass, spread))
+    second = _spread(read, link.inertia, f"{where}.inertia")
+    base = _base(read, name, own, centre, _radius(read, mass, second))
     places = {p.name: _exact(p.at, f"points.{p.name}.at") for p in (*own, *base)}
     _same_motion(base, where)
     columns = sp.Matrix([[1, 1, 1, 1], *zip(*(places[p.name] for p in base), strict=True)])
@@ -72,7 +71,7 @@ def _body(read: Reader, name: str, link: Link, rigid: Pairs) -> SpatialBody:
     out = inverse[:, 1:]
     masses = tuple(
         tuple(
-            _short(mass * of_centre[a] * of_centre[b] + (out[a, :] * spread * out[b, :].T)[0])
+            _short(mass * of_centre[a] * of_centre[b] + (out[a, :] * second * out[b, :].T)[0])
             for b in range(4)
         )
         for a in range(4)
@@ -124,33 +123,16 @@ def _short(value: sp.Expr) -> sp.Expr:
 
 
 def _spread(read: Reader, moments: Sequence[str | int | float], where: str) -> sp.Matrix:
-    """Return the second moments of the mass about its centre [kg m^2] from the moments of inertia.
-
-    With the inertia matrix I it is S = trace(I)/2 - I; it is positive definite for any real body that is
-    not flat.
-    """
-    if len(moments) not in (3, 6):
-        raise SceneError(f"expected three or six moments of inertia, got {len(moments)}", where=where)
-    read_ = [read.value(m, units.INERTIA, f"{where}.{i}") for i, m in enumerate(moments)]
-    xx, yy, zz, xy, xz, yz = (*read_, *[sp.Integer(0)] * (6 - len(read_)))
-    spread = sp.Matrix(
-        [[(yy + zz - xx) / 2, -xy, -xz], [-xy, (xx + zz - yy) / 2, -yz], [-xz, -yz, (xx + yy - zz) / 2]]
-    )
-    import numpy as np
-
-    extents = np.linalg.eigvalsh([[read.number(spread[i, j]) for j in range(3)] for i in range(3)])
-    if extents[0] < -_FLAT * extents[2] or not extents[2] > 0:
-        raise SceneError(
-            "no real body has these moments of inertia: the largest exceeds the sum of the others",
-            where=where,
-        )
-    if extents[0] <= _FLAT * extents[2]:
+    """Return the second moments of the mass about its centre [kg m^2], of a body that is not flat."""
+    matrix = inertia_matrix(read, moments, where)
+    least, largest = check_real(read, matrix, where)
+    if least <= FLAT * largest:
         raise SceneError(
             "this body has no thickness: its largest principal moment of inertia is the sum of the others",
             where=where,
             hint="Add the thickness to the moments (a rod is a link with two points and one moment).",
         )
-    return spread
+    return spread(matrix)
 
 
 def _radius(read: Reader, mass: sp.Expr, spread: sp.Matrix) -> float:

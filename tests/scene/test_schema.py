@@ -22,22 +22,26 @@ TYPES = {
 def faults(value, schema, at="scene"):
     """Check a value by the words of JSON Schema that pydantic uses; no other word may appear."""
     known = {
-        "$defs", "$ref", "additionalProperties", "anyOf", "const", "default", "description", "items",
+        "$defs", "$ref", "additionalProperties", "anyOf", "const", "default", "description", "enum", "items",
         "maxItems", "maxLength", "minItems", "minProperties", "pattern", "patternProperties", "properties",
         "propertyNames", "required", "title", "type",
     }  # fmt: skip
+    if schema is False:
+        return [f"{at} may not be there"]
     assert set(schema) <= known, set(schema) - known
     if "$ref" in schema:
         return faults(value, SCHEMA["$defs"][schema["$ref"].rpartition("/")[2]], at)
+    found = []
     if "anyOf" in schema:
         each = [faults(value, option, at) for option in schema["anyOf"]]
-        return [] if [] in each else each[0]
+        found += [] if [] in each else each[0]
     kind = schema.get("type")
     if kind and (not isinstance(value, TYPES[kind]) or (kind != "boolean" and isinstance(value, bool))):
         return [f"{at} is no {kind}"]
-    found = []
     if "const" in schema and value != schema["const"]:
         found.append(f"{at} is not {schema['const']}")
+    if "enum" in schema and value not in schema["enum"]:
+        found.append(f"{at} is none of {schema['enum']}")
     if isinstance(value, str):
         if not re.search(schema.get("pattern", ""), value) or len(value) > schema.get("maxLength", 1e9):
             found.append(f"{at} does not match")
@@ -52,14 +56,30 @@ def faults(value, schema, at="scene"):
             found.append(f"{at} is empty")
         for key, item in value.items():
             inner = schema.get("properties", {}).get(key)
-            inner = inner or next(
-                (s for p, s in schema.get("patternProperties", {}).items() if re.search(p, key)), None
-            )
-            if inner:
+            if inner is None:
+                patterns = schema.get("patternProperties", {}).items()
+                inner = next((s for p, s in patterns if re.search(p, key)), None)
+            if inner is not None:
                 found += faults(item, inner, f"{at}.{key}")
             elif "patternProperties" in schema or schema.get("additionalProperties") is False:
                 found.append(f"{at}.{key} is unknown")
     return found
+
+
+LOOP = {
+    "rows": [
+        {"joint": "R", "link": "shaft", "theta": "theta1", "a": "1 m"},
+        {"joint": "R", "link": "ground", "theta": "?", "a": "-1 m"},
+    ],
+    "inputs": {"theta1": "t"},
+    "drives": {"theta1": "?"},
+    "links": {"shaft": {"mass": "1 kg", "inertia": ["1 kg*m^2", "1 kg*m^2", "1 kg*m^2"]}},
+    "loads": [{"link": "shaft", "force": [0, 0, "1 N"]}],
+}
+
+
+def looped(**changes):
+    return {"symgen": 1, "loop": {**LOOP, **changes}}
 
 
 def tables(**changes):
@@ -121,6 +141,76 @@ def test_the_schema_and_symgen_agree(change):
         assert error.where
     assert accepted == (faults(data, SCHEMA) == [])
     assert accepted == (change in GOOD)
+
+
+GOOD_LOOPS = [
+    {},
+    {"units": {"length": "in"}},
+    {"range": ["0 deg", "90 deg"]},
+    {"free": {"theta2": {"at": "1 deg"}}},
+]
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        *GOOD_LOOPS,
+        {"rows": LOOP["rows"][:1]},
+        {"rows": [{**LOOP["rows"][0], "thta": "1 deg"}, LOOP["rows"][1]]},
+        {"rows": [{"link": "shaft"}, LOOP["rows"][1]]},
+        {"units": {"lenght": "in"}},
+        {"range": ["0 deg"]},
+        {"free": {"theta2": {"rate": "1 rad/s"}}},
+        {"links": {"shaft": {"inertia": LOOP["links"]["shaft"]["inertia"]}}},
+        {"links": {"shaft": {"mass": "1 kg", "centre": ["1 m", "1 m"]}}},
+        {"loads": [{"link": "shaft", "frame": "world"}]},
+        {"drives": {"theta-1": "?"}},
+    ],
+    ids=str,
+)
+def test_the_schema_and_symgen_agree_on_loops(change):
+    data = looped(**change)
+    try:
+        check_scene(SceneText("x", "x.toml", data))
+        accepted = True
+    except SceneError as error:
+        accepted = False
+        assert error.where.startswith("loop.")
+    assert accepted == (faults(data, SCHEMA) == [])
+    assert accepted == (change in GOOD_LOOPS)
+
+
+@pytest.mark.parametrize(
+    "change, where",
+    [
+        ({"points": {"O": {"at": [0, 0]}}}, "points"),
+        ({"springs": []}, "springs"),
+        ({"loop": None}, "points"),
+    ],
+)
+def test_a_scene_is_of_points_and_links_or_of_a_loop(change, where):
+    data = {k: v for k, v in {**looped(), **change}.items() if v is not None}
+    assert faults(data, SCHEMA) != []
+    with pytest.raises(SceneError, match="made of points and links, or of a loop") as caught:
+        check_scene(SceneText("x", "x.toml", data))
+    assert caught.value.where == where
+
+
+@pytest.mark.parametrize(
+    "change, where, known",
+    [
+        ({"rows": [{**LOOP["rows"][0], "thta": "1 deg"}, LOOP["rows"][1]]}, "loop.rows.0.thta", "theta"),
+        ({"units": {"lenght": "in"}}, "loop.units.lenght", "length"),
+        ({"links": {"links": {"mas": "1 kg"}}}, "loop.links.links.mas", "mass"),
+        ({"loads": [{"link": "shaft", "forse": [0, 0, 0]}]}, "loop.loads.0.forse", "force"),
+        ({"free": {"theta2": {"att": 0}}}, "loop.free.theta2.att", "at"),
+        ({"imputs": {}}, "loop.imputs", "inputs"),
+    ],
+)
+def test_a_misspelled_key_inside_a_loop_names_the_nearest(change, where, known):
+    with pytest.raises(SceneError, match=f"Did you mean '{known}'") as caught:
+        symgen.Scene(**looped(**change))
+    assert caught.value.where == where
 
 
 def test_a_file_says_its_version_and_python_need_not():

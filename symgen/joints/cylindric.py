@@ -1,0 +1,7 @@
+"""Cylindric joint: the link turns about k and moves along it."""
+
+from __future__ import annotations
+
+from symgen.joints.joint import Joint
+
+JOINT = Joint("C", "cylindric", varies=("theta", "S"))

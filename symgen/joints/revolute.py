@@ -1,0 +1,7 @@
+"""Hinge: the link turns about k."""
+
+from __future__ import annotations
+
+from symgen.joints.joint import Joint
+
+JOINT = Joint("R", "revolute", varies=("theta",))

@@ -1,0 +1,170 @@
+"""Rows of a link-joint table as dual matrices: transforms, paths, screws and the operators of the closure.
+
+Source: S. Rahman, *Dynamic Analysis of the Generalized Slider Crank* (1991), Eqs. (1)-(18), for any row
+T = Z(theta + eps S) Y(eta) X(alpha + eps a). T places frame {i+1} in frame {i}.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import sympy as sp
+
+from symgen.symbolic.dual import (
+    Dual,
+    DualMatrix,
+    DualVector,
+    Triple,
+    cross,
+    identity,
+    operator,
+    rotation,
+    skew,
+)
+from symgen.symbolic.names import Names
+
+_ZERO, _ONE = sp.Integer(0), sp.Integer(1)
+
+#: The motions of a row, in their order: the axis, and whether it is a turn about it or a shift along it.
+MOTIONS = {"theta": (2, True), "S": (2, False), "eta": (1, True), "alpha": (0, True), "a": (0, False)}
+
+
+def axis(number: int) -> Triple:
+    """Return the unit vector of a coordinate axis."""
+    x, y, z = (_ONE if i == number else _ZERO for i in range(3))
+    return x, y, z
+
+
+@dataclass(frozen=True, slots=True)
+class Motion:
+    """One entry of a row: a turn or a shift by its value.
+
+    Attributes
+    ----------
+    row
+        The row, counted from 1.
+    entry
+        theta, S, eta, alpha or a.
+    value
+        Angle [rad] or shift [m], linear in the joint variables.
+    slopes
+        Pairs (number of a joint variable, derivative of the value by it); none where it is constant.
+    """
+
+    row: int
+    entry: str
+    value: sp.Expr
+    slopes: tuple[tuple[int, sp.Expr], ...] = ()
+
+    @property
+    def name(self) -> str:
+        """Entry and row."""
+        return f"{self.entry}{self.row}"
+
+    @property
+    def angle(self) -> Dual:
+        """Its dual angle."""
+        return Dual(self.value) if MOTIONS[self.entry][1] else Dual(_ZERO, self.value)
+
+    @property
+    def matrix(self) -> DualMatrix:
+        """Its dual matrix."""
+        return rotation(MOTIONS[self.entry][0], self.angle)
+
+    @property
+    def screw(self) -> DualVector:
+        """Its unit screw, the same in the frames before and after it."""
+        number, turns = MOTIONS[self.entry]
+        return DualVector(axis(number), axis(-1)) if turns else DualVector(axis(-1), axis(number))
+
+    def rate(self, rates: Sequence[sp.Expr]) -> sp.Expr:
+        """Return the rate of its value, by the rates of all joint variables."""
+        return sp.Add(*(slope * rates[j] for j, slope in self.slopes))
+
+
+def motions(row: int, entries: Sequence[sp.Expr], variables: Sequence[sp.Symbol]) -> tuple[Motion, ...]:
+    """Return the motions of a row, those that are zero left out; ``entries`` are theta, S, eta, alpha, a."""
+    found = []
+    for entry, value in zip(MOTIONS, entries, strict=True):
+        slopes = ((j, sp.diff(value, v)) for j, v in enumerate(variables))
+        if value != 0:
+            found.append(Motion(row, entry, value, tuple((j, k) for j, k in slopes if k != 0)))
+    return tuple(found)
+
+
+def row_transform(row: Sequence[Motion]) -> DualMatrix:
+    """Return T = Z(theta + eps S) Y(eta) X(alpha + eps a) of a row's motions, Eqs. (1)-(4)."""
+    found = identity()
+    for number in (2, 1, 0):
+        angle = sum((m.angle for m in row if MOTIONS[m.entry][0] == number), Dual(_ZERO))
+        found = found @ rotation(number, angle)
+    return found
+
+
+def derivative_operator(motion: Motion, before: DualMatrix) -> DualMatrix:
+    """Return the operator H = M Q M^T of a motion, Eqs. (12)-(17): dB/d(value) = H B.
+
+    ``before`` is the product M of everything before the motion. Q is the operator of its own axis, Eqs. (8)
+    to (10); that of eta in Eq. (9) has the turn by theta, which here belongs to M.
+    """
+    return before @ operator(motion.screw) @ before.T
+
+
+@dataclass(frozen=True, slots=True)
+class Frame:
+    """Where a frame stands: its axes as columns of ``turn``, its origin."""
+
+    turn: sp.ImmutableMatrix
+    origin: Triple
+
+    @property
+    def dual(self) -> DualMatrix:
+        """The same as a dual matrix R + eps [p]x R."""
+        return DualMatrix(self.turn, sp.ImmutableMatrix(skew(self.origin) * self.turn))
+
+    @property
+    def inverse(self) -> Frame:
+        """The frame it is given in, seen from it."""
+        return Frame(self.turn.T, self.seen(tuple(-x for x in self.origin)))
+
+    def vector(self, components: Sequence[sp.Expr]) -> Triple:
+        """Return a vector given by its components in the frame."""
+        x, y, z = self.turn * sp.Matrix(components)
+        return x, y, z
+
+    def point(self, components: Sequence[sp.Expr]) -> Triple:
+        """Return a point given by its components in the frame."""
+        x, y, z = (p + v for p, v in zip(self.origin, self.vector(components), strict=True))
+        return x, y, z
+
+    def seen(self, vector: Sequence[sp.Expr]) -> Triple:
+        """Return the components in the frame of a vector."""
+        x, y, z = self.turn.T * sp.Matrix(vector)
+        return x, y, z
+
+    def screw(self, screw: DualVector) -> DualVector:
+        """Return a screw that is given in the frame."""
+        real, dual = self.vector(screw.real), self.vector(screw.dual)
+        moved = cross(self.origin, real)
+        return DualVector(real, (dual[0] + moved[0], dual[1] + moved[1], dual[2] + moved[2]))
+
+
+GROUND = Frame(sp.ImmutableMatrix(sp.eye(3)), axis(-1))
+
+
+def onward(frame: Frame, motion: Motion, names: Names, label: str, back: bool = False) -> Frame:
+    """Return the frame behind a motion; the one before it when going ``back``."""
+    number, turns = MOTIONS[motion.entry]
+    if turns:
+        angle = motion.matrix.T if back else motion.matrix
+        axes = frame.turn * angle.real
+        unit, of = "1", f"axes of the frame, {label}"
+        columns = [
+            names.vector(f"{letter}_{label}", axes[:, i], unit, f"{letter} of the {of}")
+            for i, letter in enumerate("ijk")
+        ]
+        return Frame(sp.ImmutableMatrix(3, 3, lambda i, j: columns[j][i]), frame.origin)
+    shift = -motion.value if back else motion.value
+    origin = [p + shift * x for p, x in zip(frame.origin, frame.turn[:, number], strict=True)]
+    return Frame(frame.turn, names.vector(f"p_{label}", origin, "m", f"origin of the frame, {label}"))
