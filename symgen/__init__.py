@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from symgen.pipeline import build as build
     from symgen.pipeline import derive as derive
     from symgen.runtime.chain import Chain as Chain
+    from symgen.runtime.loop_model import LoopModel as LoopModel
     from symgen.runtime.model import Model as Model
     from symgen.runtime.result import Result as Result
     from symgen.runtime.result import load_result as load_result
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
 
 _HOME = {
     "Chain": "symgen.runtime.chain",
+    "LoopModel": "symgen.runtime.loop_model",
     "Model": "symgen.runtime.model",
     "Result": "symgen.runtime.result",
     "Scene": "symgen.scene.schema",

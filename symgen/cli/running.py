@@ -55,7 +55,9 @@ def run(
     from symgen.errors import SimulationError
     from symgen.pipeline import build as build_model
     from symgen.report.plots import DRAWN_AS
+    from symgen.runtime.loop_model import LoopModel
     from symgen.runtime.result import SAVED_AS
+    from symgen.runtime.turn import Turn
 
     for file, endings, what in ((out, SAVED_AS, "result"), (plot, DRAWN_AS, "plot")):
         if file:
@@ -86,6 +88,14 @@ def run(
         result.plot(file=plot)
     if as_json:
         print_json(result.summary())
+    elif isinstance(result, Turn):
+        from symgen.report.loops import print_turn
+
+        print_turn(result, console())
+    elif isinstance(model, LoopModel):
+        from symgen.report.loops import print_motion_of_loop
+
+        print_motion_of_loop(result, console())
     else:
         from symgen.report.tables import print_result
 

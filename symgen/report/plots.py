@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 def plot(result: Result, *names: str, file: str | os.PathLike[str] | None = None) -> Figure:
-    """Draw outputs over time, one panel for each unit, and save the picture if ``file`` is given.
+    """Draw outputs over time or input, a panel for each unit, and save the picture if ``file`` is given.
 
     Parameters
     ----------
@@ -36,20 +36,21 @@ def plot(result: Result, *names: str, file: str | os.PathLike[str] | None = None
     from matplotlib.figure import Figure
 
     chosen = _chosen(result, names)
+    along, label = result.over
     units = list(dict.fromkeys(v.unit for v in chosen))
     figure = Figure(figsize=(9, 1.2 + 2.4 * len(units)), layout="constrained")
     panels = figure.subplots(len(units), 1, sharex=True, squeeze=False)[:, 0]
     for panel, unit in zip(panels, units, strict=True):
         for variable in (v for v in chosen if v.unit == unit):
             if variable.values.ndim == 1:
-                panel.plot(result.time, variable.values, label=variable.name)
+                panel.plot(along, variable.values, label=variable.name)
                 continue
             for i, component in enumerate(variable.components):
-                panel.plot(result.time, variable.values[:, i], label=f"{variable.name} {component}")
+                panel.plot(along, variable.values[:, i], label=f"{variable.name} {component}")
         panel.set_ylabel(unit)
         panel.grid(alpha=0.3)
         panel.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize="small", frameon=False)
-    panels[-1].set_xlabel("time [s]")
+    panels[-1].set_xlabel(label)
     figure.suptitle(f"{result.title}\n{result.headline}", fontsize="medium")
     if file is not None:
         _save(figure, file)

@@ -40,22 +40,25 @@ def print_result(result: Result, console: Console) -> None:
             rows,
         )
     )
-    drift, statistics = result.drift, result.statistics
-    console.print(
-        table(
-            "The run",
-            ("", ""),
-            (
-                ("method", result.provenance["method"]),
-                ("backend", result.provenance["backend"]),
-                ("steps (rejected)", f"{statistics['steps']} ({statistics['rejected']})"),
-                ("evaluations", statistics["evaluations"]),
-                ("wall time", f"{statistics['wall_s'] * 1e3:.3g} ms"),
-                ("constraint drift", f"{drift.constraint:.2e} m"),
-                ("energy drift", f"{drift.energy:.2e} J"),
-                ("energy exchanged", f"{drift.energy_exchanged:.2e} J"),
-            ),
-        )
-    )
+    console.print(run_table(result))
     for note in result.notes:
         console.print(f"Note: {note}.")
+
+
+def run_table(result: Result) -> Table:
+    """Return a table of how a run went, its errors beside its cost."""
+    drift, statistics = result.drift, result.statistics
+    return table(
+        "The run",
+        ("", ""),
+        (
+            ("method", result.provenance["method"]),
+            ("backend", result.provenance["backend"]),
+            ("steps (rejected)", f"{statistics['steps']} ({statistics['rejected']})"),
+            ("evaluations", statistics["evaluations"]),
+            ("wall time", f"{statistics['wall_s'] * 1e3:.3g} ms"),
+            ("constraint drift", f"{drift.constraint:.2e} m"),
+            ("energy drift", f"{drift.energy:.2e} J"),
+            ("energy exchanged", f"{drift.energy_exchanged:.2e} J"),
+        ),
+    )

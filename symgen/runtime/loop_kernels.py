@@ -39,7 +39,9 @@ class LoopKernels:
         if work is not None:
             memory[: len(work)] = work
         address = self.library.addresses[kernel]
-        _core.call(address, np.array([t]), np.append(q, 0.0), np.append(u, 0.0), self.parameters, memory, out)
+        _core.call(
+            address, np.array([float(t)]), np.append(q, 0.0), np.append(u, 0.0), self.parameters, memory, out
+        )
         return {b.name: part(out, b) for b in info.blocks}
 
     def has(self, kernel: str) -> bool:

@@ -117,7 +117,7 @@ def undetermined(
     n = kernels.description.coordinates
     for i in np.unique(np.linspace(0, len(times) - 1, 5).astype(int)):
         q = states[i, :n]
-        screws = kernels("position", float(times[i]), q, np.zeros(n))["screws"]
+        screws = kernels("position", float(times[i]), q, np.zeros(n))["closure_jacobian"]
         size = kernels.description.size
         across = np.vstack([size * screws[3:], screws[:3]]) / size  # of (force, moment over size)
         left, values, _ = np.linalg.svd(across)

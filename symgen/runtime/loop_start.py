@@ -116,7 +116,7 @@ def distance(kernels: LoopKernels, q: Array, other: Array) -> float:
 def scaled_screws(kernels: LoopKernels, t: float, q: Array) -> Array:
     """Return the screws of all variables, shape (6, n), made dimensionless by the size of the loop."""
     d = kernels.description
-    screws: Array = kernels("position", t, q, np.zeros_like(q))["screws"].copy()
+    screws: Array = kernels("position", t, q, np.zeros_like(q))["closure_jacobian"].copy()
     screws[3:] /= d.size
     scaled: Array = screws * np.array([d.size if v.is_length else 1.0 for v in d.variables])
     return scaled

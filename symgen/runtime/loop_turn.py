@@ -80,6 +80,7 @@ def follow(kernels: LoopKernels, begin: Closed, values: Array) -> Turn:
         states[kept],
         out[kept],
         diagnosis[kept],
+        values[kept],
         time.perf_counter() - begun,
     )
     if failed:
@@ -133,6 +134,7 @@ def _recorded(
     states: Array,
     out: Array,
     diagnosis: Array,
+    values: Array,
     wall: float,
 ) -> Turn:
     d = kernels.description
@@ -153,6 +155,8 @@ def _recorded(
         for c, is_open in zip(components[name], np.atleast_1d(which).ravel(), strict=True)
         if is_open
     ]
+    first = d.variables[kernels.inputs[0]]
+    unit, size = converters(d)[first.unit]
     last = {v.name: np.atleast_1d(v.values[-1]).tolist() if len(times) else [] for v in made}
     return Turn(
         name=d.name,
@@ -168,7 +172,9 @@ def _recorded(
         ),
         final={name: {"value": v[0] if len(v) == 1 else v} for name, v in last.items()},
         statistics={
-            "input": d.variables[kernels.inputs[0]].name,
+            "input": first.name,
+            "unit": unit,
+            "values": (values / size).tolist(),
             "t": float(times[-1]) if len(times) else begin.t,
             "steps": len(times),
             "closure": float(np.max(diagnosis[:, _loop.CLOSURE], initial=0.0)),

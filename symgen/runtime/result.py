@@ -122,6 +122,11 @@ class Result:
         return dataset
 
     @property
+    def over(self) -> tuple[Array, str]:
+        """What plots have along their axis, and what it is called."""
+        return self.time, "time [s]"
+
+    @property
     def headline(self) -> str:
         """What a plot says of the run."""
         return (
@@ -231,6 +236,8 @@ def load_result(file: str | os.PathLike[str]) -> Result:
         made: type[Result] = Result
         if data["provenance"]["method"] == "continuation":
             from symgen.runtime.motion import Motion as made
+        elif data["provenance"]["method"] == "closure":
+            from symgen.runtime.turn import Turn as made
         return made(
             name=data["name"],
             title=data["title"],

@@ -44,6 +44,21 @@ class Turn(Result):
         return str(self.statistics["input"])
 
     @property
+    def values_of_input(self) -> Array:
+        """The values of the first input, in the scene's unit."""
+        return np.array(self.statistics["values"])
+
+    @property
+    def unit_of_input(self) -> str:
+        """The scene's unit of the first input."""
+        return str(self.statistics["unit"])
+
+    @property
+    def over(self) -> tuple[Array, str]:
+        """What plots have along their axis, and what it is called."""
+        return self.values_of_input, f"{self.input} [{self.unit_of_input}]"
+
+    @property
     def closure(self) -> float:
         """Largest defect of closure: of rotations in radians, of displacements over the size of the loop."""
         return float(self.statistics["closure"])
@@ -76,6 +91,8 @@ class Turn(Result):
         return {
             "scene": self.name,
             "input": self.input,
+            "at": self.values_of_input.tolist(),
+            "unit": self.unit_of_input,
             "backend": self.provenance["backend"],
             "equations": self.provenance["equations"],
             "parameters": dict(self.provenance["parameters"]),
