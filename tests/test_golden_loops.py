@@ -89,7 +89,7 @@ def test_every_value(mode, scene):
         count += len(expected[mode])
         torque, load = run.variable("theta1.drive").values[i], run.variable("S4.drive").values[i]
         close(torque, expected[mode]["T1k"], "theta1.drive")
-        close(load, expected[mode]["F4k"], "S4.drive")
+        close(load, -expected[mode]["F4k"], "S4.drive")  # of the slider on the frame: it drives S4 up
         close(run.variable("s1.drive").values[i], expected[mode]["F1k"], "s1.drive")
     assert count == len(positions) * (3 * 7 + 18)
 
@@ -124,14 +124,16 @@ def test_dead_centres_are_poles_where_the_torque_is_given(scene):
         for pole, expected in zip(run.poles, centres, strict=True):
             close(pole.at, np.deg2rad(expected["theta1_deg"]), "dead centre")
             residue = expected["mode_T_F4k_residue"]
-            close(pole.residues["S4.drive"], residue, "residue of the load", 1e-6)
+            close(pole.residues["S4.drive"], -residue, "residue of the load", 1e-6)
             close(pole.residues["slider.joint4.force.z"], residue, "residue of the guide's force", 1e-6)
             assert not {n for n in pole.residues if n.startswith(("theta", "eta", "alpha3", "S4.r"))}
     assert np.all(np.isnan(met.variable("S4.drive").values))
     assert np.all(np.isfinite(met.variable("S4.acceleration").values))
     # the transverse force of the rod is its inertia alone, and has no pole
     assert np.all(np.isfinite(met.variable("slider.joint3.force").values[:, 1:]))
-    assert not {n for p in met.poles for n in p.residues if n in ("slider.joint3.force.y", "slider.joint3.force.z")}
+    assert not {
+        n for p in met.poles for n in p.residues if n in ("slider.joint3.force.y", "slider.joint3.force.z")
+    }
 
 
 def test_numbers_can_fail():
