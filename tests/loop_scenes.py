@@ -16,7 +16,7 @@ def scene(rows, *, gravity=None, outputs=None, parameters=None, **loop):
     """A scene of one loop; rows as (joint, link, entries)."""
     tables = [{"joint": joint, "link": link, **entries} for joint, link, entries in rows]
     made = {"parameters": parameters or {}, "loop": {"rows": tables, **loop}}
-    if gravity:
+    if gravity is not None:
         made["gravity"] = {"acceleration": [f"{g} m/s^2" for g in gravity]}
     if outputs:
         made["analysis"] = {"outputs": outputs}
@@ -223,7 +223,7 @@ def crank_scene(crank, *, S1="0 in", spin=None, guess=None, **loop):
     mass = [f"{float(x)!r} lbf*s^2/in" for x in crank.masses]
     rods = {"theta": "?", "eta": "?", "a": inch(crank.a2)} | ({"alpha": spin} if spin else {})
     rows = [
-        ("C" if S1 != "0 in" else "R", "crank", {"theta": "theta1", "S": S1, "a": inch(crank.a1)}),
+        ("R" if S1.endswith(" in") else "C", "crank", {"theta": "theta1", "S": S1, "a": inch(crank.a1)}),
         ("S", "rod", rods),
         ("S", "slider", {"theta": "?", "eta": "?", "alpha": "?"}),
         ("P", "ground", {"S": "?", "alpha": f"{float(crank.alpha4)!r}", "a": inch(crank.a4)}),

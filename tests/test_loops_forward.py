@@ -157,7 +157,7 @@ def test_spin_of_a_general_rod_is_a_coordinate():
     t_end = 0.25
     model = Free(GENERAL, (0, 2), (0, 2.0, 0), lambda t, q, u: np.zeros(2))
     q, u = integrated(model, [0.75, 0.3], [8.0, -1.0], t_end)
-    assert np.ptp(u[1]) > 1.0
+    assert np.ptp(u[1]) > 0.5
     scene = crank_scene(
         GENERAL,
         S1="2 in",
