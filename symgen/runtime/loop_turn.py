@@ -21,9 +21,11 @@ from symgen.runtime.turn import Pole, Turn, converters, variables
 
 Array = NDArray[np.float64]
 
-#: Longest step over the range that is followed, and the longest turn of an input in one step [rad].
+#: Parts of the range that are the longest step, and by how much a pose must differ to be another one.
 _PARTS = 36
 _TURNED = 1e-6
+#: Components named in a note; the result lists all.
+_SHOWN = 6
 
 
 def follow(kernels: LoopKernels, begin: Closed, values: Array) -> Turn:
@@ -223,16 +225,18 @@ def _notes(
     first = d.variables[kernels.inputs[0]]
     unit, size = converters(d)[first.unit]
     for p in told:
-        names = ", ".join(f"{name} {x:.9g}" for name, x in p.residues.items())
+        drives = {name: x for name, x in p.residues.items() if name.endswith(".drive")} or p.residues
+        names = ", ".join(f"{name} {x:.9g}" for name, x in list(drives.items())[:_SHOWN])
         yield (
             f"dead centre at {first.name} = {in_words(p.at * size, first.is_length, d)}: the given efforts "
-            f"cannot hold the loop there, and these have a pole, with the residue (value times "
-            f"{first.name} in {unit}): {names}"
+            f"cannot hold the loop there, and {len(p.residues)} components have a pole, with the residue "
+            f"(value times {first.name} in {unit}) {names}{', ...' if len(p.residues) > len(drives) else ''}"
         )
     if indeterminate:
+        more = ", ..." if len(indeterminate) > _SHOWN else ""
         yield (
-            f"redundant constraints leave {len(indeterminate)} components undetermined, and those of least "
-            f"norm are given: {', '.join(indeterminate)}"
+            f"{6 - d.rank} of 6 closure equations are redundant, which leaves {len(indeterminate)} components "
+            f"of forces undetermined: those of least norm are given ({', '.join(indeterminate[:_SHOWN])}{more})"
         )
     if len(times) > 1:
         lengths = np.array([v.is_length for v in d.variables])

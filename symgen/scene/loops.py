@@ -19,8 +19,10 @@ from symgen.scene.reading import at
 from symgen.scene.schema import Scene
 from symgen.scene.units import Dimension, is_quantity, parse_quantity
 
-#: What the derivation calls the components of the wrench that closes the loop.
-_OF_CLOSURE = re.compile(r"closing_[fm][xyz]")
+#: What the derivation calls components of the vectors of a motion or a link, and of the closing wrench.
+_OF_LOOP = re.compile(
+    r"[a-z]+(_own)?_(link|net|theta|S|eta|alpha|a)\d+_(.*_)?[xyz]|vc2_link\d+|fall\d+|closing_[fm][xyz]"
+)
 _SUCH_AS = {units.LENGTH: "mm", units.FORCE: "kN", units.NUMBER: "deg"}
 _ANGLES = ("rad", "deg", "rev")
 
@@ -98,8 +100,8 @@ def _check_names(scene: Scene, rows: Rows) -> None:
         problem = ""
         if name in variables:
             problem = f"{name!r} is a variable of the loop"
-        elif parameter.tunable and (name in made or _OF_CLOSURE.fullmatch(name)):
-            problem = f"{name!r} is what symgen calls a rate of a variable or a force of the loop"
+        elif parameter.tunable and (name in made or _OF_LOOP.fullmatch(name)):
+            problem = f"{name!r} is what symgen calls a quantity of the loop"
         if problem:
             raise SceneError(problem, where=f"parameters.{name}", hint="Choose another name.")
     for i, row in enumerate(rows.rows):
