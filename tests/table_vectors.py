@@ -15,6 +15,7 @@ import numpy as np
 import sympy as sp
 from jets import Jet, Real, about_x, about_y, about_z, angular_velocity, cross, dot
 
+from symgen.scene.linkage import TIME
 from symgen.scene.loop import ENTRIES, Loop
 
 
@@ -176,3 +177,36 @@ def moving(loop: Loop, result, sizes) -> dict[str, Jet]:
             parts.append(np.asarray(recorded.values, dtype=Real) * sizes(recorded.unit))
         made[v.name] = Jet(*parts)
     return made
+
+
+def load_wrench(motion: TableMotion, row: int, times) -> tuple[np.ndarray, np.ndarray]:
+    """Force, and moment about the origin of {1}, of what is applied to the link of a row, gravity apart."""
+    loop, frame = motion.loop, motion.frames[row + 1]
+    force = np.zeros_like(frame.origin.value)
+    moment = np.zeros_like(force)
+    known = {TIME.symbol: np.asarray(times, dtype=Real)}
+    for v in loop.variables:
+        known[v.quantity.symbol], known[v.rate.symbol] = motion.moving[v.name].parts[:2]
+
+    def of(components):
+        made = []
+        for c in components:
+            function = sp.lambdify(list(known), sp.sympify(c).xreplace(motion.known), "numpy")
+            made.append(np.broadcast_to(np.asarray(function(*known.values()), dtype=Real), force.shape[:-1]))
+        return np.stack(made, axis=-1)
+
+    for load in loop.loads:
+        if load.row == row:
+            f, m = of(load.force), of(load.torque)
+            if not load.in_ground:
+                f, m = _times(frame.turn.value, f), _times(frame.turn.value, m)
+            place = frame.origin.value + _times(frame.turn.value, of(load.at))
+            force, moment = force + f, moment + m + cross(place, f)
+    return force, moment
+
+
+def link_power(motion: TableMotion, row: int, force, moment):
+    """Power of a wrench in {1} about its origin on the link of a row."""
+    frame = motion.frames[row + 1]
+    spin, _ = angular_velocity(frame.turn)
+    return dot(force, frame.origin.rate) + dot(moment - cross(frame.origin.value, force), spin)
