@@ -121,7 +121,7 @@ def undetermined(
         q = states[i, :n]
         screws = kernels("position", float(times[i]), q, np.zeros(n))["closure_jacobian"]
         size = kernels.description.size
-        across = np.vstack([size * screws[3:], screws[:3]]) / size  # of (force, moment over size)
+        across = np.vstack([screws[3:], size * screws[:3]])  # of (force, moment over size)
         left, values, _ = np.linalg.svd(across)
         rank = int(np.count_nonzero(values > _RANK * values[0]))
         free = left[:, rank:].T * np.array([1.0, 1.0, 1.0, size, size, size])

@@ -70,6 +70,8 @@ def follow(kernels: LoopKernels, begin: Closed, values: Array) -> Turn:
                 times[part[count]] if count < len(part) else at,
             )
     kept = np.sort(np.array(reached, dtype=int))
+    if failed and not len(kept):
+        raise SimulationError(_problem(kernels, equations, *failed), time=failed[1])
     turn = _recorded(
         kernels,
         equations,
@@ -82,9 +84,7 @@ def follow(kernels: LoopKernels, begin: Closed, values: Array) -> Turn:
         time.perf_counter() - begun,
     )
     if failed:
-        raise SimulationError(
-            _problem(kernels, equations, *failed), time=failed[1], partial=turn if len(kept) else None
-        )
+        raise SimulationError(_problem(kernels, equations, *failed), time=failed[1], partial=turn)
     return turn
 
 
