@@ -1,4 +1,4 @@
-"""Building blocks of a spatial loop, for inspection and for programs of one's own: a row, its screws, a link."""
+"""Building blocks of a spatial loop, for inspection and for other programs: a row, its screws, a link."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import sympy as sp
 
 from symgen.mechanics.dual_euler import BodyMotion, Inertia
-from symgen.mechanics.dual_rows import GROUND, MOTIONS, Frame, motions, onward
+from symgen.mechanics.dual_rows import GROUND, MOTIONS, Frame, motions, name_functions, onward
 from symgen.models.loop_model import REFERENCE
 from symgen.symbolic.dual import DualVector
 from symgen.symbolic.names import Names
@@ -28,6 +28,7 @@ def loop_row_system() -> System:
     row = motions(1, _SYMBOLS, _SYMBOLS)
     frame = GROUND
     for m in row:
+        name_functions(m, names)
         frame = onward(frame, m, names, f"behind_{m.entry}")
     placed = frame.turn.row_join(sp.Matrix(frame.origin))
     return _system(
@@ -43,7 +44,7 @@ def loop_row_system() -> System:
 
 
 def loop_screws_system() -> System:
-    """Return the screws of the entries of one row, for any frame before it: operators (12)-(17) as vectors."""
+    """Return the screws of the entries of one row, for any frame before it: operators (12)-(17)."""
     names = Names()
     axes = [[quantity(f"{c}_{a}", "1", f"{a} of axis {c} of the frame") for c in "ijk"] for a in AXES]
     origin = [quantity(f"p_{a}", "m", f"{a} of the origin of the frame") for a in AXES]
@@ -56,6 +57,7 @@ def loop_screws_system() -> System:
     frame = Frame(sp.ImmutableMatrix(3, 3, [c.symbol for row in axes for c in row]), (x, y, z))
     columns = []
     for m in motions(1, _SYMBOLS, _SYMBOLS):
+        name_functions(m, names)
         columns.append(frame.screw(m.screw).column)
         frame = onward(frame, m, names, f"behind_{m.entry}")
     return _system(
@@ -115,7 +117,7 @@ def loop_inertia_system() -> System:
                 ("px", "py", "pz", "hx", "hy", "hz"),
             ),
             _matrix(
-                "inertia_wrench", moving.wrench.column, "N, N*m", "rate of the momentum in space, by components",
+                "inertia_wrench", moving.wrench.column, "N, N*m", "rate of the momentum in space",
                 ("fx", "fy", "fz", "mx", "my", "mz"),
             ),
             _matrix("kinetic_energy", sp.Matrix([moving.kinetic_energy]), "J", "kinetic energy"),
