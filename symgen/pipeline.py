@@ -151,7 +151,7 @@ def _compiled(
 ) -> tuple[Any, Library]:
     with _no_collection():
         program, equations, sources = _lowered(system, compiler)  # System -> Program, (SourceFile, ...)
-    compilation = _written(sources, compiler, folder)  # (SourceFile, ...) -> compilers at work
+    compilation = _written(program, sources, compiler, folder)  # (SourceFile, ...) -> compilers at work
     description = describe(resolved, program, equations)  # the runtime is loaded while they work
     library = _opened(folder, description, compilation)  # -> Library
     return with_start(description, library), library
@@ -182,7 +182,7 @@ def _analysis(
             program, equations, sources = _lowered(
                 analysis_system(resolve_linkage(check_scene(text)), kind), compiler
             )
-        compilation = _written(sources, compiler, folder)
+        compilation = _written(program, sources, compiler, folder)
         kernels = kernel_infos(program.kernels)
         description = replace(base, name=program.name, equations=equations, kernels=kernels)
         return description, _opened(folder, description, compilation)
@@ -291,7 +291,9 @@ def _opened(folder: Path, description: Described, compilation: Compilation | Non
     return open_numpy((folder / f"{description.name}_numpy.py").read_text(encoding="utf-8"), description)
 
 
-def _written(sources: tuple[SourceFile, ...], compiler: Compiler | None, folder: Path) -> Compilation | None:
+def _written(
+    program: Program, sources: tuple[SourceFile, ...], compiler: Compiler | None, folder: Path
+) -> Compilation | None:
     """Write the sources and start the compiler on those in C."""
     try:
         for source in sources:
@@ -300,7 +302,8 @@ def _written(sources: tuple[SourceFile, ...], compiler: Compiler | None, folder:
         raise Cache(folder.parent).error(error) from None
     if compiler is None:
         return None
-    return compiler.start([folder / s.name for s in sources if s.name.endswith(".c")], folder / _LIBRARY)
+    in_c = [folder / s.name for s in sources if s.name.endswith(".c")]
+    return compiler.start(in_c, folder / _LIBRARY, functions=program.calls_functions)
 
 
 @cache

@@ -137,3 +137,71 @@ def planar_4r(**options) -> Loop:
         bodies=[body(row[1], i, R(1), (-R(1, 2), 0, 0), (R(1, 10),) * 3) for i, row in enumerate(rows[:3])],
         **options,
     )
+
+
+def screw_jack(**options) -> Loop:
+    """A nut turned by a hinge drives a slider by a screw, all on skew parallel lines."""
+    return loop(
+        "screw_jack",
+        [
+            ("R", "nut", {"theta": "theta1", "S": R(1, 10), "alpha": real("tilt"), "a": R(1, 5)}),
+            ("H", "spindle", {"theta": "theta2", "S": real("pitch*theta2 + 1/20"), "alpha": R(1, 3) * sp.pi}),
+            ("C", "ground", {"theta": "theta3", "S": "S3", "alpha": -real("tilt"), "a": R(1, 7)}),
+        ],
+        [
+            ("theta1", 0, "input", "rad", 3 * T + T**2, None),
+            ("theta2", 1, "dependent", "rad", ZERO, ZERO),
+            ("theta3", 2, "dependent", "rad", ZERO, R(-1, 8)),
+            ("S3", 2, "dependent", "m", ZERO, -20 * real("S3_rate") + sp.cos(T)),
+        ],
+        parameters={"tilt": ("rad", R(1, 4)), "pitch": ("m/rad", R(1, 50))},
+        bodies=[
+            body(
+                "nut", 0, 2, (R(1, 30), R(-1, 20), R(1, 9)), (R(1, 40), R(1, 30), R(1, 25)), (R(1, 300), 0, 0)
+            ),
+            body("spindle", 1, R(3, 2), (0, 0, R(1, 4)), (R(1, 60), R(1, 50), R(1, 90))),
+        ],
+        gravity=(0, R(-981, 100), R(1, 3)),
+        **options,
+    )
+
+
+def hooke_loop(**options) -> Loop:
+    """Two Hooke joints, a hinge and a free crank, with loads in both frames and a variable in two rows."""
+    crank, two = real("theta1"), real("theta4")
+    return loop(
+        "hooke_loop",
+        [
+            ("R", "crank", {"theta": -crank + R(1, 5), "S": R(1, 10), "alpha": R(1, 2) * sp.pi, "a": R(1, 4)}),
+            ("U", "rod", {"theta": "theta2", "eta": "eta2", "a": R(3, 4)}),
+            ("U", "arm", {"theta": "theta3", "eta": "eta3", "alpha": R(1, 6) * sp.pi, "a": real("reach")}),
+            ("C", "ground", {"theta": 2 * two, "S": real("S4 + 1/10"), "eta": R(1, 9), "alpha": two, "a": R(1, 3)}),
+        ],
+        [
+            ("theta1", 0, "free", "rad", ZERO, -real("theta1_rate") / 3),
+            *((n, i, "dependent", "rad", ZERO, ZERO) for n, i in (("theta2", 1), ("eta2", 1))),
+            *((n, i, "dependent", "rad", ZERO, ZERO) for n, i in (("theta3", 2), ("eta3", 2), ("theta4", 3))),
+            ("S4", 3, "dependent", "m", ZERO, ZERO),
+        ],
+        parameters={"reach": ("m", R(1, 2))},
+        bodies=[
+            body("crank", 0, R(1, 2), (R(-1, 8), 0, 0), (R(1, 100), R(1, 90), R(1, 95))),
+            body("rod", 1, R(6, 5), (R(-1, 3), R(1, 40), 0), (R(1, 80), R(1, 20), R(1, 22)), (0, R(1, 500), 0)),
+            body("arm", 2, 0),
+        ],
+        loads=[
+            load("push", "rod", 1, (real("t"), -3, real("theta2_rate")), (R(1, 5), 0, R(1, 9)), (0, R(1, 2), 0)),
+            load("wind", "arm", 2, (2, 0, real("sin(theta3)")), (0, R(1, 6), 0), (R(1, 4), 0, 1), in_ground=True),
+        ],
+        gravity=(0, 0, R(-981, 100)),
+        **options,
+    )  # fmt: skip
+
+
+LOOPS = {
+    "slider_crank": slider_crank,
+    "load_found": lambda **options: slider_crank(False, **options),
+    "planar_4r": planar_4r,
+    "screw_jack": screw_jack,
+    "hooke_loop": hooke_loop,
+}

@@ -12,7 +12,7 @@ DIGITS = 30
 
 
 class Oracle:
-    """Evaluates the matrices of a system, shared subexpressions put back, at given argument arrays."""
+    """Evaluates the matrices of a system at given argument arrays, shared subexpressions as derived."""
 
     def __init__(self, system: System) -> None:
         self.system = system
@@ -22,12 +22,23 @@ class Oracle:
     def matrix(self, name: str, values: dict[str, np.ndarray]) -> mpmath.matrix:
         """Return a matrix at the arrays of each group, exact in the given doubles."""
         if name not in self._functions:
+            matrix = sp.Matrix(self.system[name].matrix)
+            shared = self._used(matrix)
             self._functions[name] = sp.lambdify(
-                self.symbols, sp.Matrix(self.system.expanded(name)), modules="mpmath", cse=False
+                self.symbols, matrix, modules="mpmath", cse=lambda e: (shared, e)
             )
         with mpmath.workdps(DIGITS):
             arguments = [mpmath.mpf(float(x)) for g in self.system.groups for x in values[g.name]]
             return mpmath.matrix(self._functions[name](*arguments))
+
+    def _used(self, matrix: sp.Matrix) -> list[tuple[sp.Symbol, sp.Expr]]:
+        """The definitions that a matrix needs, as the derivation gave them."""
+        needed, found = set(matrix.free_symbols), []
+        for definition in reversed(self.system.definitions):
+            if definition.quantity.symbol in needed:
+                needed |= definition.expression.free_symbols
+                found.append((definition.quantity.symbol, definition.expression))
+        return found[::-1]
 
     def solve(self, values: dict[str, np.ndarray], rhs: mpmath.matrix | None = None) -> mpmath.matrix:
         """Solve [M J^T; J 0] x = rhs; by default with the system's own right-hand side."""

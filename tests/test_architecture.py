@@ -37,6 +37,7 @@ ALLOWED = {
         "scene", "symbolic", "mechanics", "models", "lowering", "codegen", "compiler", "cache", "runtime",
         "atomic",
     },
+    "study": {"pipeline", "runtime", "report", "scene", "atomic"},
     "shipped": {"pipeline", "codegen", "lowering", "models", "scene", "atomic"},
 }  # fmt: skip
 #: These may import anything; nobody imports them.

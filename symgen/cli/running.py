@@ -47,10 +47,19 @@ def run(
     set_: SetOption = None,
     out: Annotated[Path | None, typer.Option(help="Save the result: .nc or .npz.")] = None,
     plot: Annotated[Path | None, typer.Option(help="Save a plot: .png, .svg or .pdf.")] = None,
+    study: Annotated[
+        Path | None,
+        typer.Option(metavar="FOLDER", help="Run the [[studies]] of the scene instead; plots and tables."),
+    ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
     backend: BackendOption = "auto",
 ) -> None:
     """Run a scene and print where it ended; a driven loop is evaluated over the range of its input."""
+    if study:
+        given = {"--t-end": t_end, "--method": method, "--rtol": rtol, "--atol": atol, "--step": step}
+        given |= {"--samples": samples, "--at": at, "--out": out, "--plot": plot}
+        _studies(scene, study, [name for name, value in given.items() if value], set_, as_json, backend)
+        return
     from symgen.atomic import writable
     from symgen.errors import SimulationError
     from symgen.pipeline import build as build_model
@@ -100,3 +109,26 @@ def run(
         from symgen.report.tables import print_result
 
         print_result(result, console())
+
+
+def _studies(
+    scene: str, folder: Path, others: list[str], set_: list[str] | None, as_json: bool, backend: str
+) -> None:
+    """Run the studies of a scene, and print what they gave."""
+    from contextlib import nullcontext
+
+    from symgen.errors import ModelError
+    from symgen.report.progress import bar
+    from symgen.study import run_studies
+
+    if others:
+        raise ModelError(f"{', '.join(others)} does not go with --study: the scene says what is studied")
+    quiet = as_json or not sys.stderr.isatty()
+    with nullcontext() if quiet else bar(f"studies of {scene}") as progress:
+        report = run_studies(scene, folder, set=changes(set_), backend=backend, progress=progress)
+    if as_json:
+        print_json(report.summary())
+    else:
+        from symgen.study.terminal import print_report
+
+        print_report(report, console())

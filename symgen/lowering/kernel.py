@@ -112,6 +112,12 @@ class Program:
     references: tuple[str, ...]
     left_out: tuple[str, ...]
 
+    @property
+    def calls_functions(self) -> bool:
+        """Whether calls of sines, cosines and their like are much of what its kernels do."""
+        counts = [k.counts for k in self.kernels]
+        return 50 * sum(c.call for c in counts) > sum(c.flops for c in counts)
+
     def kernel(self, name: str) -> Kernel:
         """Return the kernel called ``name``."""
         return next(k for k in self.kernels if k.name == name)

@@ -203,7 +203,7 @@ def _steps(model: LoopModel, mass: bool) -> list[NamedMatrix]:
                 f"{link}_motion_rate",
                 model.acceleration(k),
                 "rad/s^2, m/s^2",
-                f"rate of the dual velocity less that of free fall, {here}",
+                f"rate of the dual velocity {here}",
                 _SCREW,
             ),
         ]
@@ -212,13 +212,20 @@ def _steps(model: LoopModel, mass: bool) -> list[NamedMatrix]:
             found += [
                 _matrix(f"{link}_binor", model.inertia(k).binor, "kg, kg*m, kg*m^2", f"inertia binor {here}"),
                 _screw(
-                    f"{link}_momentum", body.momentum, "kg*m/s, kg*m^2/s", f"dual momentum {here}",
+                    f"{link}_momentum",
+                    body.momentum,
+                    "kg*m/s, kg*m^2/s",
+                    f"dual momentum {here}",
                     _MOMENTUM,
                 ),
                 _screw(
-                    f"{link}_inertia_wrench", body.wrench, "N, N*m", f"rate of the momentum {here}", _WRENCH,
+                    f"{link}_inertia_wrench",
+                    body.wrench,
+                    "N, N*m",
+                    f"rate of the momentum, less the weight, {here}",
+                    _WRENCH,
                 ),
-            ]  # fmt: skip
+            ]
     if mass:
         found += [
             _screw(

@@ -61,19 +61,19 @@ class LoopModel:
     def _end(self, link: int) -> int:
         return self.paths.ends[link - 1] if link else 0
 
-    @cached_property
-    def ground_acceleration(self) -> DualVector:
-        """Acceleration of the ground less that of free fall: it carries gravity along the loop."""
-        x, y, z = (-g for g in self.loop.gravity)
-        return DualVector(NOTHING.real, (x, y, z))
-
     def acceleration(self, link: int) -> DualVector:
-        """Return d(w; v)/dt of the frame of a link by components in it, less that of free fall."""
+        """Return d(w; v)/dt of the frame of a link by components in it."""
         return self._accelerations[self._end(link)]
 
     @cached_property
     def _accelerations(self) -> list[DualVector]:
-        return self.paths.accelerations(self.second, self.ground_acceleration, "")
+        return self.paths.accelerations(self.second, NOTHING, "")
+
+    @cached_property
+    def _from_free_fall(self) -> list[DualVector]:
+        """Accelerations less that of free fall: the ground carries gravity along the loop."""
+        x, y, z = (-g for g in self.loop.gravity)
+        return self.paths.accelerations(self.second, DualVector(NOTHING.real, (x, y, z)), "fall_")
 
     def inertia(self, link: int) -> Inertia:
         """Return the inertia of a moving link; without mass where the scene gives none."""
@@ -87,9 +87,15 @@ class LoopModel:
 
     @cached_property
     def bodies(self) -> list[BodyMotion]:
-        """The moving links as bodies in motion."""
+        """The moving links as bodies in motion, which is taken from free fall."""
         return [
-            BodyMotion(self.inertia(k), self.velocity(k), self.acceleration(k), self.names, f"link{k}")
+            BodyMotion(
+                self.inertia(k),
+                self.velocity(k),
+                self._from_free_fall[self._end(k)],
+                self.names,
+                f"link{k}",
+            )
             for k in range(1, len(self.links) + 1)
         ]
 

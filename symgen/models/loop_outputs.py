@@ -67,8 +67,7 @@ def _link_acceleration(model: LoopModel, k: int) -> Entries:
     velocity, rate = model.velocity(k), model.acceleration(k)
     turned = cross(velocity.real, velocity.dual)
     found = model.frame(k).vector([a + x for a, x in zip(rate.dual, turned, strict=True)])
-    falling = [a + g for a, g in zip(found, model.loop.gravity, strict=True)]
-    return falling, "m/s^2", f"acceleration of the origin of the frame of {model.links[k - 1]}"
+    return found, "m/s^2", f"acceleration of the origin of the frame of {model.links[k - 1]}"
 
 
 def _angular_velocity(model: LoopModel, k: int) -> Entries:

@@ -17,7 +17,7 @@ cdef inline void factor_columns(double *a, Py_ssize_t columns, Py_ssize_t *order
     ``beta[k]`` belongs to the vector (1, a[k+1:, k]); ``order[k]`` is the column of A that came to place k.
     """
     cdef Py_ssize_t i, j, k, best, steps = columns if columns < ROWS else ROWS
-    cdef double norm, largest, head, total, swap
+    cdef double norm, largest, head, total, swap, factor
     for j in range(columns):
         order[j] = j
     for k in range(steps):
@@ -42,8 +42,9 @@ cdef inline void factor_columns(double *a, Py_ssize_t columns, Py_ssize_t *order
         if head > 0.0:
             norm = -norm
         # v = x - norm e_k, scaled to v_k = 1; beta = 2/(v.v) = (norm - head)/norm.
+        factor = 1.0 / (head - norm)
         for i in range(k + 1, ROWS):
-            a[ROWS * k + i] /= head - norm
+            a[ROWS * k + i] *= factor
         beta[k] = (norm - head) / norm
         a[ROWS * k + k] = norm
         for j in range(k + 1, columns):

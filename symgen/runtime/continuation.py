@@ -9,13 +9,28 @@ Source: E. L. Allgower and K. Georg, *Introduction to Numerical Continuation Met
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Generic, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from symgen.runtime.bonds import Bonds
-
 Array = NDArray[np.float64]
+
+
+class Constraints(Protocol):
+    """Phi(q, t) = 0 in metres, with its derivatives by q and by t."""
+
+    def residual(self, q: Array, t: float) -> Array:
+        """Return Phi [m], shape (m,)."""
+
+    def jacobian(self, q: Array, t: float) -> Array:
+        """Return dPhi/dq [1], shape (m, n)."""
+
+    def drift(self, q: Array, t: float) -> Array:
+        """Return dPhi/dt at fixed q [m/s], shape (m,)."""
+
+
+Held = TypeVar("Held", bound=Constraints)
 
 _EPS = float(np.finfo(float).eps)
 #: Round-off of a residual against the size of the coordinates, and the rank tolerance of singular values.
@@ -39,10 +54,10 @@ class CurvePoint:
         return float(self.tangent[-1])
 
 
-class Curve:
+class Curve(Generic[Held]):
     """Phi(q, t) = 0 over x = (q/length, t/duration), made dimensionless with these two."""
 
-    def __init__(self, bonds: Bonds, length: float, duration: float) -> None:
+    def __init__(self, bonds: Held, length: float, duration: float) -> None:
         self.bonds, self.length, self.duration = bonds, length, duration
 
     def split(self, x: Array) -> tuple[Array, float]:

@@ -108,7 +108,7 @@ def _duration(bonds: Bonds, q: Array, t: float, asked: Task) -> float:
     return min(whole, bonds.length(q) / fastest) if fastest > 0 else whole
 
 
-def _path(curve: Curve, q: Array, t: float, asked: Task) -> list[CurvePoint]:
+def _path(curve: Curve[Bonds], q: Array, t: float, asked: Task) -> list[CurvePoint]:
     """Return the curve through the start, from low to high times where it does not fold."""
     x = curve.corrected(curve.join(q, t), np.append(np.zeros(len(q)), 1.0))
     if x is None:
@@ -128,7 +128,7 @@ def _path(curve: Curve, q: Array, t: float, asked: Task) -> list[CurvePoint]:
     return turned + forward
 
 
-def _stuck(curve: Curve, last: CurvePoint) -> SimulationError:
+def _stuck(curve: Curve[Bonds], last: CurvePoint) -> SimulationError:
     t = curve.split(last.x)[1]
     return SimulationError(
         f"the curve of poses cannot be followed beyond t = {t:.9g} s (least singular value "
@@ -149,7 +149,7 @@ def _monotone(path: list[CurvePoint]) -> list[list[CurvePoint]]:
     return [p for p in parts if len(p) > 1]
 
 
-def _singular(curve: Curve, path: list[CurvePoint], asked: Task) -> list[SingularPose]:
+def _singular(curve: Curve[Bonds], path: list[CurvePoint], asked: Task) -> list[SingularPose]:
     ends = [part[-1] for part in _monotone(path)[:-1]]
     ends += [p for p in (path[0], path[-1]) if abs(p.speed) <= _TURNING]
     found = [(p, "dead centre") for p in ends] + [(p, "bifurcation") for p in curve.crossings(path)]
@@ -169,7 +169,7 @@ def _singular(curve: Curve, path: list[CurvePoint], asked: Task) -> list[Singula
     return [_pose(curve, p, kind, path) for p, kind in sorted(unique, key=along)]
 
 
-def _pose(curve: Curve, p: CurvePoint, kind: str, path: list[CurvePoint]) -> SingularPose:
+def _pose(curve: Curve[Bonds], p: CurvePoint, kind: str, path: list[CurvePoint]) -> SingularPose:
     q, t = curve.split(p.x)
     bonds = curve.bonds
     places = dict(zip(bonds.description.points, bonds.places(q, t), strict=True))
@@ -202,7 +202,7 @@ def _in_line(bonds: Bonds, a: str, b: str, places: dict[str, Array], tolerance: 
     return False
 
 
-def _rates(curve: Curve, q: Array, t: float) -> tuple[Array, Array, float]:
+def _rates(curve: Curve[Bonds], q: Array, t: float) -> tuple[Array, Array, float]:
     """Return velocities, accelerations and the soundness of dPhi/dq at a pose."""
     bonds = curve.bonds
     left, values, right = np.linalg.svd(bonds.jacobian(q, t), full_matrices=False)
@@ -217,7 +217,7 @@ def _rates(curve: Curve, q: Array, t: float) -> tuple[Array, Array, float]:
     return u, solve(bonds.gamma(q, u, t)), sound
 
 
-def _sampled(curve: Curve, part: list[CurvePoint], grid: Array, poses: list[SingularPose]) -> Samples:
+def _sampled(curve: Curve[Bonds], part: list[CurvePoint], grid: Array, poses: list[SingularPose]) -> Samples:
     """Return the samples at the grid's times along one monotone piece, in the order of the piece."""
     times = np.array([p.x[-1] for p in part]) * curve.duration
     falling = times[-1] < times[0]
@@ -233,7 +233,9 @@ def _sampled(curve: Curve, part: list[CurvePoint], grid: Array, poses: list[Sing
     return rows
 
 
-def _sample(curve: Curve, a: CurvePoint, b: CurvePoint, t: float) -> tuple[float, Array, Array, Array] | None:
+def _sample(
+    curve: Curve[Bonds], a: CurvePoint, b: CurvePoint, t: float
+) -> tuple[float, Array, Array, Array] | None:
     point = curve.at_time(a, b, t)
     if point is None:
         return None
@@ -243,7 +245,7 @@ def _sample(curve: Curve, a: CurvePoint, b: CurvePoint, t: float) -> tuple[float
 
 
 def _near_crossing(
-    curve: Curve, part: list[CurvePoint], t: float, poses: list[SingularPose]
+    curve: Curve[Bonds], part: list[CurvePoint], t: float, poses: list[SingularPose]
 ) -> tuple[float, Array, Array, Array] | None:
     """Return the limit along the smooth branch where a bifurcation makes the rates undetermined.
 
@@ -279,7 +281,7 @@ def _near_crossing(
 
 
 def _elsewhere(
-    curve: Curve, q: Array, asked: Task, covered: list[Range]
+    curve: Curve[Bonds], q: Array, asked: Task, covered: list[Range]
 ) -> tuple[list[SingularPose], list[Range]]:
     """Look for assemblies in the times not covered; return their dead centres and ranges."""
     poses: list[SingularPose] = []
@@ -304,7 +306,7 @@ def _elsewhere(
     return poses, apart
 
 
-def _span(curve: Curve, part: list[CurvePoint]) -> Range:
+def _span(curve: Curve[Bonds], part: list[CurvePoint]) -> Range:
     ends = sorted(float(p.x[-1] * curve.duration) for p in (part[0], part[-1]))
     return ends[0], ends[1]
 

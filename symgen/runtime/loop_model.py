@@ -14,7 +14,7 @@ from symgen.runtime.description import LoopDescription
 from symgen.runtime.library import Library
 from symgen.runtime.loop_kernels import LoopKernels
 from symgen.runtime.loop_start import Closed, assemblies, close_near, counted
-from symgen.runtime.loop_turn import driven, follow
+from symgen.runtime.loop_turn import driven, follow, follow_through, followed
 from symgen.runtime.options import options
 from symgen.runtime.turn import Turn
 
@@ -143,8 +143,19 @@ class LoopModel:
         driven(self.description)
         return follow(self._kernels, self._begin(), np.atleast_1d(np.asarray(values, dtype=float)).ravel())
 
-    def turn(self, start: float | None = None, stop: float | None = None, samples: int = 361) -> Turn:
+    def turn(
+        self,
+        start: float | None = None,
+        stop: float | None = None,
+        samples: int = 361,
+        *,
+        through: bool = False,
+    ) -> Turn:
         """Evaluate the driven loop over a range of its first input [rad, m]; the scene's own when absent.
+
+        With ``through`` it is followed by arc length from the beginning of the range, on through the values
+        at which the input turns back, until it leaves the range or is back where it began; the samples are
+        then equal parts of that way.
 
         Raises
         ------
@@ -158,7 +169,10 @@ class LoopModel:
         low, high = low if start is None else float(start), high if stop is None else float(stop)
         if not low < high:
             raise ModelError(f"expected a range with start before stop, got {low:g} to {high:g}")
-        return self.at(np.linspace(low, high, samples))
+        if not through:
+            return self.at(np.linspace(low, high, samples))
+        begin = followed(self._kernels, self._begin(), low)
+        return follow_through(self._kernels, begin, high, samples)
 
     def assemblies(self, value: float | None = None) -> tuple[dict[str, float], ...]:
         """Return the ways in which the loop closes at a value of its first input, by variable [rad, m].

@@ -45,6 +45,8 @@ def poles(
             found.append((float(t), states[i, :n]))
         elif i and not met[i - 1] and hold[i - 1] * hold[i] < 0.0:
             follower = _Follower(kernels, equations, float(times[i - 1]), states[i - 1, :n])
+            if hold[i - 1] * follower(float(t)) >= 0.0:
+                continue  # the input turned back between the samples
             at = brentq(follower, times[i - 1], t, xtol=1e-15 * max(1.0, abs(t)), rtol=8.9e-16)
             follower(at)
             if abs(follower.hold) < 1e-6:

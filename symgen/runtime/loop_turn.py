@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Iterator
-from dataclasses import asdict
+from dataclasses import asdict, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from symgen.errors import ModelError, SimulationError
 from symgen.runtime import _core, _loop
 from symgen.runtime.description import LoopDescription
+from symgen.runtime.loop_curve import walk
 from symgen.runtime.loop_kernels import LoopKernels, in_words
 from symgen.runtime.loop_poles import PoleAt, poles, undetermined
 from symgen.runtime.loop_start import Closed, distance, scaled_screws
@@ -48,19 +49,14 @@ def follow(kernels: LoopKernels, begin: Closed, values: Array) -> Turn:
     equations = kernels.equations(d.having("dependent"), begin.rank)
     order = np.argsort(times, kind="stable")
     ahead, behind = order[times[order] >= begin.t], order[times[order] < begin.t][::-1]
-    info = d.kernel("outputs")
-    n, size = d.coordinates, info.out_size if info else 0
-    states, out, diagnosis = (
-        np.zeros((len(times), 3 * n + 7)),
-        np.zeros((len(times), size + 1)),
-        np.zeros((len(times), 5)),
-    )
+    n = d.coordinates
+    states, out, diagnosis = _rows(d, len(times))
     failed = None
     reached: list[int] = []
     for part in (behind, ahead):
         if not len(part):
             continue
-        rows = [np.zeros((len(part), a.shape[1])) for a in (states, out, diagnosis)]
+        rows = _rows(d, len(part))
         longest = max(abs(times[part[-1]] - begin.t), 1e-12) / _PARTS
         status, count, at = equations.follow(begin.t, np.append(begin.q, 0.0), times[part], longest, *rows)
         for whole, found in zip((states, out, diagnosis), rows, strict=True):
@@ -90,6 +86,70 @@ def follow(kernels: LoopKernels, begin: Closed, values: Array) -> Turn:
     if failed:
         raise SimulationError(_problem(kernels, equations, *failed), time=failed[1], partial=turn)
     return turn
+
+
+def follow_through(kernels: LoopKernels, begin: Closed, stop: float, samples: int) -> Turn:
+    """Return the loop by equal parts of the way from the closed pose, beyond where its input turns back.
+
+    Poses at which the input turns back, where rates have no bound, are left out; the notes tell them.
+
+    Raises
+    ------
+    ModelError
+        As :func:`follow`.
+    SimulationError
+        When the curve cannot be followed from its beginning.
+    """
+    d = kernels.description
+    begun = time.perf_counter()
+    times, poses, turning = walk(kernels, begin, kernels.time_of(stop), samples)
+    equations = kernels.equations(d.having("dependent"), begin.rank)
+    count = len(times)
+    rows = _rows(d, count)
+    kept = [
+        i
+        for i in range(count)
+        if equations.follow(
+            times[i], np.append(poses[i], 0.0), times[i : i + 1], 1.0, *(a[i : i + 1] for a in rows)
+        )[0]
+        == _core.DONE
+    ]
+    states, out, diagnosis = (a[kept] for a in rows)
+    values = np.array([kernels.prescribed(t)[0, 0] for t in times[kept]])
+    wall = time.perf_counter() - begun
+    turn = _recorded(kernels, equations, begin, times[kept], states, out, diagnosis, values, wall)
+    first = d.variables[kernels.inputs[0]]
+    ends = ", ".join(kernels.value_at(t).partition(" = ")[2] for t in turning[:_SHOWN])
+    if not turning:
+        return turn
+    more = ", ..." if len(turning) > _SHOWN else ""
+    told = f"{first.name} turns back at {ends}{more}, where rates have no bound"
+    return replace(turn, notes=(told, *turn.notes))
+
+
+def followed(kernels: LoopKernels, begin: Closed, value: float) -> Closed:
+    """Return the closed pose at a value of the first input, followed from another one.
+
+    Raises
+    ------
+    SimulationError
+        When it cannot be followed there.
+    """
+    d = kernels.description
+    equations, t = kernels.equations(d.having("dependent"), begin.rank), kernels.time_of(value)
+    rows, q = _rows(d, 1), np.append(begin.q, 0.0)
+    longest = max(abs(t - begin.t), 1e-12) / _PARTS
+    status, _, at = equations.follow(begin.t, q, np.array([t]), longest, *rows)
+    if status != _core.DONE:
+        raise SimulationError(_problem(kernels, equations, status, at, q[:-1], t), time=at)
+    return Closed(t, q[:-1], begin.rank)
+
+
+def _rows(d: LoopDescription, count: int) -> tuple[Array, Array, Array]:
+    """Return arrays for states, outputs and diagnosis of so many samples."""
+    info = d.kernel("outputs")
+    size = info.out_size if info else 0
+    return np.zeros((count, 3 * d.coordinates + 7)), np.zeros((count, size + 1)), np.zeros((count, 5))
 
 
 def driven(d: LoopDescription) -> None:
@@ -235,8 +295,9 @@ def _notes(
     if indeterminate:
         more = ", ..." if len(indeterminate) > _SHOWN else ""
         yield (
-            f"{6 - d.rank} of 6 closure equations are redundant, which leaves {len(indeterminate)} components "
-            f"of forces undetermined: those of least norm are given ({', '.join(indeterminate[:_SHOWN])}{more})"
+            f"{6 - d.rank} of 6 closure equations are redundant, which leaves {len(indeterminate)} "
+            "components of forces undetermined: those of least norm are given "
+            f"({', '.join(indeterminate[:_SHOWN])}{more})"
         )
     if len(times) > 1:
         lengths = np.array([v.is_length for v in d.variables])

@@ -9,12 +9,13 @@ from pydantic_core import CoreSchema
 
 from symgen.errors import SceneError
 from symgen.scene.loop_schema import SpatialLoop
+from symgen.scene.study_schema import Study
 from symgen.scene.table import Moments, Name, Table, Text, Value, Vector
 
 FORMAT_VERSION = 1
 
 #: Tables that every scene may have; all others are of points and links, or of a loop.
-_SHARED = {"symgen", "title", "about", "parameters", "gravity", "analysis"}
+_SHARED = {"symgen", "title", "about", "parameters", "gravity", "analysis", "studies"}
 
 
 def _for_editors(schema: dict[str, Any]) -> None:
@@ -207,6 +208,7 @@ class Scene(Table):
     drivers: list[Driver] = Field(default_factory=list)
     start: Start = Field(default_factory=Start)
     analysis: Analysis = Field(default=Analysis())
+    studies: list[Study] = Field(default_factory=list)
 
     _name: str = PrivateAttr("scene")
     _file: str = PrivateAttr("")
@@ -260,5 +262,5 @@ TABLES: dict[str, type[Table]] = {
     "parameters": Parameter, "points": Point, "links": Link, "gravity": Gravity, "masses": PointMass,
     "springs": Spring, "actuators": Actuator, "torsion_springs": TorsionSpring, "forces": Force,
     "torques": Torque, "guides": Guide, "drivers": Driver, "start": Start, "analysis": Analysis,
-    "loop": SpatialLoop,
+    "loop": SpatialLoop, "studies": Study,
 }  # fmt: skip

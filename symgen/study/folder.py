@@ -1,0 +1,52 @@
+"""A folder that is written whole, or not at all."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import tempfile
+from collections.abc import Mapping
+from pathlib import Path
+
+from symgen.atomic import replacing
+from symgen.errors import ResultError
+
+
+def checked(folder: str | os.PathLike[str]) -> Path:
+    """Return the path of a folder to be written, before long work; raise ResultError when it cannot be."""
+    path = Path(folder)
+    if path.exists() and not path.is_dir():
+        raise ResultError(f"expected a folder for the studies, got the file {path}")
+    parent = path if path.is_dir() else path.absolute().parent
+    if not parent.is_dir():
+        raise ResultError(f"cannot write the studies to {path}: there is no folder {parent}")
+    if not os.access(parent, os.W_OK):
+        raise ResultError(f"cannot write the studies to {path}: no permission to write in {parent}")
+    return path
+
+
+def write(folder: Path, files: Mapping[str, bytes]) -> None:
+    """Write files into a folder: a new one appears complete; in one that is there each file is replaced.
+
+    Raises
+    ------
+    ResultError
+        When it cannot be written; a new folder is not there then.
+    """
+    try:
+        if folder.is_dir():
+            for name, content in files.items():
+                with replacing(folder / name) as temporary:
+                    temporary.write_bytes(content)
+            return
+        made = Path(tempfile.mkdtemp(prefix=f".{folder.name}.", dir=folder.absolute().parent))
+        try:
+            for name, content in files.items():
+                (made / name).write_bytes(content)
+            made.chmod(0o755)
+            made.rename(folder)
+        except BaseException:
+            shutil.rmtree(made, ignore_errors=True)
+            raise
+    except OSError as error:
+        raise ResultError(f"cannot write the studies to {folder}: {error.strerror or error}") from None
