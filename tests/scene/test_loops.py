@@ -44,6 +44,7 @@ GOOD = {
         "links": {
             "crank": {"mass": "1 kg", "centre": ["-r/2", 0, 0], "inertia": [0, "J", "J"]},
             "rod": {"mass": "1 kg", "centre": ["-L/2", 0, 0], "inertia": [0, "J", "J"]},
+            "rocker": {"mass": "0 kg"},
         },
         "loads": [{"link": "rocker", "force": ["1 N", 0, 0], "at": [0, "1 cm", 0]}],
     },
@@ -97,7 +98,7 @@ def test_what_a_table_resolves_to():
     assert loop.number(second.start) == pytest.approx(math.radians(10), rel=1e-15)
     assert loop.rows[0].a == r and loop.rows[1].alpha == 0 and loop.rows[3].alpha == sp.pi / 3
     assert loop.rows[3].link == "ground"
-    assert [b.idle for b in loop.bodies] == [False, True]
+    assert [b.idle for b in loop.bodies] == [False, True, False]
     assert loop.bodies[1].row == 1 and loop.bodies[0].centre == (-r / 2, 0, 0)
     assert loop.span == (0, 2 * sp.pi) and loop.size == 0.45
     assert (loop.length.size, loop.force.size, loop.angle.name) == (0.0254, 4.4482216152605, "deg")
@@ -270,7 +271,7 @@ FAULTS = {
                 {"joint": "R", "link": "crank", "theta": "theta1"},
                 {"joint": "R", "link": "ground", "theta": "phi"},
             ]),
-            ("loop.links.rod", None),
+            ("loop.links", {}),
             ("loop.start", {}),
             ("loop.loads", []),
         ],
