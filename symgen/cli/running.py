@@ -56,9 +56,10 @@ def run(
 ) -> None:
     """Run a scene and print where it ended; a driven loop is evaluated over the range of its input."""
     if study:
-        given = {"--t-end": t_end, "--method": method, "--rtol": rtol, "--atol": atol, "--step": step}
-        given |= {"--samples": samples, "--at": at, "--out": out, "--plot": plot}
-        _studies(scene, study, [name for name, value in given.items() if value], set_, as_json, backend)
+        given: dict[str, Any] = {"--t-end": t_end, "--method": method, "--rtol": rtol, "--atol": atol}
+        given |= {"--step": step, "--samples": samples, "--at": at, "--out": out, "--plot": plot}
+        others = [name for name, value in given.items() if value is not None]
+        _studies(scene, study, others, set_, as_json, backend)
         return
     from symgen.atomic import writable
     from symgen.errors import SimulationError
