@@ -557,3 +557,26 @@ def test_a_mutated_loop_is_a_loop_or_a_scene_error(data):
         return
     assert loop.rows[-1].link == "ground"
     assert 1 <= len(loop.having("dependent")) <= 6
+
+
+def test_a_universal_joint_is_two_hinges_at_right_angles():
+    """The cross of the Cardan joint left out: its two hinges are one Hooke joint."""
+    hinges = resolve(check_scene(read_scene("cardan")))
+    rows = [
+        {"joint": "R", "link": "input", "theta": "theta1", "alpha": "90 deg"},
+        {"joint": "U", "link": "output", "theta": "?", "eta": "?", "alpha": "180 deg"},
+        {"joint": "R", "link": "ground", "theta": "?", "alpha": "30 deg"},
+    ]
+    start = {"theta2": "90 deg", "eta2": "-60 deg", "theta3": "90 deg"}
+    tables = {
+        "symgen": 1,
+        "parameters": {"w": "1 rad/s"},
+        "loop": {"inputs": {"theta1": "w*t"}, "rows": rows, "start": start},
+    }
+    cross, defect = Closure(resolve(check_scene(SceneText("x", "x.toml", tables)))).closed(theta1=0.7)
+    same, _ = Closure(hinges).closed(theta1=0.7)
+    assert np.abs(defect).max() < 1e-14
+    assert [cross["theta2"], -cross["eta2"], cross["theta3"]] == pytest.approx(
+        [same["theta2"], same["theta3"], same["theta4"]], abs=1e-13
+    )
+    assert math.tan(0.7) * math.tan(cross["theta3"]) == pytest.approx(math.cos(math.pi / 6), rel=1e-12)
