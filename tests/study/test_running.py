@@ -179,8 +179,6 @@ def test_the_command(scene, tmp_path):
     ]
     done = symgen_run(scene, "--study", tmp_path / "other", "--at", "45", "--samples", "9")
     assert done.returncode == 2 and "--samples, --at does not go with --study" in done.stderr
-    done = symgen_run("bennett", "--study", tmp_path / "other")
-    assert done.returncode == 2 and "[studies]: there are no studies in this scene" in done.stderr
     assert not (tmp_path / "other").exists()
 
 
