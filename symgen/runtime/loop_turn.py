@@ -202,8 +202,8 @@ def _recorded(
     d = kernels.description
     found = poles(kernels, equations, times, states, diagnosis)
     met = diagnosis[:, _loop.STATUS] == _loop.POLE
-    for i in np.flatnonzero(met):
-        out[i] = beside_pole(kernels, equations, float(times[i]), states[i, : d.coordinates], out[i])
+    for k in np.flatnonzero(met):
+        out[k] = beside_pole(kernels, equations, float(times[k]), states[k, : d.coordinates], out[k])
     made = variables(d, out)
     told = [_pole(kernels, p) for p in found]
     for v in made:

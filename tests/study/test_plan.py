@@ -56,7 +56,9 @@ def test_a_limit_is_given_in_the_unit_it_is_written_in():
     ]
     (plan,) = plans(scene({"name": "far", "limits": limits}))
     assert [s.unit for s in plan.searches] == ["ft", "in", "1", "rpm"]
-    assert plan.searches[0].stop == pytest.approx(24 * INCH) and plan.searches[0].in_unit(24 * INCH) == pytest.approx(2)
+    assert plan.searches[0].stop == pytest.approx(24 * INCH) and plan.searches[0].in_unit(
+        24 * INCH
+    ) == pytest.approx(2)
 
 
 @pytest.mark.parametrize(
