@@ -17,8 +17,8 @@ def flags(optimisation):
 
 extensions = [
     *(
-        Extension(f"symgen.runtime.{name}", [f"symgen/runtime/{name}.pyx"], extra_compile_args=flags(2))
-        for name in ("_core", "_loop", "_stepper")
+        Extension(f"symgen.runtime.{name}", [f"symgen/runtime/{name}.pyx"], extra_compile_args=flags(level))
+        for name, level in (("_core", 2), ("_loop", 3), ("_stepper", 2))
     ),
     *(
         Extension(

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from linkages import GRAVITY, at, ground
 from oracle import DIGITS, Oracle, relative_error
+from shipped import LINKAGES
 from typer.testing import CliRunner
 
 import symgen
@@ -59,7 +60,7 @@ def loaded():
     )
 
 
-SCENES = {name: (lambda name=name: name) for name in symgen.shipped_scenes()} | {"loaded": loaded}
+SCENES = {name: (lambda name=name: name) for name in LINKAGES} | {"loaded": loaded}
 
 
 def values_of(model, system, rng):

@@ -8,6 +8,7 @@ import mpmath
 import numpy as np
 import pytest
 from oracle import Oracle, relative_error
+from shipped import LINKAGES, LOOPS
 from test_bodies_in_space import joined_bodies
 from test_points_on_links import rich_scene
 
@@ -16,6 +17,7 @@ from symgen.codegen.emit import emit, equations_hash
 from symgen.codegen.target import Target
 from symgen.lowering.program import lower_system
 from symgen.models import BLOCKS
+from symgen.runtime.loop_kernels import LoopKernels
 
 #: Scenes that use every word of the vocabulary in the plane, and in space.
 WORDS = {"plane": symgen.Scene(**rich_scene(everything=True)), "space": symgen.Scene(**joined_bodies())}
@@ -43,7 +45,7 @@ def random_values(system, model, rng):
 
 
 @pytest.mark.parametrize("backend", ["c", "numpy"])
-@pytest.mark.parametrize("scene", [*symgen.shipped_scenes(), *WORDS])
+@pytest.mark.parametrize("scene", [*LINKAGES, *WORDS])
 def test_scene_kernels(scene, backend):
     scene = WORDS.get(scene, scene)
     model = symgen.build(scene, backend=backend)
@@ -81,6 +83,24 @@ def _solve_in_place(evaluate, t, q, u, memory, solved):
 
     address = evaluate.library.addresses["solve"]
     _core.call(address, np.array([t]), np.append(q, 0), np.append(u, 0), evaluate.parameters, memory, solved)
+
+
+@pytest.mark.parametrize("backend", ["c", "numpy"])
+@pytest.mark.parametrize("scene", LOOPS)
+def test_kernels_of_loops(scene, backend):
+    """Anywhere, closed or not: no kernel takes the loop for closed."""
+    model, system = symgen.build(scene, backend=backend), symgen.derive(scene)
+    oracle, rng = Oracle(system), np.random.default_rng(0x1009)
+    values = {g.name: rng.uniform(-1.5, 1.5, len(g.quantities)) for g in system.groups}
+    tuned = np.array([*model.parameters.values()])
+    values["p"] = np.where(tuned == 0, 1, tuned) * rng.uniform(0.7, 1.4, len(tuned))
+    kernels = LoopKernels(model.description, model._library, values["p"])
+    for export in system.exports:
+        found = kernels(export.kernel, values["t"][0], values["q"], values["u"], values["work"])
+        for name in export.matrices:
+            exact = oracle.matrix(name, values)
+            assert relative_error(found[name].ravel(), exact) < TOLERANCE, (export.kernel, name)
+    assert {e.kernel for e in system.exports} == {k.name for k in model.description.kernels}
 
 
 def block_values(system, rng):

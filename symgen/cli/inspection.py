@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from itertools import chain
 from typing import Annotated
 
 import typer
@@ -92,11 +94,15 @@ def explain(scene: SceneArgument, set_: SetOption = None) -> None:
     if isinstance(resolved, Linkage):
         from symgen.models.structure import structure
 
-        lines = structure(resolved)
+        lines: Iterable[str] = structure(resolved)
     else:
-        from symgen.models.loop_structure import loop_structure
+        from symgen.models.loop import loop_system
+        from symgen.models.loop_structure import general, loop_structure
+        from symgen.report.saving import saving_lines
 
-        lines = loop_structure(resolved)
+        system = loop_system(resolved)
+        saved = saving_lines(system, loop_system(general(resolved)), "general offsets")
+        lines = chain(loop_structure(resolved, system), saved)
     print(*lines, sep="\n", flush=True)
     print(*freedom_lines(build_model(scene, set=asked)), sep="\n")
 

@@ -15,7 +15,7 @@ from functools import cached_property
 
 import sympy as sp
 
-from symgen.mechanics.dual_rows import GROUND, Frame, Motion, onward, row_transform
+from symgen.mechanics.dual_rows import GROUND, Frame, Motion, name_functions, onward, row_transform
 from symgen.symbolic.dual import DualMatrix, DualVector
 from symgen.symbolic.names import Names
 
@@ -49,6 +49,8 @@ class Paths:
         self.motions = [m for row in rows for m in row]
         #: Number of motions up to the end of each row: frame i + 1 stands behind ends[i - 1] of them.
         self.ends = [sum(len(row) for row in rows[: i + 1]) for i in range(len(rows))]
+        for m in self.motions:
+            name_functions(m, names)
 
     @cached_property
     def meet(self) -> int:

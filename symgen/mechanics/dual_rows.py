@@ -93,6 +93,14 @@ def motions(row: int, entries: Sequence[sp.Expr], variables: Sequence[sp.Symbol]
     return tuple(found)
 
 
+def name_functions(motion: Motion, names: Names) -> None:
+    """Name cosine and sine of a turn, so that equations read by them."""
+    if MOTIONS[motion.entry][1]:
+        for function in (sp.cos, sp.sin):
+            what = f"{function.__name__} of {motion.entry} of row {motion.row}"
+            names.scalar(f"{function.__name__}_{motion.name}", function(motion.value), "1", what)
+
+
 def row_transform(row: Sequence[Motion]) -> DualMatrix:
     """Return T = Z(theta + eps S) Y(eta) X(alpha + eps a) of a row's motions, Eqs. (1)-(4)."""
     found = identity()

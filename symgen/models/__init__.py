@@ -18,10 +18,20 @@ def _chain(dimension: int) -> Recursion:
     return chain_recursion(dimension)
 
 
+def _of_loop(name: str) -> System:
+    from symgen.models import loop_blocks  # no scene needs them
+
+    made: System = getattr(loop_blocks, f"{name}_system")()
+    return made
+
+
 #: Building blocks whose kernels are shipped, by name: one line each.
 BLOCKS: dict[str, Callable[[], System]] = {
     "rod": lambda: rod_system(2),
     "rod_spatial": lambda: rod_system(3),
+    "loop_row": lambda: _of_loop("loop_row"),
+    "loop_screws": lambda: _of_loop("loop_screws"),
+    "loop_inertia": lambda: _of_loop("loop_inertia"),
 }
 
 #: Recursions over rods, shipped as loops with the number of rods as an argument, by name.
@@ -31,4 +41,4 @@ RECURSIONS: dict[str, Callable[[], Recursion]] = {
 }
 
 #: Shipped scenes whose kernels are committed under ``generated/`` and compiled at install.
-SHIPPED_SCENES = ("peaucellier",)
+SHIPPED_SCENES = ("peaucellier", "slider_crank")

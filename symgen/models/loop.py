@@ -90,7 +90,7 @@ def _motion(model: LoopModel, forces: bool) -> tuple[list[NamedMatrix], list[Exp
             _matrix(
                 "inputs",
                 sp.Matrix([row for v in inputs for row in [_jet(model, v.motion)]]),
-                "SI",
+                ", ".join(x.unit for v in inputs for x in (v.quantity, v.rate, v.acceleration)),
                 "prescribed motions: value, rate, acceleration",
                 [v.name for v in inputs],
                 ("value", "rate", "acceleration"),

@@ -13,9 +13,7 @@ from libc.stdint cimport uintptr_t
 from libc.string cimport memcpy, memset
 
 from symgen.runtime._core cimport _DONE, _NOT_FINITE, _PROJECTION_FAILED, _SINGULAR, Equations, kernel_t
-from symgen.runtime._qr cimport (
-    MOST, ROWS, factor_columns, rank_of, solve_basic, solve_transposed,
-)
+from symgen.runtime._qr cimport MOST, ROWS, Factor, factorise_columns, solve_basic, solve_transposed
 
 #: What following a loop may answer besides what the core answers.
 OPEN, INCONSISTENT, POLE = 10, 11, 12
@@ -77,9 +75,9 @@ cdef class LoopEquations(Equations):
     cdef readonly double closure, rates_left, hold, size
     cdef readonly int iterations
     cdef Py_ssize_t[::1] solved, driven, found, known
-    cdef double[::1] scale, screws, matrix, beta, prescribed, efforts, loads, work2, q, u, trial, step, mass, reduced
+    cdef double[::1] scale, screws, matrix, prescribed, efforts, loads, work2, q, u, trial, step, mass, reduced
     cdef double[:, ::1] basis, gain
-    cdef Py_ssize_t order[MOST]
+    cdef Factor factored
     cdef double stride
     cdef double[:, ::1] past
 
@@ -106,7 +104,7 @@ cdef class LoopEquations(Equations):
         memory = max(work_size, n + ROWS, out_size, ROWS * n + 12) + 1
         self.work, self.work2, self.out, self.loads = (np.zeros(memory) for _ in range(4))
         self.screws = np.zeros(memory)
-        self.matrix, self.beta = np.zeros(ROWS * (n + 1)), np.zeros(ROWS)
+        self.matrix = np.zeros(ROWS * (n + 1))
         self.prescribed, self.efforts = np.zeros(3 * self.ni + 1), np.zeros(n + 1)
         self.q, self.u, self.trial, self.step = (np.zeros(n + 1) for _ in range(4))
         self.mass, self.reduced = np.zeros(n * n + 1), np.zeros((n + 1) * (n + 1))
@@ -141,13 +139,13 @@ cdef class LoopEquations(Equations):
             for i in range(ROWS):
                 entry = found[12 + n * i + self.solved[k]] * self.scale[self.solved[k]]
                 self.matrix[ROWS * k + i] = entry if i < 3 else entry / self.size
-        factor_columns(&self.matrix[0], self.nf, self.order, &self.beta[0])
+        factorise_columns(&self.matrix[0], self.nf, &self.factored)
         self.factorisations += 1
         self.soundness, self.weakest = 1.0, -1
         if self.rank > 0:
-            self.weakest = self.solved[self.order[self.rank - 1]]
-            entry = fabs(self.matrix[0])
-            self.soundness = fabs(self.matrix[(ROWS + 1) * (self.rank - 1)]) / entry if entry > 0.0 else 0.0
+            self.weakest = self.solved[self.factored.order[self.rank - 1]]
+            entry = fabs(self.factored.r[0])
+            self.soundness = fabs(self.factored.r[(ROWS + 1) * (self.rank - 1)]) / entry if entry > 0.0 else 0.0
         self.closure = worst
         return worst
 
@@ -156,7 +154,7 @@ cdef class LoopEquations(Equations):
         cdef Py_ssize_t k
         for k in range(3, ROWS):
             b[k] /= self.size
-        solve_basic(&self.matrix[0], &self.beta[0], self.order, self.nf, self.rank, b, x)
+        solve_basic(&self.factored, self.rank, b, x)
         for k in range(self.nf):
             x[k] *= self.scale[self.solved[k]]
 
@@ -271,7 +269,7 @@ cdef class LoopEquations(Equations):
         cdef double s[6]
         for k in range(self.nf):
             c[k] = b[k] * self.scale[self.solved[k]]
-        solve_transposed(&self.matrix[0], &self.beta[0], self.order, self.nf, self.rank, c, s)
+        solve_transposed(&self.factored, self.rank, c, s)
         for k in range(3):
             w[k], w[3 + k] = s[3 + k] / self.size, s[k]
 
@@ -533,15 +531,15 @@ cdef class LoopEquations(Equations):
             for k in range(self.n):
                 self.basis[f, k] = 0.0
             for i in range(self.rank):
-                c[i] = -self.matrix[ROWS * (self.rank + f) + i]
+                c[i] = -self.factored.r[ROWS * (self.rank + f) + i]
             for i in range(self.rank - 1, -1, -1):
-                c[i] /= self.matrix[ROWS * i + i]
+                c[i] /= self.factored.r[ROWS * i + i]
                 for k in range(i):
-                    c[k] -= self.matrix[ROWS * i + k] * c[i]
+                    c[k] -= self.factored.r[ROWS * i + k] * c[i]
             for i in range(self.rank):
-                k = self.solved[self.order[i]]
+                k = self.solved[self.factored.order[i]]
                 self.basis[f, k] = c[i] * self.scale[k]
-            k = self.solved[self.order[self.rank + f]]
+            k = self.solved[self.factored.order[self.rank + f]]
             self.basis[f, k] = self.scale[k]
 
     cdef bint _balance(self) noexcept nogil:
@@ -573,7 +571,7 @@ cdef class LoopEquations(Equations):
                 if i > k:
                     r[d * i + k] = total / r[d * k + k]
                 elif not total > NO_MASS * diagonal:
-                    self.weakest = self.solved[self.order[self.rank + i]]
+                    self.weakest = self.solved[self.factored.order[self.rank + i]]
                     return False
                 else:
                     r[d * i + i] = sqrt(total)

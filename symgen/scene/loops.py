@@ -141,7 +141,8 @@ def _span(read: LoopReader) -> tuple[sp.Expr, sp.Expr] | None:
     )
     if read.number(start) == read.number(stop):
         raise SceneError(
-            f"expected a range from one value to another, got {written[0]!r} twice", where="loop.range"
+            f"expected a range from one value to another, got {written[0]!r} and {written[1]!r}",
+            where="loop.range",
         )
     return start, stop
 

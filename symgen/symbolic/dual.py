@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import sympy as sp
 
@@ -167,6 +168,7 @@ def operator(vector: DualVector) -> DualMatrix:
     return DualMatrix(skew(vector.real), skew(vector.dual))
 
 
+@lru_cache(maxsize=512)
 def rotation(axis: int, angle: Dual) -> DualMatrix:
     """Return the turn about a coordinate axis (0, 1 or 2) by a dual angle, and the shift along it.
 
