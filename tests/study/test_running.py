@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import csv
 import json
+import os
+import pty
 import subprocess
 import sys
 import tomllib
@@ -168,11 +170,20 @@ def symgen_run(*arguments):
     )
 
 
-def test_the_command(scene, tmp_path):
-    done = symgen_run(scene, "--study", tmp_path / "out")
-    assert done.returncode == 0 and done.stderr == ""
+def test_progress_on_a_terminal(scene, tmp_path):
+    ours, theirs = pty.openpty()
+    command = [sys.executable, "-m", "symgen", "run", str(scene), "--study", str(tmp_path / "out")]
+    done = subprocess.run(command, stdout=subprocess.PIPE, stderr=theirs, text=True)
+    shown = os.read(ours, 1_000_000).decode()
+    os.close(theirs)
+    os.close(ours)
+    assert done.returncode == 0 and "studies of" in shown and "%" in shown and "\x1b" not in done.stdout
     assert "alpha4 = 250 deg" in done.stdout and "begin with" in done.stdout
+
+
+def test_the_command(scene, tmp_path):
     done = symgen_run(scene, "--study", tmp_path / "out", "--json")
+    assert done.returncode == 0 and done.stderr == ""
     assert [c["values"] for c in json.loads(done.stdout)["studies"]["twist"]] == [
         {"alpha4": "250 deg"},
         {"alpha4": "270 deg"},
