@@ -125,7 +125,7 @@ def _studies(
     if others:
         raise ModelError(f"{', '.join(others)} does not go with --study: the scene says what is studied")
     quiet = as_json or not sys.stderr.isatty()
-    with nullcontext() if quiet else bar(f"studies of {scene}") as progress:
+    with nullcontext() if quiet else bar(f"studies of {Path(scene).stem}") as progress:
         report = run_studies(scene, folder, set=changes(set_), backend=backend, progress=progress)
     if as_json:
         print_json(report.summary())

@@ -19,6 +19,8 @@ from symgen.runtime.loop_kernels import LoopKernels
 Array = NDArray[np.float64]
 
 _RANK, _PART = 1e-8, 1e-9
+#: Steps [rad, or sizes of the loop] of the input in which a limit at a pole is approached.
+_BESIDE = 0.01
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,6 +72,31 @@ class _Follower:
         self.equations.follow(self.t, q, np.array([t]), span, self.states, self.out, diagnosis)
         self.q, self.hold = q[:-1], float(diagnosis[0, _loop.HOLD])
         return self.hold
+
+
+def beside_pole(
+    kernels: LoopKernels, equations: _loop.LoopEquations, t: float, q: Array, out: Array
+) -> Array:
+    """Return the outputs at a pole: those that have none there are the limit from both sides.
+
+    What is solved for at the pole meets the loads but not the drives that are given, so ``out`` is right for
+    motions only. The limit is the even polynomial through three values on either side.
+    """
+    rate = kernels.prescribed(t)[0, 1]
+    if rate == 0.0:
+        return np.full_like(out, np.nan)
+    turns = not kernels.description.variables[kernels.inputs[0]].is_length
+    step = _BESIDE * (1.0 if turns else kernels.description.size) / rate
+    rows = []
+    for side in (-1, 1):
+        follower = _Follower(kernels, equations, t, q)
+        for k in (1, 2, 3):
+            follower(t + side * k * step)
+            if not np.isfinite(follower.hold) or follower.hold == 0.0:
+                return np.full_like(out, np.nan)
+            rows.append(follower.out[0, : len(out)].copy())
+    limit = np.array([15.0, -6.0, 1.0, 15.0, -6.0, 1.0]) @ rows / 20.0
+    return np.where(np.abs(limit - out) <= 1e-9 * np.maximum(1.0, np.abs(out)), out, limit)
 
 
 def at_state(kernels: LoopKernels, equations: _loop.LoopEquations, t: float, q: Array) -> tuple[Array, Array]:

@@ -15,7 +15,7 @@ from symgen.runtime import _core, _loop
 from symgen.runtime.description import LoopDescription
 from symgen.runtime.loop_curve import walk
 from symgen.runtime.loop_kernels import LoopKernels, in_words
-from symgen.runtime.loop_poles import PoleAt, poles, undetermined
+from symgen.runtime.loop_poles import PoleAt, beside_pole, poles, undetermined
 from symgen.runtime.loop_start import Closed, distance, scaled_screws
 from symgen.runtime.result import Drift
 from symgen.runtime.turn import Pole, Turn, converters, variables
@@ -201,9 +201,11 @@ def _recorded(
 ) -> Turn:
     d = kernels.description
     found = poles(kernels, equations, times, states, diagnosis)
+    met = diagnosis[:, _loop.STATUS] == _loop.POLE
+    for k in np.flatnonzero(met):
+        out[k] = beside_pole(kernels, equations, float(times[k]), states[k, : d.coordinates], out[k])
     made = variables(d, out)
     told = [_pole(kernels, p) for p in found]
-    met = diagnosis[:, _loop.STATUS] == _loop.POLE
     for v in made:
         columns = v.values.reshape(len(times), -1)
         for i, c in enumerate(v.components or ("",)):

@@ -66,7 +66,7 @@ def plans(scene: Scene) -> tuple[Plan, ...]:
             raise SceneError(
                 "there are no studies in this scene",
                 where="studies",
-                hint="Write [[studies]] with name, vary and plots or limits; see docs/scene.md.",
+                hint="Write [[studies]] with name, vary, and plots or limits; slider_crank has some.",
             )
         read = Values(scene)
         found: list[Plan] = []

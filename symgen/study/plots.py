@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 #: Around a pole, the part of the range in which values do not count for the height of a panel.
 _NEAR = 1 / 36
 #: Width of a plot, height of a panel, and of what stands above and below all panels [in].
-_WIDTH, _PANEL, _ABOVE, _BELOW = 7.5, 1.9, 0.55, 0.95
+_WIDTH, _PANEL, _ABOVE, _BELOW = 7.5, 1.9, 0.55, 0.8
 
 
 def shown_input(turn: Turn) -> tuple[Array, str, float]:

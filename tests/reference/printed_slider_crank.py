@@ -61,24 +61,20 @@ def turns(scenes: list[Offsets], *, tolerance: float = 1e-6, limit: int = 100) -
     S4 = np.sqrt(A2**2 - (A1 + a4) ** 2)
     theta2 = np.pi - np.arctan2(S4, A1 + a4)
     x = np.stack([theta2, 0 * S4, 2 * np.pi - theta2, 0 * S4, S4], -1)
-    alive = np.ones(len(scenes), dtype=bool)
+    degree, count = np.zeros(len(scenes), dtype=int), np.zeros(len(scenes), dtype=int)
     found = [([], [], []) for _ in scenes]
-    for degree in range(TURN + 1):
-        count = np.zeros(len(scenes), dtype=int)
-        open_ = np.flatnonzero(alive)
-        while len(open_):
-            step, _ = newton_step(np.radians(degree), x[open_], a4[open_], alpha4[open_], S1[open_])
-            x[open_] += step
-            count[open_] += 1
-            closed = np.max(np.abs(step), axis=-1) <= tolerance
-            lost = ~closed & ~((count[open_] < limit) & (np.max(np.abs(x[open_]), axis=-1) < 1e6))
-            alive[open_[lost]] = False
-            open_ = open_[~closed & ~lost]
-        left = np.flatnonzero(alive)
-        _, residual = newton_step(np.radians(degree), x[left], a4[left], alpha4[left], S1[left])
-        for scene, size in zip(left, residual, strict=True):
+    at = np.arange(len(scenes))
+    while len(at):  # every scene goes on to its next angle as soon as it may
+        step, residual = newton_step(np.radians(degree[at]), x[at], a4[at], alpha4[at], S1[at])
+        x[at] += step
+        count[at] += 1
+        closed = np.max(np.abs(step), axis=-1) <= tolerance
+        for scene, size in zip(at[closed], residual[closed], strict=True):
             for values, value in zip(found[scene], (x[scene].copy(), size, count[scene]), strict=True):
                 values.append(value)
+            degree[scene], count[scene] = degree[scene] + 1, 0
+        lost = (count[at] >= limit) | ~(np.max(np.abs(x[at]), axis=-1) < 1e6)
+        at = at[~lost & (degree[at] <= TURN)]
     return [Turn(*(np.array(values) for values in of_scene)) for of_scene in found]
 
 
@@ -90,7 +86,7 @@ def newton_step(theta1, x, a4, alpha4, S1):
     """
     theta2, eta2, theta3, eta3, S4 = x.T
     zero = np.zeros_like(theta2)
-    R2, p2 = row(zero + theta1, S1, zero, zero, zero + A1)
+    R2, p2 = row(theta1 + zero, S1, zero, zero, zero + A1)
     R, p = row(theta2, zero, eta2, zero, zero + A2)
     R3, p3 = R2 @ R, p2 + apply(R2, p)
     R4 = R3 @ row(theta3, zero, eta3, zero + np.pi / 2, zero)[0]

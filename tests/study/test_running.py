@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import io
 import json
 import subprocess
 import sys
@@ -168,19 +169,31 @@ def symgen_run(*arguments):
     )
 
 
+class Terminal(io.StringIO):
+    def isatty(self):
+        return True
+
+
+def test_progress_on_a_terminal(scene, tmp_path, monkeypatch, capsys):
+    from symgen.cli.running import run
+
+    terminal = Terminal()
+    monkeypatch.setattr(sys, "stderr", terminal)
+    run(scene=str(scene), study=tmp_path / "out")
+    assert "studies of crank" in terminal.getvalue() and "%" in terminal.getvalue()
+    shown = capsys.readouterr().out
+    assert "alpha4 = 250 deg" in shown and "begin with" in shown and "%" not in shown
+
+
 def test_the_command(scene, tmp_path):
-    done = symgen_run(scene, "--study", tmp_path / "out")
-    assert done.returncode == 0 and done.stderr == ""
-    assert "alpha4 = 250 deg" in done.stdout and "begin with" in done.stdout
     done = symgen_run(scene, "--study", tmp_path / "out", "--json")
+    assert done.returncode == 0 and done.stderr == ""
     assert [c["values"] for c in json.loads(done.stdout)["studies"]["twist"]] == [
         {"alpha4": "250 deg"},
         {"alpha4": "270 deg"},
     ]
     done = symgen_run(scene, "--study", tmp_path / "other", "--at", "45", "--samples", "9")
     assert done.returncode == 2 and "--samples, --at does not go with --study" in done.stderr
-    done = symgen_run("bennett", "--study", tmp_path / "other")
-    assert done.returncode == 2 and "[studies]: there are no studies in this scene" in done.stderr
     assert not (tmp_path / "other").exists()
 
 

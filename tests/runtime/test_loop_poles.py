@@ -1,0 +1,46 @@
+"""At a pole itself, what has none there is the limit of both sides, and what is given stays what was given."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from reference.closed_slider_crank import Closed, Offsets
+
+import symgen
+
+
+@pytest.fixture(scope="module")
+def driven():
+    """The slider-crank of the source's study: torque given, load unknown; dead centres at 90 and 270 degrees."""
+    given = {"S1": "3.5 in", "loop.drives.theta1": "100 lbf*in", "loop.drives.S4": "?"}
+    return symgen.build("slider_crank", set=given)
+
+
+@pytest.mark.parametrize("degrees", [90.0, 270.0])
+def test_components_without_a_pole(driven, degrees):
+    turn = driven.at(np.radians([degrees]))
+    (pole,) = turn.poles
+    assert turn.variable("theta1.drive").values == pytest.approx(100.0, rel=1e-10)
+    # The limit by the closed form: the mean of what is left of components that are smooth there.
+    near = Closed(Offsets(0, 270, 3.5), np.radians([degrees - 0.01, degrees + 0.01]))
+    sides = near.forces(torque=100.0)
+    for name, of in {
+        "crank.joint1.force": "F1",
+        "crank.joint1.moment": "T1",
+        "crank.joint2.force": "F2",
+        "slider.joint3.force": "F3",
+        "slider.joint4.force": "F4",
+    }.items():
+        v = turn.variable(name)
+        for i, axis in enumerate(v.components):
+            value = v.values[0, i]
+            assert np.isnan(value) == (f"{name}.{axis}" in pole.residues)
+            if not np.isnan(value):
+                assert value == pytest.approx(np.mean(sides[of][:, i]), abs=2e-6), (name, axis)
+    assert turn.variable("S4").values == pytest.approx(Closed(Offsets(0, 270, 3.5), np.radians(degrees)).S4)
+
+
+def test_a_turn_is_smooth_across_them(driven):
+    turn = driven.turn()
+    values = turn.variable("crank.joint1.force").values[:, 0]
+    assert np.max(np.abs(np.diff(values, 2))) < 0.02
