@@ -103,6 +103,18 @@ def test_closure_and_its_derivative(case):
             close(jacobian[:, j], [*vee(moving[:3, :3]), *moving[:3, 3]], loop.variables[j].name)
 
 
+def test_operators_of_the_paper_are_the_screws(case):
+    """Eqs. (12)-(17) of every variable: H = M Q M^T is the cross-product matrix of its screw."""
+    loop, _, values, oracle, _ = case
+    with mp.workdps(DIGITS):
+        jacobian = oracle.matrix("closure_jacobian", values)
+        for j, v in enumerate(loop.variables):
+            h = oracle.matrix(f"{v.name}_operator", values)
+            for part, rows in ((h[:, :3], jacobian[:3, j]), (h[:, 3:], jacobian[3:, j])):
+                close([*vee(part)], rows, v.name)
+                close([*(part + part.T)], [0] * 9, v.name)
+
+
 def test_screws_have_the_rates_that_are_given(case):
     loop, system, values, oracle, reference = case
     count = len(loop.variables)

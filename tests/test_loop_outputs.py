@@ -6,10 +6,12 @@ from dataclasses import replace
 
 import pytest
 import sympy as sp
-from loops import body, planar_4r, slider_crank
+from loops import body, planar_4r, real, slider_crank, variable
 
 from symgen.errors import SceneError
 from symgen.models.loop import loop_system
+from symgen.scene.linkage import Parameter
+from symgen.symbolic.quantity import quantity
 
 
 def kernels(system):
@@ -120,3 +122,33 @@ def test_steps_of_the_derivation_can_be_inspected():
     for link in ("crank", "rod", "slider"):
         for step in ("frame", "motion", "motion_rate", "binor", "momentum", "inertia_wrench"):
             assert system[f"{link}_{step}"].matrix.rows in (3, 6)
+
+
+def renamed(name, other):
+    """The slider-crank with a variable called otherwise."""
+    made = slider_crank()
+    symbols = {real(f"{name}{end}"): real(f"{other}{end}") for end in ("", "_rate", "_acceleration")}
+    rows = tuple(
+        replace(r, **{e: getattr(r, e).xreplace(symbols) for e in ("theta", "S", "eta", "alpha", "a")})
+        for r in made.rows
+    )
+    row = next(v.row for v in made.variables if v.name == name)
+    new = variable(other, row, "input", "rad")
+    return replace(made, rows=rows, variables=tuple(new if v.name == name else v for v in made.variables))
+
+
+@pytest.mark.parametrize("name", ["power", "screws", "rows", "rod_frame", "energy"])
+def test_a_variable_is_not_called_like_something_derived(name):
+    with pytest.raises(SceneError, match=f"'{name}' is what symgen calls") as caught:
+        loop_system(renamed("theta1", name))
+    assert caught.value.where == f"loop.inputs.{name}"
+
+
+def test_intermediates_give_way_to_names_of_the_scene():
+    """A parameter that is called like an intermediate changes nothing."""
+    taken = {"sin_theta2": ("m", 1), "f_joint_x": ("m", 2), "i_theta2_x": ("m", 3)}
+    made = slider_crank()
+    more = tuple(Parameter(quantity(n, unit, n), sp.Integer(v)) for n, (unit, v) in taken.items())
+    system = loop_system(replace(made, parameters=(*made.parameters, *more)))
+    names = {d.quantity.name for d in system.definitions}
+    assert {"sin_theta2_", "i_theta2_x_"} <= names and not names & set(taken)

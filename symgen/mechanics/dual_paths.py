@@ -15,7 +15,15 @@ from functools import cached_property
 
 import sympy as sp
 
-from symgen.mechanics.dual_rows import GROUND, Frame, Motion, name_functions, onward, row_transform
+from symgen.mechanics.dual_rows import (
+    GROUND,
+    Frame,
+    Motion,
+    derivative_operator,
+    name_functions,
+    onward,
+    row_transform,
+)
 from symgen.symbolic.dual import DualMatrix, DualVector
 from symgen.symbolic.names import Names
 
@@ -80,6 +88,16 @@ class Paths:
     def exact_screws(self) -> list[DualVector]:
         """Screw of every motion in the first frame, all from there: the exact derivative of the closure."""
         return [frame.screw(m.screw) for frame, m in zip(self.outward, self.motions, strict=False)]
+
+    def operator(self, variable: int) -> DualMatrix:
+        """Return the operator H of a joint variable, Eqs. (12)-(17): dB/dq = H B."""
+        found = DualMatrix(sp.ImmutableMatrix(sp.zeros(3)), sp.ImmutableMatrix(sp.zeros(3)))
+        for m, frame in zip(self.motions, self.outward, strict=False):
+            for j, slope in m.slopes:
+                if j == variable:
+                    h = derivative_operator(m, frame.dual)
+                    found = found + DualMatrix(slope * h.real, slope * h.dual)
+        return found
 
     @cached_property
     def frames(self) -> list[Frame]:

@@ -46,6 +46,7 @@ def _assemble(model: LoopModel) -> System:
     dynamics, kernels = _dynamics(model, bool(free)) if "forces" in needs else ([], [])
     steps = _steps(model, "mass" in needs)
     derived = {m.name for m in (*motion, *dynamics)}
+    _check_names(model, {*derived, *loop_outputs.OF_THE_WHOLE, *(m.name for m in steps)})
     return System(
         name=loop.name,
         title=loop.title,
@@ -60,6 +61,17 @@ def _assemble(model: LoopModel) -> System:
         references=(REFERENCE,),
         left_out=tuple(_left_out(model, needs)),
     )
+
+
+def _check_names(model: LoopModel, made: set[str]) -> None:
+    """Refuse a variable that has the name of something derived: its output could not be told from it."""
+    for v in model.variables:
+        if v.name in made:
+            raise SceneError(
+                f"{v.name!r} is what symgen calls something of the loop",
+                where=f"loop.{'free' if v.role == 'free' else 'inputs'}.{v.name}",
+                hint="Choose another name for this variable.",
+            )
 
 
 def groups(model: LoopModel) -> tuple[Group, ...]:
@@ -191,6 +203,16 @@ def _steps(model: LoopModel, mass: bool) -> list[NamedMatrix]:
     found = [
         _matrix(f"row_{i}_transform", t.beside, "1, m", f"T_{i} = real part | dual part", "xyz")
         for i, t in enumerate(model.paths.transforms, 1)
+    ]
+    found += [
+        _matrix(
+            f"{v.name}_operator",
+            model.paths.operator(j).beside,
+            "1, m",
+            f"H of dB/d{v.name} = H B, real part | dual part: the operator of its screw",
+            "xyz",
+        )
+        for j, v in enumerate(model.variables)
     ]
     for k, link in enumerate(model.links, 1):
         frame = model.frame(k)

@@ -28,8 +28,9 @@ class LoopModel:
     """
 
     def __init__(self, loop: Loop) -> None:
-        self.loop, self.names = loop, Names()
-        self.variables = loop.variables
+        self.loop, self.variables = loop, loop.variables
+        given = [x for v in loop.variables for x in (v.quantity, v.rate, v.acceleration)]
+        self.names = Names(x.name for x in (*given, *(p.quantity for p in loop.parameters)))
         symbols = [v.quantity.symbol for v in self.variables]
         self.rates = [v.rate.symbol for v in self.variables]
         self.second = [v.acceleration.symbol for v in self.variables]

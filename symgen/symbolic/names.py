@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import sympy as sp
 
@@ -13,9 +13,16 @@ from symgen.symbolic.system import Definition
 
 
 class Names:
-    """Collects the intermediates of a derivation; equal expressions go by one name."""
+    """Collects the intermediates of a derivation; equal expressions go by one name.
 
-    def __init__(self) -> None:
+    Parameters
+    ----------
+    taken
+        Names of other quantities: an intermediate that would get one of them gets a mark behind it.
+    """
+
+    def __init__(self, taken: Iterable[str] = ()) -> None:
+        self._taken = frozenset(taken)
         self._known: dict[sp.Expr, sp.Symbol] = {}
         self._definitions: dict[str, Definition] = {}
 
@@ -32,6 +39,8 @@ class Names:
         for known, sign in ((expression, 1), (-expression, -1)):
             if known in self._known:
                 return sign * self._known[known]
+        while name in self._taken:
+            name += "_"
         if name in self._definitions:
             raise DerivationError(f"the name {name!r} is given twice: rename what it is made from")
         new = quantity(name, unit, meaning)
