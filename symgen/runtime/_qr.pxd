@@ -1,3 +1,4 @@
+# cython: cdivision=True
 """Rank-revealing factorisation of six rows: Householder QR with column pivoting, A P = Q R.
 
 Matrices are stored column by column, six doubles each. All loops over rows have the same length, which

@@ -191,6 +191,12 @@ def _check_named(read: LoopReader, places: Sequence[Place]) -> None:
 def _check_count(read: LoopReader, table: Rows) -> None:
     """Count the variables that follow from closure, as far as no numbers are needed."""
     for i in _between_balls(table.rows):
+        if read.number(table.rows[i].a) == 0:
+            raise SceneError(
+                f"the two balls of {table.rows[i].link} stand at one point",
+                where=f"loop.rows.{i}.a",
+                hint="Give its length, or make one ball of the two.",
+            )
         if i not in table.idle and all(p.named is None for p in table.places if p.row in (i, i + 1)):
             raise SceneError(
                 f"the link {table.rows[i].link} between two balls spins idly: nothing says how",

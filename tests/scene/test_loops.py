@@ -278,6 +278,7 @@ FAULTS = {
         "loop.rows",
         "no variable follows from closure",
     ),
+    "two balls in one": ([(ROW + "1.a", "r - 10*cm"), ("parameters.cm", "1 cm")], ROW + "1.a", "rod stand at one point"),
     "two constant angles of a ball": ([(ROW + "1.eta", "0 deg")], ROW + "1.eta", "lets eta vary, got the constant"),
     "both balls held": ([(ROW + "2.alpha", "0 deg")], ROW + "2.alpha", "only to hold the idle spin"),
     "a ball that is a Hooke joint": (
