@@ -13,9 +13,13 @@ from symgen.runtime.turn import Turn
 
 
 def driven_run(
-    model: Model | LoopModel, at: Sequence[str] | None, samples: int | None, options: Mapping[str, Any]
+    model: Model | LoopModel,
+    at: Sequence[str] | None,
+    samples: int | None,
+    through: bool,
+    options: Mapping[str, Any],
 ) -> Turn:
-    """Return a driven loop at the values asked for, or over its whole range.
+    """Return a driven loop at the values asked for, or over its whole range, ``through`` turning inputs.
 
     Raises
     ------
@@ -24,7 +28,7 @@ def driven_run(
     """
     if not isinstance(model, LoopModel):
         raise ModelError(
-            "--at is for driven loops (scenes with a link-joint table)\n"
+            "--at and --through are for driven loops (scenes with a link-joint table)\n"
             "  'symgen kinematics' follows the drives of a linkage of points and links."
         )
     given = [f"--{name.replace('_', '-')}" for name, value in options.items() if value is not None]
@@ -33,9 +37,9 @@ def driven_run(
             f"{', '.join(given)} does not go with a driven loop: it is evaluated over its input, not in time"
         )
     if not at:
-        return model.turn(samples=361 if samples is None else samples)
-    if samples is not None:
-        raise ModelError("give --at or --samples, not both")
+        return model.turn(samples=361 if samples is None else samples, through=through)
+    if samples is not None or through:
+        raise ModelError(f"give --at or {'--through' if through else '--samples'}, not both")
     texts = [text.strip() for group in at for text in group.split(",")]
     return model.at([_value(model, text) for text in texts])
 

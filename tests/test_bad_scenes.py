@@ -27,6 +27,59 @@ BC = { points = ["B", "C"], mass = "1 kg" }
 t_end = "0.1 s"
 """
 
+GOOD_LOOP = """
+symgen = 1
+[parameters]
+w = { value = "60 rpm", tunable = true }
+[loop]
+inputs = { theta1 = "w*t" }
+rows = [
+  { joint = "R", link = "crank", theta = "theta1", a = "10 cm" },
+  { joint = "S", link = "rod", theta = "?", eta = "?", a = "45 cm" },
+  { joint = "S", link = "rocker", theta = "?", eta = "?", alpha = "?", a = "30 cm" },
+  { joint = "R", link = "ground", theta = "?", S = "10 cm", alpha = "60 deg", a = "-35 cm" },
+]
+start = { theta2 = "10 deg", eta2 = "40 deg", theta3 = "-150 deg", eta3 = "-25 deg", alpha3 = "60 deg", theta4 = "105 deg" }
+[loop.links]
+crank = { mass = "1 kg" }
+rod = { mass = "1 kg", centre = ["-20 cm", 0, 0], inertia = [0, "0.01 kg*m^2", "0.01 kg*m^2"] }
+rocker = { mass = "1 kg" }
+[analysis]
+outputs = ["theta4", "theta1.drive", "rod.joint2.force"]
+"""
+
+#: The same for the loop.
+LOOP_CASES = {
+    "loop: unknown key": ('theta = "theta1", a', 'theta = "theta1", b', ["[loop.rows.0] b", "unknown key"]),
+    "loop: points as well": ("[loop]", '[points]\nO = { at = ["0 m", "0 m"] }\n[loop]', ["[points]", "or of a loop"]),
+    "loop: wrong unit": ('a = "45 cm"', 'a = "45 kg"', ["[loop.rows.1] a", "a length", "a mass"]),
+    "loop: too many variables": (
+        '{ joint = "R", link = "ground", theta = "?", S = "10 cm"',
+        '{ joint = "C", link = "ground", theta = "?", S = "?"',
+        ["[loop] rows", "7 dependent variables for the 6 equations of closure", "S4"],
+    ),
+    "loop: spins idly": ('eta = "?", a = "45 cm"', 'eta = "?", alpha = "?", a = "45 cm"', ["[loop.rows.1] alpha", "rod", "spins idly"]),
+    "loop: too few variables": (
+        '{ joint = "S", link = "rocker", theta = "?", eta = "?", alpha = "?"',
+        '{ joint = "U", link = "rocker", theta = "?", eta = "?", alpha = "60 deg"',
+        ["[loop.rows.1] alpha", "universal joint, U"],
+    ),
+    "loop: cannot follow": (
+        '{ joint = "S", link = "rod", theta = "?", eta = "?", a = "45 cm" }',
+        '{ joint = "U", link = "rod", theta = "?", eta = "?", a = "45 cm" }',
+        ["[loop", "rank"],
+        ('theta = "?", eta = "?", alpha = "?", a = "30 cm"', 'theta = "?", eta = "?", a = "30 cm"'),
+        ('{ joint = "S", link = "rocker"', '{ joint = "U", link = "rocker"'),
+        (', alpha3 = "60 deg"', ""),
+    ),
+    "loop: cannot be assembled": ('a = "45 cm"', 'a = "4.5 m"', ["[loop", "theta1 = 0"]),
+    "loop: a link without mass": ('rocker = { mass = "1 kg" }', "", ["[loop.links.rocker] mass", "row 3", "theta1.drive"]),
+    "loop: output unknown": ('"theta4"', '"theta4.speed"', ["[analysis] outputs[0]", "theta4.speed"]),
+    "loop: force at a joint elsewhere": ("rod.joint2.force", "rod.joint4.force", ["[analysis] outputs[2]", "rod.joint4.force"]),
+    "loop: drives do not count": ("[loop.links]", '[loop.drives]\ntheta4 = "?"\n[loop.links]', ["[loop] drives", "got 2 (theta1, theta4)"]),
+    "loop: call of open": ('"w*t"', "\"open('stolen.txt', 'w')\"", ["[loop.inputs] theta1", "calls 'open'"]),
+}  # fmt: skip
+
 #: What is changed in the good scene, and what the message must say.
 CASES = {
     "unknown key": ('OA = { points = ["O", "A"], mass', 'OA = { points = ["O", "A"], mas', ["[links.OA] mas", "'mass'"]),
@@ -105,6 +158,7 @@ CASES = {
         '[parameters]\na = "1 m"\nb = "1 s"\nc = "a + b"\n[points]',
         ["[parameters.c] value", "adds a length and a time"],
     ),
+    **LOOP_CASES,
     "nothing moves": ("ground = true", "ground = true", ["every point is ground"], ('"] }', '"], ground = true }')),
 }  # fmt: skip
 
@@ -115,13 +169,14 @@ REAL = {
     "unknown key", "wrong unit", "zero length", "point on no link", "unassemblable loop", "negative inertia",
     "call of open", "nan text", "nan number", "misspelled point", "no mass", "massless end", "wrong version",
     "not TOML", "mixed plane and space", "contradicting start", "output unknown", "tension of no link",
+    "loop: too many variables", "loop: cannot be assembled", "loop: a link without mass",
 }  # fmt: skip
 
 
 def written(case, folder):
     """Write the bad scene of a case into a folder of its own."""
     old, new, _, *more = CASES[case]
-    text = GOOD
+    text = GOOD_LOOP if case in LOOP_CASES else GOOD
     for a, b in [(old, new), *more]:
         assert a in text
         text = text.replace(a, b, -1 if case == "nothing moves" else 1)
@@ -179,9 +234,10 @@ def test_every_real_case_is_a_case():
     assert set(CASES) >= REAL
 
 
-def test_the_good_scene_is_good(tmp_path):
+@pytest.mark.parametrize("text", [GOOD, GOOD_LOOP], ids=["points and links", "loop"])
+def test_the_good_scene_is_good(text, tmp_path):
     scene = tmp_path / "good.toml"
-    scene.write_text(GOOD, encoding="utf-8")
+    scene.write_text(text, encoding="utf-8")
     subprocess.run(
         [sys.executable, "-m", "symgen", "run", str(scene), "--json"], check=True, capture_output=True
     )

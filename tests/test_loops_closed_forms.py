@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 import pytest
+from crank_vectors import Crank
 from jets import Jet, Real, about_x, about_z, cos, sin, vector
 from loop_scenes import (
     BETA,
@@ -16,6 +17,7 @@ from loop_scenes import (
     bennett,
     bennett_ratio,
     bricard_phi,
+    planar_4r,
     rssr_rocker,
     turned,
 )
@@ -38,20 +40,63 @@ def vanishes(x, size=1.0, tolerance=EXACT):
         assert np.max(np.abs(part)) <= tolerance * size * scale
 
 
+def freudenstein(lengths, phi, psi):
+    """Of crank and rocker angle, the rocker's pivot at (-a4, 0)."""
+    a1, a2, a3, a4 = lengths
+    k1, k2, k3 = a4 / a1, a4 / a3, (a1**2 - a2**2 + a3**2 + a4**2) / (2 * a1 * a3)
+    return k3 - k1 * cos(psi) + k2 * cos(phi) - cos(phi - psi)
+
+
 def test_planar_4r_is_freudensteins():
-    a1, a2, a3, a4 = PLANAR
+    a1, _, a3, _ = PLANAR
     run = turned("planar_4r")
     t = [motion(run, f"theta{i}") for i in range(1, 5)]
     phi, coupler = t[0], t[0] + t[1]
-    psi = coupler + t[2] + math.pi  # of the rocker, from its pivot at (-a4, 0)
-    k1, k2, k3 = a4 / a1, a4 / a3, (a1**2 - a2**2 + a3**2 + a4**2) / (2 * a1 * a3)
-    vanishes(k3 - k1 * cos(psi) + k2 * cos(phi) - cos(phi - psi), k3)
+    psi = coupler + t[2] + math.pi
+    vanishes(freudenstein(PLANAR, phi, psi), 3.0)
     whole = (t[0] + t[1] + t[2] + t[3]) / (2 * math.pi)
     vanishes(whole - float(np.round(whole.value[0])))
     # ratio of angular velocities
     ratio = a1 * sin(coupler - phi) / (a3 * sin(coupler - psi))
     assert np.max(np.abs(psi.rate / phi.rate - ratio.value)) <= EXACT
     assert np.ptp(phi.value) == pytest.approx(2 * math.pi, rel=1e-15)
+
+
+@pytest.mark.parametrize(("low", "high", "turns"), [(-130.0, 150.0, True), (-138.0, 138.0, False)])
+def test_through_where_the_input_turns_back(low, high, turns):
+    """A crank that only rocks: on through its end, where coupler and rocker fold, to the other branch."""
+    lengths = (0.3, 0.4, 0.2, 0.25)
+    model = symgen.build(planar_4r(lengths))
+    run = model.turn(math.radians(low), math.radians(high), samples=300, through=True)
+    t = [Jet(run.variable(f"theta{i}").values) for i in range(1, 5)]
+    phi, psi = t[0], t[0] + t[1] + t[2] + math.pi
+    vanishes(freudenstein(lengths, phi, psi), 3.0)
+    degrees = np.degrees(phi.value.astype(float))
+    end = math.degrees(math.acos((0.2**2 - 0.3**2 - 0.25**2) / (2 * 0.3 * 0.25)))
+    assert degrees[0] == pytest.approx(low, abs=1e-9)
+    assert degrees[-1] == pytest.approx(low if turns else high, abs=1e-9)
+    assert np.min(degrees) >= low - 1e-9
+    if turns:
+        assert end - 0.1 < np.max(degrees) < end
+        assert abs(psi.value[0] - psi.value[-1]) > 0.1
+        assert f"{end:.6f}" in run.notes[0]
+    else:
+        assert run.notes == ()
+
+
+def test_both_closures_of_the_slider_quadratic():
+    """S4 = -b +- sqrt(b^2 - q), the scene's own first; ball angles have two ways to say the same."""
+    crank = Crank(a4=30.0)
+    both = [
+        float(crank.motion(Jet([math.pi / 4]), Jet([9.0]), branch=branch).S4.value[0]) * 0.0254
+        for branch in (1, -1)
+    ]
+    model = symgen.build("slider_crank").with_parameters(a4=30 * 0.0254, S1=9 * 0.0254)
+    found = [x["S4"] for x in model.assemblies(math.pi / 4)]
+    assert found[0] == pytest.approx(both[0], abs=EXACT)
+    errors = [min(abs(S4 - b) for b in both) for S4 in found]
+    assert max(errors) <= EXACT
+    assert {min(range(2), key=lambda k: abs(S4 - both[k])) for S4 in found} == {0, 1}
 
 
 def test_cardan():

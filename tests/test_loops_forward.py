@@ -97,7 +97,7 @@ def test_crank_torque_given():
     """A constant torque on the crank: its work is the kinetic energy."""
     crank = Crank(a4=A4, alpha4=ALPHA4)
     model = Free(crank, (0,), (0, 3.5, 0), lambda t, q, u: np.array([40.0]))
-    t_end = 0.4
+    t_end = 0.15
     q, u = integrated(model, [0.75], [5.0], t_end)
     scene = crank_scene(
         crank,
@@ -125,7 +125,7 @@ def test_crank_torque_given():
 def test_crank_and_its_shaft_free_on_a_spring():
     """Two free coordinates in one joint; S1 against a spring and a damper."""
     crank = Crank(a4=A4, alpha4=ALPHA4, gravity=(0.0, -386.4, 0.0))
-    t_end = 0.25
+    t_end = 0.15
 
     def efforts(t, q, u):
         return np.array([30.0 * np.cos(3 * t), -8.0 * q[1] - 0.05 * u[1]])
@@ -154,10 +154,10 @@ def test_crank_and_its_shaft_free_on_a_spring():
 
 def test_spin_of_a_general_rod_is_a_coordinate():
     """An unsymmetrical rod between two balls swings about their line; no drive, so the energy stays."""
-    t_end = 0.25
+    t_end = 0.15
     model = Free(GENERAL, (0, 2), (0, 2.0, 0), lambda t, q, u: np.zeros(2))
     q, u = integrated(model, [0.75, 0.3], [8.0, -1.0], t_end)
-    assert np.ptp(u[1]) > 0.5
+    assert np.ptp(u[1]) > 0.3
     scene = crank_scene(
         GENERAL,
         S1="2 in",

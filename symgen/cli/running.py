@@ -44,6 +44,12 @@ def run(
             'length), "0.5 rad", "3 in".',
         ),
     ] = None,
+    through: Annotated[
+        bool,
+        typer.Option(
+            "--through", help="Follow a driven loop on through the values at which its input turns back."
+        ),
+    ] = False,
     set_: SetOption = None,
     out: Annotated[Path | None, typer.Option(help="Save the result: .nc or .npz.")] = None,
     plot: Annotated[Path | None, typer.Option(help="Save a plot: .png, .svg or .pdf.")] = None,
@@ -76,10 +82,10 @@ def run(
     options: dict[str, Any] = {"method": method, "rtol": rtol, "atol": atol, "step": step}
     result: Result
     try:
-        if model.is_driven or at:
+        if model.is_driven or at or through:
             from symgen.runs import driven_run
 
-            result = driven_run(model, at, samples, {"t_end": t_end, **options})
+            result = driven_run(model, at, samples, through, {"t_end": t_end, **options})
         elif as_json or not sys.stderr.isatty():
             result = model.simulate(t_end, **options, samples=samples or 201)
         else:

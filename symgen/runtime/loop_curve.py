@@ -95,6 +95,9 @@ def walk(kernels: LoopKernels, begin: Closed, stop: float, samples: int) -> tupl
     start = curve.point(curve.join(bonds.unknowns(begin.q), begin.t))
     ends = min(begin.t, stop), max(begin.t, stop)
     path = curve.walk(start, ends, True, _MOST)
+    low, high = (e / curve.duration for e in ends)
+    outside = next((i for i, p in enumerate(path) if i and not low <= p.x[-1] <= high), len(path))
+    path = path[: outside + 1]  # a turn of the input beyond the range is not gone through
     if len(path) < 2:
         raise SimulationError(
             f"the loop cannot be followed from {kernels.value_at(begin.t)}: its screws lose rank there",
@@ -105,7 +108,7 @@ def walk(kernels: LoopKernels, begin: Closed, stop: float, samples: int) -> tupl
         for a, b, c in zip(path, path[1:], path[2:], strict=False)
         if (b.x[-1] - a.x[-1]) * (c.x[-1] - b.x[-1]) < 0.0
     ]
-    points = _resampled(curve, _inside(curve, path, ends), samples)
+    points = _resampled(curve, _inside(curve, path, low, high), samples)
     split = [curve.split(p.x) for p in points]
     return (
         np.array([t for _, t in split]),
@@ -114,15 +117,14 @@ def walk(kernels: LoopKernels, begin: Closed, stop: float, samples: int) -> tupl
     )
 
 
-def _inside(curve: Curve[LoopBonds], path: list[CurvePoint], ends: tuple[float, float]) -> list[CurvePoint]:
-    """Return the path cut off where it leaves the range, with a point at the end itself."""
-    low, high = (e / curve.duration for e in ends)
-    kept = [p for p in path if low <= p.x[-1] <= high]
-    outside = path[len(kept)] if len(kept) < len(path) else None
-    if outside is not None:
-        end = curve.at_time(kept[-1], outside, ends[1] if outside.x[-1] > high else ends[0])
-        kept += [end] if end is not None else []
-    return kept
+def _inside(curve: Curve[LoopBonds], path: list[CurvePoint], low: float, high: float) -> list[CurvePoint]:
+    """Return the path with its last point, where that left the range, put back to the end itself."""
+    last = path[-1]
+    if low <= last.x[-1] <= high:
+        return path
+    duration = curve.duration
+    end = curve.at_time(path[-2], last, duration * (high if last.x[-1] > high else low))
+    return [*path[:-1], *([end] if end is not None else [])]
 
 
 def _resampled(curve: Curve[LoopBonds], path: list[CurvePoint], samples: int) -> list[CurvePoint]:

@@ -49,7 +49,6 @@ def follow(kernels: LoopKernels, begin: Closed, values: Array) -> Turn:
     equations = kernels.equations(d.having("dependent"), begin.rank)
     order = np.argsort(times, kind="stable")
     ahead, behind = order[times[order] >= begin.t], order[times[order] < begin.t][::-1]
-    n = d.coordinates
     states, out, diagnosis = _rows(d, len(times))
     failed = None
     reached: list[int] = []
@@ -58,17 +57,13 @@ def follow(kernels: LoopKernels, begin: Closed, values: Array) -> Turn:
             continue
         rows = _rows(d, len(part))
         longest = max(abs(times[part[-1]] - begin.t), 1e-12) / _PARTS
-        status, count, at = equations.follow(begin.t, np.append(begin.q, 0.0), times[part], longest, *rows)
+        q = np.append(begin.q, 0.0)  # in the end the last pose that was reached
+        status, count, at = equations.follow(begin.t, q, times[part], longest, *rows)
         for whole, found in zip((states, out, diagnosis), rows, strict=True):
             whole[part[:count]] = found[:count]
         reached += part[:count].tolist()
         if status != _core.DONE and failed is None:
-            failed = (
-                status,
-                at,
-                rows[0][count - 1, :n] if count else begin.q,
-                times[part[count]] if count < len(part) else at,
-            )
+            failed = status, at, q[:-1], float(times[part[min(count, len(part) - 1)]])
     kept = np.sort(np.array(reached, dtype=int))
     if failed and not len(kept):
         raise SimulationError(_problem(kernels, equations, *failed), time=failed[1])

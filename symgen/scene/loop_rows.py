@@ -79,10 +79,6 @@ def _check_links(read: LoopReader) -> None:
                 where=f"loop.rows.{i}.link",
                 hint="Every row ends on a link of its own.",
             )
-        if name in read.named:
-            raise SceneError(
-                f"{name!r} is a variable already", where=f"loop.rows.{i}.link", hint="Choose another name."
-            )
 
 
 def _joint(row: LoopRow, where: str) -> Joint:
@@ -118,7 +114,7 @@ def _entry(read: LoopReader, row: LoopRow, joint: Joint, i: int, key: str) -> tu
         raise SceneError(
             f"a {joint.name} joint has {key} = 0: its centre is the origin of its frame, got {text!r}",
             where=where,
-            hint="Put the distance into a of the row before, or into a row of its own.",
+            hint="Place its centre by S and a of the row before.",
         )
     return expression, Place(named.name, i, key, named.dimension, named) if named else None
 
@@ -157,7 +153,7 @@ def _idle(read: LoopReader, rows: Sequence[Row], held: dict[int, list[str]]) -> 
         alike = [j for j in JOINTS.values() if set(j.varies) == set(rest) and not j.coupled]
         hint = f'Write "{UNKNOWN}" where it follows from closure, or the name of an input.'
         if alike:
-            hint += f" With {keys[0]} constant it is a {alike[0].name} joint, {alike[0].letter}."
+            hint += f" With {' and '.join(keys)} constant it is a {alike[0].name} joint, {alike[0].letter}."
         text = getattr(read.loop.rows[row], keys[0])
         came = "nothing" if text is None else f"the constant {text!r}"
         only = " (alpha may be constant only to hold the idle spin of a link between two balls)"

@@ -44,6 +44,7 @@ GOOD = {
         "links": {
             "crank": {"mass": "1 kg", "centre": ["-r/2", 0, 0], "inertia": [0, "J", "J"]},
             "rod": {"mass": "1 kg", "centre": ["-L/2", 0, 0], "inertia": [0, "J", "J"]},
+            "rocker": {"mass": "0 kg"},
         },
         "loads": [{"link": "rocker", "force": ["1 N", 0, 0], "at": [0, "1 cm", 0]}],
     },
@@ -97,7 +98,7 @@ def test_what_a_table_resolves_to():
     assert loop.number(second.start) == pytest.approx(math.radians(10), rel=1e-15)
     assert loop.rows[0].a == r and loop.rows[1].alpha == 0 and loop.rows[3].alpha == sp.pi / 3
     assert loop.rows[3].link == "ground"
-    assert [b.idle for b in loop.bodies] == [False, True]
+    assert [b.idle for b in loop.bodies] == [False, True, False]
     assert loop.bodies[1].row == 1 and loop.bodies[0].centre == (-r / 2, 0, 0)
     assert loop.span == (0, 2 * sp.pi) and loop.size == 0.45
     assert (loop.length.size, loop.force.size, loop.angle.name) == (0.0254, 4.4482216152605, "deg")
@@ -270,7 +271,7 @@ FAULTS = {
                 {"joint": "R", "link": "crank", "theta": "theta1"},
                 {"joint": "R", "link": "ground", "theta": "phi"},
             ]),
-            ("loop.links.rod", None),
+            ("loop.links", {}),
             ("loop.start", {}),
             ("loop.loads", []),
         ],
@@ -556,3 +557,26 @@ def test_a_mutated_loop_is_a_loop_or_a_scene_error(data):
         return
     assert loop.rows[-1].link == "ground"
     assert 1 <= len(loop.having("dependent")) <= 6
+
+
+def test_a_universal_joint_is_two_hinges_at_right_angles():
+    """The cross of the Cardan joint left out: its two hinges are one Hooke joint."""
+    hinges = resolve(check_scene(read_scene("cardan")))
+    rows = [
+        {"joint": "R", "link": "input", "theta": "theta1", "alpha": "90 deg"},
+        {"joint": "U", "link": "output", "theta": "?", "eta": "?", "alpha": "180 deg"},
+        {"joint": "R", "link": "ground", "theta": "?", "alpha": "30 deg"},
+    ]
+    start = {"theta2": "90 deg", "eta2": "-60 deg", "theta3": "90 deg"}
+    tables = {
+        "symgen": 1,
+        "parameters": {"w": "1 rad/s"},
+        "loop": {"inputs": {"theta1": "w*t"}, "rows": rows, "start": start},
+    }
+    cross, defect = Closure(resolve(check_scene(SceneText("x", "x.toml", tables)))).closed(theta1=0.7)
+    same, _ = Closure(hinges).closed(theta1=0.7)
+    assert np.abs(defect).max() < 1e-14
+    assert [cross["theta2"], -cross["eta2"], cross["theta3"]] == pytest.approx(
+        [same["theta2"], same["theta3"], same["theta4"]], abs=1e-13
+    )
+    assert math.tan(0.7) * math.tan(cross["theta3"]) == pytest.approx(math.cos(math.pi / 6), rel=1e-12)
