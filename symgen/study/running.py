@@ -153,7 +153,11 @@ def _case(model: LoopModel, plan: Plan, settings: tuple[Setting, ...], count: _C
     limits = []
     for search in plan.searches:
         after = count.done + STEPS
-        limits.append(find_limit(own, search, count.step))
+        try:
+            limits.append(find_limit(own, search, count.step))
+        except ModelError as error:
+            where = ", ".join((f"study {plan.name!r}", *map(str, settings)))
+            raise ModelError(f"{where}: {error}") from None
         count.step(after - count.done)
     return Case(settings, turn, problem, tuple(limits))
 

@@ -143,6 +143,16 @@ def test_what_a_study_sets_is_checked(scene, tmp_path):
         run_studies(scene, tmp_path / "out")
 
 
+def test_a_limit_without_a_start_names_its_case(scene, tmp_path):
+    limits = 'limits = [{ parameter = "S1", start = "40 in", stop = "0 in" }]'
+    changed(scene, 'plots = ["S4", "slider.joint4.force"]', limits)
+    with pytest.raises(
+        ModelError, match="study 'twist', alpha4 = 250 deg: the limit of S1 is looked for from 40 in"
+    ):
+        run_studies(scene, tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+
+
 def test_only_driven_loops(tmp_path):
     file = tmp_path / "bar.toml"
     file.write_text(
