@@ -48,23 +48,31 @@ def follow(kernels: LoopKernels, begin: Closed, values: Array) -> Turn:
     times = _times(kernels, values)
     equations = kernels.equations(d.having("dependent"), begin.rank)
     order = np.argsort(times, kind="stable")
-    ahead, behind = order[times[order] >= begin.t], order[times[order] < begin.t][::-1]
-    states, out, diagnosis = _rows(d, len(times))
-    failed = None
-    reached: list[int] = []
-    for part in (behind, ahead):
-        if not len(part):
+    ahead = times[order]
+    first = int(np.searchsorted(ahead, begin.t))  # those before it are followed backwards
+    rows = _rows(d, len(times))
+    failed, low, high = None, first, first
+    for way in (slice(first, None), slice(None, first)):
+        wanted = ahead[way] if way.start is not None else ahead[way][::-1].copy()
+        if not len(wanted):
             continue
-        rows = _rows(d, len(part))
-        longest = max(abs(times[part[-1]] - begin.t), 1e-12) / _PARTS
+        made = tuple(a[way] for a in rows) if way.start is not None else _rows(d, first)
+        longest = max(abs(wanted[-1] - begin.t), 1e-12) / _PARTS
         q = np.append(begin.q, 0.0)  # in the end the last pose that was reached
-        status, count, at = equations.follow(begin.t, q, times[part], longest, *rows)
-        for whole, found in zip((states, out, diagnosis), rows, strict=True):
-            whole[part[:count]] = found[:count]
-        reached += part[:count].tolist()
+        status, count, at = equations.follow(begin.t, q, wanted, longest, *made)
+        if way.start is not None:
+            high = first + count
+        else:
+            low = first - count
+            for whole, found in zip(rows, made, strict=True):
+                whole[low:first] = found[:count][::-1]
         if status != _core.DONE and failed is None:
-            failed = status, at, q[:-1], float(times[part[min(count, len(part) - 1)]])
-    kept = np.sort(np.array(reached, dtype=int))
+            failed = status, at, q[:-1], float(wanted[min(count, len(wanted) - 1)])
+    kept = order[low:high]
+    states, out, diagnosis = (a[low:high] for a in rows)
+    if np.any(np.diff(kept) < 0):
+        asked = np.argsort(kept)
+        kept, states, out, diagnosis = kept[asked], states[asked], out[asked], diagnosis[asked]
     if failed and not len(kept):
         raise SimulationError(_problem(kernels, equations, *failed), time=failed[1])
     turn = _recorded(
@@ -72,9 +80,9 @@ def follow(kernels: LoopKernels, begin: Closed, values: Array) -> Turn:
         equations,
         begin,
         times[kept],
-        states[kept],
-        out[kept],
-        diagnosis[kept],
+        states,
+        out,
+        diagnosis,
         values[kept],
         time.perf_counter() - begun,
     )
