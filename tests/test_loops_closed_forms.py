@@ -238,3 +238,21 @@ def test_bricard(alpha, low, high):
 def test_closed_everywhere(name):
     arguments = (None,) if name == "rccc" else ()
     assert turned(name, *arguments).closure <= 1e-13
+
+
+@pytest.mark.parametrize(
+    ("case", "rank"),
+    [
+        (("planar_4r",), 3),
+        (("cardan",), 3),
+        (("bennett",), 3),
+        (("bricard", 90.0, -110.0, 110.0), 5),
+        (("rssr",), 6),
+        (("rccc", None), 6),
+    ],
+    ids=lambda c: c[0] if isinstance(c, tuple) else str(c),
+)
+def test_rank_of_the_screws(case, rank):
+    """Of the dependent variables: as many as they are, so that one freedom is left to the input."""
+    more = {"samples": 89} if case[0] == "bricard" else {}
+    assert turned(*case, **more).statistics["rank"] == rank
