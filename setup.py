@@ -31,4 +31,7 @@ extensions = [
     ),
 ]
 
-setup(ext_modules=cythonize(extensions, build_dir="build/cython", language_level=3))
+setup(
+    ext_modules=cythonize(extensions, build_dir="build/cython", language_level=3),
+    options={"build_ext": {"parallel": os.cpu_count()}},
+)
