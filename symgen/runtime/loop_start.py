@@ -9,11 +9,13 @@ from numpy.typing import NDArray
 
 from symgen.errors import InitialStateError
 from symgen.runtime import _core
+from symgen.runtime.loop_closed_form import closed_forms
+from symgen.runtime.loop_frames import standing
 from symgen.runtime.loop_kernels import LoopKernels
 
 Array = NDArray[np.float64]
 
-_SEED, _TRIES, _SAME, _RANK = 20, 400, 1e-6, 1e-8
+_SEED, _TRIES, _MORE_TRIES, _SAME, _RANK = 20, 120, 1000, 1e-6, 1e-8
 _MOST = 6
 
 
@@ -27,17 +29,23 @@ class Closed:
 
 
 def close_near(kernels: LoopKernels, t: float, guess: Array) -> Closed:
-    """Close the loop at a time from a guess, or else as near to it as many starts find.
+    """Close the loop at a time: in closed form where there is one, else from a guess, else from many starts.
+
+    Of several closures the nearest to the guess is taken.
 
     Raises
     ------
     InitialStateError
         When no closure is found, or the joints leave more or fewer freedoms than the scene counts on.
     """
-    found = [q for q in (_closed(kernels, t, guess),) if q is not None] or assemblies(kernels, t, guess)
-    if not found:
-        raise _open(kernels, t, guess)
-    return counted(kernels, t, found[0])
+    starts = [*closed_forms(kernels, t, guess), guess]
+    found = next((q for q in (_closed(kernels, t, start) for start in starts) if q is not None), None)
+    if found is None:
+        others = assemblies(kernels, t, guess)
+        if not others:
+            raise _open(kernels, t, guess)
+        found = others[0]
+    return counted(kernels, t, found)
 
 
 def counted(kernels: LoopKernels, t: float, q: Array) -> Closed:
@@ -79,29 +87,35 @@ def counted(kernels: LoopKernels, t: float, q: Array) -> Closed:
     return Closed(t, q, rank)
 
 
-def assemblies(kernels: LoopKernels, t: float, guess: Array, tries: int = _TRIES) -> list[Array]:
-    """Return the closures found at a time from many starts, the same every time, nearest to the guess first.
+def assemblies(kernels: LoopKernels, t: float, guess: Array) -> list[Array]:
+    """Return the closures at a time, each pose once, nearest to the guess first.
 
-    Angles are taken to be the same where they differ by whole turns.
+    They are found in closed form where there is one, and from many starts, the same every time: more
+    where none closes. Angles are given within half a turn of the guess.
     """
     d = kernels.description
     solved = d.having("dependent")
     lengths = np.array([v.is_length for v in d.variables])
     random = np.random.default_rng(_SEED)
+    equations = kernels.equations(solved, min(len(solved), _MOST))
+    spread = np.where(lengths, 2.0 * d.size, np.pi)[solved]
+    starts = [guess, *closed_forms(kernels, t, guess)]
     found: list[Array] = []
-    for k in range(tries):
-        start = guess.copy()
-        if k:
-            spread = np.where(lengths, 2.0 * d.size, np.pi)[solved]
-            start[solved] = random.uniform(-spread, spread)
-        q = _closed(kernels, t, start)
-        if q is None:
+    poses: list[Array] = []
+    for k in range(_MORE_TRIES):
+        if k >= _TRIES and found:
+            break
+        q = np.append(starts[k] if k < len(starts) else guess, 0.0)
+        if k >= len(starts):
+            q[solved] = random.uniform(-spread, spread)
+        if equations.close(t, q) != _core.DONE:
             continue
-        turns = np.where(lengths, 0.0, np.round((q - guess) / (2 * np.pi)))
-        turns[[i for i in range(len(q)) if i not in solved]] = 0.0
-        q = q - 2 * np.pi * turns
-        if all(distance(kernels, q, other) > _SAME for other in found):
-            found.append(q)
+        pose = standing(kernels, t, q[:-1])
+        if not any(np.max(np.abs(pose - other)) < _SAME for other in poses):
+            poses.append(pose)
+            turns = np.where(lengths, 0.0, np.round((q[:-1] - guess) / (2 * np.pi)))
+            turns[[i for i in range(len(turns)) if i not in solved]] = 0.0
+            found.append(q[:-1] - 2 * np.pi * turns)
     return sorted(found, key=lambda q: round(distance(kernels, q, guess), 6))
 
 

@@ -94,7 +94,7 @@ def _check_names(scene: Scene, rows: Rows) -> None:
     """Refuse names that stand for something of the loop already."""
     variables = {p.name for p in rows.places}
     made = {f"{name}_{what}" for name in variables for what in ("rate", "acceleration")}
-    for name in variables & made:
+    for name in sorted(variables & made):
         raise SceneError(f"{name!r} is what symgen calls the rate of a variable", where=f"loop.inputs.{name}")
     for name, parameter in scene.parameters.items():
         problem = ""

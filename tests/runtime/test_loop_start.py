@@ -1,0 +1,84 @@
+"""How a loop is closed for the first time: closed forms, assemblies, which one is taken."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import symgen
+from symgen.errors import SceneError
+from symgen.runtime.loop_closed_form import closed_forms
+
+INCH = 0.0254
+
+
+def defect(kernels, t, q):
+    return np.abs(kernels("position", t, q, np.zeros_like(q))["closure_defect"]).max()
+
+
+@pytest.mark.parametrize("angle", [0.0, 1.0, 2.5, 4.0])
+@pytest.mark.parametrize("name", ["slider_crank", "rssr"])
+def test_closed_forms_close_the_loop(name, angle):
+    model = symgen.build(name)
+    if name == "slider_crank":
+        model = model.with_parameters(a4=20 * INCH, alpha4=np.radians(232), S1=3.5 * INCH)
+    kernels = model._kernels
+    t = kernels.time_of(angle)
+    found = closed_forms(kernels, t, model._begin().q)
+    assert len(found) == 2
+    assert max(defect(kernels, t, q) for q in found) < 1e-14
+
+
+def test_loops_of_other_kinds_have_no_closed_form():
+    model = symgen.build("rccc")
+    assert closed_forms(model._kernels, 0.0, model._begin().q) == []
+
+
+def test_no_closed_form_where_the_rod_does_not_reach():
+    model = symgen.build("slider_crank").with_parameters(a4=30 * INCH, S1=27 * INCH)
+    kernels = model._kernels.__class__(
+        model.description, model._library, [30 * INCH, 4.712, 28 * INCH, 0, 5.0]
+    )
+    assert closed_forms(kernels, 0.0, np.array(model.description.start)) == []
+
+
+@pytest.mark.parametrize(
+    ("name", "count"),
+    [("planar_4r", 2), ("cardan", 2), ("rssr", 2), ("rccc", 2), ("bennett", 1), ("slider_crank", 2)],
+)
+def test_every_pose_is_one_assembly(name, count):
+    """However the angles of a ball are written."""
+    model = symgen.build(name)
+    found = model.assemblies()
+    assert len(found) == count
+    start = model._begin().q
+    assert np.allclose(list(found[0].values()), start, atol=1e-9)
+
+
+def test_the_guess_chooses_the_assembly():
+    outer = symgen.build("slider_crank").at([0.0]).variable("S4").values
+    inner = symgen.build("slider_crank", set={"loop.start.S4": "-40 in"}).at([0.0]).variable("S4").values
+    assert np.allclose(outer, -inner) and outer > 40
+
+
+def test_parameters_keep_the_assembly():
+    """The scene's own branch is followed to other parameters."""
+    model = symgen.build("slider_crank")
+    other = model.with_parameters(a4=30 * INCH, alpha4=np.radians(310), S1=9 * INCH)
+    assert other.at([0.0]).variable("S4").values > 0
+    inner = symgen.build("slider_crank", set={"loop.start.S4": "-40 in"})
+    assert inner.with_parameters(a4=30 * INCH).at([0.0]).variable("S4").values < 0
+
+
+def test_a_freedom_too_many_is_told(tmp_path):
+    scene = tmp_path / "five.toml"
+    rows = "\n".join(f'{{ joint = "R", link = "{k}", theta = "{v}", a = "1 m" }},' for k, v in FIVE)
+    scene.write_text(
+        "symgen = 1\n[loop]\n"
+        f'inputs = {{ theta1 = "t*w" }}\nrows = [\n{rows}\n]\n[parameters]\nw = "1 rad/s"\n'
+    )
+    with pytest.raises(SceneError, match="neither prescribed nor free"):
+        symgen.build(scene)
+
+
+FIVE = (("a", "theta1"), ("b", "?"), ("c", "?"), ("d", "?"), ("ground", "?"))
