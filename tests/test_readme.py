@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import re
+import tomllib
 from pathlib import Path
 
 import pytest
 
 import symgen
+from symgen.scene.loading import read_scene
 
 README = Path(__file__).parent.parent / "README.md"
 
@@ -18,12 +20,17 @@ def blocks():
 
 
 def test_the_scene_runs(blocks, tmp_path):
-    (text,) = (body for language, body in blocks if language == "toml")
+    text, loop = (body for language, body in blocks if language == "toml")
     scene = tmp_path / "slider.toml"
     scene.write_text(text, encoding="utf-8")
     result = symgen.build(scene).simulate()
     assert result.final["B"]["position"] == pytest.approx([0.25, 0.0], abs=1e-9)
     assert {v.name for v in result.variables} >= {"crank.torque", "B.acceleration"}
+    shipped = read_scene("slider_crank").data["loop"]
+    shown = tomllib.loads(loop)["loop"]
+    assert {key: shown[key] for key in ("units", "rows", "drives")} == {
+        key: shipped[key] for key in ("units", "rows", "drives")
+    }
 
 
 def test_the_python_runs(blocks, tmp_path, monkeypatch):

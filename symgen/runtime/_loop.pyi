@@ -12,6 +12,7 @@ Array = NDArray[np.float64]
 OPEN: int
 INCONSISTENT: int
 POLE: int
+BLIND: int
 CLOSURE: int
 RATES: int
 SOUNDNESS: int

@@ -8,6 +8,7 @@ angles and displacements, are made alike by a length, so that ranks do not depen
 
 import numpy as np
 
+from libc.float cimport DBL_EPSILON
 from libc.math cimport INFINITY, fabs, fmax, isfinite, sqrt
 from libc.stdint cimport uintptr_t
 from libc.string cimport memcpy, memset
@@ -16,11 +17,12 @@ from symgen.runtime._core cimport _DONE, _NOT_FINITE, _PROJECTION_FAILED, _SINGU
 from symgen.runtime._qr cimport MOST, ROWS, Factor, factorise_columns, solve_basic, solve_transposed
 
 #: What following a loop may answer besides what the core answers.
-OPEN, INCONSISTENT, POLE = 10, 11, 12
+OPEN, INCONSISTENT, POLE, BLIND = 10, 11, 12, 13
 cdef enum:
     _OPEN = 10
     _INCONSISTENT = 11
     _POLE = 12
+    _BLIND = 13
 
 # Defect of closure that rounding leaves at best, and the largest that is taken where it falls no further.
 cdef double FINE = 4e-15
@@ -30,6 +32,9 @@ cdef int HALVINGS = 8
 # Least part of the largest pivot: below, screws are dependent; below NO_DRIVE, a drive has no hold on a motion.
 cdef double RANK = 1e-9
 cdef double NO_DRIVE = 1e-9
+# Closure to the last digit leaves a pose undetermined by its root where rank is lost: nearer to it than this,
+# a pose has no rates and no forces that mean anything.
+cdef double SIGHT = 1e-7
 # Largest part of a predicted motion by which the solution may differ from the prediction.
 cdef double ASTRAY = 0.2
 # Least inertia of a free motion over its own terms.
@@ -54,7 +59,7 @@ cdef class LoopEquations(Equations):
     p
         Parameters.
     work_size, out_size
-        Doubles that the largest kernel needs.
+        Doubles of work that the largest kernel needs, and that the kernel 'outputs' writes.
     lengths
         For every variable whether it is a displacement.
     solved
@@ -70,7 +75,7 @@ cdef class LoopEquations(Equations):
     """
 
     cdef kernel_t inputs, position, motion, inverse, given, mass_matrix, outputs
-    cdef Py_ssize_t nf, ni, nx, free
+    cdef Py_ssize_t nf, ni, nx, free, told
     cdef readonly Py_ssize_t rank
     cdef readonly double closure, rates_left, hold, size
     cdef readonly int iterations
@@ -99,9 +104,10 @@ cdef class LoopEquations(Equations):
         self.found = np.array([*(list(solved).index(i) for i in unknown if i in list(solved)), -1], dtype=np.intp)
         self.known = np.array([*(k for k, i in enumerate(inputs) if i not in list(unknown)), -1], dtype=np.intp)
         self.nf, self.ni, self.nx = len(solved), len(inputs), len(self.found) - 1
+        self.told = out_size
         self.size, self.rank, self.free = size, rank, len(solved) - rank
         self.scale = np.where(np.asarray([*lengths, False]), size, 1.0)
-        memory = max(work_size, n + ROWS, out_size, ROWS * n + 12) + 1
+        memory = max(work_size, n + ROWS, out_size, 2 * ROWS * n + 12, n * n) + 1
         self.work, self.work2, self.out, self.loads = (np.zeros(memory) for _ in range(4))
         self.screws = np.zeros(memory)
         self.matrix = np.zeros(ROWS * (n + 1))
@@ -133,8 +139,10 @@ cdef class LoopEquations(Equations):
         self.position(&t, q, &self.u[0], &self.p[0], &self.work2[0], found)
         for i in range(12):
             entry = fabs(found[i]) / self.size if i % 4 == 3 else fabs(found[i])
-            if not entry <= worst:
-                worst = entry
+            if not isfinite(entry):
+                self.closure, self.soundness = entry, 0.0
+                return entry
+            worst = fmax(worst, entry)
         for k in range(self.nf):
             for i in range(ROWS):
                 entry = found[12 + n * i + self.solved[k]] * self.scale[self.solved[k]]
@@ -171,18 +179,22 @@ cdef class LoopEquations(Equations):
         """Close the loop at t by Newton's method from q; the factor of the solution is kept."""
         cdef Py_ssize_t k
         cdef int turn, halved = 0
-        cdef double defect, before = INFINITY, part = 1.0
+        cdef double defect, before = INFINITY, part = 1.0, fine = FINE, coarse = COARSE
         cdef double b[6]
         cdef double x[MOST]
         self._prescribe(t, q)
+        # An angle of many turns cannot be told finer than its own last digit.
+        for k in range(self.n):
+            fine = fmax(fine, 2.0 * DBL_EPSILON * fabs(q[k]) / self.scale[k])
+        coarse = fmax(coarse, 8.0 * fine)
         for turn in range(NEWTON):
             self.iterations = turn + 1
             defect = self._look(t, q)
             if not isfinite(defect):
                 return _NOT_FINITE
-            if defect <= FINE:
+            if defect <= fine:
                 return _DONE
-            if defect > 0.5 * before and fmax(before, defect) <= COARSE:
+            if defect > 0.5 * before and fmax(before, defect) <= coarse:
                 if defect > before:
                     for k in range(self.nf):
                         q[self.solved[k]] = self.trial[k]
@@ -206,7 +218,7 @@ cdef class LoopEquations(Equations):
             for k in range(self.nf):
                 self.trial[k], self.step[k] = q[self.solved[k]], x[k]
                 q[self.solved[k]] += part * x[k]
-        return _DONE if self.closure <= COARSE else _OPEN
+        return _DONE if self.closure <= coarse else _OPEN
 
     # -- rates -----------------------------------------------------------------------------------------------
 
@@ -215,7 +227,8 @@ cdef class LoopEquations(Equations):
         cdef Py_ssize_t k
         cdef double worst = 0.0
         for k in range(self.rank, ROWS):
-            worst = fmax(worst, fabs(b[k]))
+            if not fabs(b[k]) <= worst:
+                worst = fabs(b[k])
         return worst / size if size > 0.0 else 0.0
 
     cdef double _changes(self, Py_ssize_t which, const double *drift, double *b, double *v) noexcept nogil:
@@ -241,16 +254,23 @@ cdef class LoopEquations(Equations):
     cdef int _move(self, double t, const double *q, double *u, double *a) noexcept nogil:
         """Find rates and accelerations of all variables, with the factor at q."""
         cdef double b[6]
-        if self.soundness <= RANK:
+        if not self.soundness > RANK:
             return _SINGULAR
         self.rates_left = self._changes(1, NULL, b, u)
-        if self.rates_left > 1e-7:
+        if not self._finite(u, self.n):
+            return _NOT_FINITE
+        if not self.rates_left <= 1e-7:
             return _INCONSISTENT
-        if self.motion == NULL:
-            return _DONE
         self.motion(&t, q, u, &self.p[0], &self.work2[0], &self.loads[0])
         self._changes(2, &self.loads[ROWS * self.n], b, a)
-        return _DONE
+        return _DONE if self._finite(a, self.n) else _NOT_FINITE
+
+    cdef bint _finite(self, const double *v, Py_ssize_t count) noexcept nogil:
+        cdef Py_ssize_t i
+        for i in range(count):
+            if not isfinite(v[i]):
+                return False
+        return True
 
     # -- forces ----------------------------------------------------------------------------------------------
 
@@ -276,7 +296,6 @@ cdef class LoopEquations(Equations):
     cdef int _force(self, double t, const double *q, const double *u, double *work) noexcept nogil:
         """Find the closing wrench, behind the accelerations in ``work``."""
         cdef Py_ssize_t i, k, x, j, n = self.n
-        cdef double total, largest = 0.0
         cdef double b[MOST]
         cdef double c[6]
         cdef double moved[MOST]
@@ -302,7 +321,6 @@ cdef class LoopEquations(Equations):
             for x in range(self.nx):
                 k = self.found[x]
                 self.gain[i, x] = moved[k]
-                largest = fmax(largest, fabs(moved[k]) * self.scale[j] / self.scale[self.solved[k]])
             self.gain[i, self.nx] = self.loads[j] + self._power(j, work + n) - self.efforts[j]
         self.hold = self._eliminate(self.nx)
         if not fabs(self.hold) > NO_DRIVE:
@@ -392,22 +410,36 @@ cdef class LoopEquations(Equations):
             return status
         for i in range(times.shape[0]):
             status = self._advance(t, q, times[i], longest)
+            state = &states[i, 0]
+            if status == _BLIND:
+                memcpy(state, &self.q[0], n * sizeof(double))
+                if self.outputs != NULL:
+                    self.outputs(&times[i], &self.q[0], u, &self.p[0], &self.work[0], &out[i, 0])
+                diagnosis[i, 0], diagnosis[i, 1], diagnosis[i, 2] = self.closure, 0.0, self.soundness
+                diagnosis[i, 3], diagnosis[i, 4] = 0.0, status
+                count[0] = i + 1
+                continue
             if status != _DONE:
                 return status
-            state = &states[i, 0]
             memcpy(state, q, n * sizeof(double))
             memcpy(state + n, u, n * sizeof(double))
             status = self._force(t[0], q, u, &self.work[0])
             memcpy(state + 2 * n, &self.work[0], (n + ROWS) * sizeof(double))
             if self.outputs != NULL:
                 self.outputs(t, q, u, &self.p[0], &self.work[0], &out[i, 0])
+            if status != _POLE and not (self._finite(&self.work[0], n + ROWS) and self._finite(&out[i, 0], self.told)):
+                return _NOT_FINITE
             diagnosis[i, 0], diagnosis[i, 1], diagnosis[i, 2] = self.closure, self.rates_left, self.soundness
             diagnosis[i, 3], diagnosis[i, 4] = self.hold, status
             count[0] = i + 1
         return _DONE
 
     cdef int _advance(self, double *t, double *q, double target, double longest) noexcept nogil:
-        """Go to the target in steps whose prediction holds, on one branch."""
+        """Go to the target in steps whose prediction holds, on one branch.
+
+        Where the screws lose rank at the target itself, answer BLIND: it is closed there in ``self.q``, and t
+        and q stay at the step before.
+        """
         cdef Py_ssize_t k, j
         cdef int status
         cdef double h = target - t[0], least = 1e-10 * longest, moved, astray, next
@@ -434,7 +466,9 @@ cdef class LoopEquations(Equations):
                     astray = fmax(astray, fabs(new[j] - q[j] - self.rhs[k]) / self.scale[j])
                 if astray > ASTRAY * moved + 1e-9:
                     status = _OPEN
-                elif self.soundness <= RANK:
+                elif next == target and not self.soundness > SIGHT:
+                    return _BLIND
+                elif not self.soundness > RANK:
                     status = _SINGULAR
             if status == _DONE:
                 memcpy(&self.past[0, 0], q, self.n * sizeof(double))

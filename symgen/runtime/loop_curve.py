@@ -92,7 +92,8 @@ def walk(kernels: LoopKernels, begin: Closed, stop: float, samples: int) -> tupl
     """
     bonds = LoopBonds(kernels, begin.q)
     curve = Curve(bonds, bonds.size, abs(stop - begin.t))
-    start = curve.point(curve.join(bonds.unknowns(begin.q), begin.t))
+    onward = np.append(np.zeros(len(bonds.solved)), np.sign(stop - begin.t))
+    start = curve.point(curve.join(bonds.unknowns(begin.q), begin.t), onward)
     ends = min(begin.t, stop), max(begin.t, stop)
     path = curve.walk(start, ends, True, _MOST)
     low, high = (e / curve.duration for e in ends)

@@ -10,13 +10,15 @@ from numpy.typing import NDArray
 
 from symgen.errors import ModelError
 from symgen.runtime import _core, _loop
-from symgen.runtime.description import LoopDescription
+from symgen.runtime.description import LoopDescription, VariableInfo
 from symgen.runtime.evaluate import part
 from symgen.runtime.library import Library
 
 Array = NDArray[np.float64]
 
-_STEPS, _CLOSE = 60, 4 * float(np.finfo(float).eps)
+#: Steps in which a value of the input is looked for: parts of the straight way, growing.
+_PARTS, _STEPS, _GROWTH = 64, 4000, 1.01
+_CLOSE = 4 * float(np.finfo(float).eps)
 
 
 class LoopKernels:
@@ -27,6 +29,8 @@ class LoopKernels:
         self.parameters = np.array([*parameters, 0.0])
         self.work_size = max(description.work_size, description.coordinates + 6)
         self.inputs = description.having("input")
+        names = [description.variables[i].name for i in self.inputs]
+        self._lead = names.index(description.lead) if description.lead else 0
 
     def __call__(
         self, kernel: str, t: float, q: Array, u: Array, work: Array | None = None
@@ -51,11 +55,12 @@ class LoopKernels:
     def equations(self, solved: Sequence[int], rank: int) -> _loop.LoopEquations:
         """Return the compiled view of the kernels that solves for these variables."""
         d = self.description
+        outputs = d.kernel("outputs")
         return _loop.LoopEquations(
             self.library.addresses,
             self.parameters[:-1],
             self.work_size,
-            max((k.out_size for k in d.kernels), default=0),
+            outputs.out_size if outputs else 0,
             [v.is_length for v in d.variables],
             solved,
             self.inputs,
@@ -71,38 +76,85 @@ class LoopKernels:
         nothing = np.zeros(self.description.coordinates)
         return self("inputs", t, nothing, nothing)["inputs"].reshape(-1, 3)
 
+    @property
+    def lead(self) -> VariableInfo:
+        """The first input of the scene."""
+        return self.description.variables[self.inputs[self._lead]]
+
+    def lead_at(self, t: float) -> tuple[float, float, float]:
+        """Return value, rate and acceleration of the first input at a time."""
+        value, rate, acceleration = self.prescribed(t)[self._lead].tolist()
+        return value, rate, acceleration
+
+    def times_of(self, values: Array) -> Array:
+        """Return the first times, from 0 on, at which the first input has these values [rad, m]."""
+        start, rate, _ = self.lead_at(0.0)
+        if rate:
+            times = (values - start) / rate
+            info = self.description.kernel("inputs")
+            out = np.zeros((len(times), (info.out_size if info else 0) + 1))
+            rows = np.zeros((len(times), 2 * self.description.coordinates + 1))
+            work = np.zeros((len(times), self.work_size + 1))
+            address, n = self.library.addresses["inputs"], self.description.coordinates
+            _core.call_many(address, times, rows, n, self.parameters, work, out)
+            found = out[:, 3 * self._lead : 3 * self._lead + 2]
+            met = np.abs(found[:, 0] - values) <= _CLOSE * np.maximum(1.0, np.abs(values))
+            if np.all(met) and np.all(found[:, 1] == rate):
+                return np.asarray(times)
+        return np.array([self.time_of(float(v)) for v in values])
+
     def time_of(self, value: float) -> float:
-        """Return the time at which the first input has a value [rad, m], by Newton's method.
+        """Return the first time, from 0 on, at which the first input has a value [rad, m].
+
+        It is looked for in the direction in which the input starts towards the value, in growing steps.
 
         Raises
         ------
         ModelError
-            When the input stands still, or does not come to that value.
+            When the input stands still, or is not found to come to that value.
         """
-        name = self.description.variables[self.inputs[0]].name
-        t, (at, rate, _) = 0.0, self.prescribed(0.0)[0]
+        start, rate, acceleration = self.lead_at(0.0)
+        gap, name = value - start, self.lead.name
+        if gap == 0.0:
+            return 0.0
+        if rate:
+            step = gap / rate
+            if self.lead_at(step)[:2] == (value, rate):
+                return step
+        elif acceleration:
+            step = math.sqrt(2 * abs(gap / acceleration))
+        else:
+            raise ModelError(
+                f"{name} stands still at t = 0 s, so nothing says how fast the loop moves\n"
+                '  Give the input a motion by the time t, such as "speed*t".'
+            )
+        h, t, before = step / _PARTS, 0.0, -gap
         for _ in range(_STEPS):
-            if rate == 0.0:
-                raise ModelError(
-                    f"{name} stands still at t = {t:g} s, so nothing says how fast the loop moves\n"
-                    '  Give the input a motion by the time t, such as "rpm*t".'
-                )
-            new = t + (value - at) / rate
-            if not math.isfinite(new) or abs(new - t) <= _CLOSE * abs(new):
+            after = self.lead_at(t + h)[0] - value
+            if not math.isfinite(after):
                 break
-            t = new
-            at, rate, _ = self.prescribed(t)[0]
-        if not abs(at - value) <= 1e-12 * max(1.0, abs(value)):
-            raise ModelError(f"{name} does not come to {value:g} by its motion in time")
-        return t
+            if before * after <= 0.0:
+                return self._met(value, t, t + h)
+            t, before, h = t + h, after, h * _GROWTH
+        raise ModelError(
+            f"{name} does not come to {in_words(value, self.lead.is_length, self.description)} by its motion "
+            f"in time, as far as t = {t:.3g} s"
+        )
+
+    def _met(self, value: float, low: float, high: float) -> float:
+        from scipy.optimize import brentq
+
+        t = float(brentq(lambda t: self.lead_at(t)[0] - value, low, high, xtol=1e-300, rtol=8.9e-16))
+        at, rate, _ = self.lead_at(t)
+        polished = t + (value - at) / rate if rate else t
+        return polished if abs(self.lead_at(polished)[0] - value) < abs(at - value) else t
 
     def value_at(self, t: float) -> str:
         """Return the first input at a time, in words: ``theta1 = 45 deg``."""
         if not self.inputs:
             return f"t = {t:.9g} s"
-        v = self.description.variables[self.inputs[0]]
-        at = float(self.prescribed(t)[0, 0])
-        return f"{v.name} = {in_words(at, v.is_length, self.description)}"
+        at = in_words(self.lead_at(t)[0], self.lead.is_length, self.description)
+        return f"{self.lead.name} = {at}"
 
 
 def in_words(value: float, is_length: bool, description: LoopDescription) -> str:

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from symgen.errors import ModelError, nearest
 from symgen.runtime import _core
+from symgen.runtime.arguments import count, real, reals
 from symgen.runtime.description import LoopDescription
 from symgen.runtime.library import Library
 from symgen.runtime.loop_kernels import LoopKernels
@@ -48,9 +49,7 @@ class LoopModel:
                 raise ModelError(
                     f"{description.name} has no tunable parameter {name!r}. {nearest(name, self.parameters)}"
                 )
-            if not np.isfinite(value):
-                raise ModelError(f"expected a finite value of {name}, got {value!r}")
-            self.parameters[name] = float(value)
+            self.parameters[name] = real(value, name)
         self._kernels = LoopKernels(description, library, list(self.parameters.values()))
         self._start: Closed | None = None
         self._equations: Any = None
@@ -96,7 +95,7 @@ class LoopModel:
         """Return the closed pose at the beginning of the range, found once."""
         if self._start is None:
             d = self.description
-            t = self._kernels.time_of(d.span[0]) if d.span else 0.0
+            t = self._kernels.time_of(d.span[0]) if d.span else 0.0  # free motion starts at t = 0
             q = np.array(d.start)
             if self.parameters == {p.name: p.default for p in d.parameters}:
                 self._start = Closed(t, q, d.rank)
@@ -141,7 +140,7 @@ class LoopModel:
             When the loop cannot be assembled at the beginning of its range.
         """
         driven(self.description)
-        return follow(self._kernels, self._begin(), np.atleast_1d(np.asarray(values, dtype=float)).ravel())
+        return follow(self._kernels, self._begin(), reals(values, "values of the input"))
 
     def turn(
         self,
@@ -163,10 +162,11 @@ class LoopModel:
         that was reached.
         """
         driven(self.description)
-        if not 2 <= samples <= 10_000_000:
+        if not 2 <= count(samples, "samples") <= 10_000_000:
             raise ModelError(f"expected between 2 and 10 million samples, got {samples}")
         low, high = self.description.span
-        low, high = low if start is None else float(start), high if stop is None else float(stop)
+        low = low if start is None else real(start, "start")
+        high = high if stop is None else real(stop, "stop")
         if not low < high:
             raise ModelError(f"expected a range with start before stop, got {low:g} to {high:g}")
         if not through:
@@ -182,7 +182,7 @@ class LoopModel:
         if value is not None:
             driven(self.description)
         begin = self._begin()
-        t = begin.t if value is None else self._kernels.time_of(float(value))
+        t = begin.t if value is None else self._kernels.time_of(real(value, "value"))
         names = [v.name for v in self.description.variables]
         return tuple(dict(zip(names, q.tolist(), strict=True)) for q in assemblies(self._kernels, t, begin.q))
 
@@ -218,6 +218,6 @@ class LoopModel:
                 "  Evaluate it over its range ('symgen run SCENE', model.turn()), or give a variable under "
                 "loop.free."
             )
-        end = d.t_end if t_end is None else float(t_end)
+        end = d.t_end if t_end is None else real(t_end, "t_end")
         chosen = options(end, method, rtol, atol, step, samples, max_steps)
         return run(self._kernels, self._begin(), chosen, progress)

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
+from symgen.errors import ModelError
 from symgen.runtime import _core, _loop
 from symgen.runtime.loop_kernels import LoopKernels
 
@@ -39,21 +40,31 @@ def poles(
     d = kernels.description
     if not kernels.has("inverse") or not any(d.variables[i].unknown for i in d.having("dependent")):
         return []
-    n = d.coordinates
-    hold, found = diagnosis[:, _loop.HOLD], []
-    met = diagnosis[:, _loop.STATUS] == _loop.POLE
-    for i, t in enumerate(times):
-        if met[i]:
-            found.append((float(t), states[i, :n]))
-        elif i and not met[i - 1] and hold[i - 1] * hold[i] < 0.0:
-            follower = _Follower(kernels, equations, float(times[i - 1]), states[i - 1, :n])
-            if hold[i - 1] * follower(float(t)) >= 0.0:
-                continue  # the input turned back between the samples
-            at = brentq(follower, times[i - 1], t, xtol=1e-15 * max(1.0, abs(t)), rtol=8.9e-16)
-            follower(at)
-            if abs(follower.hold) < 1e-6:
-                found.append((float(at), follower.q))
+    n, found = d.coordinates, []
+    before = -1
+    for i in np.argsort(times, kind="stable"):
+        t, hold, status = float(times[i]), diagnosis[i, _loop.HOLD], diagnosis[i, _loop.STATUS]
+        if status == _loop.POLE:
+            if not found or found[-1][0] != t:
+                found.append((t, states[i, :n]))
+        elif before >= 0 and status == _core.DONE and diagnosis[before, _loop.HOLD] * hold < 0.0:
+            passed = _between(kernels, equations, float(times[before]), t, states[before, :n])
+            found += [passed] if passed else []
+        before = i if status == _core.DONE else -1
     return [PoleAt(t, q, _residue(kernels, equations, t, q)) for t, q in found]
+
+
+def _between(
+    kernels: LoopKernels, equations: _loop.LoopEquations, low: float, high: float, q: Array
+) -> tuple[float, Array] | None:
+    """Return where the hold of the drives changes its sign between two times; None where it does not."""
+    follower = _Follower(kernels, equations, low, q)
+    ends = follower(low), follower(high)
+    if not ends[0] * ends[1] < 0.0:
+        return None  # the input turned back between the samples, or the loop could not be followed
+    at = float(brentq(follower, low, high, xtol=1e-15 * max(1.0, abs(high)), rtol=8.9e-16))
+    follower(at)
+    return (at, follower.q) if abs(follower.hold) < 1e-6 else None
 
 
 class _Follower:
@@ -69,8 +80,9 @@ class _Follower:
     def __call__(self, t: float) -> float:
         q, diagnosis = np.append(self.start, 0.0), np.zeros((1, 5))
         span = max(abs(t - self.t), 1e-12)
-        self.equations.follow(self.t, q, np.array([t]), span, self.states, self.out, diagnosis)
-        self.q, self.hold = q[:-1], float(diagnosis[0, _loop.HOLD])
+        status, *_ = self.equations.follow(self.t, q, np.array([t]), span, self.states, self.out, diagnosis)
+        self.q = q[:-1]
+        self.hold = float(diagnosis[0, _loop.HOLD]) if status == _core.DONE else np.nan
         return self.hold
 
 
@@ -82,10 +94,10 @@ def beside_pole(
     What is solved for at the pole meets the loads but not the drives that are given, so ``out`` is right for
     motions only. The limit is the even polynomial through three values on either side.
     """
-    rate = kernels.prescribed(t)[0, 1]
+    rate = kernels.lead_at(t)[1]
     if rate == 0.0:
         return np.full_like(out, np.nan)
-    turns = not kernels.description.variables[kernels.inputs[0]].is_length
+    turns = not kernels.lead.is_length
     step = _BESIDE * (1.0 if turns else kernels.description.size) / rate
     rows = []
     for side in (-1, 1):
@@ -130,7 +142,16 @@ def _residue(kernels: LoopKernels, equations: _loop.LoopEquations, t: float, q: 
     missing = (needed + across.T @ wrench - known)[given]
     left, _, right = np.linalg.svd(gain[unknown].T)
     row, column = left[:, -1], right[-1]
-    strength = (row @ missing) / (row @ slope[unknown].T @ column)
+    rise, size = float(row @ slope[unknown].T @ column), float(np.max(np.abs(slope))) + 1e-300
+    if not abs(rise) > _RANK * size:
+        names = [
+            ", ".join(d.variables[j].name for j in which) for which in ([solved[k] for k in unknown], given)
+        ]
+        raise ModelError(
+            f"drives at {names[0]} have no hold on {names[1]} at {kernels.value_at(t)}, and none near it: "
+            "they cannot balance what is given\n  Choose other drives to be found."
+        )
+    strength = (row @ missing) / rise
     effort = np.zeros(len(solved))
     effort[unknown] = strength * column
     return _differences(kernels, t, q, [basis @ effort])[0]

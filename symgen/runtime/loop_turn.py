@@ -25,6 +25,8 @@ Array = NDArray[np.float64]
 #: Parts of the range that are the longest step, and by how much a pose must differ to be another one.
 _PARTS = 36
 _TURNED = 1e-6
+#: Where following would take hours, and angles lose their digits.
+_FARTHEST = 1e6
 #: Components named in a note; the result lists all.
 _SHOWN = 6
 
@@ -42,10 +44,14 @@ def follow(kernels: LoopKernels, begin: Closed, values: Array) -> Turn:
     """
     d = kernels.description
     driven(d)
-    if not np.all(np.isfinite(values)):
-        raise ModelError("expected finite values of the input")
+    if not len(values) or not np.all(np.isfinite(values)):
+        raise ModelError("expected finite values of the input, at least one")
+    if np.max(np.abs(values)) > _FARTHEST * (d.size if kernels.lead.is_length else 1.0):
+        raise ModelError(
+            f"expected values of {kernels.lead.name} below {_FARTHEST:g} radians or sizes of the loop"
+        )
     begun = time.perf_counter()
-    times = _times(kernels, values)
+    times = kernels.times_of(values)
     equations = kernels.equations(d.having("dependent"), begin.rank)
     order = np.argsort(times, kind="stable")
     ahead = times[order]
@@ -118,10 +124,10 @@ def follow_through(kernels: LoopKernels, begin: Closed, stop: float, samples: in
         == _core.DONE
     ]
     states, out, diagnosis = (a[kept] for a in rows)
-    values = np.array([kernels.prescribed(t)[0, 0] for t in times[kept]])
+    values = np.array([kernels.lead_at(t)[0] for t in times[kept]])
     wall = time.perf_counter() - begun
     turn = _recorded(kernels, equations, begin, times[kept], states, out, diagnosis, values, wall)
-    first = d.variables[kernels.inputs[0]]
+    first = kernels.lead
     ends = ", ".join(kernels.value_at(t).partition(" = ")[2] for t in turning[:_SHOWN])
     if not turning:
         return turn
@@ -167,30 +173,6 @@ def driven(d: LoopDescription) -> None:
         raise ModelError(f"{d.name} has no input: nothing moves. Give one under loop.inputs")
 
 
-def _times(kernels: LoopKernels, values: Array) -> Array:
-    """Return the times at which the first input has these values."""
-    if not len(values):
-        raise ModelError("expected at least one value of the input")
-    ((start, rate, _),) = kernels.prescribed(0.0)[:1]
-    if rate:
-        times = (values - start) / rate
-        info = kernels.description.kernel("inputs")
-        out = np.zeros((len(times), (info.out_size if info else 0) + 1))
-        rows = np.zeros((len(times), 2 * kernels.description.coordinates + 1))
-        _core.call_many(
-            kernels.library.addresses["inputs"],
-            times,
-            rows,
-            kernels.description.coordinates,
-            kernels.parameters,
-            np.zeros((len(times), kernels.work_size + 1)),
-            out,
-        )
-        if np.all(np.abs(out[:, 0] - values) <= 1e-15 * np.maximum(1.0, np.abs(values)) * 4):
-            return np.asarray(times)
-    return np.array([kernels.time_of(float(v)) for v in values])
-
-
 def _recorded(
     kernels: LoopKernels,
     equations: _loop.LoopEquations,
@@ -214,7 +196,13 @@ def _recorded(
         for i, c in enumerate(v.components or ("",)):
             if any((f"{v.name}.{c}" if c else v.name) in p.residues for p in told):
                 columns[met, i] = np.nan
-    open_ = undetermined(kernels, equations, times, states)
+    blind = diagnosis[:, _loop.STATUS] == _loop.BLIND
+    placed = {x.name for x in d.variables}
+    for v in made:
+        if v.name not in placed:
+            v.values[blind] = np.nan
+    sound = ~blind
+    open_ = undetermined(kernels, equations, times[sound], states[sound])
     components = {v.name: v.components or ("",) for v in made}
     indeterminate = [
         f"{name}.{c}" if c else name
@@ -222,7 +210,7 @@ def _recorded(
         for c, is_open in zip(components[name], np.atleast_1d(which).ravel(), strict=True)
         if is_open
     ]
-    first = d.variables[kernels.inputs[0]]
+    first = kernels.lead
     unit, size = converters(d)[first.unit]
     last = {v.name: np.atleast_1d(v.values[-1]).tolist() if len(times) else [] for v in made}
     return Turn(
@@ -260,15 +248,15 @@ def _recorded(
                 p.name: x for p, x in zip(d.parameters, kernels.parameters.tolist(), strict=False)
             },
         },
-        notes=tuple(_notes(kernels, times, states, told, met, indeterminate)),
+        notes=(*_of_blind(kernels, times[blind]), *_notes(kernels, times, states, told, indeterminate)),
     )
 
 
 def _pole(kernels: LoopKernels, pole: PoleAt) -> Pole:
     """Return a pole in the scene's units, by the value of the input."""
     d = kernels.description
-    first = d.variables[kernels.inputs[0]]
-    value, rate, _ = kernels.prescribed(pole.t)[0]
+    first = kernels.lead
+    value, rate, _ = kernels.lead_at(pole.t)
     units = converters(d)
     size = units[first.unit][1]
     info = d.kernel("outputs")
@@ -282,12 +270,23 @@ def _pole(kernels: LoopKernels, pole: PoleAt) -> Pole:
     return Pole(float(value) / size, {k: x for k, x in residues.items() if abs(x) > 1e-12 * largest})
 
 
+def _of_blind(kernels: LoopKernels, times: Array) -> Iterator[str]:
+    """Say where the screws lose rank at a sample itself."""
+    if len(times):
+        values = ", ".join(kernels.value_at(float(t)).partition(" = ")[2] for t in times[:_SHOWN])
+        more = ", ..." if len(times) > _SHOWN else ""
+        yield (
+            f"at {kernels.lead.name} = {values}{more} the screws of the joints lose rank: rates and forces "
+            "are not determined there and left open, and the loop could branch"
+        )
+
+
 def _notes(
-    kernels: LoopKernels, times: Array, states: Array, told: list[Pole], met: Array, indeterminate: list[str]
+    kernels: LoopKernels, times: Array, states: Array, told: list[Pole], indeterminate: list[str]
 ) -> Iterator[str]:
     d = kernels.description
     n = d.coordinates
-    first = d.variables[kernels.inputs[0]]
+    first = kernels.lead
     unit, size = converters(d)[first.unit]
     for p in told:
         drives = {name: x for name, x in p.residues.items() if name.endswith(".drive")} or p.residues
@@ -309,7 +308,7 @@ def _notes(
         inputs = states[:, kernels.inputs]
         gap = inputs[-1] - inputs[0]
         turned = np.where(lengths[kernels.inputs], gap, (gap + np.pi) % (2 * np.pi) - np.pi)
-        whole = np.max(np.abs(turned)) < 1e-9 * max(1.0, d.size) and abs(gap[0]) > 1.0
+        whole = np.max(np.abs(turned)) < 1e-9 * max(1.0, d.size) and np.max(np.abs(gap)) > 1.0
         if whole and distance(kernels, states[-1, :n], states[0, :n]) > _TURNED:
             yield (
                 "the inputs came back to where they began, but the loop did not: after the turn it is on "
@@ -322,7 +321,12 @@ def _problem(
 ) -> str:
     d = kernels.description
     solved = d.having("dependent")
-    at, wanted = kernels.value_at(t), kernels.value_at(float(target))
+    at, wanted = kernels.value_at(t), kernels.value_at(target)
+    if status == _core.NOT_FINITE:
+        return (
+            f"an input, an effort or a load has no finite value, or no finite rate, beyond {at}\n"
+            "  Look at their expressions there."
+        )
     own = scaled_screws(kernels, t, q)[:, solved]
     _, values, right = np.linalg.svd(own)
     weakest = d.row(solved[int(np.argmax(np.abs(right[len(values) - 1])))])
@@ -332,8 +336,6 @@ def _problem(
             f"the loop closes at {at} but cannot move on: the dependent variables cannot follow the inputs "
             f"(rates are missed by {equations.rates_left:.1e})\n  The table has too few variables."
         )
-    if status == _core.NOT_FINITE:
-        return f"a number that is not finite appeared beyond {at}\n  Look for a length or load that has none."
     return (
         f"the loop cannot be followed beyond {at} towards {wanted}: its screws lose rank there (least "
         f"singular value {least:.1e} of the largest, {weakest} the least held), a dead "

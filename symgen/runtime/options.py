@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
 
 from symgen.errors import ModelError
+from symgen.runtime.arguments import count, is_real
 from symgen.runtime.integrators import integrator
 from symgen.runtime.integrators.tableau import ExplicitRungeKutta
 
@@ -44,9 +44,13 @@ def options(
     ModelError
         When one is out of its range, or does not go with the method.
     """
+    count(samples, "samples")
+    count(max_steps, "max_steps")
+    if method is not None and not isinstance(method, str):
+        raise ModelError(f"expected the name of an integrator, got {method!r}")
     chosen = integrator(method or ("dop853" if step is None else "rk4"))
     for name, value in (("t_end", t_end), ("rtol", rtol), ("atol", atol), ("step", step)):
-        if value is not None and not (math.isfinite(value) and value > 0):
+        if value is not None and not (is_real(value) and value > 0):
             raise ModelError(f"expected {name} to be a finite number above zero, got {value!r}")
     if not 2 <= samples <= 10_000_000:
         raise ModelError(f"expected between 2 and 10 million samples, got {samples}")
