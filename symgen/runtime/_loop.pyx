@@ -486,7 +486,7 @@ cdef class LoopEquations(Equations):
                 continue
             h *= 0.5
             if fabs(h) < least:
-                return _SINGULAR if status == _SINGULAR else _OPEN
+                return status if status in (_SINGULAR, _NOT_FINITE) else _OPEN
 
     cdef double _predict(self, double h, const double *q, const double *u, const double *a) noexcept nogil:
         """Predict the change over h into ``rhs``; return the largest, in radians or sizes of the loop.

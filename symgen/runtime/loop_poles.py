@@ -40,8 +40,8 @@ def poles(
     d = kernels.description
     if not kernels.has("inverse") or not any(d.variables[i].unknown for i in d.having("dependent")):
         return []
-    n, found = d.coordinates, []
-    before = -1
+    n, before = d.coordinates, -1
+    found: list[tuple[float, Array]] = []
     for i in np.argsort(times, kind="stable"):
         t, hold, status = float(times[i]), diagnosis[i, _loop.HOLD], diagnosis[i, _loop.STATUS]
         if status == _loop.POLE:

@@ -25,6 +25,8 @@ Array = NDArray[np.float64]
 #: Parts of the range that are the longest step, and by how much a pose must differ to be another one.
 _PARTS = 36
 _TURNED = 1e-6
+#: Least singular value, of the largest, that explains why a loop cannot be followed.
+_WEAK = 1e-3
 #: Where following would take hours, and angles lose their digits.
 _FARTHEST = 1e6
 #: Components named in a note; the result lists all.
@@ -336,9 +338,13 @@ def _problem(
             f"the loop closes at {at} but cannot move on: the dependent variables cannot follow the inputs "
             f"(rates are missed by {equations.rates_left:.1e})\n  The table has too few variables."
         )
+    why = (
+        f"its screws lose rank there (least singular value {least:.1e} of the largest, {weakest} the least "
+        "held), a dead centre or the end of the range in which it can be assembled"
+        if least < _WEAK
+        else "no closure of the same branch was found"
+    )
     return (
-        f"the loop cannot be followed beyond {at} towards {wanted}: its screws lose rank there (least "
-        f"singular value {least:.1e} of the largest, {weakest} the least held), a dead "
-        "centre or the end of the range in which it can be assembled\n"
+        f"the loop cannot be followed beyond {at} towards {wanted}: {why}\n"
         "  Stay below it, change the lengths, or choose another input."
     )
