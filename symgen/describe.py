@@ -104,6 +104,7 @@ def _of_loop(loop: Loop, program: Program, equations: str) -> LoopDescription:
             for v in loop.variables
         ),
         span=tuple(loop.number(x) for x in loop.span or ()),
+        lead=loop.lead,
         t_end=loop.number(loop.t_end),
         size=loop.size,
         units={w: [getattr(loop, w).name, getattr(loop, w).size] for w in ("length", "force", "angle")},

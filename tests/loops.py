@@ -68,6 +68,7 @@ def loop(
         name=name, file="", title=name, parameters=tuned, rows=made,
         variables=tuple(variable(*v) for v in variables), bodies=tuple(bodies),
         gravity=tuple(sp.sympify(g) for g in gravity), loads=tuple(loads), span=(ZERO, 2 * sp.pi),
+        lead=next((v[0] for v in variables if v[2] == "input"), ""),
         t_end=sp.Integer(1), size=1.0, length=Unit("m", 1.0), force=Unit("N", 1.0), angle=Unit("rad", 1.0),
         outputs=None if outputs is None else tuple(outputs),
     )  # fmt: skip

@@ -147,7 +147,8 @@ class LoopDescription(Described):
     """What the runtime needs to know of a closed loop.
 
     ``joints`` and ``links`` name each row of the table. ``span`` is the range of the first input, empty where
-    nothing is prescribed. ``units`` gives the name and the size in SI of the scene's units of length, force
+    variables are free; ``lead`` is the name of that input, the first written in the scene, empty where there
+    is none. ``units`` gives the name and the size in SI of the scene's units of length, force
     and angle. ``start`` are the variables at the start, at the scene's own parameters, ``rank`` is the rank
     of the screws of the dependent variables.
     """
@@ -156,6 +157,7 @@ class LoopDescription(Described):
     links: tuple[str, ...]
     variables: tuple[VariableInfo, ...]
     span: tuple[float, ...]
+    lead: str
     t_end: float
     size: float
     units: dict[str, list[Any]]

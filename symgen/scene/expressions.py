@@ -36,6 +36,7 @@ _SIMPLE, _DIGITS = 8, 60  # operations that a number keeps, and its digits where
 _LARGEST_NUMBER = 1024  # bits: what a double can hold
 _LARGEST_EXPONENT = 700  # exp(709.8) overflows a double
 _HERTZ = re.compile(r"Hz\b|hertz\b")
+_TONNES = re.compile(r".*[A-Za-z0-9)]\s*\*\s*t\s*", re.ASCII | re.DOTALL)
 _SHOWN = 80  # characters of an expression in a message
 
 #: Functions a scene may call: what they are in SymPy and how many arguments they take. All act on plain
@@ -78,8 +79,20 @@ def parse_value(value: str | int | float, names: Names, expected: Dimension | No
         )
     if expected is not None and dim != expected and not (expression == 0 and dim == NUMBER):
         got = describe(dim)
-        raise SceneError(f"expected {describe(expected)} such as {example(expected)}, got {value!r}, {got}")
+        raise SceneError(
+            f"expected {describe(expected)} such as {example(expected)}, got {value!r}, {got}",
+            hint=tonne_hint(value),
+        )
     return expression
+
+
+def tonne_hint(value: str | int | float) -> str:
+    """Return what to do about a quantity of a wrong dimension where t was meant to be the time."""
+    if isinstance(value, str) and is_quantity(value) and _TONNES.fullmatch(value):
+        return (
+            't behind a number with a unit is the tonne: name the speed as a parameter and write "speed*t".'
+        )
+    return ""
 
 
 def parse_any(value: str | int | float, names: Names) -> Value:

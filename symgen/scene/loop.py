@@ -125,8 +125,8 @@ class Loop:
     """A single closed loop, resolved. ``variables`` are in the order of the rows, and of their entries.
 
     ``span`` is the range of the first input over which it is evaluated when nothing else is asked; None
-    where nothing is prescribed. ``size`` is a length typical of it [m]. ``outputs`` is what to record, None
-    for everything.
+    where variables are free. ``lead`` is that input, the first written in the scene, empty where there is
+    none. ``size`` is a length typical of it [m]. ``outputs`` is what to record, None for everything.
     """
 
     name: str
@@ -139,6 +139,7 @@ class Loop:
     gravity: Vector
     loads: tuple[LoopLoad, ...]
     span: tuple[sp.Expr, sp.Expr] | None
+    lead: str
     t_end: sp.Expr
     size: float
     length: Unit

@@ -84,6 +84,16 @@ def efforts(read: LoopReader, table: Rows, names: Names) -> Mapping[str, sp.Expr
         unknown = isinstance(text, str) and text.strip() == UNKNOWN
         found[name] = None if unknown else read.value(text, dim, where, names)
     inputs = [v.name for v in read.named.values() if v.role == "input"]
+    wrong = [name for name in read.loop.drives if (found[name] is None) != (name in inputs)]
+    if read.free and wrong:
+        raise SceneError(
+            "where variables are free, the motion follows from the known efforts: only an input's drive can "
+            f"be found, and it always is; got {read.loop.drives[wrong[0]]!r}",
+            where=f"loop.drives.{wrong[0]}",
+            hint=f'Write "{UNKNOWN}", or nothing.'
+            if wrong[0] in inputs
+            else "Give the effort; it is 0 if absent.",
+        )
     unknown_ = [name for name, effort in found.items() if effort is None]
     if len(unknown_) != len(inputs):
         raise SceneError(

@@ -10,7 +10,7 @@ import sympy as sp
 
 from symgen.errors import SceneError, nearest
 from symgen.scene import units
-from symgen.scene.expressions import Names, parse_any, parse_value
+from symgen.scene.expressions import Names, parse_any, parse_value, tonne_hint
 from symgen.scene.linkage import TIME
 from symgen.scene.loop_schema import SpatialLoop
 from symgen.scene.names import check_word
@@ -98,9 +98,27 @@ class LoopReader(Values):
                 name,
                 dim,
                 "free",
-                start=self.value(table.at, dim, f"{where}.at"),
-                start_rate=self.value(table.rate, rate_of(dim), f"{where}.rate"),
+                start=self.folded(self.value(table.at, dim, f"{where}.at"), f"{where}.at"),
+                start_rate=self.folded(
+                    self.value(table.rate, rate_of(dim), f"{where}.rate"), f"{where}.rate"
+                ),
             )
+
+    def folded(self, expression: sp.Expr, where: str) -> sp.Expr:
+        """Return a value of which the model keeps the number alone: it may hold no tunable parameter."""
+        held = sorted(s.name for s in expression.free_symbols if s in self.defaults)
+        if held:
+            raise SceneError(
+                f"expected a value that stays as it is, got one by the tunable parameter {held[0]}",
+                where=where,
+                hint=f"It is folded: make {held[0]} not tunable, or give a plain value.",
+            )
+        return expression
+
+    @property
+    def free(self) -> list[Named]:
+        """The free variables."""
+        return [v for v in self.named.values() if v.role == "free"]
 
     def _check_name(self, name: str, where: str) -> None:
         check_word(name, where)
@@ -114,7 +132,10 @@ class LoopReader(Values):
         with at(where):
             _, dim = parse_any(text, names)
             if dim not in (units.NUMBER, units.LENGTH):
-                raise SceneError(f"expected an angle or a length, got {text!r}, {units.describe(dim)}")
+                raise SceneError(
+                    f"expected an angle or a length, got {text!r}, {units.describe(dim)}",
+                    hint=tonne_hint(text),
+                )
         return dim
 
     @property

@@ -20,6 +20,8 @@ from symgen.scene.loop_schema import LoopRow
 GROUND = "ground"
 #: Equations of closure of a loop in space.
 EQUATIONS = 6
+#: Joint variables that the compiled solver has room for.
+MOST = 24
 _LENGTHS = ("S", "a")
 _TURNS = {"theta", "eta", "alpha"}
 
@@ -218,4 +220,10 @@ def _check_count(read: LoopReader, table: Rows) -> None:
             f"(given are {given})",
             where=where,
             hint="Make inputs or free variables of the surplus ones, or take joints with fewer freedoms.",
+        )
+    if len(table.places) > MOST:
+        raise SceneError(
+            f"expected at most {MOST} joint variables, got {len(table.places)}",
+            where=where,
+            hint="Prescribe fewer motions: leave out some of the joints of the inputs.",
         )

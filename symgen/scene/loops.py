@@ -52,7 +52,10 @@ def loop_of(scene: Scene, table: SpatialLoop) -> Loop:
         gravity=_gravity(read),
         loads=tuple(loads(read, rows, names)),
         span=_span(read),
-        t_end=read.positive(scene.analysis.t_end, units.TIME, "analysis.t_end"),
+        lead=next(iter(table.inputs), ""),
+        t_end=read.folded(
+            read.positive(scene.analysis.t_end, units.TIME, "analysis.t_end"), "analysis.t_end"
+        ),
         size=_size(read, rows.rows, variables, masses),
         length=_unit(table.units.length, units.LENGTH, "loop.units.length"),
         force=_unit(table.units.force, units.FORCE, "loop.units.force"),
@@ -121,13 +124,18 @@ def _gravity(read: LoopReader) -> Vector:
 
 
 def _span(read: LoopReader) -> tuple[sp.Expr, sp.Expr] | None:
-    """Return the range of the first input: what is written, or one turn."""
-    first = next((v for v in read.named.values() if v.role == "input"), None)
+    """Return the range of the first input: what is written, or one turn; None where variables are free."""
     written = read.loop.range
-    if first is None:
+    if read.free:
         if written is not None:
-            raise SceneError("a range is that of the first input, and there is none", where="loop.range")
+            raise SceneError(
+                f"a range is that of the first input, but with {read.free[0].name} free the motion runs by "
+                "the time",
+                where="loop.range",
+                hint="Leave range out: analysis.t_end says how far the motion goes.",
+            )
         return None
+    first = next(iter(read.named.values()))
     if written is None:
         if first.dimension == units.LENGTH:
             raise SceneError(
@@ -137,11 +145,12 @@ def _span(read: LoopReader) -> tuple[sp.Expr, sp.Expr] | None:
             )
         return ZERO, 2 * sp.pi
     start, stop = (
-        with_pi(read.value(text, first.dimension, f"loop.range.{i}")) for i, text in enumerate(written)
+        read.folded(with_pi(read.value(text, first.dimension, where)), where)
+        for text, where in zip(written, ("loop.range.0", "loop.range.1"), strict=True)
     )
-    if read.number(start) == read.number(stop):
+    if not read.number(start) < read.number(stop):
         raise SceneError(
-            f"expected a range from one value to another, got {written[0]!r} and {written[1]!r}",
+            f"expected a range with start before stop, got {written[0]!r} and {written[1]!r}",
             where="loop.range",
         )
     return start, stop

@@ -54,7 +54,7 @@ GOOD = {
 def changed(*changes):
     """The good scene with values at dotted paths set, or removed where they are None."""
     data = copy.deepcopy(GOOD)
-    for path, value in changes:
+    for path, value in copy.deepcopy(changes):
         *inner, last = path.split(".")
         table = data
         for part in inner:
@@ -158,6 +158,31 @@ def test_free_variables_have_a_start_and_no_range():
     assert all(v.effort is not None for v in loop.variables)
 
 
+def test_a_length_that_leads_needs_no_range_beside_a_free_variable():
+    row = {"joint": "C", "link": "crank", "theta": "theta1", "S": "S1", "a": "r"}
+    loop = loop_of(
+        ("loop.inputs", {"S1": "r*w*t"}), ("loop.free.theta1", {"at": "1 deg"}), ("loop.rows.0", row)
+    )
+    assert loop.span is None and loop.lead == "S1"
+    assert [v.effort is None for v in loop.variables[:2]] == [False, True]
+    assert loop_of(*FREE).lead == ""
+
+
+def test_the_first_input_written_leads_wherever_it_stands_in_the_rows():
+    row = {"joint": "C", "link": "crank", "theta": "theta1", "S": "S1", "a": "r"}
+    loop = loop_of(
+        ("loop.inputs", {"S1": "r*w*t", "theta1": "S1/r"}), ("loop.rows.0", row), ("loop.range", ["0 cm", "r0"]),
+        ("parameters.r0", "3 cm"),
+    )  # fmt: skip
+    assert [v.name for v in loop.having("input")] == ["theta1", "S1"]
+    assert loop.lead == "S1" and loop.number(loop.span[1]) == 0.03
+
+
+def test_a_guess_may_be_tunable():
+    guess = loop_of(("loop.start.theta2", "r/L")).variables[1].start
+    assert guess == sp.Symbol("r", real=True) / sp.Rational(9, 20)
+
+
 def test_the_spin_of_a_link_between_balls_may_be_free():
     loop = loop_of(
         ("loop.rows.1.alpha", "spin"),
@@ -173,8 +198,27 @@ def test_the_idle_spin_may_be_held_at_the_second_ball():
     assert loop.body(1).idle and loop.rows[2].alpha == sp.pi / 9
 
 
+def long(count):
+    """The good loop with as many driven hinges before its rod, 6 dependent variables, and no guesses."""
+    hinges = [{"joint": "R", "link": f"l{i}", "theta": f"turn{i}"} for i in range(count)]
+    inputs = {f"turn{i}": "w*t" for i in range(count)}
+    rows = [*hinges, *GOOD["loop"]["rows"][1:]]
+    return [("loop.inputs", inputs), ("loop.rows", rows), ("loop.start", {}), ("loop.links", {})]
+
+
+def test_a_loop_has_room_for_24_variables():
+    assert len(loop_of(*long(18)).variables) == 24
+
+
 #: What is changed in the good scene, where the fault is found, and what the message says.
 ROW = "loop.rows."
+FREE = [("loop.inputs", {}), ("loop.free.theta1", {"at": 0})]
+MIXED = [
+    ("loop.free.S1", {"at": "0 m"}),
+    ("loop.rows.0", {"joint": "C", "link": "crank", "theta": "theta1", "S": "S1", "a": "r"}),
+]
+FOLDED = "by the tunable parameter {0}\n  It is folded: make {0} not tunable, or give a plain value."
+TONNE = 't behind a number with a unit is the tonne: name the speed as a parameter and write "speed*t".'
 FAULTS = {
     "no such joint": ([(ROW + "0.joint", "Q")], ROW + "0.joint", "no joint 'Q'\n  Known: R (revolute)"),
     "unknown link joint case": ([(ROW + "0.joint", "r")], ROW + "0.joint", "no joint 'r'"),
@@ -242,10 +286,45 @@ FAULTS = {
         "expected an angular velocity",
     ),
     "range without input": (
-        [("loop.inputs", {}), ("loop.free.theta1", {"at": 0}), ("loop.range", [0, 1])],
+        [*FREE, ("loop.range", [0, 1])],
         "loop.range",
-        "there is none",
+        "with theta1 free the motion runs by the time\n  Leave range out",
     ),
+    "range beside a free variable": (
+        [*MIXED, ("loop.range", [0, 1])],
+        "loop.range",
+        "with S1 free the motion runs by the time",
+    ),
+    "range that goes down": (
+        [("loop.range", ["1 rev", "30 deg"])],
+        "loop.range",
+        "expected a range with start before stop, got '1 rev' and '30 deg'",
+    ),
+    "tunable start": ([*FREE, ("loop.free.theta1.at", "r/L")], "loop.free.theta1.at", FOLDED.format("r")),
+    "tunable rate": ([*FREE, ("loop.free.theta1.rate", "2*w")], "loop.free.theta1.rate", FOLDED.format("w")),
+    "tunable range": ([("loop.range", ["0 deg", "r/L"])], "loop.range.1", FOLDED.format("r")),
+    "range by another tunable one": (
+        [("loop.range", ["half", 1]), ("parameters.half", "r/L/2")],
+        "loop.range.0",
+        FOLDED.format("r"),
+    ),
+    "tunable end": ([("analysis.t_end", "1/w")], "analysis.t_end", FOLDED.format("w")),
+    "motion by a sum of forces to find": (
+        [*FREE, ("loop.drives.theta1", "?")],
+        "loop.drives.theta1",
+        "where variables are free, the motion follows from the known efforts: only an input's drive can be "
+        "found, and it always is; got '?'\n  Give the effort",
+    ),
+    "load to find in a free motion": (
+        [*MIXED, ("loop.drives", {"theta1": "1 N*m", "S1": "?"})],
+        "loop.drives.theta1",
+        "got '1 N*m'\n  Write \"?\", or nothing.",
+    ),
+    "a free variable's drive to find": ([*MIXED, ("loop.drives.S1", "?")], "loop.drives.S1", "only an input's drive"),
+    "time taken for tonnes": ([("loop.inputs.theta1", "6 rpm*t")], "loop.inputs.theta1", TONNE),
+    "time taken for tonnes, in radians": ([("loop.inputs.theta1", "1 rad/s * t")], "loop.inputs.theta1", TONNE),
+    "a torque by tonnes": ([("loop.drives.theta4", "3 N*m/s*t")], "loop.drives.theta4", TONNE),
+    "too many variables": (long(19), "loop.rows", "expected at most 24 joint variables, got 25"),
     "no range of a length": (
         [
             ("loop.inputs", {"S1": "r*w*t"}),
