@@ -214,7 +214,7 @@ def test_a_loop_has_room_for_24_variables():
 ROW = "loop.rows."
 FREE = [("loop.inputs", {}), ("loop.free.theta1", {"at": 0})]
 MIXED = [
-    ("loop.free.S1", {"at": 0}),
+    ("loop.free.S1", {"at": "0 m"}),
     ("loop.rows.0", {"joint": "C", "link": "crank", "theta": "theta1", "S": "S1", "a": "r"}),
 ]
 FOLDED = "by the tunable parameter {0}\n  It is folded: make {0} not tunable, or give a plain value."
