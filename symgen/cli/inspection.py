@@ -77,7 +77,7 @@ def show(
     if matrix == "momentum_rows" and model not in BLOCKS:
         print(equations.show_rows(system, form, built))
     else:
-        print(equations.show(system, row or matrix, form, built))
+        print(equations.show(system, row if form_of == "momentum_rows" and row else matrix, form, built))
 
 
 @app.command()

@@ -50,7 +50,9 @@ def print_motion_of_loop(result: Result, console: Console) -> None:
     """Print where the joint variables ended, and how well the run kept what it must keep."""
     rows = [(n, v["unit"], _number(v["value"]), _number(v["rate"])) for n, v in result.final.items()]
     t = result.statistics["t"]
-    console.print(table(f"{result.title}: at t = {t:g} s", ("variable", "unit", "value", "rate [1/s]"), rows))
+    console.print(
+        table(f"{result.title}: at t = {t:g} s", ("variable", "unit", "value", "rate [unit/s]"), rows)
+    )
     console.print(run_table(result))
     for note in result.notes:
         console.print(f"Note: {note}.", soft_wrap=True)

@@ -186,6 +186,14 @@ class LoopModel:
         names = [v.name for v in self.description.variables]
         return tuple(dict(zip(names, q.tolist(), strict=True)) for q in assemblies(self._kernels, t, begin.q))
 
+    def __getattr__(self, name: str) -> Any:
+        if name in ("kinematics", "equilibrium", "modes", "accelerations"):
+            raise ModelError(
+                f"{name} is for linkages of points and links, and {self.name} is a link-joint table\n"
+                "  model.turn() evaluates a driven loop, model.simulate() runs a free one."
+            )
+        raise AttributeError(f"a LoopModel has no attribute {name!r}")
+
     def simulate(
         self,
         t_end: float | None = None,

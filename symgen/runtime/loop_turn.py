@@ -296,13 +296,14 @@ def _notes(
         yield (
             f"dead centre at {first.name} = {in_words(p.at * size, first.is_length, d)}: the given efforts "
             f"cannot hold the loop there, and {len(p.residues)} components have a pole, with the residue "
-            f"(value times {first.name} in {unit}) {names}{', ...' if len(p.residues) > len(drives) else ''}"
+            f"(value times the way of {first.name} from there, in {unit}) {names}"
+            f"{' and others' if len(p.residues) > len(drives) else ''}"
         )
     if indeterminate:
         more = ", ..." if len(indeterminate) > _SHOWN else ""
         yield (
-            f"{6 - d.rank} of 6 closure equations are redundant, which leaves {len(indeterminate)} "
-            "components of forces undetermined: those of least norm are given "
+            f"redundant closure equations, {6 - d.rank} of 6, leave {len(indeterminate)} components "
+            "of forces undetermined: those of least norm are given "
             f"({', '.join(indeterminate[:_SHOWN])}{more})"
         )
     if len(times) > 1:
@@ -346,5 +347,6 @@ def _problem(
     )
     return (
         f"the loop cannot be followed beyond {at} towards {wanted}: {why}\n"
-        "  Stay below it, change the lengths, or choose another input."
+        "  Stay below it, follow it on where the input turns back (--through, turn(through=True)), change the "
+        "lengths, or choose another input."
     )

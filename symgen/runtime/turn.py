@@ -38,6 +38,12 @@ class Turn(Result):
     is not a number there, and :attr:`poles` gives its residue.
     """
 
+    def __repr__(self) -> str:
+        return (
+            f"<Turn {self.name!r}: {len(self.time)} values of {self.input}, {len(self.variables)} outputs, "
+            f"closed within {self.closure:.1e}>"
+        )
+
     @property
     def input(self) -> str:
         """Name of the first input."""

@@ -23,6 +23,8 @@ Array = NDArray[np.float64]
 _NEAR = 1 / 36
 #: Width of a plot, height of a panel, and of what stands above and below all panels [in].
 _WIDTH, _PANEL, _ABOVE, _BELOW = 7.5, 1.9, 0.55, 0.8
+#: Cases beside each other in the legend, and the height of another line of it [in].
+_COLUMNS, _LINE = 4, 0.2
 
 
 def shown_input(turn: Turn) -> tuple[Array, str, float]:
@@ -50,9 +52,10 @@ def draw(name: str, title: str, cases: Sequence[Case]) -> bytes:
 
     drawn = [(case.label, case.turn) for case in cases if case.turn]
     panels = [(n, unit) for n, unit, _ in components(drawn[0][1], name)]
-    height = _ABOVE + _BELOW + _PANEL * len(panels)
+    below = _BELOW + _LINE * ((len(drawn) - 1) // _COLUMNS)
+    height = _ABOVE + below + _PANEL * len(panels)
     figure = Figure(figsize=(_WIDTH, height))
-    figure.subplots_adjust(0.11, _BELOW / height, 0.975, 1 - _ABOVE / height, hspace=0.1)
+    figure.subplots_adjust(0.11, below / height, 0.975, 1 - _ABOVE / height, hspace=0.1)
     axes = figure.subplots(len(panels), 1, sharex=True, squeeze=False)[:, 0]
     colours = colormaps["viridis"](np.linspace(0.0, 0.88, max(2, len(drawn))))
     counted: list[list[Array]] = [[] for _ in panels]
@@ -72,7 +75,7 @@ def draw(name: str, title: str, cases: Sequence[Case]) -> bytes:
         panel.set_ylabel(f"{n.removeprefix(name).lstrip('.') or name} [{unit}]")
         panel.grid(alpha=0.3)
     handles, labels = axes[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="lower center", ncols=4, frameon=False, fontsize="small")
+    figure.legend(handles, labels, loc="lower center", ncols=_COLUMNS, frameon=False, fontsize="small")
     figure.suptitle(f"{name}\n{title}", fontsize="medium", y=1 - 0.1 / height, va="top")
     stream = io.BytesIO()
     figure.savefig(stream, format="png", dpi=100, metadata={"Software": None}, pil_kwargs={"optimize": True})
