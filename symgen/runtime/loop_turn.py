@@ -347,6 +347,6 @@ def _problem(
     )
     return (
         f"the loop cannot be followed beyond {at} towards {wanted}: {why}\n"
-        "  Stay below it, follow it on where the input turns back (--through, turn(through=True)), change the "
-        "lengths, or choose another input."
+        "  Stay below it, follow it on where the input turns back (--through, turn(through=True)), change "
+        "the lengths, or choose another input."
     )
