@@ -112,6 +112,15 @@ def test_show(model):
     assert "out[0] = " in call("show", model, "constraint_jacobian", "--format", "c")
 
 
+@pytest.mark.parametrize("model", ["peaucellier", "slider_crank"])
+def test_every_listed_matrix_is_shown(model):
+    """Names with dots too, as outputs have."""
+    names = [m.name for m in symgen.derive(model).matrices]
+    assert any("." in name for name in names)
+    for name in (names[0], *[name for name in names if "." in name][:3]):
+        assert call("show", model, name, "--format", "c")
+
+
 def test_show_numbers_at_the_start():
     text = call("show", "four_bar", "positions", "--format", "numeric")
     rows = {line.split()[0]: [float(x) for x in line.split()[1:]] for line in text.splitlines()[2:]}
