@@ -73,7 +73,6 @@ def run(
     from symgen.report.plots import DRAWN_AS
     from symgen.runtime.loop_model import LoopModel
     from symgen.runtime.result import SAVED_AS
-    from symgen.runtime.turn import Turn
 
     for file, endings, what in ((out, SAVED_AS, "result"), (plot, DRAWN_AS, "plot")):
         if file:
@@ -102,13 +101,20 @@ def run(
         result.save(out)
     if plot:
         result.plot(file=plot)
+    _show(result, isinstance(model, LoopModel), as_json)
+
+
+def _show(result: Result, of_loop: bool, as_json: bool) -> None:
+    """Print a result: as one JSON object, or as tables."""
+    from symgen.runtime.turn import Turn
+
     if as_json:
         print_json(result.summary())
     elif isinstance(result, Turn):
         from symgen.report.loops import print_turn
 
         print_turn(result, console())
-    elif isinstance(model, LoopModel):
+    elif of_loop:
         from symgen.report.loops import print_motion_of_loop
 
         print_motion_of_loop(result, console())

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from abc import ABC, abstractmethod
 from collections.abc import Iterable
 from dataclasses import asdict, dataclass
 from typing import Any
@@ -43,7 +44,7 @@ class KernelInfo:
 
 
 @dataclass(frozen=True, slots=True)
-class Described:
+class Described(ABC):
     """What the runtime needs to know of any model, besides the code."""
 
     name: str
@@ -56,9 +57,9 @@ class Described:
     left_out: tuple[str, ...]
 
     @property
+    @abstractmethod
     def coordinates(self) -> int:
         """Number of coordinates."""
-        raise NotImplementedError
 
     def kernel(self, name: str) -> KernelInfo | None:
         """Return what is known of a kernel; None when the model has none of that name."""

@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from symgen.errors import ModelError, nearest
+from symgen.errors import ModelError
 from symgen.runtime import _core
 from symgen.runtime.arguments import count, real, reals
+from symgen.runtime.compiled import Compiled
 from symgen.runtime.description import LoopDescription
 from symgen.runtime.library import Library
 from symgen.runtime.loop_kernels import LoopKernels
@@ -28,12 +29,14 @@ Array = NDArray[np.float64]
 _STAGES = 16
 
 
-class LoopModel:
+class LoopModel(Compiled):
     """Compiled equations of one closed loop of links, given as a link-joint table.
 
     Made by :func:`symgen.build`. Parameters that the scene declares tunable can be changed with
     :meth:`with_parameters` without compiling again.
     """
+
+    description: LoopDescription
 
     def __init__(
         self,
@@ -42,39 +45,9 @@ class LoopModel:
         derive: Callable[[], Any],
         parameters: Mapping[str, float] | None = None,
     ) -> None:
-        self.description, self._library, self._derive = description, library, derive
-        self.parameters = {p.name: p.default for p in description.parameters}
-        for name, value in (parameters or {}).items():
-            if name not in self.parameters:
-                raise ModelError(
-                    f"{description.name} has no tunable parameter {name!r}. {nearest(name, self.parameters)}"
-                )
-            self.parameters[name] = real(value, name)
+        super().__init__(description, library, derive, parameters)
         self._kernels = LoopKernels(description, library, list(self.parameters.values()))
         self._start: Closed | None = None
-        self._equations: Any = None
-
-    @property
-    def name(self) -> str:
-        """Short name of the scene."""
-        return self.description.name
-
-    @property
-    def backend(self) -> str:
-        """Where the kernels come from: ``c`` (compiled for the scene), ``shipped`` or ``numpy``."""
-        return self._library.backend
-
-    @property
-    def equations(self) -> Any:
-        """The derived SymPy matrices by name: ``model.equations["screws"]``."""
-        if self._equations is None:
-            self._equations = self._derive()
-        return self._equations
-
-    @property
-    def operations(self) -> dict[str, dict[str, int]]:
-        """Operations of each kernel by kind."""
-        return {k.name: dict(k.operations) for k in self.description.kernels}
 
     def __repr__(self) -> str:
         d = self.description
@@ -97,10 +70,10 @@ class LoopModel:
             d = self.description
             t = self._kernels.time_of(d.span[0]) if d.span else 0.0  # free motion starts at t = 0
             q = np.array(d.start)
-            if self.parameters == {p.name: p.default for p in d.parameters}:
-                self._start = Closed(t, q, d.rank)
-            else:
+            if self.is_changed:
                 self._start = self._kept_closed() or close_near(self._kernels, t, q)
+            else:
+                self._start = Closed(t, q, d.rank)
         return self._start
 
     def _kept_closed(self) -> Closed | None:

@@ -205,11 +205,11 @@ def _recorded(
             v.values[blind] = np.nan
     sound = ~blind
     open_ = undetermined(kernels, equations, times[sound], states[sound])
-    components = {v.name: v.components or ("",) for v in made}
     indeterminate = [
-        f"{name}.{c}" if c else name
-        for name, which in open_.items()
-        for c, is_open in zip(components[name], np.atleast_1d(which).ravel(), strict=True)
+        v.name + (f".{c}" if c else "")
+        for v in made
+        if v.name in open_
+        for c, is_open in zip(v.components or ("",), np.atleast_1d(open_[v.name]).ravel(), strict=True)
         if is_open
     ]
     first = kernels.lead

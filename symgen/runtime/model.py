@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from symgen.errors import ModelError, nearest
 from symgen.runtime import _core
 from symgen.runtime.causes import without_direction
+from symgen.runtime.compiled import Compiled
 from symgen.runtime.description import Description
 from symgen.runtime.evaluate import Evaluator
 from symgen.runtime.initial import Start, start
@@ -32,12 +33,14 @@ Array = NDArray[np.float64]
 Analyses = Callable[[str], tuple[Description, Library]]
 
 
-class Model:
+class Model(Compiled):
     """Compiled equations of one scene.
 
     Made by :func:`symgen.build`. Parameters that the scene declares tunable can be changed with
     :meth:`with_parameters` without compiling again.
     """
+
+    description: Description
 
     def __init__(
         self,
@@ -47,42 +50,10 @@ class Model:
         parameters: Mapping[str, float] | None = None,
         analyses: Analyses | None = None,
     ) -> None:
-        self.description, self._library, self._derive = description, library, derive
+        super().__init__(description, library, derive, parameters)
         self._analyses = analyses
-        self.parameters: dict[str, float] = {p.name: p.default for p in description.parameters}
-        for name, value in (parameters or {}).items():
-            if name not in self.parameters:
-                raise ModelError(
-                    f"{self.name} has no tunable parameter {name!r}. {nearest(name, self.parameters)}"
-                )
-            if not isinstance(value, int | float | np.number) or not np.isfinite(value):
-                raise ModelError(f"expected a finite number for {name}, in SI units, got {value!r}")
-            self.parameters[name] = float(value)
         self._evaluator = Evaluator(description, library, np.array(list(self.parameters.values())))
         self._start: Start | None = None
-        self._equations: Any = None
-
-    @property
-    def name(self) -> str:
-        """Short name of the scene."""
-        return self.description.name
-
-    @property
-    def backend(self) -> str:
-        """Where the kernels come from: ``c`` (compiled for the scene), ``shipped`` or ``numpy``."""
-        return self._library.backend
-
-    @property
-    def equations(self) -> Any:
-        """The derived SymPy matrices by name: ``model.equations["constraint_jacobian"]``."""
-        if self._equations is None:
-            self._equations = self._derive()
-        return self._equations
-
-    @property
-    def operations(self) -> dict[str, dict[str, int]]:
-        """Operations of each kernel by kind."""
-        return {k.name: dict(k.operations) for k in self.description.kernels}
 
     def __repr__(self) -> str:
         d = self.description
@@ -115,8 +86,7 @@ class Model:
         """Return the start: the one stored with the scene, unless a parameter was changed."""
         d = self.description
         if self._start is None:
-            changed = any(self.parameters[p.name] != p.default for p in d.parameters)
-            if changed or not d.start:
+            if self.is_changed or not d.start:
                 self._start = start(self._evaluator)
             else:
                 q, u = np.split(np.array(d.start), 2)
