@@ -12,6 +12,9 @@ cdef enum:
     _CONTRADICTED = 6
 
 
+cdef kernel_t kernel_of(object addresses, str name)
+
+
 cdef class Equations:
     cdef kernel_t accelerations, factor, solve, constraints, velocity_constraints, energy, residual
     cdef readonly Py_ssize_t n, m, extra, dim

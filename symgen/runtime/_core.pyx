@@ -19,7 +19,8 @@ cdef int REFINEMENTS = 2
 cdef int PROJECTIONS = 10
 
 
-cdef kernel_t _kernel(object addresses, str name):
+cdef kernel_t kernel_of(object addresses, str name):
+    """Return a kernel by name; NULL where the model has none."""
     return <kernel_t><uintptr_t>addresses.get(name, 0)
 
 
@@ -77,13 +78,13 @@ cdef class Equations:
     def __init__(self, addresses, Py_ssize_t n, Py_ssize_t m, Py_ssize_t extra, p, Py_ssize_t work_size,
                  Py_ssize_t first_pivot, double rank_tolerance, Py_ssize_t redundant,
                  double slack):
-        self.accelerations = _kernel(addresses, "accelerations")
-        self.factor = _kernel(addresses, "factor")
-        self.solve = _kernel(addresses, "solve")
-        self.constraints = _kernel(addresses, "constraints")
-        self.velocity_constraints = _kernel(addresses, "velocity_constraints")
-        self.energy = _kernel(addresses, "energy")
-        self.residual = _kernel(addresses, "residual")
+        self.accelerations = kernel_of(addresses, "accelerations")
+        self.factor = kernel_of(addresses, "factor")
+        self.solve = kernel_of(addresses, "solve")
+        self.constraints = kernel_of(addresses, "constraints")
+        self.velocity_constraints = kernel_of(addresses, "velocity_constraints")
+        self.energy = kernel_of(addresses, "energy")
+        self.residual = kernel_of(addresses, "residual")
         if self.accelerations == NULL or self.energy == NULL:
             raise ValueError("a model without the kernels 'accelerations' and 'energy' cannot be stepped")
         self.n, self.m, self.extra, self.dim = n, m, extra, 2 * n + extra

@@ -13,11 +13,6 @@ OPEN: int
 INCONSISTENT: int
 POLE: int
 BLIND: int
-CLOSURE: int
-RATES: int
-SOUNDNESS: int
-HOLD: int
-STATUS: int
 
 class LoopEquations(Equations):
     rank: int
@@ -41,13 +36,3 @@ class LoopEquations(Equations):
     ) -> None: ...
     def close(self, t: float, q: Array) -> int: ...
     def closed_screws(self, t: float, q: Array) -> tuple[Array, float]: ...
-    def follow(
-        self,
-        t: float,
-        q: Array,
-        times: Array,
-        longest: float,
-        states: Array,
-        out: Array,
-        diagnosis: Array,
-    ) -> tuple[int, int, float]: ...

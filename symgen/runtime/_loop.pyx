@@ -1,5 +1,5 @@
 # cython: language_level=3, boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
-"""A closed loop behind function pointers: closure, rates, forces and motion, without Python inside.
+"""A closed loop behind function pointers: closure, rates and forces, without Python inside.
 
 The screws of the variables that are solved for are one matrix of six rows: positions (Newton), velocities,
 accelerations and the wrench that closes the loop all use its one factorisation. Angular and linear rows, and
@@ -9,20 +9,14 @@ angles and displacements, are made alike by a length, so that ranks do not depen
 import numpy as np
 
 from libc.float cimport DBL_EPSILON
-from libc.math cimport INFINITY, fabs, fmax, isfinite, sqrt
-from libc.stdint cimport uintptr_t
-from libc.string cimport memcpy, memset
+from libc.math cimport INFINITY, fabs, fmax, isfinite
+from libc.string cimport memset
 
-from symgen.runtime._core cimport _DONE, _NOT_FINITE, _PROJECTION_FAILED, _SINGULAR, Equations, kernel_t
+from symgen.runtime._core cimport _DONE, _NOT_FINITE, _SINGULAR, kernel_of
 from symgen.runtime._qr cimport MOST, ROWS, Factor, factorise_columns, solve_basic, solve_transposed
 
-#: What following a loop may answer besides what the core answers.
-OPEN, INCONSISTENT, POLE, BLIND = 10, 11, 12, 13
-cdef enum:
-    _OPEN = 10
-    _INCONSISTENT = 11
-    _POLE = 12
-    _BLIND = 13
+#: What closing and moving a loop may answer besides what the core answers.
+OPEN, INCONSISTENT, POLE, BLIND = _OPEN, _INCONSISTENT, _POLE, _BLIND
 
 # Defect of closure that rounding leaves at best, and the largest that is taken where it falls no further.
 cdef double FINE = 4e-15
@@ -32,21 +26,6 @@ cdef int HALVINGS = 8
 # Least part of the largest pivot: below, screws are dependent; below NO_DRIVE, a drive has no hold on a motion.
 cdef double RANK = 1e-9
 cdef double NO_DRIVE = 1e-9
-# Closure to the last digit leaves a pose undetermined by its root where rank is lost: nearer to it than this,
-# a pose has no rates and no forces that mean anything.
-cdef double SIGHT = 1e-7
-# Largest part of a predicted motion by which the solution may differ from the prediction.
-cdef double ASTRAY = 0.2
-# Least inertia of a free motion over its own terms.
-cdef double NO_MASS = 1e-13
-# Longest step of a variable, in radians or sizes of the loop.
-cdef double LONGEST = 0.5
-# Columns of the diagnosis of a sample.
-CLOSURE, RATES, SOUNDNESS, HOLD, STATUS = range(5)
-
-
-cdef kernel_t _kernel(object addresses, str name):
-    return <kernel_t><uintptr_t>addresses.get(name, 0)
 
 
 cdef class LoopEquations(Equations):
@@ -74,18 +53,6 @@ cdef class LoopEquations(Equations):
         Rank of the screws of ``solved`` in general.
     """
 
-    cdef kernel_t inputs, position, motion, inverse, given, mass_matrix, outputs
-    cdef Py_ssize_t nf, ni, nx, free, told
-    cdef readonly Py_ssize_t rank
-    cdef readonly double closure, rates_left, hold, size
-    cdef readonly int iterations
-    cdef Py_ssize_t[::1] solved, driven, found, known
-    cdef double[::1] scale, screws, matrix, prescribed, efforts, loads, work2, q, u, trial, step, mass, reduced
-    cdef double[:, ::1] basis, gain
-    cdef Factor factored
-    cdef double stride
-    cdef double[:, ::1] past
-
     def __init__(self, addresses, p, Py_ssize_t work_size, Py_ssize_t out_size, lengths, solved, inputs, unknown,
                  double size, Py_ssize_t rank):
         cdef Py_ssize_t n = len(lengths)
@@ -93,10 +60,10 @@ cdef class LoopEquations(Equations):
             raise ValueError("a loop without the kernel 'position' cannot be solved")
         if n > MOST:
             raise ValueError(f"a loop has at most {MOST} variables, got {n}")
-        self.inputs, self.position = _kernel(addresses, "inputs"), _kernel(addresses, "position")
-        self.motion, self.inverse = _kernel(addresses, "motion"), _kernel(addresses, "inverse")
-        self.given, self.mass_matrix = _kernel(addresses, "given"), _kernel(addresses, "mass_matrix")
-        self.outputs, self.energy = _kernel(addresses, "outputs"), _kernel(addresses, "energy")
+        self.inputs, self.position = kernel_of(addresses, "inputs"), kernel_of(addresses, "position")
+        self.motion, self.inverse = kernel_of(addresses, "motion"), kernel_of(addresses, "inverse")
+        self.given, self.mass_matrix = kernel_of(addresses, "given"), kernel_of(addresses, "mass_matrix")
+        self.outputs, self.energy = kernel_of(addresses, "outputs"), kernel_of(addresses, "energy")
         self.n, self.m, self.extra, self.dim = n, ROWS, 1, 2 * n + 1
         self.p = np.array([*p, 0.0])
         self.solved = np.array([*solved, -1], dtype=np.intp)
@@ -368,314 +335,3 @@ cdef class LoopEquations(Equations):
         """Return the screws of all variables at q, shape (6, n), and the defect of closure there."""
         cdef double defect = self._look(t, &q[0])
         return np.array(self.screws[12 : 12 + ROWS * self.n]).reshape(ROWS, self.n), defect
-
-    def follow(self, double t, double[::1] q, const double[::1] times, double longest, double[:, ::1] states,
-               double[:, ::1] out, double[:, ::1] diagnosis):
-        """Follow the loop from a closed state (t, q) through monotone times; return the status and how many.
-
-        Parameters
-        ----------
-        q
-            The state at t; in the end that at the last time reached, as far as it was followed.
-        longest
-            Longest step in time [s].
-        states, out, diagnosis
-            For every time: q, rates, accelerations and closing wrench; what the kernel 'outputs' gives; the
-            columns CLOSURE, RATES, SOUNDNESS, HOLD, STATUS.
-
-        Returns
-        -------
-        tuple
-            Status, number of times reached, and the time up to which the loop could be followed.
-        """
-        cdef Py_ssize_t count = 0
-        cdef int status
-        cdef double at = t
-        with nogil:
-            status = self._follow(&at, &q[0], times, longest, states, out, diagnosis, &count)
-        return status, count, at
-
-    cdef int _follow(self, double *t, double *q, const double[::1] times, double longest, double[:, ::1] states,
-                     double[:, ::1] out, double[:, ::1] diagnosis, Py_ssize_t *count) noexcept nogil:
-        cdef Py_ssize_t i, n = self.n
-        cdef int status
-        cdef double *u = &self.u[0]
-        cdef double *state
-        cdef double b[6]
-        self.stride = 0.0
-        status = self._close(t[0], q)
-        if status == _DONE:
-            status = self._move(t[0], q, u, &self.work[0])
-        if status != _DONE:
-            return status
-        for i in range(times.shape[0]):
-            status = self._advance(t, q, times[i], longest)
-            state = &states[i, 0]
-            if status == _BLIND:
-                memcpy(state, &self.q[0], n * sizeof(double))
-                if self.outputs != NULL:
-                    self.outputs(&times[i], &self.q[0], u, &self.p[0], &self.work[0], &out[i, 0])
-                diagnosis[i, 0], diagnosis[i, 1], diagnosis[i, 2] = self.closure, 0.0, self.soundness
-                diagnosis[i, 3], diagnosis[i, 4] = 0.0, status
-                count[0] = i + 1
-                continue
-            if status != _DONE:
-                return status
-            memcpy(state, q, n * sizeof(double))
-            memcpy(state + n, u, n * sizeof(double))
-            status = self._force(t[0], q, u, &self.work[0])
-            memcpy(state + 2 * n, &self.work[0], (n + ROWS) * sizeof(double))
-            if self.outputs != NULL:
-                self.outputs(t, q, u, &self.p[0], &self.work[0], &out[i, 0])
-            if status != _POLE and not (self._finite(&self.work[0], n + ROWS) and self._finite(&out[i, 0], self.told)):
-                return _NOT_FINITE
-            diagnosis[i, 0], diagnosis[i, 1], diagnosis[i, 2] = self.closure, self.rates_left, self.soundness
-            diagnosis[i, 3], diagnosis[i, 4] = self.hold, status
-            count[0] = i + 1
-        return _DONE
-
-    cdef int _advance(self, double *t, double *q, double target, double longest) noexcept nogil:
-        """Go to the target in steps whose prediction holds, on one branch.
-
-        Where the screws lose rank at the target itself, answer BLIND: it is closed there in ``self.q``, and t
-        and q stay at the step before.
-        """
-        cdef Py_ssize_t k, j
-        cdef int status
-        cdef double h = target - t[0], least = 1e-10 * longest, moved, astray, next
-        cdef double *u = &self.u[0]
-        cdef double *a = &self.work[0]
-        cdef double *new = &self.q[0]
-        if h == 0.0:
-            return _DONE
-        while True:
-            if fabs(h) > longest:
-                h = longest if h > 0.0 else -longest
-            next = t[0] + h
-            if fabs(target - next) < 1e-9 * fabs(h):
-                next = target
-            memcpy(new, q, self.n * sizeof(double))
-            moved = self._predict(next - t[0], q, u, a)
-            for k in range(self.nf):
-                new[self.solved[k]] += self.rhs[k]
-            status = self._close(next, new) if moved <= LONGEST else _OPEN
-            if status == _DONE:
-                astray = 0.0
-                for k in range(self.nf):
-                    j = self.solved[k]
-                    astray = fmax(astray, fabs(new[j] - q[j] - self.rhs[k]) / self.scale[j])
-                if astray > ASTRAY * moved + 1e-9:
-                    status = _OPEN
-                elif next == target and not self.soundness > SIGHT:
-                    return _BLIND
-                elif not self.soundness > RANK:
-                    status = _SINGULAR
-            if status == _DONE:
-                memcpy(&self.past[0, 0], q, self.n * sizeof(double))
-                memcpy(&self.past[1, 0], u, self.n * sizeof(double))
-                memcpy(&self.past[2, 0], a, self.n * sizeof(double))
-                self.stride = next - t[0]
-                status = self._move(next, new, u, a)
-                if status != _DONE:
-                    return status
-                memcpy(q, new, self.n * sizeof(double))
-                t[0] = next
-                if next == target:
-                    return _DONE
-                h = 2.0 * h if fabs(2.0 * h) < fabs(target - next) else target - next
-                continue
-            h *= 0.5
-            if fabs(h) < least:
-                return status if status in (_SINGULAR, _NOT_FINITE) else _OPEN
-
-    cdef double _predict(self, double h, const double *q, const double *u, const double *a) noexcept nogil:
-        """Predict the change over h into ``rhs``; return the largest, in radians or sizes of the loop.
-
-        By Hermite's quintic through this state and the one before, unless that lies much nearer.
-        """
-        cdef Py_ssize_t k, j
-        cdef double g = self.stride, s, e0, e1, e2, c3, c4, c5, largest = 0.0
-        cdef bint two = g * h > 0.0 and fabs(h) <= 1.5 * fabs(g)
-        for k in range(self.nf):
-            j = self.solved[k]
-            self.rhs[k] = h * (u[j] + 0.5 * h * a[j])
-            if two:
-                e0 = self.past[0, j] - q[j] + g * (u[j] - 0.5 * g * a[j])
-                e1 = g * (self.past[1, j] - u[j] + g * a[j])
-                e2 = g * g * (self.past[2, j] - a[j])
-                c3 = -0.5 * (e2 + 20.0 * e0 + 8.0 * e1)
-                c5 = e1 + 4.0 * e0 + c3
-                c4 = e0 + c3 + c5
-                s = h / g
-                self.rhs[k] += s * s * s * (c3 + s * (c4 + s * c5))
-            largest = fmax(largest, fabs(self.rhs[k]) / self.scale[j])
-        return largest
-
-    # -- motion under forces: what the step loop asks --------------------------------------------------------
-
-    cdef int factorise(self, double t, const double *y) noexcept nogil:
-        """Factorise the screws at y, with the inputs where they are prescribed."""
-        memcpy(&self.q[0], y, self.n * sizeof(double))
-        self._prescribe(t, &self.q[0])
-        if not isfinite(self._look(t, &self.q[0])):
-            return _NOT_FINITE
-        return _SINGULAR if self.soundness <= RANK else _DONE
-
-    cdef void accelerate(self, double t, const double *y) noexcept nogil:
-        """Leave accelerations and the closing wrench in ``out``."""
-        cdef Py_ssize_t i, j, k, n = self.n
-        cdef double total
-        cdef double b[MOST]
-        cdef double *q = &self.q[0]
-        cdef double *u = &self.u[0]
-        cdef double *a = &self.out[0]
-        self.factorise(t, y)
-        memcpy(u, y + n, n * sizeof(double))
-        for k in range(self.ni):
-            u[self.driven[k]] = self.prescribed[3 * k + 1]
-        self.motion(&t, q, u, &self.p[0], &self.work2[0], &self.loads[0])
-        self._changes(2, &self.loads[ROWS * n], b, a)
-        self.inverse(&t, q, u, &self.p[0], a, &self.loads[0])
-        memset(&self.efforts[0], 0, n * sizeof(double))
-        self.given(&t, q, u, &self.p[0], a, &self.efforts[0])
-        if self.free:
-            self.mass_matrix(&t, q, u, &self.p[0], a, &self.mass[0])
-            self._span()
-            if not self._balance():
-                a[0] = INFINITY
-                return
-            for j in range(n):
-                total = 0.0
-                for k in range(self.free):
-                    total += self.basis[k, j] * self.reduced[self.free * self.free + k]
-                a[j] += total
-                self.step[j] = total
-            for i in range(n):
-                for j in range(n):
-                    self.loads[i] += self.mass[n * i + j] * self.step[j]
-        for k in range(self.nf):
-            b[k] = self.efforts[self.solved[k]] - self.loads[self.solved[k]]
-        self._hold(b, a + n)
-
-    cdef void _span(self) noexcept nogil:
-        """Write into ``basis`` the motions that the closure leaves free, a row each, over all variables."""
-        cdef Py_ssize_t i, k, f
-        cdef double c[6]
-        for f in range(self.free):
-            for k in range(self.n):
-                self.basis[f, k] = 0.0
-            for i in range(self.rank):
-                c[i] = -self.factored.r[ROWS * (self.rank + f) + i]
-            for i in range(self.rank - 1, -1, -1):
-                c[i] /= self.factored.r[ROWS * i + i]
-                for k in range(i):
-                    c[k] -= self.factored.r[ROWS * i + k] * c[i]
-            for i in range(self.rank):
-                k = self.solved[self.factored.order[i]]
-                self.basis[f, k] = c[i] * self.scale[k]
-            k = self.solved[self.factored.order[self.rank + f]]
-            self.basis[f, k] = self.scale[k]
-
-    cdef bint _balance(self) noexcept nogil:
-        """Solve the equations of the free motions by Cholesky's method; False where one has no mass."""
-        cdef Py_ssize_t i, j, k, d = self.free, n = self.n
-        cdef double total, diagonal
-        cdef double *r = &self.reduced[0]
-        cdef double *z = r + d * d
-        for i in range(d):
-            for j in range(n):
-                total = 0.0
-                for k in range(n):
-                    total += self.mass[n * j + k] * self.basis[i, k]
-                self.step[j] = total
-            for k in range(i + 1):
-                total = 0.0
-                for j in range(n):
-                    total += self.basis[k, j] * self.step[j]
-                r[d * i + k] = total
-            z[i] = 0.0
-            for j in range(n):
-                z[i] += self.basis[i, j] * (self.efforts[j] - self.loads[j])
-        for i in range(d):
-            for k in range(i + 1):
-                total = r[d * i + k]
-                diagonal = total
-                for j in range(k):
-                    total -= r[d * i + j] * r[d * k + j]
-                if i > k:
-                    r[d * i + k] = total / r[d * k + k]
-                elif not total > NO_MASS * diagonal:
-                    self.weakest = self.solved[self.factored.order[self.rank + i]]
-                    return False
-                else:
-                    r[d * i + i] = sqrt(total)
-        for i in range(d):
-            for j in range(i):
-                z[i] -= r[d * i + j] * z[j]
-            z[i] /= r[d * i + i]
-        for i in range(d - 1, -1, -1):
-            for j in range(i + 1, d):
-                z[i] -= r[d * j + i] * z[j]
-            z[i] /= r[d * i + i]
-        return True
-
-    cdef double position_error(self, double t, const double *y) noexcept nogil:
-        """Return the defect of closure [m]."""
-        return self.size * self._look(t, y)
-
-    cdef double velocity_error(self, double t, const double *y) noexcept nogil:
-        """Return the largest rate of closure [m/s], with the screws that ``position_error`` left."""
-        cdef Py_ssize_t i, j
-        cdef double total, worst = 0.0
-        for i in range(ROWS):
-            total = 0.0
-            for j in range(self.n):
-                total += self.screws[12 + self.n * i + j] * y[self.n + j]
-            worst = fmax(worst, fabs(total) * (self.size if i < 3 else 1.0))
-        return worst
-
-    cdef int project(self, double t, double *y) noexcept nogil:
-        """Close the loop and its rates again, the inputs as prescribed."""
-        cdef Py_ssize_t i, j, k, n = self.n
-        cdef int status
-        cdef double b[6]
-        cdef double x[MOST]
-        status = self._close(t, y)
-        if status == _OPEN:
-            return _PROJECTION_FAILED
-        if status != _DONE:
-            return status
-        if self.soundness <= RANK:
-            return _SINGULAR
-        for k in range(self.ni):
-            y[n + self.driven[k]] = self.prescribed[3 * k + 1]
-        for i in range(ROWS):
-            b[i] = 0.0
-            for j in range(n):
-                b[i] -= self.screws[12 + n * i + j] * y[n + j]
-        self._solve(b, x)
-        for k in range(self.nf):
-            y[n + self.solved[k]] += x[k]
-        return _DONE
-
-    cdef void make_tangent(self, double t, const double *y, double *e) noexcept nogil:
-        """Take from e, a change of q or of u at y, what closure does not allow, with the last factor."""
-        cdef Py_ssize_t i, j, k
-        cdef double b[6]
-        cdef double x[MOST]
-        for k in range(self.ni):
-            e[self.driven[k]] = 0.0
-        for i in range(ROWS):
-            b[i] = 0.0
-            for j in range(self.n):
-                b[i] -= self.screws[12 + self.n * i + j] * e[j]
-        self._solve(b, x)
-        for k in range(self.nf):
-            e[self.solved[k]] += x[k]
-
-    cdef void measure_energy(self, double t, const double *y) noexcept nogil:
-        """Leave kinetic and potential energy, and the power of what has no potential, in ``energies``.
-
-        The closing wrench, which that power needs, is not found here: the power is not to be used.
-        """
-        self.energy(&t, y, y + self.n, &self.p[0], &self.out[0], &self.energies[0])
