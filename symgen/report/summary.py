@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import TYPE_CHECKING
 
 from symgen.runtime.description import LoopDescription
-from symgen.runtime.loop_model import LoopModel
-from symgen.runtime.model import Model
+
+if TYPE_CHECKING:
+    from symgen.runtime.loop_model import LoopModel
+    from symgen.runtime.model import Model
 
 
 def model_lines(model: Model | LoopModel) -> Iterator[str]:
@@ -30,10 +33,11 @@ def model_lines(model: Model | LoopModel) -> Iterator[str]:
 
 def freedom_lines(model: Model | LoopModel) -> Iterator[str]:
     """Yield the degrees of freedom at the start, and the constraints that others imply there."""
-    if isinstance(model, LoopModel):
-        yield from _of_loop(model.description)
+    d = model.description
+    if isinstance(d, LoopDescription):
+        yield from _of_loop(d)
         return
-    d, redundant = model.description, model.redundant
+    redundant = model.redundant
     freedom = d.coordinates - len(d.constraints) + len(redundant)
     count = f"{d.coordinates} coordinates, {len(d.constraints)} constraints"
     yield f"{count}: {_degrees(freedom)} of freedom at the start"

@@ -11,7 +11,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import brentq
 
 from symgen.errors import ModelError
 from symgen.runtime import _core, _follow, _loop
@@ -62,6 +61,8 @@ def _between(
     ends = follower(low), follower(high)
     if not ends[0] * ends[1] < 0.0:
         return None  # the input turned back between the samples, or the loop could not be followed
+    from scipy.optimize import brentq  # loaded only where a pole is
+
     at = float(brentq(follower, low, high, xtol=1e-15 * max(1.0, abs(high)), rtol=8.9e-16))
     follower(at)
     return (at, follower.q) if abs(follower.hold) < 1e-6 else None
