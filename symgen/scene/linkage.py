@@ -10,6 +10,7 @@ from functools import cached_property
 import sympy as sp
 
 from symgen.errors import SceneError
+from symgen.scene.elastic import Crank, ElasticLink, Station
 from symgen.symbolic.quantity import Quantity, quantity
 
 TIME = quantity("t", "s", "time")
@@ -249,6 +250,9 @@ class Linkage:
     t_end: sp.Expr
     assembly_tolerance: sp.Expr
     outputs: tuple[str, ...] | None
+    elastic: tuple[ElasticLink, ...] = ()
+    crank: Crank | None = None
+    stations: tuple[Station, ...] = ()
 
     @cached_property
     def defaults(self) -> Mapping[sp.Symbol, sp.Expr]:
