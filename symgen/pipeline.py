@@ -176,7 +176,7 @@ def _analysis(
 
     def make(folder: Path) -> tuple[Description, Library]:
         with _no_collection():
-            from symgen.models.linearised import analysis_system
+            from symgen.models.analyses import analysis_system
             from symgen.scene.resolve import resolve_linkage
 
             program, equations, sources = _lowered(

@@ -15,7 +15,7 @@ from typer.testing import CliRunner
 import symgen
 from symgen.cli import app
 from symgen.errors import SymgenError
-from symgen.models.linearised import ANALYSES, analysis_system
+from symgen.models.analyses import ANALYSES, analysis_system
 from symgen.pipeline import _text_of, check_scene
 from symgen.scene.resolve import resolve
 
