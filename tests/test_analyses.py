@@ -82,7 +82,7 @@ def test_kernels_of_the_analyses(scene, kind, backend):
     scene = SCENES[scene]()
     model = symgen.build(scene, backend=backend)
     system = analysis_system(resolve(check_scene(_text_of(scene))), kind)
-    oracle, kernels = Oracle(system), model._analysis(kind)
+    oracle, kernels = Oracle(system), model.analysis(kind)
     rng = np.random.default_rng(3)
     for _ in range(2):
         values = values_of(model, system, rng)

@@ -8,6 +8,7 @@ cdef class BeamEquations(Equations):
     cdef readonly RigidMotion motion
     cdef readonly Py_ssize_t whole, entries, band
     cdef readonly bint thesis
+    cdef bint resting
     # superelements
     cdef Py_ssize_t pieces
     cdef Py_ssize_t[::1] sizes, constants_at, link_of, places, places_at, slots, slots_at
@@ -41,5 +42,8 @@ cdef class BeamEquations(Equations):
     cdef void _piece(self, Py_ssize_t k) noexcept nogil
     cdef void _joints(self) noexcept nogil
     cdef int _reduce(self, bint choose) noexcept nogil
+    cdef int _dependent_rows(self) noexcept nogil
+    cdef void _project(self, const double *a, Py_ssize_t of_a, const double *b, Py_ssize_t of_b, double times,
+                       const double *c, Py_ssize_t of_c, double *out) noexcept nogil
     cdef int _choose(self) noexcept nogil
     cdef int _factor_mass(self) noexcept nogil

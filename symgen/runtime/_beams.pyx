@@ -19,7 +19,7 @@ from symgen.runtime._rigid_motion cimport MOTION
 cdef double RANK = 1e-9
 # Matrices of a superelement, each n x n, and behind them its load vectors.
 cdef enum:
-    MATRICES = 7
+    MATRICES = 8
     LOADS = 4
 
 
@@ -38,7 +38,7 @@ cdef class BeamEquations(Equations):
 
     def __init__(self, motion, layout, bint thesis):
         cdef Py_ssize_t n = layout.unknowns, m = layout.constraints
-        self.motion, self.thesis = motion, thesis
+        self.motion, self.thesis, self.resting = motion, thesis, False
         self.whole, self.m, self.extra = n, m, 0
         self.n, self.dim = n, 2 * n
         self.pieces = len(layout.sizes)
@@ -85,7 +85,7 @@ cdef class BeamEquations(Equations):
         With ``choose`` the dependent unknowns are chosen anew, else they are those of the time before.
         """
         cdef Py_ssize_t k
-        cdef int status = self.motion.at(t)
+        cdef int status = self.motion.at_rest(t) if self.resting else self.motion.at(t)
         if status != _DONE:
             return status
         memset(&self.full_mass[0], 0, self.full_mass.shape[0] * sizeof(double))
@@ -111,7 +111,8 @@ cdef class BeamEquations(Equations):
         cdef double ww = w * w, a, b, sign
         cdef double *constant = &self.constants[self.constants_at[k]]
         cdef double *mass = constant
-        cdef double *gyroscopic = mass + nn
+        cdef double *centrifugal = mass + nn
+        cdef double *gyroscopic = centrifugal + nn
         cdef double *stiffness = gyroscopic + nn
         cdef double *damping = stiffness + nn
         cdef double *tension = damping + nn
@@ -125,7 +126,7 @@ cdef class BeamEquations(Equations):
         memcpy(m, mass, nn * sizeof(double))
         for i in range(nn):
             d[i] = damping[i] - 2 * w * gyroscopic[i]
-            g[i] = (stiffness[i] - ww * mass[i] - turn * gyroscopic[i] + pull * tension[i]
+            g[i] = (stiffness[i] - ww * centrifugal[i] - turn * gyroscopic[i] + pull * tension[i]
                     + along * tension[nn + i] - ww * tension[2 * nn + i])
         for i in range(n):
             q[i] = -along * loads[i] - across * loads[n + i] + ww * loads[2 * n + i] - turn * loads[3 * n + i]
@@ -234,6 +235,8 @@ cdef class BeamEquations(Equations):
         cdef double total
         cdef int status
         cdef double *found = &self.motion.joined[0]
+        if self.resting:
+            memset(&found[self.joint_at[5]], 0, 2 * m * self.coordinates * sizeof(double))
         memset(&self.bound[0, 0], 0, 3 * m * n * sizeof(double))
         for k in range(3):
             for i in range(m):
@@ -428,9 +431,14 @@ cdef class BeamEquations(Equations):
 
     # -- for Python ------------------------------------------------------------------------------------------
 
-    def matrices(self, double t):
-        """Return status, mass, damping, stiffness (dense) and load of the free unknowns, and R, R', R'' or None."""
+    def matrices(self, double t, bint resting=False):
+        """Return status, mass, damping, stiffness (dense) and load of the free unknowns, and R, R', R'' or None.
+
+        With ``resting`` they are those of the structure at rest in its pose, without loads of motion.
+        """
+        self.resting = resting
         cdef int status = self.assemble(t, True)
+        self.resting = False
         free = self.whole - self.m
         made = []
         for values in (self.mass, self.damping, self.stiffness):

@@ -11,10 +11,11 @@ cdef class RigidMotion:
     cdef kernel_t links, joints, torque, point_loads
     cdef readonly Py_ssize_t count
     cdef readonly double t, stride
-    cdef double[::1] y, began
+    cdef double[::1] y, began, still
     cdef double[::1] motion, joined, turning, loads
     cdef double began_at
     cdef bint solved
 
     cdef int at(self, double t) noexcept nogil
+    cdef int at_rest(self, double t) noexcept nogil
     cdef int _moved(self, double t) noexcept nogil

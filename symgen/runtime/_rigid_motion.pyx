@@ -32,6 +32,7 @@ cdef class RigidMotion:
         self.torque, self.point_loads = kernel_of(motion, "torque"), kernel_of(motion, "point_loads")
         self.count = sizes[0] // MOTION
         self.motion, self.joined, self.turning, self.loads = (np.zeros(size + 1) for size in sizes)
+        self.still = np.zeros(len(y) + equations.n + equations.m + 1)
         self.y, self.began = np.array([*y, 0.0]), np.array([*y, 0.0])
         self.t, self.began_at, self.stride, self.solved = t, t, stride, False
 
@@ -60,6 +61,18 @@ cdef class RigidMotion:
             self.torque(&self.t, q, u, &self.equations.p[0], &self.equations.out[0], &self.turning[0])
         if self.point_loads != NULL:
             self.point_loads(&self.t, q, u, &self.equations.p[0], &self.equations.out[0], &self.loads[0])
+        return _DONE
+
+    cdef int at_rest(self, double t) noexcept nogil:
+        """Evaluate the kernels in the pose of a time as if nothing moved and nothing loaded the linkage."""
+        cdef Py_ssize_t i, k
+        cdef int status = self.at(t)
+        if status != _DONE:
+            return status
+        for k in range(self.count):
+            for i in range(2, MOTION):
+                self.motion[MOTION * k + i] = 0.0
+        self.joints(&self.t, &self.y[0], &self.still[0], &self.equations.p[0], &self.still[0], &self.joined[0])
         return _DONE
 
     cdef int _moved(self, double t) noexcept nogil:

@@ -182,9 +182,14 @@ class Model(Compiled):
     def _kinematics(self) -> Bonds:
         from symgen.runtime.bonds import Bonds
 
-        return Bonds(self._evaluator, self._analysis("kinematics"))
+        return Bonds(self._evaluator, self.analysis("kinematics"))
 
-    def _analysis(self, kind: str) -> Evaluator:
+    @property
+    def evaluator(self) -> Evaluator:
+        """Its kernels as functions of arrays."""
+        return self._evaluator
+
+    def analysis(self, kind: str) -> Evaluator:
         """Return the kernels that only one kind of analysis needs, made when first asked for."""
         if self._analyses is None:
             raise ModelError(
@@ -272,7 +277,7 @@ class Model(Compiled):
         when = begin.t if t is None else float(t)
         bonds = self._kinematics()
         at_rest(bonds, begin.q, when)
-        statics = Statics(bonds, self._analysis("statics"), when)
+        statics = Statics(bonds, self.analysis("statics"), when)
         return describe(statics, *find(statics, begin.q, stable))
 
     def modes(self, about: Equilibrium | None = None) -> Modes:
