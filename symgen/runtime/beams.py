@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from symgen.errors import ModelError
+from symgen.runtime.beam_damping import modal, rayleigh
 from symgen.runtime.beam_data import BeamInfo, Lump, Piece, Properties, StationRows
 from symgen.runtime.beam_elements import SHAPES, Segment, at, names, segment_at, segments
-from symgen.runtime.beam_pieces import pieces
+from symgen.runtime.beam_pieces import pieces, transformed, whole
+from symgen.runtime.beam_reduction import of_one_length, reduced
 
 __all__ = ["Beam", "BeamInfo", "Lump", "Piece", "Properties", "StationRows", "beam"]
 
@@ -95,26 +97,51 @@ def beam(info: BeamInfo, properties: Properties, lumps: Sequence[Lump] = ()) -> 
     Raises
     ------
     ModelError
-        When a number makes no sense, naming link and number.
+        When a number makes no sense, or a reduction or damping cannot be had, naming the link.
     """
     _check(info, properties, lumps)
     parts = segments(info, properties)
     dofs = names(info)
+    found = pieces(parts, properties, lumps, info.geometric_stiffness)
+    expansion = None
+    if not info.axial:
+        total = whole(found, len(dofs))
+        dofs, expansion = of_one_length(info, dofs, parts, total.stiffness)
+        found = (transformed(total, expansion),)
+    if info.reduction:
+        total = whole(found, len(dofs))
+        dofs, basis = reduced(info, dofs, _fixed(info, properties, dofs), total)
+        expansion = basis if expansion is None else expansion @ basis
+        found = (transformed(total, basis),)
+    fixed = _fixed(info, properties, dofs)
     last = f"@{info.elements}"
     ends = (
         (dofs.index("u@0"), dofs.index("w@0")),
         (dofs.index("u" + last), dofs.index("w" + last)),
     )
-    found = pieces(parts, properties, lumps, info.geometric_stiffness)
-    return Beam(
-        info, properties, tuple(lumps), dofs, ends, _fixed(info, properties, dofs), found, parts, None
-    )
+    damped = _damped(info, properties, dofs, fixed, found)
+    return Beam(info, properties, tuple(lumps), dofs, ends, fixed, damped, parts, expansion)
+
+
+def _damped(
+    info: BeamInfo,
+    properties: Properties,
+    dofs: Sequence[str],
+    fixed: Sequence[int],
+    found: tuple[Piece, ...],
+) -> tuple[Piece, ...]:
+    """Return the pieces with their damping: one piece where modes are damped, for these couple them all."""
+    if properties.ratio:
+        found = (whole(found, len(dofs)),)
+    damped = [replace(piece, damping=rayleigh(piece, properties)) for piece in found]
+    if properties.ratio:
+        by_modes = modal(info, dofs, fixed, damped[0], properties)
+        damped[0] = replace(damped[0], damping=damped[0].damping + by_modes)
+    return tuple(damped)
 
 
 def _fixed(info: BeamInfo, properties: Properties, dofs: Sequence[str]) -> tuple[int, ...]:
     """Return the curvatures that are zero because the moment is, at ends that have bending stiffness."""
-    if "kappa" not in info.node_dofs:
-        return ()
     ends = (
         (0, 0.0, info.clamped or info.moments[0]),
         (info.elements, properties.length, info.moments[1]),
@@ -123,7 +150,7 @@ def _fixed(info: BeamInfo, properties: Properties, dofs: Sequence[str]) -> tuple
     return tuple(
         dofs.index(f"kappa@{node}")
         for node, x, bent in ends
-        if not bent and at(properties.bending, x) > 1e-9 * largest
+        if not bent and f"kappa@{node}" in dofs and at(properties.bending, x) > 1e-9 * largest
     )
 
 
