@@ -75,14 +75,14 @@ cdef class BeamSteps:
         """Step from t0 to t1; return a status of the core."""
         cdef Py_ssize_t k
         cdef double h = (t1 - t0) / steps
-        cdef int status
+        cdef int status = _DONE
         with nogil:
             for k in range(steps):
                 status = self._collocation(t0 + k * h, h) if self.collocated else self._one_step(t0 + k * h, h)
                 if status != _DONE:
-                    return status
+                    break
                 self.steps += 1
-        return _DONE
+        return status
 
     @property
     def displacements(self):
@@ -125,13 +125,12 @@ cdef class BeamSteps:
 
     cdef int _at(self, Py_ssize_t stage, double t) noexcept nogil:
         """Assemble at a time and keep it as a stage."""
-        cdef BeamEquations e = self.equations
-        cdef int status = e.assemble(t, False)
+        cdef int status = self.equations.assemble(t, False)
         if status == _DONE:
-            memcpy(&self.mass[stage, 0], &e.mass[0], self.entries * sizeof(double))
-            memcpy(&self.damping[stage, 0], &e.damping[0], self.entries * sizeof(double))
-            memcpy(&self.stiffness[stage, 0], &e.stiffness[0], self.entries * sizeof(double))
-            memcpy(&self.load[stage, 0], &e.load[0], self.free * sizeof(double))
+            memcpy(&self.mass[stage, 0], &self.equations.mass[0], self.entries * sizeof(double))
+            memcpy(&self.damping[stage, 0], &self.equations.damping[0], self.entries * sizeof(double))
+            memcpy(&self.stiffness[stage, 0], &self.equations.stiffness[0], self.entries * sizeof(double))
+            memcpy(&self.load[stage, 0], &self.equations.load[0], self.free * sizeof(double))
         return status
 
     cdef int _solve(self, Py_ssize_t size) noexcept nogil:
@@ -218,21 +217,20 @@ cdef class BeamSteps:
 
     cdef void _accelerations(self) noexcept nogil:
         """Find S'' of the start from the equations just assembled."""
-        cdef BeamEquations e = self.equations
         cdef Py_ssize_t i, r, c
-        cdef int n = self.free, k = e.band, lead = 3 * e.band + 1, info = 0, columns = self.columns
-        e._factor_mass()
+        cdef int n = self.free, k = self.equations.band, lead = 3 * self.equations.band + 1, info = 0, columns = self.columns
+        self.equations._factor_mass()
         for r in range(self.free):
-            self.rhs[r] = e.load[r]
+            self.rhs[r] = self.equations.load[r]
             for c in range(1, self.columns):
                 self.rhs[c * self.free + r] = 0.0
         for i in range(self.entries):
-            r = e.rows[i]
+            r = self.equations.rows[i]
             for c in range(self.columns):
-                self.rhs[c * self.free + r] -= (e.damping[i] * self.pv[e.columns[i], c]
-                                                + e.stiffness[i] * self.p[e.columns[i], c])
-        gbtrs("N", &n, &k, &k, &columns, &e.banded[0], &lead, &e.pivots[0], &self.rhs[0], &n, &info)
+                self.rhs[c * self.free + r] -= (self.equations.damping[i] * self.pv[self.equations.columns[i], c]
+                                                + self.equations.stiffness[i] * self.p[self.equations.columns[i], c])
+        gbtrs("N", &n, &k, &k, &columns, &self.equations.banded[0], &lead, &self.equations.pivots[0], &self.rhs[0], &n, &info)
         for r in range(self.free):
             for c in range(self.columns):
                 self.pa[r, c] = self.rhs[c * self.free + r]
-        e.expand(2, &self.p[0, 0], &self.pv[0, 0], &self.pa[0, 0], self.columns, &self.acc[0, 0])
+        self.equations.expand(2, &self.p[0, 0], &self.pv[0, 0], &self.pa[0, 0], self.columns, &self.acc[0, 0])
