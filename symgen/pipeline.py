@@ -39,7 +39,7 @@ if TYPE_CHECKING:
 
 BACKENDS = ("auto", "c", "numpy")
 _DESCRIPTION, _LIBRARY = "description.json", "kernels.so"
-_GENERATOR = ("scene", "symbolic", "joints", "mechanics", "models", "lowering", "codegen")
+_GENERATOR = ("scene", "symbolic", "joints", "elements", "mechanics", "models", "lowering", "codegen")
 
 
 def build(
