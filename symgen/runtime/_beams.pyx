@@ -441,9 +441,9 @@ cdef class BeamEquations(Equations):
         self.resting = False
         free = self.whole - self.m
         made = []
-        for values in (self.mass, self.damping, self.stiffness):
+        for values in [np.asarray(self.mass), np.asarray(self.damping), np.asarray(self.stiffness)]:
             matrix = np.zeros((free, free))
-            np.add.at(matrix, (np.asarray(self.rows), np.asarray(self.columns)), np.asarray(values)[:self.entries])
+            np.add.at(matrix, (np.asarray(self.rows), np.asarray(self.columns)), values[:self.entries])
             made.append(matrix)
         basis = np.array(self.basis) if self.m else None
         return status, *made, np.array(self.load[:free]), basis

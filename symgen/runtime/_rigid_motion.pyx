@@ -101,7 +101,8 @@ cdef class RigidMotion:
     def evaluate(self, double t):
         """Return status, state, motion of links, what the joints kernel wrote, torque and point loads at a time."""
         cdef int status = self.at(t)
-        return status, *(np.array(a)[:-1] for a in (self.y, self.motion, self.joined, self.turning, self.loads))
+        return status, *[np.array(self.y)[:-1], np.array(self.motion)[:-1], np.array(self.joined)[:-1],
+                         np.array(self.turning)[:-1], np.array(self.loads)[:-1]]
 
     def solution(self):
         """Return accelerations and multipliers where the motion is."""
