@@ -13,6 +13,7 @@ from symgen.cli.common import (
     SceneArgument,
     SetOption,
     app,
+    changes,
     console,
     linkage,
     print_json,
@@ -81,14 +82,44 @@ def equilibrium(
 
 @app.command()
 def modes(
-    scene: SceneArgument, set_: SetOption = None, as_json: JsonOption = False, backend: BackendOption = "auto"
+    scene: SceneArgument,
+    at: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--at",
+            metavar="ANGLE[,ANGLE...]",
+            help='Crank angles of a scene with elastic links: "0,60" (degrees), "0.5 rad"; its start if absent.',
+        ),
+    ] = None,
+    set_: SetOption = None,
+    as_json: JsonOption = False,
+    backend: BackendOption = "auto",
 ) -> None:
-    """Find frequencies and shapes of small oscillations about the equilibrium of a scene."""
+    """Find frequencies and shapes of small oscillations: about the equilibrium, or of elastic links in a pose."""
+    from symgen.errors import ModelError
+    from symgen.pipeline import build as build_model
+    from symgen.runtime.elastic_model import ElasticModel
+
+    elastic = build_model(scene, set=changes(set_), backend=backend)
+    if isinstance(elastic, ElasticModel):
+        from symgen.report.elastic import print_elastic_modes
+        from symgen.runs import angles
+
+        found = [elastic.modes(angle) for angle in angles(at)] if at else [elastic.modes()]
+        if not as_json:
+            print_elastic_modes(found, elastic.description.title, console())
+        elif len(found) == 1:
+            print_json(found[0].summary())
+        else:
+            print_json({"scene": elastic.name, "poses": [m.summary() for m in found]})
+        return
+    if at:
+        raise ModelError(f"{elastic.name} has no elastic links: --at is for those")
     model = linkage(scene, set_, backend, "modes")
-    found = model.modes()
+    about = model.modes()
     if as_json:
-        print_json({"scene": model.name, **found.summary()})
+        print_json({"scene": model.name, **about.summary()})
     else:
         from symgen.report.analyses import print_modes
 
-        print_modes(found, model.description.title, console())
+        print_modes(about, model.description.title, console())

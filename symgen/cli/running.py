@@ -28,7 +28,13 @@ def run(
     t_end: Annotated[
         float | None, typer.Option(help="End of the run [s]; the scene's own when absent.")
     ] = None,
-    method: Annotated[str | None, typer.Option(help="dop853 (adaptive) or rk4 (fixed step).")] = None,
+    method: Annotated[
+        str | None,
+        typer.Option(
+            help="dop853 (adaptive) or rk4 (fixed step); of elastic links also gauss, gauss4, newmark, "
+            "generalized-alpha, quasi-static, periodic."
+        ),
+    ] = None,
     rtol: Annotated[float | None, typer.Option(help="Relative tolerance of the local error.")] = None,
     atol: Annotated[float | None, typer.Option(help="Absolute tolerance [m, m/s].")] = None,
     step: Annotated[float | None, typer.Option(help="Fixed step [s].")] = None,
@@ -50,6 +56,20 @@ def run(
             "--through", help="Follow a driven loop on through the values at which its input turns back."
         ),
     ] = False,
+    revolutions: Annotated[
+        float | None, typer.Option(help="Turns of the crank of a scene with elastic links (1).")
+    ] = None,
+    steps: Annotated[
+        int | None,
+        typer.Option(help="Steps a turn with elastic links; doubled until they suffice when absent."),
+    ] = None,
+    form: Annotated[
+        str | None, typer.Option(help="Equations of elastic links: exact, or thesis (for comparison only).")
+    ] = None,
+    geometric_stiffness: Annotated[
+        bool | None,
+        typer.Option(help="Whether axial forces stiffen elastic links; as the scene says when absent."),
+    ] = None,
     set_: SetOption = None,
     out: Annotated[Path | None, typer.Option(help="Save the result: .nc or .npz.")] = None,
     plot: Annotated[Path | None, typer.Option(help="Save a plot: .png, .svg or .pdf.")] = None,
@@ -71,6 +91,7 @@ def run(
     from symgen.errors import SimulationError
     from symgen.pipeline import build as build_model
     from symgen.report.plots import DRAWN_AS
+    from symgen.runtime.elastic_model import ElasticModel
     from symgen.runtime.loop_model import LoopModel
     from symgen.runtime.result import SAVED_AS
 
@@ -79,9 +100,17 @@ def run(
             writable(file, endings, what)
     model = build_model(scene, set=changes(set_), backend=backend)
     options: dict[str, Any] = {"method": method, "rtol": rtol, "atol": atol, "step": step}
+    of_elastic = {"revolutions": revolutions, "steps": steps, "form": form}
+    of_elastic["geometric_stiffness"] = geometric_stiffness
     result: Result
     try:
-        if model.is_driven or at or through:
+        if isinstance(model, ElasticModel):
+            from symgen.runs import elastic_run
+
+            asked = {"t_end": t_end, **options, "through": through or None, **of_elastic}
+            with _progress(model.description.title, as_json) as progress:
+                result = elastic_run(model, at, samples, asked, progress)
+        elif model.is_driven or at or through:
             from symgen.runs import driven_run
 
             result = driven_run(model, at, samples, through, {"t_end": t_end, **options})
