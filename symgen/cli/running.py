@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -114,12 +116,8 @@ def run(
             from symgen.runs import driven_run
 
             result = driven_run(model, at, samples, through, {"t_end": t_end, **options})
-        elif as_json or not sys.stderr.isatty():
-            result = model.simulate(t_end, **options, samples=samples or 201)
         else:
-            from symgen.report.progress import bar
-
-            with bar(model.description.title) as progress:
+            with _progress(model.description.title, as_json) as progress:
                 result = model.simulate(t_end, **options, samples=samples or 201, progress=progress)
     except SimulationError as error:
         if out and error.partial is not None:
@@ -133,12 +131,26 @@ def run(
     _show(result, isinstance(model, LoopModel), as_json)
 
 
+def _progress(title: str, as_json: bool) -> AbstractContextManager[Callable[[float], None] | None]:
+    """Show a bar on a terminal, and nothing elsewhere."""
+    if as_json or not sys.stderr.isatty():
+        return nullcontext()
+    from symgen.report.progress import bar
+
+    return bar(title)
+
+
 def _show(result: Result, of_loop: bool, as_json: bool) -> None:
     """Print a result: as one JSON object, or as tables."""
+    from symgen.runtime.elastic_result import ElasticResult
     from symgen.runtime.turn import Turn
 
     if as_json:
         print_json(result.summary())
+    elif isinstance(result, ElasticResult):
+        from symgen.report.elastic import print_elastic_result
+
+        print_elastic_result(result, console())
     elif isinstance(result, Turn):
         from symgen.report.loops import print_turn
 
