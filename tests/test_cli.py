@@ -121,6 +121,14 @@ def test_every_listed_matrix_is_shown(model):
         assert call("show", model, name, "--format", "c")
 
 
+def test_show_lists_the_steps_of_a_derivation():
+    listed = call("show", "elastic_link")
+    assert listed.index("weak_form") < listed.index("beam8_mass") < listed.index("beam8_global_stiffness")
+    assert "(6.12); rotary inertia added" in " ".join(listed.replace("│", " ").split())
+    assert "uₜ + vₓ" in call("show", "elastic_link", "velocity")
+    assert "mass matrix" in call("show", "elastic_link", "timoshenko_mass")
+
+
 def test_show_numbers_at_the_start():
     text = call("show", "four_bar", "positions", "--format", "numeric")
     rows = {line.split()[0]: [float(x) for x in line.split()[1:]] for line in text.splitlines()[2:]}

@@ -25,7 +25,7 @@ def scenes() -> None:
 
 @app.command()
 def show(
-    model: Annotated[str, typer.Argument(help="A scene, or a building block: rod, rod_spatial.")],
+    model: Annotated[str, typer.Argument(help="A scene, or a building block: rod, elastic_link, ...")],
     matrix: Annotated[
         str | None,
         typer.Argument(
@@ -39,7 +39,7 @@ def show(
 ) -> None:
     """Show the derived equations."""
     from symgen.errors import ModelError
-    from symgen.models import BLOCKS
+    from symgen.models import BLOCKS, DERIVATIONS
     from symgen.pipeline import build as build_model
     from symgen.pipeline import derive
     from symgen.report import equations
@@ -47,7 +47,10 @@ def show(
 
     asked = changes(set_)
     form_of, _, row = (matrix or "").partition(".")
-    if model in BLOCKS:
+    derivation = DERIVATIONS[model]() if model in DERIVATIONS else None
+    if derivation and matrix and matrix in derivation:
+        system = derivation
+    elif model in BLOCKS:
         system = BLOCKS[model]()
     else:
         from symgen.scene.loading import override, read_scene
@@ -64,9 +67,10 @@ def show(
     if matrix is None:
         from symgen.report.tables import table
 
-        shown = table(system.title, ("matrix", "shape", "unit", "meaning"), equations.overview(system))
-        shown.columns[3].justify = "left"
-        console().print(shown)
+        for part in (derivation, system) if derivation else (system,):
+            shown = table(part.title, ("matrix", "shape", "unit", "meaning"), equations.overview(part))
+            shown.columns[3].justify = "left"
+            console().print(shown)
         return
     built: Model | None = None
     if form == "numeric" and model not in BLOCKS:

@@ -14,16 +14,14 @@ from symgen.symbolic.quantity import quantity
 
 LENGTH = quantity("L", "m", "length of the element")
 PLACE = quantity("xi", "1", "distance from the first node over the length")
-SHARE = quantity(
-    "shear_share", "1", "k G A L^2 over (k G A L^2 + 12 E I), of the mean section; 1 where shear is rigid"
-)
 
 
 @dataclass(frozen=True, slots=True)
 class Dof:
-    """An unknown at a place of the element: ``field`` (u, w, or phi) differentiated ``order`` times by x.
+    """An unknown at a place of the element: ``field`` differentiated ``order`` times by x.
 
-    ``phi`` is the rotation of the section. It is the slope of the line of centroids where there is no shear.
+    Fields are u, w, the rotation ``phi`` of the section, which is the slope w' where there is no shear, and
+    the shear strain ``gamma`` = w' - phi.
     """
 
     field: str
@@ -40,8 +38,10 @@ NODE_DOFS: dict[str, Dof] = {
     "kappa": Dof("w", 2, "1/m", "curvature"),
 }
 #: Unknowns inside of an element, with their place over its length.
-INNER_DOFS: dict[str, tuple[Dof, sp.Rational]] = {
+INNER_DOFS: dict[str, tuple[Dof, sp.Expr]] = {
     "mid": (Dof("u", 0, "m", "displacement along the link at mid-length"), sp.Rational(1, 2)),
+    "gamma1": (Dof("gamma", 0, "rad", "shear strain at the first node"), sp.Integer(0)),
+    "gamma2": (Dof("gamma", 0, "rad", "shear strain at the second node"), sp.Integer(1)),
 }
 
 
@@ -60,9 +60,9 @@ class Element:
         Degree of u and of w as polynomials in x.
     rotation
         Degree of the rotation of the section where it is a field of its own; None where it is the slope.
-    balance
-        Where it is: what vanishes all along the element, of (w, phi), so that boundary conditions and it
-        determine both fields.
+    vanishing
+        What is zero all along the element, of the shear strain, where the boundary conditions alone do not
+        determine the fields.
     rotary
         Whether the rotary inertia of the section counts.
     """
@@ -74,7 +74,7 @@ class Element:
     transverse: int
     inner_dofs: tuple[str, ...] = ()
     rotation: int | None = None
-    balance: Callable[[sp.Expr, sp.Expr], sp.Expr] | None = None
+    vanishing: Callable[[sp.Expr], sp.Expr] | None = None
     rotary: bool = False
 
     @property
@@ -107,8 +107,7 @@ def shape_functions(element: Element) -> Shape:
     """Solve the shape functions from the conditions at the nodes (thesis Eqs. (5.4)-(5.10), (6.17)).
 
     Each field is a polynomial with unknown coefficients. That every unknown of the element has its value,
-    and that the element's balance holds all along it, are as many linear equations as there are
-    coefficients.
+    and that what vanishes does so all along it, are as many linear equations as there are coefficients.
 
     Raises
     ------
@@ -125,11 +124,11 @@ def shape_functions(element: Element) -> Shape:
             coefficients += own
             fields[field] = sp.Add(*(c * xi**k for k, c in enumerate(own)))
     fields.setdefault("phi", derivative(fields["w"]))
+    fields["gamma"] = derivative(fields["w"]) - fields["phi"]
     places = element.places()
     rows = [derivative(fields[d.field], d.order).subs(xi, at) for d, at in places]
-    if element.balance:
-        residual = element.balance(fields["w"], fields["phi"])
-        rows += sp.Poly(residual, xi).all_coeffs()
+    if element.vanishing:
+        rows += sp.Poly(element.vanishing(fields["gamma"]), xi).all_coeffs()
     if len(rows) != len(coefficients):
         raise DerivationError(
             f"element {element.name}: {len(rows)} conditions for {len(coefficients)} coefficients: "

@@ -1,34 +1,31 @@
-"""Beam with shear and rotary inertia: deflection and rotation that satisfy the balance of moments.
+"""Beam with shear and rotary inertia: the section turns by itself, and the shear strain is linear.
 
-With independent fields of low degree a slender element locks: it can bend only by shearing. Here both
-come from the static solution of the uniform beam of the mean section, so there is nothing to lock, and a
-uniform beam without load is exact at its nodes with one element.
+With deflection and rotation of equal degree a slender element locks: it can bend only by shearing. Here the
+deflection is one degree above the rotation, so the shear strain w' - phi can be zero all along the element,
+and it is an unknown of its own at both ends, not shared with other elements. Where it is zero the element is
+the cubic one. A uniform beam without load is exact with one element, and nothing is divided by a stiffness.
 """
 
 from __future__ import annotations
 
 import sympy as sp
 
-from symgen.elements.element import LENGTH, PLACE, SHARE, Element
+from symgen.elements.element import Element, derivative
 
 
-def balance(w: sp.Expr, phi: sp.Expr) -> sp.Expr:
-    """Return E I phi'' + k G A (w' - phi) over (k G A + 12 E I/L^2): zero where no moment is applied.
-
-    Over the sum of both stiffnesses, it divides by nothing that vanishes for rigid or for slack shear.
-    """
-    xi, share = PLACE.symbol, SHARE.symbol
-    shear = sp.diff(w, xi) / LENGTH.symbol - phi
-    return sp.expand((1 - share) * sp.diff(phi, xi, 2) + 12 * share * shear)
+def second_derivative(gamma: sp.Expr) -> sp.Expr:
+    """Return what is zero where the shear strain is linear."""
+    return derivative(gamma, 2)
 
 
 ELEMENT = Element(
     "timoshenko",
-    "Timoshenko beam: cubic deflection and quadratic rotation in balance, shear, rotary inertia",
+    "Timoshenko beam: cubic deflection, quadratic rotation, linear shear strain, rotary inertia",
     ("u", "w", "theta"),
     axial=1,
     transverse=3,
+    inner_dofs=("gamma1", "gamma2"),
     rotation=2,
-    balance=balance,
+    vanishing=second_derivative,
     rotary=True,
 )

@@ -6,18 +6,18 @@ Integrals are of polynomials and exact.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import sympy as sp
 from sympy.polys.rings import PolyElement, ring
 
-from symgen.elements.element import LENGTH, PLACE, SHARE, Element, shape_functions
+from symgen.elements.element import LENGTH, PLACE, Element, shape_functions
 from symgen.mechanics import hamilton
 from symgen.mechanics.hamilton import AX, AY, N0, OMEGA, OMEGA_RATE, Term, derive
 
-_RING, _XI, _L, _SHARE = ring("xi,L,share", sp.QQ)
-_SYMBOLS = (PLACE.symbol, LENGTH.symbol, SHARE.symbol)
+_RING, _XI, _L = ring("xi,L", sp.QQ)
+_SYMBOLS = (PLACE.symbol, LENGTH.symbol)
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,16 +32,6 @@ class Section:
     axial: tuple[sp.Expr, ...]
     bending: tuple[sp.Expr, ...]
     shear: tuple[sp.Expr, ...]
-
-    def share(self) -> sp.Expr:
-        """Return the part of bending: k G A L^2/(k G A L^2 + 12 E I), of the means over the element."""
-        shear, bending = (_mean(c) for c in (self.shear, self.bending))
-        stiff = shear * LENGTH.symbol**2
-        return stiff / (stiff + 12 * bending)
-
-
-def _mean(coefficients: Sequence[sp.Expr]) -> sp.Expr:
-    return sp.Add(*(c / (k + 1) for k, c in enumerate(coefficients)))
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,10 +115,9 @@ def _rows(element: Element) -> dict[str, tuple[PolyElement, ...]]:
 
 def _by_power(polynomial: PolyElement, below: int) -> dict[int, sp.Expr]:
     """Return a polynomial over L**below by powers of L."""
-    xi, _, share = _SYMBOLS
     found: dict[int, list[sp.Expr]] = {}
-    for (i, j, k), coefficient in polynomial.terms():
-        found.setdefault(j - below, []).append(sp.QQ.to_sympy(coefficient) * xi**i * share**k)
+    for (i, j), coefficient in polynomial.terms():
+        found.setdefault(j - below, []).append(sp.QQ.to_sympy(coefficient) * PLACE.symbol**i)
     return {power: sp.Add(*terms) for power, terms in sorted(found.items())}
 
 
@@ -207,6 +196,6 @@ def _sum(by_power: dict[int, sp.Expr]) -> sp.Expr:
 def _over_element(polynomial: PolyElement) -> PolyElement:
     """Integrate by x over the element: by xi from 0 to 1, times L."""
     found = _RING.zero
-    for (i, j, k), coefficient in polynomial.terms():
-        found += _RING.term_new((0, j + 1, k), coefficient / (i + 1))
+    for (i, j), coefficient in polynomial.terms():
+        found += _RING.term_new((0, j + 1), coefficient / (i + 1))
     return found

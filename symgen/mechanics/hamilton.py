@@ -11,6 +11,7 @@ second degree.
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -54,6 +55,9 @@ _STRAINS = {
 }
 
 
+_PER = "J/m per unit of row and column"
+
+
 def _fields() -> dict[str, Quantity]:
     """Return the fields with two rates, and their strains, by name."""
     found = {}
@@ -71,7 +75,7 @@ FIELDS = _fields()
 
 @dataclass(frozen=True, slots=True)
 class Step:
-    """One step of the derivation: expressions with names, a unit, what they are, and where they stand."""
+    """One step of the derivation: expressions with names, row by row, what they are, and where they stand."""
 
     name: str
     rows: tuple[str, ...]
@@ -79,6 +83,7 @@ class Step:
     unit: str
     about: str
     source: str
+    columns: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -177,6 +182,10 @@ def derive() -> Derivation:
             "(6.12); rotary inertia added",
         ),
         Step(
+            "shear_strain", ("gamma",), (f["w_x"] - f["phi"],), "1",
+            "shear strain; its variation is that of w' - phi", "not in the thesis",
+        ),
+        Step(
             "strain_energy", ("V",), (strain,), "J/m", "strain energy per length",
             "(6.14); shear added",
         ),
@@ -193,18 +202,38 @@ def derive() -> Derivation:
             "(6.15), with the displacements, which the thesis leaves out",
         ),
         Step(
-            "variation", tuple(variation), tuple(variation.values()), "J/m over the unit of the row",
+            "variation", tuple(variation), tuple(variation.values()), _PER,
             "factor of the variation of each field in dT + dW - dV", "(7.8), (7.9)",
         ),
         Step(
-            "weak_form", tuple(collected), tuple(collected.values()), "J/m over the unit of the row",
+            "weak_form", tuple(collected), tuple(collected.values()), _PER,
             "integrated by parts in time: the integral of row * variation is zero", "(7.10)-(7.23)",
         ),
     )  # fmt: skip
     terms = tuple(
         term for part, rows in parts.items() for test, e in rows.items() for term in _collect(part, test, e)
     )
-    return Derivation(steps, terms)
+    return Derivation((*steps, *_collected(terms)), terms)
+
+
+def _collected(terms: Sequence[Term]) -> Iterator[Step]:
+    """Yield what stands with second rates, rates and fields, and what stands alone: Eqs. (7.24)-(7.27)."""
+    tests = tuple(dict.fromkeys(t.test for t in terms))
+    for name, order, about, source in (
+        ("mass_terms", 2, "what stands with second rates", "(7.24)"),
+        ("gyroscopic_terms", 1, "what stands with rates", "(7.25)"),
+        ("stiffness_terms", 0, "what stands with the fields", "(7.23)"),
+    ):
+        found = [t for t in terms if t.trial and t.order == order]
+        trials = tuple(dict.fromkeys(t.trial for t in found))
+        entries = tuple(_total(found, test, trial) for test in tests for trial in trials)
+        yield Step(name, tests, entries, _PER, about, source, trials)
+    loads = tuple(-_total(terms, test, "") for test in tests)
+    yield Step("load_terms", tests, loads, _PER, "what stands alone, on the right-hand side", "(7.27)")
+
+
+def _total(terms: Sequence[Term], test: str, trial: str) -> sp.Expr:
+    return sp.Add(*(t.motion * t.density for t in terms if (t.test, t.trial) == (test, trial)))
 
 
 def _collect(part: str, test: str, expression: sp.Expr) -> list[Term]:

@@ -31,6 +31,12 @@ def _elastic_link() -> System:
     return elastic_link_system()
 
 
+def _elastic_derivation() -> System:
+    from symgen.models.elastic_derivation import elastic_derivation_system
+
+    return elastic_derivation_system()
+
+
 #: Building blocks whose kernels are shipped, by name: one line each.
 BLOCKS: dict[str, Callable[[], System]] = {
     "rod": lambda: rod_system(2),
@@ -40,6 +46,9 @@ BLOCKS: dict[str, Callable[[], System]] = {
     "loop_inertia": lambda: _of_loop("loop_inertia"),
     "elastic_link": _elastic_link,
 }
+
+#: Steps of the derivation of a building block, for inspection, by the block's name.
+DERIVATIONS: dict[str, Callable[[], System]] = {"elastic_link": _elastic_derivation}
 
 #: Recursions over rods, shipped as loops with the number of rods as an argument, by name.
 RECURSIONS: dict[str, Callable[[], Recursion]] = {

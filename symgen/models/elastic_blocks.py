@@ -7,9 +7,17 @@ from collections.abc import Iterable, Iterator, Sequence
 import sympy as sp
 
 from symgen.elements import ELEMENTS
-from symgen.elements.element import LENGTH, PLACE, SHARE, Element
+from symgen.elements.element import LENGTH, PLACE, Element
 from symgen.mechanics.beam_matrices import BeamMatrices, Section, beam_matrices, shape_rows
-from symgen.mechanics.hamilton import THESIS
+from symgen.mechanics.hamilton import MOTION, THESIS
+from symgen.mechanics.turning_axes import (
+    COSINE,
+    SINE,
+    Equation,
+    global_equation,
+    local_equation,
+    thesis_equation,
+)
 from symgen.symbolic.names import Names
 from symgen.symbolic.quantity import Quantity, quantity
 from symgen.symbolic.system import Export, Group, NamedMatrix, System
@@ -22,6 +30,8 @@ PROPERTIES = (
     ("bending", "b", 5, "N*m^2", "bending stiffness E I"),
     ("shear", "s", 3, "N", "shear stiffness k G A"),
 )
+#: The element whose equation in fixed axes is shown too.
+SHOWN = "beam8"
 STATION = quantity("x", "m", "distance of the station from the first node")
 
 
@@ -36,7 +46,6 @@ def elastic_link_system() -> System:
         for name, letter, number, unit, meaning in PROPERTIES
     }
     section = Section(*(_scaled(name, unit, coefficients[name], names) for name, _, _, unit, _ in PROPERTIES))
-    names.scalar(SHARE.name, section.share(), SHARE.unit, SHARE.description)
     names.scalar(PLACE.name, STATION.symbol / LENGTH.symbol, PLACE.unit, PLACE.description)
     matrices: list[NamedMatrix] = []
     exports: list[Export] = []
@@ -50,6 +59,12 @@ def elastic_link_system() -> System:
         found = beam_matrices(element, section)
         for kernel, about, made in _matrices(element, found):
             export(f"{element.name}_{kernel}", f"{element.name}: {about}", made)
+        if element.name == SHOWN:
+            local = _named(local_equation(found), names)
+            for matrix in _turned("global", element, global_equation(element, local)):
+                export(matrix.name, f"{element.name}: {matrix.description}", (matrix,))
+            # For comparison only: shown, and not made into kernels.
+            matrices.extend(_turned("thesis", element, thesis_equation(element, local)))
     return System(
         "elastic_link",
         "Elements of an elastic link",
@@ -60,6 +75,7 @@ def elastic_link_system() -> System:
                 (LENGTH, *(c for name in coefficients for c in coefficients[name])),
             ),
             Group("u", "station", (STATION,)),
+            Group("p", "rigid motion of the link, for the matrices in fixed axes", (COSINE, SINE, *MOTION)),
         ),
         tuple(matrices),
         tuple(exports),
@@ -84,11 +100,11 @@ def _matrices(element: Element, found: BeamMatrices) -> Iterator[tuple[str, str,
     def square(name: str, matrix: sp.ImmutableMatrix, unit: str, about: str) -> NamedMatrix:
         symmetric = name != "gyroscopic"
         return NamedMatrix(
-            f"{element.name}_{name}", matrix, _unit(unit, 2), about, element.dofs, element.dofs, symmetric
+            f"{element.name}_{name}", matrix, _unit(unit), about, element.dofs, element.dofs, symmetric
         )
 
     def column(name: str, matrix: sp.ImmutableMatrix, unit: str, about: str) -> NamedMatrix:
-        return NamedMatrix(f"{element.name}_{name}", matrix, _unit(unit, 1), about, element.dofs)
+        return NamedMatrix(f"{element.name}_{name}", matrix, _unit(unit), about, element.dofs)
 
     for name, matrix, unit, about in (
         (
@@ -127,12 +143,52 @@ def _matrices(element: Element, found: BeamMatrices) -> Iterator[tuple[str, str,
     rows = shape_rows(element)
     entries = sp.ImmutableMatrix([list(row) for row in rows.values()])
     about = "displacements and strains at the station"
-    units = "1, 1, 1/m, 1/m, 1/m, 1/m^2; times m for an angle, m^2 for a curvature"
+    units = _unit("1, 1, 1/m, 1/m, 1/m, 1/m^2")
     shape = NamedMatrix(f"{element.name}_shape", entries, units, about, tuple(rows), element.dofs)
     yield "shape", about, (shape,)
 
 
-def _unit(unit: str, times: int) -> str:
-    """Return the unit of an entry between displacements, and what angles and curvatures do to it."""
-    where = "for every one of row and column" if times == 2 else "in its row"
-    return f"{unit}; times m for an angle, m^2 for a curvature, {where}"
+#: Matrices of an equation with their units, and what they are.
+_EQUATION = (
+    ("mass", "kg", "mass matrix"),
+    ("damping", "kg/s", "factor of the rates"),
+    ("stiffness", "N/m", "dynamic stiffness"),
+    ("load", "N", "load of the rigid motion"),
+)
+_FORMS = {
+    "local": "in the link's axes",
+    "global": "in fixed axes, exact",
+    "thesis": "in fixed axes as the thesis has it, the turn T taken for constant: not exact",
+}
+
+
+def _named(equation: Equation, names: Names) -> Equation:
+    """Return an equation with every entry by a name."""
+    found = []
+    for name, unit, about in _EQUATION:
+        matrix = getattr(equation, name)
+        entries = [
+            names.scalar(
+                f"local_{name}_{i + 1}_{j + 1}", matrix[i, j], _unit(unit),
+                f"{about} {_FORMS['local']}: entry ({i + 1}, {j + 1})",
+            )
+            for i in range(matrix.rows)
+            for j in range(matrix.cols)
+        ]  # fmt: skip
+        found.append(sp.ImmutableMatrix(*matrix.shape, entries))
+    return Equation(*found)
+
+
+def _turned(form: str, element: Element, equation: Equation) -> Iterator[NamedMatrix]:
+    for name, unit, about in _EQUATION:
+        matrix = getattr(equation, name)
+        columns = element.dofs if matrix.cols > 1 else ()
+        yield NamedMatrix(
+            f"{element.name}_{form}_{name}", matrix, _unit(unit),
+            f"{about} {_FORMS[form]}", element.dofs, columns, name == "mass",
+        )  # fmt: skip
+
+
+def _unit(unit: str) -> str:
+    """Return the unit of entries between displacements, and what those of angles and curvatures have more."""
+    return f"{unit}; *m per angle, *m^2 per curvature"
