@@ -68,3 +68,31 @@ def _value(model: LoopModel, text: str) -> float:
             f'expected values of {first.name} behind --at, such as "{example}", got {text!r}'
         ) from None
     return value * d.units["length"][1] if first.is_length else math.radians(value)
+
+
+def directions(at: Sequence[str]) -> list[float]:
+    """Return directions of a driven link [rad] as the command line gives them: bare numbers are degrees.
+
+    Raises
+    ------
+    ModelError
+        When one is no angle.
+    """
+    from symgen.scene.units import NUMBER, parse_quantity
+
+    found = []
+    for text in (part.strip() for group in at for part in group.split(",")):
+        try:
+            try:
+                value = math.radians(float(text))
+            except ValueError:
+                number, dimension = parse_quantity(text)
+                value = float(number) if dimension == NUMBER else math.nan
+            if not math.isfinite(value):
+                raise SceneError("")
+        except SceneError:
+            raise ModelError(
+                f'expected angles behind --at, such as "45" or "0.5 rad", got {text!r}'
+            ) from None
+        found.append(value)
+    return found

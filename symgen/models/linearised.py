@@ -17,6 +17,7 @@ import sympy as sp
 
 from symgen.errors import SceneError
 from symgen.models.matrix import named
+from symgen.models.rigid_forces import rigid_forces_system
 from symgen.models.rods import REFERENCE, Gradient, RodsModel
 from symgen.models.system import definitions, groups
 from symgen.scene.linkage import TIME, Linkage
@@ -77,7 +78,7 @@ def statics_system(linkage: Linkage) -> System:
 
 
 #: The System of each kind of analysis besides the motion in time.
-ANALYSES = {"kinematics": kinematics_system, "statics": statics_system}
+ANALYSES = {"kinematics": kinematics_system, "statics": statics_system, "forces": rigid_forces_system}
 
 
 def analysis_system(linkage: Linkage, kind: str) -> System:
