@@ -10,6 +10,7 @@ from symgen.errors import InitialStateError, ModelError, SceneError
 if TYPE_CHECKING:
     from symgen.lowering.kernel import Program
     from symgen.runtime.description import Description, LoopDescription, ParameterInfo
+    from symgen.runtime.elastic_description import ElasticInfo
     from symgen.runtime.library import Library
     from symgen.scene.linkage import Linkage, Parameter
     from symgen.scene.loop import Loop
@@ -145,4 +146,39 @@ def _of_linkage(linkage: Linkage, program: Program, equations: str) -> Descripti
         rank_tolerance=float(program.rank_tolerance),
         references=program.references,
         left_out=program.left_out,
+        elastic=_elastic(linkage) if linkage.elastic else None,
+    )
+
+
+def _elastic(linkage: Linkage) -> ElasticInfo:
+    from symgen.elements import ELEMENTS
+    from symgen.models.elastic import check_elastic, lumps, point_loads
+    from symgen.runtime.beam_data import BeamInfo
+    from symgen.runtime.elastic_description import ElasticInfo
+
+    check_elastic(linkage)
+    crank = linkage.crank
+    return ElasticInfo(
+        beams=tuple(
+            BeamInfo(
+                link=b.link,
+                start=linkage.link(b.link).start,
+                end=linkage.link(b.link).end,
+                element=b.element,
+                node_dofs=ELEMENTS[b.element].node_dofs,
+                inner_dofs=ELEMENTS[b.element].inner_dofs,
+                elements=b.elements,
+                axial=b.axial,
+                geometric_stiffness=b.geometric_stiffness,
+                reduction=b.reduction,
+                modes=b.modes,
+                clamped=crank is not None and crank.link == b.link,
+            )
+            for b in linkage.elastic
+        ),
+        crank=crank.link if crank else "",
+        mode=crank.mode if crank else "",
+        stations=tuple((s.name, s.link) for s in linkage.stations),
+        lumps=tuple(link for link, _, _ in lumps(linkage)),
+        loads=tuple(link for link, _, _ in point_loads(linkage)),
     )

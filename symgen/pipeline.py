@@ -39,7 +39,7 @@ if TYPE_CHECKING:
 
 BACKENDS = ("auto", "c", "numpy")
 _DESCRIPTION, _LIBRARY = "description.json", "kernels.so"
-_GENERATOR = ("scene", "symbolic", "joints", "mechanics", "models", "lowering", "codegen")
+_GENERATOR = ("scene", "symbolic", "joints", "elements", "mechanics", "models", "lowering", "codegen")
 
 
 def build(
@@ -176,7 +176,7 @@ def _analysis(
 
     def make(folder: Path) -> tuple[Description, Library]:
         with _no_collection():
-            from symgen.models.linearised import analysis_system
+            from symgen.models.analyses import analysis_system
             from symgen.scene.resolve import resolve_linkage
 
             program, equations, sources = _lowered(

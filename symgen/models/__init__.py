@@ -31,6 +31,12 @@ def _of_loop(name: str) -> System:
     return made
 
 
+def _elastic_link() -> System:
+    from symgen.models.elastic_blocks import elastic_link_system  # no scene needs it
+
+    return elastic_link_system()
+
+
 #: Building blocks whose kernels are shipped, by name: one line each.
 BLOCKS: dict[str, Callable[[], System]] = {
     "rod": lambda: rod_system(2),
@@ -39,6 +45,7 @@ BLOCKS: dict[str, Callable[[], System]] = {
     "loop_row": lambda: _of_loop("loop_row"),
     "loop_screws": lambda: _of_loop("loop_screws"),
     "loop_inertia": lambda: _of_loop("loop_inertia"),
+    "elastic_link": _elastic_link,
 }
 
 #: Recursions over rods, shipped as loops with the number of rods as an argument, by name.

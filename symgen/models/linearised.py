@@ -15,9 +15,8 @@ from collections.abc import Callable, Iterator, Sequence
 
 import sympy as sp
 
-from symgen.errors import SceneError
+from symgen.models.constraints import Constraint
 from symgen.models.matrix import named
-from symgen.models.rigid_forces import rigid_forces_system
 from symgen.models.rods import REFERENCE, Gradient, RodsModel
 from symgen.models.system import definitions, groups
 from symgen.scene.linkage import TIME, Linkage
@@ -41,7 +40,7 @@ def kinematics_system(linkage: Linkage) -> System:
         rows = [c.name for c in model.constraints]
         matrices.append(named(model, "acceleration_rhs", model.acceleration_rhs, "m/s^2", about, rows=rows))
         exports.append(Export("acceleration_rhs", about, ("acceleration_rhs",)))
-    return _system(model, "kinematics", matrices, exports)
+    return analysis_of(model, "kinematics", matrices, exports)
 
 
 def statics_system(linkage: Linkage) -> System:
@@ -52,19 +51,30 @@ def statics_system(linkage: Linkage) -> System:
     column, ``A_x B_y``; one that is all zero is left out.
     """
     model = RodsModel(linkage)
+    names = [x.name for x in model.coordinates]
+    matrices = [named(model, "force", model.applied, "N", "applied forces, f", rows=names)]
+    matrices += linearised(model, model.constraints)
+    return analysis_of(
+        model, "statics", matrices, [Export(m.name, m.description, (m.name,)) for m in matrices]
+    )
+
+
+def linearised(model: RodsModel, bound: Sequence[Constraint]) -> Iterator[NamedMatrix]:
+    """Yield ``mass_matrix``, ``stiffness`` (of loads and of the constraints ``bound``) and ``damping``.
+
+    Each is the list of its nonzero entries; one that is all zero is left out.
+    """
     q = [x.symbol for x in model.coordinates]
     rates = [x.symbol for p in model.free for x in model.u[p]]
-    by_rates = _by_rates(model, rates)
+    by_rates = _slopes_by_rates(model, rates)
     own = dict(zip(rates, q, strict=True))
     mass: dict[sp.Symbol, Gradient] = {}
     for (a, b), value in model.mass_entries.items():
         mass.setdefault(a, {})[b] = value
-    stiffness = {s: _stiffness(model, s) for s in q}
+    stiffness = {s: _stiffness(model, s, bound) for s in q}
     damping = {
         s: {own[u]: -slope for u, slope in by_rates(f).items()} for s, f in zip(q, model.applied, strict=True)
     }
-    names = [s.name for s in q]
-    matrices = [named(model, "force", model.applied, "N", "applied forces, f", rows=names)]
     for name, rows, unit, about in (
         ("mass_matrix", mass, "kg", "mass matrix, M"),
         ("stiffness", stiffness, "N/m", "stiffness K = -d(f - J^T lambda)/dq"),
@@ -73,31 +83,13 @@ def statics_system(linkage: Linkage) -> System:
         entries = {(a, b): rows[a][b] for a in q if a in rows for b in q if rows[a].get(b, ZERO) != 0}
         if entries:
             labels = [f"{a.name} {b.name}" for a, b in entries]
-            matrices.append(named(model, name, list(entries.values()), unit, about, rows=labels))
-    return _system(model, "statics", matrices, [Export(m.name, m.description, (m.name,)) for m in matrices])
+            yield named(model, name, list(entries.values()), unit, about, rows=labels)
 
 
-#: The System of each kind of analysis besides the motion in time.
-ANALYSES = {"kinematics": kinematics_system, "statics": statics_system, "forces": rigid_forces_system}
-
-
-def analysis_system(linkage: Linkage, kind: str) -> System:
-    """Return the System of one kind of analysis; see ``ANALYSES``.
-
-    Raises
-    ------
-    SceneError
-        As for the equations of motion of the same linkage.
-    """
-    try:
-        return ANALYSES[kind](linkage)
-    except SceneError as error:
-        raise error.located(file=linkage.file) from None
-
-
-def _system(
+def analysis_of(
     model: RodsModel, kind: str, matrices: Sequence[NamedMatrix], exports: Sequence[Export]
 ) -> System:
+    """Return a System of further kernels of a linkage, over the arguments of its equations of motion."""
     return System(
         name=f"{model.linkage.name}_{kind}",
         title=f"{model.linkage.title}: {kind}",
@@ -121,13 +113,13 @@ def _drives(model: RodsModel) -> Iterator[NamedMatrix]:
                 yield named(model, f"{name}.{axis}", [place], "m", f"driven {axis} of {name}")
 
 
-def _stiffness(model: RodsModel, row: sp.Symbol) -> Gradient:
-    """Return one row of K by coordinate: the slope of J^T lambda - f."""
+def _stiffness(model: RodsModel, row: sp.Symbol, bound: Sequence[Constraint]) -> Gradient:
+    """Return one row of K by coordinate: the slope of J^T lambda - f, of the constraints ``bound``."""
     held = [-model.force.get(row, ZERO)]
     held += [
         model.multipliers[c.name].symbol * gradient[row]
         for c, gradient in zip(model.constraints, model.jacobian, strict=True)
-        if row in gradient
+        if c in bound and row in gradient
     ]
     total: dict[sp.Symbol, list[sp.Expr]] = {}
     for term in held:
@@ -136,7 +128,7 @@ def _stiffness(model: RodsModel, row: sp.Symbol) -> Gradient:
     return {s: sp.Add(*slopes) for s, slopes in total.items()}
 
 
-def _by_rates(model: RodsModel, rates: Sequence[sp.Symbol]) -> Callable[[sp.Expr], Gradient]:
+def _slopes_by_rates(model: RodsModel, rates: Sequence[sp.Symbol]) -> Callable[[sp.Expr], Gradient]:
     """Return a function that gives the nonzero partial derivatives of an expression by the rates u."""
     known: dict[sp.Symbol, Gradient] = {u: {u: ONE} for u in rates}
 

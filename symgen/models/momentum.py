@@ -62,6 +62,7 @@ def momentum_system(linkage: Linkage) -> System:
     """
     try:
         model = RodsModel(linkage)
+        model.check_masses()
         form = MomentumForm(model)
         check_complete(form)
     except SceneError as error:

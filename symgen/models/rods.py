@@ -29,6 +29,9 @@ class RodsModel(Points):
     def __init__(self, linkage: Linkage) -> None:
         super().__init__(linkage)
         self.loads = Loads(self)
+
+    def check_masses(self) -> None:
+        """Raise SceneError where a point carries no mass."""
         for point in self.free:
             if self.mass_entries.get((self.q[point][0].symbol,) * 2, ZERO) == 0:
                 raise SceneError(

@@ -19,6 +19,7 @@ def structure(linkage: Linkage) -> Iterator[str]:
     """
     try:
         model = RodsModel(linkage)
+        model.check_masses()
     except SceneError as error:
         raise error.located(file=linkage.file) from None
     yield f"ground: {', '.join(model.ground) or 'none, the linkage floats'}"

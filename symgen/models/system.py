@@ -32,6 +32,7 @@ def linkage_system(linkage: Linkage) -> System:
 
 
 def _assemble(model: RodsModel) -> System:
+    model.check_masses()
     linkage = model.linkage
     asked = outputs.asked(model)
     start, start_kernels = start_exports(model)

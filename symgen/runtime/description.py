@@ -8,6 +8,8 @@ from collections.abc import Iterable
 from dataclasses import asdict, dataclass
 from typing import Any
 
+from symgen.runtime.elastic_description import ElasticInfo, read_elastic
+
 
 @dataclass(frozen=True, slots=True)
 class ParameterInfo:
@@ -98,6 +100,7 @@ class Description(Described):
     t_end: float
     assembly_tolerance: float
     rank_tolerance: float
+    elastic: ElasticInfo | None = None
 
     @property
     def coordinates(self) -> int:
@@ -191,7 +194,7 @@ def read_description(text: str) -> Description | LoopDescription:
         if isinstance(value, list):
             data[key] = tuple(value)
     if "variables" not in data:
-        return Description(**data)
+        return Description(**{**data, "elastic": read_elastic(data["elastic"])})
     data["variables"] = tuple(VariableInfo(**v) for v in data["variables"])
     return LoopDescription(**data)
 

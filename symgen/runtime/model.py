@@ -183,9 +183,14 @@ class Model(Compiled):
     def _kinematics(self) -> Bonds:
         from symgen.runtime.bonds import Bonds
 
-        return Bonds(self._evaluator, self._analysis("kinematics"))
+        return Bonds(self._evaluator, self.analysis("kinematics"))
 
-    def _analysis(self, kind: str) -> Evaluator:
+    @property
+    def evaluator(self) -> Evaluator:
+        """Its kernels as functions of arrays."""
+        return self._evaluator
+
+    def analysis(self, kind: str) -> Evaluator:
         """Return the kernels that only one kind of analysis needs, made when first asked for."""
         if self._analyses is None:
             raise ModelError(
@@ -285,7 +290,7 @@ class Model(Compiled):
         end = self.description.t_end if stop is None else stop
         asked = ForceTask(start, end, samples, at, elements, sections)
         redundant = len(self._found().redundant)
-        return analyse(self._kinematics(), self._analysis("forces"), begin.q, begin.t, redundant, asked)
+        return analyse(self._kinematics(), self.analysis("forces"), begin.q, begin.t, redundant, asked)
 
     def equilibrium(
         self, *, state: State | None = None, t: float | None = None, stable: bool = True
@@ -316,7 +321,7 @@ class Model(Compiled):
         when = begin.t if t is None else float(t)
         bonds = self._kinematics()
         at_rest(bonds, begin.q, when)
-        statics = Statics(bonds, self._analysis("statics"), when)
+        statics = Statics(bonds, self.analysis("statics"), when)
         return describe(statics, *find(statics, begin.q, stable))
 
     def modes(self, about: Equilibrium | None = None) -> Modes:

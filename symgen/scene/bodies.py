@@ -7,7 +7,8 @@ from collections.abc import Iterator
 import sympy as sp
 
 from symgen.errors import SceneError
-from symgen.scene import units
+from symgen.scene import sections, units
+from symgen.scene.elastic_reading import has_rotary_inertia
 from symgen.scene.linkage import TIME, CarriedPoint, PlacedPoint, RigidLink, Vector
 from symgen.scene.reading import Reader
 from symgen.scene.schema import Link, Point
@@ -145,6 +146,11 @@ def body(
     read: Reader, link: Link, length: sp.Expr, drawn: Vector, start: Vector, several: bool, where: str
 ) -> tuple[sp.Expr, sp.Expr, sp.Expr, sp.Expr]:
     """Return mass, centre along and off the line, and inertia about the centre."""
+    if sections.is_line(link):
+        along = sections.line(read, link, length, where)
+        rotary = has_rotary_inertia(link.elastic, f"{where}.elastic")
+        mass, centre, inertia = sections.rigid(along, length, rotary)
+        return mass, centre, _ZERO, inertia
     mass = link_mass(read, link, length, several, where)
     centre, offset = length / 2, _ZERO
     if isinstance(link.centre, list):

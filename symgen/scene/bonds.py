@@ -50,7 +50,7 @@ def start(read: Reader) -> StartConditions:
                 read.turning_link(name, where)
             else:
                 read.moving_link(name, where)
-            if any(name == driver.link for driver in read.scene.drivers):
+            if name in read.scene.driven:
                 raise SceneError("the driver of this link already says where it starts", where=where)
     for name in start.velocities:
         if read.known_point(name, f"start.velocities.{name}").ground:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import Any, get_args
+from typing import Any, get_args, get_origin
 
 from pydantic import ValidationError
 
@@ -55,9 +55,13 @@ def scene_error(error: ValidationError) -> SceneError:
 def _table_at(place: Sequence[str]) -> type[Table]:
     """Return the model of the table that the last part of a place is a key of."""
     table: type[Table] = Scene
-    for part in place[:-1]:
+    parts = iter(place[:-1])
+    for part in parts:
         if part in table.model_fields:
-            table = next(_models(table.model_fields[part].annotation), table)
+            annotation = table.model_fields[part].annotation
+            table = next(_models(annotation), table)
+            if get_origin(annotation) is dict:
+                next(parts, None)  # a name that the user gave
     return table
 
 

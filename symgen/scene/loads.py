@@ -30,7 +30,7 @@ def springs(read: Reader) -> Iterator[LinearSpring]:
     for i, spring in enumerate(scene.springs):
         where = f"springs.{i}"
         start, end = (read.known_point(p, f"{where}.between") for p in spring.between)
-        led = scene.start.angles or scene.drivers or any(k.length is not None for k in scene.links.values())
+        led = scene.start.angles or scene.driven or any(k.length is not None for k in scene.links.values())
         length = read.not_negative(spring.length, units.LENGTH, f"{where}.length")
         damping = read.not_negative(spring.damping or 0, units.DAMPING, f"{where}.damping")
         directed = length != 0 or damping != 0

@@ -76,7 +76,7 @@ def _quantity(name: str, scene: Scene) -> str:
 
 def _rows(scene: Scene) -> set[str]:
     """Return the names of constraints that are not made from the name of one link alone."""
-    rows = {f"{driver.link}_drive" for driver in scene.drivers}
+    rows = {f"{link}_drive" for link in scene.driven}
     for name, link in scene.links.items():
         placed = [p for p, point in scene.points.items() if point.on == name]
         rows |= {f"{name}_{p}_{axis}" for p in (*link.points, *placed) for axis in "xyz"}

@@ -6,6 +6,9 @@ import sympy as sp
 
 from symgen.errors import SceneError
 from symgen.scene import bodies, bonds, loads, units
+from symgen.scene.crank import crank, driver_of
+from symgen.scene.elastic import Crank
+from symgen.scene.elastic_reading import elastic_links, stations
 from symgen.scene.linkage import Linkage
 from symgen.scene.loop import Loop
 from symgen.scene.loops import loop_of
@@ -56,6 +59,8 @@ def _linkage(scene: Scene) -> Linkage:
         bodies.link(read, name, link) for name, link in scene.links.items() if not read.is_spatial_body(name)
     )
     in_space = spatial_bodies(read, links)
+    elastic = tuple(elastic_links(read, links))
+    turned = crank(read)
     gravity = (sp.Integer(0),) * read.dimension
     if scene.gravity:
         gravity = read.vector(scene.gravity.acceleration, units.ACCELERATION, "gravity.acceleration")
@@ -76,14 +81,25 @@ def _linkage(scene: Scene) -> Linkage:
         forces=tuple(loads.forces(read)),
         torques=tuple(loads.torques(read)),
         guides=tuple(bonds.guides(read)),
-        drivers=tuple(bonds.drivers(read)),
+        drivers=(*bonds.drivers(read), *((driver_of(turned),) if turned else ())),
         start=bonds.start(read),
-        t_end=read.positive(scene.analysis.t_end, units.TIME, "analysis.t_end"),
+        t_end=_end(read, turned),
         assembly_tolerance=_assembly_tolerance(read),
         outputs=None if scene.analysis.outputs is None else tuple(scene.analysis.outputs),
+        elastic=elastic,
+        crank=turned,
+        stations=tuple(stations(read, links, elastic)),
     )
     _check_every_point_used(scene, linkage)
     return linkage
+
+
+def _end(read: Reader, crank: Crank | None) -> sp.Expr:
+    """Return the end of the run: as asked, else after one turn of the crank, or 1 s."""
+    analysis = read.scene.analysis
+    if crank and "t_end" not in analysis.model_fields_set and read.number(crank.speed) != 0:
+        return 2 * sp.pi / sp.Abs(crank.speed)
+    return read.positive(analysis.t_end, units.TIME, "analysis.t_end")
 
 
 def _assembly_tolerance(read: Reader) -> sp.Expr:

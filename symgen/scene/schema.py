@@ -8,6 +8,7 @@ from pydantic import ConfigDict, Field, GetJsonSchemaHandler, PrivateAttr, Valid
 from pydantic_core import CoreSchema
 
 from symgen.errors import SceneError
+from symgen.scene.elastic_schema import Crank, Elastic, Section, Station
 from symgen.scene.loop_schema import SpatialLoop
 from symgen.scene.study_schema import Study
 from symgen.scene.table import Moments, Name, Table, Text, Value, Vector
@@ -63,11 +64,16 @@ class Point(Table):
 
 
 class Link(Table):
-    """A rigid rod between two points, or a rigid body with more points on it."""
+    """A rod between two points, rigid or elastic, or a rigid body with more points on it."""
 
     points: list[Name] = Field(min_length=2)
     mass: Value | None = None
     mass_per_length: Value | None = None
+    density: Value | None = Field(
+        None, description="Mass per volume, instead of the mass: mass, centre and inertia follow."
+    )
+    section: Section | None = None
+    elastic: Elastic | None = Field(None, description="That it bends and stretches; rigid if absent.")
     centre: Value | Vector | None = Field(
         None,
         description="Centre of mass: a fraction of the length, or its coordinates as drawn; the middle of a "
@@ -172,7 +178,9 @@ class Analysis(Table):
     """What is asked of the mechanism."""
 
     kind: Literal["dynamics"] = "dynamics"
-    t_end: Value = "1 s"
+    t_end: Value = Field(
+        default="1 s", description="If absent one turn of the crank where links are elastic."
+    )
     assembly_tolerance: Value | None = Field(
         default=None, description="By how much redundant constraints may contradict the others."
     )
@@ -206,6 +214,8 @@ class Scene(Table):
     torques: list[Torque] = Field(default_factory=list)
     guides: list[Guide] = Field(default_factory=list)
     drivers: list[Driver] = Field(default_factory=list)
+    crank: Crank | None = None
+    stations: list[Station] = Field(default_factory=list)
     start: Start = Field(default_factory=Start)
     analysis: Analysis = Field(default=Analysis())
     studies: list[Study] = Field(default_factory=list)
@@ -241,6 +251,12 @@ class Scene(Table):
             )
 
     @property
+    def driven(self) -> tuple[str, ...]:
+        """The links whose direction is prescribed, by drivers and as the crank."""
+        crank = () if self.crank is None else (self.crank.link,)
+        return (*(driver.link for driver in self.drivers), *crank)
+
+    @property
     def name(self) -> str:
         """Short name: the file's stem, or what :meth:`called` gave it."""
         return self._name
@@ -261,6 +277,7 @@ class Scene(Table):
 TABLES: dict[str, type[Table]] = {
     "parameters": Parameter, "points": Point, "links": Link, "gravity": Gravity, "masses": PointMass,
     "springs": Spring, "actuators": Actuator, "torsion_springs": TorsionSpring, "forces": Force,
-    "torques": Torque, "guides": Guide, "drivers": Driver, "start": Start, "analysis": Analysis,
+    "torques": Torque, "guides": Guide, "drivers": Driver, "crank": Crank, "stations": Station,
+    "start": Start, "analysis": Analysis,
     "loop": SpatialLoop, "studies": Study,
 }  # fmt: skip

@@ -45,7 +45,7 @@ def spatial_bodies(read: Reader, links: Sequence[RigidLink]) -> tuple[SpatialBod
 def _body(read: Reader, name: str, link: Link, rigid: Pairs) -> SpatialBody:
     where = f"links.{name}"
     own = bodies.own_points(read, link, where)
-    for key in ("length", "mass_per_length"):
+    for key in ("length", "mass_per_length", "density", "section", "elastic"):
         if getattr(link, key) is not None:
             raise SceneError("only a rod has this", where=f"{where}.{key}")
     if not isinstance(link.centre, list) or not isinstance(link.inertia, list) or link.mass is None:

@@ -55,8 +55,12 @@ VELOCITY = dimension(1, 0, -1)
 ACCELERATION = dimension(1, 0, -2)
 ANGULAR_RATE = dimension(0, 0, -1)
 MASS_PER_LENGTH = dimension(-1, 1)
+DENSITY = dimension(-3, 1)
+AREA = dimension(2)
+SECOND_MOMENT = dimension(4)
 INERTIA = dimension(2, 1)
 FORCE = dimension(1, 1, -2)
+PRESSURE = dimension(-1, 1, -2)
 TORQUE = dimension(2, 1, -2)
 STIFFNESS = dimension(0, 1, -2)
 DAMPING = dimension(0, 1, -1)
@@ -68,7 +72,7 @@ _NAMED = {
     STIFFNESS: "N/m",
     DAMPING: "N*s/m",
     ANGULAR_DAMPING: "N*m*s",
-    dimension(-1, 1, -2): "Pa",
+    PRESSURE: "Pa",
 }
 
 #: What each kind of value is called in messages, and an example of how to write it.
@@ -83,6 +87,10 @@ KINDS: dict[Dimension, tuple[str, str]] = {
     MASS_PER_LENGTH: ("a mass per length", '"1 kg/m"'),
     INERTIA: ("a moment of inertia", '"0.02 kg*m^2"'),
     FORCE: ("a force", '"10 N"'),
+    DENSITY: ("a density", '"7850 kg/m^3"'),
+    AREA: ("an area", '"2 cm^2"'),
+    SECOND_MOMENT: ("a second moment of area", '"120 mm^4"'),
+    PRESSURE: ("a stress or a modulus", '"210 GPa"'),
     TORQUE: ("a torque or an energy", '"3 N*m"'),
     STIFFNESS: ("a stiffness", '"200 N/m"'),
     DAMPING: ("a damping", '"5 N*s/m"'),

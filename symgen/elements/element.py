@@ -1,0 +1,161 @@
+"""What a finite element of a link is, and its shape functions, solved from their boundary conditions."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+
+import sympy as sp
+from sympy.polys.matrices import DomainMatrix
+
+from symgen.errors import DerivationError
+from symgen.symbolic.quantity import quantity
+
+LENGTH = quantity("L", "m", "length of the element")
+PLACE = quantity("xi", "1", "distance from the first node over the length")
+SHARE = quantity(
+    "shear_share", "1", "k G A L^2 over (k G A L^2 + 12 E I), of the mean section; 1 where shear is rigid"
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Dof:
+    """An unknown at a place of the element: ``field`` (u, w, or phi) differentiated ``order`` times by x.
+
+    ``phi`` is the rotation of the section. It is the slope of the line of centroids where there is no shear.
+    """
+
+    field: str
+    order: int
+    unit: str
+    description: str
+
+
+#: What a node of an element may have.
+NODE_DOFS: dict[str, Dof] = {
+    "u": Dof("u", 0, "m", "displacement along the link"),
+    "w": Dof("w", 0, "m", "displacement across the link"),
+    "theta": Dof("phi", 0, "rad", "rotation of the section"),
+    "kappa": Dof("w", 2, "1/m", "curvature"),
+}
+#: Unknowns inside of an element, with their place over its length.
+INNER_DOFS: dict[str, tuple[Dof, sp.Rational]] = {
+    "mid": (Dof("u", 0, "m", "displacement along the link at mid-length"), sp.Rational(1, 2)),
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Element:
+    """A finite element of a straight link in the plane.
+
+    Attributes
+    ----------
+    name, about
+        Its name in scenes and kernels, and one line on it.
+    node_dofs, inner_dofs
+        Unknowns at each of its two nodes, of ``NODE_DOFS``, and inside, of ``INNER_DOFS``. Those of the
+        element are in the order first node, second node, inner.
+    axial, transverse
+        Degree of u and of w as polynomials in x.
+    rotation
+        Degree of the rotation of the section where it is a field of its own; None where it is the slope.
+    balance
+        Where it is: what vanishes all along the element, of (w, phi), so that boundary conditions and it
+        determine both fields.
+    rotary
+        Whether the rotary inertia of the section counts.
+    """
+
+    name: str
+    about: str
+    node_dofs: tuple[str, ...]
+    axial: int
+    transverse: int
+    inner_dofs: tuple[str, ...] = ()
+    rotation: int | None = None
+    balance: Callable[[sp.Expr, sp.Expr], sp.Expr] | None = None
+    rotary: bool = False
+
+    @property
+    def dofs(self) -> tuple[str, ...]:
+        """Names of all its unknowns in their order: ``u1``, ``w1``, ... ``u2``, ... and the inner ones."""
+        return (*(f"{d}{node}" for node in "12" for d in self.node_dofs), *self.inner_dofs)
+
+    def places(self) -> tuple[tuple[Dof, sp.Expr], ...]:
+        """Return what each unknown is, and where: 0 at the first node, 1 at the second."""
+        nodes = tuple((NODE_DOFS[d], sp.Integer(end)) for end in (0, 1) for d in self.node_dofs)
+        return (*nodes, *(INNER_DOFS[d] for d in self.inner_dofs))
+
+
+@dataclass(frozen=True, slots=True)
+class Shape:
+    """Shape functions of u, w and phi over xi: one entry for each unknown of the element."""
+
+    axial: tuple[sp.Expr, ...]
+    transverse: tuple[sp.Expr, ...]
+    rotation: tuple[sp.Expr, ...]
+
+
+def derivative(expression: sp.Expr, order: int = 1) -> sp.Expr:
+    """Differentiate a function of xi by x = L xi."""
+    return sp.diff(expression, PLACE.symbol, order) / LENGTH.symbol**order if order else expression
+
+
+@lru_cache(maxsize=32)
+def shape_functions(element: Element) -> Shape:
+    """Solve the shape functions from the conditions at the nodes (thesis Eqs. (5.4)-(5.10), (6.17)).
+
+    Each field is a polynomial with unknown coefficients. That every unknown of the element has its value,
+    and that the element's balance holds all along it, are as many linear equations as there are
+    coefficients.
+
+    Raises
+    ------
+    DerivationError
+        When the conditions are not as many as the coefficients, or do not determine them.
+    """
+    xi = PLACE.symbol
+    fields: dict[str, sp.Expr] = {}
+    coefficients: list[sp.Symbol] = []
+    degrees = {"u": element.axial, "w": element.transverse, "phi": element.rotation}
+    for field, degree in degrees.items():
+        if degree is not None:
+            own = sp.symbols(f"{field}_0:{degree + 1}")
+            coefficients += own
+            fields[field] = sp.Add(*(c * xi**k for k, c in enumerate(own)))
+    fields.setdefault("phi", derivative(fields["w"]))
+    places = element.places()
+    rows = [derivative(fields[d.field], d.order).subs(xi, at) for d, at in places]
+    if element.balance:
+        residual = element.balance(fields["w"], fields["phi"])
+        rows += sp.Poly(residual, xi).all_coeffs()
+    if len(rows) != len(coefficients):
+        raise DerivationError(
+            f"element {element.name}: {len(rows)} conditions for {len(coefficients)} coefficients: "
+            "change its degrees or its unknowns"
+        )
+    values = _solve(element, rows, coefficients, len(places))
+    return Shape(*(_columns(fields[f], coefficients, values) for f in ("u", "w", "phi")))
+
+
+def _solve(
+    element: Element, rows: Sequence[sp.Expr], coefficients: Sequence[sp.Symbol], unknowns: int
+) -> sp.Matrix:
+    """Return the coefficients, one column for the unit value of each unknown."""
+    matrix, _ = sp.linear_eq_to_matrix(list(rows), list(coefficients))
+    given = sp.eye(len(rows))[:, :unknowns]
+    try:
+        left, right = DomainMatrix.from_Matrix(matrix).to_field().unify(DomainMatrix.from_Matrix(given))
+        return left.lu_solve(right).to_Matrix()
+    except (ValueError, ZeroDivisionError, sp.polys.matrices.exceptions.DMNonInvertibleMatrixError) as e:
+        raise DerivationError(
+            f"element {element.name}: its conditions do not determine its shape functions"
+        ) from e
+
+
+def _columns(field: sp.Expr, coefficients: Sequence[sp.Symbol], values: sp.Matrix) -> tuple[sp.Expr, ...]:
+    return tuple(
+        sp.expand(field.xreplace(dict(zip(coefficients, values[:, k], strict=True))))
+        for k in range(values.cols)
+    )

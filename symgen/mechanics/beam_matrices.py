@@ -1,0 +1,212 @@
+"""The matrices of a finite element: the collected terms of Hamilton's principle with its shape functions.
+
+Source: the kineto-elasto-dynamics thesis, Eqs. (7.24)-(7.28); for any element and section.
+Integrals are of polynomials and exact.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import sympy as sp
+from sympy.polys.rings import PolyElement, ring
+
+from symgen.elements.element import LENGTH, PLACE, SHARE, Element, shape_functions
+from symgen.mechanics import hamilton
+from symgen.mechanics.hamilton import AX, AY, N0, OMEGA, OMEGA_RATE, Term, derive
+
+_RING, _XI, _L, _SHARE = ring("xi,L,share", sp.QQ)
+_SYMBOLS = (PLACE.symbol, LENGTH.symbol, SHARE.symbol)
+
+
+@dataclass(frozen=True, slots=True)
+class Section:
+    """Properties of an element's section by powers of xi: coefficient times length to its power.
+
+    ``axial``, ``bending`` and ``shear`` are stiffnesses; units as in :mod:`symgen.mechanics.hamilton`.
+    """
+
+    mass: tuple[sp.Expr, ...]
+    rotary: tuple[sp.Expr, ...]
+    axial: tuple[sp.Expr, ...]
+    bending: tuple[sp.Expr, ...]
+    shear: tuple[sp.Expr, ...]
+
+    def share(self) -> sp.Expr:
+        """Return the part of bending: k G A L^2/(k G A L^2 + 12 E I), of the means over the element."""
+        shear, bending = (_mean(c) for c in (self.shear, self.bending))
+        stiff = shear * LENGTH.symbol**2
+        return stiff / (stiff + 12 * bending)
+
+
+def _mean(coefficients: Sequence[sp.Expr]) -> sp.Expr:
+    return sp.Add(*(c / (k + 1) for k, c in enumerate(coefficients)))
+
+
+@dataclass(frozen=True, slots=True)
+class BeamMatrices:
+    """Constant matrices of an element in the link's axes, x from its first node.
+
+    Its equation is, with ``omega`` the angular velocity and ``ax``, ``ay`` the acceleration of its first
+    point less gravity, ``N0`` the axial force there::
+
+        mass s'' - 2 omega gyroscopic s' + [stiffness - omega^2 centrifugal - omega' gyroscopic
+            + N0 geometric[0] + ax geometric[1] - omega^2 geometric[2]] s
+            = -ax load_x - ay load_y + omega^2 load_out - omega' load_turn
+
+    ``centrifugal`` is the mass matrix without rotary inertia: a section that is turned by a small angle
+    feels no couple from the turning of the link.
+    """
+
+    mass: sp.ImmutableMatrix
+    gyroscopic: sp.ImmutableMatrix
+    stiffness: sp.ImmutableMatrix
+    geometric: tuple[sp.ImmutableMatrix, sp.ImmutableMatrix, sp.ImmutableMatrix]
+    centrifugal: sp.ImmutableMatrix
+    load_x: sp.ImmutableMatrix
+    load_y: sp.ImmutableMatrix
+    load_out: sp.ImmutableMatrix
+    load_turn: sp.ImmutableMatrix
+
+
+def beam_matrices(element: Element, section: Section) -> BeamMatrices:
+    """Put the shape functions of an element into the collected terms; see :class:`BeamMatrices`."""
+    found, put = derive(), _Integrals(element, section)
+    omega, turn, ax, ay = (q.symbol for q in (OMEGA, OMEGA_RATE, AX, AY))
+    one = sp.Integer(1)
+    geometric = ((N0.symbol, 1), (ax, 1), (omega**2, -1))
+    return BeamMatrices(
+        mass=put.matrix(found.of("inertia", 2, one)),
+        gyroscopic=put.matrix(found.of("inertia", 1, omega), sp.Rational(-1, 2)),
+        stiffness=put.matrix(found.of("elastic", 0, one)),
+        geometric=tuple(put.matrix(found.of("geometric", 0, m), sign) for m, sign in geometric),
+        centrifugal=put.matrix(found.of("inertia", 0, omega**2), -1),
+        load_x=put.load(found.loads(ax)),
+        load_y=put.load(found.loads(ay)),
+        load_out=put.load(found.loads(omega**2), -1),
+        load_turn=put.load(found.loads(turn)),
+    )
+
+
+def shape_rows(element: Element) -> dict[str, tuple[sp.Expr, ...]]:
+    """Return the rows over the element's unknowns that give a displacement or strain at xi, by name.
+
+    u, w, slope w', rotation phi, axial strain u', curvature phi' (w'' where there is no shear).
+    """
+    rows = _rows(element)
+    kept = {
+        "u": "u",
+        "w": "w",
+        "slope": "w_x",
+        "rotation": "phi",
+        "axial_strain": "u_x",
+        "curvature": "phi_x",
+    }
+    return {name: tuple(_sum(_by_power(p, _SCALE)) for p in rows[field]) for name, field in kept.items()}
+
+
+#: The rows of shape functions are kept times the length to this power, which leaves polynomials.
+_SCALE = 2
+
+
+def _rows(element: Element) -> dict[str, tuple[PolyElement, ...]]:
+    """Return the fields of Hamilton's principle over the element's unknowns, times L**_SCALE."""
+    shape = shape_functions(element)
+    scale, known = LENGTH.symbol**_SCALE, dict(zip(_SYMBOLS, _RING.symbols, strict=True))
+    u, w, phi = (
+        tuple(_RING.from_expr(sp.expand(e * scale).xreplace(known)) for e in row)
+        for row in (shape.axial, shape.transverse, shape.rotation)
+    )
+    u_x, w_x, phi_x = (tuple(p.diff(_XI).exquo(_L) if p else p for p in row) for row in (u, w, phi))
+    gamma = tuple(a - b for a, b in zip(w_x, phi, strict=True))
+    return {"u": u, "w": w, "phi": phi, "u_x": u_x, "w_x": w_x, "phi_x": phi_x, "gamma": gamma}
+
+
+def _by_power(polynomial: PolyElement, below: int) -> dict[int, sp.Expr]:
+    """Return a polynomial over L**below by powers of L."""
+    xi, _, share = _SYMBOLS
+    found: dict[int, list[sp.Expr]] = {}
+    for (i, j, k), coefficient in polynomial.terms():
+        found.setdefault(j - below, []).append(sp.QQ.to_sympy(coefficient) * xi**i * share**k)
+    return {power: sp.Add(*terms) for power, terms in sorted(found.items())}
+
+
+class _Integrals:
+    """Integrates densities times shape functions over one element."""
+
+    def __init__(self, element: Element, section: Section) -> None:
+        self.rows, self.size = _rows(element), len(element.dofs)
+        mu, x = hamilton.MU.symbol, hamilton.X.symbol
+        rotary = section.rotary if element.rotary else ()
+        #: Each density as pairs of a coefficient and the polynomial that it stands with.
+        self.densities: dict[sp.Expr, list[tuple[sp.Expr, PolyElement]]] = {
+            sp.Integer(1): [(sp.Integer(1), _RING.one)],
+            mu: [(c, _XI**k) for k, c in enumerate(section.mass)],
+            mu * x: [(c, _L * _XI ** (k + 1)) for k, c in enumerate(section.mass)],
+            hamilton.MASS_BEFORE.symbol: [
+                (c, _L * _XI ** (k + 1) / (k + 1)) for k, c in enumerate(section.mass)
+            ],
+            hamilton.MOMENT_BEFORE.symbol: [
+                (c, _L**2 * _XI ** (k + 2) / (k + 2)) for k, c in enumerate(section.mass)
+            ],
+            hamilton.ROTARY.symbol: [(c, _XI**k) for k, c in enumerate(rotary)],
+            hamilton.AXIAL.symbol: [(c, _XI**k) for k, c in enumerate(section.axial)],
+            hamilton.BENDING.symbol: [(c, _XI**k) for k, c in enumerate(section.bending)],
+            hamilton.SHEAR.symbol: [(c, _XI**k) for k, c in enumerate(section.shear)],
+        }
+
+    def matrix(self, terms: Iterable[Term], factor: sp.Expr | int = 1) -> sp.ImmutableMatrix:
+        """Return factor times the sum of the integrals of density * test^T * trial."""
+        entries = _Entries(2 * _SCALE)
+        for term in terms:
+            for i, a in enumerate(self.rows[term.test]):
+                for j, b in enumerate(self.rows[term.trial]):
+                    self._add(entries, (i, j), term.density * factor, a * b)
+        return sp.ImmutableMatrix(self.size, self.size, lambda i, j: entries[i, j])
+
+    def load(self, terms: Iterable[Term], factor: sp.Expr | int = 1) -> sp.ImmutableMatrix:
+        """Return factor times the sum of the integrals of density * test^T."""
+        entries = _Entries(_SCALE)
+        for term in terms:
+            for i, a in enumerate(self.rows[term.test]):
+                self._add(entries, (i, 0), term.density * factor, a)
+        return sp.ImmutableMatrix(self.size, 1, lambda i, j: entries[i, j])
+
+    def _add(self, entries: _Entries, at: tuple[int, int], density: sp.Expr, shapes: PolyElement) -> None:
+        if shapes:
+            number, kind = density.as_coeff_Mul()
+            for coefficient, weight in self.densities[kind]:
+                entries.add(at, coefficient, sp.QQ.from_sympy(number) * _over_element(shapes * weight))
+
+
+class _Entries:
+    """Entries of a matrix: for each coefficient of the section a polynomial, over a power of L."""
+
+    def __init__(self, below: int) -> None:
+        self._below = below
+        self._found: dict[tuple[int, int], dict[sp.Expr, PolyElement]] = {}
+
+    def add(self, at: tuple[int, int], coefficient: sp.Expr, polynomial: PolyElement) -> None:
+        entry = self._found.setdefault(at, {})
+        entry[coefficient] = entry.get(coefficient, _RING.zero) + polynomial
+
+    def __getitem__(self, at: tuple[int, int]) -> sp.Expr:
+        """Return an entry as powers of L, each with what of the section it stands with."""
+        by_power: dict[int, list[sp.Expr]] = {}
+        for coefficient, polynomial in self._found.get(at, {}).items():
+            for power, rest in _by_power(polynomial, self._below).items():
+                by_power.setdefault(power, []).append(coefficient * rest)
+        return _sum({power: sp.Add(*terms) for power, terms in sorted(by_power.items())})
+
+
+def _sum(by_power: dict[int, sp.Expr]) -> sp.Expr:
+    return sp.Add(*(LENGTH.symbol**power * e for power, e in by_power.items()))
+
+
+def _over_element(polynomial: PolyElement) -> PolyElement:
+    """Integrate by x over the element: by xi from 0 to 1, times L."""
+    found = _RING.zero
+    for (i, j, k), coefficient in polynomial.terms():
+        found += _RING.term_new((0, j + 1, k), coefficient / (i + 1))
+    return found

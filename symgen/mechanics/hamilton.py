@@ -1,0 +1,226 @@
+"""A moving elastic link by Hamilton's principle, in its fields, before any element is chosen.
+
+Source: the kineto-elasto-dynamics thesis, Chapters VI and VII; the steps carry its equation numbers. What the
+thesis leaves out is named so: rotary inertia and shear (as Timoshenko), the work of the axial force, gravity
+on the displacements.
+
+The link lies along its own x axis, which turns with ``omega``. ``u`` and ``w`` are small displacements along
+and across it, ``phi`` the small rotation of the section. Everything is linear in them: energies are of the
+second degree.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import sympy as sp
+
+from symgen.symbolic.quantity import Quantity, quantity
+
+THESIS = "thesis on kineto-elasto-dynamics of mechanisms, Chapters VI and VII"
+
+OMEGA = quantity("omega", "rad/s", "angular velocity of the link's axes")
+OMEGA_RATE = quantity("omega_rate", "rad/s^2", "angular acceleration of the link's axes")
+AX = quantity("ax", "m/s^2", "absolute acceleration of the first point less gravity, along the link")
+AY = quantity("ay", "m/s^2", "absolute acceleration of the first point less gravity, across the link")
+N0 = quantity("N0", "N", "axial force of the rigid motion at the first point, tension positive")
+#: What of the rigid motion the equation of a link needs.
+MOTION = (OMEGA, OMEGA_RATE, AX, AY, N0)
+
+VX = quantity("v_x", "m/s", "velocity of the first point along the link")
+VY = quantity("v_y", "m/s", "velocity of the first point across the link")
+GX = quantity("g_x", "m/s^2", "gravity along the link")
+GY = quantity("g_y", "m/s^2", "gravity across the link")
+PATH = (VX, VY, GX, GY)
+
+X = quantity("x", "m", "distance from the first point of the link")
+MU = quantity("mu", "kg/m", "mass per length at x")
+ROTARY = quantity("J", "kg*m", "rotary inertia per length at x")
+AXIAL = quantity("EA", "N", "axial stiffness at x")
+BENDING = quantity("EI", "N*m^2", "bending stiffness at x")
+SHEAR = quantity("kGA", "N", "shear stiffness at x")
+MASS_BEFORE = quantity("mu_0", "kg", "mass from the first point to x")
+MOMENT_BEFORE = quantity("mu_1", "kg*m", "its moment about the first point")
+SECTION = (X, MU, ROTARY, AXIAL, BENDING, SHEAR, MASS_BEFORE, MOMENT_BEFORE)
+
+_KINDS = {"u": ("m", "displacement along the link"), "w": ("m", "displacement across the link")}
+_KINDS["phi"] = ("rad", "rotation of the section")
+_STRAINS = {
+    "u_x": ("1", "axial strain"),
+    "phi_x": ("1/m", "curvature"),
+    "gamma": ("1", "shear strain w' - phi; zero without shear"),
+    "w_x": ("1", "slope of the line of centroids"),
+}
+
+
+def _fields() -> dict[str, Quantity]:
+    """Return the fields with two rates, and their strains, by name."""
+    found = {}
+    for order, word in enumerate(("", "rate of the ", "second rate of the ")):
+        for name, (unit, meaning) in _KINDS.items():
+            key = name + ("_" + "t" * order if order else "")
+            per = (unit, f"{unit}/s", f"{unit}/s^2")[order]
+            found[key] = quantity(key, per, word + meaning)
+    return found | {name: quantity(name, unit, text) for name, (unit, text) in _STRAINS.items()}
+
+
+#: u, w, phi, their rates ``_t`` and ``_tt``, and the strains, as the derivation names them.
+FIELDS = _fields()
+
+
+@dataclass(frozen=True, slots=True)
+class Step:
+    """One step of the derivation: expressions with names, a unit, what they are, and where they stand."""
+
+    name: str
+    rows: tuple[str, ...]
+    expressions: tuple[sp.Expr, ...]
+    unit: str
+    about: str
+    source: str
+
+
+@dataclass(frozen=True, slots=True)
+class Term:
+    """Part of the equation of a link: integral of density * test^T * trial over x, times what varies.
+
+    Attributes
+    ----------
+    part
+        ``inertia``, ``elastic`` or ``geometric``: which energy it comes from.
+    test, trial
+        Fields of ``FIELDS`` without rates: of the variation, and of the motion; "" for a load.
+    order
+        Order of the rate of the trial field.
+    motion
+        Product of symbols of ``MOTION``; 1 where it is constant.
+    density
+        Expression of ``SECTION``.
+    """
+
+    part: str
+    test: str
+    trial: str
+    order: int
+    motion: sp.Expr
+    density: sp.Expr
+
+
+@dataclass(frozen=True, slots=True)
+class Derivation:
+    """The steps, and the collected terms of the left-hand side (a load stands there with its sign)."""
+
+    steps: tuple[Step, ...]
+    terms: tuple[Term, ...]
+
+    def of(self, part: str, order: int, motion: sp.Expr) -> tuple[Term, ...]:
+        """Return the terms with the fields' rates of ``order`` that stand with ``motion``."""
+        return tuple(
+            t for t in self.terms if (t.part, t.order, t.motion) == (part, order, motion) and t.trial
+        )
+
+    def loads(self, motion: sp.Expr) -> tuple[Term, ...]:
+        """Return the terms without a field that stand with ``motion``."""
+        return tuple(t for t in self.terms if not t.trial and t.motion == motion)
+
+
+@lru_cache(maxsize=1)
+def derive() -> Derivation:
+    """Derive the weak form of the equation of motion of a link, step by step."""
+    f = {name: q.symbol for name, q in FIELDS.items()}
+    omega, rate, x, mu = OMEGA.symbol, OMEGA_RATE.symbol, X.symbol, MU.symbol
+    place = (x + f["u"], f["w"])
+    velocity = (
+        VX.symbol + f["u_t"] - omega * place[1],
+        VY.symbol + f["w_t"] + omega * place[0],
+    )
+    kinetic = mu * (velocity[0] ** 2 + velocity[1] ** 2) / 2 + ROTARY.symbol * (omega + f["phi_t"]) ** 2 / 2
+    strain = (
+        AXIAL.symbol * f["u_x"] ** 2 + BENDING.symbol * f["phi_x"] ** 2 + SHEAR.symbol * f["gamma"] ** 2
+    ) / 2
+    gravity = mu * (GX.symbol * place[0] + GY.symbol * place[1])
+    force = N0.symbol + AX.symbol * MASS_BEFORE.symbol - omega**2 * MOMENT_BEFORE.symbol
+    stretching = force * f["w_x"] ** 2 / 2
+    variation = {
+        name: sp.diff(kinetic + gravity - strain - stretching, symbol)
+        for name, symbol in f.items()
+        if not name.endswith("_tt")
+    }
+    # d/dt of the momenta: by the rates of all that moves, where v_x and v_y are components in turning axes.
+    rates = {f[k]: f[f"{k}_t"] for k in _KINDS} | {f[f"{k}_t"]: f[f"{k}_tt"] for k in _KINDS}
+    rates |= {
+        omega: rate,
+        VX.symbol: AX.symbol + GX.symbol + omega * VY.symbol,
+        VY.symbol: AY.symbol + GY.symbol - omega * VX.symbol,
+    }
+    inertia = {}
+    for k in _KINDS:
+        momentum = sp.diff(kinetic, f[f"{k}_t"])
+        moved = sp.Add(*(sp.diff(momentum, s) * r for s, r in rates.items()))
+        inertia[k] = sp.expand(moved - sp.diff(kinetic + gravity, f[k]))
+    parts = {
+        "inertia": inertia,
+        "elastic": {k: sp.diff(strain, f[k]) for k in ("u_x", "phi_x", "gamma")},
+        "geometric": {"w_x": sp.diff(stretching, f["w_x"])},
+    }
+    collected = {k: e for part in parts.values() for k, e in part.items()}
+    steps = (
+        Step("place", ("x", "y"), place, "m", "place of a point in the link's axes", "(6.1)"),
+        Step("velocity", ("x", "y"), velocity, "m/s", "its absolute velocity in the link's axes", "(6.7)"),
+        Step(
+            "origin_acceleration", ("x", "y"), (rates[VX.symbol], rates[VY.symbol]), "m/s^2",
+            "derivatives of the components v_x, v_y: not those of the acceleration", "after (6.8), (6.10)",
+        ),
+        Step(
+            "kinetic_energy", ("T",), (kinetic,), "J/m", "kinetic energy per length",
+            "(6.12); rotary inertia added",
+        ),
+        Step(
+            "strain_energy", ("V",), (strain,), "J/m", "strain energy per length",
+            "(6.14); shear added",
+        ),
+        Step(
+            "axial_force", ("N",), (force,), "N", "axial force of the rigid motion at x",
+            "not in the thesis",
+        ),
+        Step(
+            "geometric_energy", ("V_N",), (stretching,), "J/m",
+            "work of the axial force on the shortening w'^2/2", "not in the thesis",
+        ),
+        Step(
+            "gravity_work", ("W",), (gravity,), "J/m", "work of gravity per length",
+            "(6.15), with the displacements, which the thesis leaves out",
+        ),
+        Step(
+            "variation", tuple(variation), tuple(variation.values()), "J/m over the unit of the row",
+            "factor of the variation of each field in dT + dW - dV", "(7.8), (7.9)",
+        ),
+        Step(
+            "weak_form", tuple(collected), tuple(collected.values()), "J/m over the unit of the row",
+            "integrated by parts in time: the integral of row * variation is zero", "(7.10)-(7.23)",
+        ),
+    )  # fmt: skip
+    terms = tuple(
+        term for part, rows in parts.items() for test, e in rows.items() for term in _collect(part, test, e)
+    )
+    return Derivation(steps, terms)
+
+
+def _collect(part: str, test: str, expression: sp.Expr) -> list[Term]:
+    """Sort a row of the weak form by field, rate and motion: Eqs. (7.24) to (7.27)."""
+    fields = [q.symbol for q in FIELDS.values()]
+    motion = [q.symbol for q in MOTION]
+    polynomial = sp.Poly(expression, *fields, *motion)
+    terms = []
+    for powers, density in polynomial.terms():
+        names = [name for name, p in zip(FIELDS, powers, strict=False) if p]
+        factor = sp.Mul(*(s**p for s, p in zip(motion, powers[len(fields) :], strict=True)))
+        if density == 0:
+            continue
+        trial, order = names[0] if names else "", 0
+        if trial.endswith(("_t", "_tt")):
+            trial, _, ts = trial.rpartition("_")
+            order = len(ts)
+        terms.append(Term(part, test, trial, order, factor, density))
+    return terms

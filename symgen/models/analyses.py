@@ -1,0 +1,53 @@
+"""What is derived besides the equations of motion, by the kind of analysis that needs it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+from symgen.errors import SceneError
+from symgen.models.linearised import kinematics_system, statics_system
+
+if TYPE_CHECKING:
+    from symgen.scene.linkage import Linkage
+    from symgen.symbolic.system import System
+
+
+def _elastic(name: str) -> Callable[[Linkage], System]:
+    def system(linkage: Linkage) -> System:
+        from symgen.models import elastic  # rigid linkages do not need it
+
+        made: System = getattr(elastic, name)(linkage)
+        return made
+
+    return system
+
+
+def _forces(linkage: Linkage) -> System:
+    from symgen.models.rigid_forces import rigid_forces_system  # no run needs it
+
+    return rigid_forces_system(linkage)
+
+
+#: The System of each kind of analysis besides the motion in time.
+ANALYSES: dict[str, Callable[[Linkage], System]] = {
+    "kinematics": kinematics_system,
+    "statics": statics_system,
+    "forces": _forces,
+    "elastic_motion": _elastic("motion_system"),
+    "elastic_joints": _elastic("joints_system"),
+}
+
+
+def analysis_system(linkage: Linkage, kind: str) -> System:
+    """Return the System of one kind of analysis; see ``ANALYSES``.
+
+    Raises
+    ------
+    SceneError
+        As for the equations of motion of the same linkage.
+    """
+    try:
+        return ANALYSES[kind](linkage)
+    except SceneError as error:
+        raise error.located(file=linkage.file) from None

@@ -1,0 +1,22 @@
+"""Types of the equations of elastic motions; see ``_beams.pyx`` for what things do."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symgen.runtime._core import Equations
+from symgen.runtime._rigid_motion import RigidMotion
+from symgen.runtime.beam_layout import Layout
+
+Array = NDArray[np.float64]
+
+class BeamEquations(Equations):
+    motion: RigidMotion
+    whole: int
+    entries: int
+    band: int
+    thesis: bool
+    def __init__(self, motion: RigidMotion, layout: Layout, thesis: bool) -> None: ...
+    def matrices(
+        self, t: float, resting: bool = False
+    ) -> tuple[int, Array, Array, Array, Array, Array | None]: ...
+    def accelerations(self, t: float, y: Array) -> Array: ...

@@ -1,0 +1,1 @@
+"""Routines of LAPACK; see ``_lapack.pyx``."""

@@ -1,0 +1,166 @@
+"""The elastic motion of one linkage, ready to be evaluated: its links, its layout, its compiled equations."""
+
+from __future__ import annotations
+
+import math
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symgen.errors import ModelError, SimulationError
+from symgen.runtime import _beams, _core
+from symgen.runtime._rigid_motion import RigidMotion
+from symgen.runtime.beam_data import Lump, Properties
+from symgen.runtime.beam_layout import Layout, layout
+from symgen.runtime.beams import Beam, beam
+from symgen.runtime.elastic_description import ElasticInfo
+from symgen.runtime.evaluate import Evaluator
+
+if TYPE_CHECKING:
+    from symgen.runtime.model import Model
+
+Array = NDArray[np.float64]
+
+#: Angle [rad] of the crank over which a pose is a good guess of the next.
+_STRIDE = 0.02
+
+
+class ElasticMotion:
+    """What all analyses of elastic links start from.
+
+    Parameters
+    ----------
+    rigid
+        The linkage with all links rigid, its crank driven.
+    geometric_stiffness
+        Leave it out where false, whatever the scene says.
+    """
+
+    def __init__(self, rigid: Model, geometric_stiffness: bool = True) -> None:
+        info = rigid.description.elastic
+        if info is None:
+            raise ModelError(f"{rigid.name} has no elastic link")
+        self.rigid, self.info = rigid, info
+        self._stiffened = geometric_stiffness
+        self._motion, self._joints = rigid.analysis("elastic_motion"), rigid.analysis("elastic_joints")
+        start = rigid.initial_state()
+        self._start = np.concatenate([start.q, start.u])
+        found = self._motion.blocks("constants", 0.0, start.q, start.u)
+        self._tables = {name: np.atleast_2d(values) for name, values in found.items()}
+        crank = self._tables.get("crank", np.zeros((1, 3)))[0]
+        self.angle, self.speed, self.flywheel = (float(x) for x in crank)
+
+    @property
+    def period(self) -> float:
+        """Time of one turn of the crank [s]; infinite where it stands still."""
+        return 2 * math.pi / abs(self.speed) if self.speed else math.inf
+
+    def time_at(self, angle: float) -> float:
+        """Return the time from 0 to one period at which the crank has a direction [rad]."""
+        if not self.speed:
+            if math.isclose(math.cos(angle - self.angle), 1.0, abs_tol=1e-12):
+                return 0.0
+            raise ModelError(f"the crank stands still at {math.degrees(self.angle):g} degrees: it has no speed")
+        turned = math.fmod(angle - self.angle, 2 * math.pi) / self.speed
+        return turned if turned >= 0.0 else turned + self.period
+
+    def angle_at(self, t: Array) -> Array:
+        """Return directions of the crank [rad], from its start on, at times [s]."""
+        return self.angle + self.speed * np.asarray(t)
+
+    @cached_property
+    def beams(self) -> tuple[Beam, ...]:
+        """The elastic links."""
+        made = []
+        for info, row in zip(self.info.beams, self._tables["properties"], strict=True):
+            if not self._stiffened:
+                from dataclasses import replace
+
+                info = replace(info, geometric_stiffness=False)
+            made.append(beam(info, _properties(row), self._lumps(info.link)))
+        return tuple(made)
+
+    def _lumps(self, link: str) -> tuple[Lump, ...]:
+        rows = zip(self.info.lumps, self._tables.get("lumps", ()), strict=True)
+        return tuple(Lump(float(at), float(mass)) for name, (at, mass) in rows if name == link)
+
+    @cached_property
+    def stations(self) -> tuple[tuple[str, int, float, float], ...]:
+        """Name, number of the link, fraction of its length and fibre [m] of every station."""
+        links = [b.link for b in self.info.beams]
+        rows = zip(self.info.stations, self._tables.get("stations", ()), strict=True)
+        return tuple((name, links.index(link), float(at), float(h)) for (name, link), (at, h) in rows)
+
+    @cached_property
+    def layout(self) -> Layout:
+        """Where everything goes."""
+        d = self.rigid.description
+        kernel = self._joints.info("joints")
+        lengths = {b.info.link: b.properties.length for b in self.beams}
+        loads: list[float] = []
+        if self.info.loads:
+            start = np.split(self._start, 2)
+            rows = self._motion.blocks("point_loads", 0.0, *start)["point_loads"]
+            at = np.atleast_2d(rows)[:, 0]
+            loads = [float(x) / lengths[link] for x, link in zip(at, self.info.loads, strict=True)]
+        blocks = {b.name: b for b in kernel.blocks}
+        return layout(d, self.info, self.beams, blocks, loads, self.flywheel)
+
+    def equations(self, thesis: bool = False) -> _beams.BeamEquations:
+        """Return the compiled equations, at the start of the motion."""
+        d = self.rigid.description
+        sizes = [
+            self._motion.info("links").out_size,
+            self._joints.info("joints").out_size,
+            *(info.out_size if info else 0 for info in map(self._motion.description.kernel, ("torque", "point_loads"))),
+        ]
+        motion = RigidMotion(
+            self.rigid.evaluator.equations(len(d.redundant)),
+            self._motion.library.addresses,
+            self._joints.library.addresses,
+            sizes,
+            0.0,
+            self._start,
+            _STRIDE / abs(self.speed) if self.speed else math.inf,
+        )
+        made = _beams.BeamEquations(motion, self.layout, thesis)
+        self.check(made, made.matrices(0.0)[0], 0.0)
+        return made
+
+    def check(self, equations: _beams.BeamEquations, status: int, t: float) -> None:
+        """Raise SimulationError where the equations could not be assembled at a time, or a step failed."""
+        if status == _core.DONE:
+            return
+        at = f"at crank angle {math.degrees(float(self.angle_at(np.array(t)))):.6g} degrees"
+        d = self.rigid.description
+        if status == _core.SINGULAR and equations.soundness <= equations.rank_tolerance:
+            problem = f"the rigid links and guides bind each other {at}: they lose rank"
+        elif status in (_core.SINGULAR, _core.PROJECTION_FAILED):
+            problem = (
+                f"the crank cannot turn past {at.removeprefix('at ')}: the linkage comes to a dead centre or cannot be "
+                "assembled there"
+            )
+        else:
+            problem = f"a number that is not finite appeared {at}"
+        raise SimulationError(f"{d.title}: {problem}", time=t)
+
+
+def _properties(row: Array) -> Properties:
+    """Return what a row of the table ``properties`` says."""
+    x = [float(v) for v in row]
+    return Properties(
+        length=x[0],
+        mass=(x[1], x[2], x[3]),
+        rotary=(x[4], x[5], x[6], x[7], x[8]),
+        axial=(x[9], x[10], x[11]),
+        bending=(x[12], x[13], x[14], x[15], x[16]),
+        shear=(x[17], x[18], x[19]),
+        fibre=(x[20], x[21]),
+        modulus=x[22],
+        mass_damping=x[23],
+        stiffness_damping=x[24],
+        ratio=x[25],
+        yield_stress=x[26] or math.inf,
+    )

@@ -1,0 +1,154 @@
+"""What a run of elastic links gives: strains, displacements and lengths over the crank angle."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symgen.runtime.beams import Beam
+from symgen.runtime.elastic_motion import ElasticMotion
+from symgen.runtime.result import Result, Variable
+
+Array = NDArray[np.float64]
+
+
+class ElasticResult(Result):
+    """A run of a linkage with elastic links; ``result["coupler.bending_strain"]`` is an array over time."""
+
+    def __repr__(self) -> str:
+        return (
+            f"<ElasticResult {self.name!r}: {len(self.time)} times, {len(self.variables)} outputs, "
+            f"{self.provenance['method']}>"
+        )
+
+    @property
+    def angles(self) -> Array:
+        """Direction of the crank at each time [deg], counted on over turns."""
+        return np.array(self.statistics["angle_deg"])
+
+    @property
+    def over(self) -> tuple[Array, str]:
+        """What plots have along their axis, and what it is called."""
+        if not self.statistics["turns"]:
+            return self.time, "time [s]"
+        return self.angles, "crank angle [deg]"
+
+    @property
+    def peaks(self) -> dict[str, float]:
+        """Largest absolute value of every output of one component, in its unit."""
+        return {
+            v.name: float(np.max(np.abs(v.values))) for v in self.variables if v.values.ndim == 1
+        }
+
+    @property
+    def floquet(self) -> tuple[complex, ...]:
+        """Floquet multipliers of one turn, the largest first; empty where they were not asked for."""
+        return tuple(complex(re, im) for re, im in self.statistics["floquet"])
+
+    @property
+    def headline(self) -> str:
+        """What a plot says of the run."""
+        error = self.statistics["error"]
+        known = f", estimated error {error:.1e} of the peak" if error is not None else ""
+        return f"{self.provenance['method']}, {self.statistics['steps']} steps{known}"
+
+    def summary(self) -> dict[str, Any]:
+        """Return the run in plain numbers: what ``symgen run --json`` prints."""
+        columns = [
+            (f"{v.name}.{c}" if c else v.name, v.unit, v.values.reshape(len(self.time), -1)[:, i])
+            for v in self.variables
+            for i, c in enumerate(v.components or ("",))
+        ]
+        multipliers = [[z.real, z.imag] for z in self.floquet]
+        return {
+            "scene": self.name,
+            "method": self.provenance["method"],
+            "form": self.provenance["form"],
+            "unknowns": self.statistics["unknowns"],
+            "steps": self.statistics["steps"],
+            "error_over_peak": self.statistics["error"],
+            "wall_s": self.statistics["wall_s"],
+            "backend": self.provenance["backend"],
+            "equations": self.provenance["equations"],
+            "parameters": dict(self.provenance["parameters"]),
+            "units": {name: unit for name, unit, _ in columns},
+            "peaks": self.peaks,
+            "floquet": multipliers,
+            "floquet_max": abs(self.floquet[0]) if multipliers else None,
+            "stable": abs(self.floquet[0]) <= 1 + 1e-6 if multipliers else None,
+            "notes": list(self.notes),
+            "values": [
+                {"angle_deg": float(angle), "t": float(t), **{n: float(x[i]) for n, _, x in columns}}
+                for i, (angle, t) in enumerate(zip(self.angles, self.time, strict=True))
+            ],
+        }
+
+
+def outputs(motion: ElasticMotion, links: Array, displacements: Array) -> list[Variable]:
+    """Return strains at the stations, displacements of joints and changes of length.
+
+    Parameters
+    ----------
+    links
+        Motion of the links, (times, links, 10).
+    displacements
+        (times, unknowns).
+    """
+    found = []
+    own = [_own(motion, k, links, displacements) for k in range(len(motion.beams))]
+    for name, k, at, fibre in motion.stations:
+        beam = motion.beams[k]
+        rows = beam.rows(at)
+        bending, axial = own[k] @ rows.curvature * fibre, own[k] @ rows.axial_strain
+        where = f"{beam.info.link}, at {at:g} of its length"
+        found += [
+            Variable(f"{name}.bending_strain", "1", f"bending strain in the fibre of {where}", (), bending),
+            Variable(f"{name}.axial_strain", "1", f"axial strain of {where}", (), axial),
+            Variable(
+                f"{name}.stress", "Pa", f"stress in the fibre of {where}", (), beam.properties.modulus * (bending + axial)
+            ),
+        ]
+    names = motion.layout.names
+    for point in motion.rigid.description.free:
+        columns = [names.index(f"{point}.{axis}") for axis in "xy"]
+        about = f"displacement of {point} from the rigid motion"
+        found.append(Variable(f"{point}.displacement", "m", about, ("x", "y"), displacements[:, columns]))
+    for k, beam in enumerate(motion.beams):
+        found.append(
+            Variable(
+                f"{beam.info.link}.length_change",
+                "m",
+                f"change of the distance between the ends of {beam.info.link}",
+                (),
+                _stretch(beam, own[k]),
+            )
+        )
+    return found
+
+
+def own_unknowns(motion: ElasticMotion, k: int, links: Array, displacements: Array) -> Array:
+    """Return the unknowns of a link in its own axes, (times, n)."""
+    return _own(motion, k, links, displacements)
+
+
+def _own(motion: ElasticMotion, k: int, links: Array, displacements: Array) -> Array:
+    places = motion.layout.of_links[k]
+    padded = np.column_stack([displacements, np.zeros(len(displacements))])
+    found = padded[:, places]
+    d = links[:, k, :2] / np.linalg.norm(links[:, k, :2], axis=1)[:, None]
+    for u, w in motion.beams[k].ends:
+        x, y = found[:, u].copy(), found[:, w].copy()
+        found[:, u], found[:, w] = d[:, 0] * x + d[:, 1] * y, d[:, 0] * y - d[:, 1] * x
+    return found
+
+
+def _stretch(beam: Beam, own: Array) -> Array:
+    """Return the change of the distance between the ends, exact for the displacements found."""
+    (u0, w0), (u1, w1) = beam.ends
+    length = beam.properties.length
+    along, across = length + own[:, u1] - own[:, u0], own[:, w1] - own[:, w0]
+    # sqrt(along^2 + across^2) - length without its cancellation
+    more = (own[:, u1] - own[:, u0]) * (2 * length + own[:, u1] - own[:, u0]) + across**2
+    return more / (np.hypot(along, across) + length)
