@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from symgen.codegen.emit import SourceFile
     from symgen.lowering.kernel import Program
     from symgen.runtime.description import Described, Description
+    from symgen.runtime.elastic_model import ElasticModel
     from symgen.runtime.library import Library
     from symgen.runtime.loop_model import LoopModel
     from symgen.runtime.model import Model
@@ -47,11 +48,12 @@ def build(
     *,
     set: Mapping[str, str] | None = None,
     backend: str = "auto",
-) -> Model | LoopModel:
+) -> Model | LoopModel | ElasticModel:
     """Derive, lower, emit and compile a scene, or take it from the cache.
 
-    Returns a :class:`~symgen.runtime.model.Model`, or, of a scene with a link-joint table, a
-    :class:`~symgen.runtime.loop_model.LoopModel`.
+    Returns a :class:`~symgen.runtime.model.Model`; of a scene with a link-joint table a
+    :class:`~symgen.runtime.loop_model.LoopModel`, of one with elastic links an
+    :class:`~symgen.runtime.elastic_model.ElasticModel`.
 
     Parameters
     ----------
@@ -95,7 +97,7 @@ def build(
 
 def _model(
     text: SceneText, compiler: Compiler | None, description: Any, library: Library
-) -> Model | LoopModel:
+) -> Model | LoopModel | ElasticModel:
     from symgen.runtime.description import LoopDescription
 
     def equations() -> Any:
@@ -108,7 +110,12 @@ def _model(
     from symgen.runtime.model import Model
 
     analyses = cache(lambda kind: _analysis(text, compiler, description, kind))
-    return Model(description, library, equations, analyses=analyses)
+    model = Model(description, library, equations, analyses=analyses)
+    if description.elastic is None:
+        return model
+    from symgen.runtime.elastic_model import ElasticModel
+
+    return ElasticModel(model)
 
 
 def compile_scene(text: SceneText, compiler: Compiler | None, folder: Path) -> tuple[Any, Library]:
@@ -226,7 +233,7 @@ def _check_values(text: SceneText) -> None:
     resolve(check_scene(text))
 
 
-def _in_si(model: Model | LoopModel, values: Mapping[str, str], file: str) -> dict[str, float]:
+def _in_si(model: Model | LoopModel | ElasticModel, values: Mapping[str, str], file: str) -> dict[str, float]:
     from symgen.scene.units import parse_quantity
 
     result = {}

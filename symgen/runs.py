@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Callable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
 
 from symgen.errors import ModelError, SceneError
 from symgen.runtime.loop_model import LoopModel
 from symgen.runtime.model import Model
 from symgen.runtime.turn import Turn
 
+if TYPE_CHECKING:
+    from symgen.runtime.elastic_model import ElasticModel
+    from symgen.runtime.elastic_result import ElasticResult
+
 
 def driven_run(
-    model: Model | LoopModel,
+    model: Model | LoopModel | ElasticModel,
     at: Sequence[str] | None,
     samples: int | None,
     through: bool,
@@ -44,6 +48,64 @@ def driven_run(
     return model.at([_value(model, text) for text in texts])
 
 
+def elastic_run(
+    model: ElasticModel,
+    at: Sequence[str] | None,
+    samples: int | None,
+    options: Mapping[str, Any],
+    progress: Callable[[float], None] | None,
+) -> ElasticResult:
+    """Return the elastic motion as the command line asks for it.
+
+    Raises
+    ------
+    ModelError
+        When an option does not go with elastic links, or a value cannot be read.
+    """
+    given = {name: value for name, value in options.items() if value is not None}
+    refused = [f"--{name.replace('_', '-')}" for name in given if name in ("t_end", "atol", "step", "through")]
+    if refused:
+        raise ModelError(
+            f"{', '.join(refused)} does not go with elastic links\n"
+            "  Give --revolutions and --steps (a turn), or --rtol."
+        )
+    if at and samples is not None:
+        raise ModelError("give --at or --samples, not both")
+    return model.run(
+        given.pop("method", "gauss"),
+        samples=361 if samples is None else samples,
+        at=angles(at) if at else None,
+        progress=progress,
+        **given,
+    )
+
+
+def angles(at: Sequence[str]) -> list[float]:
+    """Return angles [rad] as written: bare ones in degrees.
+
+    Raises
+    ------
+    ModelError
+        When one cannot be read.
+    """
+    from symgen.scene.units import NUMBER, parse_quantity
+
+    found = []
+    for text in (part.strip() for group in at for part in group.split(",")):
+        try:
+            value = math.radians(float(text))
+        except ValueError:
+            try:
+                number, dimension = parse_quantity(text)
+                value = float(number) if dimension == NUMBER else math.nan
+            except SceneError:
+                value = math.nan
+        if not math.isfinite(value):
+            raise ModelError(f'expected angles behind --at, such as "45" (degrees) or "0.5 rad", got {text!r}')
+        found.append(value)
+    return found
+
+
 def _value(model: LoopModel, text: str) -> float:
     """Return a value of the first input in SI: a bare angle is in degrees, a length in the scene's unit."""
     from symgen.scene.units import LENGTH, NUMBER, parse_quantity
@@ -68,31 +130,3 @@ def _value(model: LoopModel, text: str) -> float:
             f'expected values of {first.name} behind --at, such as "{example}", got {text!r}'
         ) from None
     return value * d.units["length"][1] if first.is_length else math.radians(value)
-
-
-def directions(at: Sequence[str]) -> list[float]:
-    """Return directions of a driven link [rad] as the command line gives them: bare numbers are degrees.
-
-    Raises
-    ------
-    ModelError
-        When one is no angle.
-    """
-    from symgen.scene.units import NUMBER, parse_quantity
-
-    found = []
-    for text in (part.strip() for group in at for part in group.split(",")):
-        try:
-            try:
-                value = math.radians(float(text))
-            except ValueError:
-                number, dimension = parse_quantity(text)
-                value = float(number) if dimension == NUMBER else math.nan
-            if not math.isfinite(value):
-                raise SceneError("")
-        except SceneError:
-            raise ModelError(
-                f'expected angles behind --at, such as "45" or "0.5 rad", got {text!r}'
-            ) from None
-        found.append(value)
-    return found

@@ -13,6 +13,7 @@ from symgen.cli.common import (
     SceneArgument,
     SetOption,
     app,
+    changes,
     console,
     linkage,
     print_json,
@@ -81,17 +82,47 @@ def equilibrium(
 
 @app.command()
 def modes(
-    scene: SceneArgument, set_: SetOption = None, as_json: JsonOption = False, backend: BackendOption = "auto"
+    scene: SceneArgument,
+    at: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--at",
+            metavar="ANGLE[,ANGLE...]",
+            help='Crank angles of a scene with elastic links: "0,60" (degrees), "0.5 rad"; its start if absent.',
+        ),
+    ] = None,
+    set_: SetOption = None,
+    as_json: JsonOption = False,
+    backend: BackendOption = "auto",
 ) -> None:
-    """Find frequencies and shapes of small oscillations about the equilibrium of a scene."""
+    """Find frequencies and shapes of small oscillations: about the equilibrium, or of elastic links in a pose."""
+    from symgen.errors import ModelError
+    from symgen.pipeline import build as build_model
+    from symgen.runtime.elastic_model import ElasticModel
+
+    elastic = build_model(scene, set=changes(set_), backend=backend)
+    if isinstance(elastic, ElasticModel):
+        from symgen.report.elastic import print_elastic_modes
+        from symgen.runs import angles
+
+        found = [elastic.modes(angle) for angle in angles(at)] if at else [elastic.modes()]
+        if not as_json:
+            print_elastic_modes(found, elastic.description.title, console())
+        elif len(found) == 1:
+            print_json(found[0].summary())
+        else:
+            print_json({"scene": elastic.name, "poses": [m.summary() for m in found]})
+        return
+    if at:
+        raise ModelError(f"{elastic.name} has no elastic links: --at is for those")
     model = linkage(scene, set_, backend, "modes")
-    found = model.modes()
+    about = model.modes()
     if as_json:
-        print_json({"scene": model.name, **found.summary()})
+        print_json({"scene": model.name, **about.summary()})
     else:
         from symgen.report.analyses import print_modes
 
-        print_modes(found, model.description.title, console())
+        print_modes(about, model.description.title, console())
 
 
 @app.command()
@@ -127,7 +158,7 @@ def forces(
     from symgen.atomic import writable
     from symgen.errors import ModelError
     from symgen.report.plots import DRAWN_AS
-    from symgen.runs import directions
+    from symgen.runs import angles
     from symgen.runtime.result import SAVED_AS
 
     for file, endings, what in ((out, SAVED_AS, "result"), (plot, DRAWN_AS, "plot")):
@@ -135,7 +166,7 @@ def forces(
             writable(file, endings, what)
     if at and samples is not None:
         raise ModelError("give --at or --samples, not both")
-    asked = directions(at) if at else None
+    asked = angles(at) if at else None
     model = linkage(scene, set_, backend, "forces")
     found = model.forces(
         start, stop, at=asked, elements=elements, sections=section or (0.5,), samples=samples or 361

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -28,7 +30,13 @@ def run(
     t_end: Annotated[
         float | None, typer.Option(help="End of the run [s]; the scene's own when absent.")
     ] = None,
-    method: Annotated[str | None, typer.Option(help="dop853 (adaptive) or rk4 (fixed step).")] = None,
+    method: Annotated[
+        str | None,
+        typer.Option(
+            help="dop853 (adaptive) or rk4 (fixed step); of elastic links also gauss, gauss4, newmark, "
+            "generalized-alpha, quasi-static, periodic."
+        ),
+    ] = None,
     rtol: Annotated[float | None, typer.Option(help="Relative tolerance of the local error.")] = None,
     atol: Annotated[float | None, typer.Option(help="Absolute tolerance [m, m/s].")] = None,
     step: Annotated[float | None, typer.Option(help="Fixed step [s].")] = None,
@@ -50,6 +58,20 @@ def run(
             "--through", help="Follow a driven loop on through the values at which its input turns back."
         ),
     ] = False,
+    revolutions: Annotated[
+        float | None, typer.Option(help="Turns of the crank of a scene with elastic links (1).")
+    ] = None,
+    steps: Annotated[
+        int | None,
+        typer.Option(help="Steps a turn with elastic links; doubled until they suffice when absent."),
+    ] = None,
+    form: Annotated[
+        str | None, typer.Option(help="Equations of elastic links: exact, or thesis (for comparison only).")
+    ] = None,
+    geometric_stiffness: Annotated[
+        bool | None,
+        typer.Option(help="Whether axial forces stiffen elastic links; as the scene says when absent."),
+    ] = None,
     set_: SetOption = None,
     out: Annotated[Path | None, typer.Option(help="Save the result: .nc or .npz.")] = None,
     plot: Annotated[Path | None, typer.Option(help="Save a plot: .png, .svg or .pdf.")] = None,
@@ -71,6 +93,7 @@ def run(
     from symgen.errors import SimulationError
     from symgen.pipeline import build as build_model
     from symgen.report.plots import DRAWN_AS
+    from symgen.runtime.elastic_model import ElasticModel
     from symgen.runtime.loop_model import LoopModel
     from symgen.runtime.result import SAVED_AS
 
@@ -79,18 +102,22 @@ def run(
             writable(file, endings, what)
     model = build_model(scene, set=changes(set_), backend=backend)
     options: dict[str, Any] = {"method": method, "rtol": rtol, "atol": atol, "step": step}
+    of_elastic = {"revolutions": revolutions, "steps": steps, "form": form}
+    of_elastic["geometric_stiffness"] = geometric_stiffness
     result: Result
     try:
-        if model.is_driven or at or through:
+        if isinstance(model, ElasticModel):
+            from symgen.runs import elastic_run
+
+            asked = {"t_end": t_end, **options, "through": through or None, **of_elastic}
+            with _progress(model.description.title, as_json) as progress:
+                result = elastic_run(model, at, samples, asked, progress)
+        elif model.is_driven or at or through:
             from symgen.runs import driven_run
 
             result = driven_run(model, at, samples, through, {"t_end": t_end, **options})
-        elif as_json or not sys.stderr.isatty():
-            result = model.simulate(t_end, **options, samples=samples or 201)
         else:
-            from symgen.report.progress import bar
-
-            with bar(model.description.title) as progress:
+            with _progress(model.description.title, as_json) as progress:
                 result = model.simulate(t_end, **options, samples=samples or 201, progress=progress)
     except SimulationError as error:
         if out and error.partial is not None:
@@ -104,12 +131,26 @@ def run(
     _show(result, isinstance(model, LoopModel), as_json)
 
 
+def _progress(title: str, as_json: bool) -> AbstractContextManager[Callable[[float], None] | None]:
+    """Show a bar on a terminal, and nothing elsewhere."""
+    if as_json or not sys.stderr.isatty():
+        return nullcontext()
+    from symgen.report.progress import bar
+
+    return bar(title)
+
+
 def _show(result: Result, of_loop: bool, as_json: bool) -> None:
     """Print a result: as one JSON object, or as tables."""
+    from symgen.runtime.elastic_result import ElasticResult
     from symgen.runtime.turn import Turn
 
     if as_json:
         print_json(result.summary())
+    elif isinstance(result, ElasticResult):
+        from symgen.report.elastic import print_elastic_result
+
+        print_elastic_result(result, console())
     elif isinstance(result, Turn):
         from symgen.report.loops import print_turn
 

@@ -1,0 +1,146 @@
+"""A compiled linkage with elastic links: what a user holds in hand."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from functools import cache
+from typing import TYPE_CHECKING, Any
+
+
+from symgen.errors import ModelError, nearest
+from symgen.runtime.compiled import Compiled
+from symgen.runtime.description import Description
+from symgen.runtime.elastic_motion import ElasticMotion
+
+if TYPE_CHECKING:
+    from symgen.runtime.elastic_modes import ElasticModes
+    from symgen.runtime.elastic_result import ElasticResult
+    from symgen.runtime.model import Model
+
+#: How an elastic motion is found, by name.
+METHODS = ("gauss", "gauss4", "newmark", "generalized-alpha", "dop853", "rk4", "quasi-static", "periodic")
+FORMS = ("exact", "thesis")
+
+
+class ElasticModel(Compiled):
+    """A planar linkage some of whose links bend, moving about the motion it would have if all were rigid.
+
+    Made by :func:`symgen.build`. ``rigid`` is that linkage, its crank driven: a :class:`Model`.
+    """
+
+    description: Description
+
+    def __init__(self, rigid: Model) -> None:
+        self.rigid = rigid
+        self.description = rigid.description
+        self._motion = cache(lambda stiffened: ElasticMotion(rigid, stiffened))
+
+    def __repr__(self) -> str:
+        motion = self._motion(True)
+        links = ", ".join(b.info.link for b in motion.beams)
+        return f"<ElasticModel {self.name!r}: {links} elastic, {self.unknowns} unknowns>"
+
+    #: An elastic motion is found in time.
+    is_driven = False
+
+    @property
+    def parameters(self) -> Mapping[str, float]:  # type: ignore[override]
+        """Values of the tunable parameters, in SI units."""
+        return self.rigid.parameters
+
+    @property
+    def backend(self) -> str:
+        """Where the kernels of the rigid motion come from."""
+        return self.rigid.backend
+
+    @property
+    def equations(self) -> Any:
+        """The derived SymPy matrices of the rigid motion by name."""
+        return self.rigid.equations
+
+    @property
+    def is_changed(self) -> bool:
+        """Whether a parameter has another value than in the scene."""
+        return self.rigid.is_changed
+
+    @property
+    def unknowns(self) -> int:
+        """Number of unknowns of the elastic motion, those that constraints leave."""
+        layout = self._motion(True).layout
+        return layout.unknowns - layout.constraints
+
+    def with_parameters(self, **values: float) -> ElasticModel:
+        """Return the same model with other values of its tunable parameters, in SI units."""
+        return ElasticModel(self.rigid.with_parameters(**values))
+
+    def modes(self, angle: float | None = None) -> ElasticModes:
+        """Return frequencies and shapes of the structure at rest in a pose of its rigid links.
+
+        Parameters
+        ----------
+        angle
+            Direction of the crank [rad]; that of the start when absent.
+
+        Raises
+        ------
+        ModelError, SimulationError
+            When the crank stands still elsewhere, or cannot come there.
+        """
+        from symgen.runtime.elastic_modes import elastic_modes
+
+        motion = self._motion(True)
+        at = motion.angle if angle is None else angle
+        return elastic_modes(motion, motion.equations(), motion.time_at(at))
+
+    def run(
+        self,
+        method: str = "gauss",
+        *,
+        revolutions: float = 1.0,
+        steps: int | None = None,
+        rtol: float = 1e-4,
+        samples: int = 361,
+        at: Sequence[float] | None = None,
+        form: str = "exact",
+        geometric_stiffness: bool = True,
+        progress: Callable[[float], None] | None = None,
+    ) -> ElasticResult:
+        """Find the elastic motion and return strains, displacements and lengths.
+
+        Parameters
+        ----------
+        method
+            One of ``METHODS``. ``quasi-static`` leaves out all that the elastic motion itself adds;
+            ``periodic`` finds the steady state of a crank at constant speed, with its Floquet multipliers.
+            All others start undeformed and at rest relative to the rigid motion.
+        revolutions
+            Turns of the crank.
+        steps
+            Steps a turn of methods with fixed steps; doubled until two runs agree within ``rtol`` if absent.
+        rtol
+            Error over the peak of every strain, as two runs show it; of adaptive methods the tolerance.
+        samples
+            Number of equally spaced times recorded.
+        at
+            Directions of the crank [rad] to record instead, in the last turn.
+        form
+            ``exact``, or ``thesis``: rotations of axes taken as constant, for comparison only.
+        geometric_stiffness
+            Leave it out where false, whatever the scene says.
+
+        Raises
+        ------
+        ModelError
+            For options out of range, or a method that does not suit the linkage.
+        SimulationError
+            When the linkage cannot turn, or the motion grows out of all bounds.
+        """
+        from symgen.runtime.elastic_run import Task, run
+
+        for value, known, what in ((method, METHODS, "method"), (form, FORMS, "form")):
+            if value not in known:
+                raise ModelError(f"there is no {what} {value!r}. {nearest(value, known)}")
+        task = Task(method, revolutions, steps, rtol, samples, None if at is None else tuple(at), form)
+        return run(self._motion(geometric_stiffness), task, progress)
+
+
