@@ -34,7 +34,7 @@ _ZERO, _HALF = sp.Integer(0), sp.Rational(1, 2)
 #: From fewer rods no curvature can be told at both ends; more take too long to derive and to compile.
 _FEWEST, _MOST = 3, 200
 
-Places = Mapping[str, tuple[float, float]]
+Places = Mapping[str, Sequence[float]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,7 +73,7 @@ def segmented(linkage: Linkage, count: int, places: Places) -> Linkage:
     count
         Number of rods of each elastic link.
     places
-        Where every point of it is in the rigid motion at t = 0 [m].
+        Where the points that have coordinates are in the rigid motion at t = 0 [m].
 
     Raises
     ------
@@ -97,8 +97,9 @@ def segmented(linkage: Linkage, count: int, places: Places) -> Linkage:
     if crank and crank.mode == "motor":
         states = {state_symbol(f"{shaft}.{w}"): state_symbol(f"{owner}.{w}") for w in _OF_SHAFT}
         torques.append(AppliedTorque("motor__torque", owner, (crank.torque.xreplace(states),), ""))
-    points = [replace(p, at=_at(places[p.name]), motion=p.motion) for p in linkage.points]
-    points += [point for part in parts for point in _inner_points(part, places)]
+    points = [replace(p, at=_at(places[p.name])) if p.name in places else p for p in linkage.points]
+    known = {p.name: tuple(linkage.number(c) for c in p.motion) for p in linkage.points} | dict(places)
+    points += [point for part in parts for point in _inner_points(part, known)]
     return replace(
         linkage,
         points=tuple(points),
@@ -109,7 +110,7 @@ def segmented(linkage: Linkage, count: int, places: Places) -> Linkage:
         start=StartConditions((), (), ()),
         outputs=(
             *(f"{rod}.angle" for part in parts for rod in part.rods),
-            *(f"{p.name}.position" for p in linkage.points if not p.ground),
+            *(f"{name}.position" for name in places),
         ),
         elastic=(),
         crank=None,
@@ -135,7 +136,10 @@ def _moment(coefficients: Polynomial, length: sp.Expr, low: sp.Expr, high: sp.Ex
     """Return the integral of a polynomial in x times x^power between two shares of the length."""
     return sp.Add(
         *(
-            c * length ** (k + power + 1) * (high ** (k + power + 1) - low ** (k + power + 1)) / (k + power + 1)
+            c
+            * length ** (k + power + 1)
+            * (high ** (k + power + 1) - low ** (k + power + 1))
+            / (k + power + 1)
             for k, c in enumerate(coefficients)
         )
     )
