@@ -115,7 +115,10 @@ def _model(
         return model
     from symgen.runtime.elastic_model import ElasticModel
 
-    return ElasticModel(model)
+    def in_segments(count: int) -> tuple[Description, Library]:
+        return _in_segments(text, compiler, description, count)
+
+    return ElasticModel(model, cache(in_segments))
 
 
 def compile_scene(text: SceneText, compiler: Compiler | None, folder: Path) -> tuple[Any, Library]:
@@ -195,6 +198,26 @@ def _analysis(
         return description, _opened(folder, description, compilation)
 
     return _cached(text, compiler, kind, make)
+
+
+def _in_segments(
+    text: SceneText, compiler: Compiler | None, base: Description, count: int
+) -> tuple[Description, Library]:
+    """Return the kernels of a linkage whose elastic links are rods with springs between them."""
+
+    def make(folder: Path) -> tuple[Description, Library]:
+        with _no_collection():
+            from symgen.models.system import linkage_system
+            from symgen.scene.resolve import resolve_linkage
+            from symgen.scene.segments import segmented
+
+            size = len(base.axes)
+            places = {p: base.start[size * i : size * (i + 1)] for i, p in enumerate(base.free)}
+            linkage = segmented(resolve_linkage(check_scene(text)), count, places)
+            system = linkage_system(linkage)
+        return _compiled(linkage, system, compiler, folder)
+
+    return _cached(text, compiler, f"segments-{count}", make)
 
 
 def derive(scene: Scene | SceneText | str | os.PathLike[str]) -> System:

@@ -1,4 +1,4 @@
-"""``symgen kinematics``, ``equilibrium`` and ``modes``: what is asked of linkages besides their motion."""
+"""``symgen kinematics``, ``equilibrium``, ``modes``, ``forces``: what is asked of linkages besides motion."""
 
 from __future__ import annotations
 
@@ -123,3 +123,61 @@ def modes(
         from symgen.report.analyses import print_modes
 
         print_modes(about, model.description.title, console())
+
+
+@app.command()
+def forces(
+    scene: SceneArgument,
+    at: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--at",
+            metavar="ANGLE[,ANGLE...]",
+            help='Directions of the driven link, in degrees or as "0.5 rad"; else the range of time.',
+        ),
+    ] = None,
+    elements: Annotated[int, typer.Option(help="Into how many elements each link is cut.")] = 1,
+    section: Annotated[
+        list[float] | None,
+        typer.Option(
+            "--section", metavar="PART", help="Part of the links' lengths to cut; the middle if absent."
+        ),
+    ] = None,
+    start: Annotated[float, typer.Option("--from", help="Start of the range [s].")] = 0.0,
+    stop: Annotated[
+        float | None, typer.Option("--to", help="End of the range [s]; the scene's own when absent.")
+    ] = None,
+    samples: Annotated[int | None, typer.Option(help="Number of times (361).")] = None,
+    set_: SetOption = None,
+    out: Annotated[Path | None, typer.Option(help="Save the result: .nc or .npz.")] = None,
+    plot: Annotated[Path | None, typer.Option(help="Save a plot: .png, .svg or .pdf.")] = None,
+    as_json: JsonOption = False,
+    backend: BackendOption = "auto",
+) -> None:
+    """Find joint forces, section forces and driving torques of a driven linkage of rigid links."""
+    from symgen.atomic import writable
+    from symgen.errors import ModelError
+    from symgen.report.plots import DRAWN_AS
+    from symgen.runs import angles
+    from symgen.runtime.result import SAVED_AS
+
+    for file, endings, what in ((out, SAVED_AS, "result"), (plot, DRAWN_AS, "plot")):
+        if file:
+            writable(file, endings, what)
+    if at and samples is not None:
+        raise ModelError("give --at or --samples, not both")
+    asked = angles(at) if at else None
+    model = linkage(scene, set_, backend, "forces")
+    found = model.forces(
+        start, stop, at=asked, elements=elements, sections=section or (0.5,), samples=samples or 361
+    )
+    if out:
+        found.save(out)
+    if plot:
+        found.plot(file=plot)
+    if as_json:
+        print_json(found.summary())
+    else:
+        from symgen.report.forces import print_forces
+
+        print_forces(found, console())

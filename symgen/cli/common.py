@@ -56,11 +56,14 @@ def changes(options: list[str] | None) -> dict[str, str]:
 
 
 def linkage(scene: str, options: list[str] | None, backend: str, command: str) -> Model:
-    """Build a linkage of points and links, which some analyses are for."""
+    """Build a linkage of points and links, which some analyses are for; elastic links taken as rigid."""
     from symgen.pipeline import build as build_model
+    from symgen.runtime.elastic_model import ElasticModel
     from symgen.runtime.model import Model
 
     model = build_model(scene, set=changes(options), backend=backend)
+    if isinstance(model, ElasticModel):
+        return model.rigid
     if not isinstance(model, Model):
         raise ModelError(
             f"'symgen {command}' is for linkages of points and links, and {scene} is a link-joint table\n"

@@ -18,6 +18,12 @@ def _chain(dimension: int) -> Recursion:
     return chain_recursion(dimension)
 
 
+def _rigid_element() -> System:
+    from symgen.models.rigid_element import rigid_element_system  # no scene needs it
+
+    return rigid_element_system()
+
+
 def _of_loop(name: str) -> System:
     from symgen.models import loop_blocks  # no scene needs them
 
@@ -41,6 +47,7 @@ def _elastic_derivation() -> System:
 BLOCKS: dict[str, Callable[[], System]] = {
     "rod": lambda: rod_system(2),
     "rod_spatial": lambda: rod_system(3),
+    "rigid_element": _rigid_element,
     "loop_row": lambda: _of_loop("loop_row"),
     "loop_screws": lambda: _of_loop("loop_screws"),
     "loop_inertia": lambda: _of_loop("loop_inertia"),

@@ -23,10 +23,17 @@ def _elastic(name: str) -> Callable[[Linkage], System]:
     return system
 
 
+def _forces(linkage: Linkage) -> System:
+    from symgen.models.rigid_forces import rigid_forces_system  # no run needs it
+
+    return rigid_forces_system(linkage)
+
+
 #: The System of each kind of analysis besides the motion in time.
 ANALYSES: dict[str, Callable[[Linkage], System]] = {
     "kinematics": kinematics_system,
     "statics": statics_system,
+    "forces": _forces,
     "elastic_motion": _elastic("motion_system"),
     "elastic_joints": _elastic("joints_system"),
 }

@@ -96,7 +96,7 @@ def _of_body(model: RodsModel, body: SpatialBody) -> Forces:
         pull = _times(model.multipliers[name].symbol, tuple(b - a for a, b in zip(*ends, strict=True)))
         yield bar.end, pull
         yield bar.start, _times(-1, pull)
-    for torque in _torques(model, body.name):
+    for _, torque in couples(model, body.name):
         for point, (_, force) in zip(
             body.base[1:], model.loads.couple_in_space(body.name, torque), strict=True
         ):
@@ -130,7 +130,7 @@ def _on_along(model: RodsModel, link: RigidLink) -> Iterator[Vector]:
     yield _times(model.multipliers[link.name].symbol, d)
     if link.offset != 0:
         yield _times(lever, _left(model.linkage.gravity))
-    for torque in _torques(model, link.name):
+    for _, torque in couples(model, link.name):
         if len(torque) == 1:
             yield _times(-torque[0] / link.length**2, _left(d))
         else:
@@ -151,32 +151,44 @@ def _on_along(model: RodsModel, link: RigidLink) -> Iterator[Vector]:
             yield _times(model.multipliers[guide.constraint.name].symbol, guide.by_along)
 
 
-def _torques(model: RodsModel, link: str) -> Iterator[Vector]:
-    """Yield the couples on a link [N m]: torques, and in the plane torsion springs."""
+def couples(model: RodsModel, link: str) -> Iterator[tuple[str, Vector]]:
+    """Yield the couples on a link [N m]: torques, and in the plane torsion springs.
+
+    Each comes with the name of the link that it acts against, or "" for the ground.
+    """
     for torque in model.linkage.torques:
-        for name, sign in ((torque.link, 1), (torque.against, -1)):
+        for name, other, sign in ((torque.link, torque.against, 1), (torque.against, torque.link, -1)):
             if name == link:
-                yield _times(sign, model.loads.with_state(torque.torque))
+                yield other, _times(sign, model.loads.with_state(torque.torque))
     if len(model.axes) == 2:
         for spring in model.linkage.torsion_springs:
-            for name, sign in ((spring.link, 1), (spring.against, -1)):
+            for name, other, sign in ((spring.link, spring.against, 1), (spring.against, spring.link, -1)):
                 if name == link:
-                    yield (sign * model.loads.torsion(spring),)
+                    yield other, (sign * model.loads.torsion(spring),)
 
 
-def _on_point(model: RodsModel, point: str) -> Vector:
-    """Return the loads on a point itself [N], the inertia of point masses and guides included."""
+def loads_on(model: RodsModel, point: str) -> Vector:
+    """Return the applied forces on a point itself and those of springs and actuators [N]."""
     linkage, loads = model.linkage, model.loads
     found: list[Vector] = [(ZERO,) * len(model.axes)]
     found += [loads.with_state(f.force) for f in linkage.forces if f.point == point]
-    for mass in linkage.masses:
-        if mass.point == point:
-            found += [_times(mass.mass, linkage.gravity), _times(-mass.mass, model.acceleration(point))]
     lines: list[LinearSpring | LineForce] = [*linkage.springs, *linkage.actuators]
     for line in lines:
         for end, sign in ((line.end, 1), (line.start, -1)):
             if end == point:
                 found.append(_times(sign, loads.push(line)))
+    return _sum(found)
+
+
+def _on_point(model: RodsModel, point: str) -> Vector:
+    """Return the loads on a point itself [N], the inertia of point masses and guides included."""
+    found = [loads_on(model, point)]
+    for mass in model.linkage.masses:
+        if mass.point == point:
+            found += [
+                _times(mass.mass, model.linkage.gravity),
+                _times(-mass.mass, model.acceleration(point)),
+            ]
     for row in guide_rows(model):
         if row.point == point:
             found.append(_times(-model.multipliers[row.constraint.name].symbol, row.by_point))

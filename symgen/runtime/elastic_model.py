@@ -11,6 +11,7 @@ from symgen.errors import ModelError, nearest
 from symgen.runtime.compiled import Compiled
 from symgen.runtime.description import Description
 from symgen.runtime.elastic_motion import ElasticMotion
+from symgen.runtime.library import Library
 
 if TYPE_CHECKING:
     from symgen.runtime.elastic_modes import ElasticModes
@@ -22,6 +23,10 @@ METHODS = ("gauss", "gauss4", "newmark", "generalized-alpha", "dop853", "rk4", "
 FORMS = ("exact", "thesis")
 
 
+#: Gives the kernels of the linkage with its elastic links in so many rods.
+Segmented = Callable[[int], tuple[Description, Library]]
+
+
 class ElasticModel(Compiled):
     """A planar linkage some of whose links bend, moving about the motion it would have if all were rigid.
 
@@ -30,8 +35,8 @@ class ElasticModel(Compiled):
 
     description: Description
 
-    def __init__(self, rigid: Model) -> None:
-        self.rigid = rigid
+    def __init__(self, rigid: Model, in_segments: Segmented | None = None) -> None:
+        self.rigid, self._in_segments = rigid, in_segments
         self.description = rigid.description
         self._motion = cache(lambda stiffened: ElasticMotion(rigid, stiffened))
 
@@ -71,7 +76,7 @@ class ElasticModel(Compiled):
 
     def with_parameters(self, **values: float) -> ElasticModel:
         """Return the same model with other values of its tunable parameters, in SI units."""
-        return ElasticModel(self.rigid.with_parameters(**values))
+        return ElasticModel(self.rigid.with_parameters(**values), self._in_segments)
 
     def modes(self, angle: float | None = None) -> ElasticModes:
         """Return frequencies and shapes of the structure at rest in a pose of its rigid links.
@@ -143,4 +148,51 @@ class ElasticModel(Compiled):
         task = Task(method, revolutions, steps, rtol, samples, None if at is None else tuple(at), form)
         return run(self._motion(geometric_stiffness), task, progress)
 
+    def in_segments(self, count: int = 24) -> Model:
+        """Return the linkage with every elastic link in so many rigid rods with torsion springs between them.
 
+        It is derived and compiled when first asked for. ``LINK__k.angle`` are the directions of the rods.
+        """
+        from symgen.runtime.model import Model
+
+        if self._in_segments is None:
+            raise ModelError(f"{self.name} was made without its rods: build it with symgen.build")
+        made = self._in_segments(count)
+        return Model(*made, lambda: None, self.parameters)
+
+    def exact(
+        self,
+        segments: int = 24,
+        *,
+        revolutions: float = 1.0,
+        rtol: float = 1e-7,
+        samples: int = 361,
+        progress: Callable[[float], None] | None = None,
+    ) -> ElasticResult:
+        """Run the linkage with large rotation of its elastic links, in rods with springs between them.
+
+        It is the judge of what :meth:`run` gives, which holds for small bending only. The error falls as the
+        square of the number of rods; see the notes of the result for what rods leave out.
+
+        Parameters
+        ----------
+        segments
+            Number of rods of each elastic link.
+        revolutions
+            Turns of the crank.
+        rtol
+            Relative tolerance of the local error of the steps in time.
+        samples
+            Number of equally spaced times recorded.
+
+        Raises
+        ------
+        ModelError, SceneError
+            For options out of range.
+        SimulationError
+            When the run cannot go on.
+        """
+        from symgen.runtime.exact_run import ExactTask, exact_run
+
+        task = ExactTask(segments, revolutions, rtol, samples)
+        return exact_run(self._motion(True), self.in_segments(segments), task, progress)

@@ -63,13 +63,46 @@ def _count(number: int, what: str) -> str:
     return f"{number} {what}{'' if number == 1 else 's'}"
 
 
+@dataclass(frozen=True, slots=True)
+class Followed:
+    """What following gave: samples, singular poses, and ranges of time [s] that were not reached."""
+
+    rows: Samples
+    poses: list[SingularPose]
+    unassemblable: list[Range]
+    out_of_reach: list[Range]
+
+
 def analyse(bonds: Bonds, q: Array, t: float, asked: Task, of: Sequence[str] | None) -> Motion:
     """Follow the linkage from the pose q at the time t over a range, and return its motion.
 
     Raises
     ------
+    ModelError, SimulationError
+        As :func:`follow` does, for an unknown name, and when no time of the range is reached.
+    """
+    chosen = chosen_names(bonds, of)
+    if not 2 <= asked.samples <= 1_000_000:
+        raise ModelError(f"expected between 2 and 1 million points, got {asked.samples}")
+    found = follow(bonds, q, t, asked, np.linspace(asked.start, asked.stop, asked.samples))
+    if not found.rows:
+        where = "; ".join(p.describe() for p in found.poses)
+        raise SimulationError(
+            f"the linkage does not get from t = {t:g} s to the range {asked.start:g} s to {asked.stop:g} s"
+            f"{f': {where}' if where else ''}\n  Choose another range, or another assembly to start from."
+        )
+    return recorded(
+        bonds, found.rows, found.poses, found.unassemblable, found.out_of_reach, chosen, asked.stop
+    )
+
+
+def follow(bonds: Bonds, q: Array, t: float, asked: Task, times: Array) -> Followed:
+    """Follow the linkage from the pose q at the time t over a range, and sample it at times in it.
+
+    Raises
+    ------
     ModelError
-        For a range that is none, an unknown name, or missing drives.
+        For a range that is none, or missing drives.
     SimulationError
         When the curve cannot be followed, naming the time.
     """
@@ -77,27 +110,17 @@ def analyse(bonds: Bonds, q: Array, t: float, asked: Task, of: Sequence[str] | N
         raise ModelError(
             f"expected a range of time with start before stop, got {asked.start:g} to {asked.stop:g}"
         )
-    if not 2 <= asked.samples <= 1_000_000:
-        raise ModelError(f"expected between 2 and 1 million points, got {asked.samples}")
     driven(bonds, q, t)
-    chosen = chosen_names(bonds, of)
     curve = Curve(bonds, bonds.length(q), _duration(bonds, q, t, asked))
     path = _path(curve, q, t, asked)
     poses = _singular(curve, path, asked)
-    grid = np.linspace(asked.start, asked.stop, asked.samples)
     rows: Samples = []
     for part in _monotone(path):
-        rows += _sampled(curve, part, grid, poses)
-    if not rows:
-        where = "; ".join(p.describe() for p in poses)
-        raise SimulationError(
-            f"the linkage does not get from t = {t:g} s to the range {asked.start:g} s to {asked.stop:g} s"
-            f"{f': {where}' if where else ''}\n  Choose another range, or another assembly to start from."
-        )
+        rows += _sampled(curve, part, times, poses)
     covered = [_span(curve, part) for part in _monotone(path)]
     others, apart = _elsewhere(curve, q, asked, covered)
     poses += others
-    return recorded(bonds, rows, poses, _gaps([*covered, *apart], asked), apart, chosen, asked.stop)
+    return Followed(rows, poses, _gaps([*covered, *apart], asked), apart)
 
 
 def _duration(bonds: Bonds, q: Array, t: float, asked: Task) -> float:

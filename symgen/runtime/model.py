@@ -25,6 +25,7 @@ from symgen.runtime.state import Accelerations, State
 if TYPE_CHECKING:
     from symgen.runtime.bonds import Bonds
     from symgen.runtime.equilibrium import Equilibrium
+    from symgen.runtime.forces import Forces
     from symgen.runtime.modes import Modes
     from symgen.runtime.motion import Motion
 
@@ -247,6 +248,49 @@ class Model(Compiled):
         end = self.description.t_end if stop is None else float(stop)
         asked = Task(float(start), end, samples, through)
         return analyse(self._kinematics(), begin.q, begin.t, asked, of)
+
+    def forces(
+        self,
+        start: float = 0.0,
+        stop: float | None = None,
+        *,
+        at: Sequence[float] | None = None,
+        elements: int = 1,
+        sections: Sequence[float] = (0.5,),
+        samples: int = 361,
+        state: State | None = None,
+    ) -> Forces:
+        """Return joint forces, section forces and driving torques of the driven linkage, by rigid elements.
+
+        Parameters
+        ----------
+        start, stop
+            The range of time [s], 0 to the scene's ``t_end`` when absent.
+        at
+            Directions [rad] of the driven link to evaluate, instead of ``samples`` times of the range.
+        elements
+            Into how many elements each link is cut; forces between them are given.
+        sections
+            Parts of the length of links at which section forces are given besides.
+        samples
+            Number of equally spaced times.
+        state
+            The assembly to follow, one of :meth:`assemblies`; the scene's own when absent.
+
+        Raises
+        ------
+        ModelError
+            When freedoms are not driven (it says how many), or for a request out of range.
+        SimulationError
+            When a pose cannot be reached or determines no forces; it names direction, rank and forces.
+        """
+        from symgen.runtime.forces_run import ForceTask, analyse
+
+        begin = self.initial_state() if state is None else state
+        end = self.description.t_end if stop is None else stop
+        asked = ForceTask(start, end, samples, at, elements, sections)
+        redundant = len(self._found().redundant)
+        return analyse(self._kinematics(), self.analysis("forces"), begin.q, begin.t, redundant, asked)
 
     def equilibrium(
         self, *, state: State | None = None, t: float | None = None, stable: bool = True

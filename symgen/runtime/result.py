@@ -240,6 +240,8 @@ def load_result(file: str | os.PathLike[str]) -> Result:
             from symgen.runtime.elastic_result import ElasticResult as made
         elif data["provenance"]["method"] == "closure":
             from symgen.runtime.turn import Turn as made
+        elif data["provenance"]["method"] == "elements":
+            from symgen.runtime.forces import Forces as made
         return made(
             name=data["name"],
             title=data["title"],

@@ -1,0 +1,38 @@
+"""Forces in rigid links on the terminal."""
+
+from __future__ import annotations
+
+from rich.console import Console
+from rich.markup import escape
+
+from symgen.report.tables import table
+from symgen.runtime.forces import Forces
+
+#: With at most so many poses every value is printed, else the largest.
+_FEW = 12
+
+
+def print_forces(found: Forces, console: Console) -> None:
+    """Print forces at a few poses, or the largest of many and where they are."""
+    along, label = found.over[0], escape(found.over[1])
+    if len(along) <= _FEW:
+        rows = [
+            (f"{v.name} {component}".strip(), v.unit, *v.values.reshape(len(along), -1)[:, i])
+            for v in found.variables
+            if v.name != found.drive
+            for i, component in enumerate(v.components or ("",))
+        ]
+        head: tuple[str, ...] = ("output", "unit", *(f"{x:.9g}" for x in along))
+        title = f"{found.title}: forces over {label}"
+    else:
+        units = {v.name: v.unit for v in found.variables}
+        rows = [(name, units[name], value, at) for name, (value, at) in found.peaks.items()]
+        head, title = ("output", "unit", "largest", f"at {label}"), f"{found.title}: {len(along)} poses"
+    console.print(table(title, head, rows))
+    for note in found.notes:
+        console.print(f"note: {note}", soft_wrap=True)
+    console.print(
+        f"{found.headline} at {found.statistics['worst_at']}; balance met within "
+        f"{found.statistics['residual']:.1e} of the largest force",
+        soft_wrap=True,
+    )

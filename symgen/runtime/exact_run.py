@@ -1,0 +1,200 @@
+"""Elastic links in large rotation: rods with springs between them, by the rods method; the arbiter of linear theory.
+
+See ``symgen.scene.segments`` for the rods. A run starts undeformed, moving as the rigid linkage does.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symgen.errors import ModelError
+from symgen.runtime.beams import Beam
+from symgen.runtime.elastic_motion import ElasticMotion
+from symgen.runtime.elastic_result import ElasticResult
+from symgen.runtime.model import Model
+from symgen.runtime.result import Result, Variable
+from symgen.runtime.state import State
+
+Array = NDArray[np.float64]
+Progress = Callable[[float], None]
+
+
+@dataclass(frozen=True, slots=True)
+class ExactTask:
+    """What is asked of a run: see :meth:`symgen.runtime.elastic_model.ElasticModel.exact`."""
+
+    segments: int
+    revolutions: float
+    rtol: float
+    samples: int
+
+
+@dataclass(frozen=True)
+class Cut:
+    """One elastic link in rods.
+
+    ``rods`` and ``inner`` are their names and those of the points between them, ``nodes`` where they meet, as
+    shares of the length, both ends included.
+    """
+
+    beam: Beam
+    rods: tuple[str, ...]
+    inner: tuple[str, ...]
+    nodes: Array
+
+    @property
+    def spacing(self) -> float:
+        """Distance of neighbouring directions [m]: the length of a whole rod."""
+        return float(self.nodes[-1] - self.nodes[-2]) * self.beam.properties.length
+
+    def curvature(self, angles: Array, at: float) -> Array:
+        """Return the curvature [1/m] at a share of the length from the directions of the rods (times, rods).
+
+        Between the joints it is linear. At an end that turns freely there is none; a clamped end is half a
+        rod from the first joint, and the line through the first two joints is drawn on to it.
+        """
+        turned = np.diff(angles, axis=1)
+        bent = (turned - 2 * math.pi * np.round(turned / (2 * math.pi))) / self.spacing
+        clamped = self.nodes[1] - self.nodes[0] < 0.75 * (self.nodes[-1] - self.nodes[-2])
+        first = 1.5 * bent[:, :1] - 0.5 * bent[:, 1:2] if clamped else np.zeros((len(bent), 1))
+        every = np.hstack([first, bent, np.zeros((len(bent), 1))])
+        k = min(max(int(np.searchsorted(self.nodes, at)), 1), len(self.nodes) - 1)
+        part = (at - self.nodes[k - 1]) / (self.nodes[k] - self.nodes[k - 1])
+        found: Array = (1.0 - part) * every[:, k - 1] + part * every[:, k]
+        return found
+
+
+def exact_run(
+    motion: ElasticMotion, rods: Model, task: ExactTask, progress: Progress | None
+) -> ElasticResult:
+    """Return strains and displacements of a linkage whose elastic links are the rods of another model.
+
+    Raises
+    ------
+    ModelError
+        For options out of range.
+    SimulationError
+        When the run cannot go on.
+    """
+    if not (task.revolutions > 0 and math.isfinite(task.revolutions)):
+        raise ModelError(f"expected revolutions above zero, got {task.revolutions!r}")
+    turn = motion.period if motion.speed else motion.rigid.description.t_end
+    begun = time.perf_counter()
+    cuts = _cuts(motion, rods)
+    state = _state(motion.rigid, rods, cuts)
+    result = rods.simulate(
+        turn * task.revolutions, rtol=task.rtol, samples=task.samples, state=state, progress=progress
+    )
+    return _result(motion, cuts, result, task, time.perf_counter() - begun)
+
+
+def _cuts(motion: ElasticMotion, rods: Model) -> tuple[Cut, ...]:
+    places = rods.with_parameters(**{p.name: p.default for p in rods.description.parameters}).initial_state()
+    links, made = rods.description.links, []
+    for beam in motion.beams:
+        prefix = f"{beam.info.link}__"
+        own = [name for name in links if name.startswith(prefix)]
+        points = [links[own[0]][0], *(links[name][1] for name in own)]
+        lengths = [
+            np.linalg.norm(places.positions[b] - places.positions[a])
+            for a, b in zip(points[:-1], points[1:], strict=True)
+        ]
+        nodes = np.concatenate([[0.0], np.cumsum(lengths)]) / np.sum(lengths)
+        made.append(Cut(beam, tuple(own), tuple(points[1:-1]), nodes))
+    return tuple(made)
+
+
+def _state(rigid: Model, rods: Model, cuts: tuple[Cut, ...]) -> State:
+    """Return the rods in line and moving as the rigid links do."""
+    start = rigid.initial_state()
+    places, velocities = dict(start.positions), dict(start.velocities)
+    for cut in cuts:
+        ends = cut.beam.info.start, cut.beam.info.end
+        for name, share in zip(cut.inner, cut.nodes[1:-1].tolist(), strict=True):
+            for kind in (places, velocities):
+                kind[name] = (1.0 - share) * kind[ends[0]] + share * kind[ends[1]]
+    free = rods.description.free
+    return rods.state({p: places[p] for p in free}, {p: velocities[p] for p in free})
+
+
+def _result(
+    motion: ElasticMotion, cuts: tuple[Cut, ...], result: Result, task: ExactTask, wall: float
+) -> ElasticResult:
+    d, times = motion.rigid.description, result.time
+    variables = []
+    for name, k, at, fibre in motion.stations:
+        cut = cuts[k]
+        angles = np.stack([result.variable(f"{rod}.angle").values for rod in cut.rods], axis=1)
+        strain, beam = cut.curvature(angles, at) * fibre, cut.beam
+        where = f"{beam.info.link}, at {at:g} of its length"
+        about = f"bending strain in the fibre of {where}"
+        variables.append(Variable(f"{name}.bending_strain", "1", about, (), strain))
+        stress = beam.properties.modulus * strain
+        about = f"bending stress in the fibre of {where}"
+        variables.append(Variable(f"{name}.bending_stress", "Pa", about, (), stress))
+    rigid = _rigid_places(motion, times)
+    places = {p: result.variable(f"{p}.position").values for p in d.free}
+    for point, place in places.items():
+        about = f"displacement of {point} from the rigid motion"
+        variables.append(Variable(f"{point}.displacement", "m", about, d.axes, place - rigid[point]))
+    return ElasticResult(
+        name=d.name,
+        title=d.title,
+        axes=d.axes,
+        time=times,
+        variables=tuple(variables),
+        drift=result.drift,
+        final=result.final,
+        statistics={
+            "angle_deg": np.degrees(motion.angle_at(times)).tolist(),
+            "turns": bool(motion.speed),
+            "unknowns": len(result.final),
+            "steps": result.statistics["steps"],
+            "evaluations": result.statistics["evaluations"],
+            "error": None,
+            "wall_s": wall,
+            "floquet": [],
+        },
+        provenance={
+            "kind": "elastic",
+            "equations": result.provenance["equations"],
+            "method": "segments",
+            "form": f"{task.segments} rods a link",
+            "rtol": task.rtol,
+            "t_end": result.provenance["t_end"],
+            "backend": result.provenance["backend"],
+            "parameters": dict(result.provenance["parameters"]),
+        },
+        notes=(*result.notes, *_notes(motion)),
+    )
+
+
+def _rigid_places(motion: ElasticMotion, times: Array) -> dict[str, Array]:
+    """Return where the free points are in the rigid motion, (times, 2) each."""
+    equations, d = motion.equations(), motion.rigid.description
+    found = np.zeros((len(times), d.coordinates))
+    for i, t in enumerate(times.tolist()):
+        status, y = equations.motion.evaluate(t)[:2]
+        motion.check(equations, status, t)
+        found[i] = y[: d.coordinates]
+    return {p: found[:, 2 * k : 2 * k + 2] for k, p in enumerate(d.free)}
+
+
+def _notes(motion: ElasticMotion) -> list[str]:
+    """Say what rods with springs between them leave out."""
+    notes = ["links in rods keep their length: they have no axial strain"]
+    damped = [b.info.link for b in motion.beams if b.properties.mass_damping or b.properties.ratio]
+    if damped:
+        notes.append(
+            f"damping by mass or by a ratio is left out of {', '.join(damped)}: rods have that by stiffness only"
+        )
+    sheared = [b.info.link for b in motion.beams if any(b.properties.shear)]
+    if sheared:
+        notes.append(f"shear is left out of {', '.join(sheared)}")
+    return notes
