@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from symgen.runtime.beams import Beam
-from symgen.runtime.elastic_motion import ElasticMotion
 from symgen.runtime.result import Result, Variable
+
+if TYPE_CHECKING:
+    from symgen.runtime.beams import Beam
+    from symgen.runtime.elastic_motion import ElasticMotion
 
 Array = NDArray[np.float64]
 
