@@ -6,7 +6,6 @@ from collections.abc import Callable, Mapping, Sequence
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
-
 from symgen.errors import ModelError, nearest
 from symgen.runtime.compiled import Compiled
 from symgen.runtime.description import Description
@@ -14,6 +13,7 @@ from symgen.runtime.elastic_motion import ElasticMotion
 from symgen.runtime.library import Library
 
 if TYPE_CHECKING:
+    from symgen.runtime.beams import Beam
     from symgen.runtime.elastic_modes import ElasticModes
     from symgen.runtime.elastic_result import ElasticResult
     from symgen.runtime.model import Model
@@ -67,6 +67,11 @@ class ElasticModel(Compiled):
     def is_changed(self) -> bool:
         """Whether a parameter has another value than in the scene."""
         return self.rigid.is_changed
+
+    @property
+    def beams(self) -> tuple[Beam, ...]:
+        """The elastic links, with their constant matrices."""
+        return self._motion(True).beams
 
     @property
     def unknowns(self) -> int:

@@ -38,9 +38,7 @@ class ElasticResult(Result):
     @property
     def peaks(self) -> dict[str, float]:
         """Largest absolute value of every output of one component, in its unit."""
-        return {
-            v.name: float(np.max(np.abs(v.values))) for v in self.variables if v.values.ndim == 1
-        }
+        return {v.name: float(np.max(np.abs(v.values))) for v in self.variables if v.values.ndim == 1}
 
     @property
     def floquet(self) -> tuple[complex, ...]:
@@ -107,7 +105,11 @@ def outputs(motion: ElasticMotion, links: Array, displacements: Array) -> list[V
             Variable(f"{name}.bending_strain", "1", f"bending strain in the fibre of {where}", (), bending),
             Variable(f"{name}.axial_strain", "1", f"axial strain of {where}", (), axial),
             Variable(
-                f"{name}.stress", "Pa", f"stress in the fibre of {where}", (), beam.properties.modulus * (bending + axial)
+                f"{name}.stress",
+                "Pa",
+                f"stress in the fibre of {where}",
+                (),
+                beam.properties.modulus * (bending + axial),
             ),
         ]
     names = motion.layout.names
