@@ -14,3 +14,8 @@ ELASTIC = [
     for name in LINKAGES
     if any("elastic" in link for link in read_scene(name).data.get("links", {}).values())
 ]
+
+
+def rigid(model):
+    """Return the linkage with all its links rigid."""
+    return getattr(model, "rigid", model)

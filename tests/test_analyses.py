@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from linkages import GRAVITY, at, ground
 from oracle import DIGITS, Oracle, relative_error
-from shipped import ELASTIC, LINKAGES
+from shipped import ELASTIC, LINKAGES, rigid
 from typer.testing import CliRunner
 
 import symgen
@@ -63,11 +63,6 @@ def loaded():
 SCENES = {name: (lambda name=name: name) for name in LINKAGES} | {"loaded": loaded}
 #: Those of elastic links are derived only where there are some.
 KERNELS = [(s, k) for s in SCENES for k in ANALYSES if s in ELASTIC or not k.startswith("elastic")]
-
-
-def rigid(model):
-    """The linkage with all its links rigid."""
-    return getattr(model, "rigid", model)
 
 
 def values_of(model, system, rng):
