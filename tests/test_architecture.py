@@ -21,7 +21,7 @@ ALLOWED = {
     "symbolic": set(),
     "joints": {"symbolic"},
     "elements": {"symbolic"},
-    "scene": {"symbolic", "joints"},
+    "scene": {"symbolic", "joints", "elements"},
     "scenes": set(),
     "mechanics": {"symbolic", "elements"},
     "models": {"scene", "mechanics", "joints", "elements", "symbolic"},
