@@ -63,6 +63,8 @@ def run(motion: ElasticMotion, task: Task, progress: Progress | None) -> Elastic
     """
     times = _times(motion, task)
     equations = motion.equations(task.form == "thesis")
+    if task.form == "thesis":
+        _check_thesis(motion)
     begun = time.perf_counter()
     if task.method == "quasi-static":
         found = _Found(quasi_static(motion, equations, times), len(times))
@@ -79,6 +81,17 @@ def run(motion: ElasticMotion, task: Task, progress: Progress | None) -> Elastic
             "or the motion is unstable\n  Take more steps, or look at the Floquet multipliers: method periodic."
         )
     return _result(motion, equations, task, times, found, wall)
+
+
+def _check_thesis(motion: ElasticMotion) -> None:
+    """Refuse the thesis' form where what rigid links leave free turns: without R' it is no definite form."""
+    status, *_, basis = motion.equations().matrices(0.0)
+    motion.check(motion.equations(), status, 0.0)
+    if basis is not None and np.any(basis[1]):
+        raise ModelError(
+            f"{motion.rigid.name}: where links keep their length, the thesis' form depends on the coordinates\n"
+            "  Let them stretch: axial = true under elastic, on every link that moves and is not the crank."
+        )
 
 
 def _times(motion: ElasticMotion, task: Task) -> Array:
