@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from symgen.errors import ModelError, SimulationError
 from symgen.runtime import _beam_steps, _beams, _core
+from symgen.runtime.beam_checks import warnings
 from symgen.runtime.beam_methods import BEAM_METHODS, GAUSS_6
 from symgen.runtime.elastic_modes import elastic_modes, quasi_static
 from symgen.runtime.elastic_motion import ElasticMotion
@@ -25,6 +26,8 @@ Progress = Callable[[float], None]
 _FIRST, _MOST = 256, 1 << 18
 #: The most unknowns of which all states of one turn are stepped together.
 _SHOOTING = 400
+#: Part of the largest strain below which one is round-off.
+_NOISE = 1e-9
 
 
 @dataclass(frozen=True, slots=True)
@@ -183,10 +186,14 @@ def _difference(
     if not (np.all(np.isfinite(coarse)) and np.all(np.isfinite(fine))):
         return math.inf
     links = _links(equations, times)
+    before, found = outputs(motion, links, coarse), outputs(motion, links, fine)
+    pairs = [(a.values, b.values) for a, b in zip(before, found, strict=True) if b.name.endswith("strain")]
+    least = _NOISE * max((float(np.max(np.abs(b))) for _, b in pairs), default=0.0)
     worst = 0.0
-    for a, b in zip(outputs(motion, links, coarse), outputs(motion, links, fine), strict=True):
-        if b.name.endswith("strain") and np.max(np.abs(b.values)) > 0.0:
-            worst = max(worst, float(np.max(np.abs(a.values - b.values)) / np.max(np.abs(b.values))))
+    for a, b in pairs:
+        peak = float(np.max(np.abs(b)))
+        if peak > least:
+            worst = max(worst, float(np.max(np.abs(a - b))) / peak)
     return worst / (2 ** BEAM_METHODS[method].order - 1)
 
 
@@ -304,6 +311,7 @@ def _result(
     links = _links(equations, times)
     variables = outputs(motion, links, found.displacements)
     notes = [*found.notes, *_of_speed(motion), *_of_stability(found)]
+    notes += warnings(motion, links, found.displacements, _moments(motion, times))
     if task.form == "thesis":
         notes.append("the thesis' form, which takes the turning of axes as constant: for comparison only")
     return ElasticResult(
@@ -335,6 +343,12 @@ def _result(
         },
         notes=tuple(notes),
     )
+
+
+def _moments(motion: ElasticMotion, times: Array) -> list[str]:
+    if not motion.speed:
+        return [f"{t:.6g} s" for t in times.tolist()]
+    return [f"crank angle {angle:.6g} degrees" for angle in np.degrees(motion.angle_at(times)).tolist()]
 
 
 def _of_speed(motion: ElasticMotion) -> list[str]:
