@@ -7,9 +7,9 @@ from functools import cache
 from typing import TYPE_CHECKING, Any
 
 from symgen.errors import ModelError, nearest
+from symgen.runtime.arguments import count as whole
 from symgen.runtime.compiled import Compiled
 from symgen.runtime.description import Description
-from symgen.runtime.library import Library
 
 if TYPE_CHECKING:
     from symgen.runtime.beams import Beam
@@ -23,8 +23,8 @@ METHODS = ("gauss", "gauss4", "newmark", "generalized-alpha", "dop853", "rk4", "
 FORMS = ("exact", "thesis")
 
 
-#: Gives the kernels of the linkage with its elastic links in so many rods.
-Segmented = Callable[[int], tuple[Description, Library]]
+#: Gives the linkage with its elastic links in so many rods.
+Segmented = Callable[[int], "Model"]
 
 
 class ElasticModel(Compiled):
@@ -163,21 +163,18 @@ class ElasticModel(Compiled):
         task = Task(method, revolutions, steps, rtol, samples, None if at is None else tuple(at), form)
         return run(self._motion(geometric_stiffness), task, progress)
 
-    def in_segments(self, count: int = 24) -> Model:
+    def in_segments(self, count: int = 12) -> Model:
         """Return the linkage with every elastic link in so many rigid rods with torsion springs between them.
 
         It is derived and compiled when first asked for. ``LINK__k.angle`` are the directions of the rods.
         """
-        from symgen.runtime.model import Model
-
         if self._in_segments is None:
             raise ModelError(f"{self.name} was made without its rods: build it with symgen.build")
-        made = self._in_segments(count)
-        return Model(*made, lambda: None, self.parameters)
+        return self._in_segments(whole(count, "segments")).with_parameters(**self.parameters)
 
     def exact(
         self,
-        segments: int = 24,
+        segments: int = 12,
         *,
         revolutions: float = 1.0,
         rtol: float = 1e-7,
@@ -187,7 +184,8 @@ class ElasticModel(Compiled):
         """Run the linkage with large rotation of its elastic links, in rods with springs between them.
 
         It is the judge of what :meth:`run` gives, which holds for small bending only. The error falls as the
-        square of the number of rods; see the notes of the result for what rods leave out.
+        square of the number of rods, and the cost rises faster than its cube, as steps in time get shorter
+        with its square; the notes of the result say what rods leave out. See ``docs/elastic_arbiter.md``.
 
         Parameters
         ----------
