@@ -63,7 +63,9 @@ def elastic_run(
         When an option does not go with elastic links, or a value cannot be read.
     """
     given = {name: value for name, value in options.items() if value is not None}
-    refused = [f"--{name.replace('_', '-')}" for name in given if name in ("t_end", "atol", "step", "through")]
+    refused = [
+        f"--{name.replace('_', '-')}" for name in given if name in ("t_end", "atol", "step", "through")
+    ]
     if refused:
         raise ModelError(
             f"{', '.join(refused)} does not go with elastic links\n"
@@ -101,7 +103,9 @@ def angles(at: Sequence[str]) -> list[float]:
             except SceneError:
                 value = math.nan
         if not math.isfinite(value):
-            raise ModelError(f'expected angles behind --at, such as "45" (degrees) or "0.5 rad", got {text!r}')
+            raise ModelError(
+                f'expected angles behind --at, such as "45" (degrees) or "0.5 rad", got {text!r}'
+            )
         found.append(value)
     return found
 

@@ -31,7 +31,7 @@ ALLOWED = {
     "cache": set(),
     "runtime": {"atomic", "report"},
     "report": {"runtime", "symbolic", "lowering", "codegen", "atomic"},
-    "describe": {"scene", "lowering", "runtime", "symbolic"},
+    "describe": {"scene", "elements", "models", "lowering", "runtime", "symbolic"},
     "runs": {"runtime", "scene"},
     "pipeline": {
         "describe",

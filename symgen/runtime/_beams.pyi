@@ -15,6 +15,7 @@ class BeamEquations(Equations):
     entries: int
     band: int
     thesis: bool
+    rank_tolerance: float
     def __init__(self, motion: RigidMotion, layout: Layout, thesis: bool) -> None: ...
     def matrices(
         self, t: float, resting: bool = False

@@ -31,7 +31,7 @@ class BeamMethod:
 
 
 def _generalized_alpha(radius: float) -> BeamMethod:
-    """Return the method with a spectral radius at infinite frequency (Chung and Hulbert 1993, Eqs. 17, 20, 25)."""
+    """Return the method with a spectral radius at infinite frequency (Chung, Hulbert 1993, (17), (20), (25))."""
     inertia, force = (2 * radius - 1) / (radius + 1), radius / (radius + 1)
     return BeamMethod(
         "generalized-alpha",

@@ -6,15 +6,15 @@ from collections.abc import Callable, Mapping, Sequence
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
-
 from symgen.errors import ModelError, nearest
 from symgen.runtime.compiled import Compiled
 from symgen.runtime.description import Description
-from symgen.runtime.elastic_motion import ElasticMotion
 from symgen.runtime.library import Library
 
 if TYPE_CHECKING:
+    from symgen.runtime.beams import Beam
     from symgen.runtime.elastic_modes import ElasticModes
+    from symgen.runtime.elastic_motion import ElasticMotion
     from symgen.runtime.elastic_result import ElasticResult
     from symgen.runtime.model import Model
 
@@ -38,7 +38,12 @@ class ElasticModel(Compiled):
     def __init__(self, rigid: Model, in_segments: Segmented | None = None) -> None:
         self.rigid, self._in_segments = rigid, in_segments
         self.description = rigid.description
-        self._motion = cache(lambda stiffened: ElasticMotion(rigid, stiffened))
+        self._motion = cache(self._made)
+
+    def _made(self, geometric_stiffness: bool) -> ElasticMotion:
+        from symgen.runtime.elastic_motion import ElasticMotion  # it loads SciPy
+
+        return ElasticMotion(self.rigid, geometric_stiffness)
 
     def __repr__(self) -> str:
         motion = self._motion(True)
@@ -67,6 +72,16 @@ class ElasticModel(Compiled):
     def is_changed(self) -> bool:
         """Whether a parameter has another value than in the scene."""
         return self.rigid.is_changed
+
+    @property
+    def redundant(self) -> tuple[str, ...]:
+        """Constraints of the rigid motion that others imply."""
+        return self.rigid.redundant
+
+    @property
+    def beams(self) -> tuple[Beam, ...]:
+        """The elastic links, with their constant matrices."""
+        return self._motion(True).beams
 
     @property
     def unknowns(self) -> int:

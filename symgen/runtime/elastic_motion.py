@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -15,8 +16,6 @@ from symgen.runtime._rigid_motion import RigidMotion
 from symgen.runtime.beam_data import Lump, Properties
 from symgen.runtime.beam_layout import Layout, layout
 from symgen.runtime.beams import Beam, beam
-from symgen.runtime.elastic_description import ElasticInfo
-from symgen.runtime.evaluate import Evaluator
 
 if TYPE_CHECKING:
     from symgen.runtime.model import Model
@@ -64,7 +63,9 @@ class ElasticMotion:
         if not self.speed:
             if math.isclose(math.cos(angle - self.angle), 1.0, abs_tol=1e-12):
                 return 0.0
-            raise ModelError(f"the crank stands still at {math.degrees(self.angle):g} degrees: it has no speed")
+            raise ModelError(
+                f"the crank stands still at {math.degrees(self.angle):g} degrees: it has no speed"
+            )
         turned = math.fmod(angle - self.angle, 2 * math.pi) / self.speed
         return turned if turned >= 0.0 else turned + self.period
 
@@ -75,14 +76,14 @@ class ElasticMotion:
     @cached_property
     def beams(self) -> tuple[Beam, ...]:
         """The elastic links."""
-        made = []
-        for info, row in zip(self.info.beams, self._tables["properties"], strict=True):
-            if not self._stiffened:
-                from dataclasses import replace
-
-                info = replace(info, geometric_stiffness=False)
-            made.append(beam(info, _properties(row), self._lumps(info.link)))
-        return tuple(made)
+        infos = self.info.beams
+        if not self._stiffened:
+            infos = tuple(replace(info, geometric_stiffness=False) for info in infos)
+        rows = self._tables["properties"]
+        return tuple(
+            beam(info, _properties(row), self._lumps(info.link))
+            for info, row in zip(infos, rows, strict=True)
+        )
 
     def _lumps(self, link: str) -> tuple[Lump, ...]:
         rows = zip(self.info.lumps, self._tables.get("lumps", ()), strict=True)
@@ -116,7 +117,10 @@ class ElasticMotion:
         sizes = [
             self._motion.info("links").out_size,
             self._joints.info("joints").out_size,
-            *(info.out_size if info else 0 for info in map(self._motion.description.kernel, ("torque", "point_loads"))),
+            *(
+                info.out_size if info else 0
+                for info in map(self._motion.description.kernel, ("torque", "point_loads"))
+            ),
         ]
         motion = RigidMotion(
             self.rigid.evaluator.equations(len(d.redundant)),

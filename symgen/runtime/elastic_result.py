@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from symgen.runtime.beams import Beam
-from symgen.runtime.elastic_motion import ElasticMotion
 from symgen.runtime.result import Result, Variable
+
+if TYPE_CHECKING:
+    from symgen.runtime.beams import Beam
+    from symgen.runtime.elastic_motion import ElasticMotion
 
 Array = NDArray[np.float64]
 
@@ -38,9 +40,7 @@ class ElasticResult(Result):
     @property
     def peaks(self) -> dict[str, float]:
         """Largest absolute value of every output of one component, in its unit."""
-        return {
-            v.name: float(np.max(np.abs(v.values))) for v in self.variables if v.values.ndim == 1
-        }
+        return {v.name: float(np.max(np.abs(v.values))) for v in self.variables if v.values.ndim == 1}
 
     @property
     def floquet(self) -> tuple[complex, ...]:
@@ -107,7 +107,11 @@ def outputs(motion: ElasticMotion, links: Array, displacements: Array) -> list[V
             Variable(f"{name}.bending_strain", "1", f"bending strain in the fibre of {where}", (), bending),
             Variable(f"{name}.axial_strain", "1", f"axial strain of {where}", (), axial),
             Variable(
-                f"{name}.stress", "Pa", f"stress in the fibre of {where}", (), beam.properties.modulus * (bending + axial)
+                f"{name}.stress",
+                "Pa",
+                f"stress in the fibre of {where}",
+                (),
+                beam.properties.modulus * (bending + axial),
             ),
         ]
     names = motion.layout.names

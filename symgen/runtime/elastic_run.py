@@ -63,6 +63,8 @@ def run(motion: ElasticMotion, task: Task, progress: Progress | None) -> Elastic
     """
     times = _times(motion, task)
     equations = motion.equations(task.form == "thesis")
+    if task.form == "thesis":
+        _check_thesis(motion)
     begun = time.perf_counter()
     if task.method == "quasi-static":
         found = _Found(quasi_static(motion, equations, times), len(times))
@@ -75,10 +77,21 @@ def run(motion: ElasticMotion, task: Task, progress: Progress | None) -> Elastic
     wall = time.perf_counter() - begun
     if not np.all(np.isfinite(found.displacements)):
         raise SimulationError(
-            f"{motion.rigid.name}: the motion grows out of all bounds: the step is too long for {task.method}, or "
-            "the motion is unstable\n  Take more steps, or look at the Floquet multipliers: method periodic."
+            f"{motion.rigid.name}: the motion grows out of all bounds: the step is too long for {task.method}, "
+            "or the motion is unstable\n  Take more steps, or look at the Floquet multipliers: method periodic."
         )
     return _result(motion, equations, task, times, found, wall)
+
+
+def _check_thesis(motion: ElasticMotion) -> None:
+    """Refuse the thesis' form where what rigid links leave free turns: without R' it is no definite form."""
+    status, *_, basis = motion.equations().matrices(0.0)
+    motion.check(motion.equations(), status, 0.0)
+    if basis is not None and np.any(basis[1]):
+        raise ModelError(
+            f"{motion.rigid.name}: where links keep their length, the thesis' form depends on the coordinates\n"
+            "  Let them stretch: axial = true under elastic, on every link that moves and is not the crank."
+        )
 
 
 def _times(motion: ElasticMotion, task: Task) -> Array:
@@ -88,7 +101,9 @@ def _times(motion: ElasticMotion, task: Task) -> Array:
         raise ModelError(f"expected 2 samples or more, got {task.samples!r}")
     if task.at is not None:
         last = motion.period * (math.ceil(task.revolutions) - 1) if motion.speed else 0.0
-        return np.array([last + (motion.time_at(a) or (motion.period if last == 0.0 and a else 0.0)) for a in task.at])
+        return np.array(
+            [last + (motion.time_at(a) or (motion.period if last == 0.0 and a else 0.0)) for a in task.at]
+        )
     if not motion.speed:
         return np.linspace(0.0, motion.rigid.description.t_end, task.samples)
     return np.linspace(0.0, motion.period * task.revolutions, task.samples)
@@ -151,7 +166,8 @@ def _doubled(
             return _Found(fine, count, error)
         coarse = fine
     raise SimulationError(
-        f"{motion.rigid.name}: {task.method} does not come within {task.rtol:g} of the peak with {_MOST} steps a turn"
+        f"{motion.rigid.name}: {task.method} does not come within {task.rtol:g} of the peak "
+        f"with {_MOST} steps a turn"
     )
 
 
@@ -163,7 +179,7 @@ def _difference(
     fine: Array,
     method: str,
 ) -> float:
-    """Return the error of the finer run over the peak of each strain, the largest, by the order of the method."""
+    """Return the largest error of the finer run over the peak of a strain, by the order of the method."""
     if not (np.all(np.isfinite(coarse)) and np.all(np.isfinite(fine))):
         return math.inf
     links = _links(equations, times)
@@ -194,7 +210,15 @@ def _explicit(
     chosen = options(end, task.method, None if fixed else task.rtol, None, step, 2, 1_000_000_000)
     order = np.argsort(times, kind="stable")
     stepper = _stepper.Stepper(
-        equations, chosen.method, 0.0, np.zeros(2 * n), end, chosen.rtol, chosen.atol, chosen.step, times[order]
+        equations,
+        chosen.method,
+        0.0,
+        np.zeros(2 * n),
+        end,
+        chosen.rtol,
+        chosen.atol,
+        chosen.step,
+        times[order],
     )
     status, _ = drive(stepper, 0.0, chosen, progress)
     if status == _core.NOT_FINITE:
@@ -206,13 +230,14 @@ def _explicit(
 
 
 def _periodic(motion: ElasticMotion, equations: _beams.BeamEquations, task: Task, times: Array) -> _Found:
-    """Find the state that repeats after a turn, (I - Phi) y = y of one turn from rest, and the multipliers."""
+    """Find the state that repeats after a turn, (I - Phi) y = y of a turn from rest, and the multipliers."""
     if not motion.speed:
         raise ModelError(f"{motion.rigid.name}: the crank stands still: there is no turn to repeat")
     free = motion.layout.unknowns - motion.layout.constraints
     if free > _SHOOTING:
         raise ModelError(
-            f"{motion.rigid.name}: shooting steps {2 * free} states together, expected at most {2 * _SHOOTING}\n"
+            f"{motion.rigid.name}: shooting steps {2 * free} states together, "
+            f"expected at most {2 * _SHOOTING}\n"
             '  Reduce the links: reduction = { kind = "craig-bampton", modes = 3 } under elastic.'
         )
     per_turn, before = task.steps or _FIRST, None
@@ -225,7 +250,9 @@ def _periodic(motion: ElasticMotion, equations: _beams.BeamEquations, task: Task
         if task.steps is not None or (error is not None and error <= task.rtol):
             break
         if per_turn >= _MOST:
-            raise SimulationError(f"{motion.rigid.name}: shooting does not come within {task.rtol:g} of the peak")
+            raise SimulationError(
+                f"{motion.rigid.name}: shooting does not come within {task.rtol:g} of the peak"
+            )
         before, per_turn = found, 2 * per_turn
     return _Found(found, steps + more, error, multipliers)
 
@@ -324,8 +351,8 @@ def _of_speed(motion: ElasticMotion) -> list[str]:
     if crank < lowest:
         return []
     return [
-        f"the crank turns at {crank:.4g} Hz, above the first critical speed: the lowest frequency of the structure "
-        f"over the turn is {lowest:.4g} Hz"
+        f"the crank turns at {crank:.4g} Hz, above the first critical speed: the lowest frequency of the "
+        f"structure over the turn is {lowest:.4g} Hz"
     ]
 
 
@@ -333,6 +360,6 @@ def _of_stability(found: _Found) -> list[str]:
     if not found.floquet or abs(found.floquet[0]) <= 1 + 1e-6:
         return []
     return [
-        f"unstable: the largest Floquet multiplier is {abs(found.floquet[0]):.6g}; the steady state found grows away "
-        "from itself by that factor a turn"
+        f"unstable: the largest Floquet multiplier is {abs(found.floquet[0]):.6g}; the steady state found "
+        "grows away from itself by that factor a turn"
     ]
