@@ -24,6 +24,8 @@ Array = NDArray[np.float64]
 
 #: Angle [rad] of the crank over which a pose is a good guess of the next.
 _STRIDE = 0.02
+#: How closely the time at which a crank locks is found, over that time.
+_LOCKED = 1e-7
 
 
 class ElasticMotion:
@@ -137,18 +139,34 @@ class ElasticMotion:
         """Raise SimulationError where the equations could not be assembled at a time, or a step failed."""
         if status == _core.DONE:
             return
-        at = f"at crank angle {math.degrees(float(self.angle_at(np.array(t)))):.6g} degrees"
         d = self.rigid.description
-        if status == _core.SINGULAR and equations.soundness <= equations.rank_tolerance:
-            problem = f"the rigid links and guides bind each other {at}: they lose rank"
-        elif status in (_core.SINGULAR, _core.PROJECTION_FAILED):
+        locked = status in (_core.SINGULAR, _core.PROJECTION_FAILED)
+        bound = status == _core.SINGULAR and equations.soundness <= equations.rank_tolerance
+        if locked and not bound:
+            t = self._last_before(t)
+        at = f"{math.degrees(float(self.angle_at(np.array(t)))):.4g} degrees"
+        if bound:
+            problem = f"the rigid links and guides bind each other at crank angle {at}: they lose rank"
+        elif locked:
             problem = (
-                f"the crank cannot turn past {at.removeprefix('at ')}: the linkage comes to a dead centre "
-                "or cannot be assembled there"
+                f"the crank, {self.info.crank}, cannot turn past {at}: the linkage comes to a dead centre or "
+                "cannot be assembled beyond\n  Change the lengths so that it closes at every angle of the crank."
             )
         else:
-            problem = f"a number that is not finite appeared {at}"
-        raise SimulationError(f"{d.title}: {problem}", time=t)
+            problem = f"a number that is not finite appeared at crank angle {at}"
+        raise SimulationError(f"{d.file or d.title}: {problem}", time=t)
+
+    def _last_before(self, t: float) -> float:
+        """Return the last time before one [s] that the rigid motion comes to."""
+        low, high, motion = 0.0, t, None
+        while high - low > _LOCKED * t:
+            motion = motion or self.equations().motion
+            middle = (low + high) / 2
+            if motion.evaluate(middle)[0] == _core.DONE:
+                low = middle
+            else:
+                high, motion = middle, None
+        return low
 
 
 def _properties(row: Array) -> Properties:

@@ -100,7 +100,7 @@ def _elastic_link(read: Reader, rigid: RigidLink, elastic: Elastic, place: str) 
 def _ratio(read: Reader, ratio: sp.Expr, where: str) -> sp.Expr:
     if read.number(ratio) >= 1:
         raise SceneError(
-            "expected a damping ratio below 1, that of critical damping",
+            f"expected a damping ratio below 1, that of critical damping, got {read.number(ratio):g}",
             where=where,
             hint="Two percent is 0.02.",
         )
@@ -109,7 +109,7 @@ def _ratio(read: Reader, ratio: sp.Expr, where: str) -> sp.Expr:
 
 def _count(value: int, least: int, most: int, where: str) -> None:
     if not least <= value <= most:
-        raise SceneError(f"expected a number from {least} to {most}, got {value}", where=where)
+        raise SceneError(f"expected a whole number from {least} to {most}, got {value}", where=where)
 
 
 def _reduction(elastic: Elastic, where: str) -> tuple[str, int]:
@@ -294,6 +294,7 @@ def _check_fibre(read: Reader, fibre: sp.Expr, outer: sp.Expr, where: str) -> No
     """Check that a fibre lies in the section."""
     if abs(read.number(fibre)) > read.number(outer) * (1 + _ROUNDED):
         raise SceneError(
-            f"the section ends at {read.number(outer):g} m from the neutral axis, its outer fibre",
+            f"expected a fibre of the section, which ends {read.number(outer):g} m from the neutral axis, got one "
+            f"at {read.number(fibre):g} m",
             where=where,
         )
