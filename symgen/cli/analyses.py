@@ -95,7 +95,7 @@ def modes(
     as_json: JsonOption = False,
     backend: BackendOption = "auto",
 ) -> None:
-    """Find frequencies and shapes of small oscillations: about the equilibrium, or of elastic links in a pose."""
+    """Find frequencies and shapes of small oscillations: about equilibrium, or of elastic links in a pose."""
     from symgen.errors import ModelError
     from symgen.pipeline import build as build_model
     from symgen.runtime.elastic_model import ElasticModel
