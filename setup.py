@@ -19,8 +19,15 @@ extensions = [
     *(
         Extension(f"symgen.runtime.{name}", [f"symgen/runtime/{name}.pyx"], extra_compile_args=flags(level))
         for name, level in (
-            ("_core", 2), ("_follow", 3), ("_loop", 3), ("_loop_motion", 3), ("_stepper", 2),
-            ("_lapack", 2), ("_rigid_motion", 2), ("_beams", 3), ("_beam_steps", 3),
+            ("_core", 2),
+            ("_follow", 3),
+            ("_loop", 3),
+            ("_loop_motion", 3),
+            ("_stepper", 2),
+            ("_lapack", 2),
+            ("_rigid_motion", 2),
+            ("_beams", 3),
+            ("_beam_steps", 3),
         )
     ),
     *(

@@ -6,7 +6,8 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from symgen.errors import ModelError, SceneError
+from symgen.errors import ModelError, SceneError, nearest
+from symgen.runtime.elastic_model import METHODS
 from symgen.runtime.loop_model import LoopModel
 from symgen.runtime.model import Model
 from symgen.runtime.turn import Turn
@@ -63,21 +64,49 @@ def elastic_run(
         When an option does not go with elastic links, or a value cannot be read.
     """
     given = {name: value for name, value in options.items() if value is not None}
-    refused = [f"--{name.replace('_', '-')}" for name in given if name in ("t_end", "atol", "step", "through")]
+    refused = [
+        f"--{name.replace('_', '-')}" for name in given if name in ("t_end", "atol", "step", "through")
+    ]
     if refused:
         raise ModelError(
             f"{', '.join(refused)} does not go with elastic links\n"
             "  Give --revolutions and --steps (a turn), or --rtol."
         )
+    method = given.pop("method", "gauss")
+    if method not in (known := (*METHODS, "exact")):
+        raise ModelError(f"there is no method {method!r}. {nearest(method, known)}")
+    if method == "exact":
+        return _exact_run(model, at, samples, given, progress)
+    if "segments" in given:
+        raise ModelError("--segments goes with --method exact")
     if at and samples is not None:
         raise ModelError("give --at or --samples, not both")
     return model.run(
-        given.pop("method", "gauss"),
+        method,
         samples=361 if samples is None else samples,
         at=angles(at) if at else None,
         progress=progress,
         **given,
     )
+
+
+def _exact_run(
+    model: ElasticModel,
+    at: Sequence[str] | None,
+    samples: int | None,
+    given: Mapping[str, Any],
+    progress: Callable[[float], None] | None,
+) -> ElasticResult:
+    others = [
+        f"--{name.replace('_', '-')}" for name in given if name not in ("segments", "revolutions", "rtol")
+    ]
+    others += ["--at"] if at else []
+    if others:
+        raise ModelError(
+            f"{', '.join(others)} does not go with --method exact\n"
+            "  Give --segments, --revolutions, --rtol and --samples."
+        )
+    return model.exact(samples=361 if samples is None else samples, progress=progress, **given)
 
 
 def angles(at: Sequence[str]) -> list[float]:
@@ -101,7 +130,9 @@ def angles(at: Sequence[str]) -> list[float]:
             except SceneError:
                 value = math.nan
         if not math.isfinite(value):
-            raise ModelError(f'expected angles behind --at, such as "45" (degrees) or "0.5 rad", got {text!r}')
+            raise ModelError(
+                f'expected angles behind --at, such as "45" (degrees) or "0.5 rad", got {text!r}'
+            )
         found.append(value)
     return found
 

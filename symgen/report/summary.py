@@ -8,11 +8,12 @@ from typing import TYPE_CHECKING
 from symgen.runtime.description import LoopDescription
 
 if TYPE_CHECKING:
+    from symgen.runtime.elastic_model import ElasticModel
     from symgen.runtime.loop_model import LoopModel
     from symgen.runtime.model import Model
 
 
-def model_lines(model: Model | LoopModel) -> Iterator[str]:
+def model_lines(model: Model | LoopModel | ElasticModel) -> Iterator[str]:
     """Yield the kernels of a model with their cost, its parameters, and what was left out."""
     d = model.description
     what = (
@@ -31,7 +32,7 @@ def model_lines(model: Model | LoopModel) -> Iterator[str]:
         yield f"  left out: {what}"
 
 
-def freedom_lines(model: Model | LoopModel) -> Iterator[str]:
+def freedom_lines(model: Model | LoopModel | ElasticModel) -> Iterator[str]:
     """Yield the degrees of freedom at the start, and the constraints that others imply there."""
     d = model.description
     if isinstance(d, LoopDescription):
@@ -42,6 +43,22 @@ def freedom_lines(model: Model | LoopModel) -> Iterator[str]:
     count = f"{d.coordinates} coordinates, {len(d.constraints)} constraints"
     yield f"{count}: {_degrees(freedom)} of freedom at the start"
     yield f"redundant: {', '.join(redundant) or 'none'}"
+    if d.elastic:
+        from symgen.runtime.elastic_model import ElasticModel
+
+        if isinstance(model, ElasticModel):
+            yield from _of_elastic(model)
+
+
+def _of_elastic(model: ElasticModel) -> Iterator[str]:
+    for beam in model.beams:
+        info = beam.info
+        count = "1 element" if info.elements == 1 else f"{info.elements} elements"
+        kept = f", {info.reduction}" if info.reduction else ""
+        length = "" if info.axial else ", its length kept"
+        size = len(beam.dofs) - len(beam.fixed)
+        yield f"elastic: link {info.link}, {count} {info.element}{kept}{length}: {size} unknowns of its own"
+    yield f"elastic motion about it: {model.unknowns} unknowns in all"
 
 
 def _of_loop(d: LoopDescription) -> Iterator[str]:

@@ -1,4 +1,4 @@
-"""Where everything goes in the equations of an elastic motion: unknowns, superelements, joints, constraints."""
+"""Where everything goes in the equations of an elastic motion: unknowns, superelements, constraints."""
 
 from __future__ import annotations
 
@@ -129,8 +129,10 @@ def layout(
     slot = {(int(i), int(j)): k for k, (i, j) in enumerate(pairs)}
     renumbered = tuple(new[np.array(places, dtype=np.intp)] for places in of_links)
     pieces = [(k, piece) for k, beam in enumerate(beams) for piece in beam.pieces]
-    places = [renumbered[k][list(piece.at)] for k, piece in pieces]
-    slots = [np.array([slot.get((int(i), int(j)), -1) for i in p for j in p], dtype=np.intp) for p in places]
+    of_pieces = [renumbered[k][list(piece.at)] for k, piece in pieces]
+    slots = [
+        np.array([slot.get((int(i), int(j)), -1) for i in p for j in p], dtype=np.intp) for p in of_pieces
+    ]
     constants = [np.concatenate([np.ravel(a) for a in _constants(piece)]) for _, piece in pieces]
     widest = max((len(p) for p in renumbered), default=1)
     load_links = [next(i for i, b in enumerate(beams) if b.info.link == link) for link in info.loads]
@@ -142,7 +144,7 @@ def layout(
         load_rows[k, : len(dofs)], load_rows[k, widest : widest + len(dofs)] = rows.u, rows.w
     shaft = int(new[shaft])
     entries = {
-        name: _spare([slot[tuple(int(new[i]) for i in pair)] for pair in _of_joints(joints, name, joint)])
+        name: _spare([slot[int(new[i]), int(new[j])] for i, j in _of_joints(joints, name, joint)])
         for name in ("mass_matrix", "damping", "stiffness")
     }
     return Layout(
@@ -153,13 +155,13 @@ def layout(
         rows=np.ascontiguousarray(pairs[:, 0]),
         columns=np.ascontiguousarray(pairs[:, 1]),
         band=int(np.max(np.abs(pairs[:, 0] - pairs[:, 1]), initial=0)),
-        sizes=np.array([len(p) for p in places], dtype=np.intp),
+        sizes=np.array([len(p) for p in of_pieces], dtype=np.intp),
         constants_at=_starts([len(c) for c in constants]),
         constants=np.concatenate([*constants, np.zeros(1)]),
         link_of=np.array([k for k, _ in pieces], dtype=np.intp),
         ends=np.array([_ends(beams[k], piece.at) for k, piece in pieces], dtype=np.intp),
-        places=np.concatenate([*places, np.array([-1])]).astype(np.intp),
-        places_at=_starts([len(p) for p in places]),
+        places=np.concatenate([*of_pieces, np.array([-1])]).astype(np.intp),
+        places_at=_starts([len(p) for p in of_pieces]),
         slots=np.concatenate([*slots, np.array([-1])]).astype(np.intp),
         slots_at=_starts([len(s) for s in slots]),
         joint_places=_spare(new[:count].tolist()),
@@ -196,9 +198,7 @@ def _pairs(
     return np.array(sorted(found), dtype=np.intp).reshape(-1, 2)
 
 
-def _of_joints(
-    joints: Mapping[str, BlockInfo], name: str, joint: Mapping[str, int]
-) -> list[tuple[int, int]]:
+def _of_joints(joints: Mapping[str, BlockInfo], name: str, joint: Mapping[str, int]) -> list[tuple[int, int]]:
     """Return the places of the entries that the kernel ``joints`` gives of a matrix."""
     if name not in joints:
         return []

@@ -6,15 +6,15 @@ from collections.abc import Callable, Mapping, Sequence
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
-
 from symgen.errors import ModelError, nearest
+from symgen.runtime.arguments import count as whole
 from symgen.runtime.compiled import Compiled
 from symgen.runtime.description import Description
-from symgen.runtime.elastic_motion import ElasticMotion
-from symgen.runtime.library import Library
 
 if TYPE_CHECKING:
+    from symgen.runtime.beams import Beam
     from symgen.runtime.elastic_modes import ElasticModes
+    from symgen.runtime.elastic_motion import ElasticMotion
     from symgen.runtime.elastic_result import ElasticResult
     from symgen.runtime.model import Model
 
@@ -23,8 +23,8 @@ METHODS = ("gauss", "gauss4", "newmark", "generalized-alpha", "dop853", "rk4", "
 FORMS = ("exact", "thesis")
 
 
-#: Gives the kernels of the linkage with its elastic links in so many rods.
-Segmented = Callable[[int], tuple[Description, Library]]
+#: Gives the linkage with its elastic links in so many rods.
+Segmented = Callable[[int], "Model"]
 
 
 class ElasticModel(Compiled):
@@ -38,7 +38,12 @@ class ElasticModel(Compiled):
     def __init__(self, rigid: Model, in_segments: Segmented | None = None) -> None:
         self.rigid, self._in_segments = rigid, in_segments
         self.description = rigid.description
-        self._motion = cache(lambda stiffened: ElasticMotion(rigid, stiffened))
+        self._motion = cache(self._made)
+
+    def _made(self, geometric_stiffness: bool) -> ElasticMotion:
+        from symgen.runtime.elastic_motion import ElasticMotion  # it loads SciPy
+
+        return ElasticMotion(self.rigid, geometric_stiffness)
 
     def __repr__(self) -> str:
         motion = self._motion(True)
@@ -67,6 +72,16 @@ class ElasticModel(Compiled):
     def is_changed(self) -> bool:
         """Whether a parameter has another value than in the scene."""
         return self.rigid.is_changed
+
+    @property
+    def redundant(self) -> tuple[str, ...]:
+        """Constraints of the rigid motion that others imply."""
+        return self.rigid.redundant
+
+    @property
+    def beams(self) -> tuple[Beam, ...]:
+        """The elastic links, with their constant matrices."""
+        return self._motion(True).beams
 
     @property
     def unknowns(self) -> int:
@@ -148,21 +163,18 @@ class ElasticModel(Compiled):
         task = Task(method, revolutions, steps, rtol, samples, None if at is None else tuple(at), form)
         return run(self._motion(geometric_stiffness), task, progress)
 
-    def in_segments(self, count: int = 24) -> Model:
+    def in_segments(self, count: int = 12) -> Model:
         """Return the linkage with every elastic link in so many rigid rods with torsion springs between them.
 
         It is derived and compiled when first asked for. ``LINK__k.angle`` are the directions of the rods.
         """
-        from symgen.runtime.model import Model
-
         if self._in_segments is None:
             raise ModelError(f"{self.name} was made without its rods: build it with symgen.build")
-        made = self._in_segments(count)
-        return Model(*made, lambda: None, self.parameters)
+        return self._in_segments(whole(count, "segments")).with_parameters(**self.parameters)
 
     def exact(
         self,
-        segments: int = 24,
+        segments: int = 12,
         *,
         revolutions: float = 1.0,
         rtol: float = 1e-7,
@@ -172,7 +184,8 @@ class ElasticModel(Compiled):
         """Run the linkage with large rotation of its elastic links, in rods with springs between them.
 
         It is the judge of what :meth:`run` gives, which holds for small bending only. The error falls as the
-        square of the number of rods; see the notes of the result for what rods leave out.
+        square of the number of rods, and the cost rises faster than its cube, as steps in time get shorter
+        with its square; the notes of the result say what rods leave out. See ``docs/elastic_arbiter.md``.
 
         Parameters
         ----------

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -15,8 +16,6 @@ from symgen.runtime._rigid_motion import RigidMotion
 from symgen.runtime.beam_data import Lump, Properties
 from symgen.runtime.beam_layout import Layout, layout
 from symgen.runtime.beams import Beam, beam
-from symgen.runtime.elastic_description import ElasticInfo
-from symgen.runtime.evaluate import Evaluator
 
 if TYPE_CHECKING:
     from symgen.runtime.model import Model
@@ -25,6 +24,10 @@ Array = NDArray[np.float64]
 
 #: Angle [rad] of the crank over which a pose is a good guess of the next.
 _STRIDE = 0.02
+#: Poses of a turn in which frequencies are looked for.
+_POSES = 24
+#: How closely the time at which a crank locks is found, over that time.
+_LOCKED = 1e-7
 
 
 class ElasticMotion:
@@ -62,7 +65,9 @@ class ElasticMotion:
         if not self.speed:
             if math.isclose(math.cos(angle - self.angle), 1.0, abs_tol=1e-12):
                 return 0.0
-            raise ModelError(f"the crank stands still at {math.degrees(self.angle):g} degrees: it has no speed")
+            raise ModelError(
+                f"the crank stands still at {math.degrees(self.angle):g} degrees: it has no speed"
+            )
         turned = math.fmod(angle - self.angle, 2 * math.pi) / self.speed
         return turned if turned >= 0.0 else turned + self.period
 
@@ -73,14 +78,14 @@ class ElasticMotion:
     @cached_property
     def beams(self) -> tuple[Beam, ...]:
         """The elastic links."""
-        made = []
-        for info, row in zip(self.info.beams, self._tables["properties"], strict=True):
-            if not self._stiffened:
-                from dataclasses import replace
-
-                info = replace(info, geometric_stiffness=False)
-            made.append(beam(info, _properties(row), self._lumps(info.link)))
-        return tuple(made)
+        infos = self.info.beams
+        if not self._stiffened:
+            infos = tuple(replace(info, geometric_stiffness=False) for info in infos)
+        rows = self._tables["properties"]
+        return tuple(
+            beam(info, _properties(row), self._lumps(info.link))
+            for info, row in zip(infos, rows, strict=True)
+        )
 
     def _lumps(self, link: str) -> tuple[Lump, ...]:
         rows = zip(self.info.lumps, self._tables.get("lumps", ()), strict=True)
@@ -114,7 +119,10 @@ class ElasticMotion:
         sizes = [
             self._motion.info("links").out_size,
             self._joints.info("joints").out_size,
-            *(info.out_size if info else 0 for info in map(self._motion.description.kernel, ("torque", "point_loads"))),
+            *(
+                info.out_size if info else 0
+                for info in map(self._motion.description.kernel, ("torque", "point_loads"))
+            ),
         ]
         motion = RigidMotion(
             self.rigid.evaluator.equations(len(d.redundant)),
@@ -129,22 +137,57 @@ class ElasticMotion:
         self.check(made, made.matrices(0.0)[0], 0.0)
         return made
 
+    def links(self, equations: _beams.BeamEquations, times: Array) -> Array:
+        """Return the motion of the links at times, (times, links, 10)."""
+        order = np.argsort(times, kind="stable")
+        status, found = equations.motion.along(np.ascontiguousarray(times[order]))
+        self.check(equations, status, equations.motion.t)
+        rows = np.empty_like(found)
+        rows[order] = found
+        return rows.reshape(len(times), -1, 10)
+
+    @cached_property
+    def lowest_frequency(self) -> float:
+        """The lowest frequency [Hz] of the structure at rest, over the poses of a turn."""
+        from symgen.runtime.elastic_modes import lowest
+
+        equations = self.equations()
+        poses = np.linspace(0.0, self.period, _POSES, endpoint=False).tolist()
+        return min(lowest(self, equations, t) for t in poses)
+
     def check(self, equations: _beams.BeamEquations, status: int, t: float) -> None:
         """Raise SimulationError where the equations could not be assembled at a time, or a step failed."""
         if status == _core.DONE:
             return
-        at = f"at crank angle {math.degrees(float(self.angle_at(np.array(t)))):.6g} degrees"
         d = self.rigid.description
-        if status == _core.SINGULAR and equations.soundness <= equations.rank_tolerance:
-            problem = f"the rigid links and guides bind each other {at}: they lose rank"
-        elif status in (_core.SINGULAR, _core.PROJECTION_FAILED):
+        locked = status in (_core.SINGULAR, _core.PROJECTION_FAILED)
+        bound = status == _core.SINGULAR and equations.soundness <= equations.rank_tolerance
+        if locked and not bound:
+            t = self._last_before(t)
+        at = f"{math.degrees(float(self.angle_at(np.array(t)))):.4g} degrees"
+        if bound:
+            problem = f"the rigid links and guides bind each other at crank angle {at}: they lose rank"
+        elif locked:
             problem = (
-                f"the crank cannot turn past {at.removeprefix('at ')}: the linkage comes to a dead centre or cannot be "
-                "assembled there"
+                f"the crank, {self.info.crank}, cannot turn past {at}: the linkage comes to a dead centre or "
+                "cannot be assembled beyond\n"
+                "  Change the lengths so that it closes at every angle of the crank."
             )
         else:
-            problem = f"a number that is not finite appeared {at}"
-        raise SimulationError(f"{d.title}: {problem}", time=t)
+            problem = f"a number that is not finite appeared at crank angle {at}"
+        raise SimulationError(f"{d.file or d.title}: {problem}", time=t)
+
+    def _last_before(self, t: float) -> float:
+        """Return the last time before one [s] that the rigid motion comes to."""
+        low, high, motion = 0.0, t, None
+        while high - low > _LOCKED * t:
+            motion = motion or self.equations().motion
+            middle = (low + high) / 2
+            if motion.evaluate(middle)[0] == _core.DONE:
+                low = middle
+            else:
+                high, motion = middle, None
+        return low
 
 
 def _properties(row: Array) -> Properties:
