@@ -8,7 +8,7 @@ constraints, each with two rates, put into M s'' + C s' + K s = Q.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import pairwise
 
 import mpmath
@@ -236,83 +236,101 @@ def equations(case: Case, beams, names, t: float, *, thesis=False, rest=False, i
     if rest:
         for table in (instant.rate, instant.second):
             table.update({p: (mpf(0), mpf(0)) for p in table})
-    total = [np.zeros((n, n)) for _ in range(3)] + [np.zeros(n)]
-
-    def add(parts):
-        for a, b in zip(total, parts, strict=True):
-            a += b
-
+    total = [np.zeros((n, n)), np.zeros((n, n)), np.zeros((n, n)), np.zeros(n)]
     for beam in beams:
-        m, bar = local(beam), case.linkage.bar(beam.info.link)
-        e, rate, second, _ = instant.axes(bar)
-        across = np.array([-e[1], e[0]])
-        felt, first = (instant.felt(bar.a), instant.forces[bar.name, bar.a]) if not rest else np.zeros((2, 2))
-        along, lateral, pull = e @ felt, across @ felt, -e @ first
-        stiffness = m["stiffness"] - rate**2 * m["centrifugal"] - second * m["gyroscopic"]
-        if not rest and beam.info.geometric_stiffness:
-            stiffness = stiffness + stiffening(beam, bar, pull, along, rate, e)
-        load = -along * m["load_x"] - lateral * m["load_y"] + rate**2 * m["load_out"] - second * m["load_turn"]
-        for s, f in bar.forces:
-            rows = beam.rows(s)
-            load = load + (e @ np.array(f)) * rows.u + (across @ np.array(f)) * rows.w
         basis = axes(case, beam, names, instant)
-        damping = m["damping"] - 2 * rate * m["gyroscopic"]
-        add(put_in(constant(basis) if thesis else basis, m["mass"], damping, stiffness, load))
-        if bar.name == case.linkage.crank and case.mode != "held":
-            shaft = names.index(f"{bar.name}.theta@0")
-            total[0][shaft, shaft] += case.flywheel
-            if case.torque:
-                angle = mp.atan2(e[1], e[0])
-                for part, slot, sign in (((0, 0), total[3], 1), ((1, 0), total[2], -1), ((0, 1), total[1], -1)):
-                    value = float(mpmath.diff(case.torque, (angle, mpf(rate)), part))
-                    slot[(shaft,) * slot.ndim] += sign * value
+        found = put_in(constant(basis) if thesis else basis, *of_link(case, beam, instant, rest))
+        total = [a + b for a, b in zip(total, found, strict=True)]
+        if beam.info.link == case.linkage.crank and case.mode != "held":
+            _shaft(case, instant, total, names.index(f"{beam.info.link}.theta@0"))
+    mine = [names.index(name) for name in joints.names]
     with mpmath.workdps(DIGITS):
-        q, u, a = ([x for p in joints.points for x in table[p]]
-                   for table in (instant.now, instant.rate, instant.second))  # fmt: skip
-        own, size = joints.mass(False), len(q)
-        mine = [names.index(name) for name in joints.names]
-        block = np.ix_(mine, mine)
-        force = np.array([float(x) for x in joints.force(q, u, False)])
-        slopes = [floats(mp.matrix([gradient(lambda x, i=i, which=which: joints.force(
-            x if which == "q" else q, x if which == "u" else u, False)[i], q if which == "q" else u)
-            for i in range(size)])) for which in "qu"]  # fmt: skip
-        multipliers = _multipliers(joints, q, u, a)
-        geometric = np.zeros((size, size))
-        # The axial force of an elastic link stands in its own geometric stiffness.
-        elastic_lengths = {b.name for b in case.linkage.bars if b.elastic}
-        for (name, f, kept) in joints.constraints():
-            if kept and not rest and name not in elastic_lengths:
-                for i, row in enumerate(_hessian(f, q)):
-                    geometric[i] += multipliers[name] * np.array([float(x) for x in row])
-        total[0][block] += own
-        total[1][block] -= slopes[1]
-        total[2][block] += geometric - slopes[0]
-        total[3][mine] += force - own @ np.array([float(x) for x in a])
-        kept = sum(kept for *_, kept in joints.constraints())
-        if not kept:
+        for whole, own in zip(total, of_joints(joints, instant, rest), strict=True):
+            whole[np.ix_(*[mine] * own.ndim)] += own
+        if not any(kept for *_, kept in joints.constraints()):
             return (*total, None)
-        moments = [[x for p in joints.points for x in case.linkage.places(mpf(t) + k * STEP)[p]] for k in (-1, 0, 1)]
-        dependent = [j for j, i in enumerate(mine) if i not in independent]
-        others = [j for j, i in enumerate(mine) if i in independent]
-        before, now, after = (_solve(joints.jacobian(place), dependent, others) for place in moments)
-        series = [now, (after - before) / (2 * STEP), (after - 2 * now + before) / STEP**2]
-    basis = np.zeros((3, n, len(independent)))
-    basis[0][independent, np.arange(len(independent))] = 1.0
-    for order, block in enumerate(series):
-        for i, j in enumerate(dependent):
-            for k, other in enumerate(others):
-                basis[order, mine[j], independent.index(mine[other])] = float(block[i, k])
+        basis = allowed(joints, t, mine, n, independent)
     used = constant(basis) if thesis or rest else basis
     return (*put_in(used, *total), basis)
 
 
-def _columns(matrix, columns):
-    return mp.matrix([[matrix[i, j] for j in columns] for i in range(matrix.rows)])
+def of_link(case: Case, beam, instant: Instant, rest: bool):
+    """Mass, damping, stiffness and load of an elastic link in its own axes."""
+    m, bar = local(beam), case.linkage.bar(beam.info.link)
+    e, rate, second, _ = instant.axes(bar)
+    across = np.array([-e[1], e[0]])
+    felt, first = (instant.felt(bar.a), instant.forces[bar.name, bar.a]) if not rest else np.zeros((2, 2))
+    along, lateral, pull = e @ felt, across @ felt, -e @ first
+    stiffness = m["stiffness"] - rate**2 * m["centrifugal"] - second * m["gyroscopic"]
+    if not rest and beam.info.geometric_stiffness:
+        stiffness = stiffness + stiffening(beam, bar, pull, along, rate, e)
+    load = rate**2 * m["load_out"] - along * m["load_x"] - lateral * m["load_y"] - second * m["load_turn"]
+    for s, f in bar.forces:
+        rows = beam.rows(s)
+        load = load + (e @ np.array(f)) * rows.u + (across @ np.array(f)) * rows.w
+    return m["mass"], m["damping"] - 2 * rate * m["gyroscopic"], stiffness, load
 
 
-def _solve(jacobian, dependent, others):
+def _shaft(case: Case, instant: Instant, total, at: int) -> None:
+    """Add flywheel and motor on the shaft of an elastic crank."""
+    mass, damping, stiffness, load = total
+    mass[at, at] += case.flywheel
+    if case.torque:
+        e, rate, *_ = instant.axes(case.crank)
+        angle = mp.atan2(e[1], e[0]), mpf(rate)
+        load[at] += float(case.torque(*angle))
+        stiffness[at, at] -= float(mpmath.diff(case.torque, angle, (1, 0)))
+        damping[at, at] -= float(mpmath.diff(case.torque, angle, (0, 1)))
+
+
+def of_joints(joints: Joints, instant: Instant, rest: bool):
+    """The same of all that is not elastic, by the displacements of the joints."""
+    q, u, a = (
+        [x for p in joints.points for x in table[p]] for table in (instant.now, instant.rate, instant.second)
+    )
+
+    def entry(i, where):
+        return lambda x: joints.force(*((x, u) if where == "q" else (q, x)), False)[i]
+
+    by_place, by_rate = (
+        floats(mp.matrix([gradient(entry(i, where), at) for i in range(len(q))]))
+        for where, at in (("q", q), ("u", u))
+    )
+    mass, multipliers = joints.mass(False), _multipliers(joints, q, u, a)
+    geometric = np.zeros(mass.shape)
+    # The axial force of an elastic link stands in its own geometric stiffness.
+    elastic = {b.name for b in joints.linkage.bars if b.elastic}
+    for name, f, kept in joints.constraints():
+        if kept and not rest and name not in elastic:
+            geometric += multipliers[name] * floats(mp.matrix(_hessian(f, q)))
+    load = np.array([float(x) for x in joints.force(q, u, False)]) - mass @ np.array([float(x) for x in a])
+    return mass, -by_rate, geometric - by_place, load
+
+
+def allowed(joints: Joints, t: float, mine, n: int, independent):
+    """R of S = R p with two rates, p the unknowns ``independent``."""
+    moments = [
+        [x for p in joints.points for x in joints.linkage.places(mpf(t) + k * STEP)[p]] for k in (-1, 0, 1)
+    ]
+    dependent = [j for j, i in enumerate(mine) if i not in independent]
+    others = [j for j, i in enumerate(mine) if i in independent]
+    before, now, after = (_followers(joints.jacobian(q), dependent, others) for q in moments)
+    found = np.zeros((3, n, len(independent)))
+    found[0][independent, np.arange(len(independent))] = 1.0
+    block = np.ix_([mine[j] for j in dependent], [independent.index(mine[j]) for j in others])
+    found[0][block] = floats(now)
+    found[1][block] = floats((after - before) / (2 * STEP))
+    found[2][block] = floats((after - 2 * now + before) / STEP**2)
+    return found
+
+
+def _followers(jacobian, dependent, others):
     """Displacements of the dependent coordinates by the others: -J_d^-1 J_o."""
-    return -(_columns(jacobian, dependent) ** -1) * _columns(jacobian, others)
+
+    def columns(of):
+        return mp.matrix([[jacobian[i, j] for j in of] for i in range(jacobian.rows)])
+
+    return -(columns(dependent) ** -1) * columns(others)
 
 
 def _hessian(function, q):
@@ -321,9 +339,7 @@ def _hessian(function, q):
 
 def _multipliers(joints: Joints, q, u, a):
     """Of all constraints of the rigid linkage, elastic links with their mass: J^T lambda = f - M a."""
-    free = replace(joints.case, torque=None)
-    everything = Joints(free)
-    force = np.array([float(x) for x in everything.force(q, u, True)])
-    J = floats(joints.jacobian(q, all_of_them=True))
-    found = np.linalg.solve(J.T, force - joints.mass(True) @ np.array([float(x) for x in a]))
+    force = np.array([float(x) for x in joints.force(q, u, True)])
+    jacobian = floats(joints.jacobian(q, all_of_them=True))
+    found = np.linalg.solve(jacobian.T, force - joints.mass(True) @ np.array([float(x) for x in a]))
     return dict(zip([name for name, *_ in joints.constraints()], found, strict=True))

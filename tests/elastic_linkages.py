@@ -125,7 +125,7 @@ class Instant:
             right.append(value)
 
         for b in bars:
-            e, rate, second, length = self.axes(b)
+            e, _, second, length = self.axes(b)
             turned = np.array([-e[1], e[0]])
             force, moment = np.zeros(2), b.inertia * second
             for s, mass in ((0.5, b.mass), *b.lumps):
