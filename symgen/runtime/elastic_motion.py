@@ -109,6 +109,12 @@ class ElasticMotion:
         blocks = {b.name: b for b in kernel.blocks}
         return layout(d, self.info, self.beams, blocks, loads, self.flywheel)
 
+    @property
+    def constraints(self) -> tuple[str, ...]:
+        """Names of the constraints that the elastic motion keeps."""
+        blocks = self._joints.info("joints").blocks
+        return next((b.rows for b in blocks if b.name == "jacobian"), ())
+
     def equations(self, thesis: bool = False) -> _beams.BeamEquations:
         """Return the compiled equations, at the start of the motion."""
         d = self.rigid.description

@@ -13,7 +13,9 @@ from numpy.typing import NDArray
 from symgen.errors import ModelError, SimulationError
 from symgen.runtime import _beam_steps, _beams, _core
 from symgen.runtime.beam_checks import warnings
+from symgen.runtime.beam_forces import Motion, forces
 from symgen.runtime.beam_methods import BEAM_METHODS, GAUSS_6
+from symgen.runtime.beam_recovery import recovered
 from symgen.runtime.elastic_modes import elastic_modes, quasi_static
 from symgen.runtime.elastic_motion import ElasticMotion
 from symgen.runtime.elastic_result import ElasticResult, outputs
@@ -45,9 +47,10 @@ class Task:
 
 @dataclass(frozen=True, slots=True)
 class _Found:
-    """Displacements (times, unknowns) at the recorded times, and what they cost."""
+    """Displacements and their rates (times, unknowns) at the recorded times, and what they cost."""
 
     displacements: Array
+    rates: Array | None
     steps: int
     error: float | None = None
     floquet: tuple[complex, ...] = ()
@@ -68,7 +71,7 @@ def run(motion: ElasticMotion, task: Task, progress: Progress | None) -> Elastic
     equations = motion.equations(task.form == "thesis")
     begun = time.perf_counter()
     if task.method == "quasi-static":
-        found = _Found(quasi_static(motion, equations, times), len(times))
+        found = _Found(quasi_static(motion, equations, times), None, len(times))
     elif task.method == "periodic":
         found = _periodic(motion, equations, task, times)
     elif task.method in BEAM_METHODS:
@@ -107,28 +110,28 @@ def _stepped(
     per_turn: int,
     start: tuple[Array, Array] | None = None,
     progress: Progress | None = None,
-) -> tuple[Array, int]:
-    """Return displacements at the times, stepping from time zero, and the number of steps."""
+) -> tuple[Array, Array, int]:
+    """Return displacements and rates at the times, stepping from time zero, and the number of steps."""
     n = motion.layout.unknowns
     steps = _beam_steps.BeamSteps(equations, BEAM_METHODS.get(task.method, GAUSS_6), 1)
     s, v = start or (np.zeros((n, 1)), np.zeros((n, 1)))
     motion.check(equations, steps.start(0.0, s, v), 0.0)
     turn = motion.period if motion.speed else motion.rigid.description.t_end
     order = np.argsort(times, kind="stable")
-    found, now = np.zeros((len(times), n)), 0.0
+    found, rates, now = np.zeros((len(times), n)), np.zeros((len(times), n)), 0.0
     for k in order:
         t = float(times[k])
         if t > now:
             count = max(1, math.ceil((t - now) / turn * per_turn - 1e-9))
             status = steps.advance(now, t, count)
             if status == _core.NOT_FINITE:
-                return np.full_like(found, np.nan), steps.steps
+                return np.full_like(found, np.nan), rates, steps.steps
             motion.check(equations, status, t)
             now = t
             if progress:
                 progress(t / float(times[order[-1]]))
-        found[k] = steps.displacements[:, 0]
-    return found, steps.steps
+        found[k], rates[k] = steps.displacements[:, 0], steps.rates[:, 0]
+    return found, rates, steps.steps
 
 
 def _doubled(
@@ -143,17 +146,17 @@ def _doubled(
         if task.steps < 1:
             raise ModelError(f"expected 1 step a turn or more, got {task.steps!r}")
         half = max(1, task.steps // 2)
-        coarse, _ = _stepped(motion, equations, task, times, half)
-        fine, count = _stepped(motion, equations, task, times, task.steps, progress=progress)
-        return _Found(fine, count, _difference(motion, equations, times, coarse, fine, task.method))
+        coarse, *_ = _stepped(motion, equations, task, times, half)
+        fine, rates, count = _stepped(motion, equations, task, times, task.steps, progress=progress)
+        return _Found(fine, rates, count, _difference(motion, equations, times, coarse, fine, task.method))
     per_turn = _FIRST
-    coarse, _ = _stepped(motion, equations, task, times, per_turn)
+    coarse, *_ = _stepped(motion, equations, task, times, per_turn)
     while per_turn < _MOST:
         per_turn *= 2
-        fine, count = _stepped(motion, equations, task, times, per_turn, progress=progress)
+        fine, rates, count = _stepped(motion, equations, task, times, per_turn, progress=progress)
         error = _difference(motion, equations, times, coarse, fine, task.method)
         if error <= task.rtol:
-            return _Found(fine, count, error)
+            return _Found(fine, rates, count, error)
         coarse = fine
     raise SimulationError(
         f"{motion.rigid.name}: {task.method} does not come within {task.rtol:g} of the peak "
@@ -216,11 +219,11 @@ def _explicit(
     )
     status, _ = drive(stepper, 0.0, chosen, progress)
     if status == _core.NOT_FINITE:
-        return _Found(np.full((len(times), n), np.nan), stepper.steps)
+        return _Found(np.full((len(times), n), np.nan), None, stepper.steps)
     motion.check(equations, status, stepper.t)
-    found = np.zeros((len(times), n))
-    found[order] = stepper.result[:, :n]
-    return _Found(found, stepper.steps)
+    found = np.zeros((len(times), 2 * n))
+    found[order] = stepper.result[:, : 2 * n]
+    return _Found(found[:, :n], found[:, n:], stepper.steps)
 
 
 def _periodic(motion: ElasticMotion, equations: _beams.BeamEquations, task: Task, times: Array) -> _Found:
@@ -237,7 +240,7 @@ def _periodic(motion: ElasticMotion, equations: _beams.BeamEquations, task: Task
     per_turn, before = task.steps or _FIRST, None
     while True:
         start, multipliers, steps = _shot(motion, equations, per_turn)
-        found, more = _stepped(motion, equations, task, times, per_turn, start)
+        found, rates, more = _stepped(motion, equations, task, times, per_turn, start)
         error = None
         if before is not None:
             error = _difference(motion, equations, times, before, found, GAUSS_6.name)
@@ -248,7 +251,7 @@ def _periodic(motion: ElasticMotion, equations: _beams.BeamEquations, task: Task
                 f"{motion.rigid.name}: shooting does not come within {task.rtol:g} of the peak"
             )
         before, per_turn = found, 2 * per_turn
-    return _Found(found, steps + more, error, multipliers)
+    return _Found(found, rates, steps + more, error, multipliers)
 
 
 def _shot(
@@ -286,6 +289,19 @@ def _links(equations: _beams.BeamEquations, times: Array) -> Array:
     return found
 
 
+def _recorded(equations: _beams.BeamEquations, task: Task, times: Array, found: _Found) -> Motion:
+    """Return the motion found with the rigid motion below it."""
+    made: list[list[Array]] = [[] for _ in range(3)]
+    order = np.argsort(times, kind="stable")
+    for t in times[order].tolist():
+        _, y, links, _, _, loads = equations.motion.evaluate(t)
+        for part, value in zip(made, (y, links.reshape(-1, 10), loads.reshape(-1, 3)), strict=True):
+            part.append(value)
+    back = np.argsort(order)
+    q, links, loads = (np.array(part)[back] for part in made)
+    return Motion(times, q, links, loads, found.displacements, found.rates, task.form == "thesis")
+
+
 def _result(
     motion: ElasticMotion,
     equations: _beams.BeamEquations,
@@ -295,8 +311,10 @@ def _result(
     wall: float,
 ) -> ElasticResult:
     d = motion.rigid.description
-    links = _links(equations, times)
-    variables = outputs(motion, links, found.displacements)
+    whole = _recorded(equations, task, times, found)
+    links = whole.links
+    variables = [*outputs(motion, links, found.displacements), *recovered(motion, whole)]
+    variables += forces(motion, equations, whole)
     notes = [*found.notes, *_of_speed(motion), *_of_stability(found)]
     notes += warnings(motion, links, found.displacements, _moments(motion, times))
     if task.form == "thesis":
