@@ -12,7 +12,6 @@ from dataclasses import replace
 
 import sympy as sp
 
-from symgen.errors import SceneError
 from symgen.models.constraints import Constraint
 from symgen.models.linearised import analysis_of, linearised
 from symgen.models.matrix import named
@@ -245,17 +244,3 @@ def _rows(
         entries = [of(row.get(x.symbol, ZERO)) for row in kept for x in model.coordinates]
         about = f"{name.replace('_', ' ')} of the constraints over their scale"
         yield named(model, name, entries, unit, about, rows=rows, columns=columns)
-
-
-def check_elastic(linkage: Linkage) -> None:
-    """Raise SceneError for what elastic links cannot be joined to."""
-    carried = {c.name: k.name for k in linkage.links for c in k.carried}
-    for beam in linkage.elastic:
-        link = linkage.link(beam.link)
-        for point in link.base:
-            if point in carried:
-                raise SceneError(
-                    f"{point} is carried by {carried[point]}: an elastic link cannot be joined there",
-                    where=f"links.{link.name}.points",
-                    hint="Make the point one of the first two of that link.",
-                )
