@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from symgen.runtime.beams import Beam
+from symgen.runtime.beams import Beam, Piece
 from symgen.runtime.description import BlockInfo, Description
 from symgen.runtime.elastic_description import ElasticInfo
 
@@ -55,9 +55,7 @@ class Layout:
     mass_slots: Indices
     damping_slots: Indices
     stiffness_slots: Indices
-    load_links: Indices
-    load_places: NDArray[np.intp]
-    load_rows: Array
+    loads_at: Indices
     shaft: int
     shaft_slot: int
     flywheel: float
@@ -68,7 +66,6 @@ def layout(
     info: ElasticInfo,
     beams: Sequence[Beam],
     joints: Mapping[str, BlockInfo],
-    loads: Sequence[float],
     flywheel: float,
 ) -> Layout:
     """Return the layout of the elastic motion of a linkage.
@@ -81,8 +78,6 @@ def layout(
         Its elastic links.
     joints
         Blocks of the kernel ``joints``.
-    loads
-        For every force along a link its place there, as a fraction of the length.
     flywheel
         Moment of inertia on the shaft of an elastic crank [kg m^2].
     """
@@ -134,14 +129,6 @@ def layout(
         np.array([slot.get((int(i), int(j)), -1) for i in p for j in p], dtype=np.intp) for p in of_pieces
     ]
     constants = [np.concatenate([np.ravel(a) for a in _constants(piece)]) for _, piece in pieces]
-    widest = max((len(p) for p in renumbered), default=1)
-    load_links = [next(i for i, b in enumerate(beams) if b.info.link == link) for link in info.loads]
-    load_places = np.full((len(loads) + 1, widest), -1, dtype=np.intp)
-    load_rows = np.zeros((len(loads) + 1, 2 * widest))
-    for k, (link, fraction) in enumerate(zip(load_links, loads, strict=True)):
-        rows, dofs = beams[link].rows(fraction), renumbered[link]
-        load_places[k, : len(dofs)] = dofs
-        load_rows[k, : len(dofs)], load_rows[k, widest : widest + len(dofs)] = rows.u, rows.w
     shaft = int(new[shaft])
     entries = {
         name: _spare([slot[int(new[i]), int(new[j])] for i, j in _of_joints(joints, name, joint)])
@@ -169,9 +156,7 @@ def layout(
         mass_slots=entries["mass_matrix"],
         damping_slots=entries["damping"],
         stiffness_slots=entries["stiffness"],
-        load_links=_spare(load_links),
-        load_places=load_places,
-        load_rows=load_rows,
+        loads_at=_starts([*(info.loads.count(b.info.link) for b in beams), 0]),
         shaft=shaft,
         shaft_slot=slot.get((shaft, shaft), -1),
         flywheel=flywheel,
@@ -218,11 +203,12 @@ def _by_least_band(n: int, pairs: NDArray[np.intp]) -> Indices:
     return np.asarray(reverse_cuthill_mckee(graph, symmetric_mode=True), dtype=np.intp)
 
 
-def _constants(piece: object) -> list[Array]:
+def _constants(piece: Piece) -> list[Array]:
     """Return the matrices and load vectors of a piece, in the order that the assembly reads them."""
     order = ("mass", "centrifugal", "gyroscopic", "stiffness", "damping", "axial0", "axial1", "axial2",
              "load_x", "load_y", "load_out", "load_turn")  # fmt: skip
-    return [getattr(piece, name) for name in order]
+    forces = zip(piece.force_x, piece.force_y, piece.force_axial, strict=True)
+    return [*(getattr(piece, name) for name in order), *(a for force in forces for a in force)]
 
 
 def _ends(beam: Beam, at: Sequence[int]) -> tuple[int, int, int, int]:

@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 
 from symgen.errors import ModelError
 from symgen.runtime.beam_damping import modal, rayleigh
-from symgen.runtime.beam_data import BeamInfo, Lump, Piece, Properties, StationRows
+from symgen.runtime.beam_data import BeamInfo, Lump, Piece, Profile, Properties, StationRows
 from symgen.runtime.beam_elements import SHAPES, Segment, at, names, segment_at, segments
 from symgen.runtime.beam_pieces import pieces, transformed, whole
 from symgen.runtime.beam_reduction import of_one_length, reduced
 
-__all__ = ["Beam", "BeamInfo", "Lump", "Piece", "Properties", "StationRows", "beam"]
+__all__ = ["Beam", "BeamInfo", "Lump", "Piece", "Profile", "Properties", "StationRows", "beam"]
 
 Array = NDArray[np.float64]
 
@@ -83,7 +83,12 @@ class Beam:
         return found if self.expansion is None else found @ self.expansion
 
 
-def beam(info: BeamInfo, properties: Properties, lumps: Sequence[Lump] = ()) -> Beam:
+def beam(
+    info: BeamInfo,
+    properties: Properties,
+    lumps: Sequence[Lump] = (),
+    profiles: Sequence[Profile] = (),
+) -> Beam:
     """Return an elastic link.
 
     Parameters
@@ -93,6 +98,8 @@ def beam(info: BeamInfo, properties: Properties, lumps: Sequence[Lump] = ()) -> 
     lumps
         Masses fixed to the link between its ends; those of its end points belong to the points. One at an
         end is part of the link: the axial force N0 is the one before it.
+    profiles
+        Where the forces along it act.
 
     Raises
     ------
@@ -102,7 +109,7 @@ def beam(info: BeamInfo, properties: Properties, lumps: Sequence[Lump] = ()) -> 
     _check(info, properties, lumps)
     parts = segments(info, properties)
     dofs = names(info)
-    found = pieces(parts, properties, lumps, info.geometric_stiffness)
+    found = pieces(parts, properties, lumps, profiles, info.geometric_stiffness)
     expansion = None
     if not info.axial:
         total = whole(found, len(dofs))
