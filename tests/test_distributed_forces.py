@@ -240,3 +240,17 @@ def test_none_in_space_and_none_by_elements():
     driven = driven.replace('points = ["A", "B"], mass = "3 kg"', 'points = ["O", "B"]')
     with pytest.raises(SceneError, match="no distributed ones"):
         built(driven).forces()
+
+
+def test_spring_at_the_end_of_an_elastic_link():
+    """A cantilever on a shaft at rest, its tip on a spring: F/(3 E I/l^3 + k), and a pull on it."""
+    text = (
+        'symgen = 1\n[points]\nO = { at = ["0 m", "0 m"], ground = true }\nT = { at = ["1.3 m", "0 m"] }\n'
+        'G = { at = ["1.3 m", "-0.5 m"], ground = true }\n[links.strip]\npoints = ["O", "T"]\n'
+        'density = "7850 kg/m^3"\nsection = { width = "30 mm", thickness = "10 mm" }\n'
+        'elastic = { E = "210 GPa" }\n[crank]\nlink = "strip"\nspeed = "0 rpm"\n'
+        '[[springs]]\nbetween = ["T", "G"]\nstiffness = "500 N/m"\nlength = "0.5 m"\n'
+        '[[forces]]\npoint = "T"\nforce = ["0 N", "-2 N"]\n'
+    )
+    tip = built(text).run("quasi-static", samples=2)["T.displacement"].values[-1, 1]
+    assert tip == pytest.approx(-2 / (3 * BENDING / LENGTH**3 + 500), rel=1e-9)
