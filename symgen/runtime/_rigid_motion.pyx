@@ -19,7 +19,7 @@ cdef class RigidMotion:
     motion, joints
         Addresses of the kernels of ``elastic_motion`` and of ``elastic_joints``.
     sizes
-        Sizes of what the kernels links, joints, torque and point_loads write.
+        Sizes of what the kernels links, joints, torque and loads write.
     t, y
         A time and the state there.
     stride
@@ -29,7 +29,7 @@ cdef class RigidMotion:
     def __init__(self, Equations equations, motion, joints, sizes, double t, y, double stride):
         self.equations = equations
         self.links, self.joints = kernel_of(motion, "links"), kernel_of(joints, "joints")
-        self.torque, self.point_loads = kernel_of(motion, "torque"), kernel_of(motion, "point_loads")
+        self.torque, self.point_loads = kernel_of(motion, "torque"), kernel_of(motion, "loads")
         self.count = sizes[0] // MOTION
         self.motion, self.joined, self.turning, self.loads = (np.zeros(size + 1) for size in sizes)
         self.still = np.zeros(len(y) + equations.n + equations.m + 1)
@@ -72,6 +72,7 @@ cdef class RigidMotion:
         for k in range(self.count):
             for i in range(2, MOTION):
                 self.motion[MOTION * k + i] = 0.0
+        self.loads[:] = 0.0
         self.joints(&self.t, &self.y[0], &self.still[0], &self.equations.p[0], &self.still[0], &self.joined[0])
         return _DONE
 
@@ -99,7 +100,7 @@ cdef class RigidMotion:
         return _DONE
 
     def evaluate(self, double t):
-        """Return status, state, motion of links, what the joints kernel wrote, torque and point loads at a time."""
+        """Return status, state, motion of links, what the joints kernel wrote, torque and loads at a time."""
         cdef int status = self.at(t)
         found = [np.array(self.y), np.array(self.motion), np.array(self.joined), np.array(self.turning),
                  np.array(self.loads)]

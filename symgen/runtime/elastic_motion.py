@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from symgen.errors import ModelError, SimulationError
 from symgen.runtime import _beams, _core
 from symgen.runtime._rigid_motion import RigidMotion
-from symgen.runtime.beam_data import Lump, Properties
+from symgen.runtime.beam_data import Lump, Profile, Properties
 from symgen.runtime.beam_layout import Layout, layout
 from symgen.runtime.beams import Beam, beam
 
@@ -83,13 +83,17 @@ class ElasticMotion:
             infos = tuple(replace(info, geometric_stiffness=False) for info in infos)
         rows = self._tables["properties"]
         return tuple(
-            beam(info, _properties(row), self._lumps(info.link))
+            beam(info, _properties(row), self._lumps(info.link), self._profiles(info.link))
             for info, row in zip(infos, rows, strict=True)
         )
 
     def _lumps(self, link: str) -> tuple[Lump, ...]:
         rows = zip(self.info.lumps, self._tables.get("lumps", ()), strict=True)
         return tuple(Lump(float(at), float(mass)) for name, (at, mass) in rows if name == link)
+
+    def _profiles(self, link: str) -> tuple[Profile, ...]:
+        rows = zip(self.info.loads, self._tables.get("profiles", ()), strict=True)
+        return tuple(Profile(*map(float, row)) for name, row in rows if name == link)
 
     @cached_property
     def stations(self) -> tuple[tuple[str, int, float, float], ...]:
@@ -103,15 +107,8 @@ class ElasticMotion:
         """Where everything goes."""
         d = self.rigid.description
         kernel = self._joints.info("joints")
-        lengths = {b.info.link: b.properties.length for b in self.beams}
-        loads: list[float] = []
-        if self.info.loads:
-            start = np.split(self._start, 2)
-            rows = self._motion.blocks("point_loads", 0.0, *start)["point_loads"]
-            at = np.atleast_2d(rows)[:, 0]
-            loads = [float(x) / lengths[link] for x, link in zip(at, self.info.loads, strict=True)]
         blocks = {b.name: b for b in kernel.blocks}
-        return layout(d, self.info, self.beams, blocks, loads, self.flywheel)
+        return layout(d, self.info, self.beams, blocks, self.flywheel)
 
     @property
     def constraints(self) -> tuple[str, ...]:
@@ -127,7 +124,7 @@ class ElasticMotion:
             self._joints.info("joints").out_size,
             *(
                 info.out_size if info else 0
-                for info in map(self._motion.description.kernel, ("torque", "point_loads"))
+                for info in map(self._motion.description.kernel, ("torque", "loads"))
             ),
         ]
         motion = RigidMotion(
@@ -147,7 +144,7 @@ class ElasticMotion:
         """Return what the rigid motion is at times.
 
         Coordinates (times, coordinates) [m], motion of the links (times, links, 10) and forces along links
-        (times, forces, 3): place [m], x and y [N].
+        on fixed axes (times, forces, 2) [N].
         """
         order = np.argsort(times, kind="stable")
         status, *found = equations.motion.along(np.ascontiguousarray(times[order]))
@@ -156,7 +153,7 @@ class ElasticMotion:
         y, links, loads = (rows[back] for rows in found)
         count = len(times)
         q = y[:, : self.rigid.description.coordinates]
-        return q, links.reshape(count, -1, 10), loads.reshape(count, -1, 3)
+        return q, links.reshape(count, -1, 10), loads.reshape(count, -1, 2)
 
     @cached_property
     def lowest_frequency(self) -> float:
@@ -182,8 +179,8 @@ class ElasticMotion:
         elif locked:
             problem = (
                 f"the crank, {self.info.crank}, cannot turn past {at}: the linkage comes to a dead centre or "
-                "cannot be assembled beyond\n"
-                "  Change the lengths so that it closes at every angle of the crank."
+                "cannot be assembled beyond\n  Change the lengths so that it closes at every angle of "
+                "the crank."
             )
         else:
             problem = f"a number that is not finite appeared at crank angle {at}"
