@@ -433,17 +433,24 @@ cdef class BeamEquations(Equations):
 
         With ``resting`` they are those of the structure at rest in its pose, without loads of motion.
         """
-        self.resting = resting
-        cdef int status = self.assemble(t, True)
-        self.resting = False
+        status, rows, columns, entries = self.sparse(t, resting)
         free = self.whole - self.m
         made = []
-        for values in [np.asarray(self.mass), np.asarray(self.damping), np.asarray(self.stiffness)]:
+        for values in entries:
             matrix = np.zeros((free, free))
-            np.add.at(matrix, (np.asarray(self.rows), np.asarray(self.columns)), values[:self.entries])
+            matrix[rows, columns] = values
             made.append(matrix)
         basis = np.array(self.basis) if self.m else None
         return status, *made, np.array(self.load[:free]), basis
+
+    def sparse(self, double t, bint resting=False):
+        """Return status, rows, columns, and the entries there of mass, damping and stiffness."""
+        self.resting = resting
+        cdef int status = self.assemble(t, True)
+        self.resting = False
+        whole = [np.array(self.mass), np.array(self.damping), np.array(self.stiffness)]
+        made = [values[:self.entries] for values in whole]
+        return status, np.asarray(self.rows), np.asarray(self.columns), made
 
     def accelerations(self, double t, const double[::1] y):
         """Return S'' of a state (S, S') at a time."""
