@@ -475,6 +475,20 @@ cdef class BeamEquations(Equations):
         self.accelerate(t, &y[0])
         return np.array(self.out[:self.whole])
 
+    def residual(self, double t, s, v, a, bint resting=False):
+        """Return status, M S'' + C S' + K S - Q of all unknowns, and the rows of their constraints, (m, n).
+
+        With ``resting`` for the structure at rest in its pose, without loads of motion.
+        """
+        self.resting = resting
+        cdef int status = self.assemble(t, True)
+        self.resting = False
+        found = -np.array(self.full_load[:self.whole])
+        rows, columns = np.asarray(self.full_rows), np.asarray(self.full_columns)
+        for values, by in ((self.full_mass, a), (self.full_damping, v), (self.full_stiffness, s)):
+            found += np.bincount(rows, np.asarray(values)[:len(rows)] * np.asarray(by)[columns], self.whole)
+        return status, found, np.array(self.bound[:self.m])
+
 
 cdef void _turn(double *a, Py_ssize_t n, Py_ssize_t u, Py_ssize_t w, double c, double s) noexcept nogil:
     """Turn the rows and columns of one end's displacements from the link's axes to fixed axes."""

@@ -106,18 +106,20 @@ cdef class RigidMotion:
         return status, *(values[:len(values) - 1] for values in found)
 
     def along(self, double[::1] times):
-        """Return a status, and the motion of links at rising times, (times, links * MOTION)."""
-        cdef Py_ssize_t k, width = self.count * MOTION
+        """Return a status, and states, motion of links and point loads at rising times, a row each."""
+        cdef Py_ssize_t k, n = self.y.shape[0] - 1, m = self.motion.shape[0] - 1, loads = self.loads.shape[0] - 1
         cdef int status = _DONE
-        found = np.zeros((times.shape[0], width + 1))
-        cdef double[:, ::1] rows = found
+        found = [np.zeros((times.shape[0], size + 1)) for size in (n, m, loads)]
+        cdef double[:, ::1] states = found[0], rows = found[1], forces = found[2]
         with nogil:
             for k in range(times.shape[0]):
                 status = self.at(times[k])
                 if status != _DONE:
                     break
-                memcpy(&rows[k, 0], &self.motion[0], width * sizeof(double))
-        return status, found[:, :width]
+                memcpy(&states[k, 0], &self.y[0], n * sizeof(double))
+                memcpy(&rows[k, 0], &self.motion[0], m * sizeof(double))
+                memcpy(&forces[k, 0], &self.loads[0], loads * sizeof(double))
+        return status, found[0][:, :n], found[1][:, :m], found[2][:, :loads]
 
     def solution(self):
         """Return accelerations and multipliers where the motion is."""

@@ -86,8 +86,8 @@ def _of_axial_force(
     remedy = _JUDGE if kind == "compression" else "run with geometric stiffness"
     return [
         f"{beam.info.link}: its {kind} comes to {value:.4g} N at {places[place]:.3g} of its length at "
-        f"{moments[time]}, {value / limit:.3g} of its Euler load of {limit:.4g} N; linear theory is not to be "
-        f"trusted beyond {bound:g} of it; {remedy}"
+        f"{moments[time]}, {value / limit:.3g} of its Euler load of {limit:.4g} N; "
+        f"linear theory is not to be trusted beyond {bound:g} of it; {remedy}"
     ]
 
 

@@ -113,6 +113,12 @@ class ElasticMotion:
         blocks = {b.name: b for b in kernel.blocks}
         return layout(d, self.info, self.beams, blocks, loads, self.flywheel)
 
+    @property
+    def constraints(self) -> tuple[str, ...]:
+        """Names of the constraints that the elastic motion keeps."""
+        blocks = self._joints.info("joints").blocks
+        return next((b.rows for b in blocks if b.name == "jacobian"), ())
+
     def equations(self, thesis: bool = False) -> _beams.BeamEquations:
         """Return the compiled equations, at the start of the motion."""
         d = self.rigid.description
@@ -137,14 +143,20 @@ class ElasticMotion:
         self.check(made, made.matrices(0.0)[0], 0.0)
         return made
 
-    def links(self, equations: _beams.BeamEquations, times: Array) -> Array:
-        """Return the motion of the links at times, (times, links, 10)."""
+    def rigid_motion(self, equations: _beams.BeamEquations, times: Array) -> tuple[Array, Array, Array]:
+        """Return what the rigid motion is at times.
+
+        Coordinates (times, coordinates) [m], motion of the links (times, links, 10) and forces along links
+        (times, forces, 3): place [m], x and y [N].
+        """
         order = np.argsort(times, kind="stable")
-        status, found = equations.motion.along(np.ascontiguousarray(times[order]))
+        status, *found = equations.motion.along(np.ascontiguousarray(times[order]))
         self.check(equations, status, equations.motion.t)
-        rows = np.empty_like(found)
-        rows[order] = found
-        return rows.reshape(len(times), -1, 10)
+        back = np.argsort(order)
+        y, links, loads = (rows[back] for rows in found)
+        count = len(times)
+        q = y[:, : self.rigid.description.coordinates]
+        return q, links.reshape(count, -1, 10), loads.reshape(count, -1, 3)
 
     @cached_property
     def lowest_frequency(self) -> float:

@@ -43,10 +43,10 @@ def periodic(motion: ElasticMotion, equations: _beams.BeamEquations, task: Task,
     while True:
         start, multipliers, steps = _shot(motion, equations, per_turn)
         counts = step_counts(motion, times, per_turn)
-        found = stepped(motion, equations, GAUSS, times, counts, start)
+        found, rates = stepped(motion, equations, GAUSS, times, counts, start)
         error = errors.of(before, found) if before is not None else None
         if task.steps is not None or (error is not None and error <= task.rtol):
-            return Found(found, steps + int(np.sum(counts)), error, multipliers)
+            return Found(found, rates, steps + int(np.sum(counts)), error, multipliers)
         if per_turn >= _MOST:
             raise SimulationError(
                 f"{motion.rigid.name}: shooting does not come within {task.rtol:g} of the peak stress"

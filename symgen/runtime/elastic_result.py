@@ -151,10 +151,17 @@ def _own(motion: ElasticMotion, k: int, links: Array, displacements: Array) -> A
 
 
 def _stretch(beam: Beam, own: Array) -> Array:
-    """Return the change of the distance between the ends, exact for the displacements found."""
+    """Return the change of the distance between the ends [m], to the second order of bending.
+
+    What the axial strain adds, less the half of the integral of the square of the slope from the line between
+    the ends. Turning the link as a whole changes nothing, however far linear displacements go.
+    """
     (u0, w0), (u1, w1) = beam.ends
-    length = beam.properties.length
-    along, across = length + own[:, u1] - own[:, u0], own[:, w1] - own[:, w0]
-    # sqrt(along^2 + across^2) - length without its cancellation
-    more = (own[:, u1] - own[:, u0]) * (2 * length + own[:, u1] - own[:, u0]) + across**2
-    return more / (np.hypot(along, across) + length)
+    turned = (own[:, w1] - own[:, w0]) / beam.properties.length
+    whole = own if beam.expansion is None else own @ beam.expansion.T
+    shortened = -beam.properties.length * turned**2
+    for part in beam.segments:
+        here = whole[:, list(part.dofs)]
+        shortened += np.einsum("ti,ij,tj->t", here, part.matrix("geometric", 3)[0], here)
+    found: Array = own[:, u1] - own[:, u0] - shortened / 2
+    return found

@@ -12,7 +12,9 @@ from numpy.typing import NDArray
 from symgen.errors import ModelError, SimulationError
 from symgen.runtime import _beams
 from symgen.runtime.beam_checks import warnings
+from symgen.runtime.beam_forces import Motion, forces
 from symgen.runtime.beam_methods import BEAM_METHODS
+from symgen.runtime.beam_recovery import recovered
 from symgen.runtime.elastic_modes import quasi_static
 from symgen.runtime.elastic_motion import ElasticMotion
 from symgen.runtime.elastic_periodic import periodic
@@ -40,7 +42,7 @@ def run(motion: ElasticMotion, task: Task, progress: Progress | None) -> Elastic
         _check_thesis(motion)
     begun = time.perf_counter()
     if task.method == "quasi-static":
-        found = Found(quasi_static(motion, equations, times), len(times))
+        found = Found(quasi_static(motion, equations, times), None, len(times))
     elif task.method == "periodic":
         found = periodic(motion, equations, task, times)
     elif task.method in BEAM_METHODS:
@@ -78,11 +80,14 @@ def _result(
     wall: float,
 ) -> ElasticResult:
     d = motion.rigid.description
-    links = motion.links(equations, times)
-    variables = outputs(motion, links, found.displacements)
+    q, links, loads = motion.rigid_motion(equations, times)
+    thesis = task.form == "thesis"
+    whole = Motion(times, q, links, loads, found.displacements, found.rates, thesis)
+    variables = [*outputs(motion, links, found.displacements), *recovered(motion, whole)]
+    variables += forces(motion, equations, whole)
     notes = [*_of_speed(motion), *_of_stability(found)]
     notes += warnings(motion, links, found.displacements, _moments(motion, times))
-    if task.form == "thesis":
+    if thesis:
         notes.append("the thesis' form, which takes the turning of axes as constant: for comparison only")
     return ElasticResult(
         name=d.name,

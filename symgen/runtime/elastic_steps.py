@@ -43,9 +43,13 @@ class Task:
 
 @dataclass(frozen=True, slots=True)
 class Found:
-    """Displacements (times, unknowns) at the recorded times, and what they cost."""
+    """Displacements and their rates (times, unknowns) at the recorded times, and what they cost.
+
+    ``rates`` is None where the elastic motion itself adds nothing: quasi-static.
+    """
 
     displacements: Array
+    rates: Array | None
     steps: int
     error: float | None = None
     floquet: tuple[complex, ...] = ()
@@ -93,8 +97,8 @@ def stepped(
     counts: Counts,
     start: tuple[Array, Array] | None = None,
     progress: Progress | None = None,
-) -> Array:
-    """Return displacements at the times, stepping from time zero; NaN where the motion grows beyond numbers.
+) -> tuple[Array, Array]:
+    """Return displacements and rates at the times, stepping from time zero; NaN where the motion grows beyond numbers.
 
     Parameters
     ----------
@@ -113,19 +117,19 @@ def stepped(
     s, v = start or (np.zeros((n, 1)), np.zeros((n, 1)))
     motion.check(equations, steps.start(0.0, s, v), 0.0)
     order = np.argsort(times, kind="stable")
-    found, now = np.zeros((len(times), n)), 0.0
+    found, rates, now = np.zeros((len(times), n)), np.zeros((len(times), n)), 0.0
     for k, count in zip(order.tolist(), counts.tolist(), strict=True):
         t = float(times[k])
         if count:
             status = steps.advance(now, t, count)
             if status == _core.NOT_FINITE:
-                return np.full_like(found, np.nan)
+                return np.full_like(found, np.nan), rates
             motion.check(equations, status, t)
             now = t
             if progress:
                 progress(t / float(times[order[-1]]))
-        found[k] = steps.displacements[:, 0]
-    return found
+        found[k], rates[k] = steps.displacements[:, 0], steps.rates[:, 0]
+    return found, rates
 
 
 def doubled(
@@ -151,18 +155,18 @@ def doubled(
         if task.steps < 1:
             raise ModelError(f"expected 1 step a turn or more, got {task.steps!r}")
         halved = np.where(counts > 0, np.maximum(1, counts // 2), 0)
-        fine = stepped(motion, equations, method, times, counts, progress=progress)
+        fine, rates = stepped(motion, equations, method, times, counts, progress=progress)
         if np.array_equal(halved, counts):
-            return Found(fine, int(np.sum(counts)))
-        coarse = stepped(motion, equations, method, times, halved)
-        return Found(fine, int(np.sum(counts)), errors.of(coarse, fine))
-    coarse = stepped(motion, equations, method, times, counts)
+            return Found(fine, rates, int(np.sum(counts)))
+        coarse, _ = stepped(motion, equations, method, times, halved)
+        return Found(fine, rates, int(np.sum(counts)), errors.of(coarse, fine))
+    coarse, _ = stepped(motion, equations, method, times, counts)
     while np.sum(counts) < _MOST * max(1.0, task.revolutions):
         counts = 2 * counts
-        fine = stepped(motion, equations, method, times, counts, progress=progress)
+        fine, rates = stepped(motion, equations, method, times, counts, progress=progress)
         error = errors.of(coarse, fine)
         if error <= task.rtol:
-            return Found(fine, int(np.sum(counts)), error)
+            return Found(fine, rates, int(np.sum(counts)), error)
         coarse = fine
     raise SimulationError(
         f"{motion.rigid.name}: {task.method} does not come within {task.rtol:g} of the peak stress "
@@ -180,7 +184,7 @@ class Errors:
     def __init__(
         self, motion: ElasticMotion, equations: _beams.BeamEquations, times: Array, order: int
     ) -> None:
-        self._motion, self._links = motion, motion.links(equations, times)
+        self._motion, self._links = motion, motion.rigid_motion(equations, times)[1]
         self._best = 0.5**order
         self._before: float | None = None
 
@@ -246,8 +250,8 @@ def explicit(
     )
     status, _ = drive(stepper, 0.0, chosen, progress)
     if status == _core.NOT_FINITE:
-        return Found(np.full((len(times), n), np.nan), stepper.steps)
+        return Found(np.full((len(times), n), np.nan), None, stepper.steps)
     motion.check(equations, status, stepper.t)
-    found = np.zeros((len(times), n))
-    found[order] = stepper.result[:, :n]
-    return Found(found, stepper.steps)
+    found = np.zeros((len(times), 2 * n))
+    found[order] = stepper.result[:, : 2 * n]
+    return Found(found[:, :n], found[:, n:], stepper.steps)
