@@ -109,6 +109,33 @@ def _exact_run(
     return model.exact(samples=361 if samples is None else samples, progress=progress, **given)
 
 
+def crank_speeds(text: str) -> list[float]:
+    """Return crank speeds [rad/s] from rpm as written: ``FROM:TO:COUNT`` or values with commas.
+
+    Raises
+    ------
+    ModelError
+        When they cannot be read.
+    """
+    try:
+        if ":" in text:
+            first, last, count = text.split(":")
+            if int(count) < 2:
+                raise ValueError
+            low, step = float(first), (float(last) - float(first)) / (int(count) - 1)
+            found = [low + step * k for k in range(int(count))]
+        else:
+            found = [float(part) for part in text.split(",")]
+        if not all(math.isfinite(x) and x != 0.0 for x in found):
+            raise ValueError
+    except ValueError:
+        raise ModelError(
+            'expected crank speeds in rpm behind --speeds, such as "20:400:39" (from, to, how many) or '
+            f'"60,95", none of them zero, got {text!r}'
+        ) from None
+    return [x * math.pi / 30 for x in found]
+
+
 def angles(at: Sequence[str]) -> list[float]:
     """Return angles [rad] as written: bare ones in degrees.
 

@@ -88,14 +88,14 @@ def modes(
         typer.Option(
             "--at",
             metavar="ANGLE[,ANGLE...]",
-            help='Crank angles of a scene with elastic links: "0,60" (degrees), "0.5 rad"; its start if absent.',
+            help='Crank angles of a scene with elastic links: "0,60" (degrees), "0.5 rad"; its start if absent',
         ),
     ] = None,
     set_: SetOption = None,
     as_json: JsonOption = False,
     backend: BackendOption = "auto",
 ) -> None:
-    """Find frequencies and shapes of small oscillations: about the equilibrium, or of elastic links in a pose."""
+    """Find frequencies and shapes of small oscillations: about equilibrium, or of elastic links in a pose."""
     from symgen.errors import ModelError
     from symgen.pipeline import build as build_model
     from symgen.runtime.elastic_model import ElasticModel

@@ -185,20 +185,15 @@ def _torque(model: RodsModel, crank: Crank) -> NamedMatrix:
 
 
 def _without_beams(linkage: Linkage) -> Linkage:
-    """Return the linkage with its elastic links massless, and flywheel and motor on a crank that is rigid."""
+    """Return the linkage with its elastic links massless, and the motor on a crank that is rigid."""
     beams = {b.link for b in linkage.elastic}
     carried = {c.name for b in beams for c in linkage.link(b).carried}
     crank, torques = linkage.crank, list(linkage.torques)
-    rigid_crank = crank is not None and crank.link not in beams
-    if crank and rigid_crank and crank.mode == "motor":
+    if crank and crank.link not in beams and crank.mode == "motor":
         torques.append(AppliedTorque("motor", crank.link, (crank.torque,), ""))
 
     def left(link: RigidLink) -> RigidLink:
-        if link.name in beams:
-            return replace(link, mass=ZERO, inertia=ZERO)
-        if crank and link.name == crank.link and rigid_crank:
-            return replace(link, inertia=link.inertia + crank.flywheel)
-        return link
+        return replace(link, mass=ZERO, inertia=ZERO) if link.name in beams else link
 
     return replace(
         linkage,

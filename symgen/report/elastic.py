@@ -11,6 +11,7 @@ from rich.console import Console
 from symgen.report.tables import table
 from symgen.runtime.elastic_modes import ElasticModes
 from symgen.runtime.elastic_result import ElasticResult
+from symgen.runtime.sweep import Sweep
 
 
 def print_elastic_modes(poses: Sequence[ElasticModes], title: str, console: Console) -> None:
@@ -19,6 +20,23 @@ def print_elastic_modes(poses: Sequence[ElasticModes], title: str, console: Cons
     count = max(len(p.frequencies) for p in poses)
     rows = [(str(i + 1), *(f"{p.frequencies[i]:.6g}" for p in poses)) for i in range(count)]
     console.print(table(f"{title}: the structure at rest in its pose", head, rows))
+
+
+def print_sweep(result: Sweep, console: Console) -> None:
+    """Print peaks and stability at every speed, and the critical speeds."""
+    shown = [v for v in result.variables if v.name.endswith(".bending_strain")]
+    head = ("speed [rpm]", *(f"{v.name} [{v.unit}]" for v in shown), "largest multiplier")
+    multipliers = result.variable("floquet").values
+    rows = [
+        (f"{speed:.6g}", *(f"{v.values[k]:.5g}" for v in shown), f"{multipliers[k]:.6g}")
+        for k, speed in enumerate(result.speeds)
+    ]
+    console.print(table(f"{result.title}: {result.headline}", head, rows))
+    console.print(f"first critical speed: {result.first_critical:.6g} rpm")
+    for what, speeds in (("resonances", result.resonances), ("unstable", result.unstable)):
+        console.print(f"{what} at: {', '.join(f'{s:.5g}' for s in speeds) or 'none'}")
+    for note in result.notes:
+        console.print(f"note: {note}")
 
 
 def print_elastic_result(result: ElasticResult, console: Console) -> None:

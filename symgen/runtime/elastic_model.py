@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from symgen.runtime.elastic_motion import ElasticMotion
     from symgen.runtime.elastic_result import ElasticResult
     from symgen.runtime.model import Model
+    from symgen.runtime.sweep import Sweep
 
 #: How an elastic motion is found, by name.
 METHODS = ("gauss", "gauss4", "newmark", "generalized-alpha", "dop853", "rk4", "quasi-static", "periodic")
@@ -89,6 +90,16 @@ class ElasticModel(Compiled):
         layout = self._motion(True).layout
         return layout.unknowns - layout.constraints
 
+    @property
+    def crank_speed(self) -> float:
+        """Angular velocity of the crank [rad/s]; that at the start where it is driven or free."""
+        return self._motion(True).speed
+
+    @property
+    def lowest_frequency(self) -> float:
+        """The lowest frequency [Hz] of the structure at rest, over the poses of a turn."""
+        return self._motion(True).lowest_frequency
+
     def with_parameters(self, **values: float) -> ElasticModel:
         """Return the same model with other values of its tunable parameters, in SI units."""
         return ElasticModel(self.rigid.with_parameters(**values), self._in_segments)
@@ -138,7 +149,8 @@ class ElasticModel(Compiled):
         steps
             Steps a turn of methods with fixed steps; doubled until two runs agree within ``rtol`` if absent.
         rtol
-            Error over the peak of every strain, as two runs show it; of adaptive methods the tolerance.
+            Error over the peak stress of every station, as runs with doubled steps show it; of adaptive
+            methods the tolerance.
         samples
             Number of equally spaced times recorded.
         at
@@ -162,6 +174,36 @@ class ElasticModel(Compiled):
                 raise ModelError(f"there is no {what} {value!r}. {nearest(value, known)}")
         task = Task(method, revolutions, steps, rtol, samples, None if at is None else tuple(at), form)
         return run(self._motion(geometric_stiffness), task, progress)
+
+    def sweep(
+        self,
+        speeds: Sequence[float],
+        *,
+        rtol: float = 1e-4,
+        samples: int = 361,
+        progress: Callable[[float], None] | None = None,
+    ) -> Sweep:
+        """Find the steady state at many speeds of the crank: peaks, Floquet multipliers, critical speeds.
+
+        Parameters
+        ----------
+        speeds
+            Angular velocities of the crank [rad/s]. It must be proportional to a tunable parameter.
+        rtol
+            Error over the peak stress of every run.
+        samples
+            Number of equally spaced times of a turn that peaks are looked for at.
+
+        Raises
+        ------
+        ModelError
+            When no tunable parameter sets the speed, or a speed makes no sense.
+        SimulationError
+            When the linkage cannot turn.
+        """
+        from symgen.runtime.sweep_run import sweep
+
+        return sweep(self, speeds, rtol, samples, progress)
 
     def in_segments(self, count: int = 12) -> Model:
         """Return the linkage with every elastic link in so many rigid rods with torsion springs between them.

@@ -17,6 +17,10 @@ Array = NDArray[np.float64]
 
 #: Part of the largest eigenvalue below which one counts as zero.
 _ZERO = 1e-12
+#: Part of another frequency below which one belongs to a motion without strain.
+_RIGID = 1e-5
+#: Unknowns up to which all modes are found at once.
+_DENSE = 60
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,6 +70,42 @@ def elastic_modes(motion: ElasticMotion, equations: _beams.BeamEquations, t: flo
     return ElasticModes(
         motion.rigid.name, float(motion.angle_at(np.array(t))), frequencies, whole, motion.layout.names
     )
+
+
+def lowest(motion: ElasticMotion, equations: _beams.BeamEquations, t: float) -> float:
+    """Return the lowest frequency [Hz] of the structure at rest in the pose of a time that strains it.
+
+    Raises
+    ------
+    SimulationError, ModelError
+        As :func:`elastic_modes`.
+    """
+    if motion.layout.unknowns <= _DENSE:
+        found = elastic_modes(motion, equations, t).frequencies
+    else:
+        found = _lowest_few(motion, equations, t)
+    return float(found[found > _RIGID * found[-1]][0])
+
+
+def _lowest_few(motion: ElasticMotion, equations: _beams.BeamEquations, t: float) -> Array:
+    """Return the lowest frequencies of many, by inverse iteration about a shift below all of them."""
+    from scipy.sparse import coo_array
+    from scipy.sparse.linalg import eigsh
+
+    status, rows, columns, (mass, _, stiffness) = equations.sparse(t, resting=True)
+    motion.check(equations, status, t)
+    k, m = (coo_array((values, (rows, columns))).tocsc() for values in (stiffness, mass))
+    # Below zero, so that a free crank does not make the shifted matrix singular.
+    shift = -(motion.speed**2)
+    squares = eigsh(
+        (k + k.T) / 2,
+        3,
+        (m + m.T) / 2,
+        shift,
+        return_eigenvectors=False,
+        v0=np.ones(m.shape[0]),
+    )
+    return np.sqrt(np.maximum(np.sort(squares), 0.0)) / (2 * math.pi)
 
 
 def quasi_static(motion: ElasticMotion, equations: _beams.BeamEquations, times: Array) -> Array:

@@ -24,6 +24,8 @@ Array = NDArray[np.float64]
 
 #: Angle [rad] of the crank over which a pose is a good guess of the next.
 _STRIDE = 0.02
+#: Poses of a turn in which frequencies are looked for.
+_POSES = 24
 #: How closely the time at which a crank locks is found, over that time.
 _LOCKED = 1e-7
 
@@ -135,6 +137,24 @@ class ElasticMotion:
         self.check(made, made.matrices(0.0)[0], 0.0)
         return made
 
+    def links(self, equations: _beams.BeamEquations, times: Array) -> Array:
+        """Return the motion of the links at times, (times, links, 10)."""
+        order = np.argsort(times, kind="stable")
+        status, found = equations.motion.along(np.ascontiguousarray(times[order]))
+        self.check(equations, status, equations.motion.t)
+        rows = np.empty_like(found)
+        rows[order] = found
+        return rows.reshape(len(times), -1, 10)
+
+    @cached_property
+    def lowest_frequency(self) -> float:
+        """The lowest frequency [Hz] of the structure at rest, over the poses of a turn."""
+        from symgen.runtime.elastic_modes import lowest
+
+        equations = self.equations()
+        poses = np.linspace(0.0, self.period, _POSES, endpoint=False).tolist()
+        return min(lowest(self, equations, t) for t in poses)
+
     def check(self, equations: _beams.BeamEquations, status: int, t: float) -> None:
         """Raise SimulationError where the equations could not be assembled at a time, or a step failed."""
         if status == _core.DONE:
@@ -150,7 +170,8 @@ class ElasticMotion:
         elif locked:
             problem = (
                 f"the crank, {self.info.crank}, cannot turn past {at}: the linkage comes to a dead centre or "
-                "cannot be assembled beyond\n  Change the lengths so that it closes at every angle of the crank."
+                "cannot be assembled beyond\n"
+                "  Change the lengths so that it closes at every angle of the crank."
             )
         else:
             problem = f"a number that is not finite appeared at crank angle {at}"

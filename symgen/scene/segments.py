@@ -86,7 +86,7 @@ def segmented(linkage: Linkage, count: int, places: Places) -> Linkage:
     cut = {part.link.name for part in parts}
     crank = linkage.crank
     shaft = crank.link if crank else ""
-    rigid = [_with_flywheel(linkage, k) if k.name == shaft else k for k in linkage.links if k.name not in cut]
+    rigid = [k for k in linkage.links if k.name not in cut]
     links = [*rigid, *(rod for part in parts for rod in _rods(linkage, part))]
     names = {part.link.name: part.rods[0] for part in parts}
     owner = names.get(shaft, shaft)
@@ -185,11 +185,6 @@ def _springs(part: Segments) -> Iterator[AngularSpring]:
         stiffness = bending / (part.spacing * length)
         damping = part.beam.stiffness_damping * stiffness
         yield AngularSpring(f"{after}__spring", after, before, stiffness, _ZERO, damping)
-
-
-def _with_flywheel(linkage: Linkage, link: RigidLink) -> RigidLink:
-    """Return a rigid crank with the flywheel on its shaft, about which it turns."""
-    return replace(link, inertia=link.inertia + (linkage.crank.flywheel if linkage.crank else _ZERO))
 
 
 def _inner_points(part: Segments, places: Places) -> Iterator[PlacedPoint]:
