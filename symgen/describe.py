@@ -152,11 +152,10 @@ def _of_linkage(linkage: Linkage, program: Program, equations: str) -> Descripti
 
 def _elastic(linkage: Linkage) -> ElasticInfo:
     from symgen.elements import ELEMENTS
-    from symgen.models.elastic import check_elastic, lumps, point_loads
+    from symgen.models.elastic import lumps, point_loads
     from symgen.runtime.beam_data import BeamInfo
     from symgen.runtime.elastic_description import ElasticInfo
 
-    check_elastic(linkage)
     crank = linkage.crank
     return ElasticInfo(
         beams=tuple(

@@ -109,16 +109,13 @@ def _model(
         return LoopModel(description, library, equations)
     from symgen.runtime.model import Model
 
-    analyses = cache(lambda kind: _analysis(text, compiler, description, kind))
+    analyses = cache(lambda kind: _analysis(text, compiler, description, kind, lambda: _linkage(text)))
     model = Model(description, library, equations, analyses=analyses)
     if description.elastic is None:
         return model
     from symgen.runtime.elastic_model import ElasticModel
 
-    def in_segments(count: int) -> tuple[Description, Library]:
-        return _in_segments(text, compiler, description, count)
-
-    return ElasticModel(model, cache(in_segments))
+    return ElasticModel(model, cache(lambda count: _in_segments(text, compiler, description, count)))
 
 
 def compile_scene(text: SceneText, compiler: Compiler | None, folder: Path) -> tuple[Any, Library]:
@@ -178,46 +175,63 @@ def _lowered(system: System, compiler: Compiler | None) -> tuple[Program, str, t
     return program, equations, emit(program, target, equations)
 
 
+def _linkage(text: SceneText) -> Linkage:
+    from symgen.scene.resolve import resolve_linkage
+
+    return resolve_linkage(check_scene(text))
+
+
 def _analysis(
-    text: SceneText, compiler: Compiler | None, base: Description, kind: str
+    text: SceneText,
+    compiler: Compiler | None,
+    base: Description,
+    kind: str,
+    linkage: Callable[[], Linkage],
+    of: str = "",
 ) -> tuple[Description, Library]:
-    """Return the kernels of one kind of analysis, which are made when it is first asked for."""
+    """Return the kernels of one kind of analysis, which are made when it is first asked for.
+
+    ``linkage`` gives the linkage of the scene, or what was made of it, which ``of`` names.
+    """
     from symgen.runtime.description import kernel_infos
 
     def make(folder: Path) -> tuple[Description, Library]:
         with _no_collection():
             from symgen.models.analyses import analysis_system
-            from symgen.scene.resolve import resolve_linkage
 
-            program, equations, sources = _lowered(
-                analysis_system(resolve_linkage(check_scene(text)), kind), compiler
-            )
+            program, equations, sources = _lowered(analysis_system(linkage(), kind), compiler)
         compilation = _written(program, sources, compiler, folder)
         kernels = kernel_infos(program.kernels)
         description = replace(base, name=program.name, equations=equations, kernels=kernels)
         return description, _opened(folder, description, compilation)
 
-    return _cached(text, compiler, kind, make)
+    return _cached(text, compiler, f"{of}-{kind}" if of else kind, make)
 
 
-def _in_segments(
-    text: SceneText, compiler: Compiler | None, base: Description, count: int
-) -> tuple[Description, Library]:
-    """Return the kernels of a linkage whose elastic links are rods with springs between them."""
+def _in_segments(text: SceneText, compiler: Compiler | None, base: Description, count: int) -> Model:
+    """Return the linkage of a scene with its elastic links as rods with springs between them."""
+    from symgen.runtime.model import Model
+
+    def linkage() -> Linkage:
+        from symgen.scene.segments import segmented
+
+        size = len(base.axes)
+        places = {p: base.start[size * i : size * (i + 1)] for i, p in enumerate(base.free)}
+        return segmented(_linkage(text), count, places)
+
+    def equations() -> Any:
+        return system_of(linkage()).by_name()
 
     def make(folder: Path) -> tuple[Description, Library]:
         with _no_collection():
-            from symgen.models.system import linkage_system
-            from symgen.scene.resolve import resolve_linkage
-            from symgen.scene.segments import segmented
+            made = linkage()
+            system = system_of(made)
+        return _compiled(made, system, compiler, folder)
 
-            size = len(base.axes)
-            places = {p: base.start[size * i : size * (i + 1)] for i, p in enumerate(base.free)}
-            linkage = segmented(resolve_linkage(check_scene(text)), count, places)
-            system = linkage_system(linkage)
-        return _compiled(linkage, system, compiler, folder)
-
-    return _cached(text, compiler, f"segments-{count}", make)
+    name = f"segments-{count}"
+    description, library = _cached(text, compiler, name, make)
+    analyses = cache(lambda kind: _analysis(text, compiler, description, kind, linkage, name))
+    return Model(description, library, equations, analyses=analyses)
 
 
 def derive(scene: Scene | SceneText | str | os.PathLike[str]) -> System:

@@ -6,7 +6,8 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from symgen.errors import ModelError, SceneError
+from symgen.errors import ModelError, SceneError, nearest
+from symgen.runtime.elastic_model import METHODS
 from symgen.runtime.loop_model import LoopModel
 from symgen.runtime.model import Model
 from symgen.runtime.turn import Turn
@@ -71,15 +72,68 @@ def elastic_run(
             f"{', '.join(refused)} does not go with elastic links\n"
             "  Give --revolutions and --steps (a turn), or --rtol."
         )
+    method = given.pop("method", "gauss")
+    if method not in (known := (*METHODS, "exact")):
+        raise ModelError(f"there is no method {method!r}. {nearest(method, known)}")
+    if method == "exact":
+        return _exact_run(model, at, samples, given, progress)
+    if "segments" in given:
+        raise ModelError("--segments goes with --method exact")
     if at and samples is not None:
         raise ModelError("give --at or --samples, not both")
     return model.run(
-        given.pop("method", "gauss"),
+        method,
         samples=361 if samples is None else samples,
         at=angles(at) if at else None,
         progress=progress,
         **given,
     )
+
+
+def _exact_run(
+    model: ElasticModel,
+    at: Sequence[str] | None,
+    samples: int | None,
+    given: Mapping[str, Any],
+    progress: Callable[[float], None] | None,
+) -> ElasticResult:
+    others = [
+        f"--{name.replace('_', '-')}" for name in given if name not in ("segments", "revolutions", "rtol")
+    ]
+    others += ["--at"] if at else []
+    if others:
+        raise ModelError(
+            f"{', '.join(others)} does not go with --method exact\n"
+            "  Give --segments, --revolutions, --rtol and --samples."
+        )
+    return model.exact(samples=361 if samples is None else samples, progress=progress, **given)
+
+
+def crank_speeds(text: str) -> list[float]:
+    """Return crank speeds [rad/s] from rpm as written: ``FROM:TO:COUNT`` or values with commas.
+
+    Raises
+    ------
+    ModelError
+        When they cannot be read.
+    """
+    try:
+        if ":" in text:
+            first, last, count = text.split(":")
+            if int(count) < 2:
+                raise ValueError
+            low, step = float(first), (float(last) - float(first)) / (int(count) - 1)
+            found = [low + step * k for k in range(int(count))]
+        else:
+            found = [float(part) for part in text.split(",")]
+        if not all(math.isfinite(x) and x != 0.0 for x in found):
+            raise ValueError
+    except ValueError:
+        raise ModelError(
+            'expected crank speeds in rpm behind --speeds, such as "20:400:39" (from, to, how many) or '
+            f'"60,95", none of them zero, got {text!r}'
+        ) from None
+    return [x * math.pi / 30 for x in found]
 
 
 def angles(at: Sequence[str]) -> list[float]:

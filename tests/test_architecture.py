@@ -21,7 +21,7 @@ ALLOWED = {
     "symbolic": set(),
     "joints": {"symbolic"},
     "elements": {"symbolic"},
-    "scene": {"symbolic", "joints"},
+    "scene": {"symbolic", "joints", "elements"},
     "scenes": set(),
     "mechanics": {"symbolic", "elements"},
     "models": {"scene", "mechanics", "joints", "elements", "symbolic"},
@@ -31,7 +31,7 @@ ALLOWED = {
     "cache": set(),
     "runtime": {"atomic", "report"},
     "report": {"runtime", "symbolic", "lowering", "codegen", "atomic"},
-    "describe": {"scene", "lowering", "runtime", "symbolic"},
+    "describe": {"scene", "elements", "models", "lowering", "runtime", "symbolic"},
     "runs": {"runtime", "scene"},
     "pipeline": {
         "describe",

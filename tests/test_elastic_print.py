@@ -13,7 +13,6 @@ from pathlib import Path
 import pytest
 import sympy as sp
 
-pytest.importorskip("symgen.elements", reason="the elements are not merged yet")
 from symgen.elements import ELEMENTS
 from symgen.elements.element import LENGTH, PLACE, shape_functions
 from symgen.mechanics.beam_matrices import Section, beam_matrices

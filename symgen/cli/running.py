@@ -34,7 +34,7 @@ def run(
         str | None,
         typer.Option(
             help="dop853 (adaptive) or rk4 (fixed step); of elastic links also gauss, gauss4, newmark, "
-            "generalized-alpha, quasi-static, periodic."
+            "generalized-alpha, quasi-static, periodic, and exact (large rotation)."
         ),
     ] = None,
     rtol: Annotated[float | None, typer.Option(help="Relative tolerance of the local error.")] = None,
@@ -65,6 +65,9 @@ def run(
         int | None,
         typer.Option(help="Steps a turn with elastic links; doubled until they suffice when absent."),
     ] = None,
+    segments: Annotated[
+        int | None, typer.Option(help="Rods of each elastic link, of the method exact (12).")
+    ] = None,
     form: Annotated[
         str | None, typer.Option(help="Equations of elastic links: exact, or thesis (for comparison only).")
     ] = None,
@@ -90,7 +93,7 @@ def run(
         _studies(scene, study, others, set_, as_json, backend)
         return
     from symgen.atomic import writable
-    from symgen.errors import SimulationError
+    from symgen.errors import ModelError, SimulationError
     from symgen.pipeline import build as build_model
     from symgen.report.plots import DRAWN_AS
     from symgen.runtime.elastic_model import ElasticModel
@@ -102,8 +105,12 @@ def run(
             writable(file, endings, what)
     model = build_model(scene, set=changes(set_), backend=backend)
     options: dict[str, Any] = {"method": method, "rtol": rtol, "atol": atol, "step": step}
-    of_elastic = {"revolutions": revolutions, "steps": steps, "form": form}
+    of_elastic = {"revolutions": revolutions, "steps": steps, "segments": segments, "form": form}
     of_elastic["geometric_stiffness"] = geometric_stiffness
+    if not isinstance(model, ElasticModel):
+        refused = [f"--{name.replace('_', '-')}" for name, value in of_elastic.items() if value is not None]
+        if refused:
+            raise ModelError(f"{', '.join(refused)}: for elastic links only, and {model.name} has none")
     result: Result
     try:
         if isinstance(model, ElasticModel):

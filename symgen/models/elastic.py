@@ -12,7 +12,6 @@ from dataclasses import replace
 
 import sympy as sp
 
-from symgen.errors import SceneError
 from symgen.models.constraints import Constraint
 from symgen.models.linearised import analysis_of, linearised
 from symgen.models.matrix import named
@@ -186,20 +185,15 @@ def _torque(model: RodsModel, crank: Crank) -> NamedMatrix:
 
 
 def _without_beams(linkage: Linkage) -> Linkage:
-    """Return the linkage with its elastic links massless, and flywheel and motor on a crank that is rigid."""
+    """Return the linkage with its elastic links massless, and the motor on a crank that is rigid."""
     beams = {b.link for b in linkage.elastic}
     carried = {c.name for b in beams for c in linkage.link(b).carried}
     crank, torques = linkage.crank, list(linkage.torques)
-    rigid_crank = crank is not None and crank.link not in beams
-    if crank and rigid_crank and crank.mode == "motor":
+    if crank and crank.link not in beams and crank.mode == "motor":
         torques.append(AppliedTorque("motor", crank.link, (crank.torque,), ""))
 
     def left(link: RigidLink) -> RigidLink:
-        if link.name in beams:
-            return replace(link, mass=ZERO, inertia=ZERO)
-        if crank and link.name == crank.link and rigid_crank:
-            return replace(link, inertia=link.inertia + crank.flywheel)
-        return link
+        return replace(link, mass=ZERO, inertia=ZERO) if link.name in beams else link
 
     return replace(
         linkage,
@@ -250,17 +244,3 @@ def _rows(
         entries = [of(row.get(x.symbol, ZERO)) for row in kept for x in model.coordinates]
         about = f"{name.replace('_', ' ')} of the constraints over their scale"
         yield named(model, name, entries, unit, about, rows=rows, columns=columns)
-
-
-def check_elastic(linkage: Linkage) -> None:
-    """Raise SceneError for what elastic links cannot be joined to."""
-    carried = {c.name: k.name for k in linkage.links for c in k.carried}
-    for beam in linkage.elastic:
-        link = linkage.link(beam.link)
-        for point in link.base:
-            if point in carried:
-                raise SceneError(
-                    f"{point} is carried by {carried[point]}: an elastic link cannot be joined there",
-                    where=f"links.{link.name}.points",
-                    hint="Make the point one of the first two of that link.",
-                )

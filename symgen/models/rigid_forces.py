@@ -9,6 +9,7 @@ from collections.abc import Iterator, Sequence
 
 import sympy as sp
 
+from symgen.elements import ELEMENTS
 from symgen.errors import SceneError
 from symgen.models.constraints import guide_rows
 from symgen.models.joint_forces import couples, loads_on
@@ -73,7 +74,10 @@ def _inertias(model: RodsModel) -> Iterator[NamedMatrix]:
     sections = [e for e in linkage.elastic if model.rod(e.link)]
     if sections:
         columns = [
-            _padded(e.section.mass, AREA_POWER) + _padded(e.section.rotary, INERTIA_POWER) for e in sections
+            # as in the rigid motion: rotary inertia only where the link's elements have it
+            _padded(e.section.mass, AREA_POWER)
+            + _padded(e.section.rotary if ELEMENTS[e.element].rotary else (), INERTIA_POWER)
+            for e in sections
         ]
         yield named(
             model, "sections", [c[i] for i in range(len(columns[0])) for c in columns],

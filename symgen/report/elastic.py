@@ -11,14 +11,44 @@ from rich.console import Console
 from symgen.report.tables import table
 from symgen.runtime.elastic_modes import ElasticModes
 from symgen.runtime.elastic_result import ElasticResult
+from symgen.runtime.sweep import Sweep
 
 
 def print_elastic_modes(poses: Sequence[ElasticModes], title: str, console: Console) -> None:
-    """Print the frequencies of the structure at rest, a column for each pose."""
-    head = ("mode", *(f"{math.degrees(p.angle):.6g} deg [Hz]" for p in poses))
-    count = max(len(p.frequencies) for p in poses)
-    rows = [(str(i + 1), *(f"{p.frequencies[i]:.6g}" for p in poses)) for i in range(count)]
-    console.print(table(f"{title}: the structure at rest in its pose", head, rows))
+    """Print the frequencies of the structure in its poses, and what reductions make of them, in columns."""
+    moving = any(len(p.growth) for p in poses)
+    head, columns = ["mode"], []
+    for p in poses:
+        pose = f"{math.degrees(p.angle):.6g} deg"
+        head.append(f"{pose} [Hz]")
+        columns.append([f"{x:.6g}" for x in p.frequencies])
+        if moving:
+            head.append("growth [1/s]")
+            columns.append([f"{x:.3g}" for x in p.growth])
+        if p.without_reduction is not None:
+            head.append(f"error of {len(p.frequencies)} for {p.without_reduction[1]} unknowns")
+            columns.append([f"{x:.1e}" for x in p.errors])
+    count = max(len(c) for c in columns)
+    rows = [(str(i + 1), *(c[i] if i < len(c) else "" for c in columns)) for i in range(count)]
+    what = "as it moves" if moving else "at rest in its pose"
+    console.print(table(f"{title}: the structure {what}", head, rows))
+
+
+def print_sweep(result: Sweep, console: Console) -> None:
+    """Print peaks and stability at every speed, and the critical speeds."""
+    shown = [v for v in result.variables if v.name.endswith(".bending_strain")]
+    head = ("speed [rpm]", *(f"{v.name} [{v.unit}]" for v in shown), "largest multiplier")
+    multipliers = result.variable("floquet").values
+    rows = [
+        (f"{speed:.6g}", *(f"{v.values[k]:.5g}" for v in shown), f"{multipliers[k]:.6g}")
+        for k, speed in enumerate(result.speeds)
+    ]
+    console.print(table(f"{result.title}: {result.headline}", head, rows))
+    console.print(f"first critical speed: {result.first_critical:.6g} rpm")
+    for what, speeds in (("resonances", result.resonances), ("unstable", result.unstable)):
+        console.print(f"{what} at: {', '.join(f'{s:.5g}' for s in speeds) or 'none'}")
+    for note in result.notes:
+        console.print(f"note: {note}")
 
 
 def print_elastic_result(result: ElasticResult, console: Console) -> None:

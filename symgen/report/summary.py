@@ -34,12 +34,6 @@ def model_lines(model: Model | LoopModel | ElasticModel) -> Iterator[str]:
 
 def freedom_lines(model: Model | LoopModel | ElasticModel) -> Iterator[str]:
     """Yield the degrees of freedom at the start, and the constraints that others imply there."""
-    from symgen.runtime.elastic_model import ElasticModel
-
-    if isinstance(model, ElasticModel):
-        yield from freedom_lines(model.rigid)
-        yield from _of_elastic(model)
-        return
     d = model.description
     if isinstance(d, LoopDescription):
         yield from _of_loop(d)
@@ -49,6 +43,11 @@ def freedom_lines(model: Model | LoopModel | ElasticModel) -> Iterator[str]:
     count = f"{d.coordinates} coordinates, {len(d.constraints)} constraints"
     yield f"{count}: {_degrees(freedom)} of freedom at the start"
     yield f"redundant: {', '.join(redundant) or 'none'}"
+    if d.elastic:
+        from symgen.runtime.elastic_model import ElasticModel
+
+        if isinstance(model, ElasticModel):
+            yield from _of_elastic(model)
 
 
 def _of_elastic(model: ElasticModel) -> Iterator[str]:

@@ -50,13 +50,15 @@ cdef class BeamEquations(Equations):
         self.mass_slots, self.damping_slots = layout.mass_slots, layout.damping_slots
         self.stiffness_slots, self.joint_at = layout.stiffness_slots, layout.joint_at
         self.load_links, self.load_places, self.load_rows = layout.load_links, layout.load_places, layout.load_rows
+        self.load_ends, self.pulled_at, self.pulled_by = layout.load_ends, layout.pulled_at, layout.pulled_by
+        self.pulled_constants_at, self.pulled = layout.pulled_constants_at, layout.pulled
         self.shaft, self.shaft_slot, self.flywheel = layout.shaft, layout.shaft_slot, layout.flywheel
         self.full_rows, self.full_columns = layout.rows, layout.columns
         self.entries, self.band = len(layout.rows), layout.band
         self.full_mass, self.full_damping, self.full_stiffness = (np.zeros(self.entries + 1) for _ in range(3))
         self.full_load = np.zeros(n + 1)
         largest = max(layout.sizes)
-        self.local = np.zeros(3 * largest * largest + largest)
+        self.local = np.zeros(max(3 * largest * largest + largest, layout.load_places.shape[1]))
         free = n - m
         if m:
             self.rows = np.repeat(np.arange(free), free)
@@ -128,6 +130,13 @@ cdef class BeamEquations(Equations):
             d[i] = damping[i] - 2 * w * gyroscopic[i]
             g[i] = (stiffness[i] - ww * centrifugal[i] - turn * gyroscopic[i] + pull * tension[i]
                     + along * tension[nn + i] - ww * tension[2 * nn + i])
+        if not self.resting:
+            for e in range(self.pulled_at[k], self.pulled_at[k + 1]):
+                j = self.pulled_by[e]
+                a = c * self.motion.loads[3 * j + 1] + s * self.motion.loads[3 * j + 2]
+                tension = &self.pulled[self.pulled_constants_at[e]]
+                for i in range(nn):
+                    g[i] -= a * tension[i]
         for i in range(n):
             q[i] = -along * loads[i] - across * loads[n + i] + ww * loads[2 * n + i] - turn * loads[3 * n + i]
         for e in range(2):
@@ -163,7 +172,7 @@ cdef class BeamEquations(Equations):
 
     cdef void _joints(self) noexcept nogil:
         """Add what is not elastic, loads along links, and flywheel and motor on an elastic crank."""
-        cdef Py_ssize_t i, k, place, width = self.load_rows.shape[1] // 2
+        cdef Py_ssize_t i, k, u, w, place, width = self.load_rows.shape[1] // 2
         cdef double c, s, length, fu, fw
         cdef double *found = &self.motion.joined[0]
         cdef double *x
@@ -183,9 +192,15 @@ cdef class BeamEquations(Equations):
             fu = c * self.motion.loads[3 * k + 1] + s * self.motion.loads[3 * k + 2]
             fw = c * self.motion.loads[3 * k + 2] - s * self.motion.loads[3 * k + 1]
             for i in range(width):
+                self.local[i] = fu * self.load_rows[k, i] + fw * self.load_rows[k, width + i]
+            for i in range(2):  # on fixed axes at the ends
+                u, w = self.load_ends[k, 2 * i], self.load_ends[k, 2 * i + 1]
+                fu, fw = self.local[u], self.local[w]
+                self.local[u], self.local[w] = c * fu - s * fw, s * fu + c * fw
+            for i in range(width):
                 place = self.load_places[k, i]
                 if place >= 0:
-                    self.full_load[place] += fu * self.load_rows[k, i] + fw * self.load_rows[k, width + i]
+                    self.full_load[place] += self.local[i]
         if self.shaft >= 0:
             self.full_mass[self.shaft_slot] += self.flywheel
             if self.motion.torque != NULL:
@@ -436,17 +451,24 @@ cdef class BeamEquations(Equations):
 
         With ``resting`` they are those of the structure at rest in its pose, without loads of motion.
         """
-        self.resting = resting
-        cdef int status = self.assemble(t, True)
-        self.resting = False
+        status, rows, columns, entries = self.sparse(t, resting)
         free = self.whole - self.m
         made = []
-        for values in [np.asarray(self.mass), np.asarray(self.damping), np.asarray(self.stiffness)]:
+        for values in entries:
             matrix = np.zeros((free, free))
-            np.add.at(matrix, (np.asarray(self.rows), np.asarray(self.columns)), values[:self.entries])
+            matrix[rows, columns] = values
             made.append(matrix)
         basis = np.array(self.basis) if self.m else None
         return status, *made, np.array(self.load[:free]), basis
+
+    def sparse(self, double t, bint resting=False):
+        """Return status, rows, columns, and the entries there of mass, damping and stiffness."""
+        self.resting = resting
+        cdef int status = self.assemble(t, True)
+        self.resting = False
+        whole = [np.array(self.mass), np.array(self.damping), np.array(self.stiffness)]
+        made = [values[:self.entries] for values in whole]
+        return status, np.asarray(self.rows), np.asarray(self.columns), made
 
     def accelerations(self, double t, const double[::1] y):
         """Return S'' of a state (S, S') at a time."""

@@ -101,8 +101,23 @@ cdef class RigidMotion:
     def evaluate(self, double t):
         """Return status, state, motion of links, what the joints kernel wrote, torque and point loads at a time."""
         cdef int status = self.at(t)
-        return status, *[np.array(self.y)[:-1], np.array(self.motion)[:-1], np.array(self.joined)[:-1],
-                         np.array(self.turning)[:-1], np.array(self.loads)[:-1]]
+        found = [np.array(self.y), np.array(self.motion), np.array(self.joined), np.array(self.turning),
+                 np.array(self.loads)]
+        return status, *(values[:len(values) - 1] for values in found)
+
+    def along(self, double[::1] times):
+        """Return a status, and the motion of links at rising times, (times, links * MOTION)."""
+        cdef Py_ssize_t k, width = self.count * MOTION
+        cdef int status = _DONE
+        found = np.zeros((times.shape[0], width + 1))
+        cdef double[:, ::1] rows = found
+        with nogil:
+            for k in range(times.shape[0]):
+                status = self.at(times[k])
+                if status != _DONE:
+                    break
+                memcpy(&rows[k, 0], &self.motion[0], width * sizeof(double))
+        return status, found[:, :width]
 
     def solution(self):
         """Return accelerations and multipliers where the motion is."""

@@ -106,8 +106,12 @@ def _link(motion: ElasticMotion, found: Motion, accelerations: Array, k: int, ax
     for i, name in enumerate(motion.info.loads):
         if name == beam.info.link:
             u, w = axes.local(found.loads[:, i, 1], found.loads[:, i, 2])
-            rows = beam.rows(float(found.loads[0, i, 0]) / beam.properties.length)
+            place = float(found.loads[0, i, 0]) / beam.properties.length
+            rows = beam.rows(place)
             made -= u[:, None] * rows.u + w[:, None] * rows.w
+            for number, slopes in beam.beyond(place) if found.rates is not None else ():
+                at = list(beam.pieces[number].at)
+                made[:, at] -= u[:, None] * (s[:, at] @ slopes)
     return made
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,6 +33,9 @@ class Layout:
         For each link the unknown of each of its own; -1 where it is held. Ends are on fixed axes.
     rows, columns, band
         Entries of the matrices that may not be zero, and their distance from the diagonal.
+    pulled_at, pulled_by, pulled_constants_at, pulled
+        For piece k, from ``pulled_at[k]`` to ``pulled_at[k + 1]``: which forces along its link stand before
+        it or on it, and the geometric stiffness of the axial force that they take.
     """
 
     unknowns: int
@@ -58,6 +62,11 @@ class Layout:
     load_links: Indices
     load_places: NDArray[np.intp]
     load_rows: Array
+    load_ends: NDArray[np.intp]
+    pulled_at: Indices
+    pulled_by: Indices
+    pulled_constants_at: Indices
+    pulled: Array
     shaft: int
     shaft_slot: int
     flywheel: float
@@ -134,14 +143,6 @@ def layout(
         np.array([slot.get((int(i), int(j)), -1) for i in p for j in p], dtype=np.intp) for p in of_pieces
     ]
     constants = [np.concatenate([np.ravel(a) for a in _constants(piece)]) for _, piece in pieces]
-    widest = max((len(p) for p in renumbered), default=1)
-    load_links = [next(i for i, b in enumerate(beams) if b.info.link == link) for link in info.loads]
-    load_places = np.full((len(loads) + 1, widest), -1, dtype=np.intp)
-    load_rows = np.zeros((len(loads) + 1, 2 * widest))
-    for k, (link, fraction) in enumerate(zip(load_links, loads, strict=True)):
-        rows, dofs = beams[link].rows(fraction), renumbered[link]
-        load_places[k, : len(dofs)] = dofs
-        load_rows[k, : len(dofs)], load_rows[k, widest : widest + len(dofs)] = rows.u, rows.w
     shaft = int(new[shaft])
     entries = {
         name: _spare([slot[int(new[i]), int(new[j])] for i, j in _of_joints(joints, name, joint)])
@@ -169,13 +170,42 @@ def layout(
         mass_slots=entries["mass_matrix"],
         damping_slots=entries["damping"],
         stiffness_slots=entries["stiffness"],
-        load_links=_spare(load_links),
-        load_places=load_places,
-        load_rows=load_rows,
+        **_point_loads(info, beams, renumbered, loads),
         shaft=shaft,
         shaft_slot=slot.get((shaft, shaft), -1),
         flywheel=flywheel,
     )
+
+
+def _point_loads(
+    info: ElasticInfo, beams: Sequence[Beam], of_links: Sequence[Indices], loads: Sequence[float]
+) -> dict[str, Any]:
+    """Return what the layout says of forces along links: rows over a link's unknowns, and stiffening."""
+    widest = max((len(dofs) for dofs in of_links), default=1)
+    links = [next(i for i, b in enumerate(beams) if b.info.link == link) for link in info.loads]
+    places = np.full((len(loads) + 1, widest), -1, dtype=np.intp)
+    found = np.zeros((len(loads) + 1, 2 * widest))
+    ends = np.full((len(loads) + 1, 4), -1, dtype=np.intp)
+    first = np.cumsum([0, *(len(beam.pieces) for beam in beams)])
+    pulled: list[list[tuple[int, Array]]] = [[] for _ in range(first[-1])]
+    for k, (link, fraction) in enumerate(zip(links, loads, strict=True)):
+        rows, dofs = beams[link].rows(fraction), of_links[link]
+        places[k, : len(dofs)] = dofs
+        found[k, : len(dofs)], found[k, widest : widest + len(dofs)] = rows.u, rows.w
+        ends[k] = [dof for pair in beams[link].ends for dof in pair]
+        for piece, matrix in beams[link].beyond(fraction):
+            pulled[first[link] + piece].append((k, matrix))
+    pulls = [pull for of_piece in pulled for pull in of_piece]
+    return {
+        "load_links": _spare(links),
+        "load_places": places,
+        "load_rows": found,
+        "load_ends": ends,
+        "pulled_at": np.cumsum([0, *(len(of_piece) for of_piece in pulled)]).astype(np.intp),
+        "pulled_by": _spare([k for k, _ in pulls]),
+        "pulled_constants_at": _starts([matrix.size for _, matrix in pulls]),
+        "pulled": np.concatenate([*(np.ravel(matrix) for _, matrix in pulls), np.zeros(1)]),
+    }
 
 
 def _pairs(

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from math import sqrt
+from dataclasses import dataclass, field
 
-Rows = tuple[tuple[float, ...], ...]
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -14,15 +16,14 @@ class BeamMethod:
 
     ``collocated`` methods have stages ``c`` with the matrix ``a`` and weights ``b``. The others take the
     equation at the part 1 - ``at_force`` of the step, and the acceleration at 1 - ``at_inertia``; ``gamma``
-    and ``beta`` are Newmark's.
+    and ``beta`` are Newmark's, here those of constant average acceleration.
     """
 
     name: str
-    about: str
     order: int
-    a: Rows = ((0.0,),)
-    b: tuple[float, ...] = (0.0,)
-    c: tuple[float, ...] = (0.0,)
+    a: Array = field(default_factory=lambda: np.zeros((1, 1)))
+    b: Array = field(default_factory=lambda: np.zeros(1))
+    c: Array = field(default_factory=lambda: np.zeros(1))
     collocated: bool = False
     at_force: float = 0.0
     at_inertia: float = 0.0
@@ -31,11 +32,10 @@ class BeamMethod:
 
 
 def _generalized_alpha(radius: float) -> BeamMethod:
-    """Return the method with a spectral radius at infinite frequency (Chung, Hulbert 1993, (17), (20), (25))."""
+    """Return the method with a spectral radius at infinite frequency (Chung, Hulbert 1993, Eqs. 17 to 25)."""
     inertia, force = (2 * radius - 1) / (radius + 1), radius / (radius + 1)
     return BeamMethod(
         "generalized-alpha",
-        f"generalized-alpha, spectral radius {radius} at infinite frequency",
         2,
         at_force=force,
         at_inertia=inertia,
@@ -44,31 +44,28 @@ def _generalized_alpha(radius: float) -> BeamMethod:
     )
 
 
-_R3, _R15 = sqrt(3.0), sqrt(15.0)
+def _gauss(name: str, stages: int) -> BeamMethod:
+    """Return collocation at the nodes of Gauss's quadrature: order twice the stages, stable at any step.
 
-GAUSS_4 = BeamMethod(
-    "gauss4",
-    "Gauss collocation with two stages",
-    4,
-    ((1 / 4, 1 / 4 - _R3 / 6), (1 / 4 + _R3 / 6, 1 / 4)),
-    (1 / 2, 1 / 2),
-    (1 / 2 - _R3 / 6, 1 / 2 + _R3 / 6),
-    collocated=True,
-)
-GAUSS_6 = BeamMethod(
-    "gauss",
-    "Gauss collocation with three stages",
-    6,
-    (
-        (5 / 36, 2 / 9 - _R15 / 15, 5 / 36 - _R15 / 30),
-        (5 / 36 + _R15 / 24, 2 / 9, 5 / 36 - _R15 / 24),
-        (5 / 36 + _R15 / 30, 2 / 9 + _R15 / 15, 5 / 36),
-    ),
-    (5 / 18, 4 / 9, 5 / 18),
-    (1 / 2 - _R15 / 10, 1 / 2, 1 / 2 + _R15 / 10),
-    collocated=True,
-)
-NEWMARK = BeamMethod("newmark", "Newmark's method of constant average acceleration", 2)
+    Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, II.7: a and b integrate every
+    polynomial of a degree below the number of stages, up to a node and over the step.
+    """
+    nodes, weights = np.polynomial.legendre.leggauss(stages)
+    c, powers = (nodes + 1) / 2, np.arange(1, stages + 1)
+    up_to = c[:, None] ** powers / powers
+    a = np.linalg.solve((c[:, None] ** (powers - 1)).T, up_to.T).T
+    return BeamMethod(
+        name, 2 * stages, np.array(a, float, order="C"), weights / 2, np.array(c), collocated=True
+    )
 
-#: Methods by name, one line each.
-BEAM_METHODS = {m.name: m for m in (GAUSS_6, GAUSS_4, NEWMARK, _generalized_alpha(0.9))}
+
+#: Of a high order, since what a linkage vibrates at is much faster than its turns.
+GAUSS = _gauss("gauss", 6)
+_METHODS = (
+    GAUSS,
+    _gauss("gauss4", 2),
+    BeamMethod("newmark", 2),
+    _generalized_alpha(0.9),
+)
+#: Methods by name.
+BEAM_METHODS = {m.name: m for m in _METHODS}

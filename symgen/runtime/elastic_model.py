@@ -7,24 +7,25 @@ from functools import cache
 from typing import TYPE_CHECKING, Any
 
 from symgen.errors import ModelError, nearest
+from symgen.runtime.arguments import count as whole
 from symgen.runtime.compiled import Compiled
 from symgen.runtime.description import Description
-from symgen.runtime.elastic_motion import ElasticMotion
-from symgen.runtime.library import Library
 
 if TYPE_CHECKING:
     from symgen.runtime.beams import Beam
     from symgen.runtime.elastic_modes import ElasticModes
+    from symgen.runtime.elastic_motion import ElasticMotion
     from symgen.runtime.elastic_result import ElasticResult
     from symgen.runtime.model import Model
+    from symgen.runtime.sweep import Sweep
 
 #: How an elastic motion is found, by name.
 METHODS = ("gauss", "gauss4", "newmark", "generalized-alpha", "dop853", "rk4", "quasi-static", "periodic")
 FORMS = ("exact", "thesis")
 
 
-#: Gives the kernels of the linkage with its elastic links in so many rods.
-Segmented = Callable[[int], tuple[Description, Library]]
+#: Gives the linkage with its elastic links in so many rods.
+Segmented = Callable[[int], "Model"]
 
 
 class ElasticModel(Compiled):
@@ -38,7 +39,12 @@ class ElasticModel(Compiled):
     def __init__(self, rigid: Model, in_segments: Segmented | None = None) -> None:
         self.rigid, self._in_segments = rigid, in_segments
         self.description = rigid.description
-        self._motion = cache(lambda stiffened: ElasticMotion(rigid, stiffened))
+        self._motion = cache(self._made)
+
+    def _made(self, geometric_stiffness: bool) -> ElasticMotion:
+        from symgen.runtime.elastic_motion import ElasticMotion  # it loads SciPy
+
+        return ElasticMotion(self.rigid, geometric_stiffness)
 
     def __repr__(self) -> str:
         motion = self._motion(True)
@@ -69,6 +75,11 @@ class ElasticModel(Compiled):
         return self.rigid.is_changed
 
     @property
+    def redundant(self) -> tuple[str, ...]:
+        """Constraints of the rigid motion that others imply."""
+        return self.rigid.redundant
+
+    @property
     def beams(self) -> tuple[Beam, ...]:
         """The elastic links, with their constant matrices."""
         return self._motion(True).beams
@@ -79,28 +90,40 @@ class ElasticModel(Compiled):
         layout = self._motion(True).layout
         return layout.unknowns - layout.constraints
 
+    @property
+    def crank_speed(self) -> float:
+        """Angular velocity of the crank [rad/s]; that at the start where it is driven or free."""
+        return self._motion(True).speed
+
+    @property
+    def lowest_frequency(self) -> float:
+        """The lowest frequency [Hz] of the structure at rest, over the poses of a turn."""
+        return self._motion(True).lowest_frequency
+
     def with_parameters(self, **values: float) -> ElasticModel:
         """Return the same model with other values of its tunable parameters, in SI units."""
         return ElasticModel(self.rigid.with_parameters(**values), self._in_segments)
 
-    def modes(self, angle: float | None = None) -> ElasticModes:
-        """Return frequencies and shapes of the structure at rest in a pose of its rigid links.
+    def modes(self, angle: float | None = None, *, moving: bool = False) -> ElasticModes:
+        """Return frequencies and shapes of the structure in a pose of its rigid links.
 
         Parameters
         ----------
         angle
             Direction of the crank [rad]; that of the start when absent.
+        moving
+            As the links turn: with centrifugal, gyroscopic and axial forces of the rigid motion, as if these
+            lasted; each joint on the axes of an elastic link. At rest otherwise.
 
         Raises
         ------
         ModelError, SimulationError
             When the crank stands still elsewhere, or cannot come there.
         """
-        from symgen.runtime.elastic_modes import elastic_modes
+        from symgen.runtime.elastic_modes import modes_with_errors
 
         motion = self._motion(True)
-        at = motion.angle if angle is None else angle
-        return elastic_modes(motion, motion.equations(), motion.time_at(at))
+        return modes_with_errors(motion, motion.time_at(motion.angle if angle is None else angle), moving)
 
     def run(
         self,
@@ -128,7 +151,8 @@ class ElasticModel(Compiled):
         steps
             Steps a turn of methods with fixed steps; doubled until two runs agree within ``rtol`` if absent.
         rtol
-            Error over the peak of every strain, as two runs show it; of adaptive methods the tolerance.
+            Error over the peak stress of every station, as runs with doubled steps show it; of adaptive
+            methods the tolerance.
         samples
             Number of equally spaced times recorded.
         at
@@ -153,21 +177,48 @@ class ElasticModel(Compiled):
         task = Task(method, revolutions, steps, rtol, samples, None if at is None else tuple(at), form)
         return run(self._motion(geometric_stiffness), task, progress)
 
-    def in_segments(self, count: int = 24) -> Model:
+    def sweep(
+        self,
+        speeds: Sequence[float],
+        *,
+        rtol: float = 1e-4,
+        samples: int = 361,
+        progress: Callable[[float], None] | None = None,
+    ) -> Sweep:
+        """Find the steady state at many speeds of the crank: peaks, Floquet multipliers, critical speeds.
+
+        Parameters
+        ----------
+        speeds
+            Angular velocities of the crank [rad/s]. It must be proportional to a tunable parameter.
+        rtol
+            Error over the peak stress of every run.
+        samples
+            Number of equally spaced times of a turn that peaks are looked for at.
+
+        Raises
+        ------
+        ModelError
+            When no tunable parameter sets the speed, or a speed makes no sense.
+        SimulationError
+            When the linkage cannot turn.
+        """
+        from symgen.runtime.sweep_run import sweep
+
+        return sweep(self, speeds, rtol, samples, progress)
+
+    def in_segments(self, count: int = 12) -> Model:
         """Return the linkage with every elastic link in so many rigid rods with torsion springs between them.
 
         It is derived and compiled when first asked for. ``LINK__k.angle`` are the directions of the rods.
         """
-        from symgen.runtime.model import Model
-
         if self._in_segments is None:
             raise ModelError(f"{self.name} was made without its rods: build it with symgen.build")
-        made = self._in_segments(count)
-        return Model(*made, lambda: None, self.parameters)
+        return self._in_segments(whole(count, "segments")).with_parameters(**self.parameters)
 
     def exact(
         self,
-        segments: int = 24,
+        segments: int = 12,
         *,
         revolutions: float = 1.0,
         rtol: float = 1e-7,
@@ -177,7 +228,8 @@ class ElasticModel(Compiled):
         """Run the linkage with large rotation of its elastic links, in rods with springs between them.
 
         It is the judge of what :meth:`run` gives, which holds for small bending only. The error falls as the
-        square of the number of rods; see the notes of the result for what rods leave out.
+        square of the number of rods, and the cost rises faster than its cube, as steps in time get shorter
+        with its square; the notes of the result say what rods leave out. See ``docs/elastic_arbiter.md``.
 
         Parameters
         ----------

@@ -24,6 +24,10 @@ Array = NDArray[np.float64]
 
 #: Angle [rad] of the crank over which a pose is a good guess of the next.
 _STRIDE = 0.02
+#: Poses of a turn in which frequencies are looked for.
+_POSES = 24
+#: How closely the time at which a crank locks is found, over that time.
+_LOCKED = 1e-7
 
 
 class ElasticMotion:
@@ -83,6 +87,15 @@ class ElasticMotion:
             for info, row in zip(infos, rows, strict=True)
         )
 
+    def unreduced(self) -> ElasticMotion | None:
+        """Return the same with no link reduced; None where none is."""
+        if not any(info.reduction for info in self.info.beams):
+            return None
+        made = ElasticMotion(self.rigid, self._stiffened)
+        plain = tuple(replace(info, reduction="", modes=0) for info in self.info.beams)
+        made.info = replace(self.info, beams=plain)
+        return made
+
     def _lumps(self, link: str) -> tuple[Lump, ...]:
         rows = zip(self.info.lumps, self._tables.get("lumps", ()), strict=True)
         return tuple(Lump(float(at), float(mass)) for name, (at, mass) in rows if name == link)
@@ -139,22 +152,57 @@ class ElasticMotion:
         self.check(made, made.matrices(0.0)[0], 0.0)
         return made
 
+    def links(self, equations: _beams.BeamEquations, times: Array) -> Array:
+        """Return the motion of the links at times, (times, links, 10)."""
+        order = np.argsort(times, kind="stable")
+        status, found = equations.motion.along(np.ascontiguousarray(times[order]))
+        self.check(equations, status, equations.motion.t)
+        rows = np.empty_like(found)
+        rows[order] = found
+        return rows.reshape(len(times), -1, 10)
+
+    @cached_property
+    def lowest_frequency(self) -> float:
+        """The lowest frequency [Hz] of the structure at rest, over the poses of a turn."""
+        from symgen.runtime.elastic_modes import lowest
+
+        equations = self.equations()
+        poses = np.linspace(0.0, self.period, _POSES, endpoint=False).tolist()
+        return min(lowest(self, equations, t) for t in poses)
+
     def check(self, equations: _beams.BeamEquations, status: int, t: float) -> None:
         """Raise SimulationError where the equations could not be assembled at a time, or a step failed."""
         if status == _core.DONE:
             return
-        at = f"at crank angle {math.degrees(float(self.angle_at(np.array(t)))):.6g} degrees"
         d = self.rigid.description
-        if status == _core.SINGULAR and equations.soundness <= equations.rank_tolerance:
-            problem = f"the rigid links and guides bind each other {at}: they lose rank"
-        elif status in (_core.SINGULAR, _core.PROJECTION_FAILED):
+        locked = status in (_core.SINGULAR, _core.PROJECTION_FAILED)
+        bound = status == _core.SINGULAR and equations.soundness <= equations.rank_tolerance
+        if locked and not bound:
+            t = self._last_before(t)
+        at = f"{math.degrees(float(self.angle_at(np.array(t)))):.4g} degrees"
+        if bound:
+            problem = f"the rigid links and guides bind each other at crank angle {at}: they lose rank"
+        elif locked:
             problem = (
-                f"the crank cannot turn past {at.removeprefix('at ')}: the linkage comes to a dead centre "
-                "or cannot be assembled there"
+                f"the crank, {self.info.crank}, cannot turn past {at}: the linkage comes to a dead centre or "
+                "cannot be assembled beyond\n"
+                "  Change the lengths so that it closes at every angle of the crank."
             )
         else:
-            problem = f"a number that is not finite appeared {at}"
-        raise SimulationError(f"{d.title}: {problem}", time=t)
+            problem = f"a number that is not finite appeared at crank angle {at}"
+        raise SimulationError(f"{d.file or d.title}: {problem}", time=t)
+
+    def _last_before(self, t: float) -> float:
+        """Return the last time before one [s] that the rigid motion comes to."""
+        low, high, motion = 0.0, t, None
+        while high - low > _LOCKED * t:
+            motion = motion or self.equations().motion
+            middle = (low + high) / 2
+            if motion.evaluate(middle)[0] == _core.DONE:
+                low = middle
+            else:
+                high, motion = middle, None
+        return low
 
 
 def _properties(row: Array) -> Properties:

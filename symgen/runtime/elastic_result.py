@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from symgen.runtime.beams import Beam
-from symgen.runtime.elastic_motion import ElasticMotion
 from symgen.runtime.result import Result, Variable
+
+if TYPE_CHECKING:
+    from symgen.runtime.beams import Beam
+    from symgen.runtime.elastic_motion import ElasticMotion
 
 Array = NDArray[np.float64]
 
@@ -100,34 +102,36 @@ def outputs(motion: ElasticMotion, links: Array, displacements: Array) -> list[V
         beam = motion.beams[k]
         rows = beam.rows(at)
         bending, axial = own[k] @ rows.curvature * fibre, own[k] @ rows.axial_strain
-        where = f"{beam.info.link}, at {at:g} of its length"
-        found += [
-            Variable(f"{name}.bending_strain", "1", f"bending strain in the fibre of {where}", (), bending),
-            Variable(f"{name}.axial_strain", "1", f"axial strain of {where}", (), axial),
-            Variable(
-                f"{name}.stress",
-                "Pa",
-                f"stress in the fibre of {where}",
-                (),
-                beam.properties.modulus * (bending + axial),
-            ),
-        ]
+        found += strains(name, beam, at, bending, axial)
     names = motion.layout.names
     for point in motion.rigid.description.free:
         columns = [names.index(f"{point}.{axis}") for axis in "xy"]
-        about = f"displacement of {point} from the rigid motion"
-        found.append(Variable(f"{point}.displacement", "m", about, ("x", "y"), displacements[:, columns]))
-    for k, beam in enumerate(motion.beams):
-        found.append(
-            Variable(
-                f"{beam.info.link}.length_change",
-                "m",
-                f"change of the distance between the ends of {beam.info.link}",
-                (),
-                _stretch(beam, own[k]),
-            )
-        )
+        found.append(displacement(point, displacements[:, columns]))
+    found += [length_change(b.info.link, _stretch(b, own[k])) for k, b in enumerate(motion.beams)]
     return found
+
+
+def strains(name: str, beam: Beam, at: float, bending: Array, axial: Array) -> list[Variable]:
+    """Return the outputs of a station at a share of a link's length, from its strains over time."""
+    where = f"{beam.info.link}, at {at:g} of its length"
+    stress = beam.properties.modulus * (bending + axial)
+    return [
+        Variable(f"{name}.bending_strain", "1", f"bending strain in the fibre of {where}", (), bending),
+        Variable(f"{name}.axial_strain", "1", f"axial strain of {where}", (), axial),
+        Variable(f"{name}.stress", "Pa", f"stress in the fibre of {where}", (), stress),
+    ]
+
+
+def displacement(point: str, values: Array) -> Variable:
+    """Return the output of a point's displacement [m], (times, 2)."""
+    about = f"displacement of {point} from the rigid motion"
+    return Variable(f"{point}.displacement", "m", about, ("x", "y"), values)
+
+
+def length_change(link: str, values: Array) -> Variable:
+    """Return the output of the change of the distance between the ends of a link [m]."""
+    about = f"change of the distance between the ends of {link}"
+    return Variable(f"{link}.length_change", "m", about, (), values)
 
 
 def own_unknowns(motion: ElasticMotion, k: int, links: Array, displacements: Array) -> Array:

@@ -1,4 +1,4 @@
-"""Elastic links in large rotation: rods with springs between them, by the rods method; the arbiter of linear theory.
+"""Elastic links in large rotation, by the rods method: the arbiter of linear theory.
 
 See ``symgen.scene.segments`` for the rods. A run starts undeformed, moving as the rigid linkage does.
 """
@@ -9,6 +9,7 @@ import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +17,7 @@ from numpy.typing import NDArray
 from symgen.errors import ModelError
 from symgen.runtime.beams import Beam
 from symgen.runtime.elastic_motion import ElasticMotion
-from symgen.runtime.elastic_result import ElasticResult
+from symgen.runtime.elastic_result import ElasticResult, displacement, length_change, strains
 from symgen.runtime.model import Model
 from symgen.runtime.result import Result, Variable
 from symgen.runtime.state import State
@@ -52,6 +53,17 @@ class Cut:
     def spacing(self) -> float:
         """Distance of neighbouring directions [m]: the length of a whole rod."""
         return float(self.nodes[-1] - self.nodes[-2]) * self.beam.properties.length
+
+    def axial_force(self, tensions: Array, at: float) -> Array:
+        """Return the axial force [N] at a share of the length from the tensions of the rods (times, rods).
+
+        What keeps the length of a rod is the axial force at its middle, to the second order in its length.
+        """
+        middles = (self.nodes[1:] + self.nodes[:-1]) / 2
+        k = min(max(int(np.searchsorted(middles, at)), 1), len(middles) - 1)
+        part = (at - middles[k - 1]) / (middles[k] - middles[k - 1])
+        found: Array = (1.0 - part) * tensions[:, k - 1] + part * tensions[:, k]
+        return found
 
     def curvature(self, angles: Array, at: float) -> Array:
         """Return the curvature [1/m] at a share of the length from the directions of the rods (times, rods).
@@ -101,10 +113,7 @@ def _cuts(motion: ElasticMotion, rods: Model) -> tuple[Cut, ...]:
         prefix = f"{beam.info.link}__"
         own = [name for name in links if name.startswith(prefix)]
         points = [links[own[0]][0], *(links[name][1] for name in own)]
-        lengths = [
-            np.linalg.norm(places.positions[b] - places.positions[a])
-            for a, b in zip(points[:-1], points[1:], strict=True)
-        ]
+        lengths = [np.linalg.norm(places.positions[b] - places.positions[a]) for a, b in pairwise(points)]
         nodes = np.concatenate([[0.0], np.cumsum(lengths)]) / np.sum(lengths)
         made.append(Cut(beam, tuple(own), tuple(points[1:-1]), nodes))
     return tuple(made)
@@ -127,22 +136,26 @@ def _result(
     motion: ElasticMotion, cuts: tuple[Cut, ...], result: Result, task: ExactTask, wall: float
 ) -> ElasticResult:
     d, times = motion.rigid.description, result.time
-    variables = []
+
+    def of_rods(cut: Cut, word: str) -> Array:
+        return np.stack([result.variable(f"{rod}.{word}").values for rod in cut.rods], axis=1)
+
+    variables: list[Variable] = []
     for name, k, at, fibre in motion.stations:
         cut = cuts[k]
-        angles = np.stack([result.variable(f"{rod}.angle").values for rod in cut.rods], axis=1)
-        strain, beam = cut.curvature(angles, at) * fibre, cut.beam
-        where = f"{beam.info.link}, at {at:g} of its length"
-        about = f"bending strain in the fibre of {where}"
-        variables.append(Variable(f"{name}.bending_strain", "1", about, (), strain))
-        stress = beam.properties.modulus * strain
-        about = f"bending stress in the fibre of {where}"
-        variables.append(Variable(f"{name}.bending_stress", "Pa", about, (), stress))
+        properties = cut.beam.properties
+        x = at * properties.length
+        stiffness = sum(c * x**i for i, c in enumerate(properties.axial))
+        bending = cut.curvature(of_rods(cut, "angle"), at) * fibre
+        axial = cut.axial_force(of_rods(cut, "tension"), at) / stiffness
+        variables += strains(name, cut.beam, at, bending, axial)
+    places = {p: result.variable(f"{p}.position").values for p in d.points if f"{p}.position" in result}
     rigid = _rigid_places(motion, times)
-    places = {p: result.variable(f"{p}.position").values for p in d.free}
-    for point, place in places.items():
-        about = f"displacement of {point} from the rigid motion"
-        variables.append(Variable(f"{point}.displacement", "m", about, d.axes, place - rigid[point]))
+    variables += [displacement(p, places[p] - rigid[p]) for p in d.free]
+    for cut in cuts:
+        info = cut.beam.info
+        apart = np.linalg.norm(places[info.end] - places[info.start], axis=1)
+        variables.append(length_change(info.link, apart - cut.beam.properties.length))
     return ElasticResult(
         name=d.name,
         title=d.title,
@@ -164,7 +177,7 @@ def _result(
         provenance={
             "kind": "elastic",
             "equations": result.provenance["equations"],
-            "method": "segments",
+            "method": "exact",
             "form": f"{task.segments} rods a link",
             "rtol": task.rtol,
             "t_end": result.provenance["t_end"],
@@ -188,12 +201,11 @@ def _rigid_places(motion: ElasticMotion, times: Array) -> dict[str, Array]:
 
 def _notes(motion: ElasticMotion) -> list[str]:
     """Say what rods with springs between them leave out."""
-    notes = ["links in rods keep their length: they have no axial strain"]
+    notes = ["links in rods keep their length: axial strain is what the axial force would give"]
     damped = [b.info.link for b in motion.beams if b.properties.mass_damping or b.properties.ratio]
     if damped:
-        notes.append(
-            f"damping by mass or by a ratio is left out of {', '.join(damped)}: rods have that by stiffness only"
-        )
+        names = ", ".join(damped)
+        notes.append(f"rods are damped by stiffness only: what mass or a ratio gives is left out of {names}")
     sheared = [b.info.link for b in motion.beams if any(b.properties.shear)]
     if sheared:
         notes.append(f"shear is left out of {', '.join(sheared)}")

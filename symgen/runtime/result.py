@@ -236,6 +236,8 @@ def load_result(file: str | os.PathLike[str]) -> Result:
         made: type[Result] = Result
         if data["provenance"]["method"] == "continuation":
             from symgen.runtime.motion import Motion as made
+        elif data["provenance"]["method"] == "sweep":
+            from symgen.runtime.sweep import Sweep as made
         elif data["provenance"].get("kind") == "elastic":
             from symgen.runtime.elastic_result import ElasticResult as made
         elif data["provenance"]["method"] == "closure":

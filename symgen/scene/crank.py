@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
+from dataclasses import replace
+
 import sympy as sp
 
 from symgen.errors import SceneError
 from symgen.scene import units
 from symgen.scene.elastic import Crank
 from symgen.scene.elastic_schema import Crank as Table
-from symgen.scene.linkage import TIME, Driver, state_symbol
+from symgen.scene.linkage import TIME, Driver, RigidLink, state_symbol
 from symgen.scene.reading import Reader
 
 _ZERO = sp.Integer(0)
@@ -47,6 +50,15 @@ def crank(read: Reader) -> Crank | None:
 def driver_of(crank: Crank) -> Driver:
     """Return the driver that turns it in the rigid motion."""
     return Driver(crank.link, crank.angle + crank.speed * TIME.symbol)
+
+
+def with_flywheel(
+    links: Iterable[RigidLink], crank: Crank | None, elastic: Iterable[str]
+) -> Iterator[RigidLink]:
+    """Yield the links, a rigid crank with its flywheel; an elastic one has it on its shaft."""
+    on = crank.link if crank and crank.link not in elastic else None
+    for link in links:
+        yield replace(link, inertia=link.inertia + crank.flywheel) if crank and link.name == on else link
 
 
 def _check_link(read: Reader, name: str) -> None:

@@ -86,7 +86,8 @@ class Crank:
 
     ``mode`` is ``held`` (its shaft turns exactly so), ``free`` (nothing holds it: its turning departs from
     the rigid motion) or ``motor``: driven by a torque [N m] which may use the time t and the states
-    ``LINK.angle`` and ``LINK.angular_velocity``, with the moment of inertia ``flywheel`` [kg m^2] on it.
+    ``LINK.angle`` and ``LINK.angular_velocity``, with the moment of inertia ``flywheel`` [kg m^2] on it,
+    which of a rigid crank is in the ``inertia`` of its link.
     """
 
     link: str

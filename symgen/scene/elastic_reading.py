@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING
 
 import sympy as sp
 
@@ -14,30 +15,31 @@ from symgen.scene.linkage import TIME, RigidLink
 from symgen.scene.reading import Reader
 from symgen.scene.units import Dimension
 
+if TYPE_CHECKING:
+    from symgen.elements.element import Element
+
 _ZERO = sp.Integer(0)
 _MOST_ELEMENTS = 1000
 #: By how much the outer fibre may be exceeded where both are computed.
 _ROUNDED = 1e-9
-#: Elements by whether their sections have rotary inertia, and whether they shear.
-_ELEMENTS = {
-    "beam8": (False, False), "cubic": (False, False), "timoshenko": (True, True), "rayleigh": (True, False),
-    "beam9": (False, False),
-}  # fmt: skip
 
 
 def has_rotary_inertia(elastic: Elastic | None, where: str) -> bool:
     """Tell whether the elements of a link have rotary inertia; False for a rigid link."""
-    return elastic is not None and _element(elastic, where)[0]
+    return elastic is not None and _element(elastic, where).rotary
 
 
-def _element(elastic: Elastic, where: str) -> tuple[bool, bool]:
-    if elastic.element not in _ELEMENTS:
+def _element(elastic: Elastic, where: str) -> Element:
+    # Rigid scenes do without the elements.
+    from symgen.elements import ELEMENTS
+
+    if elastic.element not in ELEMENTS:
         raise SceneError(
             f"there is no element {elastic.element!r}",
             where=f"{where}.element",
-            hint=nearest(elastic.element, _ELEMENTS),
+            hint=nearest(elastic.element, ELEMENTS),
         )
-    return _ELEMENTS[elastic.element]
+    return ELEMENTS[elastic.element]
 
 
 def elastic_links(read: Reader, links: Sequence[RigidLink]) -> Iterator[ElasticLink]:
@@ -47,6 +49,7 @@ def elastic_links(read: Reader, links: Sequence[RigidLink]) -> Iterator[ElasticL
             if read.dimension != 2:
                 raise SceneError("links bend in the plane, not in space", where=f"links.{name}.elastic")
             read.moving_link(name, f"links.{name}.elastic")
+    _check_ends(read, links)
     _check_neighbours(read)
     for rigid in links:
         elastic = read.scene.links[rigid.name].elastic
@@ -97,7 +100,7 @@ def _elastic_link(read: Reader, rigid: RigidLink, elastic: Elastic, place: str) 
 def _ratio(read: Reader, ratio: sp.Expr, where: str) -> sp.Expr:
     if read.number(ratio) >= 1:
         raise SceneError(
-            "expected a damping ratio below 1, that of critical damping",
+            f"expected a damping ratio below 1, that of critical damping, got {read.number(ratio):g}",
             where=where,
             hint="Two percent is 0.02.",
         )
@@ -106,7 +109,7 @@ def _ratio(read: Reader, ratio: sp.Expr, where: str) -> sp.Expr:
 
 def _count(value: int, least: int, most: int, where: str) -> None:
     if not least <= value <= most:
-        raise SceneError(f"expected a number from {least} to {most}, got {value}", where=where)
+        raise SceneError(f"expected a whole number from {least} to {most}, got {value}", where=where)
 
 
 def _reduction(elastic: Elastic, where: str) -> tuple[str, int]:
@@ -141,7 +144,7 @@ def _reduction(elastic: Elastic, where: str) -> tuple[str, int]:
 def _shear(read: Reader, elastic: Elastic, modulus: sp.Expr, shape: sections.Shape, where: str) -> Polynomial:
     """Return the shear stiffness k G A along a link; zero where its elements do not shear."""
     shear = elastic.shear
-    if not _element(elastic, where)[1]:
+    if _element(elastic, where).rotation is None:
         if shear is not None:
             raise SceneError(
                 f"the element {elastic.element} does not shear",
@@ -180,6 +183,24 @@ def _shear_modulus(read: Reader, shear: Shear, modulus: sp.Expr, where: str) -> 
             where=f"{where}.poisson",
         )
     return modulus / (2 * (1 + ratio))
+
+
+def _check_ends(read: Reader, links: Sequence[RigidLink]) -> None:
+    """Refuse ends at points that another link carries: these have no displacement of their own."""
+    carrier = {carried.name: link.name for link in links for carried in link.carried}
+    for link in links:
+        if read.scene.links[link.name].elastic is None:
+            continue
+        for point in link.base:
+            if point in carrier and not read.points[point].ground:
+                owner = carrier[point]
+                raise SceneError(
+                    f"{point} is a further point of {owner}; an elastic link can only be joined to the "
+                    "first two points of a link",
+                    where=f"links.{link.name}.points",
+                    hint=f"Name {point} first or second in links.{owner}.points, or leave the elastic of "
+                    f"{link.name} out.",
+                )
 
 
 def _check_neighbours(read: Reader) -> None:
@@ -273,6 +294,7 @@ def _check_fibre(read: Reader, fibre: sp.Expr, outer: sp.Expr, where: str) -> No
     """Check that a fibre lies in the section."""
     if abs(read.number(fibre)) > read.number(outer) * (1 + _ROUNDED):
         raise SceneError(
-            f"the section ends at {read.number(outer):g} m from the neutral axis, its outer fibre",
+            f"expected a fibre of the section, which ends {read.number(outer):g} m from the neutral axis, got one "
+            f"at {read.number(fibre):g} m",
             where=where,
         )

@@ -9,7 +9,8 @@ from pydantic_core import CoreSchema
 
 from symgen.scene.table import Name, Table, Value
 
-Ends = Annotated[list[Value], Field(min_length=2, max_length=2)]
+#: Two values; that they are two is checked where they are read, for what the message says.
+Ends = Annotated[list[Value], Field(json_schema_extra={"minItems": 2, "maxItems": 2})]
 
 
 class Section(Table):

@@ -38,6 +38,10 @@ def scene_error(error: ValidationError) -> SceneError:
         case "too_short" | "too_long" as kind:
             limit, bound = ("least", "min_length") if kind == "too_short" else ("most", "max_length")
             problem = f"expected at {limit} {fault['ctx'][bound]} of these, got {got}"
+        case "int_type" | "int_from_float":
+            problem = f"expected a whole number, got {got}"
+        case "literal_error":
+            problem = f"expected {fault['ctx']['expected']}, got {got}"
         case "extra_forbidden":
             problem, hint = f"unknown key {place[-1]!r}", nearest(place[-1], _table_at(place).model_fields)
         case "missing":

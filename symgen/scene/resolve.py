@@ -6,7 +6,7 @@ import sympy as sp
 
 from symgen.errors import SceneError
 from symgen.scene import bodies, bonds, loads, units
-from symgen.scene.crank import crank, driver_of
+from symgen.scene.crank import crank, driver_of, with_flywheel
 from symgen.scene.elastic import Crank
 from symgen.scene.elastic_reading import elastic_links, stations
 from symgen.scene.linkage import Linkage
@@ -71,7 +71,7 @@ def _linkage(scene: Scene) -> Linkage:
         dimension=read.dimension,
         parameters=tuple(read.parameters),
         points=tuple(read.points.values()),
-        links=links,
+        links=tuple(with_flywheel(links, turned, {link.link for link in elastic})),
         bodies=in_space,
         gravity=gravity,
         masses=tuple(loads.masses(read)),

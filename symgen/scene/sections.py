@@ -182,6 +182,11 @@ def _linear(
     """Return a size that is uniform, or linear between its values at the two points."""
     if not isinstance(value, list):
         return (read.positive(value, dim, where),)
+    if len(value) != 2:
+        raise SceneError(
+            f"expected one value, or two of a taper: at the first point and at the second, got {len(value)}",
+            where=where,
+        )
     first, second = (read.positive(v, dim, f"{where}.{i}") for i, v in enumerate(value))
     return (first, (second - first) / length)
 

@@ -1,11 +1,11 @@
-"""Elastic links as many rigid rods with torsion springs between them: large rotation, as the rods method has it.
+"""Elastic links as many rigid rods with torsion springs between them: large rotation.
 
-A link of length l becomes n rods. Where it is free to turn at both ends they are equal, h = l/n, and a rod stands
-for the direction at its middle. Where its first end is clamped to a shaft, its first rod is half a rod and stands
-for the direction of the shaft, so h = l/(n - 1/2). Either way h lies between the places of neighbouring directions,
-their difference over h is the curvature at the joint between the rods, and the spring there has the stiffness E I/h:
-a central difference, with an error that falls as h^2. The rods keep their lengths: a link in segments does not
-stretch, and does not shear.
+A link of length l becomes n rods. Where it is free to turn at both ends they are equal, h = l/n, and a rod
+stands for the direction at its middle. Where its first end is clamped to a shaft, its first rod is half a rod
+and stands for the direction of the shaft, so h = l/(n - 1/2). Either way h lies between the places of
+neighbouring directions, their difference over h is the curvature at the joint between the rods, and the
+spring there has the stiffness E I/h: a central difference, with an error that falls as h^2. The rods keep
+their lengths: a link in segments does not stretch, and does not shear.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from itertools import pairwise
 
 import sympy as sp
 
-from symgen.errors import SceneError
+from symgen.errors import ModelError
 from symgen.scene.elastic import ElasticLink, Polynomial
 from symgen.scene.linkage import (
     AngularSpring,
@@ -64,7 +64,7 @@ def segmented(linkage: Linkage, count: int, places: Places) -> Linkage:
 
     The crank turns as it says: held, its first rod, or the rigid crank, has the prescribed direction; with a
     motor, it has its torque and the flywheel; free, nothing turns it. ``LINK__k.angle`` are recorded, for
-    curvatures, and the positions of all points of the scene.
+    curvatures, ``LINK__k.tension`` for axial forces, and the positions of all points of the scene.
 
     Parameters
     ----------
@@ -77,16 +77,16 @@ def segmented(linkage: Linkage, count: int, places: Places) -> Linkage:
 
     Raises
     ------
-    SceneError
+    ModelError
         For a number of rods out of range.
     """
     if not _FEWEST <= count <= _MOST:
-        raise SceneError(f"expected from {_FEWEST} to {_MOST} segments of an elastic link, got {count}")
+        raise ModelError(f"expected from {_FEWEST} to {_MOST} segments of an elastic link, got {count}")
     parts = [_segments(linkage, beam, count) for beam in linkage.elastic]
     cut = {part.link.name for part in parts}
     crank = linkage.crank
     shaft = crank.link if crank else ""
-    rigid = [_with_flywheel(linkage, k) if k.name == shaft else k for k in linkage.links if k.name not in cut]
+    rigid = [k for k in linkage.links if k.name not in cut]
     links = [*rigid, *(rod for part in parts for rod in _rods(linkage, part))]
     names = {part.link.name: part.rods[0] for part in parts}
     owner = names.get(shaft, shaft)
@@ -109,8 +109,8 @@ def segmented(linkage: Linkage, count: int, places: Places) -> Linkage:
         drivers=tuple(drivers),
         start=StartConditions((), (), ()),
         outputs=(
-            *(f"{rod}.angle" for part in parts for rod in part.rods),
-            *(f"{name}.position" for name in places),
+            *(f"{rod}.{word}" for part in parts for rod in part.rods for word in ("angle", "tension")),
+            *(f"{point.name}.position" for point in linkage.points),
         ),
         elastic=(),
         crank=None,
@@ -146,7 +146,7 @@ def _moment(coefficients: Polynomial, length: sp.Expr, low: sp.Expr, high: sp.Ex
 
 
 def _rods(linkage: Linkage, part: Segments) -> Iterator[RigidLink]:
-    """Yield the rods with the mass that the section gives them, and the points of the link that they carry."""
+    """Yield the rods, with their mass by the section and the points of the link that they carry."""
     length, section, crank = part.link.length, part.beam.section, linkage.crank
     for i, (low, high) in enumerate(pairwise(part.nodes)):
         mass, first, second = (_moment(section.mass, length, low, high, power) for power in range(3))
@@ -185,11 +185,6 @@ def _springs(part: Segments) -> Iterator[AngularSpring]:
         stiffness = bending / (part.spacing * length)
         damping = part.beam.stiffness_damping * stiffness
         yield AngularSpring(f"{after}__spring", after, before, stiffness, _ZERO, damping)
-
-
-def _with_flywheel(linkage: Linkage, link: RigidLink) -> RigidLink:
-    """Return a rigid crank with the flywheel on its shaft, about which it turns."""
-    return replace(link, inertia=link.inertia + (linkage.crank.flywheel if linkage.crank else _ZERO))
 
 
 def _inner_points(part: Segments, places: Places) -> Iterator[PlacedPoint]:

@@ -12,7 +12,7 @@ from conftest import reference
 from hypothesis import given
 from hypothesis import strategies as st
 from random_mechanisms import draw, random_pose
-from shipped import LINKAGES
+from shipped import LINKAGES, rigid
 from typer.testing import CliRunner
 
 import symgen
@@ -217,7 +217,7 @@ LOSSES = {"mass_ratios": 1e-3, "length_ratios": 1e-8, "far_origin": 1e-9}
 
 @pytest.mark.parametrize("scene", LINKAGES)
 def test_shipped_scenes(scene):
-    model = symgen.build(scene)
+    model = rigid(symgen.build(scene))
     if scene in BODIES_IN_SPACE:
         with pytest.raises(SymgenError, match="bodies in space|body"):
             momentum_rows(scene)

@@ -1,0 +1,254 @@
+"""An elastic motion in time: steps, doubled until they suffice, and how far off they are."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symgen.errors import ModelError, SimulationError
+from symgen.runtime import _beam_steps, _beams, _core
+from symgen.runtime.beam_methods import BEAM_METHODS, BeamMethod
+from symgen.runtime.elastic_motion import ElasticMotion
+from symgen.runtime.elastic_result import outputs
+
+Array = NDArray[np.float64]
+Counts = NDArray[np.intp]
+Progress = Callable[[float], None]
+
+#: Steps a turn that a run begins with, and the most that it is doubled to.
+_FIRST, _MOST = 256, 1 << 18
+#: Part of the largest stress below which one is round-off.
+_NOISE = 1e-9
+#: By what doubling the steps divides an error: the least that is trusted of a first doubling, and the part
+#: of an error that is left beyond which nothing is said to converge.
+_UNSEEN, _STALLED = 0.25, 0.9
+
+
+@dataclass(frozen=True, slots=True)
+class Task:
+    """What is asked of a run; see :meth:`symgen.runtime.elastic_model.ElasticModel.run`."""
+
+    method: str
+    revolutions: float
+    steps: int | None
+    rtol: float
+    samples: int
+    at: tuple[float, ...] | None
+    form: str
+
+
+@dataclass(frozen=True, slots=True)
+class Found:
+    """Displacements (times, unknowns) at the recorded times, what they cost, and their rates."""
+
+    displacements: Array
+    steps: int
+    error: float | None = None
+    floquet: tuple[complex, ...] = ()
+    rates: Array | None = None
+
+
+def recorded_times(motion: ElasticMotion, task: Task) -> Array:
+    """Return the times [s] that a run records.
+
+    Raises
+    ------
+    ModelError
+        For options out of range.
+    """
+    if not task.revolutions > 0 or not math.isfinite(task.revolutions):
+        raise ModelError(f"expected revolutions above zero, got {task.revolutions!r}")
+    if task.samples < 2:
+        raise ModelError(f"expected 2 samples or more, got {task.samples!r}")
+    if task.at is not None:
+        last = motion.period * (math.ceil(task.revolutions) - 1) if motion.speed else 0.0
+        return np.array(
+            [last + (motion.time_at(a) or (motion.period if last == 0.0 and a else 0.0)) for a in task.at]
+        )
+    if not motion.speed:
+        return np.linspace(0.0, motion.rigid.description.t_end, task.samples)
+    return np.linspace(0.0, motion.period * task.revolutions, task.samples)
+
+
+def turn(motion: ElasticMotion) -> float:
+    """Return the time [s] that steps are counted over."""
+    return motion.period if motion.speed else motion.rigid.description.t_end
+
+
+def step_counts(motion: ElasticMotion, times: Array, per_turn: int) -> Counts:
+    """Return the number of steps to each time, in rising order, from the one before it, at least one."""
+    gaps = np.diff(np.sort(times), prepend=0.0)
+    counts = np.maximum(1, np.ceil(gaps / turn(motion) * per_turn - 1e-9)).astype(np.intp)
+    return np.where(gaps > 0.0, counts, 0)
+
+
+def stepped(
+    motion: ElasticMotion,
+    equations: _beams.BeamEquations,
+    method: BeamMethod,
+    times: Array,
+    counts: Counts,
+    start: tuple[Array, Array] | None = None,
+    progress: Progress | None = None,
+) -> tuple[Array, Array]:
+    """Return displacements and rates at the times, stepping from zero; NaN where they grow beyond numbers.
+
+    Parameters
+    ----------
+    counts
+        See :func:`step_counts`.
+    start
+        S and S' at time zero, (unknowns, 1) each; at rest and undeformed if absent.
+
+    Raises
+    ------
+    SimulationError
+        When the linkage cannot turn.
+    """
+    n = motion.layout.unknowns
+    steps = _beam_steps.BeamSteps(equations, method, 1)
+    s, v = start or (np.zeros((n, 1)), np.zeros((n, 1)))
+    motion.check(equations, steps.start(0.0, s, v), 0.0)
+    order = np.argsort(times, kind="stable")
+    found, rates, now = np.zeros((len(times), n)), np.zeros((len(times), n)), 0.0
+    for k, count in zip(order.tolist(), counts.tolist(), strict=True):
+        t = float(times[k])
+        if count:
+            status = steps.advance(now, t, count)
+            if status == _core.NOT_FINITE:
+                return np.full_like(found, np.nan), rates
+            motion.check(equations, status, t)
+            now = t
+            if progress:
+                progress(t / float(times[order[-1]]))
+        found[k], rates[k] = steps.displacements[:, 0], steps.rates[:, 0]
+    return found, rates
+
+
+def doubled(
+    motion: ElasticMotion,
+    equations: _beams.BeamEquations,
+    task: Task,
+    times: Array,
+    progress: Progress | None,
+) -> Found:
+    """Step with what is asked, or double the steps until two runs agree.
+
+    Raises
+    ------
+    ModelError
+        For options out of range.
+    SimulationError
+        When the linkage cannot turn, or the most steps do not suffice.
+    """
+    method = BEAM_METHODS[task.method]
+    errors = Errors(motion, equations, times, method.order)
+    counts = step_counts(motion, times, task.steps or _FIRST)
+    if task.steps is not None:
+        if task.steps < 1:
+            raise ModelError(f"expected 1 step a turn or more, got {task.steps!r}")
+        halved = np.where(counts > 0, np.maximum(1, counts // 2), 0)
+        fine, rates = stepped(motion, equations, method, times, counts, progress=progress)
+        if np.array_equal(halved, counts):
+            return Found(fine, int(np.sum(counts)), rates=rates)
+        coarse, _ = stepped(motion, equations, method, times, halved)
+        return Found(fine, int(np.sum(counts)), errors.of(coarse, fine), rates=rates)
+    coarse, _ = stepped(motion, equations, method, times, counts)
+    while np.sum(counts) < _MOST * max(1.0, task.revolutions):
+        counts = 2 * counts
+        fine, rates = stepped(motion, equations, method, times, counts, progress=progress)
+        error = errors.of(coarse, fine)
+        if error <= task.rtol:
+            return Found(fine, int(np.sum(counts)), error, rates=rates)
+        coarse = fine
+    raise SimulationError(
+        f"{motion.rigid.name}: {task.method} does not come within {task.rtol:g} of the peak stress "
+        f"with {_MOST} steps a turn"
+    )
+
+
+class Errors:
+    """Errors of runs whose steps are doubled, over the peak stress at a station, the largest of all stations.
+
+    The differences between runs fall as a series. Its rate is the one seen last, not better than the order of
+    the method says: vibrations that the steps do not resolve would else hide behind a high order.
+    """
+
+    def __init__(
+        self, motion: ElasticMotion, equations: _beams.BeamEquations, times: Array, order: int
+    ) -> None:
+        self._motion, self._links = motion, motion.links(equations, times)
+        self._best = 0.5**order
+        self._before: float | None = None
+
+    def of(self, coarse: Array, fine: Array) -> float:
+        """Return the error of the finer of two runs, each after the other (times, unknowns)."""
+        difference = self._difference(coarse, fine)
+        rate = _UNSEEN
+        if self._before:
+            rate = min(max(difference / self._before, self._best), _STALLED)
+        self._before = difference if math.isfinite(difference) else None
+        return difference * rate / (1 - rate)
+
+    def _difference(self, coarse: Array, fine: Array) -> float:
+        if not (np.all(np.isfinite(coarse)) and np.all(np.isfinite(fine))):
+            return math.inf
+        before, found = (outputs(self._motion, self._links, values) for values in (coarse, fine))
+        pairs = [
+            (a.values, b.values) for a, b in zip(before, found, strict=True) if b.name.endswith(".stress")
+        ]
+        least = _NOISE * max((float(np.max(np.abs(b))) for _, b in pairs), default=0.0)
+        worst = 0.0
+        for a, b in pairs:
+            peak = float(np.max(np.abs(b)))
+            if peak > least:
+                worst = max(worst, float(np.max(np.abs(a - b))) / peak)
+        return worst
+
+
+def explicit(
+    motion: ElasticMotion,
+    equations: _beams.BeamEquations,
+    task: Task,
+    times: Array,
+    progress: Progress | None,
+) -> Found:
+    """Step by an explicit method of the step loop of rods.
+
+    Raises
+    ------
+    SimulationError
+        When the linkage cannot turn.
+    """
+    from symgen.runtime import _stepper
+    from symgen.runtime.options import options
+    from symgen.runtime.simulate import drive
+
+    n = motion.layout.unknowns
+    end = float(np.max(times))
+    fixed = task.method == "rk4"
+    step = turn(motion) / (task.steps or 2048) if fixed else None
+    chosen = options(end, task.method, None if fixed else task.rtol, None, step, 2, 1_000_000_000)
+    order = np.argsort(times, kind="stable")
+    stepper = _stepper.Stepper(
+        equations,
+        chosen.method,
+        0.0,
+        np.zeros(2 * n),
+        end,
+        chosen.rtol,
+        chosen.atol,
+        chosen.step,
+        times[order],
+    )
+    status, _ = drive(stepper, 0.0, chosen, progress)
+    if status == _core.NOT_FINITE:
+        return Found(np.full((len(times), n), np.nan), stepper.steps)
+    motion.check(equations, status, stepper.t)
+    found = np.zeros((len(times), 2 * n))
+    found[order] = stepper.result[:, : 2 * n]
+    return Found(found[:, :n], stepper.steps, rates=found[:, n:])
