@@ -1,6 +1,7 @@
 """Elements by Gauss quadrature of shape functions found numerically: independent of the derived kernels.
 
-``Reference`` offers the same functions as the compiled module ``elastic_link``.
+Timoshenko's is the element whose two shear strains follow from equilibrium, for a uniform section: what the
+derived one becomes when its own are condensed.
 """
 
 from __future__ import annotations
@@ -10,14 +11,6 @@ from numpy.polynomial import Polynomial as P
 from numpy.polynomial.legendre import leggauss
 
 POINTS = 14
-#: Names of the unknowns of a node, and of those inside.
-DOFS = {
-    "beam8": (("u", "w", "theta", "kappa"), ()),
-    "cubic": (("u", "w", "theta"), ()),
-    "rayleigh": (("u", "w", "theta", "kappa"), ()),
-    "timoshenko": (("u", "w", "theta"), ()),
-    "beam9": (("u", "w", "theta", "kappa"), ("mid",)),
-}
 
 
 def _hermite(L, derivatives):
@@ -71,13 +64,7 @@ def shapes(name, q):
 
 
 class Reference:
-    """Stands for the compiled module."""
-
-    def __getattr__(self, name):
-        element, _, what = name.partition("_")
-        if element not in DOFS:
-            raise AttributeError(name)
-        return lambda q, u=None: getattr(self, what)(element, np.asarray(q, dtype=float), u)
+    """The matrices of an element for arguments ``q`` of its kernels, flat; ``shape`` at u[0]."""
 
     @staticmethod
     def _rows(element, q, x):
@@ -110,18 +97,18 @@ class Reference:
             s = P([0.0])
         return m, j, a, b, s
 
-    def mass(self, element, q, _):
+    def mass(self, element, q):
         m, j, *_ = self._section(element, q)
         o = np.outer
         return self._sum(
             element, q, lambda x, u, w, dw, p, du, c: m(x) * (o(u, u) + o(w, w)) + j(x) * o(p, p)
         ).ravel()
 
-    def gyroscopic(self, element, q, _):
+    def gyroscopic(self, element, q):
         m = self._section(element, q)[0]
         return self._sum(element, q, lambda x, u, w, *_: m(x) * (np.outer(u, w) - np.outer(w, u))).ravel()
 
-    def stiffness(self, element, q, _):
+    def stiffness(self, element, q):
         _, _, a, b, s = self._section(element, q)
         o = np.outer
         return self._sum(
@@ -130,7 +117,7 @@ class Reference:
             lambda x, u, w, dw, p, du, c: a(x) * o(du, du) + b(x) * o(c, c) + s(x) * o(dw - p, dw - p),
         ).ravel()
 
-    def geometric(self, element, q, _):
+    def geometric(self, element, q):
         m = self._section(element, q)[0]
         before, moment = m.integ(), (m * P([0, 1])).integ()
         return np.array(
@@ -140,7 +127,7 @@ class Reference:
             ]
         ).ravel()
 
-    def load(self, element, q, _):
+    def load(self, element, q):
         m, j, *_ = self._section(element, q)
         return self._sum(
             element,

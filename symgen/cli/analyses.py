@@ -91,6 +91,9 @@ def modes(
             help='Crank angles of a scene with elastic links: "0,60" (degrees), "0.5 rad"; else its start.',
         ),
     ] = None,
+    moving: Annotated[
+        bool, typer.Option("--moving", help="Of elastic links as they turn, not at rest in their pose.")
+    ] = False,
     set_: SetOption = None,
     as_json: JsonOption = False,
     backend: BackendOption = "auto",
@@ -105,7 +108,8 @@ def modes(
         from symgen.report.elastic import print_elastic_modes
         from symgen.runs import angles
 
-        found = [elastic.modes(angle) for angle in angles(at)] if at else [elastic.modes()]
+        poses = angles(at) if at else [None]
+        found = [elastic.modes(angle, moving=moving) for angle in poses]
         if not as_json:
             print_elastic_modes(found, elastic.description.title, console())
         elif len(found) == 1:
@@ -113,8 +117,9 @@ def modes(
         else:
             print_json({"scene": elastic.name, "poses": [m.summary() for m in found]})
         return
-    if at:
-        raise ModelError(f"{elastic.name} has no elastic links: --at is for those")
+    if at or moving:
+        given = "--at" if at else "--moving"
+        raise ModelError(f"{elastic.name} has no elastic links: {given} is for those")
     model = linkage(scene, set_, backend, "modes")
     about = model.modes()
     if as_json:

@@ -15,11 +15,23 @@ from symgen.runtime.sweep import Sweep
 
 
 def print_elastic_modes(poses: Sequence[ElasticModes], title: str, console: Console) -> None:
-    """Print the frequencies of the structure at rest, a column for each pose."""
-    head = ("mode", *(f"{math.degrees(p.angle):.6g} deg [Hz]" for p in poses))
-    count = max(len(p.frequencies) for p in poses)
-    rows = [(str(i + 1), *(f"{p.frequencies[i]:.6g}" for p in poses)) for i in range(count)]
-    console.print(table(f"{title}: the structure at rest in its pose", head, rows))
+    """Print the frequencies of the structure in its poses, and what reductions make of them, in columns."""
+    moving = any(len(p.growth) for p in poses)
+    head, columns = ["mode"], []
+    for p in poses:
+        pose = f"{math.degrees(p.angle):.6g} deg"
+        head.append(f"{pose} [Hz]")
+        columns.append([f"{x:.6g}" for x in p.frequencies])
+        if moving:
+            head.append("growth [1/s]")
+            columns.append([f"{x:.3g}" for x in p.growth])
+        if p.without_reduction is not None:
+            head.append(f"error of {len(p.frequencies)} for {p.without_reduction[1]} unknowns")
+            columns.append([f"{x:.1e}" for x in p.errors])
+    count = max(len(c) for c in columns)
+    rows = [(str(i + 1), *(c[i] if i < len(c) else "" for c in columns)) for i in range(count)]
+    what = "as it moves" if moving else "at rest in its pose"
+    console.print(table(f"{title}: the structure {what}", head, rows))
 
 
 def print_sweep(result: Sweep, console: Console) -> None:

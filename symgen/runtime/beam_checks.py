@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symgen.runtime.beam_elements import SHAPES, at, names, segments
-from symgen.runtime.beam_frames import Frames, frames
+from symgen.runtime.beam_forces import Motion
+from symgen.runtime.beam_frames import frames
 from symgen.runtime.beams import Beam
 from symgen.runtime.elastic_motion import ElasticMotion
 from symgen.runtime.elastic_result import own_unknowns
@@ -30,29 +31,27 @@ _JUDGE = "compare with method exact"
 _PLACES, _EULER = 65, 8
 
 
-def warnings(motion: ElasticMotion, links: Array, displacements: Array, moments: Sequence[str]) -> list[str]:
+def warnings(motion: ElasticMotion, recorded: Motion, moments: Sequence[str]) -> list[str]:
     """Return a note for every elastic link and limit of linear theory that it passes.
 
     Parameters
     ----------
     motion
-        The elastic motion.
-    links
-        Motion of the links at the recorded times, (times, links, 10).
-    displacements
-        (times, unknowns).
+        The linkage.
+    recorded
+        Its elastic motion at the recorded times.
     moments
-        What to call each recorded time: ``"crank angle 45 degrees"``.
+        What to call each of these: ``"crank angle 45 degrees"``.
     """
     found = []
     for k, beam in enumerate(motion.beams):
-        axes = frames(links[:, k])
-        own = own_unknowns(motion, k, links, displacements)
+        own = own_unknowns(motion, k, recorded.links, recorded.displacements)
         places = np.linspace(0.0, 1.0, min(4 * beam.info.elements + 1, _PLACES))
         table = dict(zip(SHAPES, beam.table(places.tolist()), strict=True))
         found += _of_slope(beam, own @ table["slope"].T, moments)
         strain = own @ table["axial_strain"].T
-        found += _of_axial_force(motion, k, axes, places, strain, moments)
+        rigid = _rigid_axial_force(motion, k, recorded, places)
+        found += _of_axial_force(motion, k, rigid, places, strain, moments)
         found += _of_stress(beam, places, strain, own @ table["curvature"].T, moments)
     return found
 
@@ -67,12 +66,22 @@ def _of_slope(beam: Beam, slopes: Array, moments: Sequence[str]) -> list[str]:
     ]
 
 
+def _rigid_axial_force(motion: ElasticMotion, k: int, recorded: Motion, places: Array) -> Array:
+    """Return the axial force of the rigid motion [N], tension positive, (times, places)."""
+    axes, beam = frames(recorded.links[:, k]), motion.beams[k]
+    found = axes.axial_force(beam, places)
+    own = [i for i, name in enumerate(motion.info.loads) if name == beam.info.link]
+    for i, profile in zip(own, motion.profiles(beam.info.link), strict=True):
+        pull, _ = axes.local(recorded.loads[:, i, 0], recorded.loads[:, i, 1])
+        found -= pull[:, None] * profile.before(places * beam.properties.length)
+    return found
+
+
 def _of_axial_force(
-    motion: ElasticMotion, k: int, axes: Frames, places: Array, strain: Array, moments: Sequence[str]
+    motion: ElasticMotion, k: int, rigid: Array, places: Array, strain: Array, moments: Sequence[str]
 ) -> list[str]:
     """Compare the axial force, that of the rigid motion and that of the strain found, with Euler's load."""
     beam = motion.beams[k]
-    rigid = axes.axial_force(beam, places)
     stiffness = [at(beam.properties.axial, x) for x in (places * beam.properties.length).tolist()]
     found = rigid if not beam.info.axial else strain * stiffness
     limit = euler_load(motion, k)

@@ -104,24 +104,26 @@ class ElasticModel(Compiled):
         """Return the same model with other values of its tunable parameters, in SI units."""
         return ElasticModel(self.rigid.with_parameters(**values), self._in_segments)
 
-    def modes(self, angle: float | None = None) -> ElasticModes:
-        """Return frequencies and shapes of the structure at rest in a pose of its rigid links.
+    def modes(self, angle: float | None = None, *, moving: bool = False) -> ElasticModes:
+        """Return frequencies and shapes of the structure in a pose of its rigid links.
 
         Parameters
         ----------
         angle
             Direction of the crank [rad]; that of the start when absent.
+        moving
+            As the links turn: with centrifugal, gyroscopic and axial forces of the rigid motion, as if these
+            lasted; each joint on the axes of an elastic link. At rest otherwise.
 
         Raises
         ------
         ModelError, SimulationError
             When the crank stands still elsewhere, or cannot come there.
         """
-        from symgen.runtime.elastic_modes import elastic_modes
+        from symgen.runtime.elastic_modes import modes_with_errors
 
         motion = self._motion(True)
-        at = motion.angle if angle is None else angle
-        return elastic_modes(motion, motion.equations(), motion.time_at(at))
+        return modes_with_errors(motion, motion.time_at(motion.angle if angle is None else angle), moving)
 
     def run(
         self,

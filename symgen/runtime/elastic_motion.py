@@ -85,15 +85,25 @@ class ElasticMotion:
             infos = tuple(replace(info, geometric_stiffness=False) for info in infos)
         rows = self._tables["properties"]
         return tuple(
-            beam(info, _properties(row), self._lumps(info.link), self._profiles(info.link))
+            beam(info, _properties(row), self._lumps(info.link), self.profiles(info.link))
             for info, row in zip(infos, rows, strict=True)
         )
+
+    def unreduced(self) -> ElasticMotion | None:
+        """Return the same with no link reduced; None where none is."""
+        if not any(info.reduction for info in self.info.beams):
+            return None
+        made = ElasticMotion(self.rigid, self._stiffened)
+        plain = tuple(replace(info, reduction="", modes=0) for info in self.info.beams)
+        made.info = replace(self.info, beams=plain)
+        return made
 
     def _lumps(self, link: str) -> tuple[Lump, ...]:
         rows = zip(self.info.lumps, self._tables.get("lumps", ()), strict=True)
         return tuple(Lump(float(at), float(mass)) for name, (at, mass) in rows if name == link)
 
-    def _profiles(self, link: str) -> tuple[Profile, ...]:
+    def profiles(self, link: str) -> tuple[Profile, ...]:
+        """Return how the forces along a link lie, in the order of those in ``rigid_motion``."""
         rows = zip(self.info.loads, self._tables.get("profiles", ()), strict=True)
         return tuple(Profile(*map(float, row)) for name, row in rows if name == link)
 

@@ -86,7 +86,7 @@ def _result(
     variables = [*outputs(motion, links, found.displacements), *recovered(motion, whole)]
     variables += forces(motion, equations, whole)
     notes = [*_of_speed(motion), *_of_stability(found)]
-    notes += warnings(motion, links, found.displacements, _moments(motion, times))
+    notes += warnings(motion, whole, _moments(motion, times))
     if thesis:
         notes.append("the thesis' form, which takes the turning of axes as constant: for comparison only")
     return ElasticResult(

@@ -1,0 +1,171 @@
+"""Frequencies of whole linkages through ``symgen.build``: against closed forms, by number of elements."""
+
+from __future__ import annotations
+
+import json
+
+import elastic_scenes as bars
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import symgen
+from symgen.cli import app
+from symgen.errors import ModelError
+
+#: sqrt(E I / rho A) / L^2 [rad/s] of the bar of the scenes.
+BENT = float(np.sqrt(bars.E * bars.INERTIA / (bars.RHO * bars.AREA)) / bars.LENGTH**2)
+
+
+def bending(modes, count):
+    """The lowest frequencies [rad/s]; those along the bar lie far above."""
+    return 2 * np.pi * modes.frequencies[:count]
+
+
+def order(coarse, fine):
+    return np.log2(coarse / fine)
+
+
+def rotary_pinned():
+    """Pinned, with rotary inertia: EI k^4 = w^2 (m + j k^2), k = pi/L."""
+    k = np.pi / bars.LENGTH
+    inertia = bars.RHO * bars.AREA + bars.RHO * bars.INERTIA * k**2
+    return np.sqrt(bars.E * bars.INERTIA * k**4 / inertia)
+
+
+def timoshenko_pinned(shear):
+    """The lower root of m j w^4 - (m (EI k^2 + S) + j S k^2) w^2 + S EI k^4 = 0, S = kGA, k = pi/L."""
+    k, m, j, bent = np.pi / bars.LENGTH, bars.RHO * bars.AREA, bars.RHO * bars.INERTIA, bars.E * bars.INERTIA
+    middle = m * (bent * k**2 + shear) + j * shear * k**2
+    return np.sqrt(2 * shear * bent * k**4 / (middle + np.sqrt(middle**2 - 4 * m * j * shear * bent * k**4)))
+
+
+#: Numbers of elements, and the order of the frequency: twice (degree - 1) of the deflection.
+PINNED = {
+    "beam8": ((1, 2), 8),
+    "beam9": ((1, 2), 8),
+    "rayleigh": ((1, 2), 8),
+    "cubic": ((4, 8), 4),
+    "timoshenko": ((8, 16), 4),
+}
+
+
+@pytest.mark.parametrize("element", PINNED)
+def test_pinned_coupler(tmp_path, element):
+    numbers, expected = PINNED[element]
+    exact = np.pi**2 * BENT
+    more = ""
+    if element == "rayleigh":
+        exact = rotary_pinned()
+    if element == "timoshenko":
+        more = ", shear = { poisson = 0.3 }"
+        exact = timoshenko_pinned(5 / 6 * bars.E / 2.6 * bars.AREA)
+    errors = []
+    for n in numbers:
+        model = bars.pinned(tmp_path, f', element = "{element}", elements = {n}{more}')
+        errors.append(bending(model.modes(), 1)[0] / exact - 1)
+    assert errors[0] > errors[1] > 0
+    assert expected - 0.3 < order(*errors) < expected + 2
+
+
+def test_clamped_crank(tmp_path):
+    """cos x cosh x = -1: one element 2.1e-6 above, as the method has it."""
+    exact = np.array([1.875104068711961, 4.694091132974175]) ** 2 * BENT
+    errors = []
+    for n in (1, 2, 4):
+        errors.append(bending(bars.cantilever(tmp_path, f", elements = {n}").modes(), 2) / exact - 1)
+    assert errors[0][0] == pytest.approx(2.1e-6, rel=0.02)
+    assert 7.0 < order(errors[0][0], errors[1][0]) < 8.5
+    assert np.all(np.abs(errors[2]) < 1e-7)
+
+
+#: Flapping frequencies of a rotating cantilever by its speed, both over ``BENT``: Wright et al. 1982.
+FLAPPING = {6: 7.3604, 12: 13.1702}
+
+
+@pytest.mark.parametrize("speed", FLAPPING)
+@pytest.mark.parametrize("element, elements", [("beam8", 4), ("cubic", 16)])
+def test_rotating_cantilever(tmp_path, element, elements, speed):
+    """In its plane the square is less by that of the speed."""
+    chosen = f', element = "{element}", elements = {elements}, axial = false'
+    model = bars.cantilever(tmp_path, chosen, speed=f"{speed * BENT!r} rad/s")
+    lagging = bending(model.modes(moving=True), 1)[0] / BENT
+    error = 1e-5 if element == "beam8" else 1e-4
+    assert np.hypot(lagging, speed) == pytest.approx(FLAPPING[speed], rel=error)
+
+
+def test_order_of_a_rotating_cantilever(tmp_path):
+    """Against eight elements; cubic deflections give order four."""
+    exact = None
+    errors = {}
+    for element, n in (("beam8", 8), ("cubic", 4), ("cubic", 8)):
+        chosen = f', element = "{element}", elements = {n}, axial = false'
+        model = bars.cantilever(tmp_path, chosen, speed=f"{6 * BENT!r} rad/s")
+        found = bending(model.modes(0.3, moving=True), 1)[0]
+        exact = exact or found
+        errors[n] = found / exact - 1
+    assert 3.7 < order(errors[4], errors[8]) < 4.5
+
+
+def test_a_turning_bar_that_stretches_feels_its_gyroscopic_forces(tmp_path):
+    """Slender as it is, that lowers its frequency in the plane by little; the angle makes no difference."""
+    speed = f"{6 * BENT!r} rad/s"
+    stiff = bars.cantilever(tmp_path, ", elements = 4, axial = false", speed=speed)
+    soft = bars.cantilever(tmp_path, ", elements = 4", speed=speed)
+    exact = bending(stiff.modes(moving=True), 1)[0]
+    found = [bending(soft.modes(angle, moving=True), 1)[0] for angle in (0.0, 1.0, 4.0)]
+    assert 1e-7 < abs(found[0] / exact - 1) < 1e-2
+    assert found == pytest.approx([found[0]] * 3, rel=1e-9)
+
+
+def test_moving_modes_of_a_linkage_that_stands_still_are_those_at_rest(tmp_path):
+    model = bars.pinned(tmp_path, ", elements = 2")
+    rest, moving = model.modes(), model.modes(moving=True)
+    assert moving.frequencies == pytest.approx(rest.frequencies, rel=1e-9)
+    assert np.max(np.abs(moving.growth)) < 1e-6 * rest.frequencies[-1]
+
+
+def test_damping_of_a_bar_in_motion(tmp_path):
+    """Rayleigh's a M: all modes decay by a/2."""
+    model = bars.pinned(tmp_path, ', elements = 2, damping = { mass = "3 rad/s" }')
+    found = model.modes(moving=True)
+    assert found.growth == pytest.approx(-1.5, rel=1e-6)
+    at_rest = model.modes().frequencies
+    damped = np.sqrt((2 * np.pi * at_rest) ** 2 - 1.5**2) / (2 * np.pi)
+    assert found.frequencies == pytest.approx(damped, rel=1e-9)
+
+
+def test_reductions_say_how_small_and_how_wrong_they_are(tmp_path):
+    """Craig's and Bampton's modes come near from above; Guyan's condensation leaves the bending out."""
+    whole = bars.pinned(tmp_path, ", elements = 6")
+    exact = whole.modes()
+    assert exact.without_reduction is None and exact.errors.size == 0
+    before = np.inf
+    for kept in (2, 4, 6):
+        text = f', elements = 6, reduction = {{ kind = "craig-bampton", modes = {kept} }}'
+        found = bars.pinned(tmp_path, text).modes()
+        assert found.without_reduction[1] == len(exact.frequencies) > len(found.frequencies)
+        assert found.without_reduction[0] == pytest.approx(exact.frequencies[: len(found.frequencies)])
+        assert np.all(found.errors > -1e-9)
+        error = found.errors[0]
+        assert error < before
+        before = max(error, 1e-12)
+        assert found.frequencies[0] == pytest.approx(exact.frequencies[0] * (1 + error))
+    four_bar = "elastic_four_bar"
+    changes = {f"links.{k}.elastic.elements": 3 for k in ("crank", "coupler", "output")}
+    changes |= {f"links.{k}.elastic.reduction": {"kind": "guyan"} for k in ("coupler", "output")}
+    found = symgen.build(four_bar, set=changes).modes(1.0)
+    assert len(found.errors) and found.errors[-1] > 0.1
+    assert found.errors[0] < 0.2
+
+
+def test_modes_on_the_command_line():
+    call = lambda *words: CliRunner().invoke(app, ["modes", *words])  # noqa: E731
+    found = json.loads(call("rotating_cantilever", "--moving", "--json").stdout)
+    at_rest = json.loads(call("rotating_cantilever", "--json").stdout)
+    assert found["frequencies_hz"][0] > at_rest["frequencies_hz"][0]
+    assert len(found["growth_per_s"]) == found["unknowns"] and "growth_per_s" not in at_rest
+    shown = call("rotating_cantilever", "--moving").stdout
+    assert "as it moves" in shown and "growth" in shown
+    refused = call("four_bar", "--moving")
+    assert refused.exit_code != 0 and isinstance(refused.exception, ModelError | SystemExit)
