@@ -2,8 +2,8 @@
 
 The linkage is the shipped scene: crank held, 10 unknowns, exact form, with geometric stiffness, from rest.
 The error is the largest of any link's bending strain at mid-length over 361 times, relative to that link's
-peak, against an independent NumPy model of the tests. Of each method the loosest of ``TOLERANCES`` that comes within
-``ERROR`` counts; symgen's time is that of the whole call of ``model.run``.
+peak, against an independent NumPy model of the tests. Of each method the loosest of ``TOLERANCES`` that comes
+within ``ERROR`` counts; symgen's time is that of the whole call of ``model.run``.
 
 The other route lambdifies the assembled matrices together with the rigid motion in closed form, one function
 of the time, once with functions of ``numpy`` and once with those of ``math``; SciPy's DOP853 and

@@ -1,9 +1,9 @@
 """Methods on the full equations of the elastic four-bar: which survive one turn, their errors and times.
 
 The systems are those that the thesis could not integrate: the crank held (10 unknowns) and left to itself
-(11), in the exact form and in the thesis', without geometric stiffness, from rest. The error is the largest of any
-link's bending strain at mid-length over 181 times, relative to that link's peak, against Gauss collocation of
-the highest order with 8100 steps. A method survives where its numbers are finite and the error is below one.
+(11), in the exact form and in the thesis', without geometric stiffness, from rest. The error is the largest
+of any link's bending strain at mid-length over 181 times, relative to that link's peak, against Gauss
+collocation with 8100 steps. A method survives where its numbers are finite and the error is below one.
 
 Methods of symgen run compiled. SciPy's take the compiled accelerations of symgen as a function of Python.
 """
