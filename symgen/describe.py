@@ -152,7 +152,7 @@ def _of_linkage(linkage: Linkage, program: Program, equations: str) -> Descripti
 
 def _elastic(linkage: Linkage) -> ElasticInfo:
     from symgen.elements import ELEMENTS
-    from symgen.models.elastic import lumps, point_loads
+    from symgen.models.elastic import loads_along, lumps
     from symgen.runtime.beam_data import BeamInfo
     from symgen.runtime.elastic_description import ElasticInfo
 
@@ -179,5 +179,5 @@ def _elastic(linkage: Linkage) -> ElasticInfo:
         mode=crank.mode if crank else "",
         stations=tuple((s.name, s.link) for s in linkage.stations),
         lumps=tuple(link for link, _, _ in lumps(linkage)),
-        loads=tuple(link for link, _, _ in point_loads(linkage)),
+        loads=tuple(link for link, *_ in loads_along(linkage)),
     )

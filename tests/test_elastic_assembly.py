@@ -153,3 +153,19 @@ def test_geometric_stiffness_is_seen():
     """What the comparison above would miss without it is far above its tolerance."""
     with_it, without = (motion("elastic_four_bar", s).equations().matrices(0.01)[3] for s in (True, False))
     assert np.abs(with_it - without).max() > 1e-6 * np.abs(with_it).max()
+
+
+@pytest.mark.parametrize("axis", "xy")
+def test_a_uniform_shift_of_a_link_needs_no_force(axis):
+    """Both ends of the coupler are shifted: what its own unknowns feel is nothing, in the exact form only."""
+    found = motion("elastic_four_bar")
+    names = found.layout.names
+    shift = np.array([float(name in {f"A.{axis}", f"B.{axis}"}) for name in names])
+    own = [k for k, name in enumerate(names) if name.startswith("coupler.")]
+    for thesis in (False, True):
+        compiled = found.equations(thesis)
+        for t in times(found):
+            _, _, damping, stiffness, *_ = compiled.matrices(t)
+            for matrix in (damping, stiffness):
+                felt = np.abs(matrix[own] @ shift).max() / np.abs(matrix[own]).max()
+                assert (felt > 1e-9) if thesis else (felt < 1e-15)

@@ -17,8 +17,8 @@ from symgen.models.linearised import analysis_of, linearised
 from symgen.models.matrix import named
 from symgen.models.rods import RodsModel
 from symgen.scene.elastic import AREA_POWER, INERTIA_POWER, Crank, ElasticLink
-from symgen.scene.linkage import AppliedTorque, Linkage, RigidLink, state_symbol
-from symgen.symbolic.calculus import ZERO
+from symgen.scene.linkage import AppliedTorque, Linkage, RigidLink, Vector, state_symbol
+from symgen.symbolic.calculus import ONE, ZERO
 from symgen.symbolic.system import Export, NamedMatrix, System
 
 #: Columns of ``links``, and of ``properties``: see :class:`symgen.runtime.beams.Properties`.
@@ -45,15 +45,15 @@ def motion_system(linkage: Linkage) -> System:
 
     ``links``: a row for every elastic link, with the vector from its first point to its second, the rate
     and second rate of that, the acceleration of its first point less gravity, and the force on it there.
-    ``point_loads``: forces on points that an elastic link carries. ``torque``: of the motor, with its slopes
-    by angle and angular velocity. ``constants``: sections, stations, masses along links, the crank.
+    ``loads``: forces along elastic links, on fixed axes. ``torque``: of the motor, with its slopes by angle
+    and angular velocity. ``constants``: sections, stations, masses along links, profiles of forces, crank.
     """
     model = RodsModel(linkage)
     matrices = [
         _table(model, "links", [_motion(model, k) for k in linkage.elastic], "m, m/s, m/s^2, N", MOTION),
         _table(model, "properties", [_properties(linkage, k) for k in linkage.elastic], "SI", PROPERTIES),
     ]
-    constants = ["properties"]
+    constants, along = ["properties"], list(loads_along(linkage))
     crank = linkage.crank
     if crank:
         row = [crank.angle, crank.speed, crank.flywheel]
@@ -62,6 +62,7 @@ def motion_system(linkage: Linkage) -> System:
     for name, rows, unit, columns in (
         ("stations", _stations(linkage), "1, m", ("at", "fibre")),
         ("lumps", [[at, mass] for _, at, mass in lumps(linkage)], "m, kg", ("at", "mass")),
+        ("profiles", [profile for _, profile, _, _ in along], "m, 1, 1/m", ("at", "even", "slope")),
     ):
         if rows:
             matrices.append(_table(model, name, rows, unit, columns))
@@ -70,10 +71,10 @@ def motion_system(linkage: Linkage) -> System:
         Export("links", "motion of the elastic links and force on their first points", ("links",)),
         Export("constants", "sections, stations, masses along links and the crank", tuple(constants)),
     ]
-    loads = [[at, *model.loads.with_state(force)] for _, at, force in point_loads(linkage)]
-    if loads:
-        matrices.append(_table(model, "point_loads", loads, "m, N", ("at", "x", "y")))
-        exports.append(Export("point_loads", "forces along elastic links", ("point_loads",)))
+    if along:
+        loads = [model.loads.fixed(link, force, turning) for link, _, force, turning in along]
+        matrices.append(_table(model, "loads", loads, "N or N/m", ("x", "y")))
+        exports.append(Export("loads", "forces along elastic links", ("loads",)))
     if crank and crank.mode == "motor":
         matrices.append(_torque(model, crank))
         exports.append(Export("torque", "torque of the motor and its slopes", ("torque",)))
@@ -115,12 +116,25 @@ def lumps(linkage: Linkage) -> Iterator[tuple[str, sp.Expr, sp.Expr]]:
             yield (*place, mass.mass)
 
 
-def point_loads(linkage: Linkage) -> Iterator[tuple[str, sp.Expr, tuple[sp.Expr, ...]]]:
-    """Yield the forces along elastic links: link, distance from its first point [m], components [N]."""
-    for force in linkage.forces:
-        place = _on_beam(linkage, force.point)
-        if place:
-            yield (*place, force.force)
+def loads_along(linkage: Linkage) -> Iterator[tuple[str, Vector, Vector, bool]]:
+    """Yield the forces along elastic links: link, profile, components, and whether these turn with the link.
+
+    A profile is the place [m] of a force, zero, zero; or zero, and the factors of 1 and x of a force per
+    length. The links are in their order.
+    """
+    for beam in linkage.elastic:
+        for force in linkage.forces:
+            place = _on_beam(linkage, force.point)
+            if place and place[0] == beam.link:
+                yield beam.link, (place[1], ZERO, ZERO), force.force, False
+        for load in linkage.distributed:
+            if load.link == beam.link:
+                slope = 1 / linkage.link(beam.link).length
+                if load.start == load.end:
+                    yield beam.link, (ZERO, ONE, ZERO), load.start, load.turning
+                else:
+                    yield beam.link, (ZERO, ONE, -slope), load.start, load.turning
+                    yield beam.link, (ZERO, ZERO, slope), load.end, load.turning
 
 
 def _on_beam(linkage: Linkage, point: str) -> tuple[str, sp.Expr] | None:
@@ -200,6 +214,7 @@ def _without_beams(linkage: Linkage) -> Linkage:
         links=tuple(left(k) for k in linkage.links),
         masses=tuple(m for m in linkage.masses if m.point not in carried),
         forces=tuple(f for f in linkage.forces if f.point not in carried),
+        distributed=tuple(f for f in linkage.distributed if f.link not in beams),
         torques=tuple(torques),
     )
 

@@ -36,7 +36,7 @@ class JointForces:
         self._found: dict[tuple[str, str], Vector] = {}
 
     def on(self, link: str, point: str) -> Vector:
-        """Return the force [N] that acts on a link at one of its points, but for the weight of the link.
+        """Return the force [N] that acts on a link at one of its points, but for weight and loads along it.
 
         Raises
         ------
@@ -116,6 +116,10 @@ def _of_link(model: RodsModel, link: RigidLink) -> Forces:
     if link.offset != 0:
         yield start, _times(ends.cross, _left(b))
         yield end, _times(-ends.cross, _left(a))
+    for load in model.linkage.distributed:
+        if load.link == link.name:
+            for point, share in model.loads.shares(load):
+                yield point, _times(-1, share)
     for on_along in _on_along(model, link):
         yield end, on_along
         yield start, _times(-1, on_along)

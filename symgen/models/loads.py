@@ -10,7 +10,14 @@ import sympy as sp
 
 from symgen.mechanics import loads
 from symgen.mechanics.particles import Vector, cross, dot
-from symgen.scene.linkage import AngularSpring, LinearSpring, LineForce, SpatialBody, state_of
+from symgen.scene.linkage import (
+    AngularSpring,
+    DistributedForce,
+    LinearSpring,
+    LineForce,
+    SpatialBody,
+    state_of,
+)
 from symgen.symbolic.calculus import ONE, ZERO
 
 if TYPE_CHECKING:
@@ -156,6 +163,9 @@ class Loads:
         for load in self.linkage.forces:
             force = self.with_state(load.force)
             found += self._components(force, self.model.position(load.point))
+        for spread in self.linkage.distributed:
+            for place, force in self.shares(spread):
+                found += self._components(force, self.model.position(place))
         for spring in self.linkage.springs:
             if spring.damping != 0:
                 length = self.length(spring.name, spring.start, spring.end)
@@ -175,6 +185,23 @@ class Loads:
                 if link:
                     found += self._couple(link, tuple(sign * c for c in value))
         return found
+
+    def shares(self, load: DistributedForce) -> tuple[tuple[str, Vector], ...]:
+        """Return the forces [N] on the two points of a link that a distributed force on it is equal to."""
+        link = self.linkage.link(load.link)
+        first, second = (self.fixed(load.link, f, load.turning) for f in (load.start, load.end))
+        return tuple(
+            (point, tuple(link.length * (2 * a + b) / 6 for a, b in zip(near, far, strict=True)))
+            for point, near, far in ((link.start, first, second), (link.end, second, first))
+        )
+
+    def fixed(self, link: str, force: Vector, turning: bool) -> Vector:
+        """Return a load on fixed axes; where ``turning`` it is written along a link and to its left."""
+        force = self.with_state(force)
+        if not turning:
+            return force
+        (x, y), length = self.model.along[link], self.linkage.link(link).length
+        return (x * force[0] - y * force[1]) / length, (y * force[0] + x * force[1]) / length
 
     def _components(self, force: Vector, place: Vector) -> list[Work]:
         """Return a force on a vector of the linkage as loads of its components."""

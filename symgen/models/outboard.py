@@ -133,6 +133,10 @@ class Outboard:
         for load in self.linkage.forces:
             if load.point in points:
                 yield Push(position(load.point), self.model.loads.with_state(load.force))
+        for spread in self.linkage.distributed:
+            if spread.link in bodies:
+                for point, force in self.model.loads.shares(spread):
+                    yield Push(position(point), force)
         lines: list[LinearSpring | LineForce] = [*self.linkage.springs, *self.linkage.actuators]
         for line in lines:
             sign = (line.end in points) - (line.start in points)

@@ -38,11 +38,18 @@ def rigid_forces_system(linkage: Linkage) -> System:
     Raises
     ------
     SceneError
-        For a linkage in space.
+        For a linkage in space, or with distributed forces.
     """
     if linkage.dimension != 2:
         raise SceneError(
             f"{linkage.name} is in space: forces by elements are for linkages in the plane",
+            hint="LINK.POINT.force among the outputs of the scene gives the joint forces of a run.",
+        )
+    if linkage.distributed:
+        raise SceneError(
+            "forces by elements know forces on points, and no distributed ones",
+            where="distributed_forces",
+            file=linkage.file,
             hint="LINK.POINT.force among the outputs of the scene gives the joint forces of a run.",
         )
     model = RodsModel(linkage)

@@ -14,13 +14,10 @@ cdef class BeamEquations(Equations):
     cdef Py_ssize_t[::1] sizes, constants_at, link_of, places, places_at, slots, slots_at
     cdef Py_ssize_t[:, ::1] ends
     cdef double[::1] constants
-    # joints, point loads and the crank
+    # joints, loads along links and the crank
     cdef Py_ssize_t coordinates
     cdef Py_ssize_t[::1] joint_places, mass_slots, damping_slots, stiffness_slots, joint_at
-    cdef Py_ssize_t[:, ::1] load_places, load_ends
-    cdef double[:, ::1] load_rows
-    cdef Py_ssize_t[::1] load_links, pulled_at, pulled_by, pulled_constants_at
-    cdef double[::1] pulled
+    cdef Py_ssize_t[::1] loads_at
     cdef Py_ssize_t shaft, shaft_slot
     cdef double flywheel
     # pattern and values of the matrices: of all unknowns, and of those left by the constraints

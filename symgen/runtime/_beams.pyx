@@ -17,7 +17,7 @@ from symgen.runtime._rigid_motion cimport MOTION
 
 # What a pivot of the constraints keeps at least of the largest.
 cdef double RANK = 1e-9
-# Matrices of a superelement, each n x n, and behind them its load vectors.
+# Matrices of a superelement, each n x n, and behind them its load vectors; then of each force two and a matrix.
 cdef enum:
     MATRICES = 8
     LOADS = 4
@@ -49,16 +49,14 @@ cdef class BeamEquations(Equations):
         self.coordinates, self.joint_places = len(layout.joint_places) - 1, layout.joint_places
         self.mass_slots, self.damping_slots = layout.mass_slots, layout.damping_slots
         self.stiffness_slots, self.joint_at = layout.stiffness_slots, layout.joint_at
-        self.load_links, self.load_places, self.load_rows = layout.load_links, layout.load_places, layout.load_rows
-        self.load_ends, self.pulled_at, self.pulled_by = layout.load_ends, layout.pulled_at, layout.pulled_by
-        self.pulled_constants_at, self.pulled = layout.pulled_constants_at, layout.pulled
+        self.loads_at = layout.loads_at
         self.shaft, self.shaft_slot, self.flywheel = layout.shaft, layout.shaft_slot, layout.flywheel
         self.full_rows, self.full_columns = layout.rows, layout.columns
         self.entries, self.band = len(layout.rows), layout.band
         self.full_mass, self.full_damping, self.full_stiffness = (np.zeros(self.entries + 1) for _ in range(3))
         self.full_load = np.zeros(n + 1)
         largest = max(layout.sizes)
-        self.local = np.zeros(max(3 * largest * largest + largest, layout.load_places.shape[1]))
+        self.local = np.zeros(3 * largest * largest + largest)
         free = n - m
         if m:
             self.rows = np.repeat(np.arange(free), free)
@@ -119,6 +117,7 @@ cdef class BeamEquations(Equations):
         cdef double *damping = stiffness + nn
         cdef double *tension = damping + nn
         cdef double *loads = constant + MATRICES * nn
+        cdef double *force = loads + LOADS * n
         cdef double *m = &self.local[0]
         cdef double *d = m + nn
         cdef double *g = d + nn
@@ -130,15 +129,16 @@ cdef class BeamEquations(Equations):
             d[i] = damping[i] - 2 * w * gyroscopic[i]
             g[i] = (stiffness[i] - ww * centrifugal[i] - turn * gyroscopic[i] + pull * tension[i]
                     + along * tension[nn + i] - ww * tension[2 * nn + i])
-        if not self.resting:
-            for e in range(self.pulled_at[k], self.pulled_at[k + 1]):
-                j = self.pulled_by[e]
-                a = c * self.motion.loads[3 * j + 1] + s * self.motion.loads[3 * j + 2]
-                tension = &self.pulled[self.pulled_constants_at[e]]
-                for i in range(nn):
-                    g[i] -= a * tension[i]
         for i in range(n):
             q[i] = -along * loads[i] - across * loads[n + i] + ww * loads[2 * n + i] - turn * loads[3 * n + i]
+        for e in range(self.loads_at[self.link_of[k]], self.loads_at[self.link_of[k] + 1]):
+            a = c * self.motion.loads[2 * e] + s * self.motion.loads[2 * e + 1]
+            b = c * self.motion.loads[2 * e + 1] - s * self.motion.loads[2 * e]
+            for i in range(n):
+                q[i] += a * force[i] + b * force[n + i]
+            for i in range(nn):
+                g[i] -= a * force[2 * n + i]
+            force += 2 * n + nn
         for e in range(2):
             at = self.ends[k, 2 * e]
             if at < 0:
@@ -171,11 +171,9 @@ cdef class BeamEquations(Equations):
                 self.full_stiffness[slots[i]] += g[i]
 
     cdef void _joints(self) noexcept nogil:
-        """Add what is not elastic, loads along links, and flywheel and motor on an elastic crank."""
-        cdef Py_ssize_t i, k, u, w, place, width = self.load_rows.shape[1] // 2
-        cdef double c, s, length, fu, fw
+        """Add what is not elastic, and flywheel and motor on an elastic crank."""
+        cdef Py_ssize_t i
         cdef double *found = &self.motion.joined[0]
-        cdef double *x
         for i in range(self.coordinates):
             if self.joint_places[i] >= 0:
                 self.full_load[self.joint_places[i]] += found[self.joint_at[0] + i]
@@ -185,22 +183,6 @@ cdef class BeamEquations(Equations):
             self.full_damping[self.damping_slots[i]] += found[self.joint_at[2] + i]
         for i in range(self.stiffness_slots.shape[0] - 1):
             self.full_stiffness[self.stiffness_slots[i]] += found[self.joint_at[3] + i]
-        for k in range(self.load_links.shape[0] - 1):
-            x = &self.motion.motion[MOTION * self.load_links[k]]
-            length = hypot(x[0], x[1])
-            c, s = x[0] / length, x[1] / length
-            fu = c * self.motion.loads[3 * k + 1] + s * self.motion.loads[3 * k + 2]
-            fw = c * self.motion.loads[3 * k + 2] - s * self.motion.loads[3 * k + 1]
-            for i in range(width):
-                self.local[i] = fu * self.load_rows[k, i] + fw * self.load_rows[k, width + i]
-            for i in range(2):  # on fixed axes at the ends
-                u, w = self.load_ends[k, 2 * i], self.load_ends[k, 2 * i + 1]
-                fu, fw = self.local[u], self.local[w]
-                self.local[u], self.local[w] = c * fu - s * fw, s * fu + c * fw
-            for i in range(width):
-                place = self.load_places[k, i]
-                if place >= 0:
-                    self.full_load[place] += self.local[i]
         if self.shaft >= 0:
             self.full_mass[self.shaft_slot] += self.flywheel
             if self.motion.torque != NULL:

@@ -19,7 +19,7 @@ cdef class RigidMotion:
     motion, joints
         Addresses of the kernels of ``elastic_motion`` and of ``elastic_joints``.
     sizes
-        Sizes of what the kernels links, joints, torque and point_loads write.
+        Sizes of what the kernels links, joints, torque and loads write.
     t, y
         A time and the state there.
     stride
@@ -29,7 +29,7 @@ cdef class RigidMotion:
     def __init__(self, Equations equations, motion, joints, sizes, double t, y, double stride):
         self.equations = equations
         self.links, self.joints = kernel_of(motion, "links"), kernel_of(joints, "joints")
-        self.torque, self.point_loads = kernel_of(motion, "torque"), kernel_of(motion, "point_loads")
+        self.torque, self.point_loads = kernel_of(motion, "torque"), kernel_of(motion, "loads")
         self.count = sizes[0] // MOTION
         self.motion, self.joined, self.turning, self.loads = (np.zeros(size + 1) for size in sizes)
         self.still = np.zeros(len(y) + equations.n + equations.m + 1)
@@ -72,6 +72,7 @@ cdef class RigidMotion:
         for k in range(self.count):
             for i in range(2, MOTION):
                 self.motion[MOTION * k + i] = 0.0
+        self.loads[:] = 0.0
         self.joints(&self.t, &self.y[0], &self.still[0], &self.equations.p[0], &self.still[0], &self.joined[0])
         return _DONE
 
@@ -99,25 +100,27 @@ cdef class RigidMotion:
         return _DONE
 
     def evaluate(self, double t):
-        """Return status, state, motion of links, what the joints kernel wrote, torque and point loads at a time."""
+        """Return status, state, motion of links, what the joints kernel wrote, torque and loads at a time."""
         cdef int status = self.at(t)
         found = [np.array(self.y), np.array(self.motion), np.array(self.joined), np.array(self.turning),
                  np.array(self.loads)]
         return status, *(values[:len(values) - 1] for values in found)
 
     def along(self, double[::1] times):
-        """Return a status, and the motion of links at rising times, (times, links * MOTION)."""
-        cdef Py_ssize_t k, width = self.count * MOTION
+        """Return a status, and states, motion of links and point loads at rising times, a row each."""
+        cdef Py_ssize_t k, n = self.y.shape[0] - 1, m = self.motion.shape[0] - 1, loads = self.loads.shape[0] - 1
         cdef int status = _DONE
-        found = np.zeros((times.shape[0], width + 1))
-        cdef double[:, ::1] rows = found
+        found = [np.zeros((times.shape[0], size + 1)) for size in (n, m, loads)]
+        cdef double[:, ::1] states = found[0], rows = found[1], forces = found[2]
         with nogil:
             for k in range(times.shape[0]):
                 status = self.at(times[k])
                 if status != _DONE:
                     break
-                memcpy(&rows[k, 0], &self.motion[0], width * sizeof(double))
-        return status, found[:, :width]
+                memcpy(&states[k, 0], &self.y[0], n * sizeof(double))
+                memcpy(&rows[k, 0], &self.motion[0], m * sizeof(double))
+                memcpy(&forces[k, 0], &self.loads[0], loads * sizeof(double))
+        return status, found[0][:, :n], found[1][:, :m], found[2][:, :loads]
 
     def solution(self):
         """Return accelerations and multipliers where the motion is."""

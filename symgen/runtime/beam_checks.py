@@ -70,10 +70,12 @@ def _rigid_axial_force(motion: ElasticMotion, k: int, recorded: Motion, places: 
     """Return the axial force of the rigid motion [N], tension positive, (times, places)."""
     axes, beam = frames(recorded.links[:, k]), motion.beams[k]
     found = axes.axial_force(beam, places)
-    for i, name in enumerate(motion.info.loads):
-        if name == beam.info.link:
-            pull, _ = axes.local(recorded.loads[:, i, 1], recorded.loads[:, i, 2])
-            found -= pull[:, None] * (places * beam.properties.length >= recorded.loads[0, i, 0])
+    own = [i for i, name in enumerate(motion.info.loads) if name == beam.info.link]
+    x = places * beam.properties.length
+    for i, profile in zip(own, motion.profiles(beam.info.link), strict=True):
+        pull, _ = axes.local(recorded.loads[:, i, 0], recorded.loads[:, i, 1])
+        spread = profile.even * x + profile.slope * x**2 / 2
+        found -= pull[:, None] * (spread if profile.even or profile.slope else x >= profile.at)
     return found
 
 

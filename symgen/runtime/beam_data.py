@@ -59,6 +59,18 @@ class Lump:
 
 
 @dataclass(frozen=True, slots=True)
+class Profile:
+    """How a force lies along a link: per length ``even + slope*x``, x [m] from the first point of the link.
+
+    Where both are zero it is one force, ``at`` metres from the first point.
+    """
+
+    at: float
+    even: float = 0.0
+    slope: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
 class BeamInfo:
     """Names and choices of an elastic link.
 
@@ -124,6 +136,11 @@ class Piece:
         of the link; lumped masses before x included. Zero without geometric stiffness.
     load_x, load_y, load_out, load_turn
         (n,): integrals of mu Nu, mu Nw, mu x Nu and mu x Nw + j Nphi, x from the first point of the link.
+    force_x, force_y
+        (k, n): for k forces along the link with the profiles p the integrals of p Nu and p Nw: times the
+        components of the force along and across the link.
+    force_axial
+        (k, n, n): integrals of Nw' Nw'^T times that of p before x: times minus the component along the link.
     """
 
     at: tuple[int, ...]
@@ -139,6 +156,9 @@ class Piece:
     load_y: Array
     load_out: Array
     load_turn: Array
+    force_x: Array
+    force_y: Array
+    force_axial: Array
 
 
 #: Fields of a piece that are matrices, and those that are vectors.

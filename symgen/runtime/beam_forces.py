@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -30,7 +31,7 @@ class Motion:
     links
         Motion of the elastic links, (times, links, 10).
     loads
-        Forces along elastic links, (times, forces, 3): place [m], x and y [N].
+        Forces along elastic links on fixed axes, (times, forces, 2) [N].
     displacements, rates
         (times, unknowns); ``rates`` is None where the elastic motion itself adds nothing: quasi-static.
     thesis
@@ -99,33 +100,38 @@ def _link(motion: ElasticMotion, found: Motion, accelerations: Array, k: int, ax
     s, v, a = own_motion(motion, found, accelerations, k, axes)
     made = np.zeros_like(s)
     wanted = {*beam.ends[0], *beam.ends[1], *(j for j, dof in enumerate(beam.dofs) if dof == "theta@0")}
+    own = [i for i, name in enumerate(motion.info.loads) if name == beam.info.link]
+    loads = [axes.local(found.loads[:, i, 0], found.loads[:, i, 1]) for i in own]
     for piece in beam.pieces:
         if wanted.intersection(piece.at):
             at = list(piece.at)
-            made[:, at] += _piece(piece, axes, s[:, at], v[:, at], a[:, at], found.rates is None)
-    for i, name in enumerate(motion.info.loads):
-        if name == beam.info.link:
-            u, w = axes.local(found.loads[:, i, 1], found.loads[:, i, 2])
-            place = float(found.loads[0, i, 0]) / beam.properties.length
-            rows = beam.rows(place)
-            made -= u[:, None] * rows.u + w[:, None] * rows.w
-            for number, slopes in beam.beyond(place) if found.rates is not None else ():
-                at = list(beam.pieces[number].at)
-                made[:, at] -= u[:, None] * (s[:, at] @ slopes)
+            made[:, at] += _piece(piece, axes, loads, s[:, at], v[:, at], a[:, at], found.rates is None)
     return made
 
 
-def _piece(piece: Piece, axes: Frames, s: Array, v: Array, a: Array, static: bool) -> Array:
+def _piece(
+    piece: Piece,
+    axes: Frames,
+    forces: Sequence[tuple[Array, Array]],
+    s: Array,
+    v: Array,
+    a: Array,
+    static: bool,
+) -> Array:
     """Return M s'' + C s' + K s - Q of a superelement on the link's axes, (times, n); static K s - Q."""
     rate, turn, square = axes.rate[:, None], axes.turn[:, None], axes.rate[:, None] ** 2
     along, across, pull = axes.along[:, None], axes.across[:, None], axes.pull[:, None]
     load = -along * piece.load_x - across * piece.load_y + square * piece.load_out - turn * piece.load_turn
+    for (u, w), shape_x, shape_y in zip(forces, piece.force_x, piece.force_y, strict=True):
+        load += u[:, None] * shape_x + w[:, None] * shape_y
     found: Array = s @ piece.stiffness.T - load
     if static:
         return found
     found += a @ piece.mass.T + v @ piece.damping.T - 2 * rate * (v @ piece.gyroscopic.T)
     found -= square * (s @ piece.centrifugal.T) + turn * (s @ piece.gyroscopic.T)
     found += pull * (s @ piece.axial0.T) + along * (s @ piece.axial1.T) - square * (s @ piece.axial2.T)
+    for (u, _), stiffness in zip(forces, piece.force_axial, strict=True):
+        found -= u[:, None] * (s @ stiffness.T)
     return found
 
 

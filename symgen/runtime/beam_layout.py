@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from symgen.runtime.beams import Beam
+from symgen.runtime.beams import Beam, Piece
 from symgen.runtime.description import BlockInfo, Description
 from symgen.runtime.elastic_description import ElasticInfo
 
@@ -33,9 +32,6 @@ class Layout:
         For each link the unknown of each of its own; -1 where it is held. Ends are on fixed axes.
     rows, columns, band
         Entries of the matrices that may not be zero, and their distance from the diagonal.
-    pulled_at, pulled_by, pulled_constants_at, pulled
-        For piece k, from ``pulled_at[k]`` to ``pulled_at[k + 1]``: which forces along its link stand before
-        it or on it, and the geometric stiffness of the axial force that they take.
     """
 
     unknowns: int
@@ -59,14 +55,7 @@ class Layout:
     mass_slots: Indices
     damping_slots: Indices
     stiffness_slots: Indices
-    load_links: Indices
-    load_places: NDArray[np.intp]
-    load_rows: Array
-    load_ends: NDArray[np.intp]
-    pulled_at: Indices
-    pulled_by: Indices
-    pulled_constants_at: Indices
-    pulled: Array
+    loads_at: Indices
     shaft: int
     shaft_slot: int
     flywheel: float
@@ -77,7 +66,6 @@ def layout(
     info: ElasticInfo,
     beams: Sequence[Beam],
     joints: Mapping[str, BlockInfo],
-    loads: Sequence[float],
     flywheel: float,
 ) -> Layout:
     """Return the layout of the elastic motion of a linkage.
@@ -90,8 +78,6 @@ def layout(
         Its elastic links.
     joints
         Blocks of the kernel ``joints``.
-    loads
-        For every force along a link its place there, as a fraction of the length.
     flywheel
         Moment of inertia on the shaft of an elastic crank [kg m^2].
     """
@@ -170,42 +156,11 @@ def layout(
         mass_slots=entries["mass_matrix"],
         damping_slots=entries["damping"],
         stiffness_slots=entries["stiffness"],
-        **_point_loads(info, beams, renumbered, loads),
+        loads_at=_starts([*(info.loads.count(b.info.link) for b in beams), 0]),
         shaft=shaft,
         shaft_slot=slot.get((shaft, shaft), -1),
         flywheel=flywheel,
     )
-
-
-def _point_loads(
-    info: ElasticInfo, beams: Sequence[Beam], of_links: Sequence[Indices], loads: Sequence[float]
-) -> dict[str, Any]:
-    """Return what the layout says of forces along links: rows over a link's unknowns, and stiffening."""
-    widest = max((len(dofs) for dofs in of_links), default=1)
-    links = [next(i for i, b in enumerate(beams) if b.info.link == link) for link in info.loads]
-    places = np.full((len(loads) + 1, widest), -1, dtype=np.intp)
-    found = np.zeros((len(loads) + 1, 2 * widest))
-    ends = np.full((len(loads) + 1, 4), -1, dtype=np.intp)
-    first = np.cumsum([0, *(len(beam.pieces) for beam in beams)])
-    pulled: list[list[tuple[int, Array]]] = [[] for _ in range(first[-1])]
-    for k, (link, fraction) in enumerate(zip(links, loads, strict=True)):
-        rows, dofs = beams[link].rows(fraction), of_links[link]
-        places[k, : len(dofs)] = dofs
-        found[k, : len(dofs)], found[k, widest : widest + len(dofs)] = rows.u, rows.w
-        ends[k] = [dof for pair in beams[link].ends for dof in pair]
-        for piece, matrix in beams[link].beyond(fraction):
-            pulled[first[link] + piece].append((k, matrix))
-    pulls = [pull for of_piece in pulled for pull in of_piece]
-    return {
-        "load_links": _spare(links),
-        "load_places": places,
-        "load_rows": found,
-        "load_ends": ends,
-        "pulled_at": np.cumsum([0, *(len(of_piece) for of_piece in pulled)]).astype(np.intp),
-        "pulled_by": _spare([k for k, _ in pulls]),
-        "pulled_constants_at": _starts([matrix.size for _, matrix in pulls]),
-        "pulled": np.concatenate([*(np.ravel(matrix) for _, matrix in pulls), np.zeros(1)]),
-    }
 
 
 def _pairs(
@@ -248,11 +203,12 @@ def _by_least_band(n: int, pairs: NDArray[np.intp]) -> Indices:
     return np.asarray(reverse_cuthill_mckee(graph, symmetric_mode=True), dtype=np.intp)
 
 
-def _constants(piece: object) -> list[Array]:
+def _constants(piece: Piece) -> list[Array]:
     """Return the matrices and load vectors of a piece, in the order that the assembly reads them."""
     order = ("mass", "centrifugal", "gyroscopic", "stiffness", "damping", "axial0", "axial1", "axial2",
              "load_x", "load_y", "load_out", "load_turn")  # fmt: skip
-    return [getattr(piece, name) for name in order]
+    forces = zip(piece.force_x, piece.force_y, piece.force_axial, strict=True)
+    return [*(getattr(piece, name) for name in order), *(a for force in forces for a in force)]
 
 
 def _ends(beam: Beam, at: Sequence[int]) -> tuple[int, int, int, int]:

@@ -9,17 +9,23 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from symgen.runtime.beam_data import MATRICES, VECTORS, Lump, Piece, Properties
+from symgen.runtime.beam_data import MATRICES, VECTORS, Lump, Piece, Profile, Properties
 from symgen.runtime.beam_elements import Segment, integral, segment_at
 
 Array = NDArray[np.float64]
 
 #: Points of the Gauss rule for slopes squared: exact to degree 15, and they have 8 at most.
 GAUSS = 8
+#: Fields of a piece with a row for every force along the link.
+SPREAD = ("force_x", "force_y", "force_axial")
 
 
 def pieces(
-    parts: Sequence[Segment], properties: Properties, lumps: Sequence[Lump], stiffening: bool
+    parts: Sequence[Segment],
+    properties: Properties,
+    lumps: Sequence[Lump],
+    profiles: Sequence[Profile],
+    stiffening: bool,
 ) -> tuple[Piece, ...]:
     """Return one piece per element of a link, before reduction and damping.
 
@@ -34,6 +40,11 @@ def pieces(
             lump for lump, owner in zip(lumps, owners, strict=True) if owner.start < part.start
         ]  # of whole elements
         found.append(_piece(part, properties, own, before, rotary, stiffening))
+        spread = [_spread(part, profile, segment_at(parts, profile.at)[0]) for profile in profiles]
+        shape = (len(profiles), len(part.dofs))
+        x, y = (np.reshape([s[i] for s in spread], shape) for i in range(2))
+        axial = np.reshape([s[2] * stiffening for s in spread], (*shape, shape[1]))
+        found[-1] = replace(found[-1], force_x=x, force_y=y, force_axial=axial)
     return tuple(found)
 
 
@@ -65,6 +76,7 @@ def _piece(
     fields.update(zip(VECTORS, loads, strict=True))
     axial = _stiffening(part, properties, own, before) if stiffening else np.zeros((3, n, n))
     fields.update(zip(("axial0", "axial1", "axial2"), axial, strict=True))
+    fields.update(zip(SPREAD, (np.zeros((0, n)), np.zeros((0, n)), np.zeros((0, n, n))), strict=True))
     return Piece(part.dofs, **fields)
 
 
@@ -84,6 +96,24 @@ def _stiffening(part: Segment, properties: Properties, own: Sequence[Lump], befo
     return found
 
 
+def _spread(part: Segment, profile: Profile, owner: Segment) -> tuple[Array, Array, Array]:
+    """Return the integrals of p Nu, of p Nw, and of Nw' Nw'^T times that of p before x, over one element."""
+    if profile.even == profile.slope == 0.0:
+        place = profile.at - part.start
+        u, w = part.shape(place)[:2] if owner is part else np.zeros((2, len(part.dofs)))
+        behind = np.zeros((len(part.dofs), len(part.dofs)))
+        if owner.start <= part.start:
+            behind = slopes_squared(part, place if owner is part else 0.0)
+        return u, w, behind
+    points, weights = np.polynomial.legendre.leggauss(GAUSS)
+    local, weights = part.length * (1 + points) / 2, part.length * weights / 2
+    shapes, x = np.array([part.shape(p) for p in local]), part.start + local
+    there = weights * (profile.even + profile.slope * x)
+    before = weights * (profile.even * x + profile.slope * x**2 / 2)
+    slopes = shapes[:, 2]
+    return there @ shapes[:, 0], there @ shapes[:, 1], (slopes * before[:, None]).T @ slopes
+
+
 def slopes_squared(part: Segment, start: float) -> Array:
     """Return the integral of Nw' Nw'^T from ``start`` [m] to the second node of an element, (n, n)."""
     points, weights = np.polynomial.legendre.leggauss(GAUSS)
@@ -97,12 +127,19 @@ def whole(found: Sequence[Piece], n: int) -> Piece:
     """Return all pieces as one over the n unknowns of their link."""
     fields: dict[str, Array] = {name: np.zeros((n, n)) for name in MATRICES}
     fields.update({name: np.zeros(n) for name in VECTORS})
+    count = len(found[0].force_x)
+    fields.update(
+        zip(SPREAD, (np.zeros((count, n)), np.zeros((count, n)), np.zeros((count, n, n))), strict=True)
+    )
     for piece in found:
         at = np.array(piece.at)
         for name in MATRICES:
             fields[name][np.ix_(at, at)] += getattr(piece, name)
         for name in VECTORS:
             fields[name][at] += getattr(piece, name)
+        fields["force_x"][:, at] += piece.force_x
+        fields["force_y"][:, at] += piece.force_y
+        fields["force_axial"][:, at[:, None], at] += piece.force_axial
     return Piece(tuple(range(n)), **fields)
 
 
@@ -110,4 +147,6 @@ def transformed(piece: Piece, basis: Array) -> Piece:
     """Return a piece in the unknowns y of s = basis @ y, basis (n, k), constant in the link's axes."""
     fields: dict[str, Any] = {name: basis.T @ getattr(piece, name) @ basis for name in MATRICES}
     fields.update({name: basis.T @ getattr(piece, name) for name in VECTORS})
+    fields.update(force_x=piece.force_x @ basis, force_y=piece.force_y @ basis)
+    fields["force_axial"] = basis.T @ piece.force_axial @ basis
     return replace(piece, at=tuple(range(basis.shape[1])), **fields)

@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 
 from symgen.errors import ModelError
 from symgen.runtime.beam_damping import modal, rayleigh
-from symgen.runtime.beam_data import BeamInfo, Lump, Piece, Properties, StationRows
+from symgen.runtime.beam_data import BeamInfo, Lump, Piece, Profile, Properties, StationRows
 from symgen.runtime.beam_elements import SHAPES, Segment, at, names, segment_at, segments
-from symgen.runtime.beam_pieces import pieces, slopes_squared, transformed, whole
+from symgen.runtime.beam_pieces import pieces, transformed, whole
 from symgen.runtime.beam_reduction import of_one_length, reduced
 
-__all__ = ["Beam", "BeamInfo", "Lump", "Piece", "Properties", "StationRows", "beam"]
+__all__ = ["Beam", "BeamInfo", "Lump", "Piece", "Profile", "Properties", "StationRows", "beam"]
 
 Array = NDArray[np.float64]
 
@@ -82,30 +82,13 @@ class Beam:
                 found[:, k, list(part.dofs)] += part.shape(local) / len(parts)
         return found if self.expansion is None else found @ self.expansion
 
-    def beyond(self, at: float) -> tuple[tuple[int, Array], ...]:
-        """Return which pieces lie beyond a fraction of the length, with the integral of w' w'^T there.
 
-        That is what the axial force stands with that a force along the link there leaves beyond it: number
-        of the piece and matrix over its unknowns. None without geometric stiffness.
-        """
-        if not self.info.geometric_stiffness:
-            return ()
-        x = at * self.properties.length
-        found = [
-            (k, slopes_squared(part, max(x - part.start, 0.0)))
-            for k, part in enumerate(self.segments)
-            if part.start + part.length > x
-        ]
-        if [piece.at for piece in self.pieces] == [part.dofs for part in self.segments]:
-            return tuple(found)
-        size = len(self.dofs) if self.expansion is None else len(self.expansion)
-        total = np.zeros((size, size))
-        for k, matrix in found:
-            total[np.ix_(self.segments[k].dofs, self.segments[k].dofs)] += matrix
-        return ((0, total if self.expansion is None else self.expansion.T @ total @ self.expansion),)
-
-
-def beam(info: BeamInfo, properties: Properties, lumps: Sequence[Lump] = ()) -> Beam:
+def beam(
+    info: BeamInfo,
+    properties: Properties,
+    lumps: Sequence[Lump] = (),
+    profiles: Sequence[Profile] = (),
+) -> Beam:
     """Return an elastic link.
 
     Parameters
@@ -115,6 +98,8 @@ def beam(info: BeamInfo, properties: Properties, lumps: Sequence[Lump] = ()) -> 
     lumps
         Masses fixed to the link between its ends; those of its end points belong to the points. One at an
         end is part of the link: the axial force N0 is the one before it.
+    profiles
+        Where the forces along it act.
 
     Raises
     ------
@@ -124,7 +109,7 @@ def beam(info: BeamInfo, properties: Properties, lumps: Sequence[Lump] = ()) -> 
     _check(info, properties, lumps)
     parts = segments(info, properties)
     dofs = names(info)
-    found = pieces(parts, properties, lumps, info.geometric_stiffness)
+    found = pieces(parts, properties, lumps, profiles, info.geometric_stiffness)
     expansion = None
     if not info.axial:
         total = whole(found, len(dofs))

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from symgen.errors import ModelError, SimulationError
 from symgen.runtime import _beams, _core
 from symgen.runtime._rigid_motion import RigidMotion
-from symgen.runtime.beam_data import Lump, Properties
+from symgen.runtime.beam_data import Lump, Profile, Properties
 from symgen.runtime.beam_layout import Layout, layout
 from symgen.runtime.beams import Beam, beam
 
@@ -83,7 +83,7 @@ class ElasticMotion:
             infos = tuple(replace(info, geometric_stiffness=False) for info in infos)
         rows = self._tables["properties"]
         return tuple(
-            beam(info, _properties(row), self._lumps(info.link))
+            beam(info, _properties(row), self._lumps(info.link), self.profiles(info.link))
             for info, row in zip(infos, rows, strict=True)
         )
 
@@ -100,6 +100,11 @@ class ElasticMotion:
         rows = zip(self.info.lumps, self._tables.get("lumps", ()), strict=True)
         return tuple(Lump(float(at), float(mass)) for name, (at, mass) in rows if name == link)
 
+    def profiles(self, link: str) -> tuple[Profile, ...]:
+        """Return how the forces along a link lie, in the order of ``info.loads``."""
+        rows = zip(self.info.loads, self._tables.get("profiles", ()), strict=True)
+        return tuple(Profile(*map(float, row)) for name, row in rows if name == link)
+
     @cached_property
     def stations(self) -> tuple[tuple[str, int, float, float], ...]:
         """Name, number of the link, fraction of its length and fibre [m] of every station."""
@@ -112,15 +117,8 @@ class ElasticMotion:
         """Where everything goes."""
         d = self.rigid.description
         kernel = self._joints.info("joints")
-        lengths = {b.info.link: b.properties.length for b in self.beams}
-        loads: list[float] = []
-        if self.info.loads:
-            start = np.split(self._start, 2)
-            rows = self._motion.blocks("point_loads", 0.0, *start)["point_loads"]
-            at = np.atleast_2d(rows)[:, 0]
-            loads = [float(x) / lengths[link] for x, link in zip(at, self.info.loads, strict=True)]
         blocks = {b.name: b for b in kernel.blocks}
-        return layout(d, self.info, self.beams, blocks, loads, self.flywheel)
+        return layout(d, self.info, self.beams, blocks, self.flywheel)
 
     @property
     def constraints(self) -> tuple[str, ...]:
@@ -136,7 +134,7 @@ class ElasticMotion:
             self._joints.info("joints").out_size,
             *(
                 info.out_size if info else 0
-                for info in map(self._motion.description.kernel, ("torque", "point_loads"))
+                for info in map(self._motion.description.kernel, ("torque", "loads"))
             ),
         ]
         motion = RigidMotion(
@@ -152,14 +150,20 @@ class ElasticMotion:
         self.check(made, made.matrices(0.0)[0], 0.0)
         return made
 
-    def links(self, equations: _beams.BeamEquations, times: Array) -> Array:
-        """Return the motion of the links at times, (times, links, 10)."""
+    def rigid_motion(self, equations: _beams.BeamEquations, times: Array) -> tuple[Array, Array, Array]:
+        """Return what the rigid motion is at times.
+
+        Coordinates (times, coordinates) [m], motion of the links (times, links, 10) and forces along links
+        on fixed axes (times, forces, 2) [N].
+        """
         order = np.argsort(times, kind="stable")
-        status, found = equations.motion.along(np.ascontiguousarray(times[order]))
+        status, *found = equations.motion.along(np.ascontiguousarray(times[order]))
         self.check(equations, status, equations.motion.t)
-        rows = np.empty_like(found)
-        rows[order] = found
-        return rows.reshape(len(times), -1, 10)
+        back = np.argsort(order)
+        y, links, loads = (rows[back] for rows in found)
+        count = len(times)
+        q = y[:, : self.rigid.description.coordinates]
+        return q, links.reshape(count, -1, 10), loads.reshape(count, -1, 2)
 
     @cached_property
     def lowest_frequency(self) -> float:
@@ -185,8 +189,8 @@ class ElasticMotion:
         elif locked:
             problem = (
                 f"the crank, {self.info.crank}, cannot turn past {at}: the linkage comes to a dead centre or "
-                "cannot be assembled beyond\n"
-                "  Change the lengths so that it closes at every angle of the crank."
+                "cannot be assembled beyond\n  Change the lengths so that it closes at every angle of "
+                "the crank."
             )
         else:
             problem = f"a number that is not finite appeared at crank angle {at}"

@@ -46,7 +46,7 @@ def periodic(motion: ElasticMotion, equations: _beams.BeamEquations, task: Task,
         found, rates = stepped(motion, equations, GAUSS, times, counts, start)
         error = errors.of(before, found) if before is not None else None
         if task.steps is not None or (error is not None and error <= task.rtol):
-            return Found(found, steps + int(np.sum(counts)), error, multipliers, rates)
+            return Found(found, rates, steps + int(np.sum(counts)), error, multipliers)
         if per_turn >= _MOST:
             raise SimulationError(
                 f"{motion.rigid.name}: shooting does not come within {task.rtol:g} of the peak stress"

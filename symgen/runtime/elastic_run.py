@@ -42,7 +42,7 @@ def run(motion: ElasticMotion, task: Task, progress: Progress | None) -> Elastic
         _check_thesis(motion)
     begun = time.perf_counter()
     if task.method == "quasi-static":
-        found = Found(quasi_static(motion, equations, times), len(times))
+        found = Found(quasi_static(motion, equations, times), None, len(times))
     elif task.method == "periodic":
         found = periodic(motion, equations, task, times)
     elif task.method in BEAM_METHODS:
@@ -71,18 +71,6 @@ def _check_thesis(motion: ElasticMotion) -> None:
         )
 
 
-def _recorded(
-    equations: _beams.BeamEquations, task: Task, times: Array, links: Array, found: Found
-) -> Motion:
-    """Return the motion found with the rigid motion below it."""
-    order = np.argsort(times, kind="stable")
-    rigid = [equations.motion.evaluate(t) for t in times[order].tolist()]
-    back = np.argsort(order)
-    q = np.array([state for _, state, *_ in rigid])[back]
-    loads = np.array([loads.reshape(-1, 3) for *_, loads in rigid])[back]
-    return Motion(times, q, links, loads, found.displacements, found.rates, task.form == "thesis")
-
-
 def _result(
     motion: ElasticMotion,
     equations: _beams.BeamEquations,
@@ -92,13 +80,14 @@ def _result(
     wall: float,
 ) -> ElasticResult:
     d = motion.rigid.description
-    links = motion.links(equations, times)
-    whole = _recorded(equations, task, times, links, found)
+    q, links, loads = motion.rigid_motion(equations, times)
+    thesis = task.form == "thesis"
+    whole = Motion(times, q, links, loads, found.displacements, found.rates, thesis)
     variables = [*outputs(motion, links, found.displacements), *recovered(motion, whole)]
     variables += forces(motion, equations, whole)
     notes = [*_of_speed(motion), *_of_stability(found)]
     notes += warnings(motion, whole, _moments(motion, times))
-    if task.form == "thesis":
+    if thesis:
         notes.append("the thesis' form, which takes the turning of axes as constant: for comparison only")
     return ElasticResult(
         name=d.name,

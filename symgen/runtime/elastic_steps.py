@@ -43,13 +43,16 @@ class Task:
 
 @dataclass(frozen=True, slots=True)
 class Found:
-    """Displacements (times, unknowns) at the recorded times, what they cost, and their rates."""
+    """Displacements and their rates (times, unknowns) at the recorded times, and what they cost.
+
+    ``rates`` is None where the elastic motion itself adds nothing: quasi-static.
+    """
 
     displacements: Array
+    rates: Array | None
     steps: int
     error: float | None = None
     floquet: tuple[complex, ...] = ()
-    rates: Array | None = None
 
 
 def recorded_times(motion: ElasticMotion, task: Task) -> Array:
@@ -154,16 +157,16 @@ def doubled(
         halved = np.where(counts > 0, np.maximum(1, counts // 2), 0)
         fine, rates = stepped(motion, equations, method, times, counts, progress=progress)
         if np.array_equal(halved, counts):
-            return Found(fine, int(np.sum(counts)), rates=rates)
+            return Found(fine, rates, int(np.sum(counts)))
         coarse, _ = stepped(motion, equations, method, times, halved)
-        return Found(fine, int(np.sum(counts)), errors.of(coarse, fine), rates=rates)
+        return Found(fine, rates, int(np.sum(counts)), errors.of(coarse, fine))
     coarse, _ = stepped(motion, equations, method, times, counts)
     while np.sum(counts) < _MOST * max(1.0, task.revolutions):
         counts = 2 * counts
         fine, rates = stepped(motion, equations, method, times, counts, progress=progress)
         error = errors.of(coarse, fine)
         if error <= task.rtol:
-            return Found(fine, int(np.sum(counts)), error, rates=rates)
+            return Found(fine, rates, int(np.sum(counts)), error)
         coarse = fine
     raise SimulationError(
         f"{motion.rigid.name}: {task.method} does not come within {task.rtol:g} of the peak stress "
@@ -181,7 +184,7 @@ class Errors:
     def __init__(
         self, motion: ElasticMotion, equations: _beams.BeamEquations, times: Array, order: int
     ) -> None:
-        self._motion, self._links = motion, motion.links(equations, times)
+        self._motion, self._links = motion, motion.rigid_motion(equations, times)[1]
         self._best = 0.5**order
         self._before: float | None = None
 
@@ -247,8 +250,8 @@ def explicit(
     )
     status, _ = drive(stepper, 0.0, chosen, progress)
     if status == _core.NOT_FINITE:
-        return Found(np.full((len(times), n), np.nan), stepper.steps)
+        return Found(np.full((len(times), n), np.nan), None, stepper.steps)
     motion.check(equations, status, stepper.t)
     found = np.zeros((len(times), 2 * n))
     found[order] = stepper.result[:, : 2 * n]
-    return Found(found[:, :n], stepper.steps, rates=found[:, n:])
+    return Found(found[:, :n], found[:, n:], stepper.steps)

@@ -108,7 +108,8 @@ class Station(Table):
     at: Value = Field(description="Where along it: 0 at its first point, 1 at its second.")
     fibre: Value | None = Field(
         default=None,
-        description="Distance from the neutral axis, positive to the left; the outer fibre if absent.",
+        description="Distance from the neutral axis, positive to the right of the link; the outer fibre "
+        "there if absent.",
     )
     name: Name | None = Field(
         default=None, description="What results call it; link and percent of its length if absent."

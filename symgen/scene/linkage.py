@@ -187,6 +187,20 @@ class AppliedForce:
 
 
 @dataclass(frozen=True, slots=True)
+class DistributedForce:
+    """A force per length [N/m] on a link, linear between its values at the link's first two points.
+
+    Its components are fixed in space, or, where ``turning``, along the link and to its left. They may depend
+    on the time t and the state.
+    """
+
+    link: str
+    start: Vector
+    end: Vector
+    turning: bool
+
+
+@dataclass(frozen=True, slots=True)
 class AppliedTorque:
     """A couple [N m] on a link, and its reaction on the link ``against`` if there is one.
 
@@ -253,6 +267,7 @@ class Linkage:
     elastic: tuple[ElasticLink, ...] = ()
     crank: Crank | None = None
     stations: tuple[Station, ...] = ()
+    distributed: tuple[DistributedForce, ...] = ()
 
     @cached_property
     def defaults(self) -> Mapping[sp.Symbol, sp.Expr]:

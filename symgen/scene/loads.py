@@ -10,6 +10,7 @@ from symgen.scene.linkage import (
     AngularSpring,
     AppliedForce,
     AppliedTorque,
+    DistributedForce,
     LinearSpring,
     LineForce,
     PlacedMass,
@@ -98,6 +99,23 @@ def forces(read: Reader) -> Iterator[AppliedForce]:
         point = read.known_point(force.point, f"forces.{i}.point")
         vector = read.vector(force.force, units.FORCE, f"forces.{i}.force", read.with_state())
         yield AppliedForce(point.name, vector)
+
+
+def distributed(read: Reader) -> Iterator[DistributedForce]:
+    """Yield the distributed forces on links."""
+    for i, load in enumerate(read.scene.distributed_forces):
+        where, names = f"distributed_forces.{i}", read.with_state()
+        read.known_link(load.link, f"{where}.link")
+        if read.dimension != 2:
+            raise SceneError(
+                "forces are distributed along links in the plane, not in space",
+                where=where,
+                hint='Write [[forces]] on points of the link: P = { on = "link", fraction = 0.5 }.',
+            )
+        read.moving_link(load.link, f"{where}.link")
+        start = read.vector(load.force, units.STIFFNESS, f"{where}.force", names)
+        end = start if load.end is None else read.vector(load.end, units.STIFFNESS, f"{where}.end", names)
+        yield DistributedForce(load.link, start, end, load.axes == "link")
 
 
 def torques(read: Reader) -> Iterator[AppliedTorque]:

@@ -89,6 +89,7 @@ def _linkage(scene: Scene) -> Linkage:
         elastic=elastic,
         crank=turned,
         stations=tuple(stations(read, links, elastic)),
+        distributed=tuple(loads.distributed(read)),
     )
     _check_every_point_used(scene, linkage)
     return linkage

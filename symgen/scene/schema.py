@@ -137,6 +137,18 @@ class Force(Table):
     force: Vector
 
 
+class DistributedForce(Table):
+    """A force per length on a link in the plane; may use the time t and the state."""
+
+    link: Name
+    force: Vector = Field(description="Per length, at the first point of the link; uniform without end.")
+    end: Vector | None = Field(None, description="Per length, at its second point, linear between them.")
+    axes: Literal["fixed", "link"] = Field(
+        "fixed",
+        description="fixed: components along x and y; link: along the link and to its left.",
+    )
+
+
 class Torque(Table):
     """A couple on a link, and its reaction on another link if named."""
 
@@ -211,6 +223,7 @@ class Scene(Table):
     actuators: list[Actuator] = Field(default_factory=list)
     torsion_springs: list[TorsionSpring] = Field(default_factory=list)
     forces: list[Force] = Field(default_factory=list)
+    distributed_forces: list[DistributedForce] = Field(default_factory=list)
     torques: list[Torque] = Field(default_factory=list)
     guides: list[Guide] = Field(default_factory=list)
     drivers: list[Driver] = Field(default_factory=list)
@@ -277,7 +290,8 @@ class Scene(Table):
 TABLES: dict[str, type[Table]] = {
     "parameters": Parameter, "points": Point, "links": Link, "gravity": Gravity, "masses": PointMass,
     "springs": Spring, "actuators": Actuator, "torsion_springs": TorsionSpring, "forces": Force,
-    "torques": Torque, "guides": Guide, "drivers": Driver, "crank": Crank, "stations": Station,
+    "distributed_forces": DistributedForce, "torques": Torque,
+    "guides": Guide, "drivers": Driver, "crank": Crank, "stations": Station,
     "start": Start, "analysis": Analysis,
     "loop": SpatialLoop, "studies": Study,
 }  # fmt: skip

@@ -22,6 +22,7 @@ from symgen.scene.linkage import (
     AngularSpring,
     AppliedTorque,
     CarriedPoint,
+    DistributedForce,
     Linkage,
     PlacedPoint,
     RigidLink,
@@ -115,6 +116,10 @@ def segmented(linkage: Linkage, count: int, places: Places) -> Linkage:
         elastic=(),
         crank=None,
         stations=(),
+        distributed=(
+            *(load for load in linkage.distributed if load.link not in cut),
+            *(load for part in parts for load in _distributed(linkage, part)),
+        ),
     )
 
 
@@ -185,6 +190,17 @@ def _springs(part: Segments) -> Iterator[AngularSpring]:
         stiffness = bending / (part.spacing * length)
         damping = part.beam.stiffness_damping * stiffness
         yield AngularSpring(f"{after}__spring", after, before, stiffness, _ZERO, damping)
+
+
+def _distributed(linkage: Linkage, part: Segments) -> Iterator[DistributedForce]:
+    """Yield the distributed forces on a link as those on its rods; one that turns does so with each rod."""
+    for load in linkage.distributed:
+        if load.link == part.link.name:
+            for rod, ends in zip(part.rods, pairwise(part.nodes), strict=True):
+                first, second = (
+                    tuple(a + at * (b - a) for a, b in zip(load.start, load.end, strict=True)) for at in ends
+                )
+                yield DistributedForce(rod, first, second, load.turning)
 
 
 def _inner_points(part: Segments, places: Places) -> Iterator[PlacedPoint]:

@@ -92,7 +92,7 @@ KINDS: dict[Dimension, tuple[str, str]] = {
     SECOND_MOMENT: ("a second moment of area", '"120 mm^4"'),
     PRESSURE: ("a stress or a modulus", '"210 GPa"'),
     TORQUE: ("a torque or an energy", '"3 N*m"'),
-    STIFFNESS: ("a stiffness", '"200 N/m"'),
+    STIFFNESS: ("a stiffness or a force per length", '"200 N/m"'),
     DAMPING: ("a damping", '"5 N*s/m"'),
     ANGULAR_DAMPING: ("a damping of rotation", '"0.1 N*m*s"'),
 }

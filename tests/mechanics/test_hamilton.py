@@ -172,6 +172,64 @@ def test_the_kinetic_energy_of_the_field_is_that_of_the_matrices(element):
     assert rigid + (quadratic + linear)[0] == over_element(fields.kinetic.xreplace(values))
 
 
+def test_the_power_balance(element):
+    """The rate of kinetic, strain and gravity energy is the power of what acts on the link from outside.
+
+    That is the nodes' forces by their motion in the link's axes, and force and moment of momentum and gravity
+    by the motion of the axes: balances of the whole link, in which the equation has no part.
+    """
+    fields = fields_of(element)
+    values = fields.values(17)
+    values |= first_point(fields, values)
+    mu, rotary, axial, bending, shear = PROPERTIES
+    turning = (omega + fields.rate(fields.phi)) * rotary if element.rotary else 0
+    velocity, arm = (
+        [fields.rate(p) for p in fields.point],
+        (fields.point[0] - fields.X0, fields.point[1] - fields.Y0),
+    )
+    momentum = [mu * v for v in velocity]
+    spin = arm[0] * momentum[1] - arm[1] * momentum[0] + turning
+    weight = [mu * g for g in GRAVITY]
+    strain = axial * sp.diff(fields.u, x) ** 2 + bending * sp.diff(fields.phi, x) ** 2
+    strain += shear * (sp.diff(fields.w, x) - fields.phi) ** 2
+    energy = fields.kinetic + strain / 2 - sum(f * p for f, p in zip(weight, fields.point, strict=True))
+
+    tau = sp.Symbol("tau")
+    line = {y: values[y] + tau * r.xreplace(values) for y, r in fields.rates.items()}
+    line[omega_rate] = values[omega_rate]
+
+    def rate(density):
+        return over_element(sp.diff(density.xreplace(line), tau).xreplace({tau: sp.Integer(0)}))
+
+    def now(density):
+        return over_element(sp.sympify(density).xreplace(values))
+
+    own = values[fields.X1], values[fields.Y1]
+    force = [rate(p) - now(f) for p, f in zip(momentum, weight, strict=True)]
+    moment = rate(spin) - now(arm[0] * weight[1] - arm[1] * weight[0])
+    moment += own[0] * now(momentum[1]) - own[1] * now(momentum[0])
+    slack = {N0: sp.Integer(0)}
+    free = replace(matrices(element), geometric=(sp.zeros(len(element.dofs)),) * 3)
+    nodes = residual(
+        numbers(local_equation(free), values | slack),
+        *([values[a] for a in row] for row in (fields.s, fields.s_t, fields.s_tt)),
+    )
+    power = (sp.Matrix([values[a] for a in fields.s_t]).T * nodes)[0]
+    assert rate(energy) == own[0] * force[0] + own[1] * force[1] + values[omega] * moment + power
+
+
+def test_the_axial_force_does_the_work_of_its_energy(element):
+    """Under a constant axial force, geometric energy grows by the power of the geometric stiffness."""
+    fields = fields_of(element)
+    values = fields.values(19)
+    slope = sp.diff(fields.w, x).xreplace(values)
+    slope_rate = sp.diff(fields.rate(fields.w).xreplace({omega: 0}), x).xreplace(values)
+    at, rate = (sp.Matrix([values[a] for a in row]) for row in (fields.s, fields.s_t))
+    before, moment = (sp.integrate(sp.expand(p), (x, 0, x)) for p in (PROPERTIES[0], PROPERTIES[0] * x))
+    for matrix, force in zip(matrices(element).geometric, (sp.Integer(1), before, moment), strict=True):
+        assert (rate.T * matrix * at)[0] == over_element(force * slope * slope_rate)
+
+
 def axes(element, values):
     """T, and its first and second rate, by d/dt of its entries."""
     turn = sp.eye(len(element.dofs))
