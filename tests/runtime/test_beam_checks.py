@@ -96,3 +96,14 @@ def test_euler_loads_in_closed_form(tmp_path, element):
         p = motion.beams[0].properties
         expected = factor * (one if p.length == 1.0 else p.bending[0] / p.length**2)
         assert euler_load(motion, 0) == pytest.approx(expected, rel=2e-4 if element == "cubic" else 1e-9)
+
+
+def test_force_along_a_link_counts_to_its_axial_force(tmp_path):
+    """q per length along a standing cantilever: q (L - x) is taken behind x, all of it at the clamp."""
+    limit = np.pi**2 / 4 * bars.E * bars.INERTIA
+    load = '[[distributed_forces]]\nlink = "bar"\nforce = ["{} N/m", "0 N/m"]'
+    pressed = bars.cantilever(tmp_path, more=load.format(-0.6 * limit)).run("quasi-static", samples=2)
+    (note,) = pressed.notes
+    assert number(note, "comes to") == pytest.approx(0.6 * limit, rel=1e-3)
+    assert number(note, "N at") == 0.0
+    assert not bars.cantilever(tmp_path, more=load.format(0.6 * limit)).run("quasi-static", samples=2).notes

@@ -146,3 +146,15 @@ def test_shape_of_a_cantilever_under_a_load(tmp_path):
             [0.0, -3 * stiffness * tip], rel=1e-9, abs=1e-6
         )
         assert found.variable("bar.torque").values[0] == pytest.approx(-3 * stiffness * tip, rel=1e-9)
+
+
+@pytest.mark.parametrize("method", ["quasi-static", "gauss"])
+def test_the_clamp_takes_what_lies_along_the_bar(tmp_path, method):
+    """q per length: q L and q L^2/2 at rest; in motion the tip, which nothing holds, feels no force."""
+    load = '[[distributed_forces]]\nlink = "bar"\nforce = ["0 N/m", "30 N/m"]'
+    model = bars.cantilever(tmp_path, ", elements = 2", more=load)
+    found = model.run(method, samples=3, **({} if method == "quasi-static" else {"steps": 4096}))
+    if method == "quasi-static":
+        assert found.variable("bar.O.force").values[1] == pytest.approx([0.0, -30.0], abs=1e-9)
+        assert found.variable("bar.torque").values[1] == pytest.approx(-15.0, rel=1e-9)
+    assert np.max(np.abs(found.variable("bar.tip.force").values)) < 1e-6
