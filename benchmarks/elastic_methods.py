@@ -68,7 +68,7 @@ def main() -> int:
         rows,
         required(rows),
         notes=[
-            "growth: peak bending strain of the crank. Of methods with fixed steps the time includes a run with",
+            "growth: peak bending strain of the crank. With fixed steps the time includes a run with",
             "half of them, by which symgen estimates the error.",
         ],
         as_json=options.json,
