@@ -5,7 +5,8 @@ The systems are those that the thesis could not integrate: the crank held (10 un
 of any link's bending strain at mid-length over 181 times, relative to that link's peak, against Gauss
 collocation with 8100 steps. A method survives where its numbers are finite and the error is below one.
 
-Methods of symgen run compiled. SciPy's take the compiled accelerations of symgen as a function of Python.
+Methods of symgen run compiled. SciPy's take the compiled accelerations of symgen as a function of Python,
+which takes minutes; ``--short`` leaves them out.
 """
 
 from __future__ import annotations
@@ -66,7 +67,10 @@ def main() -> int:
         "One turn of the elastic four-bar from rest, without geometric stiffness",
         rows,
         required(rows),
-        notes=["growth: peak bending strain of the crank."],
+        notes=[
+            "growth: peak bending strain of the crank. With fixed steps the time includes a run with",
+            "half of them, by which symgen estimates the error.",
+        ],
         as_json=options.json,
     )
 
