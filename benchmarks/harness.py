@@ -115,10 +115,12 @@ def _cpu() -> str:
     return next(named, platform.processor() or platform.machine())
 
 
-def arguments(description: str | None) -> argparse.Namespace:
-    """Read the command line that all benchmarks share."""
+def arguments(description: str | None, *, short: bool = False) -> argparse.Namespace:
+    """Read the command line that all benchmarks share; with ``short``, whether only a part is asked for."""
     parser = argparse.ArgumentParser(description=(description or "").partition("\n")[0])
     parser.add_argument("--json", action="store_true", help="print one JSON object and nothing else")
+    if short:
+        parser.add_argument("--short", action="store_true", help="measure a part only")
     return parser.parse_args()
 
 

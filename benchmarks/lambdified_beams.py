@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 import sympy as sp
 from numpy.typing import NDArray
+
 from symgen.elements import ELEMENTS
 from symgen.elements.element import LENGTH
 from symgen.mechanics.beam_matrices import BeamMatrices, Section, beam_matrices

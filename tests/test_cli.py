@@ -129,6 +129,27 @@ def test_show_lists_the_steps_of_a_derivation():
     assert "mass matrix" in call("show", "elastic_link", "timoshenko_mass")
 
 
+def test_show_says_what_rows_and_symbols_are():
+    shown = call("show", "elastic_link", "beam8_load_x")
+    assert "rows: u1, w1, theta1, kappa1, u2, w2, theta2, kappa2" in shown
+    assert "L   length of the element [m]" in shown and "m2  mass per length" in shown
+    assert "j0" not in shown  # only what stands there
+
+
+def test_show_lists_what_elastic_links_take():
+    listed = call("show", "elastic_four_bar")
+    assert (
+        listed.index("mass_matrix")
+        < listed.index("elastic_motion.links")
+        < listed.index("elastic_joints.load")
+    )
+    text = call("show", "elastic_four_bar", "elastic_motion.links", "--format", "numeric")
+    crank = next(line for line in text.splitlines() if line.startswith("  crank"))
+    assert float(crank.split()[1]) == pytest.approx(7 * 0.0254, rel=1e-9)
+    assert "out[0] = " in call("show", "elastic_four_bar", "elastic_joints.mass_matrix", "--format", "c")
+    assert "elastic_motion" not in call("show", "four_bar")
+
+
 def test_show_numbers_at_the_start():
     text = call("show", "four_bar", "positions", "--format", "numeric")
     rows = {line.split()[0]: [float(x) for x in line.split()[1:]] for line in text.splitlines()[2:]}

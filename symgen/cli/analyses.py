@@ -88,7 +88,7 @@ def modes(
         typer.Option(
             "--at",
             metavar="ANGLE[,ANGLE...]",
-            help='Crank angles of a scene with elastic links: "0,60" (degrees), "0.5 rad"; or else its start',
+            help='Crank angles of a scene with elastic links: "0,60" (degrees), "0.5 rad"; else its start.',
         ),
     ] = None,
     moving: Annotated[

@@ -4,11 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from itertools import chain
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from symgen.cli.common import SceneArgument, SetOption, app, changes, console
+
+if TYPE_CHECKING:
+    from symgen.scene.loading import SceneText
+    from symgen.symbolic.system import System
 
 
 @app.command()
@@ -29,7 +33,7 @@ def show(
     matrix: Annotated[
         str | None,
         typer.Argument(
-            help="A matrix; all are listed without it. momentum_rows for those, momentum_rows.NAME for one."
+            help="A matrix, as listed without it; momentum_rows for those, momentum_rows.NAME for one."
         ),
     ] = None,
     form: Annotated[
@@ -43,11 +47,13 @@ def show(
     from symgen.pipeline import build as build_model
     from symgen.pipeline import derive
     from symgen.report import equations
+    from symgen.runtime.elastic_model import ElasticModel
     from symgen.runtime.model import Model
 
     asked = changes(set_)
     form_of, _, row = (matrix or "").partition(".")
     derivation = DERIVATIONS[model]() if model in DERIVATIONS else None
+    further: dict[str, System] = {}
     if derivation and matrix and matrix in derivation:
         system = derivation
     elif model in BLOCKS:
@@ -64,24 +70,41 @@ def show(
             system = momentum_system(resolve_linkage(check_scene(text)))
         else:
             system = derive(text)
+            further = _elastic_systems(text)
+    if form_of in further and row:
+        system = further[form_of]
     if matrix is None:
         from symgen.report.tables import table
 
-        for part in (derivation, system) if derivation else (system,):
-            shown = table(part.title, ("matrix", "shape", "unit", "meaning"), equations.overview(part))
+        parts = [("", part) for part in (derivation, system) if part]
+        for prefix, part in [*parts, *((f"{kind}.", part) for kind, part in further.items())]:
+            rows = [(prefix + name, *more) for name, *more in equations.overview(part)]
+            shown = table(part.title, ("matrix", "shape", "unit", "meaning"), rows)
             shown.columns[3].justify = "left"
             console().print(shown)
         return
     built: Model | None = None
     if form == "numeric" and model not in BLOCKS:
         made = build_model(model, set=asked)
-        if not isinstance(made, Model):
+        built = made.rigid if isinstance(made, ElasticModel) else made if isinstance(made, Model) else None
+        if built is None:
             raise ModelError(f"numbers are shown of linkages; 'symgen run {model}' gives those of a loop")
-        built = made
     if matrix == "momentum_rows" and model not in BLOCKS:
         print(equations.show_rows(system, form, built))
     else:
-        print(equations.show(system, row if form_of == "momentum_rows" and row else matrix, form, built))
+        by_row = row and (form_of == "momentum_rows" or form_of in further)
+        print(equations.show(system, row if by_row else matrix, form, built))
+
+
+def _elastic_systems(text: SceneText) -> dict[str, System]:
+    """Return what is derived besides for elastic links, by what comes before the dot in its names."""
+    from symgen.models.analyses import elastic_systems
+    from symgen.scene.linkage import Linkage
+    from symgen.scene.loading import check_scene
+    from symgen.scene.resolve import resolve
+
+    resolved = resolve(check_scene(text))
+    return elastic_systems(resolved) if isinstance(resolved, Linkage) else {}
 
 
 @app.command()

@@ -39,6 +39,13 @@ ANALYSES: dict[str, Callable[[Linkage], System]] = {
 }
 
 
+def elastic_systems(linkage: Linkage) -> dict[str, System]:
+    """Return the Systems of what elastic links need, by their kind; none where every link is rigid."""
+    if not linkage.elastic:
+        return {}
+    return {kind: analysis_system(linkage, kind) for kind in ("elastic_motion", "elastic_joints")}
+
+
 def analysis_system(linkage: Linkage, kind: str) -> System:
     """Return the System of one kind of analysis; see ``ANALYSES``.
 

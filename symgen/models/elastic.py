@@ -49,9 +49,19 @@ def motion_system(linkage: Linkage) -> System:
     and angular velocity. ``constants``: sections, stations, masses along links, profiles of forces, crank.
     """
     model = RodsModel(linkage)
+    of_links = [k.link for k in linkage.elastic]
     matrices = [
-        _table(model, "links", [_motion(model, k) for k in linkage.elastic], "m, m/s, m/s^2, N", MOTION),
-        _table(model, "properties", [_properties(linkage, k) for k in linkage.elastic], "SI", PROPERTIES),
+        _table(
+            model, "links", [_motion(model, k) for k in linkage.elastic], "m, m/s, m/s^2, N", MOTION, of_links
+        ),
+        _table(
+            model,
+            "properties",
+            [_properties(linkage, k) for k in linkage.elastic],
+            "SI",
+            PROPERTIES,
+            of_links,
+        ),
     ]
     constants, along = ["properties"], list(loads_along(linkage))
     crank = linkage.crank
@@ -146,11 +156,28 @@ def _on_beam(linkage: Linkage, point: str) -> tuple[str, sp.Expr] | None:
     return None
 
 
+#: What each table is.
+_ABOUT = {
+    "links": "vectors along elastic links with two rates; at first points acceleration less gravity, force",
+    "properties": "sections, material and damping of the elastic links",
+    "crank": "direction at the start, speed and flywheel of the crank",
+    "stations": "where strains are asked for: fraction of the length, fibre",
+    "lumps": "masses along elastic links: distance from the first point, mass",
+    "point_loads": "forces along elastic links: distance from the first point, force on fixed axes",
+    "torque": "torque of the motor, with its slopes by angle and angular velocity",
+}
+
+
 def _table(
-    model: RodsModel, name: str, rows: Sequence[Sequence[sp.Expr]], unit: str, columns: Sequence[str]
+    model: RodsModel,
+    name: str,
+    rows: Sequence[Sequence[sp.Expr]],
+    unit: str,
+    columns: Sequence[str],
+    labels: Sequence[str] = (),
 ) -> NamedMatrix:
     entries = [sp.sympify(e) for row in rows for e in row]
-    return named(model, name, entries, unit, name.replace("_", " "), columns=columns)
+    return named(model, name, entries, unit, _ABOUT[name], rows=labels, columns=columns)
 
 
 def _motion(model: RodsModel, beam: ElasticLink) -> list[sp.Expr]:

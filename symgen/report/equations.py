@@ -64,9 +64,27 @@ def _as_text(system: System, matrices: list[NamedMatrix], form: str) -> str:
     lines = []
     for m in matrices:
         written = sp.pretty(m.matrix, use_unicode=True, wrap_line=False)
-        lines += [f"{m.name}: {m.description} [{m.unit}]", "", written, ""]
-    lines += ["with", *(f"  {s} = {e}" for s, e in shared)] if shared else []
-    return "\n".join(lines if shared else lines[:-1])
+        lines += [f"{m.name}: {m.description} [{m.unit}]", "", written, *_labels(m), ""]
+    lines += ["with", *(f"  {s} = {e}" for s, e in shared), ""] if shared else []
+    return "\n".join([*lines, *_legend(system, matrices, used)]).rstrip()
+
+
+def _labels(matrix: NamedMatrix) -> list[str]:
+    """Return what rows and columns are called, where they are more than one."""
+    return [
+        f"{what}: {', '.join(names)}"
+        for what, names in (("rows", matrix.rows), ("columns", matrix.columns))
+        if len(names) > 1
+    ]
+
+
+def _legend(system: System, matrices: list[NamedMatrix], used: set[sp.Symbol]) -> list[str]:
+    """Return the symbols that stand there and are not defined, with unit and meaning."""
+    there = set[sp.Basic]().union(*(m.matrix.free_symbols for m in matrices))
+    there = there.union(*(d.expression.free_symbols for d in system.definitions if d.quantity.symbol in used))
+    known = [x for group in system.groups for x in group.quantities if x.symbol in there]
+    width = max((len(x.name) for x in known), default=0)
+    return ["where", *(f"  {x.name:<{width}}  {x.description} [{x.unit}]" for x in known)] if known else []
 
 
 def _used(matrices: list[NamedMatrix], definitions: dict[sp.Symbol, sp.Expr]) -> set[sp.Symbol]:

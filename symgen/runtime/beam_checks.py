@@ -71,11 +71,9 @@ def _rigid_axial_force(motion: ElasticMotion, k: int, recorded: Motion, places: 
     axes, beam = frames(recorded.links[:, k]), motion.beams[k]
     found = axes.axial_force(beam, places)
     own = [i for i, name in enumerate(motion.info.loads) if name == beam.info.link]
-    x = places * beam.properties.length
     for i, profile in zip(own, motion.profiles(beam.info.link), strict=True):
         pull, _ = axes.local(recorded.loads[:, i, 0], recorded.loads[:, i, 1])
-        spread = profile.even * x + profile.slope * x**2 / 2
-        found -= pull[:, None] * (spread if profile.even or profile.slope else x >= profile.at)
+        found -= pull[:, None] * profile.before(places * beam.properties.length)
     return found
 
 

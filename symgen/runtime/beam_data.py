@@ -69,6 +69,17 @@ class Profile:
     even: float = 0.0
     slope: float = 0.0
 
+    @property
+    def is_point(self) -> bool:
+        """Whether it is one force at one place."""
+        return self.even == self.slope == 0.0
+
+    def before(self, x: Array) -> Array:
+        """Return how much of it lies from the first point to places of the link, those included."""
+        if self.is_point:
+            return (x >= self.at).astype(float)
+        return self.even * x + self.slope * x**2 / 2
+
 
 @dataclass(frozen=True, slots=True)
 class BeamInfo:

@@ -32,6 +32,8 @@ class Layout:
         For each link the unknown of each of its own; -1 where it is held. Ends are on fixed axes.
     rows, columns, band
         Entries of the matrices that may not be zero, and their distance from the diagonal.
+    loads_at
+        For link k its forces are those from ``loads_at[k]`` to ``loads_at[k + 1]``.
     """
 
     unknowns: int

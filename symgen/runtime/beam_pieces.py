@@ -98,7 +98,7 @@ def _stiffening(part: Segment, properties: Properties, own: Sequence[Lump], befo
 
 def _spread(part: Segment, profile: Profile, owner: Segment) -> tuple[Array, Array, Array]:
     """Return the integrals of p Nu, of p Nw, and of Nw' Nw'^T times that of p before x, over one element."""
-    if profile.even == profile.slope == 0.0:
+    if profile.is_point:
         place = profile.at - part.start
         u, w = part.shape(place)[:2] if owner is part else np.zeros((2, len(part.dofs)))
         behind = np.zeros((len(part.dofs), len(part.dofs)))
@@ -109,7 +109,7 @@ def _spread(part: Segment, profile: Profile, owner: Segment) -> tuple[Array, Arr
     local, weights = part.length * (1 + points) / 2, part.length * weights / 2
     shapes, x = np.array([part.shape(p) for p in local]), part.start + local
     there = weights * (profile.even + profile.slope * x)
-    before = weights * (profile.even * x + profile.slope * x**2 / 2)
+    before = weights * profile.before(x)
     slopes = shapes[:, 2]
     return there @ shapes[:, 0], there @ shapes[:, 1], (slopes * before[:, None]).T @ slopes
 

@@ -28,6 +28,8 @@ _STRIDE = 0.02
 _POSES = 24
 #: How closely the time at which a crank locks is found, over that time.
 _LOCKED = 1e-7
+#: Parts of a turn in which it is looked for.
+_SAMPLES = 64
 
 
 class ElasticMotion:
@@ -101,7 +103,7 @@ class ElasticMotion:
         return tuple(Lump(float(at), float(mass)) for name, (at, mass) in rows if name == link)
 
     def profiles(self, link: str) -> tuple[Profile, ...]:
-        """Return how the forces along a link lie, in the order of ``info.loads``."""
+        """Return how the forces along a link lie, in the order of those in ``rigid_motion``."""
         rows = zip(self.info.loads, self._tables.get("profiles", ()), strict=True)
         return tuple(Profile(*map(float, row)) for name, row in rows if name == link)
 
@@ -182,30 +184,38 @@ class ElasticMotion:
         locked = status in (_core.SINGULAR, _core.PROJECTION_FAILED)
         bound = status == _core.SINGULAR and equations.soundness <= equations.rank_tolerance
         if locked and not bound:
-            t = self._last_before(t)
+            t = self._last_near(t)
         at = f"{math.degrees(float(self.angle_at(np.array(t)))):.4g} degrees"
         if bound:
             problem = f"the rigid links and guides bind each other at crank angle {at}: they lose rank"
         elif locked:
             problem = (
                 f"the crank, {self.info.crank}, cannot turn past {at}: the linkage comes to a dead centre or "
-                "cannot be assembled beyond\n  Change the lengths so that it closes at every angle of "
-                "the crank."
+                "cannot be assembled beyond\n"
+                "  Change the lengths so that it closes at every angle of the crank."
             )
         else:
             problem = f"a number that is not finite appeared at crank angle {at}"
         raise SimulationError(f"{d.file or d.title}: {problem}", time=t)
 
-    def _last_before(self, t: float) -> float:
-        """Return the last time before one [s] that the rigid motion comes to."""
-        low, high, motion = 0.0, t, None
+    def _last_near(self, t: float) -> float:
+        """Return the last time [s] that the rigid motion comes to, near the one where it was lost."""
+        if not t:
+            return t
+        low, high, motion = 0.0, t, self.equations().motion
+        # It may be the last that was reached, up to a sample before.
+        step = self.period / _SAMPLES if self.speed else 0.0
+        for _ in range(_SAMPLES if step else 0):
+            if motion.evaluate(high)[0] != _core.DONE:
+                break
+            low, high = high, high + step
         while high - low > _LOCKED * t:
-            motion = motion or self.equations().motion
+            motion = self.equations().motion
             middle = (low + high) / 2
             if motion.evaluate(middle)[0] == _core.DONE:
                 low = middle
             else:
-                high, motion = middle, None
+                high = middle
         return low
 
 

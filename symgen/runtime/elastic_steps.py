@@ -98,7 +98,9 @@ def stepped(
     start: tuple[Array, Array] | None = None,
     progress: Progress | None = None,
 ) -> tuple[Array, Array]:
-    """Return displacements and rates at the times, stepping from zero; NaN where they grow beyond numbers.
+    """Return displacements and rates at the times, stepping from time zero.
+
+    Displacements are not a number where the motion grows beyond all numbers.
 
     Parameters
     ----------

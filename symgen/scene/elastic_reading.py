@@ -294,7 +294,7 @@ def _check_fibre(read: Reader, fibre: sp.Expr, outer: sp.Expr, where: str) -> No
     """Check that a fibre lies in the section."""
     if abs(read.number(fibre)) > read.number(outer) * (1 + _ROUNDED):
         raise SceneError(
-            f"expected a fibre of the section, which ends {read.number(outer):g} m from the neutral axis, got one "
-            f"at {read.number(fibre):g} m",
+            f"expected a fibre of the section, which ends {read.number(outer):g} m from the neutral axis, "
+            f"got one at {read.number(fibre):g} m",
             where=where,
         )
