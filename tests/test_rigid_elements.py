@@ -492,3 +492,8 @@ def test_command_line(tmp_path, four_bar):
     assert "crank@0.5.moment" in done.stdout and "condition up to" in done.stdout
     with pytest.raises(SceneError, match="in the plane"):
         runner.invoke(app, ["forces", "tumbling_body"], catch_exceptions=False)
+
+
+def test_a_linkage_without_a_drive_is_told_to_have_one():
+    with pytest.raises(ModelError, match="1 more drive"):
+        symgen.build("four_bar").forces(at=[0.0])

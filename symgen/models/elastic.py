@@ -163,7 +163,8 @@ _ABOUT = {
     "crank": "direction at the start, speed and flywheel of the crank",
     "stations": "where strains are asked for: fraction of the length, fibre",
     "lumps": "masses along elastic links: distance from the first point, mass",
-    "point_loads": "forces along elastic links: distance from the first point, force on fixed axes",
+    "profiles": "where forces along elastic links act: distance from the first point, or factors of 1 and x",
+    "loads": "forces along elastic links, on fixed axes",
     "torque": "torque of the motor, with its slopes by angle and angular velocity",
 }
 

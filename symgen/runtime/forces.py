@@ -70,7 +70,8 @@ class Forces(Result):
         """What a plot says of the analysis."""
         elements = self.statistics["elements"]
         parts = "one element" if elements == 1 else f"{elements} elements"
-        return f"rigid links of {parts}, {len(self.time)} poses; condition up to {self.condition:.3g}"
+        poses = "one pose" if len(self.time) == 1 else f"{len(self.time)} poses"
+        return f"rigid links of {parts}, {poses}; condition up to {self.condition:.3g}"
 
     def summary(self) -> dict[str, Any]:
         """Return the analysis in plain numbers: what ``symgen forces --json`` prints."""

@@ -16,7 +16,7 @@ from symgen.runtime.bonds import Bonds
 from symgen.runtime.causes import without_direction
 from symgen.runtime.evaluate import Evaluator
 from symgen.runtime.forces import Forces
-from symgen.runtime.kinematics import Followed, Task, follow
+from symgen.runtime.kinematics import Followed, Task, driven, follow
 from symgen.runtime.motion import SingularPose
 from symgen.runtime.recorded_motion import Samples
 from symgen.runtime.result import Drift, Variable
@@ -92,6 +92,7 @@ def analyse(bonds: Bonds, loads: Evaluator, q: Array, t: float, redundant: int, 
     """
     began = perf_counter()
     linkage, asked = _Linkage(bonds, loads, redundant), _checked(asked)
+    driven(bonds, q, t)
     times = _times(linkage, asked)
     found = follow(bonds, q, t, Task(asked.start, asked.stop, len(times), False), times)
     rows = _rows(linkage, found, times, asked.at is not None)
