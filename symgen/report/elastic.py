@@ -26,7 +26,7 @@ def print_elastic_modes(poses: Sequence[ElasticModes], title: str, console: Cons
             head.append("growth [1/s]")
             columns.append([f"{x:.3g}" for x in p.growth])
         if p.without_reduction is not None:
-            head.append(f"error of {len(p.frequencies)} for {p.without_reduction[1]} unknowns")
+            head.append(f"error of reducing {p.without_reduction[1]} unknowns")
             columns.append([f"{x:.1e}" for x in p.errors])
     count = max(len(c) for c in columns)
     rows = [(str(i + 1), *(c[i] if i < len(c) else "" for c in columns)) for i in range(count)]
