@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 import tomllib
 from pathlib import Path
@@ -20,7 +21,7 @@ def blocks():
 
 
 def test_the_scene_runs(blocks, tmp_path):
-    text, loop = (body for language, body in blocks if language == "toml")
+    text, loop, bent = (body for language, body in blocks if language == "toml")
     scene = tmp_path / "slider.toml"
     scene.write_text(text, encoding="utf-8")
     result = symgen.build(scene).simulate()
@@ -31,6 +32,12 @@ def test_the_scene_runs(blocks, tmp_path):
     assert {key: shown[key] for key in ("units", "rows", "drives")} == {
         key: shipped[key] for key in ("units", "rows", "drives")
     }
+    data, words = read_scene("elastic_four_bar").data, tomllib.loads(bent)
+    data["links"] |= words["links"]
+    model = symgen.build(symgen.Scene(**(data | {"crank": words["crank"]})))
+    assert model.crank_speed == pytest.approx(95 * math.pi / 30)
+    # One node more, in the coupler: two displacements, a rotation, a curvature.
+    assert model.unknowns == symgen.build("elastic_four_bar").unknowns + 4
 
 
 def test_the_python_runs(blocks, tmp_path, monkeypatch):
