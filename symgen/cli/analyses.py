@@ -159,7 +159,7 @@ def forces(
     as_json: JsonOption = False,
     backend: BackendOption = "auto",
 ) -> None:
-    """Find joint forces, section forces and driving torques of a driven linkage of rigid links."""
+    """Find joint, section and driving forces of a driven linkage, all its links taken as rigid."""
     from symgen.atomic import writable
     from symgen.errors import ModelError
     from symgen.report.plots import DRAWN_AS
