@@ -24,7 +24,7 @@ extensions = [
             ("_loop", 3),
             ("_loop_motion", 3),
             ("_stepper", 2),
-            ("_lapack", 2),
+            ("_bands", 3),
             ("_rigid_motion", 2),
             ("_beams", 3),
             ("_beam_steps", 3),

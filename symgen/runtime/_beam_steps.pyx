@@ -6,9 +6,9 @@ import numpy as np
 from libc.math cimport isfinite
 from libc.string cimport memcpy, memset
 
+from symgen.runtime._bands cimport factor_band, solve_band
 from symgen.runtime._beams cimport BeamEquations
 from symgen.runtime._core cimport _DONE, _NOT_FINITE, _SINGULAR
-from symgen.runtime._lapack cimport gbtrf, gbtrs
 
 
 cdef class BeamSteps:
@@ -135,11 +135,9 @@ cdef class BeamSteps:
 
     cdef int _solve(self, Py_ssize_t size) noexcept nogil:
         """Solve the banded system for all columns, in place."""
-        cdef int n = size, k = self.band, lead = 3 * self.band + 1, info = 0, columns = self.columns
-        gbtrf(&n, &n, &k, &k, &self.banded[0], &lead, &self.pivots[0], &info)
-        if info != 0:
-            return _SINGULAR if info > 0 else _NOT_FINITE
-        gbtrs("N", &n, &k, &k, &columns, &self.banded[0], &lead, &self.pivots[0], &self.rhs[0], &n, &info)
+        if factor_band(size, self.band, &self.banded[0], &self.pivots[0]) != 0:
+            return _SINGULAR
+        solve_band(size, self.band, self.columns, &self.banded[0], &self.pivots[0], &self.rhs[0])
         return _DONE
 
     cdef int _collocation(self, double t, double h) noexcept nogil:
@@ -218,7 +216,6 @@ cdef class BeamSteps:
     cdef void _accelerations(self) noexcept nogil:
         """Find S'' of the start from the equations just assembled."""
         cdef Py_ssize_t i, r, c
-        cdef int n = self.free, k = self.equations.band, lead = 3 * self.equations.band + 1, info = 0, columns = self.columns
         self.equations._factor_mass()
         for r in range(self.free):
             self.rhs[r] = self.equations.load[r]
@@ -229,7 +226,8 @@ cdef class BeamSteps:
             for c in range(self.columns):
                 self.rhs[c * self.free + r] -= (self.equations.damping[i] * self.pv[self.equations.columns[i], c]
                                                 + self.equations.stiffness[i] * self.p[self.equations.columns[i], c])
-        gbtrs("N", &n, &k, &k, &columns, &self.equations.banded[0], &lead, &self.equations.pivots[0], &self.rhs[0], &n, &info)
+        solve_band(self.free, self.equations.band, self.columns, &self.equations.banded[0],
+                   &self.equations.pivots[0], &self.rhs[0])
         for r in range(self.free):
             for c in range(self.columns):
                 self.pa[r, c] = self.rhs[c * self.free + r]

@@ -12,7 +12,7 @@ from libc.math cimport INFINITY, fabs, fmax, hypot, isfinite
 from libc.string cimport memcpy, memset
 
 from symgen.runtime._core cimport _DONE, _NOT_FINITE, _SINGULAR
-from symgen.runtime._lapack cimport gbtrf, gbtrs
+from symgen.runtime._bands cimport factor_band, solve_band
 from symgen.runtime._rigid_motion cimport MOTION
 
 # What a pivot of the constraints keeps at least of the largest.
@@ -357,17 +357,14 @@ cdef class BeamEquations(Equations):
     cdef int _factor_mass(self) noexcept nogil:
         """Factorise the mass matrix; 0 when it has no inverse."""
         cdef Py_ssize_t e, free = self.whole - self.m, width = 3 * self.band + 1
-        cdef int n = free, k = self.band, lead = width, info = 0
         memset(&self.banded[0], 0, free * width * sizeof(double))
         for e in range(self.entries):
             self.banded[self.columns[e] * width + 2 * self.band + self.rows[e] - self.columns[e]] = self.mass[e]
-        gbtrf(&n, &n, &k, &k, &self.banded[0], &lead, &self.pivots[0], &info)
-        return info == 0
+        return factor_band(free, self.band, &self.banded[0], &self.pivots[0]) == 0
 
     cdef void accelerate(self, double t, const double *y) noexcept nogil:
         """Leave S'' in ``out``, not a number where the motion cannot be."""
         cdef Py_ssize_t e, i, free = self.whole - self.m
-        cdef int n = free, k = self.band, lead = 3 * self.band + 1, info = 0, one = 1
         cdef double *p = &self.before[0]
         cdef double *v = p + free
         if self.assemble(t, True) != _DONE or not self._factor_mass():
@@ -380,7 +377,7 @@ cdef class BeamEquations(Equations):
         for e in range(self.entries):
             self.solution[self.rows[e]] -= (self.damping[e] * v[self.columns[e]]
                                             + self.stiffness[e] * p[self.columns[e]])
-        gbtrs("N", &n, &k, &k, &one, &self.banded[0], &lead, &self.pivots[0], &self.solution[0], &n, &info)
+        solve_band(free, self.band, 1, &self.banded[0], &self.pivots[0], &self.solution[0])
         self.expand(2, p, v, &self.solution[0], 1, &self.out[0])
 
     cdef double position_error(self, double t, const double *y) noexcept nogil:

@@ -84,7 +84,7 @@ def _of_axial_force(
     beam = motion.beams[k]
     stiffness = [at(beam.properties.axial, x) for x in (places * beam.properties.length).tolist()]
     found = rigid if not beam.info.axial else strain * stiffness
-    limit = euler_load(motion, k)
+    limit = motion.euler_loads[k]
     if beam.info.geometric_stiffness:
         bound, kind, candidates = COMPRESSION, "compression", (-rigid, -found)
     else:

@@ -168,6 +168,13 @@ class ElasticMotion:
         return q, links.reshape(count, -1, 10), loads.reshape(count, -1, 2)
 
     @cached_property
+    def euler_loads(self) -> tuple[float, ...]:
+        """The axial load [N] under which each elastic link buckles alone."""
+        from symgen.runtime.beam_checks import euler_load
+
+        return tuple(euler_load(self, k) for k in range(len(self.beams)))
+
+    @cached_property
     def lowest_frequency(self) -> float:
         """The lowest frequency [Hz] of the structure at rest, over the poses of a turn."""
         from symgen.runtime.elastic_modes import lowest

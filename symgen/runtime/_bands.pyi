@@ -1,0 +1,1 @@
+"""Banded systems; see ``_bands.pyx``. It has no part for Python."""

@@ -1,1 +1,0 @@
-"""Routines of LAPACK; see ``_lapack.pyx``."""
