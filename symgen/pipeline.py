@@ -46,7 +46,7 @@ _GENERATOR = ("scene", "symbolic", "joints", "elements", "mechanics", "models", 
 def build(
     scene: Scene | str | os.PathLike[str],
     *,
-    set: Mapping[str, str] | None = None,
+    set: Mapping[str, Any] | None = None,
     backend: str = "auto",
 ) -> Model | LoopModel | ElasticModel:
     """Derive, lower, emit and compile a scene, or take it from the cache.

@@ -282,3 +282,10 @@ def test_a_file_that_cannot_be_written_is_refused_before_the_run(option, file, t
     assert isinstance(done.exception, ResultError)
     assert re.search("file ending in|no folder", str(done.exception))
     assert list(tmp_path.iterdir()) == []
+
+
+def test_set_whole_numbers_and_choices():
+    changed = ["--set", "links.coupler.elastic.elements=3", "--set", "links.output.elastic.axial=false"]
+    said = " ".join(call("explain", "elastic_four_bar", *changed).split())
+    assert "link coupler, 3 elements beam8" in said
+    assert "link output, 1 element beam8, its length kept" in said

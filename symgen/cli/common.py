@@ -35,6 +35,10 @@ BackendOption = Annotated[str, typer.Option(help="auto, c or numpy.")]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")]
 
 
+#: The most digits of a whole number behind --set; more are left as text.
+_DIGITS = 15
+
+
 def console() -> Console:
     """Return what tables are printed on."""
     from rich.console import Console
@@ -42,17 +46,23 @@ def console() -> Console:
     return Console(width=None if sys.stdout.isatty() else 110, highlight=False)
 
 
-def changes(options: list[str] | None) -> dict[str, str]:
-    """Return what --set asks for, by key."""
-    result = {}
+def changes(options: list[str] | None) -> dict[str, Any]:
+    """Return what --set asks for, by key: whole numbers, true and false as such, all else as text."""
+    result: dict[str, Any] = {}
     for change in options or []:
         name, equals, value = change.partition("=")
         if not equals or not name.strip():
             raise SceneError(f"expected --set KEY=VALUE, got {change!r}")
         bare = value.strip()
         quoted = len(bare) > 1 and bare[0] == bare[-1] and bare[0] in "\"'"
-        result[name.strip()] = bare[1:-1] if quoted else bare
+        plain = {"true": True, "false": False}.get(bare, int(bare) if _is_whole(bare) else bare)
+        result[name.strip()] = bare[1:-1] if quoted else plain
     return result
+
+
+def _is_whole(text: str) -> bool:
+    digits = text.removeprefix("-")
+    return digits.isascii() and digits.isdecimal() and len(digits) <= _DIGITS
 
 
 def linkage(scene: str, options: list[str] | None, backend: str, command: str) -> Model:

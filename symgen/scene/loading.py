@@ -72,7 +72,7 @@ def read_scene(source: str | os.PathLike[str]) -> SceneText:
     return SceneText(_identifier(path.stem), path.name, data)
 
 
-def load_scene(source: str | os.PathLike[str], set: Mapping[str, str] | None = None) -> Scene:
+def load_scene(source: str | os.PathLike[str], set: Mapping[str, Any] | None = None) -> Scene:
     """Load and check a scene: a shipped name or the path of a TOML file.
 
     Parameters

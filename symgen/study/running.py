@@ -89,7 +89,7 @@ def run_studies(
     scene: str | os.PathLike[str],
     folder: str | os.PathLike[str],
     *,
-    set: Mapping[str, str] | None = None,
+    set: Mapping[str, Any] | None = None,
     backend: str = "auto",
     progress: Callable[[float], None] | None = None,
 ) -> StudyReport:
