@@ -7,11 +7,12 @@ import math
 
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 from typer.testing import CliRunner
 
 import symgen
 from symgen.cli import app
-from symgen.errors import ModelError
+from symgen.errors import ModelError, SimulationError
 from symgen.scene.loading import read_scene
 
 RPM = math.pi / 30
@@ -83,3 +84,16 @@ def test_refused(scene, speeds, said):
     done = CliRunner().invoke(app, ["sweep", scene, "--speeds", speeds])
     assert isinstance(done.exception, ModelError), done.output
     assert said in str(done.exception)
+
+
+def test_a_vibration_that_repeats_after_each_turn_leaves_no_single_steady_state():
+    model = symgen.build("rotating_cantilever")
+
+    def misfit(speed):
+        changed = model.with_parameters(speed=speed)
+        return changed.modes(moving=True).frequencies[0] * 2 * math.pi / speed - 2
+
+    resonant = brentq(misfit, 0.8 * model.crank_speed, 1.2 * model.crank_speed, xtol=1e-14, rtol=1e-14)
+    with pytest.raises(SimulationError, match="no single steady state"):
+        model.with_parameters(speed=resonant).run("periodic", steps=256)
+    model.with_parameters(speed=1.01 * resonant).run("periodic", steps=256)

@@ -17,6 +17,8 @@ Array = NDArray[np.float64]
 _FIRST, _MOST = 64, 1 << 16
 #: The most unknowns of which all states of one turn are stepped together.
 _SHOOTING = 400
+#: How near to one, over the largest, a multiplier leaves the steady state undetermined.
+_RESONANT = 1e-9
 
 
 def periodic(motion: ElasticMotion, equations: _beams.BeamEquations, task: Task, times: Array) -> Found:
@@ -72,9 +74,17 @@ def _shot(
     # The free unknowns are those that R copies: one row of R is a unit row for each.
     rows = [int(np.flatnonzero(np.all(own[0] == np.eye(free)[k], axis=1))[0]) for k in range(free)]
     end = np.vstack([ends_s[rows], ends_v[rows]])
+    if not np.all(np.isfinite(end)):
+        raise SimulationError(f"{motion.rigid.name}: the motion grows out of all bounds within one turn")
     transition, forced = end[:, 1:], end[:, 0]
     multipliers = np.linalg.eigvals(transition)
     multipliers = multipliers[np.argsort(-np.abs(multipliers), kind="stable")]
+    if np.min(np.abs(multipliers - 1.0)) <= _RESONANT * max(1.0, abs(multipliers[0])):
+        raise SimulationError(
+            f"{motion.rigid.name}: no single steady state: a vibration repeats itself after each turn, so that "
+            "the load builds it up without end, or any of it may be there\n"
+            "  Change the speed, or give the links damping: elastic.damping."
+        )
     y = np.linalg.solve(np.eye(2 * free) - transition, forced)
     p, pv = y[:free], y[free:]
     start = (own[0] @ p)[:, None], (own[1] @ p + own[0] @ pv)[:, None]
