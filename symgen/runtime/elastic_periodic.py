@@ -81,7 +81,7 @@ def _shot(
     multipliers = multipliers[np.argsort(-np.abs(multipliers), kind="stable")]
     if np.min(np.abs(multipliers - 1.0)) <= _RESONANT * max(1.0, abs(multipliers[0])):
         raise SimulationError(
-            f"{motion.rigid.name}: no single steady state: a vibration repeats itself after each turn, so that "
+            f"{motion.rigid.name}: no single steady state: a vibration repeats itself each turn, so that "
             "the load builds it up without end, or any of it may be there\n"
             "  Change the speed, or give the links damping: elastic.damping."
         )
