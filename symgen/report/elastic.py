@@ -40,7 +40,11 @@ def print_sweep(result: Sweep, console: Console) -> None:
     head = ("speed [rpm]", *(f"{v.name} [{v.unit}]" for v in shown), "largest multiplier")
     multipliers = result.variable("floquet").values
     rows = [
-        (f"{speed:.6g}", *(f"{v.values[k]:.5g}" for v in shown), f"{multipliers[k]:.6g}")
+        (
+            f"{speed:.6g}",
+            *(f"{v.values[k]:.5g}" for v in shown),
+            f"{multipliers[k]:.6g}" if result.verdicts[k] is not None else "not resolved",
+        )
         for k, speed in enumerate(result.speeds)
     ]
     console.print(table(f"{result.title}: {result.headline}", head, rows))
@@ -54,17 +58,21 @@ def print_sweep(result: Sweep, console: Console) -> None:
 def print_elastic_result(result: ElasticResult, console: Console) -> None:
     """Print the peak of every output and where it is, and how good the run is."""
     rows = []
+    along, label = result.over
     for v in result.variables:
         columns = v.values.reshape(len(result.time), -1)
         for i, component in enumerate(v.components or ("",)):
             at = int(np.argmax(np.abs(columns[:, i])))
             name = f"{v.name}.{component}" if component else v.name
-            rows.append((name, v.unit, f"{columns[at, i]:.6g}", f"{result.angles[at]:.6g}"))
-    head = ("output", "unit", "peak", "at crank angle [deg]")
+            rows.append((name, v.unit, f"{columns[at, i]:.6g}", f"{along[at]:.6g}"))
+    head = ("output", "unit", "peak", f"at {label}")
     console.print(table(f"{result.title}: {result.headline}", head, rows))
     if result.floquet:
-        largest = abs(result.floquet[0])
-        verdict = "unstable" if largest > 1 + 1e-6 else "stable"
-        console.print(f"largest Floquet multiplier {largest:.6g}: the steady state is {verdict}")
+        verdict = {
+            True: "the steady state is stable",
+            False: "the steady state is unstable",
+            None: "not resolved",
+        }
+        console.print(f"largest Floquet multiplier {abs(result.floquet[0]):.6g}: {verdict[result.stable]}")
     for note in result.notes:
         console.print(f"note: {note}")

@@ -24,7 +24,7 @@ _RIGID = 1e-5
 _DENSE = 60
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, repr=False)
 class ElasticModes:
     """Modes of the structure in one pose of its rigid links, by rising frequency.
 
@@ -49,6 +49,12 @@ class ElasticModes:
     names: tuple[str, ...]
     growth: Array = field(default_factory=lambda: np.zeros(0))
     without_reduction: tuple[Array, int] | None = None
+
+    def __repr__(self) -> str:
+        found = ", ".join(f"{f:.6g}" for f in self.frequencies[:3].tolist())
+        more = ", ..." if len(self.frequencies) > 3 else ""
+        pose = f"{math.degrees(self.angle):.6g} degrees"
+        return f"<ElasticModes {self.name!r} at {pose}: {found}{more} Hz, {len(self.frequencies)} modes>"
 
     @property
     def errors(self) -> Array:

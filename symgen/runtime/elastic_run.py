@@ -18,7 +18,7 @@ from symgen.runtime.beam_recovery import recovered
 from symgen.runtime.elastic_modes import quasi_static
 from symgen.runtime.elastic_motion import ElasticMotion
 from symgen.runtime.elastic_periodic import periodic
-from symgen.runtime.elastic_result import ElasticResult, outputs
+from symgen.runtime.elastic_result import ElasticResult, is_stable, outputs
 from symgen.runtime.elastic_steps import Found, Task, doubled, explicit, recorded_times
 from symgen.runtime.result import Drift
 
@@ -86,6 +86,7 @@ def _result(
     variables = [*outputs(motion, links, found.displacements), *recovered(motion, whole)]
     variables += forces(motion, equations, whole)
     notes = [*_of_speed(motion), *_of_stability(found)]
+    notes += _of_reductions(motion)
     notes += warnings(motion, whole, _moments(motion, times))
     if thesis:
         notes.append("the thesis' form, which takes the turning of axes as constant: for comparison only")
@@ -105,6 +106,7 @@ def _result(
             "error": found.error,
             "wall_s": wall,
             "floquet": [[z.real, z.imag] for z in found.floquet],
+            "floquet_error": found.floquet_error,
         },
         provenance={
             "kind": "elastic",
@@ -139,8 +141,26 @@ def _of_speed(motion: ElasticMotion) -> list[str]:
     ]
 
 
+def _of_reductions(motion: ElasticMotion) -> list[str]:
+    """Say of which links the estimated error is not the whole one."""
+    return [
+        f"{info.link}: reduced ({info.reduction}): what that leaves out is not in the estimated error"
+        + ("; loads between its ends do not bend it" if info.reduction == "guyan" else "")
+        for info in (beam.info for beam in motion.beams)
+        if info.reduction
+    ]
+
+
 def _of_stability(found: Found) -> list[str]:
-    if not found.floquet or abs(found.floquet[0]) <= 1 + 1e-6:
+    if not found.floquet:
+        return []
+    stable = is_stable(abs(found.floquet[0]), found.floquet_error)
+    if stable is None:
+        return [
+            "not known whether it is stable: the Floquet multipliers still change as steps are halved, by "
+            "vibrations that these do not resolve; take more steps a turn, or a reduction"
+        ]
+    if stable:
         return []
     return [
         f"unstable: the largest Floquet multiplier is {abs(found.floquet[0]):.6g}; the steady state found "

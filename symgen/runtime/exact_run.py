@@ -173,6 +173,7 @@ def _result(
             "error": None,
             "wall_s": wall,
             "floquet": [],
+            "floquet_error": None,
         },
         provenance={
             "kind": "elastic",
