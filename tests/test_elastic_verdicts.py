@@ -95,6 +95,26 @@ def test_a_turn_is_told_over_degrees(four_bar):
     assert "at crank angle [deg]" in console.export_text()
 
 
+def test_angles_asked_for_have_their_columns(four_bar):
+    run = four_bar.run("gauss", at=[math.pi / 2, math.pi], rtol=1e-2)
+    console = Console(width=140, record=True, file=io.StringIO())
+    print_elastic_result(run, console)
+    text = console.export_text()
+    line = next(line for line in text.splitlines() if "coupler.stress" in line)
+    assert [float(x) for x in line.split("│")[3:5]] == pytest.approx(run["coupler.stress"].values, rel=1e-5)
+    assert "over crank angle [deg]" in text and "angles asked for only" in text
+
+
+def test_a_steady_state_that_is_not_the_only_one():
+    """Nothing sets the angle of a free shaft."""
+    data = read_scene("rotating_cantilever").data
+    data["crank"]["mode"] = "free"
+    run = symgen.build(symgen.Scene(**data)).run("periodic", samples=31)
+    assert any("not the only one" in note for note in run.notes)
+    held = symgen.build("rotating_cantilever").run("periodic", samples=31)
+    assert not any("not the only one" in note for note in held.notes)
+
+
 def test_modes_in_a_line(four_bar):
     shown = repr(four_bar.modes(0.0))
     assert (

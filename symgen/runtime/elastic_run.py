@@ -25,6 +25,9 @@ from symgen.runtime.result import Drift
 Array = NDArray[np.float64]
 Progress = Callable[[float], None]
 
+#: How near one a multiplier may come: double ones, of a free crank, are split by the root of round-off.
+_UNIT = 1e-4
+
 
 def run(motion: ElasticMotion, task: Task, progress: Progress | None) -> ElasticResult:
     """Return the result of a run.
@@ -88,6 +91,8 @@ def _result(
     notes = [*_of_speed(motion), *_of_stability(found)]
     notes += _of_reductions(motion)
     notes += warnings(motion, whole, _moments(motion, times))
+    if task.at is not None and task.method != "quasi-static":
+        notes.append("peaks, and limits of linear theory, are those at the crank angles asked for only")
     if thesis:
         notes.append("the thesis' form, which takes the turning of axes as constant: for comparison only")
     return ElasticResult(
@@ -159,6 +164,12 @@ def _of_stability(found: Found) -> list[str]:
         return [
             "not known whether it is stable: the Floquet multipliers still change as steps are halved, by "
             "vibrations that these do not resolve; take more steps a turn, or a reduction"
+        ]
+    nearest = min(abs(z - 1.0) for z in found.floquet)
+    if stable and nearest < _UNIT:
+        return [
+            f"a Floquet multiplier is one within {nearest:.1g}: the steady state is not the only one, or in "
+            "resonance; which is shown is left to round-off"
         ]
     if stable:
         return []
