@@ -88,6 +88,19 @@ def test_a_crank_at_rest_is_told_over_time():
     assert np.ptp(run.angles) == 0.0
 
 
+def test_statics_of_many_elements_by_a_banded_solver():
+    """Root stress M h/I of a uniform load, and the deflection q L^4/8EI of the tip."""
+    data = read_scene("rotating_cantilever").data
+    data["crank"]["speed"] = "0 rpm"
+    data["links"]["strip"]["elastic"]["elements"] = 30
+    data["distributed_forces"] = [{"link": "strip", "force": ["0 N/m", "-4 N/m"]}]
+    run = symgen.build(symgen.Scene(**data)).run("quasi-static", samples=2)
+    moment_of_area = 0.05 * 0.005**3 / 12
+    assert abs(run["root.stress"].values) == pytest.approx(2.0 * 0.0025 / moment_of_area, rel=1e-8)
+    tip = run["tip.displacement"].values[:, 1]
+    assert tip == pytest.approx(-4.0 / (8 * 210e9 * moment_of_area), rel=1e-8)
+
+
 def test_a_turn_is_told_over_degrees(four_bar):
     """Units in brackets are no markup."""
     console = Console(width=140, record=True, file=io.StringIO())
