@@ -160,6 +160,7 @@ def test_command_line(tmp_path):
     assert said["method"] == "exact"
     assert set(said["peaks"]) == {"rod.bending_strain", "rod.axial_strain", "rod.stress", "rod.length_change"}
     assert any("keep their length" in note for note in said["notes"])
+    assert any("rods a link is not estimated" in note for note in said["notes"])
     assert any("damp" in note and "rod" in note for note in said["notes"])
     assert file.is_file()
 

@@ -37,7 +37,12 @@ def run(
             "generalized-alpha, quasi-static, periodic, and exact (large rotation)."
         ),
     ] = None,
-    rtol: Annotated[float | None, typer.Option(help="Relative tolerance of the local error.")] = None,
+    rtol: Annotated[
+        float | None,
+        typer.Option(
+            help="Relative tolerance of the local error; with elastic links, error over the peak stress."
+        ),
+    ] = None,
     atol: Annotated[float | None, typer.Option(help="Absolute tolerance [m, m/s].")] = None,
     step: Annotated[float | None, typer.Option(help="Fixed step [s].")] = None,
     samples: Annotated[
@@ -49,7 +54,7 @@ def run(
             "--at",
             metavar="VALUE[,VALUE...]",
             help='Values of the first input of a driven loop: "45,100" (degrees, or the scene\'s unit of '
-            'length), "0.5 rad", "3 in".',
+            'length), "0.5 rad", "3 in"; with elastic links, crank angles.',
         ),
     ] = None,
     through: Annotated[

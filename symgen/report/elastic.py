@@ -13,6 +13,9 @@ from symgen.runtime.elastic_modes import ElasticModes
 from symgen.runtime.elastic_result import ElasticResult
 from symgen.runtime.sweep import Sweep
 
+#: With at most so many times every value is printed, else the peaks.
+_FEW = 6
+
 
 def print_elastic_modes(poses: Sequence[ElasticModes], title: str, console: Console) -> None:
     """Print the frequencies of the structure in its poses, and what reductions make of them, in columns."""
@@ -40,7 +43,11 @@ def print_sweep(result: Sweep, console: Console) -> None:
     head = ("speed [rpm]", *(f"{v.name} [{v.unit}]" for v in shown), "largest multiplier")
     multipliers = result.variable("floquet").values
     rows = [
-        (f"{speed:.6g}", *(f"{v.values[k]:.5g}" for v in shown), f"{multipliers[k]:.6g}")
+        (
+            f"{speed:.6g}",
+            *(f"{v.values[k]:.5g}" for v in shown),
+            f"{multipliers[k]:.6g}" if result.verdicts[k] is not None else "not resolved",
+        )
         for k, speed in enumerate(result.speeds)
     ]
     console.print(table(f"{result.title}: {result.headline}", head, rows))
@@ -52,19 +59,28 @@ def print_sweep(result: Sweep, console: Console) -> None:
 
 
 def print_elastic_result(result: ElasticResult, console: Console) -> None:
-    """Print the peak of every output and where it is, and how good the run is."""
-    rows = []
+    """Print the outputs at a few times, or the peak of many and where it is, and how good the run is."""
+    rows: list[tuple[str, ...]] = []
+    along, label = result.over
+    few = len(along) <= _FEW
+    head = (
+        ("output", "unit", *(f"{x:.6g}" for x in along)) if few else ("output", "unit", "peak", f"at {label}")
+    )
+    over = f", over {label}" if few else ""
     for v in result.variables:
         columns = v.values.reshape(len(result.time), -1)
         for i, component in enumerate(v.components or ("",)):
             at = int(np.argmax(np.abs(columns[:, i])))
             name = f"{v.name}.{component}" if component else v.name
-            rows.append((name, v.unit, f"{columns[at, i]:.6g}", f"{result.angles[at]:.6g}"))
-    head = ("output", "unit", "peak", "at crank angle [deg]")
-    console.print(table(f"{result.title}: {result.headline}", head, rows))
+            peak = (f"{columns[at, i]:.6g}", f"{along[at]:.6g}")
+            rows.append((name, v.unit, *([f"{x:.6g}" for x in columns[:, i]] if few else peak)))
+    console.print(table(f"{result.title}: {result.headline}{over}", head, rows))
     if result.floquet:
-        largest = abs(result.floquet[0])
-        verdict = "unstable" if largest > 1 + 1e-6 else "stable"
-        console.print(f"largest Floquet multiplier {largest:.6g}: the steady state is {verdict}")
+        verdict = {
+            True: "the steady state is stable",
+            False: "the steady state is unstable",
+            None: "not resolved",
+        }
+        console.print(f"largest Floquet multiplier {abs(result.floquet[0]):.6g}: {verdict[result.stable]}")
     for note in result.notes:
         console.print(f"note: {note}")

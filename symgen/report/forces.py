@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from rich.console import Console
-from rich.markup import escape
 
 from symgen.report.tables import table
 from symgen.runtime.forces import Forces
@@ -14,7 +13,7 @@ _FEW = 12
 
 def print_forces(found: Forces, console: Console) -> None:
     """Print forces at a few poses, or the largest of many and where they are."""
-    along, label = found.over[0], escape(found.over[1])
+    along, label = found.over
     if len(along) <= _FEW:
         rows = [
             (f"{v.name} {component}".strip(), v.unit, *v.values.reshape(len(along), -1)[:, i])

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 def plot(result: Result, *names: str, file: str | os.PathLike[str] | None = None) -> Figure:
-    """Draw outputs over time or input, a panel for each unit, and save the picture if ``file`` is given.
+    """Draw outputs over time or input, in the result's panels, and save the picture if ``file`` is given.
 
     Parameters
     ----------
@@ -37,17 +37,17 @@ def plot(result: Result, *names: str, file: str | os.PathLike[str] | None = None
 
     chosen = _chosen(result, names)
     along, label = result.over
-    units = list(dict.fromkeys(v.unit for v in chosen))
-    figure = Figure(figsize=(9, 1.2 + 2.4 * len(units)), layout="constrained")
-    panels = figure.subplots(len(units), 1, sharex=True, squeeze=False)[:, 0]
-    for panel, unit in zip(panels, units, strict=True):
-        for variable in (v for v in chosen if v.unit == unit):
+    labels = list(dict.fromkeys(result.panel(v) for v in chosen))
+    figure = Figure(figsize=(9, 1.2 + 2.4 * len(labels)), layout="constrained")
+    panels = figure.subplots(len(labels), 1, sharex=True, squeeze=False)[:, 0]
+    for panel, panel_label in zip(panels, labels, strict=True):
+        for variable in (v for v in chosen if result.panel(v) == panel_label):
             if variable.values.ndim == 1:
                 panel.plot(along, variable.values, label=variable.name)
                 continue
             for i, component in enumerate(variable.components):
                 panel.plot(along, variable.values[:, i], label=f"{variable.name} {component}")
-        panel.set_ylabel(unit)
+        panel.set_ylabel(panel_label)
         panel.grid(alpha=0.3)
         panel.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize="small", frameon=False)
     panels[-1].set_xlabel(label)

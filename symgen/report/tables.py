@@ -6,18 +6,19 @@ from collections.abc import Iterable, Sequence
 from typing import Any
 
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Table
 
 from symgen.runtime.result import Result
 
 
 def table(title: str, columns: Sequence[str], rows: Iterable[Sequence[Any]]) -> Table:
-    """Return a table; the first column is the name, numbers stand to the right."""
-    made = Table(title=title, title_justify="left", header_style="bold")
+    """Return a table of plain text; the first column is the name, numbers stand to the right."""
+    made = Table(title=escape(title), title_justify="left", header_style="bold")
     for i, column in enumerate(columns):
-        made.add_column(column, justify="left" if i == 0 else "right", overflow="fold")
+        made.add_column(escape(column), justify="left" if i == 0 else "right", overflow="fold")
     for row in rows:
-        made.add_row(*(_text(cell) for cell in row))
+        made.add_row(*(escape(_text(cell)) for cell in row))
     return made
 
 

@@ -24,7 +24,7 @@ _RIGID = 1e-5
 _DENSE = 60
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, repr=False)
 class ElasticModes:
     """Modes of the structure in one pose of its rigid links, by rising frequency.
 
@@ -49,6 +49,12 @@ class ElasticModes:
     names: tuple[str, ...]
     growth: Array = field(default_factory=lambda: np.zeros(0))
     without_reduction: tuple[Array, int] | None = None
+
+    def __repr__(self) -> str:
+        found = ", ".join(f"{f:.6g}" for f in self.frequencies[:3].tolist())
+        more = ", ..." if len(self.frequencies) > 3 else ""
+        pose = f"{math.degrees(self.angle):.6g} degrees"
+        return f"<ElasticModes {self.name!r} at {pose}: {found}{more} Hz, {len(self.frequencies)} modes>"
 
     @property
     def errors(self) -> Array:
@@ -257,7 +263,7 @@ def quasi_static(motion: ElasticMotion, equations: _beams.BeamEquations, times: 
     ModelError
         When nothing holds the crank, so that the structure has a motion without stiffness.
     """
-    from scipy.linalg import cho_factor, cho_solve
+    from scipy.linalg import cho_solve_banded, cholesky_banded
 
     found = np.zeros((len(times), motion.layout.unknowns))
     for k, t in enumerate(times.tolist()):
@@ -266,14 +272,23 @@ def quasi_static(motion: ElasticMotion, equations: _beams.BeamEquations, times: 
         status, _, _, stiffness, _, basis = equations.matrices(t, resting=True)
         motion.check(equations, status, t)
         try:
-            factor = cho_factor((stiffness + stiffness.T) / 2)
+            factor = cholesky_banded(_banded((stiffness + stiffness.T) / 2), lower=True)
         except np.linalg.LinAlgError:
             factor = None
-        if factor is None or np.min(np.abs(np.diag(factor[0]))) <= 1e-7 * np.max(np.abs(np.diag(factor[0]))):
+        if factor is None or np.min(np.abs(factor[0])) <= 1e-7 * np.max(np.abs(factor[0])):
             raise ModelError(
                 f"{motion.rigid.name}: the structure can move without being strained, so that loads alone do "
                 'not determine its shape\n  Hold the crank: mode = "held" under [crank].'
             )
-        p = cho_solve(factor, load)
+        p = cho_solve_banded((factor, True), load)
         found[k] = p if basis is None else basis[0] @ p
     return found
+
+
+def _banded(matrix: Array) -> Array:
+    """Return the diagonals of a symmetric matrix from the main one down, for banded solvers."""
+    rows, columns = np.nonzero(matrix)
+    made = np.zeros((int(np.max(rows - columns, initial=0)) + 1, len(matrix)))
+    for k in range(len(made)):
+        made[k, : len(matrix) - k] = np.diagonal(matrix, -k)
+    return made

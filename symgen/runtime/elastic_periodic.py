@@ -9,6 +9,7 @@ from symgen.errors import ModelError, SimulationError
 from symgen.runtime import _beam_steps, _beams
 from symgen.runtime.beam_methods import GAUSS
 from symgen.runtime.elastic_motion import ElasticMotion
+from symgen.runtime.elastic_result import FLOQUET_SETTLED
 from symgen.runtime.elastic_steps import Errors, Found, Task, step_counts, stepped
 
 Array = NDArray[np.float64]
@@ -19,6 +20,9 @@ _FIRST, _MOST = 64, 1 << 16
 _SHOOTING = 400
 #: How near to one, over the largest, a multiplier leaves the steady state undetermined.
 _RESONANT = 1e-9
+#: The most steps times squared states that are spent on the largest multiplier alone: vibrations too fast to
+#: show in a strain have multipliers too.
+_WORTH = 1 << 23
 
 
 def periodic(motion: ElasticMotion, equations: _beams.BeamEquations, task: Task, times: Array) -> Found:
@@ -41,19 +45,32 @@ def periodic(motion: ElasticMotion, equations: _beams.BeamEquations, task: Task,
             '  Reduce the links: reduction = { kind = "craig-bampton", modes = 3 } under elastic.'
         )
     errors = Errors(motion, equations, times, GAUSS.order)
-    per_turn, before = task.steps or _FIRST, None
+    # The estimates need two runs: with half the steps asked for, then with these.
+    per_turn = task.steps // 2 if task.steps and task.steps > 1 else task.steps or _FIRST
+    worth = _WORTH / (2 * free + 1) ** 2
+    slowest = 2.0 * motion.lowest_frequency * motion.period
+    before: Array | None = None
+    largest, error = 0.0, None
+    shift: float | None = None
     while True:
         start, multipliers, steps = _shot(motion, equations, per_turn)
         counts = step_counts(motion, times, per_turn)
         found, rates = stepped(motion, equations, GAUSS, times, counts, start)
-        error = errors.of(before, found) if before is not None else None
-        if task.steps is not None or (error is not None and error <= task.rtol):
-            return Found(found, rates, steps + int(np.sum(counts)), error, multipliers)
+        if before is not None:
+            error = errors.of(before, found)
+            # Steps longer than half a vibration turn all multipliers to one, and agree on it.
+            shift = abs(abs(multipliers[0]) - largest) if per_turn >= slowest else None
+        known = shift is not None and shift <= FLOQUET_SETTLED * abs(multipliers[0])
+        enough = error is not None and error <= task.rtol
+        enough = enough and (known or max(2 * per_turn, slowest) > worth)
+        if per_turn == task.steps or (enough and task.steps is None):
+            return Found(found, rates, steps + int(np.sum(counts)), error, multipliers, shift)
         if per_turn >= _MOST:
             raise SimulationError(
                 f"{motion.rigid.name}: shooting does not come within {task.rtol:g} of the peak stress"
             )
-        before, per_turn = found, 2 * per_turn
+        before, largest = found, abs(multipliers[0])
+        per_turn = task.steps or 2 * per_turn
 
 
 def _shot(

@@ -15,6 +15,11 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
+#: The error of the largest Floquet multiplier, as a part of it, from which on it says nothing of stability.
+FLOQUET_SETTLED = 1e-3
+#: By how much a multiplier may pass one before a steady state counts as unstable.
+_ROUND_OFF = 1e-6
+
 
 class ElasticResult(Result):
     """A run of a linkage with elastic links; ``result["coupler.bending_strain"]`` is an array over time."""
@@ -37,6 +42,10 @@ class ElasticResult(Result):
             return self.time, "time [s]"
         return self.angles, "crank angle [deg]"
 
+    def panel(self, variable: Variable) -> str:
+        """Return the panel of a plot that an output is drawn in: positions dwarf displacements."""
+        return panel_by_kind(variable)
+
     @property
     def peaks(self) -> dict[str, float]:
         """Largest absolute value of every output of one component, in its unit."""
@@ -48,10 +57,15 @@ class ElasticResult(Result):
         return tuple(complex(re, im) for re, im in self.statistics["floquet"])
 
     @property
+    def stable(self) -> bool | None:
+        """Whether the steady state is stable; None where its multipliers do not tell, or there are none."""
+        return is_stable(abs(self.floquet[0]), self.statistics["floquet_error"]) if self.floquet else None
+
+    @property
     def headline(self) -> str:
         """What a plot says of the run."""
         error = self.statistics["error"]
-        known = f", estimated error {error:.1e} of the peak" if error is not None else ""
+        known = f", estimated error {error:.1e} of the peak stress" if error is not None else ""
         return f"{self.provenance['method']}, {self.statistics['steps']} steps{known}"
 
     def summary(self) -> dict[str, Any]:
@@ -77,13 +91,30 @@ class ElasticResult(Result):
             "peaks": self.peaks,
             "floquet": multipliers,
             "floquet_max": abs(self.floquet[0]) if multipliers else None,
-            "stable": abs(self.floquet[0]) <= 1 + 1e-6 if multipliers else None,
+            "floquet_error": self.statistics["floquet_error"],
+            "stable": self.stable,
             "notes": list(self.notes),
             "values": [
                 {"angle_deg": float(angle), "t": float(t), **{n: float(x[i]) for n, _, x in columns}}
                 for i, (angle, t) in enumerate(zip(self.angles, self.time, strict=True))
             ],
         }
+
+
+def panel_by_kind(variable: Variable) -> str:
+    """Return a panel for outputs of the same kind: the last word of their name, with its unit."""
+    kind = variable.name.rpartition(".")[2].replace("_", " ")
+    return kind if variable.unit == "1" else f"{kind} [{variable.unit}]"
+
+
+def is_stable(largest: float, error: float | None) -> bool | None:
+    """Tell from the largest Floquet multiplier and how far off it is whether a steady state is stable.
+
+    None where it is not known well enough to tell.
+    """
+    if error is None or not error <= FLOQUET_SETTLED * largest:
+        return None
+    return largest <= 1.0 + _ROUND_OFF + error
 
 
 def outputs(motion: ElasticMotion, links: Array, displacements: Array) -> list[Variable]:

@@ -18,12 +18,15 @@ from symgen.runtime.beam_recovery import recovered
 from symgen.runtime.elastic_modes import quasi_static
 from symgen.runtime.elastic_motion import ElasticMotion
 from symgen.runtime.elastic_periodic import periodic
-from symgen.runtime.elastic_result import ElasticResult, outputs
+from symgen.runtime.elastic_result import ElasticResult, is_stable, outputs
 from symgen.runtime.elastic_steps import Found, Task, doubled, explicit, recorded_times
 from symgen.runtime.result import Drift
 
 Array = NDArray[np.float64]
 Progress = Callable[[float], None]
+
+#: How near one a multiplier may come: double ones, of a free crank, are split by the root of round-off.
+_UNIT = 1e-4
 
 
 def run(motion: ElasticMotion, task: Task, progress: Progress | None) -> ElasticResult:
@@ -86,7 +89,10 @@ def _result(
     variables = [*outputs(motion, links, found.displacements), *recovered(motion, whole)]
     variables += forces(motion, equations, whole)
     notes = [*_of_speed(motion), *_of_stability(found)]
+    notes += _of_reductions(motion)
     notes += warnings(motion, whole, _moments(motion, times))
+    if task.at is not None and task.method != "quasi-static":
+        notes.append("peaks, and limits of linear theory, are those at the crank angles asked for only")
     if thesis:
         notes.append("the thesis' form, which takes the turning of axes as constant: for comparison only")
     return ElasticResult(
@@ -105,6 +111,7 @@ def _result(
             "error": found.error,
             "wall_s": wall,
             "floquet": [[z.real, z.imag] for z in found.floquet],
+            "floquet_error": found.floquet_error,
         },
         provenance={
             "kind": "elastic",
@@ -139,8 +146,32 @@ def _of_speed(motion: ElasticMotion) -> list[str]:
     ]
 
 
+def _of_reductions(motion: ElasticMotion) -> list[str]:
+    """Say of which links the estimated error is not the whole one."""
+    return [
+        f"{info.link}: reduced ({info.reduction}): what that leaves out is not in the estimated error"
+        + ("; loads between its ends do not bend it" if info.reduction == "guyan" else "")
+        for info in (beam.info for beam in motion.beams)
+        if info.reduction
+    ]
+
+
 def _of_stability(found: Found) -> list[str]:
-    if not found.floquet or abs(found.floquet[0]) <= 1 + 1e-6:
+    if not found.floquet:
+        return []
+    stable = is_stable(abs(found.floquet[0]), found.floquet_error)
+    if stable is None:
+        return [
+            "not known whether it is stable: the Floquet multipliers still change as steps are halved, by "
+            "vibrations that these do not resolve; take more steps a turn, or a reduction"
+        ]
+    nearest = min(abs(z - 1.0) for z in found.floquet)
+    if stable and nearest < _UNIT:
+        return [
+            f"a Floquet multiplier is one within {nearest:.1g}: the steady state is not the only one, or in "
+            "resonance; which is shown is left to round-off"
+        ]
+    if stable:
         return []
     return [
         f"unstable: the largest Floquet multiplier is {abs(found.floquet[0]):.6g}; the steady state found "

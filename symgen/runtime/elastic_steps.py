@@ -45,7 +45,8 @@ class Task:
 class Found:
     """Displacements and their rates (times, unknowns) at the recorded times, and what they cost.
 
-    ``rates`` is None where the elastic motion itself adds nothing: quasi-static.
+    ``rates`` is None where the elastic motion itself adds nothing: quasi-static. ``floquet_error`` is that of
+    the largest multiplier.
     """
 
     displacements: Array
@@ -53,6 +54,7 @@ class Found:
     steps: int
     error: float | None = None
     floquet: tuple[complex, ...] = ()
+    floquet_error: float | None = None
 
 
 def recorded_times(motion: ElasticMotion, task: Task) -> Array:
@@ -172,7 +174,9 @@ def doubled(
         coarse = fine
     raise SimulationError(
         f"{motion.rigid.name}: {task.method} does not come within {task.rtol:g} of the peak stress "
-        f"with {_MOST} steps a turn"
+        f"with {_MOST} steps a turn\n"
+        "  A turn may have too many vibrations to follow from rest: take method periodic or quasi-static, or "
+        "fewer revolutions."
     )
 
 

@@ -126,6 +126,10 @@ class Result:
         """What plots have along their axis, and what it is called."""
         return self.time, "time [s]"
 
+    def panel(self, variable: Variable) -> str:
+        """Return the panel of a plot that an output is drawn in, by what is written beside it."""
+        return variable.unit
+
     @property
     def headline(self) -> str:
         """What a plot says of the run."""

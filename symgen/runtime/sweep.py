@@ -7,12 +7,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from symgen.runtime.result import Result
+from symgen.runtime.elastic_result import is_stable, panel_by_kind
+from symgen.runtime.result import Result, Variable
 
 Array = NDArray[np.float64]
-
-#: By how much a multiplier may pass one before a steady state counts as unstable.
-_STABLE = 1e-6
 
 
 class Sweep(Result):
@@ -34,6 +32,10 @@ class Sweep(Result):
         """What plots have along their axis, and what it is called."""
         return self.speeds, "crank speed [rpm]"
 
+    def panel(self, variable: Variable) -> str:
+        """Return the panel of a plot that an output is drawn in: multipliers would hide the strains."""
+        return panel_by_kind(variable)
+
     @property
     def first_critical(self) -> float:
         """Crank speed [rpm] equal to the lowest frequency of the structure at rest in any pose."""
@@ -47,9 +49,17 @@ class Sweep(Result):
         return tuple(self.speeds[1:-1][inside].tolist())
 
     @property
+    def verdicts(self) -> tuple[bool | None, ...]:
+        """Whether the steady state at each speed is stable; None where its multipliers do not tell."""
+        largest = self.variable("floquet").values.tolist()
+        return tuple(map(is_stable, largest, self.statistics["floquet_errors"]))
+
+    @property
     def unstable(self) -> tuple[float, ...]:
         """Speeds [rpm] of the sweep whose steady state grows away from itself."""
-        return tuple(self.speeds[self.variable("floquet").values > 1 + _STABLE].tolist())
+        return tuple(
+            s for s, stable in zip(self.speeds.tolist(), self.verdicts, strict=True) if stable is False
+        )
 
     @property
     def headline(self) -> str:
@@ -65,6 +75,7 @@ class Sweep(Result):
             "first_critical_rpm": self.first_critical,
             "resonances_rpm": list(self.resonances),
             "unstable_rpm": list(self.unstable),
+            "stable": list(self.verdicts),
             "outputs": {v.name: {"unit": v.unit, "peaks": v.values.tolist()} for v in self.variables},
             "error_over_peak": self.statistics["error"],
             "wall_s": self.statistics["wall_s"],

@@ -76,8 +76,9 @@ def _result(
         drift=Drift(0.0, 0.0, 0.0, 0.0),
         final={},
         statistics={
-            "speeds_rpm": [s * 30 / math.pi for s in speeds],
+            "speeds_rpm": [float(f"{s * 30 / math.pi:.12g}") for s in speeds],
             "first_critical_rpm": 60 * model.lowest_frequency,
+            "floquet_errors": [r.statistics["floquet_error"] for r in runs],
             "error": max(r.statistics["error"] for r in runs),
             "wall_s": wall,
         },
