@@ -108,6 +108,12 @@ def test_a_tolerance_that_no_steps_meet_is_refused(four_bar, rtol):
         four_bar.run(rtol=rtol)
 
 
+@pytest.mark.parametrize("at", [[], [math.nan]])
+def test_no_crank_angle_is_refused(four_bar, at):
+    with pytest.raises(ModelError, match="expected finite crank angles"):
+        four_bar.run(at=at)
+
+
 def test_a_turn_is_told_over_degrees(four_bar):
     """Units in brackets are no markup."""
     console = Console(width=140, record=True, file=io.StringIO())
