@@ -10,6 +10,7 @@ import pytest
 from rich.console import Console
 
 import symgen
+from symgen.errors import ModelError
 from symgen.report.elastic import print_elastic_result
 from symgen.runtime.elastic_result import is_stable
 from symgen.scene.loading import read_scene
@@ -99,6 +100,18 @@ def test_statics_of_many_elements_by_a_banded_solver():
     assert abs(run["root.stress"].values) == pytest.approx(2.0 * 0.0025 / moment_of_area, rel=1e-8)
     tip = run["tip.displacement"].values[:, 1]
     assert tip == pytest.approx(-4.0 / (8 * 210e9 * moment_of_area), rel=1e-8)
+
+
+@pytest.mark.parametrize("rtol", [0.0, -1.0, 1.0, math.nan])
+def test_a_tolerance_that_no_steps_meet_is_refused(four_bar, rtol):
+    with pytest.raises(ModelError, match="expected rtol above zero and below one"):
+        four_bar.run(rtol=rtol)
+
+
+@pytest.mark.parametrize("at", [[], [math.nan]])
+def test_no_crank_angle_is_refused(four_bar, at):
+    with pytest.raises(ModelError, match="expected finite crank angles"):
+        four_bar.run(at=at)
 
 
 def test_a_turn_is_told_over_degrees(four_bar):

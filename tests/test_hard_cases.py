@@ -8,6 +8,7 @@ from functools import cache
 import numpy as np
 import pytest
 import sympy as sp
+from oracle import Oracle, relative_error
 from scipy.integrate import solve_ivp
 
 import symgen
@@ -16,7 +17,6 @@ from symgen.pipeline import derive
 from symgen.runtime.options import options
 from symgen.runtime.simulate import run
 from symgen.scene.loading import read_scene
-from tests.oracle import Oracle, relative_error
 
 G = 9.81
 

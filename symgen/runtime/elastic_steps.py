@@ -69,7 +69,11 @@ def recorded_times(motion: ElasticMotion, task: Task) -> Array:
         raise ModelError(f"expected revolutions above zero, got {task.revolutions!r}")
     if task.samples < 2:
         raise ModelError(f"expected 2 samples or more, got {task.samples!r}")
+    if not 0.0 < task.rtol < 1.0:
+        raise ModelError(f"expected rtol above zero and below one, got {task.rtol!r}")
     if task.at is not None:
+        if len(task.at) == 0 or not all(map(math.isfinite, task.at)):
+            raise ModelError(f"expected finite crank angles [rad], at least one, got {list(task.at)!r}")
         last = motion.period * (math.ceil(task.revolutions) - 1) if motion.speed else 0.0
         return np.array(
             [last + (motion.time_at(a) or (motion.period if last == 0.0 and a else 0.0)) for a in task.at]
