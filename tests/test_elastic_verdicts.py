@@ -146,3 +146,11 @@ def test_modes_in_a_line(four_bar):
     assert (
         shown == "<ElasticModes 'elastic_four_bar' at 0 degrees: 7.95038, 83.6901, 122.978, ... Hz, 10 modes>"
     )
+
+
+def test_stress_without_that_of_the_axial_force_is_told():
+    model = symgen.build("elastic_slider_crank", set={"links.rod.elastic.axial": False})
+    assert any("rod: kept at constant length" in note for note in model.run("quasi-static").notes)
+    assert not any(
+        "constant length" in n for n in symgen.build("elastic_slider_crank").run("quasi-static").notes
+    )

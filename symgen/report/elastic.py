@@ -51,7 +51,7 @@ def print_sweep(result: Sweep, console: Console) -> None:
         for k, speed in enumerate(result.speeds)
     ]
     console.print(table(f"{result.title}: {result.headline}", head, rows))
-    console.print(f"first critical speed: {result.first_critical:.6g} rpm")
+    console.print(f"first critical speed, that of the lowest frequency: {result.first_critical:.6g} rpm")
     for what, speeds in (("resonances", result.resonances), ("unstable", result.unstable)):
         console.print(f"{what} at: {', '.join(f'{s:.5g}' for s in speeds) or 'none'}")
     for note in result.notes:

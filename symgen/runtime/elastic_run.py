@@ -90,6 +90,7 @@ def _result(
     variables += forces(motion, equations, whole)
     notes = [*_of_speed(motion), *_of_stability(found)]
     notes += _of_reductions(motion)
+    notes += _of_lengths(motion)
     notes += warnings(motion, whole, _moments(motion, times))
     if task.at is not None and task.method != "quasi-static":
         notes.append("peaks, and limits of linear theory, are those at the crank angles asked for only")
@@ -144,6 +145,14 @@ def _of_speed(motion: ElasticMotion) -> list[str]:
         f"the crank turns at {crank:.4g} Hz, above the first critical speed: the lowest frequency of the "
         f"structure over the turn is {lowest:.4g} Hz"
     ]
+
+
+def _of_lengths(motion: ElasticMotion) -> list[str]:
+    """Say whose stress lacks that of the axial force."""
+    kept = [b.info.link for b in motion.beams if not b.info.axial]
+    if not kept:
+        return []
+    return [f"{', '.join(kept)}: kept at constant length, so that stress is that of bending only"]
 
 
 def _of_reductions(motion: ElasticMotion) -> list[str]:
