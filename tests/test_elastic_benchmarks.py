@@ -9,6 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import symgen
+
 FOLDER = Path(__file__).parents[1] / "benchmarks"
 
 
@@ -52,6 +54,25 @@ def test_symgen_against_the_reference(speed):
     ours.tolerance = 1e-7
     assert truth.error(ours.strain()) < 1e-5
     assert truth.error(0.999 * truth.strain) == pytest.approx(1e-3)
+
+
+def test_exudyn_is_given_the_same_linkage(speed):
+    """At 20 rpm its strains differ by what large rotation does; rods of large rotation differ as much from linear."""
+    pytest.importorskip("exudyn", reason="the extra 'peers' is not installed")
+    import exudyn_cables
+    from elastic_rigid import RPM, FourBar
+
+    exudyn, _ = exudyn_cables.exudyn_or_why()
+    model = symgen.build("elastic_four_bar").with_parameters(speed=20 * RPM)
+    result = model.run("dop853", rtol=1e-5, samples=exudyn_cables.SAMPLES, revolutions=1 / 8)
+    linear = np.array([result.variable(f"{k}.bending_strain").values for k in speed.LINKS])
+    found = exudyn_cables.Cables(exudyn, FourBar(speed=20 * RPM), 1 / 8, 4).strain(3600, absolute=1e-8)
+    rms = np.sqrt(np.sum((found - linear) ** 2, axis=1) / np.sum(linear**2, axis=1))
+    assert np.all(rms < [0.06, 0.1, 0.09])
+    peer = exudyn_cables.Peer(exudyn, 1 / 90, 90)
+    peer.settle(1e-3)
+    assert peer.error <= 1e-3
+    peer.run()
 
 
 def test_exponent(speed):
