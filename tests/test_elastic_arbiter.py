@@ -146,7 +146,8 @@ def test_crank_that_is_not_held(crank):
     model = symgen.build(f"elastic_four_bar_{crank}", set={"speed": "20 rpm"})
     result = model.exact(4, revolutions=0.03, samples=11)
     linear = model.run(revolutions=0.03, samples=11)
-    assert set(result.peaks) == set(linear.peaks)
+    alone = {name for name in linear.peaks if name.endswith((".deflection", ".torque"))}
+    assert set(result.peaks) == set(linear.peaks) - alone
     ours, theirs = (np.linalg.norm(r.variable("B.displacement").values, axis=1) for r in (result, linear))
     assert np.max(np.abs(ours - theirs)) < 0.2 * np.max(theirs)
 

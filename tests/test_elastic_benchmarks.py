@@ -51,7 +51,7 @@ def test_the_lambdified_route_has_the_equations_of_the_reference(speed):
 def test_symgen_against_the_reference(speed):
     truth = speed.Truth(samples=33, steps_between=64)
     ours = speed.Ours("dop853", truth)
-    ours.tolerance = 1e-7
+    ours.given = 1e-7
     assert truth.error(ours.strain()) < 1e-5
     assert truth.error(0.999 * truth.strain) == pytest.approx(1e-3)
 

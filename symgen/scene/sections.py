@@ -146,7 +146,7 @@ def rigid(line: Line, length: sp.Expr, rotary: bool) -> tuple[sp.Expr, sp.Expr, 
 
 def _shape(read: Reader, section: Section, length: sp.Expr, where: str) -> Shape:
     """Return the properties of a section of one of the kinds."""
-    written = section.model_fields_set
+    written = {key for key in section.model_fields_set if getattr(section, key) is not None}
     found = next(((keys, factor) for keys, factor in _KINDS if written & set(keys)), None)
     if found is None:
         raise SceneError("this section has no size", where=where, hint=_HINT)

@@ -12,6 +12,7 @@ import sympy as sp
 
 import symgen
 from symgen.errors import SceneError, SimulationError
+from symgen.scene.loading import read_scene
 from symgen.scene.resolve import resolve
 
 SECTION = 'section = { width = "20 mm", thickness = "5 mm" }'
@@ -266,3 +267,10 @@ def test_rigid_mass_follows_from_the_section():
     assert sp.simplify(link.mass - mass) == 0
     assert sp.simplify(link.centre - centre) == 0
     assert sp.simplify(link.inertia - sp.integrate(mu * (x - centre) ** 2, (x, 0, l))) == 0
+
+
+def test_a_size_that_is_none_is_missing():
+    data = read_scene("elastic_four_bar").data
+    data["links"]["coupler"]["section"]["thickness"] = None
+    with pytest.raises(SceneError, match=r"a section by its width needs this too"):
+        resolve(symgen.Scene(**data))
