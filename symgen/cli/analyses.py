@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -10,13 +9,17 @@ import typer
 from symgen.cli.common import (
     BackendOption,
     JsonOption,
+    OutOption,
+    PlotOption,
     SceneArgument,
     SetOption,
     app,
     changes,
+    check_files,
     console,
     linkage,
     print_json,
+    write_files,
 )
 
 
@@ -37,8 +40,8 @@ def kinematics(
         bool, typer.Option("--through", help="Go on through dead centres, back in time.")
     ] = False,
     set_: SetOption = None,
-    out: Annotated[Path | None, typer.Option(help="Save the result: .nc or .npz.")] = None,
-    plot: Annotated[Path | None, typer.Option(help="Save a plot: .png, .svg or .pdf.")] = None,
+    out: OutOption = None,
+    plot: PlotOption = None,
     as_json: JsonOption = False,
     backend: BackendOption = "auto",
 ) -> None:
@@ -53,10 +56,7 @@ def kinematics(
             raise ModelError(f"there is no branch {branch}: {len(states)} assemblies were found at t = 0")
         state = states[branch - 1]
     motion = model.kinematics(start, stop, samples=samples, of=of, state=state, through=through)
-    if out:
-        motion.save(out)
-    if plot:
-        motion.plot(file=plot)
+    write_files(motion, out, plot)
     if as_json:
         print_json(motion.summary())
     else:
@@ -154,21 +154,16 @@ def forces(
     ] = None,
     samples: Annotated[int | None, typer.Option(help="Number of times (361).")] = None,
     set_: SetOption = None,
-    out: Annotated[Path | None, typer.Option(help="Save the result: .nc or .npz.")] = None,
-    plot: Annotated[Path | None, typer.Option(help="Save a plot: .png, .svg or .pdf.")] = None,
+    out: OutOption = None,
+    plot: PlotOption = None,
     as_json: JsonOption = False,
     backend: BackendOption = "auto",
 ) -> None:
     """Find joint, section and driving forces of a driven linkage, all its links taken as rigid."""
-    from symgen.atomic import writable
     from symgen.errors import ModelError
-    from symgen.report.plots import DRAWN_AS
     from symgen.runs import angles
-    from symgen.runtime.result import SAVED_AS
 
-    for file, endings, what in ((out, SAVED_AS, "result"), (plot, DRAWN_AS, "plot")):
-        if file:
-            writable(file, endings, what)
+    check_files(out, plot)
     if at and samples is not None:
         raise ModelError("give --at or --samples, not both")
     asked = angles(at) if at else None
@@ -176,10 +171,7 @@ def forces(
     found = model.forces(
         start, stop, at=asked, elements=elements, sections=section or (0.5,), samples=samples or 361
     )
-    if out:
-        found.save(out)
-    if plot:
-        found.plot(file=plot)
+    write_files(found, out, plot)
     if as_json:
         print_json(found.summary())
     else:

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -13,6 +16,7 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from symgen.runtime.model import Model
+    from symgen.runtime.result import Result
 
 app = typer.Typer(
     help="Derive the equations of a mechanism, print them as C, and run them compiled.",
@@ -33,10 +37,40 @@ SetOption = Annotated[
 ]
 BackendOption = Annotated[str, typer.Option(help="auto, c or numpy.")]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")]
+OutOption = Annotated[Path | None, typer.Option(help="Save the result: .nc or .npz.")]
+PlotOption = Annotated[Path | None, typer.Option(help="Save a plot: .png, .svg or .pdf.")]
 
 
 #: The most digits of a whole number behind --set; more are left as text.
 _DIGITS = 15
+
+
+def check_files(out: Path | None, plot: Path | None) -> None:
+    """Raise ResultError where a result or a plot could not be written, before anything is computed."""
+    from symgen.atomic import writable
+    from symgen.report.plots import DRAWN_AS
+    from symgen.runtime.result import SAVED_AS
+
+    for file, endings, what in ((out, SAVED_AS, "result"), (plot, DRAWN_AS, "plot")):
+        if file:
+            writable(file, endings, what)
+
+
+def write_files(result: Result, out: Path | None, plot: Path | None) -> None:
+    """Save a result and a plot of it where they are asked for."""
+    if out:
+        result.save(out)
+    if plot:
+        result.plot(file=plot)
+
+
+def progress_bar(title: str, as_json: bool) -> AbstractContextManager[Callable[[float], None] | None]:
+    """Show a bar on a terminal, and nothing elsewhere."""
+    if as_json or not sys.stderr.isatty():
+        return nullcontext()
+    from symgen.report.progress import bar
+
+    return bar(title)
 
 
 def console() -> Console:

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable
-from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -12,12 +10,17 @@ import typer
 
 from symgen.cli.common import (
     BackendOption,
+    OutOption,
+    PlotOption,
     SceneArgument,
     SetOption,
     app,
     changes,
+    check_files,
     console,
     print_json,
+    progress_bar,
+    write_files,
 )
 
 if TYPE_CHECKING:
@@ -81,8 +84,8 @@ def run(
         typer.Option(help="Whether axial forces stiffen elastic links; as the scene says when absent."),
     ] = None,
     set_: SetOption = None,
-    out: Annotated[Path | None, typer.Option(help="Save the result: .nc or .npz.")] = None,
-    plot: Annotated[Path | None, typer.Option(help="Save a plot: .png, .svg or .pdf.")] = None,
+    out: OutOption = None,
+    plot: PlotOption = None,
     study: Annotated[
         Path | None,
         typer.Option(metavar="FOLDER", help="Run the [[studies]] of the scene instead; plots and tables."),
@@ -97,17 +100,12 @@ def run(
         others = [name for name, value in given.items() if value is not None]
         _studies(scene, study, others, set_, as_json, backend)
         return
-    from symgen.atomic import writable
     from symgen.errors import ModelError, SimulationError
     from symgen.pipeline import build as build_model
-    from symgen.report.plots import DRAWN_AS
     from symgen.runtime.elastic_model import ElasticModel
     from symgen.runtime.loop_model import LoopModel
-    from symgen.runtime.result import SAVED_AS
 
-    for file, endings, what in ((out, SAVED_AS, "result"), (plot, DRAWN_AS, "plot")):
-        if file:
-            writable(file, endings, what)
+    check_files(out, plot)
     model = build_model(scene, set=changes(set_), backend=backend)
     options: dict[str, Any] = {"method": method, "rtol": rtol, "atol": atol, "step": step}
     of_elastic = {"revolutions": revolutions, "steps": steps, "segments": segments, "form": form}
@@ -122,34 +120,22 @@ def run(
             from symgen.runs import elastic_run
 
             asked = {"t_end": t_end, **options, "through": through or None, **of_elastic}
-            with _progress(model.description.title, as_json) as progress:
+            with progress_bar(model.description.title, as_json) as progress:
                 result = elastic_run(model, at, samples, asked, progress)
         elif model.is_driven or at or through:
             from symgen.runs import driven_run
 
             result = driven_run(model, at, samples, through, {"t_end": t_end, **options})
         else:
-            with _progress(model.description.title, as_json) as progress:
+            with progress_bar(model.description.title, as_json) as progress:
                 result = model.simulate(t_end, **options, samples=samples or 201, progress=progress)
     except SimulationError as error:
         if out and error.partial is not None:
             error.partial.save(out)
             print(f"symgen: what was recorded until then is in {out}", file=sys.stderr)
         raise
-    if out:
-        result.save(out)
-    if plot:
-        result.plot(file=plot)
+    write_files(result, out, plot)
     _show(result, isinstance(model, LoopModel), as_json)
-
-
-def _progress(title: str, as_json: bool) -> AbstractContextManager[Callable[[float], None] | None]:
-    """Show a bar on a terminal, and nothing elsewhere."""
-    if as_json or not sys.stderr.isatty():
-        return nullcontext()
-    from symgen.report.progress import bar
-
-    return bar(title)
 
 
 def _show(result: Result, of_loop: bool, as_json: bool) -> None:
@@ -181,16 +167,12 @@ def _studies(
     scene: str, folder: Path, others: list[str], set_: list[str] | None, as_json: bool, backend: str
 ) -> None:
     """Run the studies of a scene, and print what they gave."""
-    from contextlib import nullcontext
-
     from symgen.errors import ModelError
-    from symgen.report.progress import bar
     from symgen.study import run_studies
 
     if others:
         raise ModelError(f"{', '.join(others)} does not go with --study: the scene says what is studied")
-    quiet = as_json or not sys.stderr.isatty()
-    with nullcontext() if quiet else bar(f"studies of {Path(scene).stem}") as progress:
+    with progress_bar(f"studies of {Path(scene).stem}", as_json) as progress:
         report = run_studies(scene, folder, set=changes(set_), backend=backend, progress=progress)
     if as_json:
         print_json(report.summary())

@@ -34,7 +34,6 @@ cdef class BeamSteps:
     cdef double[::1] banded, rhs
     cdef int[::1] pivots
     cdef double[:, ::1] s, v, acc, p, pv, pa
-    cdef bint begun
     cdef readonly long steps
 
     def __init__(self, BeamEquations equations, method, Py_ssize_t columns):
@@ -57,7 +56,7 @@ cdef class BeamSteps:
         self.pivots = np.zeros(self.free * k, dtype=np.intc)
         self.s, self.v, self.acc = (np.zeros((self.whole, columns)) for _ in range(3))
         self.p, self.pv, self.pa = (np.zeros((self.free, columns)) for _ in range(3))
-        self.begun, self.steps = False, 0
+        self.steps = 0
 
     def start(self, double t, s, v):
         """Take states (S, S'), each (unknowns, columns), at a time; return a status."""
@@ -66,7 +65,6 @@ cdef class BeamSteps:
             return status
         self.s, self.v = np.array(s, dtype=float).reshape(self.whole, -1), np.array(v, dtype=float).reshape(self.whole, -1)
         self._choose()
-        self.begun = False
         if not self.collocated:
             self._accelerations()
         return _DONE

@@ -128,7 +128,7 @@ def outputs(motion: ElasticMotion, links: Array, displacements: Array) -> list[V
         (times, unknowns).
     """
     found = []
-    own = [_own(motion, k, links, displacements) for k in range(len(motion.beams))]
+    own = [own_unknowns(motion, k, links, displacements) for k in range(len(motion.beams))]
     for name, k, at, fibre in motion.stations:
         beam = motion.beams[k]
         rows = beam.rows(at)
@@ -167,10 +167,6 @@ def length_change(link: str, values: Array) -> Variable:
 
 def own_unknowns(motion: ElasticMotion, k: int, links: Array, displacements: Array) -> Array:
     """Return the unknowns of a link in its own axes, (times, n)."""
-    return _own(motion, k, links, displacements)
-
-
-def _own(motion: ElasticMotion, k: int, links: Array, displacements: Array) -> Array:
     places = motion.layout.of_links[k]
     padded = np.column_stack([displacements, np.zeros(len(displacements))])
     found = padded[:, places]
