@@ -23,6 +23,7 @@ extensions = [
             ("_follow", 3),
             ("_loop", 3),
             ("_loop_motion", 3),
+            ("_rhs", 2),
             ("_stepper", 2),
             ("_bands", 3),
             ("_rigid_motion", 2),
