@@ -49,7 +49,7 @@ struct core_api {
     void (*call_rows)(kernel function, long rows, const void *t, const void *y, long y_stride, long n,
                       const void *p, void *work, long work_stride, void *out, long out_stride);
 
-    size_t equations_struct, run_struct, state_bytes;
+    size_t equations_struct, run_struct;
     size_t (*equations_bytes)(const struct sizes *sizes);
     void (*equations_bind)(struct equations *e, const struct sizes *sizes, const struct kernels *kernels,
                            void *memory);

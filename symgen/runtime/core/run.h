@@ -112,7 +112,7 @@ struct run {
     real *y, *y_new;
     real *stage, *error;         /* scratch of dim each, for methods and loop */
     real *y_old, *f_old;         /* the step before, for the rank */
-    real *gaps, *gaps_new, *gaps_mid; /* event values */
+    real *gaps;                  /* values of the events at y, at looks in between, and at y_new: a row each */
     real *times, *samples;       /* task.samples + 1 times, the last infinite, and rows of dim */
     real *own;                   /* the method's */
     signed char *directions;     /* of events: 1 rising, -1 falling, 0 both */
@@ -154,7 +154,6 @@ int all_finite(const real *v, long count);
 
 void watch_rank(struct run *run, real t_new, double sound);
 int record_samples(struct run *run, real t_new, real h, double sound, int *prepared);
-int locate_events(struct run *run, real *t_new, real h, int *prepared);
 
 /* The kind of that name, NULL when there is none. */
 const struct kind *find_kind(const char *name);
