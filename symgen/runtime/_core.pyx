@@ -210,7 +210,7 @@ cdef class Equations(Integrable):
         cdef const double[::1] parameters = np.array([*p, 0.0])
         for name in ("accelerations", "energy"):
             if not addresses.get(name):
-                raise ValueError(f"a model without the kernels 'accelerations' and 'energy' cannot be stepped")
+                raise ValueError("a model without the kernels 'accelerations' and 'energy' cannot be stepped")
         given.accelerations = kernel_of(addresses, "accelerations")
         given.factor, given.solve = kernel_of(addresses, "factor"), kernel_of(addresses, "solve")
         given.constraints = kernel_of(addresses, "constraints")
@@ -283,6 +283,13 @@ cdef class Equations(Integrable):
         if y.shape[0]:
             symgen_core.solve_rows(self.core, y.shape[0], &t[0], &y[0, 0], y.shape[1], &rows[0, 0], rows.shape[1])
         return found
+
+    def derivative(self, double t, const double[::1] y):
+        """Return dy/dt at (t, y) as steps see it; y may have entries to spare, and doubles only."""
+        found = np.zeros(self.dim + 1)
+        cdef double[::1] rates = found
+        symgen_core.derivative(self.core, t, &y[0], &rates[0])
+        return found[:self.dim]
 
     def lost_rows(self):
         """Return the numbers of the constraints that the last factorisation found to follow from others."""
