@@ -15,7 +15,11 @@ def flags(optimisation):
     return [] if os.name == "nt" else [f"-O{optimisation}", "-std=c11", "-ffp-contract=off"]
 
 
+# What Cython's arrays need, compiled once instead of into each module: it is most of what there is to compile.
+SHARED = "symgen._cython"
+
 extensions = [
+    Extension(SHARED, []),
     *(
         Extension(f"symgen.runtime.{name}", [f"symgen/runtime/{name}.pyx"], extra_compile_args=flags(level))
         for name, level in (
@@ -42,6 +46,8 @@ extensions = [
 ]
 
 setup(
-    ext_modules=cythonize(extensions, build_dir="build/cython", language_level=3),
+    ext_modules=cythonize(
+        extensions, build_dir="build/cython", language_level=3, shared_utility_qualified_name=SHARED
+    ),
     options={"build_ext": {"parallel": os.cpu_count()}},
 )
