@@ -17,8 +17,8 @@ class BeamMethod:
     """A fixed-step method for M S'' + C S' + K S = Q.
 
     ``collocated`` methods have stages ``c`` with the matrix ``a`` and weights ``b``. The others find the
-    acceleration at the end of the step from the equation at a part ``at`` of the step h, where with S'' at both
-    ends
+    acceleration at the end of the step from the equation at a part ``at`` of the step h, where with S'' at
+    both ends
 
         S''_at = inertia . (S''_0, S''_1),   S'_at = S'_0 + h rate . (S''_0, S''_1),
         S_at = S_0 + at h S'_0 + h^2 place . (S''_0, S''_1),
