@@ -29,7 +29,8 @@ cdef class BeamSteps:
     cdef double[:, ::1] a, abar
     cdef double[::1] b, bbar, c
     cdef bint collocated
-    cdef double at_force, at_inertia, gamma, beta
+    cdef double at, gamma, beta
+    cdef double[2] inertia, rate, place
     cdef double[:, ::1] mass, damping, stiffness, load
     cdef double[::1] banded, rhs
     cdef int[::1] pivots
@@ -46,8 +47,8 @@ cdef class BeamSteps:
         self.a, self.abar = np.array(method.a), np.array(method.a) @ np.array(method.a)
         self.b, self.c = np.array(method.b), np.array(method.c)
         self.bbar = np.array(method.b) @ np.array(method.a)
-        self.at_force, self.at_inertia = method.at_force, method.at_inertia
-        self.gamma, self.beta = method.gamma, method.beta
+        self.at, self.gamma, self.beta = method.at, method.gamma, method.beta
+        self.inertia, self.rate, self.place = list(method.inertia), list(method.rate), list(method.place)
         self.band = equations.band * k + k - 1
         self.mass, self.damping, self.stiffness = (np.zeros((k, self.entries + 1)) for _ in range(3))
         self.load = np.zeros((k, self.free + 1))
@@ -178,10 +179,10 @@ cdef class BeamSteps:
         return self._finish(t + h)
 
     cdef int _one_step(self, double t, double h) noexcept nogil:
-        """One step of the generalized-alpha family, Newmark's method included."""
+        """One step of a method with accelerations at both ends: Newmark's, generalized-alpha, Wilson's."""
         cdef Py_ssize_t e, r, q, c, width = 3 * self.band + 1
-        cdef double f = self.at_force, g = self.at_inertia, value, old
-        cdef int status = self._at(0, t + (1 - f) * h)
+        cdef double value, old
+        cdef int status = self._at(0, t + self.at * h)
         if status != _DONE:
             return status
         memset(&self.banded[0], 0, width * self.free * sizeof(double))
@@ -190,15 +191,15 @@ cdef class BeamSteps:
             self.rhs[r] = self.load[0, r]
         for e in range(self.entries):
             r, q = self.equations.rows[e], self.equations.columns[e]
-            value = (1 - g) * self.mass[0, e] + (1 - f) * (self.gamma * h * self.damping[0, e]
-                                                          + self.beta * h * h * self.stiffness[0, e])
+            value = (self.inertia[1] * self.mass[0, e] + h * self.rate[1] * self.damping[0, e]
+                     + h * h * self.place[1] * self.stiffness[0, e])
             self.banded[q * width + 2 * self.band + r - q] = value
             for c in range(self.columns):
                 old = self.pa[q, c]
                 self.rhs[c * self.free + r] -= (
-                    g * self.mass[0, e] * old
-                    + self.damping[0, e] * (self.pv[q, c] + (1 - f) * h * (1 - self.gamma) * old)
-                    + self.stiffness[0, e] * (self.p[q, c] + (1 - f) * (h * self.pv[q, c] + h * h * (0.5 - self.beta) * old))
+                    self.inertia[0] * self.mass[0, e] * old
+                    + self.damping[0, e] * (self.pv[q, c] + h * self.rate[0] * old)
+                    + self.stiffness[0, e] * (self.p[q, c] + self.at * h * self.pv[q, c] + h * h * self.place[0] * old)
                 )
         status = self._solve(self.free)
         if status != _DONE:
