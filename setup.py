@@ -15,7 +15,7 @@ def flags(optimisation):
     return [] if os.name == "nt" else [f"-O{optimisation}", "-std=c11", "-ffp-contract=off"]
 
 
-# What Cython's arrays need, compiled once instead of into each module: it is most of what there is to compile.
+# What Cython's arrays need, compiled once instead of into each module: most of what there is to compile.
 SHARED = "symgen._cython"
 CORE = Path("symgen/runtime/core")
 
@@ -35,7 +35,7 @@ extensions = [
             include_dirs=["symgen/runtime"],
             extra_compile_args=flags(1),
         )
-        for name in ("_loop", "_beams")
+        for name in ("_loop", "_beams", "_rhs")
     ),
     *(
         Extension(
