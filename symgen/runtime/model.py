@@ -23,6 +23,7 @@ from symgen.runtime.simulate import run
 from symgen.runtime.state import Accelerations, State
 
 if TYPE_CHECKING:
+    from symgen.runtime._rhs import Rhs
     from symgen.runtime.bonds import Bonds
     from symgen.runtime.equilibrium import Equilibrium
     from symgen.runtime.forces import Forces
@@ -184,6 +185,13 @@ class Model(Compiled):
         from symgen.runtime.bonds import Bonds
 
         return Bonds(self._evaluator, self.analysis("kinematics"))
+
+    @property
+    def rhs(self) -> Rhs:
+        """The right-hand side for solvers of SciPy and others: see :mod:`symgen.runtime.rhs`."""
+        from symgen.runtime.rhs import right_hand_side
+
+        return right_hand_side(self)
 
     @property
     def evaluator(self) -> Evaluator:

@@ -44,7 +44,7 @@ def recorded(
         title=description.title,
         axes=description.axes,
         time=times,
-        variables=_outputs(evaluator, equations, times, stepper.result, len(redundant)),
+        variables=outputs(evaluator, equations, times, stepper.result, len(redundant)),
         drift=drift,
         final={
             p: {"position": final["positions"][i].tolist(), "velocity": final["velocities"][i].tolist()}
@@ -81,9 +81,10 @@ def recorded(
     )
 
 
-def _outputs(
+def outputs(
     evaluator: Evaluator, equations: _core.Equations, times: Array, states: Array, redundant: int
 ) -> tuple[Variable, ...]:
+    """Return what the scene asks to record, at these times and states (q, u, ...), a row each."""
     info = evaluator.description.kernel("outputs")
     if info is None or not len(times):
         return ()

@@ -44,7 +44,7 @@ def run(
     """
     if chosen.t_end <= t0:
         raise ModelError(f"expected t_end after the start at t = {t0:g} s, got {chosen.t_end:g} s")
-    equations = evaluator.equations(len(redundant), slack(evaluator, q), chosen.rate)
+    equations = evaluator.equations(len(redundant), slack(evaluator, q), stabilisation=chosen.rate)
     times = np.linspace(t0, chosen.t_end, chosen.samples)
     times[-1] = chosen.t_end
     y0 = np.concatenate([q, u, np.zeros(equations.extra)])
