@@ -202,6 +202,6 @@ CASES: tuple[Case, ...] = (
         scene="cssp",
         rtol=1e-10,
         step=1e-3,
-        bounds={"dop853": 1e-8, "rk4": 1e-6},
+        bounds={"dop853": 1e-8, "dopri5": 1e-7, "rk4": 1e-6},
     ),
 )
