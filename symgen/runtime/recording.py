@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from symgen.runtime import _core, _stepper
+from symgen.runtime import _core
 from symgen.runtime.evaluate import Evaluator, part
 from symgen.runtime.options import Options
 from symgen.runtime.redundancy import least_norm, not_unique
@@ -22,7 +22,7 @@ _SHOWN = 6
 def recorded(
     evaluator: Evaluator,
     equations: _core.Equations,
-    stepper: _stepper.Stepper,
+    stepper: _core.Run,
     redundant: tuple[int, ...],
     chosen: Options,
     wall: float,
@@ -101,9 +101,7 @@ def _outputs(
     )
 
 
-def _of_redundancy(
-    evaluator: Evaluator, stepper: _stepper.Stepper, redundant: tuple[int, ...]
-) -> Iterator[str]:
+def _of_redundancy(evaluator: Evaluator, stepper: _core.Run, redundant: tuple[int, ...]) -> Iterator[str]:
     """Say which constraints follow from others, by how much they contradict them, and what is not unique."""
     if not redundant:
         return
@@ -117,7 +115,7 @@ def _of_redundancy(
     yield f"constraint forces are not unique in {names}: those of least norm are given, and reactions by them"
 
 
-def _of_passages(evaluator: Evaluator, stepper: _stepper.Stepper) -> Iterator[str]:
+def _of_passages(evaluator: Evaluator, stepper: _core.Run) -> Iterator[str]:
     """Say where the run passed configurations in which constraints lose rank."""
     if stepper.passages:
         d = evaluator.description

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symgen.errors import ModelError, SimulationError
-from symgen.runtime import _core, _stepper
+from symgen.runtime import _core
 from symgen.runtime.causes import without_direction
 from symgen.runtime.description import Description
 from symgen.runtime.evaluate import Evaluator
@@ -50,7 +50,7 @@ def run(
     y0 = np.concatenate([q, u, np.zeros(equations.extra)])
     if not np.all(np.isfinite(y0)):
         raise ModelError("the start state holds a number that is not finite")
-    stepper = _stepper.Stepper(
+    stepper = _core.Run(
         equations, chosen.method, t0, y0, chosen.t_end, chosen.rtol, chosen.atol, chosen.step, times
     )
     status, wall = drive(stepper, t0, chosen, progress)
@@ -64,9 +64,7 @@ def run(
     )
 
 
-def drive(
-    stepper: _stepper.Stepper, t0: float, chosen: Options, progress: Progress | None
-) -> tuple[int, float]:
+def drive(stepper: _core.Run, t0: float, chosen: Options, progress: Progress | None) -> tuple[int, float]:
     """Step to the end in chunks of time; return the last status and the wall time [s]."""
     begun = time.perf_counter()
     status = stepper.begin()
@@ -85,7 +83,7 @@ def drive(
 
 def _problem(
     status: int,
-    stepper: _stepper.Stepper,
+    stepper: _core.Run,
     equations: _core.Equations,
     evaluator: Evaluator,
 ) -> str:
@@ -147,7 +145,7 @@ def _problem(
     return f"the run was not finished within max_steps, {at}\n  Raise max_steps or shorten the run."
 
 
-def _near_singular(stepper: _stepper.Stepper, equations: _core.Equations, description: Description) -> str:
+def _near_singular(stepper: _core.Run, equations: _core.Equations, description: Description) -> str:
     """Say so when the constraints of the last good state are close to losing rank."""
     equations.check(stepper.t, np.append(stepper.state, 0.0))
     if equations.soundness > _NEAR:

@@ -52,6 +52,21 @@ class ExplicitRungeKutta:
     dense: Array
 
     @property
+    def kind(self) -> str:
+        """Which of the core's kinds of methods it is."""
+        return "explicit"
+
+    @property
+    def counts(self) -> tuple[int, ...]:
+        """Sizes of the coefficients, as ``core/explicit.c`` reads them."""
+        return self.stages, self.all_stages, self.dense.shape[1], len(self.error)
+
+    @property
+    def numbers(self) -> Array:
+        """The coefficients, as ``core/explicit.c`` reads them."""
+        return np.concatenate([x.ravel() for x in (self.a, self.b, self.c, self.error, self.dense)])
+
+    @property
     def all_stages(self) -> int:
         """Stages of solution and interpolant."""
         return len(self.c)
