@@ -149,6 +149,39 @@ cdef class Scheme:
 DOUBLE = Core()
 
 
+cdef class Reals:
+    """Numbers of Python for a core: the same memory where its numbers are doubles, else a copy.
+
+    What the core writes comes back only into an array that is contiguous.
+    """
+
+    def __init__(self, Core of, doubles):
+        cdef const double[::1] given
+        self.of, self.doubles = of, np.ascontiguousarray(doubles, dtype=float).reshape(-1)
+        given = self.doubles
+        self.count = given.shape[0]
+        self.own = of.api.real_bytes != sizeof(double)
+        if not self.own:
+            self.at = <void *>&given[0] if self.count else NULL
+            return
+        self.at = calloc(self.count + 1, of.api.real_bytes)
+        if self.at == NULL:
+            raise MemoryError
+        if self.count:
+            of.api.widen(self.count, &given[0], NULL, self.at)
+
+    def __dealloc__(self):
+        if self.own:
+            free(self.at)
+
+    cdef void back(self):
+        """Bring back what the core wrote."""
+        cdef double[::1] to
+        if self.own and self.count:
+            to = self.doubles
+            self.of.api.narrow(self.count, self.at, &to[0], NULL)
+
+
 cdef class Integrable:
     """What a run integrates: the memory of its equations, and what is told of them."""
 
@@ -164,9 +197,84 @@ cdef class Integrable:
         self.of.api.equations_bind(self.core, wanted, given, self.memory)
         return 0
 
-    cdef int ready(self) except -1:
-        """Be ready for a run."""
+    cdef int bound(self, const double[::1] parameters) except -1:
+        """Set the parameters of equations just bound, and note their sizes."""
+        self.of.api.set_parameters(self.core, &parameters[0], NULL)
+        self.n, self.m, self.extra = self.core.sizes.n, self.core.sizes.m, self.core.sizes.extra
+        self.dim = 2 * self.n + self.extra
         return 0
+
+    @property
+    def core_type(self):
+        """The core that these equations were compiled for."""
+        return self.of
+
+    @property
+    def evaluations(self):
+        """Accelerations evaluated till now in runs."""
+        return self.of.api.account(self.core).evaluations
+
+    @property
+    def factorisations(self):
+        """Factorisations till now."""
+        return self.of.api.account(self.core).factorisations
+
+    @property
+    def weakest(self):
+        """The unknown of least pivot at the last factorisation, -1 when there is none."""
+        return self.of.api.account(self.core).weakest
+
+    @property
+    def soundness(self):
+        """What cancellation left of that pivot."""
+        return self.of.api.account(self.core).soundness
+
+    @property
+    def lost(self):
+        """Pivots of redundant constraints that the last factorisation lost."""
+        return self.of.api.account(self.core).lost
+
+    @property
+    def missed(self):
+        """Error of redundant constraints [m] when last looked at."""
+        return self.of.api.account(self.core).missed
+
+    @property
+    def redundant(self):
+        """Number of constraints that follow from the others everywhere."""
+        return self.core.sizes.redundant
+
+    @property
+    def rank_tolerance(self):
+        """What a pivot keeps at most where rank is lost."""
+        return self.core.sizes.rank_tolerance
+
+    def solutions(self, t, y):
+        """Return accelerations and multipliers at every row of y = (q, u, ...)."""
+        found = np.zeros((y.shape[0], self.n + self.m + 1))
+        cdef Reals times = Reals(self.of, t), states = Reals(self.of, y), into = Reals(self.of, found)
+        self.of.api.solve_rows(self.core, y.shape[0], times.at, states.at, y.shape[1], into.at, found.shape[1])
+        into.back()
+        return found
+
+    def derivative(self, double t, y):
+        """Return dy/dt at (t, y) as steps see it."""
+        found = np.zeros(self.dim)
+        cdef Reals state = Reals(self.of, y), into = Reals(self.of, found)
+        self.of.api.derivative(self.core, t, state.at, into.at)
+        into.back()
+        return found
+
+    def lost_rows(self):
+        """Return the numbers of the constraints that the last factorisation found to follow from others."""
+        cdef const char *dropped = self.of.api.dropped(self.core)
+        return [i for i in range(self.m) if dropped[i]]
+
+    def check(self, double t, const double[::1] y):
+        """Factorise at y; return the status, the unknown of least pivot in ``weakest``, and in ``soundness``
+        what cancellation left of that pivot."""
+        cdef Reals state = Reals(self.of, y)
+        return self.of.api.check(self.core, t, state.at)
 
 
 cdef class Equations(Integrable):
@@ -213,7 +321,7 @@ cdef class Equations(Integrable):
         cdef const double[::1] parameters = np.array([*p, 0.0])
         for name in ("accelerations", "energy"):
             if not addresses.get(name):
-                raise ValueError(f"a model without the kernels 'accelerations' and 'energy' cannot be stepped")
+                raise ValueError("a model without the kernels 'accelerations' and 'energy' cannot be stepped")
         given.accelerations = kernel_of(addresses, "accelerations")
         given.factor, given.solve = kernel_of(addresses, "factor"), kernel_of(addresses, "solve")
         given.constraints = kernel_of(addresses, "constraints")
@@ -228,78 +336,7 @@ cdef class Equations(Integrable):
         wanted.rank_tolerance, wanted.slack, wanted.stabilisation = rank_tolerance, slack, stabilisation
         self.of = core
         self.make(&wanted, &given)
-        core.api.set_parameters(self.core, &parameters[0], NULL)
-        self.n, self.m, self.extra, self.dim = n, m, extra, 2 * n + extra
-        self.p, self.out = self.core.p, self.core.out
-
-    cdef void accelerate(self, double t, const double *y) noexcept nogil:
-        """Leave accelerations and multipliers in ``out``; of doubles only, as the next."""
-        self.core.of.accelerate(self.core, t, y)
-
-    cdef int project(self, double t, double *y) noexcept nogil:
-        """Bring positions and velocities back onto the constraints."""
-        return self.core.of.project(self.core, t, y)
-
-    @property
-    def core_type(self):
-        """The core that these equations were compiled for."""
-        return self.of
-
-    @property
-    def evaluations(self):
-        """Accelerations evaluated till now in runs."""
-        return self.of.api.account(self.core).evaluations
-
-    @property
-    def factorisations(self):
-        """Factorisations till now."""
-        return self.of.api.account(self.core).factorisations
-
-    @property
-    def weakest(self):
-        """The unknown of least pivot at the last factorisation, -1 when there is none."""
-        return self.of.api.account(self.core).weakest
-
-    @property
-    def soundness(self):
-        """What cancellation left of that pivot."""
-        return self.of.api.account(self.core).soundness
-
-    @property
-    def lost(self):
-        """Pivots of redundant constraints that the last factorisation lost."""
-        return self.of.api.account(self.core).lost
-
-    @property
-    def missed(self):
-        """Error of redundant constraints [m] when last looked at."""
-        return self.of.api.account(self.core).missed
-
-    @property
-    def redundant(self):
-        """Number of constraints that follow from the others everywhere."""
-        return self.core.sizes.redundant
-
-    def solutions(self, const double[::1] t, const double[:, ::1] y):
-        """Return accelerations and multipliers at every row of y = (q, u, ...); of doubles only."""
-        found = np.zeros((y.shape[0], self.n + self.m + 1))
-        cdef double[:, ::1] rows = found
-        if y.shape[0]:
-            symgen_core.solve_rows(self.core, y.shape[0], &t[0], &y[0, 0], y.shape[1], &rows[0, 0], rows.shape[1])
-        return found
-
-    def lost_rows(self):
-        """Return the numbers of the constraints that the last factorisation found to follow from others."""
-        cdef const char *dropped = self.of.api.dropped(self.core)
-        return [i for i in range(self.m) if dropped[i]]
-
-    def check(self, double t, const double[::1] y):
-        """Factorise at y; return the status, the unknown of least pivot in ``weakest``, and in ``soundness``
-        what cancellation left of that pivot."""
-        if self.of.api.real_bytes == sizeof(double):
-            return self.of.api.check(self.core, t, &y[0])
-        cdef const unsigned char[:, ::1] raw = self.of.widen(y)
-        return self.of.api.check(self.core, t, &raw[0, 0])
+        self.bound(parameters)
 
 
 cdef class Run:
@@ -345,7 +382,6 @@ cdef class Run:
         cdef const double[::1] start = np.array([*y0, 0.0]), wanted = np.ascontiguousarray([*times, INFINITY])
         cdef const signed char[::1] ways = np.array([*directions, 0], dtype=np.int8)
         cdef const signed char[::1] ends = np.array([*terminal, 0], dtype=np.int8)
-        equations.ready()
         self.equations, self.of = equations, equations.of
         self.scheme = self.of.scheme(method)
         self.asked.t0, self.asked.t_end, self.asked.rtol, self.asked.atol = t0, t_end, rtol, atol

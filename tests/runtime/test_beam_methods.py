@@ -95,7 +95,7 @@ def test_amplification_is_what_is_compiled():
     squares, shapes = np.linalg.eig(np.linalg.solve(mass, stiffness))
     k = int(np.argmin(np.abs(squares)))
     shape, frequency = np.real(shapes[:, k]), float(np.sqrt(np.real(squares[k])))
-    from symgen.runtime._beam_steps import BeamSteps
+    from symgen.runtime._beams import BeamSteps
 
     for name in FIXED:
         steps = BeamSteps(equations, BEAM_METHODS[name], 1)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from symgen.errors import ModelError, nearest
-from symgen.runtime.integrators import alpha, dop853, radau5, rattle, rk4
+from symgen.runtime.integrators import alpha, dop853, dopri5, radau5, rattle, rk4
 from symgen.runtime.integrators.method import Method
 from symgen.runtime.integrators.tableau import ExplicitRungeKutta
 
@@ -11,6 +11,7 @@ Integrator = ExplicitRungeKutta | Method
 
 INTEGRATORS: dict[str, Integrator] = {
     "dop853": dop853.METHOD,
+    "dopri5": dopri5.METHOD,
     "rk4": rk4.METHOD,
     "rattle": rattle.RATTLE,
     "rattle4": rattle.RATTLE4,
