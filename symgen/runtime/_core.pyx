@@ -256,6 +256,14 @@ cdef class Integrable:
         into.back()
         return found
 
+    def derivative(self, double t, y):
+        """Return dy/dt at (t, y) as steps see it."""
+        found = np.zeros(self.dim)
+        cdef Reals state = Reals(self.of, y), into = Reals(self.of, found)
+        self.of.api.derivative(self.core, t, state.at, into.at)
+        into.back()
+        return found
+
     def lost_rows(self):
         """Return the numbers of the constraints that the last factorisation found to follow from others."""
         cdef const char *dropped = self.of.api.dropped(self.core)
@@ -310,7 +318,7 @@ cdef class Equations(Integrable):
         cdef const double[::1] parameters = np.array([*p, 0.0])
         for name in ("accelerations", "energy"):
             if not addresses.get(name):
-                raise ValueError(f"a model without the kernels 'accelerations' and 'energy' cannot be stepped")
+                raise ValueError("a model without the kernels 'accelerations' and 'energy' cannot be stepped")
         given.accelerations = kernel_of(addresses, "accelerations")
         given.factor, given.solve = kernel_of(addresses, "factor"), kernel_of(addresses, "solve")
         given.constraints = kernel_of(addresses, "constraints")

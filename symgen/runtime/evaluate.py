@@ -49,11 +49,17 @@ class Evaluator:
         return {b.name: part(out, b) for b in self.info(kernel).blocks}
 
     def equations(
-        self, redundant: int = 0, slack: float = np.inf, work_of_loads: bool = True
+        self,
+        redundant: int = 0,
+        slack: float = np.inf,
+        *,
+        work_of_loads: bool = True,
+        stabilisation: float = 0.0,
     ) -> _core.Equations:
         """Return the compiled view of the kernels, which solves and steps.
 
         The work of loads without potential is integrated along where there is any, unless told not to.
+        ``stabilisation`` is the rate [1/s] of Baumgarte's terms.
         """
         d = self.description
         return _core.Equations(
@@ -67,6 +73,7 @@ class Evaluator:
             d.rank_tolerance,
             redundant,
             slack,
+            stabilisation=stabilisation,
         )
 
 

@@ -65,13 +65,19 @@ def recorded(
             "atol": chosen.atol,
             "step": chosen.step,
             "t_end": chosen.t_end,
+            "stabilisation": chosen.stabilisation,
+            **({"stabilisation_rate": chosen.rate} if chosen.rate else {}),
             "backend": evaluator.library.backend,
             "parameters": {
                 p.name: value
                 for p, value in zip(description.parameters, evaluator.parameters.tolist(), strict=False)
             },
         },
-        notes=(*_of_redundancy(evaluator, stepper, redundant), *_of_passages(evaluator, stepper)),
+        notes=(
+            *_of_redundancy(evaluator, stepper, redundant),
+            *_of_passages(evaluator, stepper),
+            *_of_stiffness(stepper, chosen),
+        ),
     )
 
 
@@ -129,6 +135,15 @@ def _of_passages(evaluator: Evaluator, stepper: _core.Run) -> Iterator[str]:
         )
     if stepper.moved:
         yield f"{stepper.moved} samples moved in time from where rank is lost and forces are not determined"
+
+
+def _of_stiffness(stepper: _core.Run, chosen: Options) -> Iterator[str]:
+    """Say that an implicit method would do better."""
+    if stepper.stiff:
+        yield (
+            f"the motion is stiff from t = {stepper.t_stiff:.6g} s on: stability, not accuracy, sets the "
+            f"steps of {chosen.method.name}, and an implicit method would take longer ones"
+        )
 
 
 def _squeezed(values: Array, shape: tuple[int, int]) -> Array:

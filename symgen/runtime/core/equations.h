@@ -21,7 +21,7 @@ enum status {
     CONTRADICTED,
     DRIFTED,    /* a constraint strayed by more than the run allows */
     ENDED,      /* a terminal event ended the run */
-    AGAIN       /* from a method only: this step cannot be taken, try state->shrink times its length */
+    AGAIN       /* of adaptive methods only: this step cannot be taken, try state->shrink times its length */
 };
 
 /* A generated kernel; which of its arguments are read is told in its header. */

@@ -1,27 +1,31 @@
 /* Explicit Runge-Kutta methods.
  *
- * counts: stages of the solution, all stages, degree of the interpolant, rows of error weights.
- * numbers: a (all stages squared, row by row), b (stages), c (all stages), error weights (rows of stages),
- * interpolant (all stages by degree). Stage number `stages` is the derivative at the projected end of the step,
- * which closes the interpolant and is the first stage of the next step; stages behind it serve the interpolant.
+ * counts: stages of the solution, all stages, degree of the interpolant, rows of error weights, and whether these
+ * use the derivative at the end (first same as last).
+ * numbers: a (all stages squared, row by row), b (stages), c (all stages), error weights (rows of stages + 1),
+ * interpolant (all stages by degree), and the edge of stability (0: not known). Stage number `stages` is the
+ * derivative at the projected end of the step, which closes the interpolant and is the first stage of the next
+ * step; stages behind it serve the interpolant.
  */
 #include "run.h"
 
 #include <string.h>
 
 struct tableau {
-    long stages, all, degree, rows;
-    const real *a, *b, *c, *e, *dense;
+    long stages, all, degree, rows, same_as_last;
+    const real *a, *b, *c, *e, *dense, *edge;
 };
 
 static struct tableau tableau_of(const struct run *run) {
     const long *counts = run->scheme.counts;
     struct tableau x = {.stages = counts[0], .all = counts[1], .degree = counts[2], .rows = counts[3]};
+    x.same_as_last = counts[4];
     x.a = run->scheme.numbers;
     x.b = x.a + x.all * x.all;
     x.c = x.b + x.stages;
     x.e = x.c + x.all;
-    x.dense = x.e + x.rows * x.stages;
+    x.dense = x.e + x.rows * (x.stages + 1);
+    x.edge = x.dense + x.all * x.degree;
     return x;
 }
 
@@ -82,7 +86,7 @@ static real estimate(struct run *run, const struct tableau *x, real t_new, real 
         e->of->factorise(e, t_new, run->y_new);
     for (long r = 0; r < x->rows; r++) {
         memset(run->error, 0, (size_t)dim * sizeof(real));
-        add_stages(run, x->e + r * x->stages, x->stages, h, run->error);
+        add_stages(run, x->e + r * (x->stages + 1), x->stages + x->same_as_last, h, run->error);
         if (magnified(run)) {
             e->of->make_tangent(e, t_new, run->y_new, run->error);
             e->of->make_tangent(e, t_new, run->y_new, run->error + e->n);
@@ -105,14 +109,48 @@ static int step(struct run *run, real t, real h, real t_new) {
         fill_stage(run, &x, s, h);
     memcpy(run->y_new, run->y, (size_t)run->dim * sizeof(real));
     add_stages(run, x.b, x.stages, h, run->y_new);
+    if (x.same_as_last) {
+        int status = settle(run, t_new);
+        if (status != DONE)
+            return status;
+        run->e->of->derivative(run->e, t_new, run->y_new, run->f_new);
+    }
     if (run->scheme.adaptive)
         run->state->norm = estimate(run, &x, t_new, h);
     return DONE;
 }
 
+/* Looks whether accuracy or stability set the step: every so many steps, and in all while it seems stability. */
+enum { STIFF_EVERY = 16, STIFF_ROW = 15, EASY_ROW = 6 };
+
+/* The last stage and the end are at the same time: the ratio of their derivatives' distance to their own is a
+ * bound from below of the largest eigenvalue (Hairer and Wanner II, IV.2). */
+static void look_for_stiffness(struct run *run, const struct tableau *x, real h, real t_new) {
+    struct state *s = run->state;
+    const real *last = run->own + (x->stages - 1) * run->dim;
+    real rates = 0, states = 0;
+    if (*x->edge == 0 || s->stiff || (s->stiff_row == 0 && s->steps % STIFF_EVERY != STIFF_EVERY - 1))
+        return;
+    for (long i = 0; i < run->dim; i++) {
+        real rate = run->f_new[i] - last[i], state = run->y_new[i] - run->stage[i];
+        rates += rate * rate, states += state * state;
+    }
+    if (states > 0 && h * real_sqrt(rates / states) > *x->edge) {
+        s->easy_row = 0;
+        if (s->stiff_row++ == 0)
+            s->t_stiff = t_new;
+        s->stiff = s->stiff_row == STIFF_ROW;
+    } else if (s->stiff_row && ++s->easy_row == EASY_ROW) {
+        s->stiff_row = s->easy_row = 0;
+    }
+}
+
 static int finish(struct run *run, real h, real t_new) {
-    (void)h;
-    run->e->of->derivative(run->e, t_new, run->y_new, run->f_new);
+    struct tableau x = tableau_of(run);
+    if (!(x.same_as_last && run->state->settled))
+        run->e->of->derivative(run->e, t_new, run->y_new, run->f_new);
+    if (run->scheme.adaptive && run->state->settled)
+        look_for_stiffness(run, &x, h, t_new);
     return DONE;
 }
 

@@ -143,7 +143,9 @@ static int monitor(struct run *run) {
 int run_begin(struct run *run) {
     struct state *s = run->state;
     struct equations *e = run->e;
-    int status = e->of->project(e, s->t, run->y);
+    int status = e->m && e->sizes.steady ? e->of->factorise(e, s->t, run->y) : DONE;
+    if (status == DONE)
+        status = e->of->project(e, s->t, run->y);
     if (status != DONE)
         return status;
     s->sound = s->at_look = s->at_before = e->account->soundness;
@@ -152,6 +154,7 @@ int run_begin(struct run *run) {
         return status;
     if (!all_finite(run->f, run->dim))
         return NOT_FINITE;
+    begin_events(run);
     status = monitor(run);
     while (run->times[s->recorded] <= s->t) {
         memcpy(run->samples + s->recorded * run->dim, run->y, (size_t)run->dim * sizeof(real));
@@ -162,14 +165,61 @@ int run_begin(struct run *run) {
     return status;
 }
 
-/* Bring the end of a step onto the constraints, unless the method or the user sees to that. */
-static int settle(struct run *run, real t_new) {
+int settle(struct run *run, real t_new) {
+    struct state *s = run->state;
     struct equations *e = run->e;
+    s->settled = 1, s->correction = 0;
     if (e->m == 0)
         return DONE;
-    if (run->task.stabilisation == PROJECTION && !run->scheme.kind->keeps_constraints)
-        return e->of->project(e, t_new, run->y_new);
-    return e->of->factorise(e, t_new, run->y_new);
+    if (run->task.stabilisation != PROJECTION || run->scheme.kind->keeps_constraints)
+        return e->sizes.steady ? DONE : e->of->factorise(e, t_new, run->y_new);
+    memcpy(run->error, run->y_new, (size_t)run->dim * sizeof(real));
+    int status = e->of->project(e, t_new, run->y_new);
+    if (status == DONE && run->scheme.adaptive && s->sound >= NEAR) {
+        for (long i = 0; i < run->dim; i++)
+            run->error[i] -= run->y_new[i];
+        s->correction = error_norm(run, run->error);
+    }
+    return status;
+}
+
+/* Shorten the step after one whose error was this, over the tolerance. */
+static real shortened(const struct run *run, real h, real norm) {
+    if (!real_isfinite(norm))
+        return R(SHRINK) * h;
+    return h * real_fmax(R(SHRINK), R(SAFETY) * real_pow(norm, exponent(run)));
+}
+
+/* Take one step and settle its end: DONE; AGAIN with the next length in state->h; or what went wrong. */
+static int try_step(struct run *run, real h, real t_new) {
+    struct state *s = run->state;
+    s->settled = 0;
+    int status = run->scheme.kind->step(run, s->t, h, t_new);
+    if (status == AGAIN)
+        s->h = h * s->shrink;
+    if (status != DONE)
+        return status;
+    if (!run->scheme.adaptive && !all_finite(run->y_new, run->dim))
+        return NOT_FINITE;
+    if (run->scheme.adaptive && !(s->norm <= 1)) {
+        s->h = shortened(run, h, s->norm);
+        return AGAIN;
+    }
+    status = s->settled ? DONE : settle(run, t_new);
+    if (status == PROJECTION_FAILED && run->scheme.adaptive && s->sound >= NEAR) {
+        s->h = R(SHRINK) * h;
+        return AGAIN;
+    }
+    /* What the projection takes away is a part of the step's error, across the constraints: where it is more
+     * than the method made of its error, the method did not see it, and its step is judged by that. */
+    if (status == DONE && run->scheme.adaptive && !(s->correction <= s->norm)) {
+        s->norm = s->correction;
+        if (!(s->norm <= 1)) {
+            s->h = shortened(run, h, s->norm);
+            return AGAIN;
+        }
+    }
+    return status;
 }
 
 /* Take a step that is within the tolerance: leave its end, settled, in y_new, and its time and length. */
@@ -185,34 +235,20 @@ static int accepted_step(struct run *run, real *t_new, real *length) {
             *t_new = t_end;
             h = t_end - s->t;
         }
-        int status = run->scheme.kind->step(run, s->t, h, *t_new);
-        if (status == AGAIN) {
-            s->rejected++;
-            largest = 1;
-            s->h = h * s->shrink;
-            continue;
-        }
-        if (status != DONE)
-            return status;
-        if (!run->scheme.adaptive) {
-            if (!all_finite(run->y_new, run->dim))
-                return NOT_FINITE;
-        } else if (!(real_isfinite(s->norm) && s->norm <= 1)) {
-            s->rejected++;
-            largest = 1;
-            s->h = !real_isfinite(s->norm)
-                       ? R(SHRINK) * h
-                       : h * real_fmax(R(SHRINK), R(SAFETY) * real_pow(s->norm, exponent(run)));
-            continue;
-        }
-        status = settle(run, *t_new);
+        int status = try_step(run, h, *t_new);
         if (status == DONE)
             break;
+        s->rejected++;
+        if (status == AGAIN) {
+            largest = 1;
+            continue;
+        }
         /* A step that ends, or has a stage, where rank is lost for an instant is made a little shorter. */
         part *= R(0.7);
-        if ((status != SINGULAR && (status != PROJECTION_FAILED || s->sound >= NEAR)) || part < R(0.2))
+        if ((status != SINGULAR && (status != PROJECTION_FAILED || s->sound >= NEAR)) || part < R(0.2)) {
+            s->rejected--;
             return status;
-        s->rejected++;
+        }
     }
     if (run->scheme.adaptive) {
         real factor = s->norm == 0 ? largest
@@ -224,12 +260,24 @@ static int accepted_step(struct run *run, real *t_new, real *length) {
     return DONE;
 }
 
+/* End the run at the event just remembered last. */
+static int stop_at_event(struct run *run, real *t_new, real h) {
+    struct state *s = run->state;
+    long last = s->events - 1;
+    *t_new = run->events[last].t;
+    memcpy(run->y_new, run->event_states + last * run->dim, (size_t)run->dim * sizeof(real));
+    s->settled = 0;
+    return run->scheme.kind->finish(run, h, *t_new);
+}
+
 static int one_step(struct run *run) {
     struct state *s = run->state;
     const struct kind *kind = run->scheme.kind;
     size_t bytes = (size_t)run->dim * sizeof(real);
     real t_new, h;
     int prepared = 0;
+    if (s->ended_by >= 0)
+        return ENDED;
     if (s->t >= R(run->task.t_end))
         return DONE;
     int status = accepted_step(run, &t_new, &h);
@@ -241,7 +289,13 @@ static int one_step(struct run *run) {
         return status;
     if (!all_finite(run->f_new, run->dim))
         return NOT_FINITE;
-    status = record_samples(run, t_new, h, sound, &prepared);
+    status = locate_events(run, t_new, h, &prepared);
+    if (status != DONE)
+        return status;
+    real until = s->ended_by >= 0 ? run->events[s->events - 1].t : t_new;
+    status = record_samples(run, t_new, until, h, sound, &prepared);
+    if (status == DONE && s->ended_by >= 0)
+        status = stop_at_event(run, &t_new, h);
     if (status != DONE)
         return status;
     watch_rank(run, t_new, sound);
@@ -252,13 +306,15 @@ static int one_step(struct run *run) {
     kind->accept(run);
     s->t = t_new, s->h_last = h;
     s->steps++;
-    return monitor(run);
+    status = monitor(run);
+    return status == MORE && s->ended_by >= 0 ? ENDED : status;
 }
 
 int run_advance(struct run *run, long most) {
     int status = MORE;
     for (long k = 0; k < most && status == MORE; k++) {
-        if (run->state->passages > MOST_PASSAGES - LOOKS - 1)
+        if (run->state->passages > MOST_PASSAGES - LOOKS - 1
+            || (run->e->sizes.events && run->state->events > run->task.found - LOOKS * run->e->sizes.events))
             break;
         status = one_step(run);
     }

@@ -25,7 +25,7 @@ struct task {
     double max_drift;    /* a constraint error [m] beyond this ends the run; infinite: none does */
     long stabilisation;  /* enum stabilisation */
     long samples;        /* times at which the state is recorded */
-    long found;          /* events remembered until they are taken away; at least (LOOKS + 1) of each */
+    long found;          /* events remembered until they are taken away; at least LOOKS of each kind */
 };
 
 struct run;
@@ -42,7 +42,8 @@ struct kind {
     /* Get ready at run->y, projected already: leave dy/dt in f. DONE, or what went wrong. */
     int (*begin)(struct run *run);
     /* Write y_new, the state at t_new = t + h; when adaptive leave the error over the tolerance in state->norm
-     * (1: just met). DONE; AGAIN with state->shrink; or what ends the run. Must not change y or f. */
+     * (1: just met). DONE; AGAIN with state->shrink; or what ends the run. Must not change y or f. A method that
+     * needs y_new on the constraints to judge its error calls `settle` itself, and hands on what that answers. */
     int (*step)(struct run *run, real t, real h, real t_new);
     /* y_new is accepted, and projected: leave dy/dt there in f_new. Returns a status. */
     int (*finish)(struct run *run, real h, real t_new);
@@ -70,9 +71,12 @@ struct state {
     long steps, rejected;
     long recorded, moved;           /* samples, and those moved in time from a loss of rank */
     long passages, events;          /* remembered now */
+    long events_before;             /* events remembered before the step in hand */
     long ended_by;                  /* the terminal event that ended the run, -1: none */
     /* of the step in hand */
     real norm, shrink;
+    long settled;                   /* y_new is on the constraints already */
+    real correction;                /* what bringing it there changed, over the tolerance as norm is */
     real h_last;                    /* length of the last accepted step */
     /* rank */
     real t_old, t_look, t_before;
@@ -141,6 +145,9 @@ int run_advance(struct run *run, long most);
 
 /* -- for methods ------------------------------------------------------------------------------------------- */
 
+/* Bring y_new onto the constraints, unless the method or the user sees to that. */
+int settle(struct run *run, real t_new);
+
 /* Root mean square of `error` over the tolerance at y and y_new. */
 real error_norm(const struct run *run, const real *error);
 
@@ -153,7 +160,9 @@ int all_finite(const real *v, long count);
 #define NEAR 1e-2
 
 void watch_rank(struct run *run, real t_new, double sound);
-int record_samples(struct run *run, real t_new, real h, double sound, int *prepared);
+int record_samples(struct run *run, real t_new, real until, real h, double sound, int *prepared);
+void begin_events(struct run *run);
+int locate_events(struct run *run, real t_new, real h, int *prepared);
 
 /* The kind of that name, NULL when there is none. */
 const struct kind *find_kind(const char *name);

@@ -16,7 +16,7 @@ static int sampled(struct run *run, real t, real h, real *sample) {
 }
 
 /* A sample too near a loss of rank for its accelerations to mean anything is moved a little in time. */
-static int one_sample(struct run *run, real t_new, real h, real *sample) {
+static int one_sample(struct run *run, real until, real h, real *sample) {
     struct state *s = run->state;
     real *time = run->times + s->recorded, wanted = *time;
     for (int k = 0; k < SHIFTS; k++) {
@@ -25,19 +25,23 @@ static int one_sample(struct run *run, real t_new, real h, real *sample) {
             return status;
         real shift = R(1e-4) * h * (real)(1L << k / 2) * (k % 2 ? R(1) : R(-1));
         real moved = wanted + shift;
-        if (s->t < moved && moved < t_new && moved < time[1] && (s->recorded == 0 || moved > time[-1]))
+        if (s->t < moved && moved < until && moved < time[1] && (s->recorded == 0 || moved > time[-1]))
             *time = moved;
     }
-    if (time[1] <= t_new)
+    if (time[1] <= until)
         return SINGULAR;
-    *time = t_new;
-    memcpy(sample, run->y_new, (size_t)run->dim * sizeof(real));
+    *time = until;
+    if (s->ended_by < 0)
+        memcpy(sample, run->y_new, (size_t)run->dim * sizeof(real));
+    else
+        run->scheme.kind->interpolate(run, h, (until - s->t) / h, sample);
     return DONE;
 }
 
-int record_samples(struct run *run, real t_new, real h, double sound, int *prepared) {
+/* Record the samples of the step that ends at t_new, up to a time. */
+int record_samples(struct run *run, real t_new, real until, real h, double sound, int *prepared) {
     struct state *s = run->state;
-    while (run->times[s->recorded] <= t_new) {
+    while (run->times[s->recorded] <= until) {
         real wanted = run->times[s->recorded], *sample = run->samples + s->recorded * run->dim;
         if (wanted == t_new && sound >= PASSAGE) {
             memcpy(sample, run->y_new, (size_t)run->dim * sizeof(real));
@@ -45,7 +49,7 @@ int record_samples(struct run *run, real t_new, real h, double sound, int *prepa
             if (!*prepared)
                 run->scheme.kind->prepare(run, h);
             *prepared = 1;
-            int status = one_sample(run, t_new, h, sample);
+            int status = one_sample(run, until, h, sample);
             if (status != DONE)
                 return status;
             s->moved += run->times[s->recorded] != wanted;
