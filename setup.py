@@ -15,15 +15,28 @@ def flags(optimisation):
     return [] if os.name == "nt" else [f"-O{optimisation}", "-std=c11", "-ffp-contract=off"]
 
 
+CORE = [str(path) for path in sorted(Path("symgen/runtime/core").glob("*.c"))]
+
 extensions = [
+    Extension(
+        "symgen.runtime._core",
+        ["symgen/runtime/_core.pyx", *CORE],
+        include_dirs=["symgen/runtime"],
+        depends=[str(path) for path in sorted(Path("symgen/runtime/core").glob("*.h"))],
+        extra_compile_args=flags(2),
+    ),
     *(
-        Extension(f"symgen.runtime.{name}", [f"symgen/runtime/{name}.pyx"], extra_compile_args=flags(level))
+        Extension(
+            f"symgen.runtime.{name}",
+            [f"symgen/runtime/{name}.pyx"],
+            include_dirs=["symgen/runtime"],
+            extra_compile_args=flags(level),
+        )
         for name, level in (
-            ("_core", 2),
+            ("_foreign", 2),
             ("_follow", 3),
             ("_loop", 3),
             ("_loop_motion", 3),
-            ("_stepper", 2),
             ("_bands", 3),
             ("_rigid_motion", 2),
             ("_beams", 3),

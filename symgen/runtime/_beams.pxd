@@ -1,10 +1,10 @@
 """What the steps of elastic motions use of their equations."""
 
-from symgen.runtime._core cimport Equations
+from symgen.runtime._foreign cimport ForeignEquations
 from symgen.runtime._rigid_motion cimport RigidMotion
 
 
-cdef class BeamEquations(Equations):
+cdef class BeamEquations(ForeignEquations):
     cdef readonly RigidMotion motion
     cdef readonly Py_ssize_t whole, entries, band
     cdef readonly bint thesis

@@ -3,13 +3,13 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from symgen.runtime._core import Equations
+from symgen.runtime._foreign import ForeignEquations
 from symgen.runtime._rigid_motion import RigidMotion
 from symgen.runtime.beam_layout import Layout
 
 Array = NDArray[np.float64]
 
-class BeamEquations(Equations):
+class BeamEquations(ForeignEquations):
     motion: RigidMotion
     whole: int
     entries: int

@@ -23,7 +23,7 @@ cdef enum:
     LOADS = 4
 
 
-cdef class BeamEquations(Equations):
+cdef class BeamEquations(ForeignEquations):
     """The elastic motion of one linkage; one per thread of work.
 
     Parameters

@@ -1,6 +1,7 @@
 """What following and moving a loop use of its closure, rates and forces."""
 
-from symgen.runtime._core cimport Equations, kernel_t
+from symgen.runtime._core cimport kernel_t
+from symgen.runtime._foreign cimport ForeignEquations
 from symgen.runtime._qr cimport Factor
 
 cdef enum:
@@ -10,7 +11,7 @@ cdef enum:
     _BLIND = 13
 
 
-cdef class LoopEquations(Equations):
+cdef class LoopEquations(ForeignEquations):
     cdef kernel_t inputs, position, motion, inverse, given, mass_matrix, outputs
     cdef Py_ssize_t nf, ni, nx, free, told
     cdef readonly Py_ssize_t rank

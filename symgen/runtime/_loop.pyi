@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from symgen.runtime._core import Equations
+from symgen.runtime._foreign import ForeignEquations
 
 Array = NDArray[np.float64]
 
@@ -14,7 +14,7 @@ INCONSISTENT: int
 POLE: int
 BLIND: int
 
-class LoopEquations(Equations):
+class LoopEquations(ForeignEquations):
     rank: int
     closure: float
     rates_left: float

@@ -28,7 +28,7 @@ cdef double RANK = 1e-9
 cdef double NO_DRIVE = 1e-9
 
 
-cdef class LoopEquations(Equations):
+cdef class LoopEquations(ForeignEquations):
     """The kernels of one loop with its parameters and scratch memory; one per thread of work.
 
     Parameters

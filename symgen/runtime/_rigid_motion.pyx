@@ -124,4 +124,4 @@ cdef class RigidMotion:
 
     def solution(self):
         """Return accelerations and multipliers where the motion is."""
-        return np.array(self.equations.out[:self.equations.n + self.equations.m])
+        return np.array(<double[:self.equations.n + self.equations.m]>self.equations.out)

@@ -237,7 +237,6 @@ def explicit(
     SimulationError
         When the linkage cannot turn.
     """
-    from symgen.runtime import _stepper
     from symgen.runtime.options import options
     from symgen.runtime.simulate import drive
 
@@ -247,7 +246,7 @@ def explicit(
     step = turn(motion) / (task.steps or 2048) if fixed else None
     chosen = options(end, task.method, None if fixed else task.rtol, None, step, 2, 1_000_000_000)
     order = np.argsort(times, kind="stable")
-    stepper = _stepper.Stepper(
+    stepper = _core.Run(
         equations,
         chosen.method,
         0.0,

@@ -48,7 +48,9 @@ class Evaluator:
         out = self(kernel, t, q, u, work)
         return {b.name: part(out, b) for b in self.info(kernel).blocks}
 
-    def equations(self, redundant: int = 0, slack: float = np.inf) -> _core.Equations:
+    def equations(
+        self, redundant: int = 0, slack: float = np.inf, stabilisation: float = 0.0
+    ) -> _core.Equations:
         """Return the compiled view of the kernels, which solves and steps."""
         d = self.description
         return _core.Equations(
@@ -62,6 +64,7 @@ class Evaluator:
             d.rank_tolerance,
             redundant,
             slack,
+            stabilisation=stabilisation,
         )
 
 

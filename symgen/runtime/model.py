@@ -352,6 +352,9 @@ class Model(Compiled):
         step: float | None = None,
         samples: int = 201,
         max_steps: int = 1_000_000_000,
+        stabilisation: str = "projection",
+        stabilisation_rate: float | None = None,
+        max_drift: float | None = None,
         state: State | None = None,
         progress: Callable[[float], None] | None = None,
     ) -> Result:
@@ -372,6 +375,11 @@ class Model(Compiled):
             Number of equally spaced times at which the outputs are recorded.
         max_steps
             A run that needs more steps ends with an error.
+        stabilisation, stabilisation_rate
+            ``projection`` onto the constraints after every step; for comparison only: ``baumgarte``, of the
+            rate r [1/s] in Phi'' + 2 r Phi' + r^2 Phi = 0 (10), and ``raw``, which lets them drift.
+        max_drift
+            Error of a constraint [m] beyond which the run ends with an error; none when absent.
         state
             Where to start; :meth:`initial_state` when absent.
         progress
@@ -385,6 +393,7 @@ class Model(Compiled):
             When the run cannot go on; it carries the time and what was recorded.
         """
         end = self.description.t_end if t_end is None else float(t_end)
-        chosen = options(end, method, rtol, atol, step, samples, max_steps)
+        kept = (stabilisation, stabilisation_rate, max_drift)
+        chosen = options(end, method, rtol, atol, step, samples, max_steps, *kept)
         begin = self.initial_state() if state is None else state
         return run(self._evaluator, begin.t, begin.q, begin.u, self._found().redundant, chosen, progress)

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from symgen.errors import ModelError, nearest
-from symgen.runtime.integrators import dop853, rk4
+from symgen.runtime.integrators import dop853, dopri5, rk4
 from symgen.runtime.integrators.tableau import ExplicitRungeKutta
 
 INTEGRATORS: dict[str, ExplicitRungeKutta] = {
     "dop853": dop853.METHOD,
+    "dopri5": dopri5.METHOD,
     "rk4": rk4.METHOD,
 }
 
