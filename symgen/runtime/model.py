@@ -21,6 +21,7 @@ from symgen.runtime.redundancy import least_norm, not_unique
 from symgen.runtime.result import Result
 from symgen.runtime.simulate import run
 from symgen.runtime.state import Accelerations, State
+from symgen.runtime.typed import Typed
 
 if TYPE_CHECKING:
     from symgen.runtime._rhs import Rhs
@@ -51,8 +52,9 @@ class Model(Compiled):
         derive: Callable[[], Any],
         parameters: Mapping[str, float] | None = None,
         analyses: Analyses | None = None,
+        typed: Typed | None = None,
     ) -> None:
-        super().__init__(description, library, derive, parameters)
+        super().__init__(description, library, derive, parameters, typed)
         self._analyses = analyses
         self._evaluator = Evaluator(description, library, np.array(list(self.parameters.values())))
         self._start: Start | None = None
@@ -69,9 +71,8 @@ class Model(Compiled):
 
     def with_parameters(self, **values: float) -> Model:
         """Return the same model with other values of its tunable parameters, in SI units."""
-        return Model(
-            self.description, self._library, self._derive, {**self.parameters, **values}, self._analyses
-        )
+        changed = {**self.parameters, **values}
+        return Model(self.description, self._library, self._derive, changed, self._analyses, self._typed)
 
     def initial_state(self) -> State:
         """Return the state in which a run starts.
