@@ -13,6 +13,7 @@ cdef extern from "core/core.h" nogil:
         _CONTRADICTED "CONTRADICTED"
         _DRIFTED "DRIFTED"
         _ENDED "ENDED"
+        _UNSOLVED "UNSOLVED"
 
     cdef struct kernels:
         kernel_t accelerations
@@ -27,6 +28,7 @@ cdef extern from "core/core.h" nogil:
 
     cdef struct sizes:
         long n, m, extra, parameters, work, first_pivot, redundant, events, tangent, steady
+        const long *tangent_places
         double rank_tolerance, slack, stabilisation
 
     cdef struct account:
@@ -165,4 +167,4 @@ cdef class Integrable:
 
 
 cdef class Equations(Integrable):
-    pass
+    cdef long[::1] places

@@ -18,6 +18,7 @@ PROJECTION_FAILED: int
 CONTRADICTED: int
 DRIFTED: int
 ENDED: int
+UNSOLVED: int
 STABILISATIONS: tuple[str, ...]
 DOUBLE: Core
 
@@ -103,7 +104,7 @@ class Equations(Integrable):
         *,
         core: Core = ...,
         events: int = 0,
-        tangent: int = 0,
+        tangent: ArrayLike = (),
         steady: bool = False,
         stabilisation: float = 0.0,
     ) -> None: ...

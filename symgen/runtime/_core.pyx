@@ -12,6 +12,7 @@ from libc.string cimport memcpy
 #: What a step, a projection or a factorisation answers.
 DONE, MORE, NOT_FINITE, STEP_TOO_SMALL, SINGULAR = _DONE, _MORE, _NOT_FINITE, _STEP_TOO_SMALL, _SINGULAR
 PROJECTION_FAILED, CONTRADICTED, DRIFTED, ENDED = _PROJECTION_FAILED, _CONTRADICTED, _DRIFTED, _ENDED
+UNSOLVED = _UNSOLVED
 #: How a run is kept on the constraints: as ``enum stabilisation`` counts them.
 STABILISATIONS = ("projection", "baumgarte", "raw")
 
@@ -302,8 +303,10 @@ cdef class Equations(Integrable):
         By how much [m] a redundant constraint may contradict the others.
     core
         The core that the kernels were compiled for; that of doubles when absent.
-    events, tangent
-        Numbers of values that the kernels of these names write.
+    events
+        Number of values that the kernel of that name writes.
+    tangent
+        Row, column and place of each value that the kernel of that name writes, column by column.
     steady
         Whether the constraints cannot lose rank, so that nobody need look.
     stabilisation
@@ -312,7 +315,7 @@ cdef class Equations(Integrable):
 
     def __init__(self, addresses, Py_ssize_t n, Py_ssize_t m, Py_ssize_t extra, p, Py_ssize_t work_size,
                  Py_ssize_t first_pivot, double rank_tolerance, Py_ssize_t redundant, double slack, *,
-                 Core core=DOUBLE, long events=0, long tangent=0, bint steady=False, double stabilisation=0.0):
+                 Core core=DOUBLE, long events=0, tangent=(), bint steady=False, double stabilisation=0.0):
         cdef kernels given
         cdef sizes wanted
         cdef const double[::1] parameters = np.array([*p, 0.0])
@@ -328,7 +331,8 @@ cdef class Equations(Integrable):
         wanted.n, wanted.m, wanted.extra, wanted.parameters = n, m, extra, parameters.shape[0] - 1
         wanted.work, wanted.first_pivot, wanted.redundant = work_size, first_pivot, redundant
         wanted.events = events if given.events != NULL else 0
-        wanted.tangent, wanted.steady = tangent, steady
+        self.places = np.array([*np.ravel(tangent), 0], dtype="l")
+        wanted.tangent, wanted.tangent_places, wanted.steady = len(tangent), &self.places[0], steady
         wanted.rank_tolerance, wanted.slack, wanted.stabilisation = rank_tolerance, slack, stabilisation
         self.of = core
         self.make(&wanted, &given)
