@@ -52,8 +52,8 @@ class Evaluator:
         self,
         redundant: int = 0,
         slack: float = np.inf,
-        *,
         work_of_loads: bool = True,
+        *,
         stabilisation: float = 0.0,
     ) -> _core.Equations:
         """Return the compiled view of the kernels, which solves and steps.
@@ -73,6 +73,7 @@ class Evaluator:
             d.rank_tolerance,
             redundant,
             slack,
+            events=len(d.events),
             stabilisation=stabilisation,
         )
 

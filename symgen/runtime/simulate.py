@@ -62,10 +62,12 @@ def run(
         times,
         stabilisation=_core.STABILISATIONS.index(chosen.stabilisation),
         max_drift=chosen.max_drift,
+        directions=[e.direction for e in evaluator.description.events],
+        terminal=[e.ends_run for e in evaluator.description.events],
     )
     status, wall = drive(stepper, t0, chosen, progress)
     result = recorded(evaluator, equations, stepper, redundant, chosen, wall)
-    if status == _core.DONE:
+    if status in (_core.DONE, _core.ENDED):
         return result
     raise SimulationError(
         _problem(status, stepper, equations, evaluator, chosen),
