@@ -434,6 +434,22 @@ cdef class Run:
         free(found)
         free(raw)
 
+    def save(self):
+        """Return the bytes of equations and run: all of the state between two steps that the core knows."""
+        cdef size_t bytes = self.of.api.equations_bytes(&self.equations.core.sizes)
+        return (PyBytes_FromStringAndSize(<const char *>self.equations.memory, bytes),
+                PyBytes_FromStringAndSize(<const char *>self.memory, self.core.bytes))
+
+    def restore(self, const unsigned char[::1] equations, const unsigned char[::1] memory):
+        """Take over what :meth:`save` gave for the same equations and options."""
+        cdef size_t bytes = self.of.api.equations_bytes(&self.equations.core.sizes)
+        if <size_t>equations.shape[0] != bytes or <size_t>memory.shape[0] != self.core.bytes:
+            raise ValueError("the saved state of a run of other sizes")
+        memcpy(self.equations.memory, &equations[0], bytes)
+        memcpy(self.memory, &memory[0], self.core.bytes)
+        self.of.api.run_bind(self.core, self.equations.core, &self.scheme.filled, &self.asked, self.memory)
+        self._look()
+
     def begin(self):
         """Project and record the start, find the first step; return the status."""
         cdef int status = self.of.api.run_begin(self.core)

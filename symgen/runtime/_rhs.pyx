@@ -8,11 +8,12 @@ from libc.stdint cimport uintptr_t
 from libc.string cimport memcpy
 
 from symgen.errors import ModelError
-from symgen.runtime._core cimport _DONE, Equations
+from symgen.runtime._core cimport _DONE, Equations, equations
 
 
 cdef void _entry(double t, const double *y, double *dy, void *user_data) noexcept nogil:
-    (<Equations>user_data).core.of.derivative((<Equations>user_data).core, t, y, dy)
+    cdef equations *e = (<Equations>user_data).core
+    e.of.derivative(e, t, y, dy)
 
 
 cdef class Rhs:

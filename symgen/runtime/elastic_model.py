@@ -47,7 +47,7 @@ class ElasticModel(Compiled):
     description: Description
 
     def __init__(self, rigid: Model, in_segments: Segmented | None = None) -> None:
-        self.rigid, self._in_segments = rigid, in_segments
+        self.rigid, self._in_segments, self._typed = rigid, in_segments, rigid._typed
         self.description = rigid.description
         self._motion = cache(self._made)
 
@@ -73,6 +73,9 @@ class ElasticModel(Compiled):
     def backend(self) -> str:
         """Where the kernels of the rigid motion come from."""
         return self.rigid.backend
+
+    def _evaluate_many(self, *arguments: Any) -> Any:
+        return self.rigid._evaluate_many(*arguments)
 
     @property
     def equations(self) -> Any:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from symgen.errors import ModelError, nearest
+from symgen.errors import ModelError
 from symgen.runtime import _core
 from symgen.runtime.causes import without_direction
 from symgen.runtime.compiled import Compiled
@@ -19,8 +20,9 @@ from symgen.runtime.library import Library
 from symgen.runtime.options import options
 from symgen.runtime.redundancy import least_norm, not_unique
 from symgen.runtime.result import Result
-from symgen.runtime.simulate import run
-from symgen.runtime.state import Accelerations, State
+from symgen.runtime.simulate import keeping, run
+from symgen.runtime.state import Accelerations, State, coordinates
+from symgen.runtime.typed import Typed
 
 if TYPE_CHECKING:
     from symgen.runtime._rhs import Rhs
@@ -51,8 +53,9 @@ class Model(Compiled):
         derive: Callable[[], Any],
         parameters: Mapping[str, float] | None = None,
         analyses: Analyses | None = None,
+        typed: Typed | None = None,
     ) -> None:
-        super().__init__(description, library, derive, parameters)
+        super().__init__(description, library, derive, parameters, typed)
         self._analyses = analyses
         self._evaluator = Evaluator(description, library, np.array(list(self.parameters.values())))
         self._start: Start | None = None
@@ -69,9 +72,8 @@ class Model(Compiled):
 
     def with_parameters(self, **values: float) -> Model:
         """Return the same model with other values of its tunable parameters, in SI units."""
-        return Model(
-            self.description, self._library, self._derive, {**self.parameters, **values}, self._analyses
-        )
+        changed = {**self.parameters, **values}
+        return Model(self.description, self._library, self._derive, changed, self._analyses, self._typed)
 
     def initial_state(self) -> State:
         """Return the state in which a run starts.
@@ -120,26 +122,9 @@ class Model(Compiled):
         Points left out of ``velocities`` are at rest; ground points may be given and are ignored. The state
         is taken as it is: :meth:`simulate` projects it onto the constraints, :meth:`accelerations` does not.
         """
-        return self._state(
-            t, self._vector(positions, "positions"), self._vector(velocities or {}, "velocities", 0.0)
-        )
-
-    def _vector(self, values: Mapping[str, ArrayLike], what: str, default: float | None = None) -> Array:
         d = self.description
-        for name in values:
-            if name not in d.points:
-                raise ModelError(f"{what}: there is no point {name!r}. {nearest(name, d.points)}")
-        parts = []
-        for point in d.free:
-            if point not in values and default is None:
-                raise ModelError(f"{what}: the point {point} is missing")
-            component = np.asarray(values.get(point, np.full(len(d.axes), default)), dtype=float)
-            if component.shape != (len(d.axes),) or not np.all(np.isfinite(component)):
-                raise ModelError(
-                    f"{what}: expected {len(d.axes)} finite numbers for {point}, got {values[point]!r}"
-                )
-            parts.append(component)
-        return np.concatenate(parts)
+        q, u = coordinates(d, positions, "positions"), coordinates(d, velocities or {}, "velocities", 0.0)
+        return self._state(t, q, u)
 
     def accelerations(self, state: State | None = None) -> Accelerations:
         """Return accelerations by point, multipliers and ground reactions by name, at a state.
@@ -362,6 +347,9 @@ class Model(Compiled):
         stabilisation: str = "projection",
         stabilisation_rate: float | None = None,
         max_drift: float | None = None,
+        checkpoint: str | os.PathLike[str] | None = None,
+        checkpoint_every: float = 10.0,
+        resume: str | os.PathLike[str] | None = None,
         state: State | None = None,
         progress: Callable[[float], None] | None = None,
     ) -> Result:
@@ -387,6 +375,10 @@ class Model(Compiled):
             rate r [1/s] in Phi'' + 2 r Phi' + r^2 Phi = 0 (10), and ``raw``, which lets them drift.
         max_drift
             Error of a constraint [m] beyond which the run ends with an error; none when absent.
+        checkpoint, checkpoint_every
+            A file that is given the run's state every so many seconds of wall time.
+        resume
+            Such a file to go on from, to the same bits as if the run had not been stopped.
         state
             Where to start; :meth:`initial_state` when absent.
         progress
@@ -394,8 +386,8 @@ class Model(Compiled):
 
         Raises
         ------
-        ModelError
-            For options out of range.
+        ModelError, ResultError
+            For options out of range; for a checkpoint that cannot be written, or is of another run.
         SimulationError
             When the run cannot go on; it carries the time and what was recorded.
         """
@@ -403,4 +395,6 @@ class Model(Compiled):
         kept = (stabilisation, stabilisation_rate, max_drift)
         chosen = options(end, method, rtol, atol, step, samples, max_steps, *kept)
         begin = self.initial_state() if state is None else state
-        return run(self._evaluator, begin.t, begin.q, begin.u, self._found().redundant, chosen, progress)
+        kept_in = keeping(checkpoint, checkpoint_every, resume)
+        redundant = self._found().redundant
+        return run(self._evaluator, begin.t, begin.q, begin.u, redundant, chosen, progress, kept_in)

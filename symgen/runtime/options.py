@@ -9,8 +9,7 @@ import numpy as np
 from symgen.errors import ModelError, nearest
 from symgen.runtime._core import STABILISATIONS
 from symgen.runtime.arguments import count, is_real
-from symgen.runtime.integrators import integrator
-from symgen.runtime.integrators.tableau import ExplicitRungeKutta
+from symgen.runtime.integrators import Integrator, integrator
 
 #: Tightest relative tolerance that float64 can meet.
 TIGHTEST = 100 * np.finfo(float).eps
@@ -20,7 +19,7 @@ TIGHTEST = 100 * np.finfo(float).eps
 class Options:
     """How to run: checked by :func:`options`."""
 
-    method: ExplicitRungeKutta
+    method: Integrator
     t_end: float
     rtol: float
     atol: float
