@@ -366,7 +366,7 @@ class Model(Compiled):
             Tolerances of the local error for methods that adapt their step: relative (1e-9), absolute in m
             and m/s (rtol/1000).
         step
-            The fixed step [s] for methods that have one.
+            The fixed step [s]; a method that adapts its own takes fixed ones then, without judging them.
         samples
             Number of equally spaced times at which the outputs are recorded.
         max_steps

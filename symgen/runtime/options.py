@@ -56,14 +56,16 @@ def options(
         raise ModelError(f"expected between 2 and 10 million samples, got {samples}")
     if max_steps < 1:
         raise ModelError(f"expected max_steps of at least 1, got {max_steps}")
-    if chosen.adaptive:
-        if step is not None:
-            raise ModelError(f"{chosen.name} chooses its own step: give rtol and atol, or another method")
+    if chosen.adaptive and step is None:
         rtol = 1e-9 if rtol is None else rtol
         if rtol < TIGHTEST:
             raise ModelError(f"rtol = {rtol:g} is below {TIGHTEST:.2g}, the tightest that float64 can meet")
         return Options(chosen, t_end, rtol, 1e-3 * rtol if atol is None else atol, 0.0, samples, max_steps)
     if rtol is not None or atol is not None:
+        if chosen.adaptive:
+            raise ModelError(
+                f"{chosen.name} takes fixed steps or meets a tolerance: give step, or rtol and atol"
+            )
         raise ModelError(f"{chosen.name} has a fixed step: give step instead of rtol and atol")
     if step is None:
         raise ModelError(f"{chosen.name} has a fixed step: give it one, such as step=1e-3")
