@@ -26,19 +26,23 @@ ALLOWED = {
     "mechanics": {"symbolic", "elements"},
     "models": {"scene", "mechanics", "joints", "elements", "symbolic"},
     "lowering": {"symbolic"},
-    "codegen": {"lowering", "atomic"},
+    "codegen": {"lowering", "atomic", "precision"},
     "compiler": set(),
+    "making": {"cache", "codegen", "compiler", "lowering", "precision", "runtime", "scene", "symbolic"},
+    "precision": set(),
     "cache": set(),
-    "runtime": {"atomic", "report"},
+    "runtime": {"atomic", "precision", "report"},
     "report": {"runtime", "symbolic", "lowering", "codegen", "atomic"},
     "describe": {"scene", "elements", "models", "lowering", "runtime", "symbolic"},
     "runs": {"runtime", "scene"},
     "pipeline": {
         "describe",
-        "scene", "symbolic", "mechanics", "models", "lowering", "codegen", "compiler", "cache", "runtime",
-        "atomic",
+        "scene", "symbolic", "mechanics", "models", "making", "compiler", "precision", "runtime", "atomic",
     },
-    "study": {"pipeline", "runtime", "report", "scene", "atomic"},
+    "study": {
+        "pipeline", "runtime", "report", "scene", "atomic",
+        "symbolic", "models", "lowering", "codegen",
+    },
     "shipped": {"pipeline", "codegen", "lowering", "models", "scene", "atomic"},
 }  # fmt: skip
 #: These may import anything; nobody imports them.

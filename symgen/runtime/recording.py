@@ -7,11 +7,11 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from symgen.runtime import _core, _stepper
+from symgen.runtime import _core
 from symgen.runtime.evaluate import Evaluator, part
 from symgen.runtime.options import Options
 from symgen.runtime.redundancy import least_norm, not_unique
-from symgen.runtime.result import Drift, Result, Variable
+from symgen.runtime.result import Drift, Event, Result, Variable
 
 Array = NDArray[np.float64]
 
@@ -22,7 +22,7 @@ _SHOWN = 6
 def recorded(
     evaluator: Evaluator,
     equations: _core.Equations,
-    stepper: _stepper.Stepper,
+    stepper: _core.Run,
     redundant: tuple[int, ...],
     chosen: Options,
     wall: float,
@@ -30,7 +30,6 @@ def recorded(
     """Return what a run has recorded till now."""
     description = evaluator.description
     times = stepper.sampled
-    final = evaluator.blocks("points", stepper.t, *np.split(stepper.state[: 2 * description.coordinates], 2))
     drift = Drift(
         constraint=stepper.position_drift,
         velocity=stepper.velocity_drift,
@@ -44,12 +43,9 @@ def recorded(
         title=description.title,
         axes=description.axes,
         time=times,
-        variables=_outputs(evaluator, equations, times, stepper.result, len(redundant)),
+        variables=outputs(evaluator, equations, times, stepper.result, len(redundant)),
         drift=drift,
-        final={
-            p: {"position": final["positions"][i].tolist(), "velocity": final["velocities"][i].tolist()}
-            for i, p in enumerate(description.points)
-        },
+        final=motion(evaluator, stepper.t, stepper.state),
         statistics={
             "t": stepper.t,
             "steps": stepper.steps,
@@ -65,19 +61,41 @@ def recorded(
             "atol": chosen.atol,
             "step": chosen.step,
             "t_end": chosen.t_end,
+            "stabilisation": chosen.stabilisation,
+            **({"stabilisation_rate": chosen.rate} if chosen.rate else {}),
             "backend": evaluator.library.backend,
             "parameters": {
                 p.name: value
                 for p, value in zip(description.parameters, evaluator.parameters.tolist(), strict=False)
             },
         },
-        notes=(*_of_redundancy(evaluator, stepper, redundant), *_of_passages(evaluator, stepper)),
+        notes=(
+            *_of_redundancy(evaluator, stepper, redundant),
+            *_of_passages(evaluator, stepper),
+            *_of_stiffness(stepper, chosen),
+            *_of_the_end(evaluator, stepper),
+        ),
+        events=tuple(
+            Event(description.events[i].name, t, rising, motion(evaluator, t, y))
+            for t, i, rising, y in stepper.events
+        ),
     )
 
 
-def _outputs(
+def motion(evaluator: Evaluator, t: float, y: Array) -> dict[str, dict[str, list[float]]]:
+    """Return position [m] and velocity [m/s] of every point in a state (q, u, ...)."""
+    d = evaluator.description
+    found = evaluator.blocks("points", t, *np.split(y[: 2 * d.coordinates], 2))
+    positions, velocities = found["positions"].tolist(), found["velocities"].tolist()
+    return {
+        p: {"position": x, "velocity": v} for p, x, v in zip(d.points, positions, velocities, strict=True)
+    }
+
+
+def outputs(
     evaluator: Evaluator, equations: _core.Equations, times: Array, states: Array, redundant: int
 ) -> tuple[Variable, ...]:
+    """Return what the scene asks to record, at these times and states (q, u, ...), a row each."""
     info = evaluator.description.kernel("outputs")
     if info is None or not len(times):
         return ()
@@ -101,9 +119,7 @@ def _outputs(
     )
 
 
-def _of_redundancy(
-    evaluator: Evaluator, stepper: _stepper.Stepper, redundant: tuple[int, ...]
-) -> Iterator[str]:
+def _of_redundancy(evaluator: Evaluator, stepper: _core.Run, redundant: tuple[int, ...]) -> Iterator[str]:
     """Say which constraints follow from others, by how much they contradict them, and what is not unique."""
     if not redundant:
         return
@@ -117,7 +133,7 @@ def _of_redundancy(
     yield f"constraint forces are not unique in {names}: those of least norm are given, and reactions by them"
 
 
-def _of_passages(evaluator: Evaluator, stepper: _stepper.Stepper) -> Iterator[str]:
+def _of_passages(evaluator: Evaluator, stepper: _core.Run) -> Iterator[str]:
     """Say where the run passed configurations in which constraints lose rank."""
     if stepper.passages:
         d = evaluator.description
@@ -130,6 +146,22 @@ def _of_passages(evaluator: Evaluator, stepper: _stepper.Stepper) -> Iterator[st
         )
     if stepper.moved:
         yield f"{stepper.moved} samples moved in time from where rank is lost and forces are not determined"
+
+
+def _of_stiffness(stepper: _core.Run, chosen: Options) -> Iterator[str]:
+    """Say that an implicit method would do better."""
+    if stepper.stiff:
+        yield (
+            f"the motion is stiff from t = {stepper.t_stiff:.6g} s on: stability, not accuracy, sets the "
+            f"steps of {chosen.method.name}, and an implicit method would take longer ones"
+        )
+
+
+def _of_the_end(evaluator: Evaluator, stepper: _core.Run) -> Iterator[str]:
+    """Say which event ended the run."""
+    if stepper.ended_by >= 0:
+        name = evaluator.description.events[stepper.ended_by].name
+        yield f"the event {name!r} ended the run at t = {stepper.t:.9g} s"
 
 
 def _squeezed(values: Array, shape: tuple[int, int]) -> Array:
