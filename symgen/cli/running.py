@@ -36,8 +36,8 @@ def run(
     method: Annotated[
         str | None,
         typer.Option(
-            help="dop853 (adaptive) or rk4 (fixed step); of elastic links also gauss, gauss4, newmark, "
-            "generalized-alpha, quasi-static, periodic, and exact (large rotation)."
+            help="dop853 or dopri5 (adaptive) or rk4 (fixed step); of elastic links also gauss, gauss4, "
+            "newmark, generalized-alpha, wilson-theta, quasi-static, periodic, and exact (large rotation)."
         ),
     ] = None,
     rtol: Annotated[
@@ -50,6 +50,16 @@ def run(
     step: Annotated[float | None, typer.Option(help="Fixed step [s].")] = None,
     samples: Annotated[
         int | None, typer.Option(help="Number of recorded times (201), or of values of the input (361).")
+    ] = None,
+    stabilisation: Annotated[
+        str | None,
+        typer.Option(help="How constraints are kept: projection; for comparison only baumgarte, raw."),
+    ] = None,
+    stabilisation_rate: Annotated[
+        float | None, typer.Option(help="Rate of Baumgarte's terms [1/s] (10).")
+    ] = None,
+    max_drift: Annotated[
+        float | None, typer.Option(help="Error of a constraint [m] that ends the run; none when absent.")
     ] = None,
     at: Annotated[
         list[str] | None,
@@ -104,6 +114,7 @@ def run(
     from symgen.pipeline import build as build_model
     from symgen.runtime.elastic_model import ElasticModel
     from symgen.runtime.loop_model import LoopModel
+    from symgen.runtime.model import Model
 
     check_files(out, plot)
     model = build_model(scene, set=changes(set_), backend=backend)
@@ -114,6 +125,15 @@ def run(
         refused = [f"--{name.replace('_', '-')}" for name, value in of_elastic.items() if value is not None]
         if refused:
             raise ModelError(f"{', '.join(refused)}: for elastic links only, and {model.name} has none")
+    kept: dict[str, Any] = {
+        "stabilisation": stabilisation,
+        "stabilisation_rate": stabilisation_rate,
+        "max_drift": max_drift,
+    }
+    kept = {name: value for name, value in kept.items() if value is not None}
+    if kept and (not isinstance(model, Model) or at or through):
+        refused = [f"--{name.replace('_', '-')}" for name in kept]
+        raise ModelError(f"{', '.join(refused)}: for the motion of linkages of points and links only")
     result: Result
     try:
         if isinstance(model, ElasticModel):
@@ -128,7 +148,7 @@ def run(
             result = driven_run(model, at, samples, through, {"t_end": t_end, **options})
         else:
             with progress_bar(model.description.title, as_json) as progress:
-                result = model.simulate(t_end, **options, samples=samples or 201, progress=progress)
+                result = model.simulate(t_end, **options, **kept, samples=samples or 201, progress=progress)
     except SimulationError as error:
         if out and error.partial is not None:
             error.partial.save(out)

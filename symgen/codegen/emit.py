@@ -7,10 +7,11 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any
 
-from symgen.codegen.printers import C_FUNCTIONS, PYTHON_FUNCTIONS, Printer
+from symgen.codegen.printers import C_FUNCTIONS, Printer, printer
 from symgen.codegen.target import Target
 from symgen.lowering.kernel import ARRAYS, Assignment, Block, Kernel, Program, Slot
-from symgen.lowering.nodes import GUARDED_INVERSE
+from symgen.lowering.nodes import GUARDED_INVERSE, calls
+from symgen.precision import Precision
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,6 +63,15 @@ class GroupView:
 
 
 @dataclass(frozen=True, slots=True)
+class CallView:
+    """A function that kernels call: its name among nodes, for one number, and how many it takes."""
+
+    function: str
+    of_one: str
+    arguments: int
+
+
+@dataclass(frozen=True, slots=True)
 class KernelView:
     """A kernel as the templates see it: every expression is finished text."""
 
@@ -74,6 +84,7 @@ class KernelView:
     then: tuple[str, ...]
     assignments: tuple[TextAssignment, ...]
     stores: tuple[TextAssignment, ...]
+    calls: tuple[CallView, ...]
     blocks: tuple[BlockView, ...]
     reads: tuple[ArrayView, ...]
     reads_work: bool
@@ -91,6 +102,8 @@ class UnitView:
     title: str
     guard: str
     type: str
+    precision: Precision
+    lanes: bool
     equations: str
     groups: tuple[GroupView, ...]
     references: tuple[str, ...]
@@ -98,9 +111,14 @@ class UnitView:
     first: bool = True
 
     @property
+    def calls(self) -> tuple[CallView, ...]:
+        """The functions that kernels of this file call, each once."""
+        return tuple(sorted({c for k in self.kernels for c in k.calls}, key=lambda c: c.function))
+
+    @property
     def guarded(self) -> bool:
         """Tell whether a kernel of this file calls the function that guards an inverse."""
-        return any(GUARDED_INVERSE in a.value for k in self.kernels for a in k.assignments)
+        return any(c.function == GUARDED_INVERSE for c in self.calls)
 
 
 @lru_cache(maxsize=1)
@@ -123,9 +141,14 @@ def environment() -> Any:
 TEMPLATES = {
     "c": (("c/kernel.h.j2", "{}_kernel.h"), ("c/kernel.c.j2", "{}_kernel{}.c")),
     "numpy": (("numpy/kernel.py.j2", "{}_numpy.py"),),
+    "mpmath": (("mpmath/kernel.py.j2", "{}_mpmath.py"),),
     "cython": (("cython/module.pyx.j2", "{}.pyx"), ("report/model.md.j2", "{}.md")),
 }
 SPLIT = "c/kernel.c.j2"
+#: What goes with the kernels in C where they evaluate many states.
+LANES = (("c/batch.c.j2", "{}_batch.c"),)
+#: Templates that others include.
+INCLUDED = ("numpy/functions.py.j2",)
 
 #: Statements in one C file, beyond which the next kernels go to another one: the files of a model compile
 #: side by side.
@@ -135,8 +158,8 @@ STATEMENTS = 400
 def equations_hash(program: Program, target: Target) -> str:
     """Return the hash of everything that decides the generated code: program, target and templates."""
     digest = hashlib.sha256()
-    digest.update(repr((program, target.precision, STATEMENTS)).encode())
-    for template in sorted(name for files in TEMPLATES.values() for name, _ in files):
+    digest.update(repr((program, target.precision, target.lanes, STATEMENTS)).encode())
+    for template in sorted({*INCLUDED, *(n for files in (*TEMPLATES.values(), LANES) for n, _ in files)}):
         digest.update(environment().loader.get_source(environment(), template)[0].encode())
     return digest.hexdigest()
 
@@ -149,13 +172,13 @@ def emit(program: Program, target: Target, equations: str) -> tuple[SourceFile, 
     program
         What to print.
     target
-        Language and precision.
+        Language, precision, and whether for many states.
     equations
         The program's :func:`equations_hash`, which the code carries.
     """
     whole = _unit(program, target, equations)
     files = []
-    for template, file in TEMPLATES[target.language]:
+    for template, file in TEMPLATES[target.language] + (LANES if target.lanes else ()):
         parts = _parts(whole) if template == SPLIT else [whole]
         for i, part in enumerate(parts):
             text = environment().get_template(template).render(unit=part)
@@ -181,12 +204,18 @@ def _unit(program: Program, target: Target, equations: str) -> UnitView:
         name=program.name,
         title=_comment(program.title),
         guard=f"SYMGEN_{program.name.upper()}_KERNEL_H",
-        type=target.precision.c_type,
+        type=_type(target),
+        precision=target.precision,
+        lanes=target.lanes,
         equations=equations,
         groups=tuple(GroupView(name, text, _plain(slots)) for name, text, slots in program.groups if slots),
         references=program.references,
         kernels=tuple(_kernel(program.name, kernel, target) for kernel in program.kernels),
     )
+
+
+def _type(target: Target) -> str:
+    return "symgen_lanes" if target.lanes else target.precision.c_type
 
 
 def _comment(text: str) -> str:
@@ -201,7 +230,7 @@ def _plain(slots: tuple[Slot, ...]) -> tuple[Slot, ...]:
 
 
 def _kernel(model: str, kernel: Kernel, target: Target) -> KernelView:
-    printer = Printer(PYTHON_FUNCTIONS if target.language == "numpy" else C_FUNCTIONS, target.precision)
+    prints = printer(target)
     own = dict(kernel.inputs)
     written = {s.array for s in kernel.stores}
     sizes = kernel.reads
@@ -209,12 +238,13 @@ def _kernel(model: str, kernel: Kernel, target: Target) -> KernelView:
         name=kernel.name,
         description=kernel.description,
         counts=str(kernel.counts),
-        prototype=_prototype(model, kernel.name, target.precision.c_type),
+        prototype=_prototype(model, kernel.name, _type(target)),
         unused=() if kernel.first else tuple(a for a in ARRAYS if a not in own and a not in written),
         first=tuple(k.name for k in kernel.first),
         then=tuple(k.name for k in kernel.then),
-        assignments=tuple(_assignment(a, printer) for a in kernel.assignments),
-        stores=tuple(TextAssignment(f"{s.array}[{s.index}]", printer(s.value)) for s in kernel.stores),
+        assignments=tuple(_assignment(a, prints) for a in kernel.assignments),
+        stores=tuple(TextAssignment(f"{s.array}[{s.index}]", prints(s.value)) for s in kernel.stores),
+        calls=_calls(kernel, target.precision),
         blocks=tuple(map(_block, kernel.blocks)),
         reads=tuple(ArrayView(a, sizes[a]) for a in ARRAYS if a in sizes),
         reads_work="work" in own,
@@ -225,8 +255,14 @@ def _kernel(model: str, kernel: Kernel, target: Target) -> KernelView:
     )
 
 
-def _assignment(assignment: Assignment, printer: Printer) -> TextAssignment:
-    return TextAssignment(assignment.target, printer(assignment.value))
+def _assignment(assignment: Assignment, prints: Printer) -> TextAssignment:
+    return TextAssignment(assignment.target, prints(assignment.value))
+
+
+def _calls(kernel: Kernel, precision: Precision) -> tuple[CallView, ...]:
+    found = calls([a.value for a in kernel.assignments] + [s.value for s in kernel.stores])
+    one = Printer(C_FUNCTIONS, precision)
+    return tuple(CallView(name, one.name(name), arguments) for name, arguments in sorted(found.items()))
 
 
 def _block(block: Block) -> BlockView:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from decimal import Context, Decimal
 
-from symgen.codegen.target import PRECISIONS, Precision
+from symgen.codegen.target import Target
 from symgen.lowering.nodes import (
+    FUNCTIONS,
     GUARDED_INVERSE,
     Call,
     Constant,
@@ -16,10 +18,35 @@ from symgen.lowering.nodes import (
     Quotient,
     Reference,
     Sum,
+    references,
 )
+from symgen.precision import FLOAT64, Precision
 
 # How tightly each node binds: a looser one stands in parentheses inside a tighter one.
 _SUM, _SIGN, _PRODUCT, _ATOM = range(4)
+#: Makes a vector of one number, in code for many states.
+_IN_ALL_LANES = "in_all_lanes"
+
+
+def rounded(text: str, precision: Precision) -> str:
+    """Return a constant in the digits that a precision needs; the fewest where Python's float has them."""
+    if precision.digits <= FLOAT64.digits:
+        return repr(float(text))
+    digits = str(Context(prec=precision.digits).plus(Decimal(text)))
+    return digits if set(digits) & set(".E") else f"{digits}.0"
+
+
+def _in_c(text: str, precision: Precision) -> str:
+    return rounded(text, precision) + precision.literal_suffix
+
+
+def _in_numpy(text: str, precision: Precision) -> str:
+    digits = rounded(text, precision)
+    return digits if precision == FLOAT64 else f'_number("{digits}")'
+
+
+def _in_mpmath(text: str, precision: Precision) -> str:
+    return f'_number("{text}")'
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,14 +59,25 @@ class Printer:
         Text for each function that is not called by its C name.
     precision
         Rounds and marks the constants.
+    literal
+        Prints a constant.
+    lanes
+        Whether values are vectors: what holds no reference must then be made one where it stands alone.
     """
 
     functions: Mapping[str, str]
-    precision: Precision = PRECISIONS["float64"]
+    precision: Precision = FLOAT64
+    literal: Callable[[str, Precision], str] = _in_c
+    lanes: bool = False
 
     def __call__(self, node: Node) -> str:
         """Return the text of an expression."""
-        return self._print(node, _SUM)
+        text = self._print(node, _SUM)
+        return f"{_IN_ALL_LANES}({text})" if self.lanes and not references([node]) else text
+
+    def name(self, function: str) -> str:
+        """Return what a function is called."""
+        return self.functions.get(function, function + self.precision.function_suffix)
 
     def _print(self, node: Node, tightness: int) -> str:
         text, own = self._text(node)
@@ -48,7 +86,7 @@ class Printer:
     def _text(self, node: Node) -> tuple[str, int]:
         match node:
             case Constant(text):
-                return self._constant(text), _SIGN if text.startswith("-") else _ATOM
+                return self.literal(text, self.precision), _SIGN if text.startswith("-") else _ATOM
             case Reference(name):
                 return name, _ATOM
             case Sum(plus, minus):
@@ -61,16 +99,14 @@ class Printer:
             case Negative(value):
                 return f"-{self._print(value, _PRODUCT)}", _SIGN
             case Call(function, arguments):
-                name = self.functions.get(function, function + self.precision.function_suffix)
-                return f"{name}({', '.join(self(a) for a in arguments)})", _ATOM
+                return f"{self.name(function)}({', '.join(self(a) for a in arguments)})", _ATOM
         raise TypeError(f"not a node: {node!r}")
-
-    def _constant(self, text: str) -> str:
-        return repr(float(text)) + self.precision.literal_suffix
 
 
 #: What the templates define goes by one name in every language and precision.
 C_FUNCTIONS = {GUARDED_INVERSE: GUARDED_INVERSE}
+#: Of vectors, each function is defined by the templates, lane by lane.
+LANE_FUNCTIONS = {f: f"{f}_lanes" for f in (*FUNCTIONS.values(), "sqrt", "pow", GUARDED_INVERSE)}
 #: Python spells some functions of the C library differently; all others are called by the same name.
 PYTHON_FUNCTIONS = C_FUNCTIONS | {
     name: f"_np.{other}"
@@ -80,3 +116,15 @@ PYTHON_FUNCTIONS = C_FUNCTIONS | {
         ("exp", "exp"), ("log", "log"), ("sqrt", "sqrt"), ("fabs", "abs"), ("pow", "power"),
     )
 }  # fmt: skip
+#: mpmath has them all by their C names, but one.
+MPMATH_FUNCTIONS = C_FUNCTIONS | {f: f"_mp.{f}" for f in (*FUNCTIONS.values(), "sqrt")} | {"pow": "_mp.power"}
+
+
+def printer(target: Target) -> Printer:
+    """Return the printer of a target."""
+    match target.language:
+        case "numpy":
+            return Printer(PYTHON_FUNCTIONS, target.precision, _in_numpy)
+        case "mpmath":
+            return Printer(MPMATH_FUNCTIONS, target.precision, _in_mpmath)
+    return Printer(LANE_FUNCTIONS if target.lanes else C_FUNCTIONS, target.precision, lanes=target.lanes)

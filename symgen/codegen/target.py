@@ -1,27 +1,26 @@
-"""What code is generated for: one row a precision, one row a backend."""
+"""What code is generated for: a language, a precision, and one state a call or many side by side."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
-
-@dataclass(frozen=True, slots=True)
-class Precision:
-    """A floating-point type: its C name, bytes, and the suffixes of its literals and math functions."""
-
-    name: str
-    c_type: str
-    size: int
-    literal_suffix: str
-    function_suffix: str
-
-
-PRECISIONS = {"float64": Precision("float64", "double", 8, "", "")}
+from symgen.precision import FLOAT64, Precision
 
 
 @dataclass(frozen=True, slots=True)
 class Target:
-    """Precision and language of the generated code."""
+    """Language and precision of the generated code.
+
+    Parameters
+    ----------
+    language
+        ``c``, ``cython``, ``numpy`` or ``mpmath``.
+    precision
+        The type of all numbers; ``mpmath`` has any number of digits instead.
+    lanes
+        In C: whether every number is a vector, one lane of it for each of several states.
+    """
 
     language: str = "c"
-    precision: Precision = PRECISIONS["float64"]
+    precision: Precision = FLOAT64
+    lanes: bool = False

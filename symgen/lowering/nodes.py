@@ -6,7 +6,9 @@ What is printed and what is counted come from the same tree, so operation counts
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from contextvars import ContextVar
 from dataclasses import dataclass
 from decimal import Context, Decimal
 
@@ -14,12 +16,33 @@ import sympy as sp
 
 from symgen.errors import DerivationError
 
+#: Digits of constants, and beyond them where :func:`keeping` asks for more.
 DIGITS = 40
+_digits: ContextVar[int] = ContextVar("digits", default=DIGITS)
+
+
+@contextmanager
+def keeping(count: int) -> Iterator[None]:
+    """Keep at least so many digits of every constant lowered inside the block."""
+    before = _digits.set(max(DIGITS, count))
+    try:
+        yield
+    finally:
+        _digits.reset(before)
+
+
+def digits() -> int:
+    """Return how many digits of a constant are kept."""
+    return _digits.get()
+
+
+def _exact() -> Context:
+    return Context(prec=digits() + 5)
 
 
 @dataclass(frozen=True, slots=True)
 class Constant:
-    """A number, as decimal text of up to 40 significant digits; each precision rounds it once."""
+    """A number, as decimal text of 40 significant digits or fewer; each precision rounds it once."""
 
     text: str
 
@@ -83,7 +106,7 @@ def constant(value: sp.Expr) -> Constant:
     """Return a number with 40 significant digits, exactly zero or one where it is."""
     if value.is_Integer and abs(value) < 10**15:
         return Constant(str(int(value)))
-    number = sp.Float(value, DIGITS) if value.is_Rational else value.evalf(DIGITS)
+    number = sp.Float(value, digits()) if value.is_Rational else value.evalf(digits())
     if not number.is_Float:
         raise DerivationError(f"expected a finite real constant, got {value}")
     return Constant(sp.printing.StrPrinter({"full_prec": False}).doprint(number))
@@ -155,7 +178,6 @@ def _join(factors: list[Node]) -> Node:
 
 
 ZERO, ONE = Constant("0"), Constant("1")
-_EXACT = Context(prec=DIGITS + 5)
 
 
 def add(plus: Iterable[Node], minus: Iterable[Node] = ()) -> Node:
@@ -166,14 +188,15 @@ def add(plus: Iterable[Node], minus: Iterable[Node] = ()) -> Node:
     for terms, sign, same, other in ((plus, 1, above, below), (minus, -1, below, above)):
         for term in terms:
             if isinstance(term, Constant):
-                known = _EXACT.add(known, sign * Decimal(term.text))
+                value = Decimal(term.text)
+                known = _exact().add(known, value if sign > 0 else value.copy_negate())
             elif isinstance(term, Negative):
                 other.append(term.value)
             else:
                 same.append(term)
     if known:
         (above if known > 0 or not above else below).insert(
-            0, _decimal(known if known > 0 or not above else -known)
+            0, _decimal(known if known > 0 or not above else known.copy_negate())
         )
     if not above:
         return negative(add(below)) if below else ZERO
@@ -186,7 +209,7 @@ def multiply(a: Node, b: Node) -> Node:
         bare = multiply(*(x.value if isinstance(x, Negative) else x for x in (a, b)))
         return bare if isinstance(a, Negative) and isinstance(b, Negative) else negative(bare)
     if isinstance(a, Constant) and isinstance(b, Constant):
-        return _decimal(_EXACT.multiply(Decimal(a.text), Decimal(b.text)))
+        return _decimal(_exact().multiply(Decimal(a.text), Decimal(b.text)))
     for x, y in ((a, b), (b, a)):
         if x == ZERO:
             return ZERO
@@ -200,7 +223,7 @@ def multiply(a: Node, b: Node) -> Node:
 def reciprocal(a: Node) -> Node:
     """Return one over a node."""
     if isinstance(a, Constant):
-        return _decimal(_EXACT.divide(Decimal(1), Decimal(a.text)))
+        return _decimal(_exact().divide(Decimal(1), Decimal(a.text)))
     return negative(reciprocal(a.value)) if isinstance(a, Negative) else Quotient(ONE, a)
 
 
@@ -216,12 +239,12 @@ def guarded_reciprocal(pivot: Node, sound: Node, tolerance: Node) -> Node:
 def negative(a: Node) -> Node:
     """Return a node with its sign changed."""
     if isinstance(a, Constant):
-        return _decimal(-Decimal(a.text))
+        return _decimal(Decimal(a.text).copy_negate())  # '-' would round to the default context's 28 digits
     return a.value if isinstance(a, Negative) else Negative(a)
 
 
 def _decimal(value: Decimal) -> Constant:
-    rounded = Context(prec=DIGITS).plus(value)
+    rounded = Context(prec=digits()).plus(value)
     return Constant(
         str(int(rounded))
         if rounded == rounded.to_integral_value() and abs(rounded) < 10**15
@@ -321,6 +344,18 @@ def count(nodes: Iterable[Node]) -> OperationCount:
             case Call():
                 total["call"] += 1
     return OperationCount(**total)
+
+
+def calls(nodes: Iterable[Node]) -> dict[str, int]:
+    """Return the functions that some expressions call, each with how many arguments it takes."""
+    found: dict[str, int] = {}
+    waiting = list(nodes)
+    while waiting:
+        node = waiting.pop()
+        waiting.extend(children(node))
+        if isinstance(node, Call):
+            found[node.function] = len(node.arguments)
+    return found
 
 
 def references(nodes: Iterable[Node]) -> list[str]:

@@ -9,11 +9,11 @@ from sympy.simplify.cse_main import tree_cse
 
 from symgen.lowering.kernel import Assignment
 from symgen.lowering.nodes import (
-    DIGITS,
     Constant,
     Negative,
     Node,
     Reference,
+    digits,
     lower,
     negative,
     references,
@@ -23,13 +23,13 @@ from symgen.symbolic.system import System
 
 
 def fold(expression: sp.Expr) -> sp.Expr:
-    """Evaluate every irrational constant inside an expression to 40 digits; rationals stay exact."""
+    """Evaluate every irrational constant inside an expression to 40 digits or more; rationals stay exact."""
     if expression.is_Symbol or expression.is_Rational:
         return expression
     if expression.is_Atom:
-        return expression.evalf(DIGITS)
+        return expression.evalf(digits())
     if not expression.free_symbols:
-        return expression if expression.is_Rational else expression.evalf(DIGITS)
+        return expression if expression.is_Rational else expression.evalf(digits())
     old = expression.args
     new = [fold(a) for a in old]
     return expression if all(a is b for a, b in zip(old, new, strict=True)) else expression.func(*new)

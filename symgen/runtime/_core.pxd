@@ -1,37 +1,170 @@
-"""What the step loop uses of the kernels' core."""
+"""The core's interface in C, and what other compiled parts use of its binding."""
 
 ctypedef void (*kernel_t)(const double *, const double *, const double *, const double *, double *, double *) noexcept nogil
 
-cdef enum:
-    _DONE = 0
-    _MORE = 1
-    _NOT_FINITE = 2
-    _STEP_TOO_SMALL = 3
-    _SINGULAR = 4
-    _PROJECTION_FAILED = 5
-    _CONTRADICTED = 6
+cdef extern from "core/core.h" nogil:
+    enum status:
+        _DONE "DONE"
+        _MORE "MORE"
+        _NOT_FINITE "NOT_FINITE"
+        _STEP_TOO_SMALL "STEP_TOO_SMALL"
+        _SINGULAR "SINGULAR"
+        _PROJECTION_FAILED "PROJECTION_FAILED"
+        _CONTRADICTED "CONTRADICTED"
+        _DRIFTED "DRIFTED"
+        _ENDED "ENDED"
+        _UNSOLVED "UNSOLVED"
+
+    cdef struct kernels:
+        kernel_t accelerations
+        kernel_t factor
+        kernel_t solve
+        kernel_t constraints
+        kernel_t velocity_constraints
+        kernel_t energy
+        kernel_t residual
+        kernel_t events
+        kernel_t tangent
+
+    cdef struct sizes:
+        long n, m, extra, parameters, work, first_pivot, redundant, events, tangent, steady
+        const long *tangent_places
+        double rank_tolerance, slack, stabilisation
+
+    cdef struct account:
+        double soundness, missed
+        long weakest, lost, worst, evaluations, factorisations
+
+    cdef struct behaviour:
+        void (*accelerate)(equations *, double, const double *) noexcept nogil
+        void (*derivative)(equations *, double, const double *, double *) noexcept nogil
+        double (*position_error)(equations *, double, const double *) noexcept nogil
+        double (*velocity_error)(equations *, double, const double *) noexcept nogil
+        int (*factorise)(equations *, double, const double *) noexcept nogil
+        int (*project)(equations *, double, double *) noexcept nogil
+        void (*make_tangent)(equations *, double, const double *, double *) noexcept nogil
+        void (*measure_energy)(equations *, double, const double *) noexcept nogil
+
+    cdef struct equations:
+        const behaviour *of
+        void *owner
+        sizes sizes
+        account *account
+        double *p
+        double *out
+        double *energies
+
+    cdef struct kind:
+        pass
+
+    cdef struct scheme:
+        const kind *kind
+        long adaptive, error_order
+        const long *counts
+        const double *numbers
+
+    cdef struct task:
+        double t0, t_end, rtol, atol, step, max_drift
+        long stabilisation, samples, found
+
+    cdef struct run:
+        size_t bytes
+
+    cdef struct report:
+        double t, t_end, h, position_drift, velocity_drift, energy_drift
+        double kinetic_min, kinetic_max, potential_min, potential_max, t_stiff
+        long steps, rejected, recorded, moved, passages, events, ended_by, worst, stiff
+
+    cdef struct passage:
+        double t, soundness
+        long weakest
+
+    cdef struct found_event:
+        double t
+        long index, rising
+
+    enum:
+        MOST_PASSAGES
+        CORE_VERSION
+
+    cdef struct loops_api:
+        pass
+
+    cdef struct elastic_api:
+        pass
+
+    cdef struct core_api:
+        long version, real_bytes
+        double epsilon
+        const char *real_name
+        const loops_api *loops
+        const elastic_api *elastic
+        void (*widen)(long, const double *, const double *, void *) noexcept nogil
+        void (*narrow)(long, const void *, double *, double *) noexcept nogil
+        void (*call_rows)(kernel_t, long, const void *, const void *, long, long, const void *, void *, long, void *, long) noexcept nogil
+        size_t equations_struct, run_struct
+        size_t (*equations_bytes)(const sizes *) noexcept nogil
+        void (*equations_bind)(equations *, const sizes *, const kernels *, void *) noexcept nogil
+        void (*set_parameters)(equations *, const double *, const double *) noexcept nogil
+        void (*solve_rows)(equations *, long, const void *, const void *, long, void *, long) noexcept nogil
+        int (*check)(equations *, double, const void *) noexcept nogil
+        int (*project)(equations *, double, void *) noexcept nogil
+        void (*derivative)(equations *, double, const void *, void *) noexcept nogil
+        account *(*account)(equations *) noexcept nogil
+        const char *(*dropped)(equations *) noexcept nogil
+        void *(*equations_memory)(equations *) noexcept nogil
+        const kind *(*find_kind)(const char *) noexcept nogil
+        size_t (*run_bytes)(const equations *, const scheme *, const task *) noexcept nogil
+        void (*run_bind)(run *, equations *, const scheme *, const task *, void *) noexcept nogil
+        void (*run_start)(run *, const double *, const double *, const double *, const signed char *, const char *) noexcept nogil
+        int (*run_begin)(run *) noexcept nogil
+        int (*run_advance)(run *, long) noexcept nogil
+        void (*run_report)(const run *, report *) noexcept nogil
+        const void *(*run_state)(const run *) noexcept nogil
+        const void *(*run_times)(const run *) noexcept nogil
+        const void *(*run_samples)(const run *) noexcept nogil
+        long (*take_events)(run *, found_event *, void *) noexcept nogil
+        long (*take_passages)(run *, passage *) noexcept nogil
+
+    cdef const core_api symgen_core
 
 
 cdef kernel_t kernel_of(object addresses, str name)
 
 
-cdef class Equations:
-    cdef kernel_t accelerations, factor, solve, constraints, velocity_constraints, energy, residual
-    cdef readonly Py_ssize_t n, m, extra, dim
-    cdef readonly long evaluations, factorisations
-    cdef readonly Py_ssize_t weakest
-    cdef readonly double soundness, rank_tolerance, missed
-    cdef double slack
-    cdef readonly Py_ssize_t lost, redundant
-    cdef Py_ssize_t first_pivot
-    cdef double[::1] p, work, factors, out, rates, rhs, energies, before, zero
-    cdef char[::1] dropped
+cdef class Core:
+    cdef const core_api *api
+    cdef object owner
+    cdef dict schemes
 
-    cdef void accelerate(self, double t, const double *y) noexcept nogil
-    cdef void derivative(self, double t, const double *y, double *dy) noexcept nogil
-    cdef double position_error(self, double t, const double *y) noexcept nogil
-    cdef double velocity_error(self, double t, const double *y) noexcept nogil
-    cdef int factorise(self, double t, const double *y) noexcept nogil
-    cdef int project(self, double t, double *y) noexcept nogil
-    cdef void make_tangent(self, double t, const double *y, double *e) noexcept nogil
-    cdef void measure_energy(self, double t, const double *y) noexcept nogil
+    cdef Scheme scheme(self, method)
+
+
+cdef class Scheme:
+    cdef scheme filled
+    cdef void *memory
+    cdef long counts[16]
+
+
+cdef class Reals:
+    cdef Core of
+    cdef object doubles
+    cdef void *at
+    cdef bint own
+    cdef Py_ssize_t count
+
+    cdef void back(self)
+
+
+cdef class Integrable:
+    cdef Core of
+    cdef equations *core
+    cdef void *memory
+    cdef readonly Py_ssize_t n, m, extra, dim
+
+    cdef int make(self, const sizes *wanted, const kernels *given) except -1
+    cdef int bound(self, const double[::1] parameters) except -1
+
+
+cdef class Equations(Integrable):
+    cdef long[::1] places

@@ -1,11 +1,13 @@
-"""Types of the compiled core; see ``_core.pyx`` for what things do."""
+"""Types of the binding of the core; see ``_core.pyx`` for what things do."""
 
 from collections.abc import Mapping, Sequence
+from typing import Any, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[np.float64]
+Raw = NDArray[np.uint8]
 
 DONE: int
 MORE: int
@@ -14,6 +16,11 @@ STEP_TOO_SMALL: int
 SINGULAR: int
 PROJECTION_FAILED: int
 CONTRADICTED: int
+DRIFTED: int
+ENDED: int
+UNSOLVED: int
+STABILISATIONS: tuple[str, ...]
+DOUBLE: Core
 
 def call(address: int, t: Array, q: Array, u: Array, p: Array, work: Array, out: Array) -> None: ...
 def call_many(
@@ -29,18 +36,59 @@ def call_repeatedly(
     address: int, times: int, y: Array, n: int, p: Array, work: Array, out: Array
 ) -> None: ...
 
-class Equations:
+class Method(Protocol):
+    @property
+    def kind(self) -> str: ...
+    @property
+    def counts(self) -> tuple[int, ...]: ...
+    @property
+    def numbers(self) -> Array: ...
+    @property
+    def adaptive(self) -> bool: ...
+    @property
+    def error_order(self) -> int: ...
+
+class Core:
+    def __init__(self, address: int = 0, owner: Any = None) -> None: ...
+    @property
+    def name(self) -> str: ...
+    @property
+    def real_bytes(self) -> int: ...
+    @property
+    def epsilon(self) -> float: ...
+    def widen(self, high: ArrayLike, low: ArrayLike | None = None) -> Raw: ...
+    def narrow(self, raw: Raw) -> tuple[Array, Array]: ...
+    def call(self, address: int, t: Raw, y: Raw, n: int, p: Raw, work: Raw, out: Raw) -> None: ...
+
+class Integrable:
     n: int
     m: int
     extra: int
     dim: int
-    evaluations: int
-    factorisations: int
-    weakest: int
-    soundness: float
-    lost: int
-    missed: float
-    redundant: int
+    @property
+    def core_type(self) -> Core: ...
+    @property
+    def evaluations(self) -> int: ...
+    @property
+    def factorisations(self) -> int: ...
+    @property
+    def weakest(self) -> int: ...
+    @property
+    def soundness(self) -> float: ...
+    @property
+    def lost(self) -> int: ...
+    @property
+    def missed(self) -> float: ...
+    @property
+    def redundant(self) -> int: ...
+    @property
+    def rank_tolerance(self) -> float: ...
+    def solutions(self, t: Array, y: Array) -> Array: ...
+    def derivative(self, t: float, y: Array) -> Array: ...
+    def lost_rows(self) -> list[int]: ...
+    def check(self, t: float, y: Array) -> int: ...
+
+class Equations(Integrable):
     def __init__(
         self,
         addresses: Mapping[str, int],
@@ -53,7 +101,58 @@ class Equations:
         rank_tolerance: float,
         redundant: int,
         slack: float,
+        *,
+        core: Core = ...,
+        events: int = 0,
+        tangent: ArrayLike = (),
+        steady: bool = False,
+        stabilisation: float = 0.0,
     ) -> None: ...
-    def solutions(self, t: Array, y: Array) -> Array: ...
-    def lost_rows(self) -> list[int]: ...
-    def check(self, t: float, y: Array) -> int: ...
+
+class Run:
+    t: float
+    t_end: float
+    h: float
+    dim: int
+    recorded: int
+    moved: int
+    steps: int
+    rejected: int
+    ended_by: int
+    worst: int
+    stiff: bool
+    t_stiff: float
+    position_drift: float
+    velocity_drift: float
+    energy_drift: float
+    kinetic_min: float
+    kinetic_max: float
+    potential_min: float
+    potential_max: float
+    passages: list[tuple[float, float, int]]
+    events: list[Any]
+    def __init__(
+        self,
+        equations: Integrable,
+        method: Method,
+        t0: float,
+        y0: ArrayLike,
+        t_end: float,
+        rtol: float,
+        atol: float,
+        step: float,
+        times: Array,
+        *,
+        stabilisation: int = 0,
+        max_drift: float = ...,
+        directions: Sequence[int] = (),
+        terminal: Sequence[int] = (),
+    ) -> None: ...
+    @property
+    def result(self) -> Array: ...
+    @property
+    def sampled(self) -> Array: ...
+    @property
+    def state(self) -> Array: ...
+    def begin(self) -> int: ...
+    def advance(self, most: int) -> int: ...

@@ -1,22 +1,23 @@
 # cython: language_level=3, boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
-"""The kernels of a model behind function pointers: solved, watched and projected without Python."""
+"""The binding of the core in C: equations and runs of any number type, and single kernels in double."""
 
 import numpy as np
 
-from libc.float cimport DBL_EPSILON
-from libc.math cimport INFINITY, fabs, fmax, isfinite
+from cpython.bytes cimport PyBytes_FromStringAndSize
+from libc.math cimport INFINITY
 from libc.stdint cimport uintptr_t
-from libc.string cimport memcpy, memset
+from libc.stdlib cimport calloc, free
+from libc.string cimport memcpy
 
 #: What a step, a projection or a factorisation answers.
-DONE, MORE, NOT_FINITE, STEP_TOO_SMALL, SINGULAR, PROJECTION_FAILED, CONTRADICTED = range(7)
+DONE, MORE, NOT_FINITE, STEP_TOO_SMALL, SINGULAR = _DONE, _MORE, _NOT_FINITE, _STEP_TOO_SMALL, _SINGULAR
+PROJECTION_FAILED, CONTRADICTED, DRIFTED, ENDED = _PROJECTION_FAILED, _CONTRADICTED, _DRIFTED, _ENDED
+UNSOLVED = _UNSOLVED
+#: How a run is kept on the constraints: as ``enum stabilisation`` counts them.
+STABILISATIONS = ("projection", "baumgarte", "raw")
 
-# A coordinate's pivot that keeps no more than this of its own-signed terms has no mass. Much may cancel
-# before: rods a million million times heavier than their neighbours leave 1e-12.
-cdef double NO_MASS = 1e-15
-cdef int REFINEMENTS = 2
-# Iterations of the projection: with the same factor it converges by the step's own error each time.
-cdef int PROJECTIONS = 10
+# Events remembered in the core before Python takes them, for each event function.
+cdef long REMEMBERED = 64
 
 
 cdef kernel_t kernel_of(object addresses, str name):
@@ -33,9 +34,8 @@ def call(uintptr_t address, const double[::1] t, const double[::1] q, const doub
 def call_many(uintptr_t address, const double[::1] t, const double[:, ::1] y, Py_ssize_t n, const double[::1] p,
               double[:, ::1] work, double[:, ::1] out):
     """Call a kernel for every row of ``y`` = (q, u, ...) and of ``work``."""
-    cdef Py_ssize_t i
-    for i in range(y.shape[0]):
-        (<kernel_t>address)(&t[i], &y[i, 0], &y[i, n], &p[0], &work[i, 0], &out[i, 0])
+    symgen_core.call_rows(<kernel_t>address, y.shape[0], &t[0], &y[0, 0], y.shape[1], n, &p[0], &work[0, 0],
+                          work.shape[1], &out[0, 0], out.shape[1])
 
 
 def call_repeatedly(uintptr_t address, Py_ssize_t times, const double[:, ::1] y, Py_ssize_t n, const double[::1] p,
@@ -49,7 +49,235 @@ def call_repeatedly(uintptr_t address, Py_ssize_t times, const double[:, ::1] y,
                 (<kernel_t>address)(&t, &y[i, 0], &y[i, n], &p[0], &work[0], &out[i, 0])
 
 
-cdef class Equations:
+cdef class Core:
+    """The core compiled for one number type.
+
+    Parameters
+    ----------
+    address
+        Where its ``symgen_core`` is; 0 for that of doubles, which is part of this module.
+    owner
+        What keeps the library of that address open.
+    """
+
+    def __init__(self, uintptr_t address=0, owner=None):
+        self.api = <const core_api *>address if address else &symgen_core
+        self.owner, self.schemes = owner, {}
+        if self.api.version != CORE_VERSION:
+            raise ValueError(f"a core of version {self.api.version}, expected {CORE_VERSION}")
+
+    @property
+    def name(self):
+        """Name of the number type: float32, float64, longdouble or float128."""
+        return self.api.real_name.decode()
+
+    @property
+    def real_bytes(self):
+        """Bytes of a number."""
+        return self.api.real_bytes
+
+    @property
+    def epsilon(self):
+        """Distance from 1 to the next number."""
+        return self.api.epsilon
+
+    def widen(self, high, low=None):
+        """Return doubles (the sum of two, if two are given) as numbers of the core: an array of raw bytes,
+        with one more axis of ``real_bytes``."""
+        cdef const double[::1] values = np.ascontiguousarray(high, dtype=float).ravel()
+        cdef const double[::1] rest
+        shape = np.shape(high)
+        found = np.empty((*shape, self.api.real_bytes), dtype=np.uint8)
+        cdef unsigned char[::1] to = found.reshape(-1)
+        if values.shape[0] == 0:
+            return found
+        if low is None:
+            self.api.widen(values.shape[0], &values[0], NULL, &to[0])
+        else:
+            rest = np.ascontiguousarray(low, dtype=float).ravel()
+            self.api.widen(values.shape[0], &values[0], &rest[0], &to[0])
+        return found
+
+    def narrow(self, raw):
+        """Return what :meth:`widen` gave as doubles, and what they leave over."""
+        cdef const unsigned char[::1] given = np.ascontiguousarray(raw).reshape(-1)
+        shape = raw.shape[:raw.ndim - 1]
+        high, low = np.empty(shape), np.empty(shape)
+        cdef double[::1] a = high.reshape(-1), b = low.reshape(-1)
+        if a.shape[0]:
+            self.api.narrow(a.shape[0], &given[0], &a[0], &b[0])
+        return high, low
+
+    def call(self, uintptr_t address, const unsigned char[:, ::1] t, const unsigned char[:, :, ::1] y, Py_ssize_t n,
+             const unsigned char[:, ::1] p, unsigned char[:, :, ::1] work, unsigned char[:, :, ::1] out):
+        """Call a kernel of this number type for rows of raw numbers, each array with at least one column."""
+        if y.shape[0]:
+            self.api.call_rows(<kernel_t>address, y.shape[0], &t[0, 0], &y[0, 0, 0], y.shape[1], n, &p[0, 0],
+                               &work[0, 0, 0], work.shape[1], &out[0, 0, 0], out.shape[1])
+
+    cdef Scheme scheme(self, method):
+        if method not in self.schemes:
+            self.schemes[method] = Scheme(self, method)
+        return self.schemes[method]
+
+
+cdef class Scheme:
+    """The coefficients of a method, in numbers of a core."""
+
+    def __init__(self, Core core, method):
+        cdef const double[::1] numbers = np.ascontiguousarray([*method.numbers, 0.0])
+        cdef Py_ssize_t i
+        self.filled.kind = core.api.find_kind(method.kind.encode())
+        if self.filled.kind == NULL:
+            raise ValueError(f"the core knows no kind of method {method.kind!r}")
+        if len(method.counts) > 16:
+            raise ValueError("a method has at most 16 counts")
+        for i, count in enumerate(method.counts):
+            self.counts[i] = count
+        self.memory = calloc(numbers.shape[0], core.api.real_bytes)
+        if self.memory == NULL:
+            raise MemoryError
+        core.api.widen(numbers.shape[0], &numbers[0], NULL, self.memory)
+        self.filled.adaptive, self.filled.error_order = method.adaptive, method.error_order
+        self.filled.counts, self.filled.numbers = self.counts, <double *>self.memory
+
+    def __dealloc__(self):
+        free(self.memory)
+
+
+#: The core of doubles.
+DOUBLE = Core()
+
+
+cdef class Reals:
+    """Numbers of Python for a core: the same memory where its numbers are doubles, else a copy.
+
+    What the core writes comes back only into an array that is contiguous.
+    """
+
+    def __init__(self, Core of, doubles):
+        cdef const double[::1] given
+        self.of, self.doubles = of, np.ascontiguousarray(doubles, dtype=float).reshape(-1)
+        given = self.doubles
+        self.count = given.shape[0]
+        self.own = of.api.real_bytes != sizeof(double)
+        if not self.own:
+            self.at = <void *>&given[0] if self.count else NULL
+            return
+        self.at = calloc(self.count + 1, of.api.real_bytes)
+        if self.at == NULL:
+            raise MemoryError
+        if self.count:
+            of.api.widen(self.count, &given[0], NULL, self.at)
+
+    def __dealloc__(self):
+        if self.own:
+            free(self.at)
+
+    cdef void back(self):
+        """Bring back what the core wrote."""
+        cdef double[::1] to
+        if self.own and self.count:
+            to = self.doubles
+            self.of.api.narrow(self.count, self.at, &to[0], NULL)
+
+
+cdef class Integrable:
+    """What a run integrates: the memory of its equations, and what is told of them."""
+
+    def __dealloc__(self):
+        free(self.core)
+        free(self.memory)
+
+    cdef int make(self, const sizes *wanted, const kernels *given) except -1:
+        self.core = <equations *>calloc(1, self.of.api.equations_struct)
+        self.memory = calloc(1, self.of.api.equations_bytes(wanted))
+        if self.core == NULL or self.memory == NULL:
+            raise MemoryError
+        self.of.api.equations_bind(self.core, wanted, given, self.memory)
+        return 0
+
+    cdef int bound(self, const double[::1] parameters) except -1:
+        """Set the parameters of equations just bound, and note their sizes."""
+        self.of.api.set_parameters(self.core, &parameters[0], NULL)
+        self.n, self.m, self.extra = self.core.sizes.n, self.core.sizes.m, self.core.sizes.extra
+        self.dim = 2 * self.n + self.extra
+        return 0
+
+    @property
+    def core_type(self):
+        """The core that these equations were compiled for."""
+        return self.of
+
+    @property
+    def evaluations(self):
+        """Accelerations evaluated till now in runs."""
+        return self.of.api.account(self.core).evaluations
+
+    @property
+    def factorisations(self):
+        """Factorisations till now."""
+        return self.of.api.account(self.core).factorisations
+
+    @property
+    def weakest(self):
+        """The unknown of least pivot at the last factorisation, -1 when there is none."""
+        return self.of.api.account(self.core).weakest
+
+    @property
+    def soundness(self):
+        """What cancellation left of that pivot."""
+        return self.of.api.account(self.core).soundness
+
+    @property
+    def lost(self):
+        """Pivots of redundant constraints that the last factorisation lost."""
+        return self.of.api.account(self.core).lost
+
+    @property
+    def missed(self):
+        """Error of redundant constraints [m] when last looked at."""
+        return self.of.api.account(self.core).missed
+
+    @property
+    def redundant(self):
+        """Number of constraints that follow from the others everywhere."""
+        return self.core.sizes.redundant
+
+    @property
+    def rank_tolerance(self):
+        """What a pivot keeps at most where rank is lost."""
+        return self.core.sizes.rank_tolerance
+
+    def solutions(self, t, y):
+        """Return accelerations and multipliers at every row of y = (q, u, ...)."""
+        found = np.zeros((y.shape[0], self.n + self.m + 1))
+        cdef Reals times = Reals(self.of, t), states = Reals(self.of, y), into = Reals(self.of, found)
+        self.of.api.solve_rows(self.core, y.shape[0], times.at, states.at, y.shape[1], into.at, found.shape[1])
+        into.back()
+        return found
+
+    def derivative(self, double t, y):
+        """Return dy/dt at (t, y) as steps see it."""
+        found = np.zeros(self.dim)
+        cdef Reals state = Reals(self.of, y), into = Reals(self.of, found)
+        self.of.api.derivative(self.core, t, state.at, into.at)
+        into.back()
+        return found
+
+    def lost_rows(self):
+        """Return the numbers of the constraints that the last factorisation found to follow from others."""
+        cdef const char *dropped = self.of.api.dropped(self.core)
+        return [i for i in range(self.m) if dropped[i]]
+
+    def check(self, double t, const double[::1] y):
+        """Factorise at y; return the status, the unknown of least pivot in ``weakest``, and in ``soundness``
+        what cancellation left of that pivot."""
+        cdef Reals state = Reals(self.of, y)
+        return self.of.api.check(self.core, t, state.at)
+
+
+cdef class Equations(Integrable):
     """The kernels of one model with its parameters and scratch memory; one per thread of work.
 
     Parameters
@@ -63,7 +291,7 @@ cdef class Equations:
     p
         Parameters.
     work_size
-        Doubles of work memory that the largest kernel needs.
+        Numbers of work memory that the largest kernel needs.
     first_pivot
         Where 'factor' leaves the pivots in its work memory.
     rank_tolerance
@@ -73,193 +301,156 @@ cdef class Equations:
         Number of constraints that follow from the others in every configuration: so many pivots must be lost.
     slack
         By how much [m] a redundant constraint may contradict the others.
+    core
+        The core that the kernels were compiled for; that of doubles when absent.
+    events
+        Number of values that the kernel of that name writes.
+    tangent
+        Row, column and place of each value that the kernel of that name writes, column by column.
+    steady
+        Whether the constraints cannot lose rank, so that nobody need look.
+    stabilisation
+        Rate [1/s] of Baumgarte's terms in derivatives; 0 for none.
     """
 
     def __init__(self, addresses, Py_ssize_t n, Py_ssize_t m, Py_ssize_t extra, p, Py_ssize_t work_size,
-                 Py_ssize_t first_pivot, double rank_tolerance, Py_ssize_t redundant,
-                 double slack):
-        self.accelerations = kernel_of(addresses, "accelerations")
-        self.factor = kernel_of(addresses, "factor")
-        self.solve = kernel_of(addresses, "solve")
-        self.constraints = kernel_of(addresses, "constraints")
-        self.velocity_constraints = kernel_of(addresses, "velocity_constraints")
-        self.energy = kernel_of(addresses, "energy")
-        self.residual = kernel_of(addresses, "residual")
-        if self.accelerations == NULL or self.energy == NULL:
-            raise ValueError("a model without the kernels 'accelerations' and 'energy' cannot be stepped")
-        self.n, self.m, self.extra, self.dim = n, m, extra, 2 * n + extra
-        self.p = np.array([*p, 0.0])
-        self.work, self.factors = np.zeros(work_size + 1), np.zeros(work_size + 1)
-        self.out, self.rates = np.zeros(2 * (n + m) + 1), np.zeros(m + 1)
-        self.rhs, self.before, self.energies = np.zeros(n + m + 1), np.zeros(n + 1), np.zeros(3)
-        self.zero = np.zeros(n + 1)
-        self.weakest, self.soundness, self.first_pivot = -1, INFINITY, first_pivot
-        self.rank_tolerance, self.slack, self.missed = rank_tolerance, slack, 0.0
-        self.lost, self.redundant, self.dropped = 0, redundant, np.zeros(m + 1, dtype=np.int8)
+                 Py_ssize_t first_pivot, double rank_tolerance, Py_ssize_t redundant, double slack, *,
+                 Core core=DOUBLE, long events=0, tangent=(), bint steady=False, double stabilisation=0.0):
+        cdef kernels given
+        cdef sizes wanted
+        cdef const double[::1] parameters = np.array([*p, 0.0])
+        for name in ("accelerations", "energy"):
+            if not addresses.get(name):
+                raise ValueError("a model without the kernels 'accelerations' and 'energy' cannot be stepped")
+        given.accelerations = kernel_of(addresses, "accelerations")
+        given.factor, given.solve = kernel_of(addresses, "factor"), kernel_of(addresses, "solve")
+        given.constraints = kernel_of(addresses, "constraints")
+        given.velocity_constraints = kernel_of(addresses, "velocity_constraints")
+        given.energy, given.residual = kernel_of(addresses, "energy"), kernel_of(addresses, "residual")
+        given.events, given.tangent = kernel_of(addresses, "events"), kernel_of(addresses, "tangent")
+        wanted.n, wanted.m, wanted.extra, wanted.parameters = n, m, extra, parameters.shape[0] - 1
+        wanted.work, wanted.first_pivot, wanted.redundant = work_size, first_pivot, redundant
+        wanted.events = events if given.events != NULL else 0
+        self.places = np.array([*np.ravel(tangent), 0], dtype="l")
+        wanted.tangent, wanted.tangent_places, wanted.steady = len(tangent), &self.places[0], steady
+        wanted.rank_tolerance, wanted.slack, wanted.stabilisation = rank_tolerance, slack, stabilisation
+        self.of = core
+        self.make(&wanted, &given)
+        self.bound(parameters)
 
-    cdef void accelerate(self, double t, const double *y) noexcept nogil:
-        """Leave accelerations and multipliers in ``out``, refined where the model has a residual."""
-        cdef Py_ssize_t i
-        cdef int k
-        self.accelerations(&t, y, y + self.n, &self.p[0], &self.work[0], &self.out[0])
-        if self.residual == NULL:
-            return
-        for k in range(REFINEMENTS):
-            self.residual(&t, y, y + self.n, &self.p[0], &self.out[0], &self.rhs[0])
-            self.solve(&t, y, y + self.n, &self.p[0], &self.work[0], &self.rhs[0])
-            for i in range(self.n + self.m):
-                self.out[i] += self.rhs[i]
 
-    cdef void derivative(self, double t, const double *y, double *dy) noexcept nogil:
-        """Write dy/dt of y = (q, u[, work done by loads without potential])."""
-        cdef Py_ssize_t n = self.n
-        self.accelerate(t, y)
-        memcpy(dy, y + n, n * sizeof(double))
-        memcpy(dy + n, &self.out[0], n * sizeof(double))
-        if self.extra:
-            self.energy(&t, y, y + n, &self.p[0], &self.out[0], &self.energies[0])
-            dy[2 * n] = self.energies[2]
-        self.evaluations += 1
+cdef class Run:
+    """A run from t0 to t_end by any method; nothing of Python runs inside a step.
 
-    cdef double position_error(self, double t, const double *y) noexcept nogil:
-        """Return the largest error of an independent constraint over its scale; leave -Phi in ``rhs``."""
-        cdef Py_ssize_t i
-        cdef double worst = 0.0, error
-        self.constraints(&t, y, y + self.n, &self.p[0], &self.work[0], &self.out[0])
-        memset(&self.rhs[0], 0, self.n * sizeof(double))
-        self.missed = 0.0
-        for i in range(self.m):
-            self.rhs[self.n + i] = -self.out[i]
-            error = fabs(self.out[i]) / self.out[self.m + i]
-            if self.dropped[i]:
-                self.missed = fmax(self.missed, error)
-            elif not error <= worst:
-                worst = error
-        return worst
+    Parameters
+    ----------
+    equations
+        What is integrated.
+    method
+        What :data:`~symgen.runtime.integrators.INTEGRATORS` holds.
+    t0, y0, t_end
+        Start and end of the run.
+    rtol, atol
+        Tolerances of the local error; both zero for a fixed step.
+    step
+        The fixed step, or the first one tried when the step is adapted (0: found by itself).
+    times
+        Increasing times in [t0, t_end] at which the state is recorded.
+    stabilisation
+        A number of :data:`STABILISATIONS`.
+    max_drift
+        Error of a constraint [m] beyond which the run ends.
+    directions, terminal
+        Of each event: 1 rising, -1 falling, 0 both; and whether it ends the run.
+    """
 
-    cdef double velocity_error(self, double t, const double *y) noexcept nogil:
-        """Return the largest constraint rate over its scale; leave its negative in ``rhs``.
+    cdef Integrable equations
+    cdef Core of
+    cdef Scheme scheme
+    cdef task asked
+    cdef run *core
+    cdef void *memory
+    cdef readonly double t, t_end, h, position_drift, velocity_drift, energy_drift
+    cdef readonly double kinetic_min, kinetic_max, potential_min, potential_max, t_stiff
+    cdef readonly long steps, rejected, recorded, moved, ended_by, worst
+    cdef readonly bint stiff
+    cdef readonly Py_ssize_t dim
+    cdef readonly list passages, events
 
-        The scales are those that ``position_error`` left in ``out`` the call before.
-        """
-        cdef Py_ssize_t i
-        cdef double worst = 0.0, error
-        self.velocity_constraints(&t, y, y + self.n, &self.p[0], &self.work[0], &self.rates[0])
-        memset(&self.rhs[0], 0, self.n * sizeof(double))
-        for i in range(self.m):
-            self.rhs[self.n + i] = -self.rates[i]
-            error = fabs(self.rates[i]) / self.out[self.m + i]
-            if not error <= worst and not self.dropped[i]:
-                worst = error
-        return worst
+    def __init__(self, Integrable equations, method, double t0, y0, double t_end, double rtol, double atol,
+                 double step, times, *, long stabilisation=0, double max_drift=INFINITY, directions=(), terminal=()):
+        cdef const double[::1] start = np.array([*y0, 0.0]), wanted = np.ascontiguousarray([*times, INFINITY])
+        cdef const signed char[::1] ways = np.array([*directions, 0], dtype=np.int8)
+        cdef const signed char[::1] ends = np.array([*terminal, 0], dtype=np.int8)
+        self.equations, self.of = equations, equations.of
+        self.scheme = self.of.scheme(method)
+        self.asked.t0, self.asked.t_end, self.asked.rtol, self.asked.atol = t0, t_end, rtol, atol
+        self.asked.step, self.asked.max_drift, self.asked.stabilisation = step, max_drift, stabilisation
+        self.asked.samples, self.asked.found = wanted.shape[0] - 1, REMEMBERED * (ways.shape[0] - 1)
+        self.core = <run *>calloc(1, self.of.api.run_struct)
+        self.memory = calloc(1, self.of.api.run_bytes(equations.core, &self.scheme.filled, &self.asked))
+        if self.core == NULL or self.memory == NULL:
+            raise MemoryError
+        self.of.api.run_bind(self.core, equations.core, &self.scheme.filled, &self.asked, self.memory)
+        self.dim = start.shape[0] - 1
+        self.of.api.run_start(self.core, &start[0], NULL, &wanted[0], &ways[0], <const char *>&ends[0])
+        self.passages, self.events = [], []
+        self._look()
 
-    cdef int factorise(self, double t, const double *y) noexcept nogil:
-        """Factorise at y and watch the pivots: their signs, and what cancellation left of them.
+    def __dealloc__(self):
+        free(self.core)
+        free(self.memory)
 
-        As many multipliers as there are redundant constraints must be lost, no more and no fewer.
-        """
-        cdef Py_ssize_t i
-        cdef double sign, ratio
-        cdef bint finite = True
-        cdef double *pivots = &self.factors[self.first_pivot]
-        self.factor(&t, y, y + self.n, &self.p[0], &self.factors[0], &self.out[0])
-        self.factorisations += 1
-        self.weakest, self.soundness, self.lost = -1, INFINITY, 0
-        for i in range(self.n + self.m):
-            sign = 1.0 if i < self.n else -1.0
-            # A pivot's own-signed terms, whose sum is never zero unless the unknown itself is undetermined.
-            ratio = sign * pivots[2 * i] / fabs(pivots[2 * i + 1]) if pivots[2 * i + 1] != 0.0 else 0.0
-            if i >= self.n:
-                self.dropped[i - self.n] = ratio <= self.rank_tolerance
-            if not isfinite(ratio):
-                finite = False
-            elif i >= self.n and ratio <= self.rank_tolerance and self.lost < self.redundant:
-                self.lost += 1
-            elif i < self.n and ratio <= NO_MASS:
-                self.weakest, self.soundness = i, ratio
-                return _SINGULAR
-            elif i >= self.n and ratio < self.soundness:
-                self.weakest, self.soundness = i, ratio
-        if not finite:
-            return _NOT_FINITE
-        return _SINGULAR if self.soundness <= self.rank_tolerance or self.lost < self.redundant else _DONE
+    cdef void _look(self):
+        cdef report r
+        self.of.api.run_report(self.core, &r)
+        self.t, self.t_end, self.h = r.t, r.t_end, r.h
+        self.position_drift, self.velocity_drift, self.energy_drift = r.position_drift, r.velocity_drift, r.energy_drift
+        self.kinetic_min, self.kinetic_max = r.kinetic_min, r.kinetic_max
+        self.potential_min, self.potential_max = r.potential_min, r.potential_max
+        self.steps, self.rejected, self.recorded, self.moved = r.steps, r.rejected, r.recorded, r.moved
+        self.ended_by, self.worst, self.stiff, self.t_stiff = r.ended_by, r.worst, r.stiff, r.t_stiff
+        if r.passages:
+            self._take_passages()
 
-    cdef int project(self, double t, double *y) noexcept nogil:
-        """Bring positions and velocities back onto the constraints, by mass-weighted steps of one factor."""
-        cdef Py_ssize_t i, n = self.n
-        cdef int k, status
-        cdef double worst, previous = INFINITY, size = 0.0
-        if self.m == 0:
-            return _DONE
-        status = self.factorise(t, y)
-        if status != _DONE:
-            return status
-        for i in range(n):
-            size = fmax(size, fabs(y[i]))
-        for k in range(PROJECTIONS):
-            worst = self.position_error(t, y)
-            if not isfinite(worst):
-                return _NOT_FINITE
-            if worst <= DBL_EPSILON * size:
-                break
-            if k and worst > 0.5 * previous:
-                if worst > 1e4 * DBL_EPSILON * size:
-                    return _PROJECTION_FAILED
-                if worst > previous:
-                    memcpy(y, &self.before[0], n * sizeof(double))
-                    self.position_error(t, y)
-                break
-            previous = worst
-            memcpy(&self.before[0], y, n * sizeof(double))
-            self.solve(&t, y, y + n, &self.p[0], &self.factors[0], &self.rhs[0])
-            for i in range(n):
-                y[i] += self.rhs[i]
-        if self.redundant and not self.missed <= self.slack:
-            return _CONTRADICTED
-        previous = INFINITY
-        for k in range(3):
-            worst = self.velocity_error(t, y)
-            if not isfinite(worst):
-                return _NOT_FINITE
-            if worst == 0.0 or worst > 0.5 * previous:
-                break
-            previous = worst
-            self.solve(&t, y, y + n, &self.p[0], &self.factors[0], &self.rhs[0])
-            for i in range(n):
-                y[n + i] += self.rhs[i]
-        return _DONE
+    cdef void _take_passages(self):
+        cdef passage found[MOST_PASSAGES]
+        cdef long i, count = self.of.api.take_passages(self.core, found)
+        for i in range(count):
+            self.passages.append((found[i].t, found[i].soundness, found[i].weakest))
 
-    cdef void make_tangent(self, double t, const double *y, double *e) noexcept nogil:
-        """Take from e, a change of q or of u at y, what the constraints do not allow, with the last factor."""
-        cdef Py_ssize_t i, n = self.n
-        self.velocity_constraints(&t, y, e, &self.p[0], &self.work[0], &self.rhs[n])
-        self.velocity_constraints(&t, y, &self.zero[0], &self.p[0], &self.work[0], &self.rates[0])
-        memset(&self.rhs[0], 0, n * sizeof(double))
-        for i in range(self.m):
-            self.rhs[n + i] = self.rates[i] - self.rhs[n + i]
-        self.solve(&t, y, e, &self.p[0], &self.factors[0], &self.rhs[0])
-        for i in range(n):
-            e[i] += self.rhs[i]
+    def begin(self):
+        """Project and record the start, find the first step; return the status."""
+        cdef int status = self.of.api.run_begin(self.core)
+        self._look()
+        return status
 
-    cdef void measure_energy(self, double t, const double *y) noexcept nogil:
-        """Leave kinetic and potential energy, and the power of loads without potential, in ``energies``."""
-        self.energy(&t, y, y + self.n, &self.p[0], &self.work[0], &self.energies[0])
+    def advance(self, long most):
+        """Take at most so many steps; return MORE, DONE or what went wrong."""
+        cdef int status = _MORE
+        with nogil:
+            status = self.of.api.run_advance(self.core, most)
+        self._look()
+        return status
 
-    def solutions(self, const double[::1] t, const double[:, ::1] y):
-        """Return accelerations and multipliers at every row of y = (q, u, ...)."""
-        found = np.zeros((y.shape[0], self.n + self.m + 1))
-        cdef double[:, ::1] rows = found
-        cdef Py_ssize_t i
-        for i in range(y.shape[0]):
-            self.accelerate(t[i], &y[i, 0])
-            memcpy(&rows[i, 0], &self.out[0], (self.n + self.m) * sizeof(double))
+    cdef object _doubles(self, const void *raw, Py_ssize_t rows, Py_ssize_t columns):
+        found = np.empty((rows, columns))
+        cdef double[::1] to = found.reshape(-1)
+        if rows * columns:
+            self.of.api.narrow(rows * columns, raw, &to[0], NULL)
         return found
 
-    def lost_rows(self):
-        """Return the numbers of the constraints that the last factorisation found to follow from others."""
-        return [i for i in range(self.m) if self.dropped[i]]
+    @property
+    def result(self):
+        """The recorded states, one row a time."""
+        return self._doubles(self.of.api.run_samples(self.core), self.recorded, self.dim)
 
-    def check(self, double t, const double[::1] y):
-        """Factorise at y; return the status, the unknown of least pivot in ``weakest``, and in ``soundness``
-        what cancellation left of that pivot."""
-        return self.factorise(t, &y[0])
+    @property
+    def sampled(self):
+        """The times of the recorded states."""
+        return self._doubles(self.of.api.run_times(self.core), 1, self.recorded)[0]
+
+    @property
+    def state(self):
+        """The last accepted state."""
+        return self._doubles(self.of.api.run_state(self.core), 1, self.dim)[0]

@@ -20,7 +20,17 @@ if TYPE_CHECKING:
     from symgen.runtime.sweep import Sweep
 
 #: How an elastic motion is found, by name.
-METHODS = ("gauss", "gauss4", "newmark", "generalized-alpha", "dop853", "rk4", "quasi-static", "periodic")
+METHODS = (
+    "gauss",
+    "gauss4",
+    "newmark",
+    "generalized-alpha",
+    "wilson-theta",
+    "dop853",
+    "rk4",
+    "quasi-static",
+    "periodic",
+)
 FORMS = ("exact", "thesis")
 
 
@@ -37,7 +47,7 @@ class ElasticModel(Compiled):
     description: Description
 
     def __init__(self, rigid: Model, in_segments: Segmented | None = None) -> None:
-        self.rigid, self._in_segments = rigid, in_segments
+        self.rigid, self._in_segments, self._typed = rigid, in_segments, rigid._typed
         self.description = rigid.description
         self._motion = cache(self._made)
 
@@ -63,6 +73,9 @@ class ElasticModel(Compiled):
     def backend(self) -> str:
         """Where the kernels of the rigid motion come from."""
         return self.rigid.backend
+
+    def _evaluate_many(self, *arguments: Any) -> Any:
+        return self.rigid._evaluate_many(*arguments)
 
     @property
     def equations(self) -> Any:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symgen.errors import ModelError, SimulationError
-from symgen.runtime import _beam_steps, _beams, _core
+from symgen.runtime import _beams, _core
 from symgen.runtime.beam_methods import BEAM_METHODS, BeamMethod
 from symgen.runtime.elastic_motion import ElasticMotion
 from symgen.runtime.elastic_result import outputs
@@ -121,7 +121,7 @@ def stepped(
         When the linkage cannot turn.
     """
     n = motion.layout.unknowns
-    steps = _beam_steps.BeamSteps(equations, method, 1)
+    steps = _beams.BeamSteps(equations, method, 1)
     s, v = start or (np.zeros((n, 1)), np.zeros((n, 1)))
     motion.check(equations, steps.start(0.0, s, v), 0.0)
     order = np.argsort(times, kind="stable")
@@ -237,7 +237,6 @@ def explicit(
     SimulationError
         When the linkage cannot turn.
     """
-    from symgen.runtime import _stepper
     from symgen.runtime.options import options
     from symgen.runtime.simulate import drive
 
@@ -247,7 +246,7 @@ def explicit(
     step = turn(motion) / (task.steps or 2048) if fixed else None
     chosen = options(end, task.method, None if fixed else task.rtol, None, step, 2, 1_000_000_000)
     order = np.argsort(times, kind="stable")
-    stepper = _stepper.Stepper(
+    stepper = _core.Run(
         equations,
         chosen.method,
         0.0,

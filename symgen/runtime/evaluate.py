@@ -48,20 +48,32 @@ class Evaluator:
         out = self(kernel, t, q, u, work)
         return {b.name: part(out, b) for b in self.info(kernel).blocks}
 
-    def equations(self, redundant: int = 0, slack: float = np.inf) -> _core.Equations:
-        """Return the compiled view of the kernels, which solves and steps."""
+    def equations(
+        self,
+        redundant: int = 0,
+        slack: float = np.inf,
+        *,
+        work_of_loads: bool = True,
+        stabilisation: float = 0.0,
+    ) -> _core.Equations:
+        """Return the compiled view of the kernels, which solves and steps.
+
+        The work of loads without potential is integrated along where there is any, unless told not to.
+        ``stabilisation`` is the rate [1/s] of Baumgarte's terms.
+        """
         d = self.description
         return _core.Equations(
             self.library.addresses,
             d.coordinates,
             len(d.constraints),
-            int(d.work_of_loads),
+            int(d.work_of_loads and work_of_loads),
             self.parameters[:-1],
             self.work_size,
             d.first_pivot,
             d.rank_tolerance,
             redundant,
             slack,
+            stabilisation=stabilisation,
         )
 
 

@@ -19,6 +19,7 @@ from symgen.runtime.loop_start import Closed, assemblies, close_near, counted
 from symgen.runtime.loop_turn import driven, follow, follow_through, followed
 from symgen.runtime.options import options
 from symgen.runtime.turn import Turn
+from symgen.runtime.typed import Typed
 
 if TYPE_CHECKING:
     from symgen.runtime.result import Result
@@ -44,8 +45,9 @@ class LoopModel(Compiled):
         library: Library,
         derive: Callable[[], Any],
         parameters: Mapping[str, float] | None = None,
+        typed: Typed | None = None,
     ) -> None:
-        super().__init__(description, library, derive, parameters)
+        super().__init__(description, library, derive, parameters, typed)
         self._kernels = LoopKernels(description, library, list(self.parameters.values()))
         self._start: Closed | None = None
 
@@ -62,7 +64,8 @@ class LoopModel(Compiled):
 
     def with_parameters(self, **values: float) -> LoopModel:
         """Return the same loop with other values of its tunable parameters, in SI units."""
-        return LoopModel(self.description, self._library, self._derive, {**self.parameters, **values})
+        changed = {**self.parameters, **values}
+        return LoopModel(self.description, self._library, self._derive, changed, self._typed)
 
     @property
     def kernels(self) -> LoopKernels:

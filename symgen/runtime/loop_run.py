@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symgen.errors import SimulationError
-from symgen.runtime import _core, _loop_motion, _stepper
+from symgen.runtime import _core, _loop
 from symgen.runtime.loop_kernels import LoopKernels, in_words
 from symgen.runtime.loop_start import Closed, scaled_screws
 from symgen.runtime.options import Options
@@ -30,10 +30,10 @@ def run(
         When the run cannot go on, naming time, row and cause; the error carries what was recorded till then.
     """
     d = kernels.description
-    equations = kernels.moving([*d.having("dependent"), *d.having("free")], begin.rank)
+    equations = kernels.equations([*d.having("dependent"), *d.having("free")], begin.rank)
     y0 = np.concatenate([begin.q, _rates(kernels, begin), [0.0]])
     times = np.linspace(begin.t, chosen.t_end, chosen.samples)
-    stepper = _stepper.Stepper(
+    stepper = _core.Run(
         equations, chosen.method, begin.t, y0, chosen.t_end, chosen.rtol, chosen.atol, chosen.step, times
     )
     status, wall = drive(stepper, begin.t, chosen, progress)
@@ -60,8 +60,8 @@ def _rates(kernels: LoopKernels, begin: Closed) -> Array:
 
 def _recorded(
     kernels: LoopKernels,
-    equations: _loop_motion.MovingLoop,
-    stepper: _stepper.Stepper,
+    equations: _loop.LoopEquations,
+    stepper: _core.Run,
     chosen: Options,
     wall: float,
 ) -> Result:
@@ -118,7 +118,7 @@ def _recorded(
     )
 
 
-def _problem(kernels: LoopKernels, stepper: _stepper.Stepper, status: int) -> str:
+def _problem(kernels: LoopKernels, stepper: _core.Run, status: int) -> str:
     d = kernels.description
     q = stepper.state[: d.coordinates]
     solved = d.having("dependent", "free")

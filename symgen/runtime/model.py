@@ -21,8 +21,10 @@ from symgen.runtime.redundancy import least_norm, not_unique
 from symgen.runtime.result import Result
 from symgen.runtime.simulate import run
 from symgen.runtime.state import Accelerations, State
+from symgen.runtime.typed import Typed
 
 if TYPE_CHECKING:
+    from symgen.runtime._rhs import Rhs
     from symgen.runtime.bonds import Bonds
     from symgen.runtime.equilibrium import Equilibrium
     from symgen.runtime.forces import Forces
@@ -50,8 +52,9 @@ class Model(Compiled):
         derive: Callable[[], Any],
         parameters: Mapping[str, float] | None = None,
         analyses: Analyses | None = None,
+        typed: Typed | None = None,
     ) -> None:
-        super().__init__(description, library, derive, parameters)
+        super().__init__(description, library, derive, parameters, typed)
         self._analyses = analyses
         self._evaluator = Evaluator(description, library, np.array(list(self.parameters.values())))
         self._start: Start | None = None
@@ -68,9 +71,8 @@ class Model(Compiled):
 
     def with_parameters(self, **values: float) -> Model:
         """Return the same model with other values of its tunable parameters, in SI units."""
-        return Model(
-            self.description, self._library, self._derive, {**self.parameters, **values}, self._analyses
-        )
+        changed = {**self.parameters, **values}
+        return Model(self.description, self._library, self._derive, changed, self._analyses, self._typed)
 
     def initial_state(self) -> State:
         """Return the state in which a run starts.
@@ -184,6 +186,13 @@ class Model(Compiled):
         from symgen.runtime.bonds import Bonds
 
         return Bonds(self._evaluator, self.analysis("kinematics"))
+
+    @property
+    def rhs(self) -> Rhs:
+        """The right-hand side for solvers of SciPy and others: see :mod:`symgen.runtime.rhs`."""
+        from symgen.runtime.rhs import right_hand_side
+
+        return right_hand_side(self)
 
     @property
     def evaluator(self) -> Evaluator:
@@ -351,6 +360,9 @@ class Model(Compiled):
         step: float | None = None,
         samples: int = 201,
         max_steps: int = 1_000_000_000,
+        stabilisation: str = "projection",
+        stabilisation_rate: float | None = None,
+        max_drift: float | None = None,
         state: State | None = None,
         progress: Callable[[float], None] | None = None,
     ) -> Result:
@@ -371,6 +383,11 @@ class Model(Compiled):
             Number of equally spaced times at which the outputs are recorded.
         max_steps
             A run that needs more steps ends with an error.
+        stabilisation, stabilisation_rate
+            ``projection`` onto the constraints after every step; for comparison only: ``baumgarte``, of the
+            rate r [1/s] in Phi'' + 2 r Phi' + r^2 Phi = 0 (10), and ``raw``, which lets them drift.
+        max_drift
+            Error of a constraint [m] beyond which the run ends with an error; none when absent.
         state
             Where to start; :meth:`initial_state` when absent.
         progress
@@ -384,6 +401,7 @@ class Model(Compiled):
             When the run cannot go on; it carries the time and what was recorded.
         """
         end = self.description.t_end if t_end is None else float(t_end)
-        chosen = options(end, method, rtol, atol, step, samples, max_steps)
+        kept = (stabilisation, stabilisation_rate, max_drift)
+        chosen = options(end, method, rtol, atol, step, samples, max_steps, *kept)
         begin = self.initial_state() if state is None else state
         return run(self._evaluator, begin.t, begin.q, begin.u, self._found().redundant, chosen, progress)

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from symgen.runtime import _core, _stepper
+from symgen.runtime import _core
 from symgen.runtime.evaluate import Evaluator, part
 from symgen.runtime.options import Options
 from symgen.runtime.redundancy import least_norm, not_unique
@@ -22,7 +22,7 @@ _SHOWN = 6
 def recorded(
     evaluator: Evaluator,
     equations: _core.Equations,
-    stepper: _stepper.Stepper,
+    stepper: _core.Run,
     redundant: tuple[int, ...],
     chosen: Options,
     wall: float,
@@ -44,7 +44,7 @@ def recorded(
         title=description.title,
         axes=description.axes,
         time=times,
-        variables=_outputs(evaluator, equations, times, stepper.result, len(redundant)),
+        variables=outputs(evaluator, equations, times, stepper.result, len(redundant)),
         drift=drift,
         final={
             p: {"position": final["positions"][i].tolist(), "velocity": final["velocities"][i].tolist()}
@@ -65,19 +65,26 @@ def recorded(
             "atol": chosen.atol,
             "step": chosen.step,
             "t_end": chosen.t_end,
+            "stabilisation": chosen.stabilisation,
+            **({"stabilisation_rate": chosen.rate} if chosen.rate else {}),
             "backend": evaluator.library.backend,
             "parameters": {
                 p.name: value
                 for p, value in zip(description.parameters, evaluator.parameters.tolist(), strict=False)
             },
         },
-        notes=(*_of_redundancy(evaluator, stepper, redundant), *_of_passages(evaluator, stepper)),
+        notes=(
+            *_of_redundancy(evaluator, stepper, redundant),
+            *_of_passages(evaluator, stepper),
+            *_of_stiffness(stepper, chosen),
+        ),
     )
 
 
-def _outputs(
+def outputs(
     evaluator: Evaluator, equations: _core.Equations, times: Array, states: Array, redundant: int
 ) -> tuple[Variable, ...]:
+    """Return what the scene asks to record, at these times and states (q, u, ...), a row each."""
     info = evaluator.description.kernel("outputs")
     if info is None or not len(times):
         return ()
@@ -101,9 +108,7 @@ def _outputs(
     )
 
 
-def _of_redundancy(
-    evaluator: Evaluator, stepper: _stepper.Stepper, redundant: tuple[int, ...]
-) -> Iterator[str]:
+def _of_redundancy(evaluator: Evaluator, stepper: _core.Run, redundant: tuple[int, ...]) -> Iterator[str]:
     """Say which constraints follow from others, by how much they contradict them, and what is not unique."""
     if not redundant:
         return
@@ -117,7 +122,7 @@ def _of_redundancy(
     yield f"constraint forces are not unique in {names}: those of least norm are given, and reactions by them"
 
 
-def _of_passages(evaluator: Evaluator, stepper: _stepper.Stepper) -> Iterator[str]:
+def _of_passages(evaluator: Evaluator, stepper: _core.Run) -> Iterator[str]:
     """Say where the run passed configurations in which constraints lose rank."""
     if stepper.passages:
         d = evaluator.description
@@ -130,6 +135,15 @@ def _of_passages(evaluator: Evaluator, stepper: _stepper.Stepper) -> Iterator[st
         )
     if stepper.moved:
         yield f"{stepper.moved} samples moved in time from where rank is lost and forces are not determined"
+
+
+def _of_stiffness(stepper: _core.Run, chosen: Options) -> Iterator[str]:
+    """Say that an implicit method would do better."""
+    if stepper.stiff:
+        yield (
+            f"the motion is stiff from t = {stepper.t_stiff:.6g} s on: stability, not accuracy, sets the "
+            f"steps of {chosen.method.name}, and an implicit method would take longer ones"
+        )
 
 
 def _squeezed(values: Array, shape: tuple[int, int]) -> Array:

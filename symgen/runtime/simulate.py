@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symgen.errors import ModelError, SimulationError
-from symgen.runtime import _core, _stepper
+from symgen.runtime import _core
 from symgen.runtime.causes import without_direction
 from symgen.runtime.description import Description
 from symgen.runtime.evaluate import Evaluator
@@ -44,29 +44,37 @@ def run(
     """
     if chosen.t_end <= t0:
         raise ModelError(f"expected t_end after the start at t = {t0:g} s, got {chosen.t_end:g} s")
-    equations = evaluator.equations(len(redundant), slack(evaluator, q))
+    equations = evaluator.equations(len(redundant), slack(evaluator, q), stabilisation=chosen.rate)
     times = np.linspace(t0, chosen.t_end, chosen.samples)
     times[-1] = chosen.t_end
     y0 = np.concatenate([q, u, np.zeros(equations.extra)])
     if not np.all(np.isfinite(y0)):
         raise ModelError("the start state holds a number that is not finite")
-    stepper = _stepper.Stepper(
-        equations, chosen.method, t0, y0, chosen.t_end, chosen.rtol, chosen.atol, chosen.step, times
+    stepper = _core.Run(
+        equations,
+        chosen.method,
+        t0,
+        y0,
+        chosen.t_end,
+        chosen.rtol,
+        chosen.atol,
+        chosen.step,
+        times,
+        stabilisation=_core.STABILISATIONS.index(chosen.stabilisation),
+        max_drift=chosen.max_drift,
     )
     status, wall = drive(stepper, t0, chosen, progress)
     result = recorded(evaluator, equations, stepper, redundant, chosen, wall)
     if status == _core.DONE:
         return result
     raise SimulationError(
-        _problem(status, stepper, equations, evaluator),
+        _problem(status, stepper, equations, evaluator, chosen),
         time=stepper.t,
         partial=result if stepper.recorded else None,
     )
 
 
-def drive(
-    stepper: _stepper.Stepper, t0: float, chosen: Options, progress: Progress | None
-) -> tuple[int, float]:
+def drive(stepper: _core.Run, t0: float, chosen: Options, progress: Progress | None) -> tuple[int, float]:
     """Step to the end in chunks of time; return the last status and the wall time [s]."""
     begun = time.perf_counter()
     status = stepper.begin()
@@ -85,9 +93,10 @@ def drive(
 
 def _problem(
     status: int,
-    stepper: _stepper.Stepper,
+    stepper: _core.Run,
     equations: _core.Equations,
     evaluator: Evaluator,
+    chosen: Options,
 ) -> str:
     description = evaluator.description
     free, axes = description.free, description.axes
@@ -96,6 +105,12 @@ def _problem(
         f"{p} ({', '.join(f'{x:.6g}' for x in stepper.state[i * len(axes) : (i + 1) * len(axes)])}) m"
         for i, p in enumerate(free[:8])
     )
+    if status == _core.DRIFTED:
+        return (
+            f"{description.labels[stepper.worst]} strayed by {stepper.position_drift:.2g} m, more than "
+            f"max_drift = {chosen.max_drift:g} m, {at}\n  Use the stabilisation 'projection', tighter "
+            f"tolerances or a smaller step. State: {where}."
+        )
     if status == _core.CONTRADICTED:
         return (
             f"a redundant constraint contradicts the others by {equations.missed:.2g} m {at}: the linkage "
@@ -141,13 +156,19 @@ def _problem(
     if status == _core.STEP_TOO_SMALL:
         return (
             f"the step became too small to go on {at}: the tolerance cannot be met there"
-            f"{near or ', the motion may be stiff'}"
+            f"{near or _stiff(stepper)}"
             f"\n  Loosen rtol and atol. State: {where}."
         )
     return f"the run was not finished within max_steps, {at}\n  Raise max_steps or shorten the run."
 
 
-def _near_singular(stepper: _stepper.Stepper, equations: _core.Equations, description: Description) -> str:
+def _stiff(stepper: _core.Run) -> str:
+    if stepper.stiff:
+        return f", the motion has been stiff since t = {stepper.t_stiff:.6g} s"
+    return ", the motion may be stiff"
+
+
+def _near_singular(stepper: _core.Run, equations: _core.Equations, description: Description) -> str:
     """Say so when the constraints of the last good state are close to losing rank."""
     equations.check(stepper.t, np.append(stepper.state, 0.0))
     if equations.soundness > _NEAR:

@@ -252,4 +252,5 @@ METHOD = ExplicitRungeKutta(
     c=np.array(_C),
     error=_full(_ERROR, _STAGES + 1)[:, :_STAGES],
     dense=_dense(_FULL[_STAGES, :_STAGES]),
+    edge=6.1,
 )

@@ -35,9 +35,13 @@ class ExplicitRungeKutta:
     c
         Nodes, shape (all_stages,).
     error
-        Weights of the error estimates, shape (0, 1 or 2, stages).
+        Weights of the error estimates, shape (0, 1 or 2, stages), or with one more column for the
+        derivative at the end of the step.
     dense
         Shape (all_stages, degree).
+    edge
+        Step times largest eigenvalue at the edge of stability, by which stiffness is seen; 0: it is not
+        looked for.
     """
 
     name: str
@@ -50,6 +54,26 @@ class ExplicitRungeKutta:
     c: Array
     error: Array
     dense: Array
+    edge: float = 0.0
+
+    @property
+    def kind(self) -> str:
+        """Which of the core's kinds of methods it is."""
+        return "explicit"
+
+    @property
+    def counts(self) -> tuple[int, ...]:
+        """Sizes of the coefficients, as ``core/explicit.c`` reads them."""
+        same_as_last = self.error.shape[1] > self.stages
+        return self.stages, self.all_stages, self.dense.shape[1], len(self.error), int(same_as_last)
+
+    @property
+    def numbers(self) -> Array:
+        """The coefficients, as ``core/explicit.c`` reads them."""
+        error = np.pad(self.error, ((0, 0), (0, self.stages + 1 - self.error.shape[1])))
+        return np.concatenate(
+            [x.ravel() for x in (self.a, self.b, self.c, error, self.dense)] + [[self.edge]]
+        )
 
     @property
     def all_stages(self) -> int:

@@ -1,0 +1,92 @@
+/* What the outside sees of a core, whatever number type it is compiled for.
+ *
+ * A core is linked into the extension symgen.runtime._core (double), or a shared library of its own that
+ * exports one symbol, `symgen_core`. Scalars cross as double or long, arrays of the core's type as void *.
+ */
+#ifndef SYMGEN_CORE_H
+#define SYMGEN_CORE_H
+
+#include <stddef.h>
+
+#include "elastic.h"
+#include "loops.h"
+#include "run.h"
+
+#if defined(_WIN32)
+#define SYMGEN_EXPORT __declspec(dllexport)
+#elif defined(__GNUC__)
+#define SYMGEN_EXPORT __attribute__((visibility("default")))
+#else
+#define SYMGEN_EXPORT
+#endif
+
+/* Of another number than this, a compiled core does not belong to the binding. */
+#define CORE_VERSION 1L
+
+/* A run in doubles. */
+struct report {
+    double t, t_end, h;
+    double position_drift, velocity_drift, energy_drift;
+    double kinetic_min, kinetic_max, potential_min, potential_max;
+    double t_stiff;
+    long steps, rejected, recorded, moved, passages, events, ended_by, worst, stiff;
+};
+
+struct found_event {
+    double t;
+    long index, rising;
+};
+
+struct core_api {
+    long version;
+    long real_bytes;
+    double epsilon;
+    const char *real_name;
+
+    const struct loops_api *loops;
+    const struct elastic_api *elastic;
+
+    /* Numbers to the core's type: high + low, low may be NULL; and back, low gets the rest when it is not NULL. */
+    void (*widen)(long count, const double *high, const double *low, void *reals);
+    void (*narrow)(long count, const void *reals, double *high, double *low);
+
+    /* One kernel for rows of (t, y, work) with these strides in reals; work rows may be one (stride 0). */
+    void (*call_rows)(kernel function, long rows, const void *t, const void *y, long y_stride, long n,
+                      const void *p, void *work, long work_stride, void *out, long out_stride);
+
+    size_t equations_struct, run_struct;
+    size_t (*equations_bytes)(const struct sizes *sizes);
+    void (*equations_bind)(struct equations *e, const struct sizes *sizes, const struct kernels *kernels,
+                           void *memory);
+    void (*set_parameters)(struct equations *e, const double *high, const double *low);
+    /* Accelerations and multipliers at rows of y: n + m reals a row of `out`. */
+    void (*solve_rows)(struct equations *e, long rows, const void *t, const void *y, long y_stride, void *out,
+                       long out_stride);
+    int (*check)(struct equations *e, double t, const void *y);
+    int (*project)(struct equations *e, double t, void *y);
+    void (*derivative)(struct equations *e, double t, const void *y, void *dy);
+    struct account *(*account)(struct equations *e);
+    const char *(*dropped)(struct equations *e);
+    void *(*equations_memory)(struct equations *e);
+
+    const struct kind *(*find_kind)(const char *name);
+    size_t (*run_bytes)(const struct equations *e, const struct scheme *scheme, const struct task *task);
+    void (*run_bind)(struct run *run, struct equations *e, const struct scheme *scheme, const struct task *task,
+                     void *memory);
+    /* Set the start: y0 and times in doubles (low parts or NULL), directions and terminal of the events. */
+    void (*run_start)(struct run *run, const double *y0, const double *y0_low, const double *times,
+                      const signed char *directions, const char *terminal);
+    int (*run_begin)(struct run *run);
+    int (*run_advance)(struct run *run, long most);
+    void (*run_report)(const struct run *run, struct report *report);
+    const void *(*run_state)(const struct run *run);     /* y, dim reals */
+    const void *(*run_times)(const struct run *run);     /* of samples */
+    const void *(*run_samples)(const struct run *run);   /* rows of dim reals */
+    /* Copy what is remembered, states in reals, and forget it; return how many. */
+    long (*take_events)(struct run *run, struct found_event *events, void *states);
+    long (*take_passages)(struct run *run, struct passage *passages);
+};
+
+extern SYMGEN_EXPORT const struct core_api symgen_core;
+
+#endif

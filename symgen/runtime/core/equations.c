@@ -1,0 +1,257 @@
+#include "equations.h"
+
+#include <string.h>
+
+/* A coordinate's pivot that keeps no more than this of its own-signed terms has no mass. Much may cancel
+ * before: rods a million million times heavier than their neighbours leave 1e-12. */
+#define NO_MASS 1e-15
+#define REFINEMENTS 2
+/* Iterations of the projection: with the same factor it converges by the step's own error each time. */
+#define PROJECTIONS 10
+#define RATE_PROJECTIONS 3
+
+const struct behaviour kernel_behaviour = {
+    accelerate, derivative, position_error, velocity_error, factorise, project, make_tangent, measure_energy,
+};
+
+/* Enough for the account, and for any type behind it. */
+static size_t account_bytes(void) {
+    return (sizeof(struct account) + 15) / 16 * 16;
+}
+
+static size_t real_count(const struct sizes *s) {
+    long n = s->n, m = s->m, whole = n + m + 1;
+    return (size_t)(s->parameters + 1 + 2 * (s->work + 1) + 2 * whole + m + 1 + whole + 3 + 2 * (n + 1) + 2 * m + 1 + s->events + 1);
+}
+
+size_t equations_bytes(const struct sizes *sizes) {
+    size_t reals = (real_count(sizes) * sizeof(real) + 15) / 16 * 16;
+    return account_bytes() + reals + ((size_t)sizes->m + 16) / 16 * 16;
+}
+
+void equations_bind(struct equations *e, const struct sizes *sizes, const struct kernels *kernels, void *memory) {
+    long n = sizes->n, m = sizes->m, whole = n + m + 1;
+    real *at = (real *)((char *)memory + account_bytes());
+    e->of = &kernel_behaviour;
+    e->owner = NULL;
+    e->kernels = *kernels;
+    e->sizes = *sizes;
+    e->n = n, e->m = m, e->extra = sizes->extra, e->dim = 2 * n + sizes->extra;
+    e->bytes = equations_bytes(sizes);
+    e->account = memory;
+    e->account->weakest = e->account->worst = -1;
+    e->account->soundness = INFINITY;
+    e->p = at, at += sizes->parameters + 1;
+    e->work = at, at += sizes->work + 1;
+    e->factors = at, at += sizes->work + 1;
+    e->out = at, at += 2 * whole;
+    e->rates = at, at += m + 1;
+    e->rhs = at, at += whole;
+    e->energies = at, at += 3;
+    e->before = at, at += n + 1;
+    e->zero = at, at += n + 1;
+    e->errors = at, at += 2 * m + 1;
+    e->gaps = at;
+    e->dropped = (char *)memory + e->bytes - ((size_t)m + 16) / 16 * 16;
+}
+
+void accelerate(struct equations *e, real t, const real *y) {
+    const real *u = y + e->n;
+    long whole = e->n + e->m;
+    e->kernels.accelerations(&t, y, u, e->p, e->work, e->out);
+    if (e->kernels.residual == NULL)
+        return;
+    for (int k = 0; k < REFINEMENTS; k++) {
+        e->kernels.residual(&t, y, u, e->p, e->out, e->rhs);
+        e->kernels.solve(&t, y, u, e->p, e->work, e->rhs);
+        for (long i = 0; i < whole; i++)
+            e->out[i] += e->rhs[i];
+    }
+}
+
+/* Add to e->out what makes every constraint return to zero as a critically damped oscillator of the rate r:
+ * Phi'' = -2 r Phi' - r^2 Phi (J. Baumgarte, Comput. Methods Appl. Mech. Eng. 1, 1972, with alpha = beta = r). */
+static void pull_back(struct equations *e, real t, const real *y) {
+    const real *u = y + e->n;
+    long n = e->n, m = e->m;
+    real r = R(e->sizes.stabilisation);
+    e->kernels.constraints(&t, y, u, e->p, e->work, e->errors);
+    e->kernels.velocity_constraints(&t, y, u, e->p, e->work, e->rates);
+    e->kernels.factor(&t, y, u, e->p, e->factors, e->rhs);
+    e->account->factorisations++;
+    memset(e->rhs, 0, (size_t)n * sizeof(real));
+    for (long i = 0; i < m; i++)
+        e->rhs[n + i] = -r * (R(2) * e->rates[i] + r * e->errors[i]);
+    e->kernels.solve(&t, y, u, e->p, e->factors, e->rhs);
+    for (long i = 0; i < n + m; i++)
+        e->out[i] += e->rhs[i];
+}
+
+void derivative(struct equations *e, real t, const real *y, real *dy) {
+    size_t half = (size_t)e->n * sizeof(real);
+    accelerate(e, t, y);
+    if (e->sizes.stabilisation > 0.0 && e->m > 0)
+        pull_back(e, t, y);
+    memcpy(dy, y + e->n, half);
+    memcpy(dy + e->n, e->out, half);
+    if (e->extra) {
+        e->kernels.energy(&t, y, y + e->n, e->p, e->out, e->energies);
+        dy[2 * e->n] = e->energies[2];
+    }
+    e->account->evaluations++;
+}
+
+real position_error(struct equations *e, real t, const real *y) {
+    long n = e->n, m = e->m;
+    real worst = 0, missed = 0;
+    e->kernels.constraints(&t, y, y + n, e->p, e->work, e->out);
+    memset(e->rhs, 0, (size_t)n * sizeof(real));
+    e->account->worst = -1;
+    for (long i = 0; i < m; i++) {
+        real error = real_fabs(e->out[i]) / e->out[m + i];
+        e->rhs[n + i] = -e->out[i];
+        if (e->dropped[i]) {
+            missed = real_fmax(missed, error);
+        } else if (!(error <= worst)) {
+            worst = error;
+            e->account->worst = i;
+        }
+    }
+    e->account->missed = (double)missed;
+    return worst;
+}
+
+real velocity_error(struct equations *e, real t, const real *y) {
+    long n = e->n, m = e->m;
+    real worst = 0;
+    e->kernels.velocity_constraints(&t, y, y + n, e->p, e->work, e->rates);
+    memset(e->rhs, 0, (size_t)n * sizeof(real));
+    for (long i = 0; i < m; i++) {
+        real error = real_fabs(e->rates[i]) / e->out[m + i];
+        e->rhs[n + i] = -e->rates[i];
+        if (!(error <= worst) && !e->dropped[i])
+            worst = error;
+    }
+    return worst;
+}
+
+/* What cancellation left of an unknown's pivot: its part of the terms of its own sign, whose sum is never zero
+ * unless the unknown itself is undetermined. */
+static double part_left(const struct equations *e, long unknown) {
+    const real *pivot = e->factors + e->sizes.first_pivot + 2 * unknown;
+    real sign = unknown < e->n ? R(1) : R(-1);
+    return pivot[1] != 0 ? (double)(sign * pivot[0] / real_fabs(pivot[1])) : 0.0;
+}
+
+int factorise(struct equations *e, real t, const real *y) {
+    struct account *found = e->account;
+    long n = e->n, m = e->m, redundant = e->sizes.redundant;
+    double tolerance = e->sizes.rank_tolerance;
+    int finite = 1;
+    e->kernels.factor(&t, y, y + n, e->p, e->factors, e->out);
+    found->factorisations++;
+    found->weakest = -1, found->soundness = INFINITY, found->lost = 0;
+    for (long i = 0; i < n; i++) {
+        double ratio = part_left(e, i);
+        if (!isfinite(ratio)) {
+            finite = 0;
+        } else if (ratio <= NO_MASS) {
+            found->weakest = i, found->soundness = ratio;
+            return SINGULAR;
+        }
+    }
+    for (long i = 0; i < m; i++) {
+        double ratio = part_left(e, n + i);
+        e->dropped[i] = ratio <= tolerance;
+        if (!isfinite(ratio)) {
+            finite = 0;
+        } else if (ratio <= tolerance && found->lost < redundant) {
+            found->lost++;
+        } else if (ratio < found->soundness) {
+            found->weakest = n + i, found->soundness = ratio;
+        }
+    }
+    if (!finite)
+        return NOT_FINITE;
+    return found->soundness <= tolerance || found->lost < redundant ? SINGULAR : DONE;
+}
+
+void solve_factored(struct equations *e, real t, const real *y, real *b) {
+    e->kernels.solve(&t, y, y + e->n, e->p, e->factors, b);
+}
+
+int project_positions(struct equations *e, real t, real *y) {
+    long n = e->n;
+    real previous = REAL_INFINITY, size = 0;
+    for (long i = 0; i < n; i++)
+        size = real_fmax(size, real_fabs(y[i]));
+    for (int k = 0; k < PROJECTIONS; k++) {
+        real worst = position_error(e, t, y);
+        if (!real_isfinite(worst))
+            return NOT_FINITE;
+        if (worst <= REAL_EPSILON * size)
+            break;
+        if (k && worst > R(0.5) * previous) {
+            if (worst > R(1e4) * REAL_EPSILON * size)
+                return PROJECTION_FAILED;
+            if (worst > previous) {
+                memcpy(y, e->before, (size_t)n * sizeof(real));
+                position_error(e, t, y);
+            }
+            break;
+        }
+        previous = worst;
+        memcpy(e->before, y, (size_t)n * sizeof(real));
+        solve_factored(e, t, y, e->rhs);
+        for (long i = 0; i < n; i++)
+            y[i] += e->rhs[i];
+    }
+    return e->sizes.redundant && !(e->account->missed <= e->sizes.slack) ? CONTRADICTED : DONE;
+}
+
+int project_velocities(struct equations *e, real t, real *y) {
+    long n = e->n;
+    real previous = REAL_INFINITY;
+    for (int k = 0; k < RATE_PROJECTIONS; k++) {
+        real worst = velocity_error(e, t, y);
+        if (!real_isfinite(worst))
+            return NOT_FINITE;
+        if (worst == 0 || worst > R(0.5) * previous)
+            break;
+        previous = worst;
+        solve_factored(e, t, y, e->rhs);
+        for (long i = 0; i < n; i++)
+            y[n + i] += e->rhs[i];
+    }
+    return DONE;
+}
+
+int project(struct equations *e, real t, real *y) {
+    if (e->m == 0)
+        return DONE;
+    int status = factorise(e, t, y);
+    if (status == DONE)
+        status = project_positions(e, t, y);
+    return status == DONE ? project_velocities(e, t, y) : status;
+}
+
+void make_tangent(struct equations *e, real t, const real *y, real *change) {
+    long n = e->n, m = e->m;
+    /* The rates that the constraints allow at rest are not those of the change. */
+    e->kernels.velocity_constraints(&t, y, change, e->p, e->work, e->rhs + n);
+    e->kernels.velocity_constraints(&t, y, e->zero, e->p, e->work, e->rates);
+    memset(e->rhs, 0, (size_t)n * sizeof(real));
+    for (long i = 0; i < m; i++)
+        e->rhs[n + i] = e->rates[i] - e->rhs[n + i];
+    e->kernels.solve(&t, y, change, e->p, e->factors, e->rhs);
+    for (long i = 0; i < n; i++)
+        change[i] += e->rhs[i];
+}
+
+void measure_energy(struct equations *e, real t, const real *y) {
+    e->kernels.energy(&t, y, y + e->n, e->p, e->work, e->energies);
+}
+
+void look_at_events(struct equations *e, real t, const real *y) {
+    e->kernels.events(&t, y, y + e->n, e->p, e->work, e->gaps);
+}

@@ -1,0 +1,148 @@
+/* Events: values of the kernel `events` that pass zero in a step, located on its interpolant.
+ *
+ * A value is seen to pass zero where it has one sign at a look and the other, or none, at the next; looks are at
+ * both ends of a step and LOOKS - 1 times in between. What passes zero and comes back between two looks, or only
+ * touches zero, is not seen.
+ */
+#include "run.h"
+
+#include <string.h>
+
+/* Bisections and secants that narrow an event down. */
+enum { NARROWINGS = 200 };
+
+/* Whether going from one value to another passes zero in this direction: 1 rising, -1 falling, 0 both. */
+static int passes(real from, real to, int direction) {
+    return (direction >= 0 && from < 0 && to >= 0) || (direction <= 0 && from > 0 && to <= 0);
+}
+
+/* Write the cubic through both ends of the step: good enough to see that something happens. */
+static void roughly(const struct run *run, real h, real x, real *y) {
+    for (long i = 0; i < run->dim; i++)
+        y[i] = run->y[i] + x * x * (R(3) - R(2) * x) * (run->y_new[i] - run->y[i])
+               + h * x * (R(1) - x) * ((R(1) - x) * run->f[i] - x * run->f_new[i]);
+}
+
+/* Return an event's value on the interpolant of the step; the state is left in run->stage. */
+static real gap_at(struct run *run, real h, real theta, long index) {
+    run->scheme.kind->interpolate(run, h, theta, run->stage);
+    look_at_events(run->e, run->state->t + theta * h, run->stage);
+    return run->e->gaps[index];
+}
+
+/* Look at all events at the looks of the step, along the interpolant or roughly. */
+static void look(struct run *run, real h, int finely) {
+    long events = run->e->sizes.events;
+    for (int k = 1; k < LOOKS; k++) {
+        real theta = R(k) / R(LOOKS);
+        if (finely)
+            run->scheme.kind->interpolate(run, h, theta, run->stage);
+        else
+            roughly(run, h, theta, run->stage);
+        look_at_events(run->e, run->state->t + theta * h, run->stage);
+        memcpy(run->gaps + k * events, run->e->gaps, (size_t)events * sizeof(real));
+    }
+}
+
+/* Return where between a and b, whose values have different signs, the event is: the end of what is left of the
+ * bracket where it has happened. Secants, and a bisection every third time, so that the bracket closes. */
+static real narrowed(struct run *run, real h, long index, real a, real at_a, real b, real at_b) {
+    real least = R(2) * REAL_EPSILON * real_fmax(R(1), real_fabs(run->state->t) / h);
+    for (int k = 0; k < NARROWINGS && b - a > least && at_b != 0; k++) {
+        real middle = k % 3 == 2 ? a + (b - a) / R(2) : a - at_a * ((b - a) / (at_b - at_a));
+        middle = real_fmin(real_fmax(middle, a + least / R(2)), b - least / R(2));
+        real at = gap_at(run, h, middle, index);
+        if ((at < 0) == (at_a < 0) && at != 0)
+            a = middle, at_a = at;
+        else
+            b = middle, at_b = at;
+    }
+    return b;
+}
+
+/* Remember an event, in the order of time. */
+static int remember(struct run *run, real h, real theta, long index, int rising) {
+    struct state *s = run->state;
+    struct equations *e = run->e;
+    size_t bytes = (size_t)run->dim * sizeof(real);
+    real t = s->t + theta * h;
+    long place = s->events;
+    /* At the start itself, to rounding, nothing passes zero. */
+    if (s->steps == 0 && t - s->t <= R(64) * REAL_EPSILON * real_fmax(h, real_fabs(s->t)))
+        return DONE;
+    run->scheme.kind->interpolate(run, h, theta, run->stage);
+    if (run->task.stabilisation == PROJECTION) {
+        int status = e->of->project(e, t, run->stage);
+        if (status != DONE)
+            return status;
+    }
+    for (; place > s->events_before && run->events[place - 1].t > t; place--) {
+        run->events[place] = run->events[place - 1];
+        memcpy(run->event_states + place * run->dim, run->event_states + (place - 1) * run->dim, bytes);
+    }
+    run->events[place] = (struct event){t, index, rising};
+    memcpy(run->event_states + place * run->dim, run->stage, bytes);
+    s->events++;
+    return DONE;
+}
+
+static int locate(struct run *run, real h, long index) {
+    long events = run->e->sizes.events;
+    const real *gap = run->gaps + index;
+    for (int k = 0; k < LOOKS; k++) {
+        real from = gap[k * events], to = gap[(k + 1) * events];
+        if (!passes(from, to, run->directions[index]))
+            continue;
+        real theta = narrowed(run, h, index, R(k) / R(LOOKS), from, R(k + 1) / R(LOOKS), to);
+        int status = remember(run, h, theta, index, from < 0);
+        if (status != DONE)
+            return status;
+    }
+    return DONE;
+}
+
+static int any_passes(const struct run *run) {
+    long events = run->e->sizes.events;
+    for (long i = 0; i < LOOKS * events; i++)
+        if (passes(run->gaps[i], run->gaps[i + events], run->directions[i % events]))
+            return 1;
+    return 0;
+}
+
+void begin_events(struct run *run) {
+    long events = run->e->sizes.events;
+    if (events) {
+        look_at_events(run->e, run->state->t, run->y);
+        memcpy(run->gaps + LOOKS * events, run->e->gaps, (size_t)events * sizeof(real));
+    }
+}
+
+int locate_events(struct run *run, real t_new, real h, int *prepared) {
+    struct state *s = run->state;
+    long events = run->e->sizes.events;
+    if (events == 0)
+        return DONE;
+    s->events_before = s->events;
+    memcpy(run->gaps, run->gaps + LOOKS * events, (size_t)events * sizeof(real));
+    look_at_events(run->e, t_new, run->y_new);
+    memcpy(run->gaps + LOOKS * events, run->e->gaps, (size_t)events * sizeof(real));
+    look(run, h, 0);
+    if (!any_passes(run))
+        return DONE;
+    if (!*prepared)
+        run->scheme.kind->prepare(run, h);
+    *prepared = 1;
+    look(run, h, 1);
+    for (long i = 0; i < events; i++) {
+        int status = locate(run, h, i);
+        if (status != DONE)
+            return status;
+    }
+    for (long i = s->events_before; i < s->events; i++)
+        if (run->terminal[run->events[i].index]) {
+            s->events = i + 1;
+            s->ended_by = run->events[i].index;
+            break;
+        }
+    return DONE;
+}

@@ -1,0 +1,57 @@
+/* The least pivot of the constraints followed through the steps, and where it vanishes. */
+#include "run.h"
+
+/* Return the least pivot's part at a time of the last two steps, by cubic interpolation. */
+static double soundness(struct run *run, real t, real t_new) {
+    const struct state *s = run->state;
+    int last = t >= s->t;
+    real start = last ? s->t : s->t_old, h = last ? t_new - s->t : s->t - s->t_old, x = (t - start) / h;
+    const real *y0 = last ? run->y : run->y_old, *y1 = last ? run->y_new : run->y;
+    const real *f0 = last ? run->f : run->f_old, *f1 = last ? run->f_new : run->f;
+    for (long i = 0; i < run->dim; i++)
+        run->stage[i] = y0[i] + x * x * (R(3) - R(2) * x) * (y1[i] - y0[i])
+                        + h * x * (R(1) - x) * ((R(1) - x) * f0[i] - x * f1[i]);
+    run->e->of->factorise(run->e, t, run->stage);
+    return run->e->account->soundness;
+}
+
+/* Look where between a and b the constraints come nearest to losing rank. */
+static void look_for_passage(struct run *run, real a, real b, real t_new) {
+    struct state *s = run->state;
+    real ratio = R(0.6180339887498949), x = b - ratio * (b - a), y = a + ratio * (b - a);
+    double at_x = soundness(run, x, t_new), at_y = soundness(run, y, t_new);
+    for (int k = 0; k < 50; k++) {
+        if (at_x < at_y) {
+            b = y, y = x, at_y = at_x;
+            x = b - ratio * (b - a);
+            at_x = soundness(run, x, t_new);
+        } else {
+            a = x, x = y, at_x = at_y;
+            y = a + ratio * (b - a);
+            at_y = soundness(run, y, t_new);
+        }
+    }
+    if (fmin(at_x, at_y) < PASSAGE) {
+        struct passage found = {(double)x, fmax(at_x, 0.0), run->e->account->weakest};
+        run->passages[s->passages++] = found;
+    }
+}
+
+/* Follow the least pivot through the step, and look closer wherever it has a minimum. The last two looks before
+ * this one are (t_before, at_before) and (t_look, at_look). */
+void watch_rank(struct run *run, real t_new, double sound) {
+    struct state *s = run->state;
+    if (run->e->m == 0 || run->e->sizes.steady || (s->sound == 1.0 && sound == 1.0))
+        return;
+    for (int k = 1; k <= LOOKS; k++) {
+        real t = s->t + R(k) * (t_new - s->t) / R(LOOKS);
+        double at = k == LOOKS ? sound : soundness(run, t, t_new);
+        if (s->at_look <= s->at_before && s->at_look < at)
+            look_for_passage(run, s->t_before, t, t_new);
+        s->t_before = s->t_look, s->at_before = s->at_look;
+        s->t_look = t, s->at_look = at;
+    }
+    if (t_new >= R(run->task.t_end) && s->at_look < s->at_before)
+        look_for_passage(run, s->t_before, t_new, t_new);
+    run->e->of->factorise(run->e, t_new, run->y_new);
+}

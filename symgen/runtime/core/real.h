@@ -1,0 +1,55 @@
+/* The number type that the core is compiled for: double, or what a macro says. */
+#ifndef SYMGEN_REAL_H
+#define SYMGEN_REAL_H
+
+#include <float.h>
+#include <math.h>
+
+#if defined(SYMGEN_REAL_FLOAT32)
+typedef float real;
+#define REAL_NAME "float32"
+#define REAL_EPSILON FLT_EPSILON
+#define real_sqrt sqrtf
+#define real_fabs fabsf
+#define real_pow powf
+#define real_fmax fmaxf
+#define real_fmin fminf
+#define real_isfinite isfinite
+#elif defined(SYMGEN_REAL_LONG_DOUBLE)
+typedef long double real;
+#define REAL_NAME "longdouble"
+#define REAL_EPSILON LDBL_EPSILON
+#define real_sqrt sqrtl
+#define real_fabs fabsl
+#define real_pow powl
+#define real_fmax fmaxl
+#define real_fmin fminl
+#define real_isfinite isfinite
+#elif defined(SYMGEN_REAL_FLOAT128)
+#include <quadmath.h>
+typedef __float128 real;
+#define REAL_NAME "float128"
+#define REAL_EPSILON FLT128_EPSILON
+#define real_sqrt sqrtq
+#define real_fabs fabsq
+#define real_pow powq
+#define real_fmax fmaxq
+#define real_fmin fminq
+#define real_isfinite finiteq
+#else
+typedef double real;
+#define REAL_NAME "float64"
+#define REAL_EPSILON DBL_EPSILON
+#define real_sqrt sqrt
+#define real_fabs fabs
+#define real_pow pow
+#define real_fmax fmax
+#define real_fmin fmin
+#define real_isfinite isfinite
+#endif
+
+/* A constant of the core; infinity, which every type has. */
+#define R(x) ((real)(x))
+#define REAL_INFINITY ((real)INFINITY)
+
+#endif

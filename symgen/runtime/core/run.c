@@ -1,0 +1,322 @@
+#include "run.h"
+
+#include <string.h>
+
+/* Least and greatest change of the step, and what it is kept below the step that would just do. */
+#define SHRINK 0.2
+#define GROW 10.0
+#define SAFETY 0.9
+
+/* -- memory ------------------------------------------------------------------------------------------------ */
+
+static void *take(char *memory, size_t *at, size_t bytes) {
+    void *found = memory == NULL ? NULL : memory + *at;
+    *at += (bytes + 15) / 16 * 16;
+    return found;
+}
+
+static real *take_reals(char *memory, size_t *at, size_t count) {
+    return take(memory, at, (count + 1) * sizeof(real));
+}
+
+/* Point all arrays into memory, or only count its bytes. */
+static size_t place(struct run *run, char *memory) {
+    size_t at = 0, dim = (size_t)run->dim, events = (size_t)run->e->sizes.events;
+    size_t samples = (size_t)run->task.samples + 1, found = events ? (size_t)run->task.found : 0;
+    run->state = take(memory, &at, sizeof(struct state));
+    run->passages = take(memory, &at, MOST_PASSAGES * sizeof(struct passage));
+    run->events = take(memory, &at, found * sizeof(struct event));
+    run->event_states = take_reals(memory, &at, found * dim);
+    run->y = take_reals(memory, &at, dim);
+    run->y_new = take_reals(memory, &at, dim);
+    run->stage = take_reals(memory, &at, dim);
+    run->error = take_reals(memory, &at, dim);
+    run->y_old = take_reals(memory, &at, dim);
+    run->f_old = take_reals(memory, &at, dim);
+    run->gaps = take_reals(memory, &at, (LOOKS + 1) * events);
+    run->times = take_reals(memory, &at, samples);
+    run->samples = take_reals(memory, &at, samples * dim);
+    run->own = take_reals(memory, &at, run->scheme.kind->reals(run->e, run->scheme.counts));
+    run->directions = take(memory, &at, events);
+    run->terminal = take(memory, &at, events);
+    return at;
+}
+
+size_t run_bytes(const struct equations *e, const struct scheme *scheme, const struct task *task) {
+    struct run run = {.e = (struct equations *)e, .scheme = *scheme, .task = *task, .dim = e->dim};
+    return place(&run, NULL);
+}
+
+void run_bind(struct run *run, struct equations *e, const struct scheme *scheme, const struct task *task,
+              void *memory) {
+    run->e = e, run->scheme = *scheme, run->task = *task, run->dim = e->dim;
+    run->bytes = place(run, memory);
+    run->scheme.kind->bind(run);
+}
+
+void run_reset(struct run *run) {
+    struct state *s = run->state;
+    memset(s, 0, sizeof *s);
+    s->t = s->t_old = s->t_look = s->t_before = R(run->task.t0);
+    s->h = R(run->task.step);
+    s->ended_by = s->worst = -1;
+    s->sound = s->at_look = s->at_before = INFINITY;
+    s->kinetic_min = s->potential_min = s->energy_start = REAL_INFINITY;
+    s->kinetic_max = s->potential_max = -REAL_INFINITY;
+}
+
+/* -- size of errors and steps ------------------------------------------------------------------------------ */
+
+int all_finite(const real *v, long count) {
+    for (long i = 0; i < count; i++)
+        if (!real_isfinite(v[i]))
+            return 0;
+    return 1;
+}
+
+real error_norm(const struct run *run, const real *error) {
+    real total = 0, atol = R(run->task.atol), rtol = R(run->task.rtol);
+    for (long i = 0; i < run->dim; i++) {
+        real part = error[i] / (atol + rtol * real_fmax(real_fabs(run->y[i]), real_fabs(run->y_new[i])));
+        total += part * part;
+    }
+    return real_sqrt(total / R(run->dim));
+}
+
+static real exponent(const struct run *run) {
+    return R(-1) / R(run->scheme.error_order + 1);
+}
+
+/* Guess a first step from the size of the state and its first two derivatives (Hairer, II.4). */
+static real first_step(struct run *run) {
+    real d0 = 0, d1 = 0, d2 = 0, h0, h1, t = run->state->t, left = R(run->task.t_end) - t;
+    real atol = R(run->task.atol), rtol = R(run->task.rtol), *second = run->y_new;
+    long dim = run->dim;
+    for (long i = 0; i < dim; i++) {
+        real scale = atol + real_fabs(run->y[i]) * rtol;
+        d0 += (run->y[i] / scale) * (run->y[i] / scale);
+        d1 += (run->f[i] / scale) * (run->f[i] / scale);
+    }
+    d0 = real_sqrt(d0 / R(dim)), d1 = real_sqrt(d1 / R(dim));
+    h0 = d0 < R(1e-5) || d1 < R(1e-5) ? R(1e-6) : R(0.01) * d0 / d1;
+    h0 = real_fmin(h0, left);
+    for (long i = 0; i < dim; i++)
+        run->stage[i] = run->y[i] + h0 * run->f[i];
+    run->e->of->derivative(run->e, t + h0, run->stage, second);
+    for (long i = 0; i < dim; i++) {
+        real part = (second[i] - run->f[i]) / (atol + real_fabs(run->y[i]) * rtol);
+        d2 += part * part;
+    }
+    d2 = real_sqrt(d2 / R(dim)) / h0;
+    h1 = d1 <= R(1e-15) && d2 <= R(1e-15) ? real_fmax(R(1e-6), h0 * R(1e-3))
+                                          : real_pow(R(0.01) / real_fmax(d1, d2), -exponent(run));
+    return real_fmin(real_fmin(R(100) * h0, h1), left);
+}
+
+/* -- the loop ---------------------------------------------------------------------------------------------- */
+
+/* Follow drift of constraints and energy with the state just accepted. */
+static int monitor(struct run *run) {
+    struct state *s = run->state;
+    struct equations *e = run->e;
+    const real *y = run->y, *energies = e->energies;
+    if (e->m) {
+        real error = e->of->position_error(e, s->t, y);
+        if (error > s->position_drift) {
+            s->position_drift = error;
+            s->worst = e->account->worst;
+        }
+        s->velocity_drift = real_fmax(s->velocity_drift, e->of->velocity_error(e, s->t, y));
+    }
+    e->of->measure_energy(e, s->t, y);
+    real total = energies[0] + energies[1] - (e->extra ? y[2 * e->n] : R(0));
+    if (s->energy_start == REAL_INFINITY)
+        s->energy_start = total;
+    s->energy_drift = real_fmax(s->energy_drift, real_fabs(total - s->energy_start));
+    s->kinetic_min = real_fmin(s->kinetic_min, energies[0]);
+    s->kinetic_max = real_fmax(s->kinetic_max, energies[0]);
+    s->potential_min = real_fmin(s->potential_min, energies[1]);
+    s->potential_max = real_fmax(s->potential_max, energies[1]);
+    return (double)s->position_drift > run->task.max_drift ? DRIFTED : MORE;
+}
+
+int run_begin(struct run *run) {
+    struct state *s = run->state;
+    struct equations *e = run->e;
+    int status = e->m && e->sizes.steady ? e->of->factorise(e, s->t, run->y) : DONE;
+    if (status == DONE)
+        status = e->of->project(e, s->t, run->y);
+    if (status != DONE)
+        return status;
+    s->sound = s->at_look = s->at_before = e->account->soundness;
+    status = run->scheme.kind->begin(run);
+    if (status != DONE)
+        return status;
+    if (!all_finite(run->f, run->dim))
+        return NOT_FINITE;
+    begin_events(run);
+    status = monitor(run);
+    while (run->times[s->recorded] <= s->t) {
+        memcpy(run->samples + s->recorded * run->dim, run->y, (size_t)run->dim * sizeof(real));
+        s->recorded++;
+    }
+    if (run->scheme.adaptive && run->task.step == 0.0)
+        s->h = first_step(run);
+    return status;
+}
+
+int settle(struct run *run, real t_new) {
+    struct state *s = run->state;
+    struct equations *e = run->e;
+    s->settled = 1, s->correction = 0;
+    if (e->m == 0)
+        return DONE;
+    if (run->task.stabilisation != PROJECTION || run->scheme.kind->keeps_constraints)
+        return e->sizes.steady ? DONE : e->of->factorise(e, t_new, run->y_new);
+    memcpy(run->error, run->y_new, (size_t)run->dim * sizeof(real));
+    int status = e->of->project(e, t_new, run->y_new);
+    if (status == DONE && run->scheme.adaptive && s->sound >= NEAR) {
+        for (long i = 0; i < run->dim; i++)
+            run->error[i] -= run->y_new[i];
+        s->correction = error_norm(run, run->error);
+    }
+    return status;
+}
+
+/* Shorten the step after one whose error was this, over the tolerance. */
+static real shortened(const struct run *run, real h, real norm) {
+    if (!real_isfinite(norm))
+        return R(SHRINK) * h;
+    return h * real_fmax(R(SHRINK), R(SAFETY) * real_pow(norm, exponent(run)));
+}
+
+/* Take one step and settle its end: DONE; AGAIN with the next length in state->h; or what went wrong. */
+static int try_step(struct run *run, real h, real t_new) {
+    struct state *s = run->state;
+    s->settled = 0;
+    int status = run->scheme.kind->step(run, s->t, h, t_new);
+    if (status == AGAIN)
+        s->h = h * s->shrink;
+    if (status != DONE)
+        return status;
+    if (!run->scheme.adaptive && !all_finite(run->y_new, run->dim))
+        return NOT_FINITE;
+    if (run->scheme.adaptive && !(s->norm <= 1)) {
+        s->h = shortened(run, h, s->norm);
+        return AGAIN;
+    }
+    status = s->settled ? DONE : settle(run, t_new);
+    if (status == PROJECTION_FAILED && run->scheme.adaptive && s->sound >= NEAR) {
+        s->h = R(SHRINK) * h;
+        return AGAIN;
+    }
+    /* What the projection takes away is a part of the step's error, across the constraints: where it is more
+     * than the method made of its error, the method did not see it, and its step is judged by that. */
+    if (status == DONE && run->scheme.adaptive && !(s->correction <= s->norm)) {
+        s->norm = s->correction;
+        if (!(s->norm <= 1)) {
+            s->h = shortened(run, h, s->norm);
+            return AGAIN;
+        }
+    }
+    return status;
+}
+
+/* Take a step that is within the tolerance: leave its end, settled, in y_new, and its time and length. */
+static int accepted_step(struct run *run, real *t_new, real *length) {
+    struct state *s = run->state;
+    real largest = R(GROW), part = 1, t_end = R(run->task.t_end), h;
+    for (;;) {
+        h = part * s->h;
+        if (!(h > R(10) * REAL_EPSILON * real_fmax(real_fabs(s->t), REAL_EPSILON * t_end)))
+            return STEP_TOO_SMALL;
+        *t_new = s->t + h;
+        if (*t_new >= t_end || t_end - *t_new < R(1e-9) * h) {
+            *t_new = t_end;
+            h = t_end - s->t;
+        }
+        int status = try_step(run, h, *t_new);
+        if (status == DONE)
+            break;
+        s->rejected++;
+        if (status == AGAIN) {
+            largest = 1;
+            continue;
+        }
+        /* A step that ends, or has a stage, where rank is lost for an instant is made a little shorter. */
+        part *= R(0.7);
+        if ((status != SINGULAR && (status != PROJECTION_FAILED || s->sound >= NEAR)) || part < R(0.2)) {
+            s->rejected--;
+            return status;
+        }
+    }
+    if (run->scheme.adaptive) {
+        real factor = s->norm == 0 ? largest
+                                   : real_fmin(largest, real_fmax(R(SHRINK), R(SAFETY) * real_pow(s->norm, exponent(run))));
+        if (h == s->h || factor < 1)
+            s->h = h * factor;
+    }
+    *length = h;
+    return DONE;
+}
+
+/* End the run at the event just remembered last. */
+static int stop_at_event(struct run *run, real *t_new, real h) {
+    struct state *s = run->state;
+    long last = s->events - 1;
+    *t_new = run->events[last].t;
+    memcpy(run->y_new, run->event_states + last * run->dim, (size_t)run->dim * sizeof(real));
+    s->settled = 0;
+    return run->scheme.kind->finish(run, h, *t_new);
+}
+
+static int one_step(struct run *run) {
+    struct state *s = run->state;
+    const struct kind *kind = run->scheme.kind;
+    size_t bytes = (size_t)run->dim * sizeof(real);
+    real t_new, h;
+    int prepared = 0;
+    if (s->ended_by >= 0)
+        return ENDED;
+    if (s->t >= R(run->task.t_end))
+        return DONE;
+    int status = accepted_step(run, &t_new, &h);
+    if (status != DONE)
+        return status;
+    double sound = run->e->account->soundness;
+    status = kind->finish(run, h, t_new);
+    if (status != DONE)
+        return status;
+    if (!all_finite(run->f_new, run->dim))
+        return NOT_FINITE;
+    status = locate_events(run, t_new, h, &prepared);
+    if (status != DONE)
+        return status;
+    real until = s->ended_by >= 0 ? run->events[s->events - 1].t : t_new;
+    status = record_samples(run, t_new, until, h, sound, &prepared);
+    if (status == DONE && s->ended_by >= 0)
+        status = stop_at_event(run, &t_new, h);
+    if (status != DONE)
+        return status;
+    watch_rank(run, t_new, sound);
+    memcpy(run->y_old, run->y, bytes);
+    memcpy(run->f_old, run->f, bytes);
+    s->t_old = s->t, s->sound = sound;
+    memcpy(run->y, run->y_new, bytes);
+    kind->accept(run);
+    s->t = t_new, s->h_last = h;
+    s->steps++;
+    status = monitor(run);
+    return status == MORE && s->ended_by >= 0 ? ENDED : status;
+}
+
+int run_advance(struct run *run, long most) {
+    int status = MORE;
+    for (long k = 0; k < most && status == MORE; k++) {
+        if (run->state->passages > MOST_PASSAGES - LOOKS - 1
+            || (run->e->sizes.events && run->state->events > run->task.found - LOOKS * run->e->sizes.events))
+            break;
+        status = one_step(run);
+    }
+    return status;
+}

@@ -1,0 +1,60 @@
+/* Samples that lie in a step: interpolated, then projected. */
+#include "run.h"
+
+#include <string.h>
+
+/* How often a sample is moved away from a loss of rank, each time by more. */
+enum { SHIFTS = 24 };
+
+static int sampled(struct run *run, real t, real h, real *sample) {
+    struct equations *e = run->e;
+    run->scheme.kind->interpolate(run, h, (t - run->state->t) / h, sample);
+    if (run->task.stabilisation != PROJECTION)
+        return DONE;
+    int status = e->of->project(e, t, sample);
+    return status == DONE && e->account->soundness < PASSAGE ? SINGULAR : status;
+}
+
+/* A sample too near a loss of rank for its accelerations to mean anything is moved a little in time. */
+static int one_sample(struct run *run, real until, real h, real *sample) {
+    struct state *s = run->state;
+    real *time = run->times + s->recorded, wanted = *time;
+    for (int k = 0; k < SHIFTS; k++) {
+        int status = sampled(run, *time, h, sample);
+        if (status == DONE || status == NOT_FINITE)
+            return status;
+        real shift = R(1e-4) * h * (real)(1L << k / 2) * (k % 2 ? R(1) : R(-1));
+        real moved = wanted + shift;
+        if (s->t < moved && moved < until && moved < time[1] && (s->recorded == 0 || moved > time[-1]))
+            *time = moved;
+    }
+    if (time[1] <= until)
+        return SINGULAR;
+    *time = until;
+    if (s->ended_by < 0)
+        memcpy(sample, run->y_new, (size_t)run->dim * sizeof(real));
+    else
+        run->scheme.kind->interpolate(run, h, (until - s->t) / h, sample);
+    return DONE;
+}
+
+/* Record the samples of the step that ends at t_new, up to a time. */
+int record_samples(struct run *run, real t_new, real until, real h, double sound, int *prepared) {
+    struct state *s = run->state;
+    while (run->times[s->recorded] <= until) {
+        real wanted = run->times[s->recorded], *sample = run->samples + s->recorded * run->dim;
+        if (wanted == t_new && sound >= PASSAGE) {
+            memcpy(sample, run->y_new, (size_t)run->dim * sizeof(real));
+        } else {
+            if (!*prepared)
+                run->scheme.kind->prepare(run, h);
+            *prepared = 1;
+            int status = one_sample(run, until, h, sample);
+            if (status != DONE)
+                return status;
+            s->moved += run->times[s->recorded] != wanted;
+        }
+        s->recorded++;
+    }
+    return DONE;
+}

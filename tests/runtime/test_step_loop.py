@@ -1,0 +1,161 @@
+"""What the step loop does around any method: constraints kept or left, drift limited, stiffness seen."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+import symgen
+from symgen.errors import ModelError, SimulationError
+from symgen.runtime import _core
+from symgen.runtime.integrators import INTEGRATORS
+
+ADAPTIVE = ["dop853", "dopri5"]
+
+STIFF = """
+symgen = 1
+[points]
+O = { at = ["0 m", "0 m"], ground = true }
+A = { at = ["1 m", "0 m"] }
+[links]
+rod = { points = ["O", "A"], mass = "1 kg" }
+[[torsion_springs]]
+link = "rod"
+stiffness = "1 N*m"
+damping = "DAMPING N*m*s"
+[gravity]
+acceleration = ["0 m/s^2", "-9.81 m/s^2"]
+[analysis]
+t_end = "0.5 s"
+outputs = ["A.position"]
+"""
+
+
+@pytest.fixture(scope="module")
+def four_bar():
+    return symgen.build("four_bar")
+
+
+@pytest.fixture(scope="module")
+def near(four_bar):
+    """Positions at the end by a tight run."""
+    return four_bar.simulate(2.0, rtol=1e-12).final["B"]["position"]
+
+
+# -- stabilisation -------------------------------------------------------------------------------------------
+
+
+def test_raw_drifts_baumgarte_holds_back_projection_stays_at_round_off(four_bar, near):
+    runs = {s: four_bar.simulate(2.0, step=5e-3, stabilisation=s) for s in _core.STABILISATIONS}
+    drift = {s: r.drift.constraint for s, r in runs.items()}
+    assert drift["projection"] < 1e-15
+    assert drift["raw"] > 1e-9
+    assert drift["baumgarte"] < 0.1 * drift["raw"]
+    for name, result in runs.items():
+        assert np.max(np.abs(np.subtract(result.final["B"]["position"], near))) < 1e-4, name
+
+
+def test_raw_drift_falls_with_the_order_of_the_method(four_bar):
+    a, b = (four_bar.simulate(1.0, step=h, stabilisation="raw").drift.constraint for h in (4e-3, 2e-3))
+    assert 3.5 < np.log2(a / b) < 5.5
+
+
+def test_baumgarte_makes_the_constraint_a_damped_oscillator(four_bar):
+    """Off the constraints, Phi'' + 2 r Phi' + r^2 Phi = 0 with Phi'' by differences along the motion."""
+    rate, h = 20.0, 1e-3
+    q, u = (four_bar.initial_state().q, four_bar.initial_state().u)
+    equations = four_bar.evaluator.equations(stabilisation=rate)
+    off = np.concatenate([q + 1e-4 * np.sin(np.arange(q.size)), u + 1e-3, [0.0]])
+    found = equations.derivative(0.0, off)
+    lengths = four_bar.evaluator.blocks
+
+    def phi(t):
+        y = off[:-1] + t * found
+        return lengths("constraints", t, y[: q.size], y[q.size :])["constraints"]
+
+    def rates(t):
+        y = off[:-1] + t * found
+        return four_bar.evaluator("velocity_constraints", t, y[: q.size], y[q.size :])
+
+    second = (rates(h * 1e-3) - rates(-h * 1e-3)) / (2e-3 * h)
+    expected = -2 * rate * rates(0.0) - rate**2 * phi(0.0)
+    assert np.max(np.abs(second - expected)) < 1e-6 * np.max(np.abs(expected))
+
+
+def test_how_it_was_kept_is_recorded(four_bar):
+    provenance = four_bar.simulate(0.1, stabilisation="baumgarte").provenance
+    assert (provenance["stabilisation"], provenance["stabilisation_rate"]) == ("baumgarte", 10.0)
+    assert four_bar.simulate(0.1).provenance["stabilisation"] == "projection"
+
+
+@pytest.mark.parametrize(
+    "options, message",
+    [
+        ({"stabilisation": "projecton"}, "expected stabilisation to be one of .* Did you mean 'projection'"),
+        ({"stabilisation_rate": 5.0}, "goes with baumgarte, not with projection"),
+        ({"stabilisation": "baumgarte", "stabilisation_rate": 0.0}, "expected stabilisation_rate"),
+        ({"max_drift": float("nan")}, "expected max_drift"),
+    ],
+)
+def test_wrong_options_are_refused(four_bar, options, message):
+    with pytest.raises(ModelError, match=message):
+        four_bar.simulate(0.1, **options)
+
+
+# -- drift limited -------------------------------------------------------------------------------------------
+
+
+def test_a_run_ends_where_a_constraint_strays_too_far(four_bar):
+    free = four_bar.simulate(2.0, step=5e-3, stabilisation="raw").drift.constraint
+    with pytest.raises(SimulationError, match="the length of link .* strayed by .* max_drift") as caught:
+        four_bar.simulate(2.0, step=5e-3, stabilisation="raw", max_drift=free / 10)
+    assert 0.0 < caught.value.time < 2.0
+    partial = caught.value.partial
+    assert free / 10 < partial.drift.constraint < free
+    assert len(partial.time) > 1 and partial.time[-1] <= caught.value.time
+    assert f"{caught.value.time:.9g}" in str(caught.value)
+
+
+def test_the_limit_is_not_reached_by_a_projected_run(four_bar):
+    assert four_bar.simulate(2.0, max_drift=1e-12).drift.constraint < 1e-12
+
+
+# -- step control --------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", ADAPTIVE)
+def test_what_projection_takes_away_counts_as_error(name, four_bar, near):
+    """A method that believes itself exact is held to the tolerance by its constraints alone."""
+    method = INTEGRATORS[name]
+    blind = dataclasses.replace(method, error=np.zeros_like(method.error))
+    y0 = np.concatenate([four_bar.initial_state().q, four_bar.initial_state().u])
+    misses = []
+    for rtol in (1e-4, 1e-7, 1e-10):
+        run = _core.Run(
+            four_bar.evaluator.equations(), blind, 0.0, y0, 2.0, rtol, 1e-3 * rtol, 0.0, np.array([0.0])
+        )
+        status = run.begin()
+        while status == _core.MORE:
+            status = run.advance(1000)
+        assert status == _core.DONE
+        assert run.rejected > 0
+        index = four_bar.description.free.index("B")
+        misses.append(np.max(np.abs(run.state[2 * index : 2 * index + 2] - near)))
+        assert misses[-1] < 1e3 * rtol
+    assert misses == sorted(misses, reverse=True)
+
+
+# -- stiffness -----------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", ADAPTIVE)
+def test_stiffness_is_told(name, tmp_path):
+    notes = {}
+    for damping in ("0.5", "2e4"):
+        file = tmp_path / "damped.toml"
+        file.write_text(STIFF.replace("DAMPING", damping))
+        notes[damping] = symgen.build(str(file)).simulate(method=name, rtol=1e-5).notes
+    assert notes["0.5"] == ()
+    assert any("the motion is stiff from t = " in note and name in note for note in notes["2e4"])
