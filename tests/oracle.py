@@ -1,4 +1,4 @@
-"""The truth for kernels: the original SymPy matrices, evaluated with mpmath at 30 digits."""
+"""The truth for kernels: the original SymPy matrices, evaluated with mpmath at 30 digits or more."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ DIGITS = 30
 class Oracle:
     """Evaluates the matrices of a system at given argument arrays, shared subexpressions as derived."""
 
-    def __init__(self, system: System) -> None:
-        self.system = system
+    def __init__(self, system: System, digits: int = DIGITS) -> None:
+        self.system, self.digits = system, digits
         self.symbols = [x.symbol for g in system.groups for x in g.quantities]
         self._functions: dict[str, object] = {}
 
@@ -27,7 +27,7 @@ class Oracle:
             self._functions[name] = sp.lambdify(
                 self.symbols, matrix, modules="mpmath", cse=lambda e: (shared, e)
             )
-        with mpmath.workdps(DIGITS):
+        with mpmath.workdps(self.digits):
             arguments = [mpmath.mpf(float(x)) for g in self.system.groups for x in values[g.name]]
             return mpmath.matrix(self._functions[name](*arguments))
 
@@ -43,7 +43,7 @@ class Oracle:
     def solve(self, values: dict[str, np.ndarray], rhs: mpmath.matrix | None = None) -> mpmath.matrix:
         """Solve [M J^T; J 0] x = rhs; by default with the system's own right-hand side."""
         point = self.system.saddle_point
-        with mpmath.workdps(DIGITS):
+        with mpmath.workdps(self.digits):
             mass, jacobian = (self.matrix(n, values) for n in (point.mass, point.jacobian))
             n, m = mass.rows, jacobian.rows
             whole = mpmath.zeros(n + m)

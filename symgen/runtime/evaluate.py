@@ -9,6 +9,7 @@ from symgen.errors import ModelError
 from symgen.runtime import _core
 from symgen.runtime.description import BlockInfo, Description, KernelInfo
 from symgen.runtime.library import Library
+from symgen.runtime.typed import Typed
 
 Array = NDArray[np.float64]
 
@@ -49,21 +50,27 @@ class Evaluator:
         return {b.name: part(out, b) for b in self.info(kernel).blocks}
 
     def equations(
-        self, redundant: int = 0, slack: float = np.inf, stabilisation: float = 0.0
+        self,
+        redundant: int = 0,
+        slack: float = np.inf,
+        stabilisation: float = 0.0,
+        typed: Typed | None = None,
     ) -> _core.Equations:
-        """Return the compiled view of the kernels, which solves and steps."""
+        """Return the compiled view of the kernels, which solves and steps; of those of a type, if given."""
         d = self.description
+        own = typed if typed and not typed.is_plain else None
         return _core.Equations(
-            self.library.addresses,
+            own.kernels(False).addresses if own else self.library.addresses,
             d.coordinates,
             len(d.constraints),
             int(d.work_of_loads),
             self.parameters[:-1],
             self.work_size,
             d.first_pivot,
-            d.rank_tolerance,
+            own.precision.coarsened(d.rank_tolerance) if own else d.rank_tolerance,
             redundant,
             slack,
+            core=own.stepping if own else _core.DOUBLE,
             stabilisation=stabilisation,
         )
 
