@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from symgen.runtime import _core
 from symgen.runtime.evaluate import Evaluator, part
+from symgen.runtime.library import Library
 from symgen.runtime.options import Options
 from symgen.runtime.redundancy import least_norm, not_unique
 from symgen.runtime.result import Drift, Event, Result, Variable
@@ -26,10 +27,15 @@ def recorded(
     redundant: tuple[int, ...],
     chosen: Options,
     wall: float,
+    library: Library,
 ) -> Result:
-    """Return what a run has recorded till now."""
+    """Return what a run has recorded till now; ``library`` are the kernels it went through."""
     description = evaluator.description
     times = stepper.sampled
+    solver = equations
+    if equations.core_type is not _core.DOUBLE:
+        # States are recorded as doubles, and outputs follow from them.
+        solver = evaluator.equations(len(redundant))
     drift = Drift(
         constraint=stepper.position_drift,
         velocity=stepper.velocity_drift,
@@ -43,7 +49,7 @@ def recorded(
         title=description.title,
         axes=description.axes,
         time=times,
-        variables=outputs(evaluator, equations, times, stepper.result, len(redundant)),
+        variables=outputs(evaluator, solver, times, stepper.result, len(redundant)),
         drift=drift,
         final=motion(evaluator, stepper.t, stepper.state),
         statistics={
@@ -63,7 +69,8 @@ def recorded(
             "t_end": chosen.t_end,
             "stabilisation": chosen.stabilisation,
             **({"stabilisation_rate": chosen.rate} if chosen.rate else {}),
-            "backend": evaluator.library.backend,
+            "backend": library.backend,
+            **library.provenance,
             "parameters": {
                 p.name: value
                 for p, value in zip(description.parameters, evaluator.parameters.tolist(), strict=False)

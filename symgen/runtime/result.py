@@ -160,6 +160,7 @@ class Result:
             "method": self.provenance["method"],
             "t_end": self.provenance["t_end"],
             "backend": self.provenance["backend"],
+            "precision": self.provenance.get("precision", "float64"),
             "steps": self.statistics["steps"],
             "rejected": self.statistics["rejected"],
             "evaluations": self.statistics["evaluations"],
