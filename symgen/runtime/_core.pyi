@@ -23,6 +23,9 @@ STABILISATIONS: tuple[str, ...]
 DOUBLE: Core
 
 def call(address: int, t: Array, q: Array, u: Array, p: Array, work: Array, out: Array) -> None: ...
+def evaluate(
+    address: int, t: float, q: Array, u: Array, p: Array, work: Array | None, work_size: int, out_size: int
+) -> Array: ...
 def call_many(
     address: int,
     t: Array,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -53,8 +53,6 @@ class Kernels:
     redundant
         Constraints that follow from the others: their multipliers are zero, off the constraints nothing is
         solved.
-    only
-        Beginning of the names of the kernels to look at.
     """
 
     prefix: str
@@ -62,7 +60,6 @@ class Kernels:
     call: Call
     states: States
     redundant: tuple[int, ...] = ()
-    only: tuple[str, ...] = ("",)
 
     @cached_property
     def exact(self) -> Exact:
@@ -77,7 +74,7 @@ class Kernels:
     @cached_property
     def tapes(self) -> dict[str, Tape]:
         """The operations of every kernel that has results, by name."""
-        return {k.name: Tape(k) for k in self.program.kernels if k.out_size and k.name.startswith(self.only)}
+        return {k.name: Tape(k) for k in self.program.kernels if k.out_size}
 
     @cached_property
     def exports(self) -> dict[str, tuple[str, ...]]:
@@ -157,16 +154,15 @@ def _of_linkage(
         linkage = resolve_linkage(load_scene(scene, set_))
         for kind, made in elastic_systems(linkage).items():
             yield Kernels(f"{kind}.", made, _of_evaluator(rigid.analysis(kind)), states)
-        elements = tuple(sorted({f"{b.info.element}_" for b in model.beams}))
-        block = BLOCKS["elastic_link"]()
-        yield Kernels(
-            "elastic_link.",
-            block,
-            _shipped("elastic_link"),
-            of_beams(model, block, count, seed),
-            (),
-            elements,
-        )
+        block = _of_elements({b.info.element for b in model.beams})
+        yield Kernels("elastic_link.", block, _shipped("elastic_link"), of_beams(model, block, count, seed))
+
+
+def _of_elements(elements: Collection[str]) -> System:
+    """Return the building block of elastic links with the kernels of some elements that a run calls."""
+    block = BLOCKS["elastic_link"]()
+    called = (e for e in block.exports if e.kernel.partition("_")[0] in elements)
+    return replace(block, exports=tuple(e for e in called if "_global_" not in e.kernel))
 
 
 def _of_evaluator(evaluator: Evaluator) -> Call:
