@@ -15,14 +15,17 @@ def flags(optimisation):
     return [] if os.name == "nt" else [f"-O{optimisation}", "-std=c11", "-ffp-contract=off"]
 
 
-CORE = [str(path) for path in sorted(Path("symgen/runtime/core").glob("*.c"))]
+# What Cython's arrays need, compiled once instead of into each module: most of what there is to compile.
+SHARED = "symgen._cython"
+CORE = Path("symgen/runtime/core")
 
 extensions = [
+    Extension(SHARED, []),
     Extension(
         "symgen.runtime._core",
-        ["symgen/runtime/_core.pyx", *CORE],
+        ["symgen/runtime/_core.pyx", *(str(path) for path in sorted(CORE.glob("*.c")))],
         include_dirs=["symgen/runtime"],
-        depends=[str(path) for path in sorted(Path("symgen/runtime/core").glob("*.h"))],
+        depends=[str(path) for path in sorted(CORE.glob("*.h"))],
         extra_compile_args=flags(2),
     ),
     *(
@@ -30,18 +33,9 @@ extensions = [
             f"symgen.runtime.{name}",
             [f"symgen/runtime/{name}.pyx"],
             include_dirs=["symgen/runtime"],
-            extra_compile_args=flags(level),
+            extra_compile_args=flags(1),
         )
-        for name, level in (
-            ("_foreign", 2),
-            ("_follow", 3),
-            ("_loop", 3),
-            ("_loop_motion", 3),
-            ("_bands", 3),
-            ("_rigid_motion", 2),
-            ("_beams", 3),
-            ("_beam_steps", 3),
-        )
+        for name in ("_loop", "_beams", "_rhs")
     ),
     *(
         Extension(
@@ -55,6 +49,8 @@ extensions = [
 ]
 
 setup(
-    ext_modules=cythonize(extensions, build_dir="build/cython", language_level=3),
+    ext_modules=cythonize(
+        extensions, build_dir="build/cython", language_level=3, shared_utility_qualified_name=SHARED
+    ),
     options={"build_ext": {"parallel": os.cpu_count()}},
 )

@@ -225,7 +225,7 @@ def linkage(elements: int) -> Any:
 
 def cost_of_a_step(elements: int, steps: int = STEPS, rounds: int = 5) -> float:
     """Return the best time of a step [s]."""
-    from symgen.runtime._beam_steps import BeamSteps
+    from symgen.runtime._beams import BeamSteps
     from symgen.runtime.beam_methods import BEAM_METHODS
 
     motion = linkage(elements)._motion(True)

@@ -52,7 +52,7 @@ class Attempt:
 REFERENCE = Attempt("gauss", 8100)
 ATTEMPTS = (
     *(Attempt("rk4", n, recommended=n > 1024) for n in (1024, 2250, 4500)),
-    *(Attempt(m, n) for m in ("newmark", "generalized-alpha") for n in (1080, 2250, 4500)),
+    *(Attempt(m, n) for m in ("newmark", "generalized-alpha", "wilson-theta") for n in (1080, 2250, 4500)),
     *(Attempt(m, n) for m in ("gauss4", "gauss") for n in (1080, 2250, 4500)),
     *(Attempt("dop853", tolerance=x) for x in (1e-4, 1e-6, 1e-8)),
     *(Attempt(m, tolerance=1e-6) for m in SCIPY),

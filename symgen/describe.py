@@ -115,7 +115,7 @@ def _of_loop(loop: Loop, program: Program, equations: str) -> LoopDescription:
 
 
 def _of_linkage(linkage: Linkage, program: Program, equations: str) -> Description:
-    from symgen.runtime.description import Description, kernel_infos
+    from symgen.runtime.description import Description, EventInfo, kernel_infos
     from symgen.symbolic.quantity import AXES
 
     kernels = {k.name: k for k in program.kernels}
@@ -147,6 +147,7 @@ def _of_linkage(linkage: Linkage, program: Program, equations: str) -> Descripti
         references=program.references,
         left_out=program.left_out,
         elastic=_elastic(linkage) if linkage.elastic else None,
+        events=tuple(EventInfo(e.name, e.unit, e.direction, e.ends_run, e.about) for e in linkage.events),
     )
 
 

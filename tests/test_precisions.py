@@ -213,7 +213,10 @@ def test_what_is_computed_in_doubles_only_says_so(scene):
     "options, what",
     [
         ({"precision": "quad"}, r"there is no precision 'quad'\. Known: float128, float32"),
-        ({"backend": "numpy", "precision": "float128"}, "float128 needs a C compiler: NumPy has no such type"),
+        (
+            {"backend": "numpy", "precision": "float128"},
+            "float128 needs a C compiler: NumPy has no such type",
+        ),
         ({"backend": "mpmath", "precision": "float32"}, "has digits, not a precision"),
         ({"backend": "c", "digits": 30}, "digits = 30 goes with the backend 'mpmath', not 'c'"),
         ({"backend": "mpmath", "digits": 3}, "expected between 15 and 10000 digits, got 3"),

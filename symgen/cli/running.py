@@ -41,7 +41,7 @@ def run(
         str | None,
         typer.Option(
             help="dop853 or dopri5 (adaptive) or rk4 (fixed step); of elastic links also gauss, gauss4, "
-            "newmark, generalized-alpha, quasi-static, periodic, and exact (large rotation)."
+            "newmark, generalized-alpha, wilson-theta, quasi-static, periodic, and exact (large rotation)."
         ),
     ] = None,
     rtol: Annotated[

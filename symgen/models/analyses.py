@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from symgen.errors import SceneError
 from symgen.models.linearised import kinematics_system, statics_system
+from symgen.models.tangent import tangent_system
 
 if TYPE_CHECKING:
     from symgen.scene.linkage import Linkage
@@ -33,6 +34,7 @@ def _forces(linkage: Linkage) -> System:
 ANALYSES: dict[str, Callable[[Linkage], System]] = {
     "kinematics": kinematics_system,
     "statics": statics_system,
+    "tangent": tangent_system,
     "forces": _forces,
     "elastic_motion": _elastic("motion_system"),
     "elastic_joints": _elastic("joints_system"),

@@ -66,12 +66,12 @@ def linearised(model: RodsModel, bound: Sequence[Constraint]) -> Iterator[NamedM
     """
     q = [x.symbol for x in model.coordinates]
     rates = [x.symbol for p in model.free for x in model.u[p]]
-    by_rates = _slopes_by_rates(model, rates)
+    by_rates = slopes_by_rates(model, rates)
     own = dict(zip(rates, q, strict=True))
     mass: dict[sp.Symbol, Gradient] = {}
     for (a, b), value in model.mass_entries.items():
         mass.setdefault(a, {})[b] = value
-    stiffness = {s: _stiffness(model, s, bound) for s in q}
+    stiffness = {s: stiffness_row(model, s, bound) for s in q}
     damping = {
         s: {own[u]: -slope for u, slope in by_rates(f).items()} for s, f in zip(q, model.applied, strict=True)
     }
@@ -113,7 +113,7 @@ def _drives(model: RodsModel) -> Iterator[NamedMatrix]:
                 yield named(model, f"{name}.{axis}", [place], "m", f"driven {axis} of {name}")
 
 
-def _stiffness(model: RodsModel, row: sp.Symbol, bound: Sequence[Constraint]) -> Gradient:
+def stiffness_row(model: RodsModel, row: sp.Symbol, bound: Sequence[Constraint]) -> Gradient:
     """Return one row of K by coordinate: the slope of J^T lambda - f, of the constraints ``bound``."""
     held = [-model.force.get(row, ZERO)]
     held += [
@@ -128,8 +128,11 @@ def _stiffness(model: RodsModel, row: sp.Symbol, bound: Sequence[Constraint]) ->
     return {s: sp.Add(*slopes) for s, slopes in total.items()}
 
 
-def _slopes_by_rates(model: RodsModel, rates: Sequence[sp.Symbol]) -> Callable[[sp.Expr], Gradient]:
-    """Return a function that gives the nonzero partial derivatives of an expression by the rates u."""
+def slopes_by_rates(model: RodsModel, rates: Sequence[sp.Symbol]) -> Callable[[sp.Expr], Gradient]:
+    """Return a function that gives the nonzero partial derivatives of an expression by the rates u.
+
+    The expression must have been derived before: it may use only definitions that the model has by now.
+    """
     known: dict[sp.Symbol, Gradient] = {u: {u: ONE} for u in rates}
 
     def gradient(expression: sp.Expr) -> Gradient:
@@ -141,7 +144,11 @@ def _slopes_by_rates(model: RodsModel, rates: Sequence[sp.Symbol]) -> Callable[[
         summed = {u: sp.Add(*slopes) for u, slopes in terms.items()}
         return {u: slope for u, slope in summed.items() if slope != 0}
 
-    _ = model.force, model.jacobian  # whatever is named on the way to them must be known below
+    _ = (
+        model.force,
+        model.jacobian,
+        model.acceleration_rhs,
+    )  # what is named on the way to them is needed below
     for definition in model.calculus.definitions:
         found = gradient(definition.expression)
         if found:

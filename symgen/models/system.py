@@ -38,18 +38,26 @@ def _assemble(model: RodsModel) -> System:
     start, start_kernels = start_exports(model)
     equations, exports = _equations(model), _exports(model)
     residual, refining = refinement(model)
-    points = _points(model)
+    points, events = _points(model), _events(model)
     derived = {m.name for m in (*equations, *points)}
     return System(
         name=linkage.name,
         title=linkage.title,
         groups=groups(model),
-        matrices=(*equations, *points, *(m for m in asked if m.name not in derived), *start, *residual),
+        matrices=(
+            *equations,
+            *points,
+            *(m for m in asked if m.name not in derived),
+            *start,
+            *residual,
+            *events,
+        ),
         exports=(
             *exports,
             Export("outputs", "what the scene asks to record", tuple(m.name for m in asked)),
             *start_kernels,
             *refining,
+            *(Export("events", "what passes zero at each event", (m.name,)) for m in events),
         ),
         definitions=definitions(model),
         saddle_point=SaddlePoint(
@@ -233,6 +241,18 @@ def _points(model: RodsModel) -> list[NamedMatrix]:
             )
         )
     return made
+
+
+def _events(model: RodsModel) -> list[NamedMatrix]:
+    """Return what passes zero at each event: a matrix of one column, none where there are no events."""
+    events = model.linkage.events
+    if not events:
+        return []
+    units = dict.fromkeys(e.unit for e in events)
+    gaps = model.loads.with_state([e.gap for e in events])
+    about = "; ".join(f"{e.name}: {e.about}" for e in events)
+    unit = ", ".join(e.unit for e in events) if len(units) > 1 else events[0].unit
+    return [named(model, "events", gaps, unit, about, rows=[e.name for e in events])]
 
 
 def _exports(model: RodsModel) -> list[Export]:

@@ -42,8 +42,21 @@ def print_result(result: Result, console: Console) -> None:
         )
     )
     console.print(run_table(result))
+    if result.events:
+        console.print(events_table(result))
     for note in result.notes:
         console.print(f"Note: {note}.")
+
+
+#: Events listed on the terminal.
+_EVENTS = 20
+
+
+def events_table(result: Result) -> Table:
+    """Return a table of the events of a run, the first of many."""
+    rows = [(e.name, f"{e.time:.12g}", "rising" if e.rising else "falling") for e in result.events[:_EVENTS]]
+    more = len(result.events) - _EVENTS
+    return table("Events" + (f" (and {more} more)" if more > 0 else ""), ("event", "t [s]", "passing"), rows)
 
 
 def _type(result: Result) -> tuple[str, ...]:

@@ -13,6 +13,7 @@ cdef extern from "core/core.h" nogil:
         _CONTRADICTED "CONTRADICTED"
         _DRIFTED "DRIFTED"
         _ENDED "ENDED"
+        _UNSOLVED "UNSOLVED"
 
     cdef struct kernels:
         kernel_t accelerations
@@ -27,6 +28,7 @@ cdef extern from "core/core.h" nogil:
 
     cdef struct sizes:
         long n, m, extra, parameters, work, first_pivot, redundant, events, tangent, steady
+        const long *tangent_places
         double rank_tolerance, slack, stabilisation
 
     cdef struct account:
@@ -85,10 +87,18 @@ cdef extern from "core/core.h" nogil:
         MOST_PASSAGES
         CORE_VERSION
 
+    cdef struct loops_api:
+        pass
+
+    cdef struct elastic_api:
+        pass
+
     cdef struct core_api:
         long version, real_bytes
         double epsilon
         const char *real_name
+        const loops_api *loops
+        const elastic_api *elastic
         void (*widen)(long, const double *, const double *, void *) noexcept nogil
         void (*narrow)(long, const void *, double *, double *) noexcept nogil
         void (*call_rows)(kernel_t, long, const void *, const void *, long, long, const void *, void *, long, void *, long) noexcept nogil
@@ -136,19 +146,25 @@ cdef class Scheme:
     cdef long counts[16]
 
 
+cdef class Reals:
+    cdef Core of
+    cdef object doubles
+    cdef void *at
+    cdef bint own
+    cdef Py_ssize_t count
+
+    cdef void back(self)
+
+
 cdef class Integrable:
     cdef Core of
     cdef equations *core
     cdef void *memory
+    cdef readonly Py_ssize_t n, m, extra, dim
 
     cdef int make(self, const sizes *wanted, const kernels *given) except -1
-    cdef int ready(self) except -1
+    cdef int bound(self, const double[::1] parameters) except -1
 
 
 cdef class Equations(Integrable):
-    cdef double *p
-    cdef double *out
-    cdef readonly Py_ssize_t n, m, extra, dim
-
-    cdef void accelerate(self, double t, const double *y) noexcept nogil
-    cdef int project(self, double t, double *y) noexcept nogil
+    cdef long[::1] places

@@ -18,6 +18,7 @@ PROJECTION_FAILED: int
 CONTRADICTED: int
 DRIFTED: int
 ENDED: int
+UNSOLVED: int
 STABILISATIONS: tuple[str, ...]
 DOUBLE: Core
 
@@ -59,32 +60,11 @@ class Core:
     def narrow(self, raw: Raw) -> tuple[Array, Array]: ...
     def call(self, address: int, t: Raw, y: Raw, n: int, p: Raw, work: Raw, out: Raw) -> None: ...
 
-class Integrable: ...
-
-class Equations(Integrable):
+class Integrable:
     n: int
     m: int
     extra: int
     dim: int
-    def __init__(
-        self,
-        addresses: Mapping[str, int],
-        n: int,
-        m: int,
-        extra: int,
-        p: Sequence[float] | Array,
-        work_size: int,
-        first_pivot: int,
-        rank_tolerance: float,
-        redundant: int,
-        slack: float,
-        *,
-        core: Core = ...,
-        events: int = 0,
-        tangent: int = 0,
-        steady: bool = False,
-        stabilisation: float = 0.0,
-    ) -> None: ...
     @property
     def core_type(self) -> Core: ...
     @property
@@ -101,10 +81,33 @@ class Equations(Integrable):
     def missed(self) -> float: ...
     @property
     def redundant(self) -> int: ...
+    @property
+    def rank_tolerance(self) -> float: ...
     def solutions(self, t: Array, y: Array) -> Array: ...
     def derivative(self, t: float, y: Array) -> Array: ...
     def lost_rows(self) -> list[int]: ...
     def check(self, t: float, y: Array) -> int: ...
+
+class Equations(Integrable):
+    def __init__(
+        self,
+        addresses: Mapping[str, int],
+        n: int,
+        m: int,
+        extra: int,
+        p: Sequence[float] | Array,
+        work_size: int,
+        first_pivot: int,
+        rank_tolerance: float,
+        redundant: int,
+        slack: float,
+        *,
+        core: Core = ...,
+        events: int = 0,
+        tangent: ArrayLike = (),
+        steady: bool = False,
+        stabilisation: float = 0.0,
+    ) -> None: ...
 
 class Run:
     t: float
@@ -127,7 +130,7 @@ class Run:
     potential_min: float
     potential_max: float
     passages: list[tuple[float, float, int]]
-    events: list[Any]
+    events: list[tuple[float, int, bool, Array]]
     def __init__(
         self,
         equations: Integrable,

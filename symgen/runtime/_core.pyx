@@ -12,6 +12,7 @@ from libc.string cimport memcpy
 #: What a step, a projection or a factorisation answers.
 DONE, MORE, NOT_FINITE, STEP_TOO_SMALL, SINGULAR = _DONE, _MORE, _NOT_FINITE, _STEP_TOO_SMALL, _SINGULAR
 PROJECTION_FAILED, CONTRADICTED, DRIFTED, ENDED = _PROJECTION_FAILED, _CONTRADICTED, _DRIFTED, _ENDED
+UNSOLVED = _UNSOLVED
 #: How a run is kept on the constraints: as ``enum stabilisation`` counts them.
 STABILISATIONS = ("projection", "baumgarte", "raw")
 
@@ -148,6 +149,39 @@ cdef class Scheme:
 DOUBLE = Core()
 
 
+cdef class Reals:
+    """Numbers of Python for a core: the same memory where its numbers are doubles, else a copy.
+
+    What the core writes comes back only into an array that is contiguous.
+    """
+
+    def __init__(self, Core of, doubles):
+        cdef const double[::1] given
+        self.of, self.doubles = of, np.ascontiguousarray(doubles, dtype=float).reshape(-1)
+        given = self.doubles
+        self.count = given.shape[0]
+        self.own = of.api.real_bytes != sizeof(double)
+        if not self.own:
+            self.at = <void *>&given[0] if self.count else NULL
+            return
+        self.at = calloc(self.count + 1, of.api.real_bytes)
+        if self.at == NULL:
+            raise MemoryError
+        if self.count:
+            of.api.widen(self.count, &given[0], NULL, self.at)
+
+    def __dealloc__(self):
+        if self.own:
+            free(self.at)
+
+    cdef void back(self):
+        """Bring back what the core wrote."""
+        cdef double[::1] to
+        if self.own and self.count:
+            to = self.doubles
+            self.of.api.narrow(self.count, self.at, &to[0], NULL)
+
+
 cdef class Integrable:
     """What a run integrates: the memory of its equations, and what is told of them."""
 
@@ -163,78 +197,12 @@ cdef class Integrable:
         self.of.api.equations_bind(self.core, wanted, given, self.memory)
         return 0
 
-    cdef int ready(self) except -1:
-        """Be ready for a run."""
+    cdef int bound(self, const double[::1] parameters) except -1:
+        """Set the parameters of equations just bound, and note their sizes."""
+        self.of.api.set_parameters(self.core, &parameters[0], NULL)
+        self.n, self.m, self.extra = self.core.sizes.n, self.core.sizes.m, self.core.sizes.extra
+        self.dim = 2 * self.n + self.extra
         return 0
-
-
-cdef class Equations(Integrable):
-    """The kernels of one model with its parameters and scratch memory; one per thread of work.
-
-    Parameters
-    ----------
-    addresses
-        Address of each kernel by name; ``accelerations`` and ``energy`` are required.
-    n, m
-        Number of coordinates and of constraints.
-    extra
-        1 when the work of loads without potential is integrated along, else 0.
-    p
-        Parameters.
-    work_size
-        Numbers of work memory that the largest kernel needs.
-    first_pivot
-        Where 'factor' leaves the pivots in its work memory.
-    rank_tolerance
-        What a multiplier's pivot keeps at most of its own-signed terms where rank is lost; the kernels set such a
-        multiplier to zero.
-    redundant
-        Number of constraints that follow from the others in every configuration: so many pivots must be lost.
-    slack
-        By how much [m] a redundant constraint may contradict the others.
-    core
-        The core that the kernels were compiled for; that of doubles when absent.
-    events, tangent
-        Numbers of values that the kernels of these names write.
-    steady
-        Whether the constraints cannot lose rank, so that nobody need look.
-    stabilisation
-        Rate [1/s] of Baumgarte's terms in derivatives; 0 for none.
-    """
-
-    def __init__(self, addresses, Py_ssize_t n, Py_ssize_t m, Py_ssize_t extra, p, Py_ssize_t work_size,
-                 Py_ssize_t first_pivot, double rank_tolerance, Py_ssize_t redundant, double slack, *,
-                 Core core=DOUBLE, long events=0, long tangent=0, bint steady=False, double stabilisation=0.0):
-        cdef kernels given
-        cdef sizes wanted
-        cdef const double[::1] parameters = np.array([*p, 0.0])
-        for name in ("accelerations", "energy"):
-            if not addresses.get(name):
-                raise ValueError("a model without the kernels 'accelerations' and 'energy' cannot be stepped")
-        given.accelerations = kernel_of(addresses, "accelerations")
-        given.factor, given.solve = kernel_of(addresses, "factor"), kernel_of(addresses, "solve")
-        given.constraints = kernel_of(addresses, "constraints")
-        given.velocity_constraints = kernel_of(addresses, "velocity_constraints")
-        given.energy, given.residual = kernel_of(addresses, "energy"), kernel_of(addresses, "residual")
-        given.events, given.tangent = kernel_of(addresses, "events"), kernel_of(addresses, "tangent")
-        wanted.n, wanted.m, wanted.extra, wanted.parameters = n, m, extra, parameters.shape[0] - 1
-        wanted.work, wanted.first_pivot, wanted.redundant = work_size, first_pivot, redundant
-        wanted.events = events if given.events != NULL else 0
-        wanted.tangent, wanted.steady = tangent, steady
-        wanted.rank_tolerance, wanted.slack, wanted.stabilisation = rank_tolerance, slack, stabilisation
-        self.of = core
-        self.make(&wanted, &given)
-        core.api.set_parameters(self.core, &parameters[0], NULL)
-        self.n, self.m, self.extra, self.dim = n, m, extra, 2 * n + extra
-        self.p, self.out = self.core.p, self.core.out
-
-    cdef void accelerate(self, double t, const double *y) noexcept nogil:
-        """Leave accelerations and multipliers in ``out``; of doubles only, as the next."""
-        self.core.of.accelerate(self.core, t, y)
-
-    cdef int project(self, double t, double *y) noexcept nogil:
-        """Bring positions and velocities back onto the constraints."""
-        return self.core.of.project(self.core, t, y)
 
     @property
     def core_type(self):
@@ -276,20 +244,26 @@ cdef class Equations(Integrable):
         """Number of constraints that follow from the others everywhere."""
         return self.core.sizes.redundant
 
-    def solutions(self, const double[::1] t, const double[:, ::1] y):
-        """Return accelerations and multipliers at every row of y = (q, u, ...); of doubles only."""
+    @property
+    def rank_tolerance(self):
+        """What a pivot keeps at most where rank is lost."""
+        return self.core.sizes.rank_tolerance
+
+    def solutions(self, t, y):
+        """Return accelerations and multipliers at every row of y = (q, u, ...)."""
         found = np.zeros((y.shape[0], self.n + self.m + 1))
-        cdef double[:, ::1] rows = found
-        if y.shape[0]:
-            symgen_core.solve_rows(self.core, y.shape[0], &t[0], &y[0, 0], y.shape[1], &rows[0, 0], rows.shape[1])
+        cdef Reals times = Reals(self.of, t), states = Reals(self.of, y), into = Reals(self.of, found)
+        self.of.api.solve_rows(self.core, y.shape[0], times.at, states.at, y.shape[1], into.at, found.shape[1])
+        into.back()
         return found
 
-    def derivative(self, double t, const double[::1] y):
-        """Return dy/dt at (t, y) as steps see it; y may have entries to spare, and doubles only."""
-        found = np.zeros(self.dim + 1)
-        cdef double[::1] rates = found
-        symgen_core.derivative(self.core, t, &y[0], &rates[0])
-        return found[:self.dim]
+    def derivative(self, double t, y):
+        """Return dy/dt at (t, y) as steps see it."""
+        found = np.zeros(self.dim)
+        cdef Reals state = Reals(self.of, y), into = Reals(self.of, found)
+        self.of.api.derivative(self.core, t, state.at, into.at)
+        into.back()
+        return found
 
     def lost_rows(self):
         """Return the numbers of the constraints that the last factorisation found to follow from others."""
@@ -299,10 +273,70 @@ cdef class Equations(Integrable):
     def check(self, double t, const double[::1] y):
         """Factorise at y; return the status, the unknown of least pivot in ``weakest``, and in ``soundness``
         what cancellation left of that pivot."""
-        if self.of.api.real_bytes == sizeof(double):
-            return self.of.api.check(self.core, t, &y[0])
-        cdef const unsigned char[:, ::1] raw = self.of.widen(y)
-        return self.of.api.check(self.core, t, &raw[0, 0])
+        cdef Reals state = Reals(self.of, y)
+        return self.of.api.check(self.core, t, state.at)
+
+
+cdef class Equations(Integrable):
+    """The kernels of one model with its parameters and scratch memory; one per thread of work.
+
+    Parameters
+    ----------
+    addresses
+        Address of each kernel by name; ``accelerations`` and ``energy`` are required.
+    n, m
+        Number of coordinates and of constraints.
+    extra
+        1 when the work of loads without potential is integrated along, else 0.
+    p
+        Parameters.
+    work_size
+        Numbers of work memory that the largest kernel needs.
+    first_pivot
+        Where 'factor' leaves the pivots in its work memory.
+    rank_tolerance
+        What a multiplier's pivot keeps at most of its own-signed terms where rank is lost; the kernels set such a
+        multiplier to zero.
+    redundant
+        Number of constraints that follow from the others in every configuration: so many pivots must be lost.
+    slack
+        By how much [m] a redundant constraint may contradict the others.
+    core
+        The core that the kernels were compiled for; that of doubles when absent.
+    events
+        Number of values that the kernel of that name writes.
+    tangent
+        Row, column and place of each value that the kernel of that name writes, column by column.
+    steady
+        Whether the constraints cannot lose rank, so that nobody need look.
+    stabilisation
+        Rate [1/s] of Baumgarte's terms in derivatives; 0 for none.
+    """
+
+    def __init__(self, addresses, Py_ssize_t n, Py_ssize_t m, Py_ssize_t extra, p, Py_ssize_t work_size,
+                 Py_ssize_t first_pivot, double rank_tolerance, Py_ssize_t redundant, double slack, *,
+                 Core core=DOUBLE, long events=0, tangent=(), bint steady=False, double stabilisation=0.0):
+        cdef kernels given
+        cdef sizes wanted
+        cdef const double[::1] parameters = np.array([*p, 0.0])
+        for name in ("accelerations", "energy"):
+            if not addresses.get(name):
+                raise ValueError("a model without the kernels 'accelerations' and 'energy' cannot be stepped")
+        given.accelerations = kernel_of(addresses, "accelerations")
+        given.factor, given.solve = kernel_of(addresses, "factor"), kernel_of(addresses, "solve")
+        given.constraints = kernel_of(addresses, "constraints")
+        given.velocity_constraints = kernel_of(addresses, "velocity_constraints")
+        given.energy, given.residual = kernel_of(addresses, "energy"), kernel_of(addresses, "residual")
+        given.events, given.tangent = kernel_of(addresses, "events"), kernel_of(addresses, "tangent")
+        wanted.n, wanted.m, wanted.extra, wanted.parameters = n, m, extra, parameters.shape[0] - 1
+        wanted.work, wanted.first_pivot, wanted.redundant = work_size, first_pivot, redundant
+        wanted.events = events if given.events != NULL else 0
+        self.places = np.array([*np.ravel(tangent), 0], dtype="l")
+        wanted.tangent, wanted.tangent_places, wanted.steady = len(tangent), &self.places[0], steady
+        wanted.rank_tolerance, wanted.slack, wanted.stabilisation = rank_tolerance, slack, stabilisation
+        self.of = core
+        self.make(&wanted, &given)
+        self.bound(parameters)
 
 
 cdef class Run:
@@ -348,7 +382,6 @@ cdef class Run:
         cdef const double[::1] start = np.array([*y0, 0.0]), wanted = np.ascontiguousarray([*times, INFINITY])
         cdef const signed char[::1] ways = np.array([*directions, 0], dtype=np.int8)
         cdef const signed char[::1] ends = np.array([*terminal, 0], dtype=np.int8)
-        equations.ready()
         self.equations, self.of = equations, equations.of
         self.scheme = self.of.scheme(method)
         self.asked.t0, self.asked.t_end, self.asked.rtol, self.asked.atol = t0, t_end, rtol, atol
@@ -379,12 +412,27 @@ cdef class Run:
         self.ended_by, self.worst, self.stiff, self.t_stiff = r.ended_by, r.worst, r.stiff, r.t_stiff
         if r.passages:
             self._take_passages()
+        if r.events:
+            self._take_events(r.events)
 
     cdef void _take_passages(self):
         cdef passage found[MOST_PASSAGES]
         cdef long i, count = self.of.api.take_passages(self.core, found)
         for i in range(count):
             self.passages.append((found[i].t, found[i].soundness, found[i].weakest))
+
+    cdef void _take_events(self, long count):
+        cdef found_event *found = <found_event *>calloc(count, sizeof(found_event))
+        cdef void *raw = calloc(count * self.dim, self.of.api.real_bytes)
+        cdef long i
+        if found == NULL or raw == NULL:
+            raise MemoryError
+        self.of.api.take_events(self.core, found, raw)
+        states = self._doubles(raw, count, self.dim)
+        for i in range(count):
+            self.events.append((found[i].t, found[i].index, bool(found[i].rising), states[i]))
+        free(found)
+        free(raw)
 
     def begin(self):
         """Project and record the start, find the first step; return the status."""

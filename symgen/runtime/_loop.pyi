@@ -1,11 +1,11 @@
-"""Types of the compiled loop; see ``_loop.pyx`` for what things do."""
+"""Types of the binding of closed loops; see ``_loop.pyx`` for what things do."""
 
 from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
-from symgen.runtime._foreign import ForeignEquations
+from symgen.runtime._core import Core, Integrable
 
 Array = NDArray[np.float64]
 
@@ -13,14 +13,23 @@ OPEN: int
 INCONSISTENT: int
 POLE: int
 BLIND: int
+CLOSURE: int
+RATES: int
+SOUNDNESS: int
+HOLD: int
+STATUS: int
 
-class LoopEquations(ForeignEquations):
+class LoopEquations(Integrable):
     rank: int
-    closure: float
-    rates_left: float
-    hold: float
     size: float
-    iterations: int
+    @property
+    def closure(self) -> float: ...
+    @property
+    def rates_left(self) -> float: ...
+    @property
+    def hold(self) -> float: ...
+    @property
+    def iterations(self) -> int: ...
     def __init__(
         self,
         addresses: Mapping[str, int],
@@ -33,6 +42,18 @@ class LoopEquations(ForeignEquations):
         unknown: Sequence[int],
         size: float,
         rank: int,
+        *,
+        core: Core = ...,
     ) -> None: ...
     def close(self, t: float, q: Array) -> int: ...
     def closed_screws(self, t: float, q: Array) -> tuple[Array, float]: ...
+    def follow(
+        self,
+        t: float,
+        q: Array,
+        times: Array,
+        longest: float,
+        states: Array,
+        out: Array,
+        diagnosis: Array,
+    ) -> tuple[int, int, float]: ...

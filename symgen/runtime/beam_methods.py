@@ -8,15 +8,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+#: Weights of the accelerations at the start and at the end of a step.
+Pair = tuple[float, float]
 
 
 @dataclass(frozen=True, slots=True)
 class BeamMethod:
     """A fixed-step method for M S'' + C S' + K S = Q.
 
-    ``collocated`` methods have stages ``c`` with the matrix ``a`` and weights ``b``. The others take the
-    equation at the part 1 - ``at_force`` of the step, and the acceleration at 1 - ``at_inertia``; ``gamma``
-    and ``beta`` are Newmark's, here those of constant average acceleration.
+    ``collocated`` methods have stages ``c`` with the matrix ``a`` and weights ``b``. The others find the
+    acceleration at the end of the step from the equation at a part ``at`` of the step h, where with S'' at
+    both ends
+
+        S''_at = inertia . (S''_0, S''_1),   S'_at = S'_0 + h rate . (S''_0, S''_1),
+        S_at = S_0 + at h S'_0 + h^2 place . (S''_0, S''_1),
+
+    and the step ends as Newmark's does with ``gamma`` and ``beta``.
     """
 
     name: str
@@ -25,8 +32,10 @@ class BeamMethod:
     b: Array = field(default_factory=lambda: np.zeros(1))
     c: Array = field(default_factory=lambda: np.zeros(1))
     collocated: bool = False
-    at_force: float = 0.0
-    at_inertia: float = 0.0
+    at: float = 1.0
+    inertia: Pair = (0.0, 1.0)
+    rate: Pair = (0.5, 0.5)
+    place: Pair = (0.25, 0.25)
     gamma: float = 0.5
     beta: float = 0.25
 
@@ -34,13 +43,34 @@ class BeamMethod:
 def _generalized_alpha(radius: float) -> BeamMethod:
     """Return the method with a spectral radius at infinite frequency (Chung, Hulbert 1993, Eqs. 17 to 25)."""
     inertia, force = (2 * radius - 1) / (radius + 1), radius / (radius + 1)
+    gamma, beta, at = 0.5 - inertia + force, (1 - inertia + force) ** 2 / 4, 1 - force
     return BeamMethod(
         "generalized-alpha",
         2,
-        at_force=force,
-        at_inertia=inertia,
-        gamma=0.5 - inertia + force,
-        beta=(1 - inertia + force) ** 2 / 4,
+        at=at,
+        inertia=(inertia, 1 - inertia),
+        rate=(at * (1 - gamma), at * gamma),
+        place=(at * (0.5 - beta), at * beta),
+        gamma=gamma,
+        beta=beta,
+    )
+
+
+def _wilson(theta: float) -> BeamMethod:
+    """Return Wilson's method: acceleration linear in time up to ``theta`` steps, where the equation is met.
+
+    K. J. Bathe, E. L. Wilson, *Stability and accuracy analysis of direct integration methods*, Earthquake
+    Engineering and Structural Dynamics 1 (1973): stable at any step for theta above 1.37. The load is taken
+    where the equation is, not extrapolated.
+    """
+    return BeamMethod(
+        "wilson-theta",
+        2,
+        at=theta,
+        inertia=(1 - theta, theta),
+        rate=(theta - theta**2 / 2, theta**2 / 2),
+        place=(theta**2 / 2 - theta**3 / 6, theta**3 / 6),
+        beta=1 / 6,
     )
 
 
@@ -66,6 +96,7 @@ _METHODS = (
     _gauss("gauss4", 2),
     BeamMethod("newmark", 2),
     _generalized_alpha(0.9),
+    _wilson(1.4),
 )
 #: Methods by name.
 BEAM_METHODS = {m.name: m for m in _METHODS}

@@ -35,6 +35,17 @@ class BlockInfo:
 
 
 @dataclass(frozen=True, slots=True)
+class EventInfo:
+    """Where an entry of the kernel 'events' passes zero: rising (1), falling (-1) or either way (0)."""
+
+    name: str
+    unit: str
+    direction: int
+    ends_run: bool
+    about: str
+
+
+@dataclass(frozen=True, slots=True)
 class KernelInfo:
     """Sizes, results and cost of a kernel."""
 
@@ -101,6 +112,7 @@ class Description(Described):
     assembly_tolerance: float
     rank_tolerance: float
     elastic: ElasticInfo | None = None
+    events: tuple[EventInfo, ...] = ()
 
     @property
     def coordinates(self) -> int:
@@ -194,7 +206,8 @@ def read_description(text: str) -> Description | LoopDescription:
         if isinstance(value, list):
             data[key] = tuple(value)
     if "variables" not in data:
-        return Description(**{**data, "elastic": read_elastic(data["elastic"])})
+        events = tuple(EventInfo(**e) for e in data["events"])
+        return Description(**{**data, "elastic": read_elastic(data["elastic"]), "events": events})
     data["variables"] = tuple(VariableInfo(**v) for v in data["variables"])
     return LoopDescription(**data)
 

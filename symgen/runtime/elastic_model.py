@@ -20,7 +20,17 @@ if TYPE_CHECKING:
     from symgen.runtime.sweep import Sweep
 
 #: How an elastic motion is found, by name.
-METHODS = ("gauss", "gauss4", "newmark", "generalized-alpha", "dop853", "rk4", "quasi-static", "periodic")
+METHODS = (
+    "gauss",
+    "gauss4",
+    "newmark",
+    "generalized-alpha",
+    "wilson-theta",
+    "dop853",
+    "rk4",
+    "quasi-static",
+    "periodic",
+)
 FORMS = ("exact", "thesis")
 
 

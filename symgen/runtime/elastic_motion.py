@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from symgen.errors import ModelError, SimulationError
 from symgen.runtime import _beams, _core
-from symgen.runtime._rigid_motion import RigidMotion
+from symgen.runtime._beams import RigidMotion
 from symgen.runtime.beam_data import Lump, Profile, Properties
 from symgen.runtime.beam_layout import Layout, layout
 from symgen.runtime.beams import Beam, beam

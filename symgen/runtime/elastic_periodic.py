@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symgen.errors import ModelError, SimulationError
-from symgen.runtime import _beam_steps, _beams
+from symgen.runtime import _beams
 from symgen.runtime.beam_methods import GAUSS
 from symgen.runtime.elastic_motion import ElasticMotion
 from symgen.runtime.elastic_result import FLOQUET_SETTLED
@@ -84,7 +84,7 @@ def _shot(
     free = own.shape[2]
     s = np.hstack([np.zeros((n, 1)), own[0], np.zeros((n, free))])
     v = np.hstack([np.zeros((n, 1)), own[1], own[0]])
-    steps = _beam_steps.BeamSteps(equations, GAUSS, 2 * free + 1)
+    steps = _beams.BeamSteps(equations, GAUSS, 2 * free + 1)
     motion.check(equations, steps.start(0.0, s, v), 0.0)
     motion.check(equations, steps.advance(0.0, motion.period, per_turn), motion.period)
     ends_s, ends_v = steps.displacements, steps.rates

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symgen.errors import ModelError, SimulationError
-from symgen.runtime import _beam_steps, _beams, _core
+from symgen.runtime import _beams, _core
 from symgen.runtime.beam_methods import BEAM_METHODS, BeamMethod
 from symgen.runtime.elastic_motion import ElasticMotion
 from symgen.runtime.elastic_result import outputs
@@ -121,7 +121,7 @@ def stepped(
         When the linkage cannot turn.
     """
     n = motion.layout.unknowns
-    steps = _beam_steps.BeamSteps(equations, method, 1)
+    steps = _beams.BeamSteps(equations, method, 1)
     s, v = start or (np.zeros((n, 1)), np.zeros((n, 1)))
     motion.check(equations, steps.start(0.0, s, v), 0.0)
     order = np.argsort(times, kind="stable")

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symgen.errors import ModelError
-from symgen.runtime import _core, _follow, _loop, _loop_motion
+from symgen.runtime import _core, _loop
 from symgen.runtime.description import LoopDescription, VariableInfo
 from symgen.runtime.evaluate import part
 from symgen.runtime.library import Library
@@ -54,16 +54,8 @@ class LoopKernels:
         return kernel in self.library.addresses
 
     def equations(self, solved: Sequence[int], rank: int) -> _loop.LoopEquations:
-        """Return the compiled view of the kernels that solves for these variables."""
+        """Return the compiled view of the kernels: solves for these variables, follows inputs, runs."""
         return _loop.LoopEquations(*self._arguments(solved, rank))
-
-    def follower(self, solved: Sequence[int], rank: int) -> _follow.LoopFollower:
-        """Return the same, to follow the loop through values of its input."""
-        return _follow.LoopFollower(*self._arguments(solved, rank))
-
-    def moving(self, solved: Sequence[int], rank: int) -> _loop_motion.MovingLoop:
-        """Return the same, for the step loop."""
-        return _loop_motion.MovingLoop(*self._arguments(solved, rank))
 
     def _arguments(self, solved: Sequence[int], rank: int) -> tuple[Any, ...]:
         d = self.description

@@ -67,7 +67,12 @@ class LoopModel(Compiled):
         changed = {**self.parameters, **values}
         return LoopModel(self.description, self._library, self._derive, changed, self._typed)
 
-    def _begin(self) -> Closed:
+    @property
+    def kernels(self) -> LoopKernels:
+        """Its kernels as functions of arrays."""
+        return self._kernels
+
+    def closed_start(self) -> Closed:
         """Return the closed pose at the beginning of the range, found once."""
         if self._start is None:
             d = self.description
@@ -117,7 +122,7 @@ class LoopModel(Compiled):
         """
         self._refuse_types("closed loops are")
         driven(self.description)
-        return follow(self._kernels, self._begin(), reals(values, "values of the input"))
+        return follow(self._kernels, self.closed_start(), reals(values, "values of the input"))
 
     def turn(
         self,
@@ -149,7 +154,7 @@ class LoopModel(Compiled):
             raise ModelError(f"expected a range with start before stop, got {low:g} to {high:g}")
         if not through:
             return self.at(np.linspace(low, high, samples))
-        begin = followed(self._kernels, self._begin(), low)
+        begin = followed(self._kernels, self.closed_start(), low)
         return follow_through(self._kernels, begin, high, samples)
 
     def assemblies(self, value: float | None = None) -> tuple[dict[str, float], ...]:
@@ -159,7 +164,7 @@ class LoopModel(Compiled):
         """
         if value is not None:
             driven(self.description)
-        begin = self._begin()
+        begin = self.closed_start()
         t = begin.t if value is None else self._kernels.time_of(real(value, "value"))
         names = [v.name for v in self.description.variables]
         return tuple(dict(zip(names, q.tolist(), strict=True)) for q in assemblies(self._kernels, t, begin.q))
@@ -207,4 +212,4 @@ class LoopModel(Compiled):
             )
         end = d.t_end if t_end is None else real(t_end, "t_end")
         chosen = options(end, method, rtol, atol, step, samples, max_steps)
-        return run(self._kernels, self._begin(), chosen, progress)
+        return run(self._kernels, self.closed_start(), chosen, progress)

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symgen.errors import ModelError
-from symgen.runtime import _core, _follow, _loop
+from symgen.runtime import _core, _loop
 from symgen.runtime.loop_kernels import LoopKernels
 
 Array = NDArray[np.float64]
@@ -33,7 +33,7 @@ class PoleAt:
 
 
 def poles(
-    kernels: LoopKernels, equations: _follow.LoopFollower, times: Array, states: Array, diagnosis: Array
+    kernels: LoopKernels, equations: _loop.LoopEquations, times: Array, states: Array, diagnosis: Array
 ) -> list[PoleAt]:
     """Return the poles met and passed between the samples of a followed loop, in order."""
     d = kernels.description
@@ -42,11 +42,11 @@ def poles(
     n, before = d.coordinates, -1
     found: list[tuple[float, Array]] = []
     for i in np.argsort(times, kind="stable"):
-        t, hold, status = float(times[i]), diagnosis[i, _follow.HOLD], diagnosis[i, _follow.STATUS]
+        t, hold, status = float(times[i]), diagnosis[i, _loop.HOLD], diagnosis[i, _loop.STATUS]
         if status == _loop.POLE:
             if not found or found[-1][0] != t:
                 found.append((t, states[i, :n]))
-        elif before >= 0 and status == _core.DONE and diagnosis[before, _follow.HOLD] * hold < 0.0:
+        elif before >= 0 and status == _core.DONE and diagnosis[before, _loop.HOLD] * hold < 0.0:
             passed = _between(kernels, equations, float(times[before]), t, states[before, :n])
             found += [passed] if passed else []
         before = i if status == _core.DONE else -1
@@ -54,7 +54,7 @@ def poles(
 
 
 def _between(
-    kernels: LoopKernels, equations: _follow.LoopFollower, low: float, high: float, q: Array
+    kernels: LoopKernels, equations: _loop.LoopEquations, low: float, high: float, q: Array
 ) -> tuple[float, Array] | None:
     """Return where the hold of the drives changes its sign between two times; None where it does not."""
     follower = _Follower(kernels, equations, low, q)
@@ -71,7 +71,7 @@ def _between(
 class _Follower:
     """The hold of the drives as a function of the time, followed from a state."""
 
-    def __init__(self, kernels: LoopKernels, equations: _follow.LoopFollower, t: float, q: Array) -> None:
+    def __init__(self, kernels: LoopKernels, equations: _loop.LoopEquations, t: float, q: Array) -> None:
         self.equations, self.t, self.start = equations, t, q
         info = kernels.description.kernel("outputs")
         self.out = np.zeros((1, (info.out_size if info else 0) + 1))
@@ -83,12 +83,12 @@ class _Follower:
         span = max(abs(t - self.t), 1e-12)
         status, *_ = self.equations.follow(self.t, q, np.array([t]), span, self.states, self.out, diagnosis)
         self.q = q[:-1]
-        self.hold = float(diagnosis[0, _follow.HOLD]) if status == _core.DONE else np.nan
+        self.hold = float(diagnosis[0, _loop.HOLD]) if status == _core.DONE else np.nan
         return self.hold
 
 
 def beside_pole(
-    kernels: LoopKernels, equations: _follow.LoopFollower, t: float, q: Array, out: Array
+    kernels: LoopKernels, equations: _loop.LoopEquations, t: float, q: Array, out: Array
 ) -> Array:
     """Return the outputs at a pole: those that have none there are the limit from both sides.
 
@@ -112,9 +112,7 @@ def beside_pole(
     return np.where(np.abs(limit - out) <= 1e-9 * np.maximum(1.0, np.abs(out)), out, limit)
 
 
-def at_state(
-    kernels: LoopKernels, equations: _follow.LoopFollower, t: float, q: Array
-) -> tuple[Array, Array]:
+def at_state(kernels: LoopKernels, equations: _loop.LoopEquations, t: float, q: Array) -> tuple[Array, Array]:
     """Return rates, and accelerations with the closing wrench, of the closed loop at (t, q)."""
     n = kernels.description.coordinates
     info = kernels.description.kernel("outputs")
@@ -125,7 +123,7 @@ def at_state(
     return states[0, n : 2 * n], states[0, 2 * n : 3 * n + 6]
 
 
-def _residue(kernels: LoopKernels, equations: _follow.LoopFollower, t: float, q: Array) -> dict[str, Array]:
+def _residue(kernels: LoopKernels, equations: _loop.LoopEquations, t: float, q: Array) -> dict[str, Array]:
     """Return lim (t - t*) times every output, at a pole t* of the efforts."""
     d = kernels.description
     solved, inputs = d.having("dependent"), d.having("input")
@@ -161,7 +159,7 @@ def _residue(kernels: LoopKernels, equations: _follow.LoopFollower, t: float, q:
 
 
 def undetermined(
-    kernels: LoopKernels, equations: _follow.LoopFollower, times: Array, states: Array
+    kernels: LoopKernels, equations: _loop.LoopEquations, times: Array, states: Array
 ) -> dict[str, NDArray[np.bool_]]:
     """Return which entries of the outputs redundant constraints leave open, at one of a few states."""
     found: dict[str, NDArray[np.bool_]] = {}

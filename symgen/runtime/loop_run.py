@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symgen.errors import SimulationError
-from symgen.runtime import _core, _loop_motion
+from symgen.runtime import _core, _loop
 from symgen.runtime.loop_kernels import LoopKernels, in_words
 from symgen.runtime.loop_start import Closed, scaled_screws
 from symgen.runtime.options import Options
@@ -30,7 +30,7 @@ def run(
         When the run cannot go on, naming time, row and cause; the error carries what was recorded till then.
     """
     d = kernels.description
-    equations = kernels.moving([*d.having("dependent"), *d.having("free")], begin.rank)
+    equations = kernels.equations([*d.having("dependent"), *d.having("free")], begin.rank)
     y0 = np.concatenate([begin.q, _rates(kernels, begin), [0.0]])
     times = np.linspace(begin.t, chosen.t_end, chosen.samples)
     stepper = _core.Run(
@@ -60,7 +60,7 @@ def _rates(kernels: LoopKernels, begin: Closed) -> Array:
 
 def _recorded(
     kernels: LoopKernels,
-    equations: _loop_motion.MovingLoop,
+    equations: _loop.LoopEquations,
     stepper: _core.Run,
     chosen: Options,
     wall: float,

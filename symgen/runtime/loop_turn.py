@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symgen.errors import ModelError, SimulationError
-from symgen.runtime import _core, _follow, _loop
+from symgen.runtime import _core, _loop
 from symgen.runtime.description import LoopDescription
 from symgen.runtime.loop_curve import walk
 from symgen.runtime.loop_kernels import LoopKernels, in_words
@@ -54,7 +54,7 @@ def follow(kernels: LoopKernels, begin: Closed, values: Array) -> Turn:
         )
     begun = time.perf_counter()
     times = kernels.times_of(values)
-    equations = kernels.follower(d.having("dependent"), begin.rank)
+    equations = kernels.equations(d.having("dependent"), begin.rank)
     order = np.argsort(times, kind="stable")
     ahead = times[order]
     first = int(np.searchsorted(ahead, begin.t))  # those before it are followed backwards
@@ -114,7 +114,7 @@ def follow_through(kernels: LoopKernels, begin: Closed, stop: float, samples: in
     d = kernels.description
     begun = time.perf_counter()
     times, poses, turning = walk(kernels, begin, kernels.time_of(stop), samples)
-    equations = kernels.follower(d.having("dependent"), begin.rank)
+    equations = kernels.equations(d.having("dependent"), begin.rank)
     count = len(times)
     rows = _rows(d, count)
     kept = [
@@ -147,7 +147,7 @@ def followed(kernels: LoopKernels, begin: Closed, value: float) -> Closed:
         When it cannot be followed there.
     """
     d = kernels.description
-    equations, t = kernels.follower(d.having("dependent"), begin.rank), kernels.time_of(value)
+    equations, t = kernels.equations(d.having("dependent"), begin.rank), kernels.time_of(value)
     rows, q = _rows(d, 1), np.append(begin.q, 0.0)
     longest = max(abs(t - begin.t), 1e-12) / _PARTS
     status, _, at = equations.follow(begin.t, q, np.array([t]), longest, *rows)
@@ -177,7 +177,7 @@ def driven(d: LoopDescription) -> None:
 
 def _recorded(
     kernels: LoopKernels,
-    equations: _follow.LoopFollower,
+    equations: _loop.LoopEquations,
     begin: Closed,
     times: Array,
     states: Array,
@@ -188,7 +188,7 @@ def _recorded(
 ) -> Turn:
     d = kernels.description
     found = poles(kernels, equations, times, states, diagnosis)
-    met = diagnosis[:, _follow.STATUS] == _loop.POLE
+    met = diagnosis[:, _loop.STATUS] == _loop.POLE
     for k in np.flatnonzero(met):
         out[k] = beside_pole(kernels, equations, float(times[k]), states[k, : d.coordinates], out[k])
     made = variables(d, out)
@@ -198,7 +198,7 @@ def _recorded(
         for i, c in enumerate(v.components or ("",)):
             if any((f"{v.name}.{c}" if c else v.name) in p.residues for p in told):
                 columns[met, i] = np.nan
-    blind = diagnosis[:, _follow.STATUS] == _loop.BLIND
+    blind = diagnosis[:, _loop.STATUS] == _loop.BLIND
     placed = {x.name for x in d.variables}
     for v in made:
         if v.name not in placed:
@@ -222,8 +222,8 @@ def _recorded(
         time=times,
         variables=tuple(made),
         drift=Drift(
-            float(np.max(diagnosis[:, _follow.CLOSURE], initial=0.0)) * d.size,
-            float(np.max(diagnosis[:, _follow.RATES], initial=0.0)),
+            float(np.max(diagnosis[:, _loop.CLOSURE], initial=0.0)) * d.size,
+            float(np.max(diagnosis[:, _loop.RATES], initial=0.0)),
             math.nan,
             math.nan,
         ),
@@ -234,8 +234,8 @@ def _recorded(
             "values": (values / size).tolist(),
             "t": float(times[-1]) if len(times) else begin.t,
             "steps": len(times),
-            "closure": float(np.max(diagnosis[:, _follow.CLOSURE], initial=0.0)),
-            "least_singular": float(np.min(diagnosis[:, _follow.SOUNDNESS], initial=1.0)),
+            "closure": float(np.max(diagnosis[:, _loop.CLOSURE], initial=0.0)),
+            "least_singular": float(np.min(diagnosis[:, _loop.SOUNDNESS], initial=1.0)),
             "rank": begin.rank,
             "poles": [asdict(p) for p in told],
             "indeterminate": indeterminate,
@@ -320,7 +320,7 @@ def _notes(
 
 
 def _problem(
-    kernels: LoopKernels, equations: _follow.LoopFollower, status: int, t: float, q: Array, target: float
+    kernels: LoopKernels, equations: _loop.LoopEquations, status: int, t: float, q: Array, target: float
 ) -> str:
     d = kernels.description
     solved = d.having("dependent")

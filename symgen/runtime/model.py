@@ -24,6 +24,7 @@ from symgen.runtime.state import Accelerations, State
 from symgen.runtime.typed import Typed
 
 if TYPE_CHECKING:
+    from symgen.runtime._rhs import Rhs
     from symgen.runtime.bonds import Bonds
     from symgen.runtime.equilibrium import Equilibrium
     from symgen.runtime.forces import Forces
@@ -186,6 +187,13 @@ class Model(Compiled):
         from symgen.runtime.bonds import Bonds
 
         return Bonds(self._evaluator, self.analysis("kinematics"))
+
+    @property
+    def rhs(self) -> Rhs:
+        """The right-hand side for solvers of SciPy and others: see :mod:`symgen.runtime.rhs`."""
+        from symgen.runtime.rhs import right_hand_side
+
+        return right_hand_side(self)
 
     @property
     def evaluator(self) -> Evaluator:
@@ -371,7 +379,7 @@ class Model(Compiled):
             Tolerances of the local error for methods that adapt their step: relative (1e-9), absolute in m
             and m/s (rtol/1000).
         step
-            The fixed step [s] for methods that have one.
+            The fixed step [s]; a method that adapts its own takes fixed ones then, without judging them.
         samples
             Number of equally spaced times at which the outputs are recorded.
         max_steps

@@ -10,8 +10,7 @@ from symgen.errors import ModelError, nearest
 from symgen.precision import FLOAT64, Precision
 from symgen.runtime._core import STABILISATIONS
 from symgen.runtime.arguments import count, is_real
-from symgen.runtime.integrators import integrator
-from symgen.runtime.integrators.tableau import ExplicitRungeKutta
+from symgen.runtime.integrators import Integrator, integrator
 
 #: Tightest relative tolerance that a type can meet, and the one taken when none is given: over its epsilon.
 TIGHTEST, _DEFAULT = 100.0, 1000.0
@@ -23,7 +22,7 @@ _RTOL, _ATOL = 1e-9, 1e-3
 class Options:
     """How to run: checked by :func:`options`."""
 
-    method: ExplicitRungeKutta
+    method: Integrator
     t_end: float
     rtol: float
     atol: float
@@ -73,12 +72,14 @@ def options(
         raise ModelError(f"expected between 2 and 10 million samples, got {samples}")
     if max_steps < 1:
         raise ModelError(f"expected max_steps of at least 1, got {max_steps}")
-    if chosen.adaptive:
-        if step is not None:
-            raise ModelError(f"{chosen.name} chooses its own step: give rtol and atol, or another method")
+    if chosen.adaptive and step is None:
         rtol, atol = _tolerances(rtol, atol, precision)
         return Options(chosen, t_end, rtol, atol, 0.0, samples, max_steps, *kept)
     if rtol is not None or atol is not None:
+        if chosen.adaptive:
+            raise ModelError(
+                f"{chosen.name} takes fixed steps or meets a tolerance: give step, or rtol and atol"
+            )
         raise ModelError(f"{chosen.name} has a fixed step: give step instead of rtol and atol")
     if step is None:
         raise ModelError(f"{chosen.name} has a fixed step: give it one, such as step=1e-3")

@@ -12,7 +12,7 @@ from symgen.runtime.evaluate import Evaluator, part
 from symgen.runtime.library import Library
 from symgen.runtime.options import Options
 from symgen.runtime.redundancy import least_norm, not_unique
-from symgen.runtime.result import Drift, Result, Variable
+from symgen.runtime.result import Drift, Event, Result, Variable
 
 Array = NDArray[np.float64]
 
@@ -33,11 +33,9 @@ def recorded(
     description = evaluator.description
     times = stepper.sampled
     solver = equations
-    if (
-        equations.core_type is not _core.DOUBLE
-    ):  # states are recorded as doubles, and outputs follow from them
+    if equations.core_type is not _core.DOUBLE:
+        # States are recorded as doubles, and outputs follow from them.
         solver = evaluator.equations(len(redundant))
-    final = evaluator.blocks("points", stepper.t, *np.split(stepper.state[: 2 * description.coordinates], 2))
     drift = Drift(
         constraint=stepper.position_drift,
         velocity=stepper.velocity_drift,
@@ -51,12 +49,9 @@ def recorded(
         title=description.title,
         axes=description.axes,
         time=times,
-        variables=_outputs(evaluator, solver, times, stepper.result, len(redundant)),
+        variables=outputs(evaluator, solver, times, stepper.result, len(redundant)),
         drift=drift,
-        final={
-            p: {"position": final["positions"][i].tolist(), "velocity": final["velocities"][i].tolist()}
-            for i, p in enumerate(description.points)
-        },
+        final=motion(evaluator, stepper.t, stepper.state),
         statistics={
             "t": stepper.t,
             "steps": stepper.steps,
@@ -85,13 +80,29 @@ def recorded(
             *_of_redundancy(evaluator, stepper, redundant),
             *_of_passages(evaluator, stepper),
             *_of_stiffness(stepper, chosen),
+            *_of_the_end(evaluator, stepper),
+        ),
+        events=tuple(
+            Event(description.events[i].name, t, rising, motion(evaluator, t, y))
+            for t, i, rising, y in stepper.events
         ),
     )
 
 
-def _outputs(
+def motion(evaluator: Evaluator, t: float, y: Array) -> dict[str, dict[str, list[float]]]:
+    """Return position [m] and velocity [m/s] of every point in a state (q, u, ...)."""
+    d = evaluator.description
+    found = evaluator.blocks("points", t, *np.split(y[: 2 * d.coordinates], 2))
+    positions, velocities = found["positions"].tolist(), found["velocities"].tolist()
+    return {
+        p: {"position": x, "velocity": v} for p, x, v in zip(d.points, positions, velocities, strict=True)
+    }
+
+
+def outputs(
     evaluator: Evaluator, equations: _core.Equations, times: Array, states: Array, redundant: int
 ) -> tuple[Variable, ...]:
+    """Return what the scene asks to record, at these times and states (q, u, ...), a row each."""
     info = evaluator.description.kernel("outputs")
     if info is None or not len(times):
         return ()
@@ -151,6 +162,13 @@ def _of_stiffness(stepper: _core.Run, chosen: Options) -> Iterator[str]:
             f"the motion is stiff from t = {stepper.t_stiff:.6g} s on: stability, not accuracy, sets the "
             f"steps of {chosen.method.name}, and an implicit method would take longer ones"
         )
+
+
+def _of_the_end(evaluator: Evaluator, stepper: _core.Run) -> Iterator[str]:
+    """Say which event ended the run."""
+    if stepper.ended_by >= 0:
+        name = evaluator.description.events[stepper.ended_by].name
+        yield f"the event {name!r} ended the run at t = {stepper.t:.9g} s"
 
 
 def _squeezed(values: Array, shape: tuple[int, int]) -> Array:

@@ -51,7 +51,7 @@ def run(
     allowed = slack(evaluator, q)
     if typed is not None:
         allowed = typed.precision.coarsened(allowed)
-    equations = evaluator.equations(len(redundant), allowed, chosen.rate, typed)
+    equations = evaluator.equations(len(redundant), allowed, stabilisation=chosen.rate, typed=typed)
     times = np.linspace(t0, chosen.t_end, chosen.samples)
     times[-1] = chosen.t_end
     y0 = np.concatenate([q, u, np.zeros(equations.extra)])
@@ -69,11 +69,13 @@ def run(
         times,
         stabilisation=_core.STABILISATIONS.index(chosen.stabilisation),
         max_drift=chosen.max_drift,
+        directions=[e.direction for e in evaluator.description.events],
+        terminal=[e.ends_run for e in evaluator.description.events],
     )
     status, wall = drive(stepper, t0, chosen, progress)
     library = typed.kernels(False) if typed and not typed.is_plain else evaluator.library
     result = recorded(evaluator, equations, stepper, redundant, chosen, wall, library)
-    if status == _core.DONE:
+    if status in (_core.DONE, _core.ENDED):
         return result
     raise SimulationError(
         _problem(status, stepper, equations, evaluator, chosen),

@@ -188,6 +188,10 @@ class _Reader:
                 return self.named(name)
             case ast.Attribute(value=ast.Name(id=owner), attr=word) if any("." in n for n in self.names):
                 return self.named(f"{owner}.{word}")
+            case ast.Attribute(value=ast.Attribute(value=ast.Name(id=owner), attr=word), attr=part) if any(
+                n.count(".") == 2 for n in self.names
+            ):
+                return self.named(f"{owner}.{word}.{part}")
             case ast.UnaryOp(op=ast.USub(), operand=operand):
                 inner, dim = self.node(operand, depth)
                 return -inner, dim

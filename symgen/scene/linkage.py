@@ -231,6 +231,21 @@ class Driver:
 
 
 @dataclass(frozen=True, slots=True)
+class Event:
+    """Where ``gap``, of the time t and the state, passes zero: rising (1), falling (-1) or either way (0).
+
+    ``unit`` is that of the gap; ``about`` says what passes what.
+    """
+
+    name: str
+    gap: sp.Expr
+    unit: str
+    direction: int
+    ends_run: bool
+    about: str
+
+
+@dataclass(frozen=True, slots=True)
 class StartConditions:
     """Directions [rad] and rates [rad/s] of links, and velocities [m/s] of points, that the start has."""
 
@@ -268,6 +283,7 @@ class Linkage:
     crank: Crank | None = None
     stations: tuple[Station, ...] = ()
     distributed: tuple[DistributedForce, ...] = ()
+    events: tuple[Event, ...] = ()
 
     @cached_property
     def defaults(self) -> Mapping[sp.Symbol, sp.Expr]:

@@ -9,6 +9,7 @@ from symgen.scene import bodies, bonds, loads, units
 from symgen.scene.crank import crank, driver_of, with_flywheel
 from symgen.scene.elastic import Crank
 from symgen.scene.elastic_reading import elastic_links, stations
+from symgen.scene.events import events
 from symgen.scene.linkage import Linkage
 from symgen.scene.loop import Loop
 from symgen.scene.loops import loop_of
@@ -90,6 +91,7 @@ def _linkage(scene: Scene) -> Linkage:
         crank=turned,
         stations=tuple(stations(read, links, elastic)),
         distributed=tuple(loads.distributed(read)),
+        events=tuple(events(read)),
     )
     _check_every_point_used(scene, linkage)
     return linkage

@@ -174,6 +174,16 @@ class Driver(Table):
     angle: Value = Field(description="May use the time t.")
 
 
+class Event(Table):
+    """A moment of a run that is looked for: where a quantity passes a value."""
+
+    name: Name = Field(description="What results call it.")
+    of: str = Field(description="A quantity of the state such as A.position.y, or an expression of them.")
+    value: Value = Field(0, description="What it passes.")
+    direction: Literal["rising", "falling", "both"] = Field("both", description="Which way it passes.")
+    ends_run: bool = Field(False, description="Whether the run ends there.")
+
+
 class Start(Table):
     """How the motion starts; at rest where drawn when absent."""
 
@@ -230,6 +240,7 @@ class Scene(Table):
     crank: Crank | None = None
     stations: list[Station] = Field(default_factory=list)
     start: Start = Field(default_factory=Start)
+    events: list[Event] = Field(default_factory=list)
     analysis: Analysis = Field(default=Analysis())
     studies: list[Study] = Field(default_factory=list)
 
@@ -292,6 +303,6 @@ TABLES: dict[str, type[Table]] = {
     "springs": Spring, "actuators": Actuator, "torsion_springs": TorsionSpring, "forces": Force,
     "distributed_forces": DistributedForce, "torques": Torque,
     "guides": Guide, "drivers": Driver, "crank": Crank, "stations": Station,
-    "start": Start, "analysis": Analysis,
+    "start": Start, "events": Event, "analysis": Analysis,
     "loop": SpatialLoop, "studies": Study,
 }  # fmt: skip

@@ -8,6 +8,8 @@
 
 #include <stddef.h>
 
+#include "elastic.h"
+#include "loops.h"
 #include "run.h"
 
 #if defined(_WIN32)
@@ -40,6 +42,9 @@ struct core_api {
     long real_bytes;
     double epsilon;
     const char *real_name;
+
+    const struct loops_api *loops;
+    const struct elastic_api *elastic;
 
     /* Numbers to the core's type: high + low, low may be NULL; and back, low gets the rest when it is not NULL. */
     void (*widen)(long count, const double *high, const double *low, void *reals);

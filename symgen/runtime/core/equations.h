@@ -21,6 +21,7 @@ enum status {
     CONTRADICTED,
     DRIFTED,    /* a constraint strayed by more than the run allows */
     ENDED,      /* a terminal event ended the run */
+    UNSOLVED,   /* the implicit equations of a fixed step were not solved */
     AGAIN       /* of adaptive methods only: this step cannot be taken, try state->shrink times its length */
 };
 
@@ -30,7 +31,7 @@ typedef void (*kernel)(const real *t, const real *q, const real *u, const real *
 /* Kernels of a model; those it does not have are NULL. `accelerations` and `energy` are needed.
  * New kernels are appended: their order is that of KERNELS in the binding. */
 struct kernels {
-    kernel accelerations;        /* out = (q'', lambda); leaves its factorisation in work where there is a residual */
+    kernel accelerations;        /* out = (q'', lambda); leaves its factorisation in work, as `factor` does */
     kernel factor;               /* factorisation of [M J^T; J 0] into work */
     kernel solve;                /* solves with that factorisation in place: out = right-hand side, then solution */
     kernel constraints;          /* out = (Phi, scales): Phi_i / scale_i is in metres */
@@ -38,7 +39,7 @@ struct kernels {
     kernel energy;               /* out = (kinetic, potential, power of loads without potential) */
     kernel residual;             /* of (q'', lambda) in work, into out */
     kernel events;               /* out = g, one value an event */
-    kernel tangent;              /* Jacobian of the accelerations, for implicit methods */
+    kernel tangent;              /* slopes of the residual by (q, u), with (q'', lambda) in work, for implicit methods */
 };
 
 /* Sizes and limits of a model. */
@@ -51,6 +52,7 @@ struct sizes {
     long redundant;        /* constraints that follow from the others everywhere: so many pivots must be lost */
     long events;           /* values that `events` writes */
     long tangent;          /* values that `tangent` writes */
+    const long *tangent_places; /* of each, column by column: its row, its column, and its place in `out` */
     long steady;           /* 1 when the constraints cannot lose rank, as those of a tree: no pivots are watched */
     double rank_tolerance; /* what a multiplier's pivot keeps at most of its own-signed terms where rank is lost */
     double slack;          /* by how much [m] a redundant constraint may contradict the others */

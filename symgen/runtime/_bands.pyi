@@ -1,1 +1,0 @@
-"""Banded systems; see ``_bands.pyx``. It has no part for Python."""

@@ -1,0 +1,19 @@
+"""Types of the right-hand side; see ``_rhs.pyx`` for what things do."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from symgen.runtime._core import Equations
+
+Array = NDArray[np.float64]
+
+class Rhs:
+    start: Array
+    def __init__(self, equations: Equations, start: Array) -> None: ...
+    def __call__(self, t: float, y: ArrayLike) -> Array: ...
+    def project(self, t: float, y: ArrayLike) -> Array: ...
+    def energy(self, t: float, y: ArrayLike) -> float: ...
+    @property
+    def low_level(self) -> Any: ...

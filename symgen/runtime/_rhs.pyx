@@ -1,0 +1,77 @@
+# cython: language_level=3, boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
+"""dy/dt of a linkage, for solvers from elsewhere: called from Python, or from C by a function pointer."""
+
+import numpy as np
+
+from cpython.buffer cimport PyBUF_SIMPLE, PyBuffer_Release, PyObject_GetBuffer
+from libc.stdint cimport uintptr_t
+from libc.string cimport memcpy
+
+from symgen.errors import ModelError
+from symgen.runtime._core cimport _DONE, Equations, equations
+
+
+cdef void _entry(double t, const double *y, double *dy, void *user_data) noexcept nogil:
+    cdef equations *e = (<Equations>user_data).core
+    e.of.derivative(e, t, y, dy)
+
+
+cdef class Rhs:
+    """The right-hand side dy/dt = f(t, y) of a linkage: see :func:`symgen.runtime.rhs.right_hand_side`."""
+
+    cdef Equations equations
+    cdef object size
+    cdef readonly object start
+
+    def __init__(self, Equations equations, start):
+        self.equations, self.start, self.size = equations, start, (equations.dim,)
+
+    cdef object _checked(self, y):
+        """Return a state as the kernels take it: an array of 2n numbers on end."""
+        try:
+            row = np.ascontiguousarray(y, dtype=float)
+        except (TypeError, ValueError):
+            raise ModelError(f"expected a state y = (q, u) of {self.size[0]} numbers, got {y!r}") from None
+        if row.shape != self.size:
+            raise ModelError(f"expected a state y = (q, u) of {self.size[0]} numbers, got shape {row.shape}")
+        return row
+
+    def __call__(self, double t, y):
+        cdef Py_buffer state, slope
+        PyObject_GetBuffer(self._checked(y), &state, PyBUF_SIMPLE)
+        made = np.empty(self.size)
+        PyObject_GetBuffer(made, &slope, PyBUF_SIMPLE)
+        self.equations.core.of.derivative(self.equations.core, t, <const double *>state.buf, <double *>slope.buf)
+        PyBuffer_Release(&state)
+        PyBuffer_Release(&slope)
+        return made
+
+    def project(self, double t, y):
+        """Return the state brought onto the constraints, positions and velocities, by the least change."""
+        cdef const double[::1] row = self._checked(y)
+        made = np.empty(self.size)
+        cdef double[::1] projected = made
+        memcpy(&projected[0], &row[0], self.equations.dim * sizeof(double))
+        for again in range(2):  # with the factor of a state far off, rates come close only
+            if self.equations.core.of.project(self.equations.core, t, &projected[0]) != _DONE:
+                raise ModelError(
+                    f"the state at t = {t:g} s cannot be brought onto the constraints: it is too far from "
+                    "them, or they lose rank there"
+                )
+        return made
+
+    def energy(self, double t, y):
+        """Return kinetic plus potential energy [J]."""
+        cdef const double[::1] row = self._checked(y)
+        self.equations.core.of.measure_energy(self.equations.core, t, &row[0])
+        return self.equations.core.energies[0] + self.equations.core.energies[1]
+
+    @property
+    def low_level(self):
+        """It as a ``scipy.LowLevelCallable``: void (double t, double *y, double *dy, void *user_data)."""
+        from symgen.runtime.rhs import low_level
+
+        return low_level(<uintptr_t>&_entry, <uintptr_t><void *>self.equations, self)
+
+    def __repr__(self):
+        return f"<right-hand side of {self.equations.dim // 2} coordinates and their rates>"

@@ -1,0 +1,173 @@
+/* The generalized-alpha family, Newmark's method included: one implicit stage, order 2, stable at any step.
+ *
+ * J. Chung, G. M. Hulbert, J. Appl. Mech. 60 (1993) 371, in the form of M. Arnold, O. Bruls, Multibody Syst. Dyn. 18
+ * (2007) 185: A, an acceleration of the method's own, follows those of the motion, a(q, u, t), by
+ *
+ *     (1 - alpha_m) A_1 + alpha_m A_0 = (1 - alpha_f) a_1 + alpha_f a_0,
+ *     q_1 = q_0 + h u_0 + h^2 ((1/2 - beta) A_0 + beta A_1),   u_1 = u_0 + h ((1 - gamma) A_0 + gamma A_1).
+ *
+ * Where they solve the constraints themselves together with a_1 (index 3), here a(q, u, t) is that of index 1, as for
+ * every other method, and the end of the step is projected: positions and velocities both stay on the constraints,
+ * and redundant ones are dealt with in one place. Newton's iterations use the kernel `tangent`.
+ *
+ * numbers: alpha_m, alpha_f, beta, gamma.
+ */
+#include "dense.h"
+#include "run.h"
+#include "slopes.h"
+
+#include <string.h>
+
+/* Iterations with one Jacobian, and roundings that count as solved when iterations get no further. */
+enum { ITERATIONS = 20 };
+#define ROUND_OFF 1e4
+
+struct alpha {
+    real *f, *f_new;                        /* dy/dt at both ends */
+    real *a, *a_new;                        /* the method's accelerations at both ends, n each */
+    real *by_q, *by_u, *values;             /* the Jacobian, and memory to find it */
+    real *matrix, *swaps, *change;
+    real *h_matrix;                         /* the step that the matrix was made for, 0: none */
+};
+
+static size_t lay_out(const struct equations *e, real *own, struct alpha *x) {
+    size_t n = (size_t)e->n, dim = (size_t)e->dim, at = 0;
+    size_t sizes[] = {dim, dim, n, n, n * n, n * n, (size_t)e->sizes.tangent, n * n, n, n, 1};
+    real **arrays[] = {&x->f,      &x->f_new,  &x->a,     &x->a_new,  &x->by_q,    &x->by_u,
+                       &x->values, &x->matrix, &x->swaps, &x->change, &x->h_matrix};
+    for (size_t i = 0; i < sizeof sizes / sizeof *sizes; i++) {
+        *arrays[i] = own == NULL ? NULL : own + at;
+        at += sizes[i];
+    }
+    return at;
+}
+
+static size_t reals(const struct equations *e, const long *counts) {
+    struct alpha x;
+    (void)counts;
+    return lay_out(e, NULL, &x);
+}
+
+static struct alpha memory_of(const struct run *run) {
+    struct alpha x;
+    lay_out(run->e, run->own, &x);
+    return x;
+}
+
+static void bind(struct run *run) {
+    struct alpha x = memory_of(run);
+    run->f = x.f;
+    run->f_new = x.f_new;
+}
+
+static int begin(struct run *run) {
+    struct alpha x = memory_of(run);
+    run->e->of->derivative(run->e, run->state->t, run->y, x.f);
+    memcpy(x.a, x.f + run->e->n, (size_t)run->e->n * sizeof(real));
+    *x.h_matrix = 0;
+    return DONE;
+}
+
+/* The matrix (1 - alpha_m) - (1 - alpha_f) (h^2 beta da/dq + h gamma da/du) of Newton's iterations, factorised. */
+static int make_matrix(struct run *run, const struct alpha *x, real h) {
+    const real *of = run->scheme.numbers;
+    long n = run->e->n;
+    if (find_slopes(run->e, run->state->t, run->y, x->values, x->by_q, x->by_u) != DONE)
+        return 0;
+    for (long i = 0; i < n * n; i++)
+        x->matrix[i] = -(1 - of[1]) * h * (h * of[2] * x->by_q[i] + of[3] * x->by_u[i]);
+    for (long i = 0; i < n; i++)
+        x->matrix[i * n + i] += 1 - of[0];
+    *x->h_matrix = factor_dense(n, x->matrix, x->swaps) ? h : R(0);
+    return *x->h_matrix > 0;
+}
+
+/* Write y_new by the accelerations in a_new. */
+static void move(struct run *run, const struct alpha *x, real h) {
+    const real *of = run->scheme.numbers, *y = run->y;
+    long n = run->e->n;
+    for (long i = 0; i < n; i++) {
+        run->y_new[i] = y[i] + h * (y[n + i] + h * ((R(0.5) - of[2]) * x->a[i] + of[2] * x->a_new[i]));
+        run->y_new[n + i] = y[n + i] + h * ((1 - of[3]) * x->a[i] + of[3] * x->a_new[i]);
+    }
+}
+
+static real largest(const real *v, long count) {
+    real size = 0;
+    for (long i = 0; i < count; i++)
+        size = real_fmax(size, real_fabs(v[i]));
+    return size;
+}
+
+/* Iterate to a_new with the matrix there is; returns 0 where that does not converge. */
+static int solve_step(struct run *run, const struct alpha *x, real h, real t_new) {
+    const real *of = run->scheme.numbers;
+    long n = run->e->n;
+    real previous = REAL_INFINITY, slowest = real_fmax(largest(run->y + n, n), h * largest(x->a, n));
+    memcpy(x->a_new, x->a, (size_t)n * sizeof(real));
+    for (int k = 0; k < ITERATIONS; k++) {
+        move(run, x, h);
+        run->e->of->derivative(run->e, t_new, run->y_new, x->f_new);
+        for (long i = 0; i < n; i++)
+            x->change[i] = (1 - of[1]) * x->f_new[n + i] + of[1] * x->f[n + i] - (1 - of[0]) * x->a_new[i]
+                           - of[0] * x->a[i];
+        solve_dense(n, x->matrix, x->swaps, x->change);
+        for (long i = 0; i < n; i++)
+            x->a_new[i] += x->change[i];
+        real rates = h * largest(x->change, n), size = real_fmax(slowest, h * largest(x->a_new, n));
+        if (!real_isfinite(rates))
+            return 0;
+        int stalled = k > 0 && rates > R(0.5) * previous;
+        /* where positions are large against a step's change, their rounding comes back in the velocities */
+        real rounding = REAL_EPSILON * real_fmax(size, largest(run->y, n) / h);
+        if (rates <= R(4) * REAL_EPSILON * size || (stalled && rates <= R(ROUND_OFF) * rounding)) {
+            move(run, x, h);
+            return 1;
+        }
+        if (stalled && rates > previous)
+            return 0;
+        previous = rates;
+    }
+    return 0;
+}
+
+static int step(struct run *run, real t, real h, real t_new) {
+    struct alpha x = memory_of(run);
+    const struct equations *e = run->e;
+    (void)t;
+    int known = *x.h_matrix == h;
+    if (!(known && solve_step(run, &x, h, t_new)) && !(make_matrix(run, &x, h) && solve_step(run, &x, h, t_new)))
+        return UNSOLVED;
+    if (e->extra)
+        run->y_new[2 * e->n] = run->y[2 * e->n] + h / 2 * (x.f[2 * e->n] + x.f_new[2 * e->n]);
+    return DONE;
+}
+
+static int finish(struct run *run, real h, real t_new) {
+    struct alpha x = memory_of(run);
+    (void)h;
+    run->e->of->derivative(run->e, t_new, run->y_new, x.f_new);
+    return DONE;
+}
+
+static void prepare(struct run *run, real h) {
+    (void)run, (void)h;
+}
+
+/* The cubic through both ends. */
+static void interpolate(struct run *run, real h, real theta, real *y) {
+    real s = theta, r = 1 - s;
+    for (long i = 0; i < run->dim; i++)
+        y[i] = run->y[i] + s * s * (R(3) - R(2) * s) * (run->y_new[i] - run->y[i])
+               + h * s * r * (r * run->f[i] - s * run->f_new[i]);
+}
+
+static void accept(struct run *run) {
+    struct alpha x = memory_of(run);
+    memcpy(x.f, x.f_new, (size_t)run->dim * sizeof(real));
+    memcpy(x.a, x.a_new, (size_t)run->e->n * sizeof(real));
+}
+
+const struct kind alpha_kind = {
+    "alpha", 0, reals, bind, begin, step, finish, prepare, interpolate, accept,
+};

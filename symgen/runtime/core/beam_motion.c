@@ -1,0 +1,110 @@
+/* Elastic links that move: what a run asks of their equations. */
+#include "beams.h"
+
+#include <string.h>
+
+int beams_factor_mass(struct beams *b) {
+    const ptrdiff_t width = 3 * b->band + 1;
+    memset(b->banded, 0, (size_t)(b->free * width) * sizeof(real));
+    for (ptrdiff_t e = 0; e < b->entries; e++)
+        b->banded[b->columns[e] * width + 2 * b->band + b->rows[e] - b->columns[e]] = b->mass[e];
+    return factor_band(&b->lapack, (int)b->free, (int)b->band, b->banded, b->pivots) == 0;
+}
+
+static struct beams *of(struct equations *e) {
+    return e->owner;
+}
+
+/* The unknown that is free number i. */
+static ptrdiff_t free_unknown(const struct beams *b, ptrdiff_t i) {
+    return b->layout.constraints ? b->independent[i] : i;
+}
+
+/* Leave S'' in e->out, not a number where the motion cannot be. */
+static void accelerate_beams(struct equations *e, real t, const real *y) {
+    struct beams *b = of(e);
+    real *p = b->state, *v = p + b->free;
+    if (beams_assemble(b, t, 1) != DONE || !beams_factor_mass(b)) {
+        e->out[0] = REAL_INFINITY;
+        return;
+    }
+    for (ptrdiff_t i = 0; i < b->free; i++) {
+        const ptrdiff_t k = free_unknown(b, i);
+        p[i] = y[k];
+        v[i] = y[b->whole + k];
+        b->solution[i] = b->load[i];
+    }
+    for (ptrdiff_t k = 0; k < b->entries; k++)
+        b->solution[b->rows[k]] -= b->damping[k] * v[b->columns[k]] + b->stiffness[k] * p[b->columns[k]];
+    solve_band(&b->lapack, (int)b->free, (int)b->band, 1, b->banded, b->pivots, b->solution);
+    beams_expand(b, 2, p, v, b->solution, 1, e->out);
+}
+
+static void derivative_beams(struct equations *e, real t, const real *y, real *dy) {
+    const size_t half = (size_t)e->n * sizeof(real);
+    accelerate_beams(e, t, y);
+    memcpy(dy, y + e->n, half);
+    memcpy(dy + e->n, e->out, half);
+}
+
+/* What the constraints allow is all there is. */
+static real no_error(struct equations *e, real t, const real *y) {
+    (void)e;
+    (void)t;
+    (void)y;
+    return 0;
+}
+
+static int factorise_beams(struct equations *e, real t, const real *y) {
+    (void)y;
+    e->account->factorisations++;
+    return beams_assemble(of(e), t, 1);
+}
+
+/* Bring dependent unknowns to what the constraints make of the others. */
+static int project_beams(struct equations *e, real t, real *y) {
+    struct beams *b = of(e);
+    real *p = b->state, *v = p + b->free;
+    if (b->layout.constraints == 0)
+        return DONE;
+    const int status = factorise_beams(e, t, y);
+    if (status != DONE)
+        return status;
+    for (ptrdiff_t i = 0; i < b->free; i++) {
+        p[i] = y[b->independent[i]];
+        v[i] = y[b->whole + b->independent[i]];
+    }
+    beams_expand(b, 0, p, v, NULL, 1, y);
+    beams_expand(b, 1, p, v, NULL, 1, y + b->whole);
+    return DONE;
+}
+
+/* Make a change of the unknowns one that the constraints allow. */
+static void make_tangent_beams(struct equations *e, real t, const real *y, real *change) {
+    struct beams *b = of(e);
+    (void)t;
+    (void)y;
+    if (b->layout.constraints == 0)
+        return;
+    for (ptrdiff_t i = 0; i < b->free; i++)
+        b->state[i] = change[b->independent[i]];
+    beams_expand(b, 0, b->state, NULL, NULL, 1, change);
+}
+
+/* The energy of a motion that is prescribed in part is not kept. */
+static void no_energy(struct equations *e, real t, const real *y) {
+    (void)t;
+    (void)y;
+    memset(e->energies, 0, 3 * sizeof(real));
+}
+
+const struct behaviour beam_behaviour = {
+    .accelerate = accelerate_beams,
+    .derivative = derivative_beams,
+    .position_error = no_error,
+    .velocity_error = no_error,
+    .factorise = factorise_beams,
+    .project = project_beams,
+    .make_tangent = make_tangent_beams,
+    .measure_energy = no_energy,
+};

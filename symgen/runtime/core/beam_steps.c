@@ -1,0 +1,251 @@
+#include "beam_steps.h"
+
+#include <string.h>
+
+static size_t rounded(size_t bytes) {
+    return (bytes + 63) / 64 * 64;
+}
+
+/* Give out the arrays one behind the other, or, where `at` is NULL, only count their bytes. */
+static size_t carve(struct beam_steps *x, char *at) {
+    const long k = x->stages, columns = x->columns;
+    const ptrdiff_t free = x->b->free, whole = x->b->whole, entries = x->b->entries;
+    const struct { real **array; ptrdiff_t size; } parts[] = {
+        {&x->a, k * k}, {&x->aa, k * k}, {&x->weights, k}, {&x->weights_a, k}, {&x->nodes, k},
+        {&x->mass, k * (entries + 1)}, {&x->damping, k * (entries + 1)}, {&x->stiffness, k * (entries + 1)},
+        {&x->load, k * (free + 1)}, {&x->banded, (3 * x->band + 1) * free * k}, {&x->rhs, free * k * columns},
+        {&x->s, whole * columns}, {&x->v, whole * columns}, {&x->acc, whole * columns},
+        {&x->p, free * columns}, {&x->pv, free * columns}, {&x->pa, free * columns},
+    };
+    size_t taken = 0;
+    for (size_t i = 0; i < sizeof parts / sizeof *parts; i++) {
+        if (at)
+            *parts[i].array = (real *)(void *)(at + taken);
+        taken += rounded((size_t)parts[i].size * sizeof(real));
+    }
+    if (at)
+        x->pivots = (int *)(void *)(at + taken);
+    return taken + (size_t)(free * k) * sizeof(int);
+}
+
+static void fill(struct beam_steps *x, struct beams *b, const struct beam_scheme *scheme, long columns) {
+    x->b = b;
+    x->scheme = *scheme;
+    x->columns = columns;
+    x->stages = scheme->stages > 0 ? scheme->stages : 1;
+    x->band = b->band * x->stages + x->stages - 1;
+}
+
+size_t beam_steps_bytes(const struct beams *b, const struct beam_scheme *scheme, long columns) {
+    struct beam_steps counted;
+    fill(&counted, (struct beams *)b, scheme, columns);
+    return carve(&counted, NULL);
+}
+
+void beam_steps_bind(struct beam_steps *x, struct beams *b, const struct beam_scheme *scheme, long columns,
+                     void *memory) {
+    const long k = scheme->stages;
+    const double *from = scheme->numbers;
+    fill(x, b, scheme, columns);
+    carve(x, memory);
+    real *to[] = {x->a, x->aa, x->weights, x->weights_a, x->nodes};
+    const long counts[] = {k * k, k * k, k, k, k};
+    for (int i = 0; i < 5; i++)
+        for (long j = 0; j < counts[i]; j++)
+            to[i][j] = R(*from++);
+}
+
+/* Take from S and S' the unknowns that are free with the present choice. */
+static void take_free(struct beam_steps *x) {
+    for (ptrdiff_t i = 0; i < x->b->free; i++) {
+        const ptrdiff_t k = x->b->layout.constraints ? x->b->independent[i] : i;
+        const size_t row = (size_t)x->columns * sizeof(real);
+        memcpy(x->p + i * x->columns, x->s + k * x->columns, row);
+        memcpy(x->pv + i * x->columns, x->v + k * x->columns, row);
+        memcpy(x->pa + i * x->columns, x->acc + k * x->columns, row);
+    }
+}
+
+/* Write S, S' and S'' from what is free, and choose anew what is free. */
+static int finish(struct beam_steps *x, real t) {
+    struct beams *b = x->b;
+    const int bound = b->layout.constraints != 0;
+    if (bound) {
+        const int status = beams_assemble(b, t, 0);
+        if (status != DONE)
+            return status;
+    }
+    beams_expand(b, 0, x->p, x->pv, x->pa, x->columns, x->s);
+    beams_expand(b, 1, x->p, x->pv, x->pa, x->columns, x->v);
+    if (!x->scheme.stages)
+        beams_expand(b, 2, x->p, x->pv, x->pa, x->columns, x->acc);
+    if (!real_isfinite(x->s[0]))
+        return NOT_FINITE;
+    if (bound) {
+        const int status = beams_choose(b);
+        if (status != DONE)
+            return status;
+        take_free(x);
+    }
+    return DONE;
+}
+
+/* Assemble at a time and keep it as a stage. */
+static int keep_stage(struct beam_steps *x, long stage, real t) {
+    const struct beams *b = x->b;
+    const size_t entries = (size_t)b->entries * sizeof(real);
+    const ptrdiff_t row = stage * (b->entries + 1);
+    const int status = beams_assemble(x->b, t, 0);
+    if (status != DONE)
+        return status;
+    memcpy(x->mass + row, b->mass, entries);
+    memcpy(x->damping + row, b->damping, entries);
+    memcpy(x->stiffness + row, b->stiffness, entries);
+    memcpy(x->load + stage * (b->free + 1), b->load, (size_t)b->free * sizeof(real));
+    return DONE;
+}
+
+/* Solve the banded system for all columns, in place. */
+static int solve(struct beam_steps *x, ptrdiff_t size) {
+    if (factor_band(&x->b->lapack, (int)size, (int)x->band, x->banded, x->pivots) != 0)
+        return SINGULAR;
+    solve_band(&x->b->lapack, (int)size, (int)x->band, (int)x->columns, x->banded, x->pivots, x->rhs);
+    return DONE;
+}
+
+/* Write the system of a collocation's accelerations, stage by stage within each unknown. */
+static void collocation_system(struct beam_steps *x, real h) {
+    const struct beams *b = x->b;
+    const long k = x->stages, columns = x->columns;
+    const ptrdiff_t size = b->free * k, width = 3 * x->band + 1;
+    memset(x->banded, 0, (size_t)(width * size) * sizeof(real));
+    memset(x->rhs, 0, (size_t)(size * columns) * sizeof(real));
+    for (long i = 0; i < k; i++) {
+        const real *mass = x->mass + i * (b->entries + 1), *damping = x->damping + i * (b->entries + 1);
+        const real *stiffness = x->stiffness + i * (b->entries + 1), until = x->nodes[i] * h;
+        for (ptrdiff_t r = 0; r < b->free; r++)
+            x->rhs[r * k + i] = x->load[i * (b->free + 1) + r];
+        for (ptrdiff_t e = 0; e < b->entries; e++) {
+            const ptrdiff_t q = b->columns[e], row = b->rows[e] * k + i;
+            for (long j = 0; j < k; j++) {
+                const ptrdiff_t column = q * k + j;
+                real value = h * x->a[k * i + j] * damping[e] + h * h * x->aa[k * i + j] * stiffness[e];
+                if (i == j)
+                    value += mass[e];
+                x->banded[column * width + 2 * x->band + row - column] = value;
+            }
+            for (long c = 0; c < columns; c++) {
+                const real p = x->p[q * columns + c], v = x->pv[q * columns + c];
+                x->rhs[c * size + row] -= damping[e] * v + stiffness[e] * (p + until * v);
+            }
+        }
+    }
+}
+
+/* One step of Gauss collocation: accelerations at all stages from one system. */
+static int collocate(struct beam_steps *x, real t, real h) {
+    const long k = x->stages, columns = x->columns;
+    const ptrdiff_t size = x->b->free * k;
+    for (long i = 0; i < k; i++) {
+        const int status = keep_stage(x, i, t + x->nodes[i] * h);
+        if (status != DONE)
+            return status;
+    }
+    collocation_system(x, h);
+    const int status = solve(x, size);
+    if (status != DONE)
+        return status;
+    for (ptrdiff_t r = 0; r < x->b->free; r++)
+        for (long c = 0; c < columns; c++) {
+            const real *found = x->rhs + c * size + r * k;
+            real *p = x->p + r * columns + c, *v = x->pv + r * columns + c;
+            *p += h * *v;
+            for (long j = 0; j < k; j++) {
+                *p += h * h * x->weights_a[j] * found[j];
+                *v += h * x->weights[j] * found[j];
+            }
+        }
+    return finish(x, t + h);
+}
+
+/* One step of a method with accelerations at both ends: Newmark's, generalized-alpha, Wilson's. */
+static int step_once(struct beam_steps *x, real t, real h) {
+    const struct beams *b = x->b;
+    const struct beam_scheme *s = &x->scheme;
+    const long columns = x->columns;
+    const ptrdiff_t free = b->free, width = 3 * x->band + 1;
+    const real at = R(s->at), gamma = R(s->gamma), beta = R(s->beta), half = R(0.5);
+    const real inertia[] = {R(s->inertia[0]), R(s->inertia[1])};
+    const real rate[] = {h * R(s->rate[0]), h * R(s->rate[1])};
+    const real place[] = {h * h * R(s->place[0]), h * h * R(s->place[1])};
+    int status = keep_stage(x, 0, t + at * h);
+    if (status != DONE)
+        return status;
+    memset(x->banded, 0, (size_t)(width * free) * sizeof(real));
+    memset(x->rhs, 0, (size_t)(free * columns) * sizeof(real));
+    memcpy(x->rhs, x->load, (size_t)free * sizeof(real));
+    for (ptrdiff_t e = 0; e < b->entries; e++) {
+        const ptrdiff_t r = b->rows[e], q = b->columns[e];
+        const real mass = x->mass[e], damping = x->damping[e], stiffness = x->stiffness[e];
+        x->banded[q * width + 2 * x->band + r - q] = inertia[1] * mass + rate[1] * damping + place[1] * stiffness;
+        for (long c = 0; c < columns; c++) {
+            const real p = x->p[q * columns + c], v = x->pv[q * columns + c], old = x->pa[q * columns + c];
+            x->rhs[c * free + r] -= inertia[0] * mass * old + damping * (v + rate[0] * old) +
+                                    stiffness * (p + at * h * v + place[0] * old);
+        }
+    }
+    status = solve(x, free);
+    if (status != DONE)
+        return status;
+    for (ptrdiff_t r = 0; r < free; r++)
+        for (long c = 0; c < columns; c++) {
+            const ptrdiff_t k = r * columns + c;
+            const real old = x->pa[k], new = x->rhs[c * free + r];
+            x->p[k] += h * x->pv[k] + h * h * ((half - beta) * old + beta * new);
+            x->pv[k] += h * ((1 - gamma) * old + gamma * new);
+            x->pa[k] = new;
+        }
+    return finish(x, t + h);
+}
+
+/* Find S'' of the start from the equations just assembled. */
+static int start_accelerations(struct beam_steps *x) {
+    struct beams *b = x->b;
+    const long columns = x->columns;
+    const ptrdiff_t free = b->free;
+    if (!beams_factor_mass(b))
+        return SINGULAR;
+    memset(x->rhs, 0, (size_t)(free * columns) * sizeof(real));
+    memcpy(x->rhs, b->load, (size_t)free * sizeof(real));
+    for (ptrdiff_t e = 0; e < b->entries; e++)
+        for (long c = 0; c < columns; c++) {
+            const ptrdiff_t at = b->columns[e] * columns + c;
+            x->rhs[c * free + b->rows[e]] -= b->damping[e] * x->pv[at] + b->stiffness[e] * x->p[at];
+        }
+    solve_band(&b->lapack, (int)free, (int)b->band, (int)columns, b->banded, b->pivots, x->rhs);
+    for (ptrdiff_t r = 0; r < free; r++)
+        for (long c = 0; c < columns; c++)
+            x->pa[r * columns + c] = x->rhs[c * free + r];
+    beams_expand(b, 2, x->p, x->pv, x->pa, columns, x->acc);
+    return DONE;
+}
+
+int beam_steps_start(struct beam_steps *x, real t) {
+    const int status = beams_assemble(x->b, t, 1);
+    if (status != DONE)
+        return status;
+    take_free(x);
+    return x->scheme.stages ? DONE : start_accelerations(x);
+}
+
+int beam_steps_advance(struct beam_steps *x, real t0, real t1, long count, long *done) {
+    const real h = (t1 - t0) / count;
+    for (long k = 0; k < count; k++) {
+        const real t = t0 + k * h;
+        const int status = x->scheme.stages ? collocate(x, t, h) : step_once(x, t, h);
+        if (status != DONE)
+            return status;
+        ++*done;
+    }
+    return DONE;
+}

@@ -1,0 +1,45 @@
+/* Fixed steps of the elastic motion: implicit, of one linear system a step, and for many states at once. */
+#ifndef SYMGEN_BEAM_STEPS_H
+#define SYMGEN_BEAM_STEPS_H
+
+#include "beams.h"
+
+/* A method: collocation at `stages` nodes, or, with none, one with accelerations at both ends of the step h.
+ *
+ * Of a collocation `numbers` are a (stages squared), a a, b, b a, c. The others meet the equation at a part `at` of
+ * the step, where S'' = inertia . (S''_0, S''_1), S' = S'_0 + h rate . (S''_0, S''_1) and
+ * S = S_0 + at h S'_0 + h^2 place . (S''_0, S''_1); the step ends as Newmark's does with gamma and beta. */
+struct beam_scheme {
+    long stages;
+    double at, gamma, beta;
+    double inertia[2], rate[2], place[2];
+    const double *numbers;
+};
+
+struct beam_steps {
+    struct beams *b;
+    struct beam_scheme scheme;
+    long columns, stages; /* states stepped together, of which the first is loaded; stages kept, one or more */
+    ptrdiff_t band;
+    real *a, *aa, *weights, *weights_a, *nodes;
+    real *mass, *damping, *stiffness, *load; /* a row each stage */
+    real *banded, *rhs;
+    real *s, *v, *acc; /* S, S', S'' of all unknowns, rows of `columns` */
+    real *p, *pv, *pa; /* the same of what is free */
+    int *pivots;
+};
+
+/* Bytes of memory, without the struct itself. */
+size_t beam_steps_bytes(const struct beams *b, const struct beam_scheme *scheme, long columns);
+
+/* Fill in over zeroed memory of that size. */
+void beam_steps_bind(struct beam_steps *steps, struct beams *b, const struct beam_scheme *scheme, long columns,
+                     void *memory);
+
+/* Take the states in s and v at a time. */
+int beam_steps_start(struct beam_steps *steps, real t);
+
+/* Take `count` steps from t0 to t1; *done counts them. DONE or what went wrong. */
+int beam_steps_advance(struct beam_steps *steps, real t0, real t1, long count, long *done);
+
+#endif

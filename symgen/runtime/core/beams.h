@@ -1,0 +1,88 @@
+/* The equations of the elastic motion at any time, M S'' + C S' + K S = Q.
+ *
+ * Superelements have constant matrices in the axes of their links; what changes is how the links move. End
+ * displacements are resolved on fixed axes, with both derivatives of that rotation. Constraints that are left
+ * are met by a basis R(t) of the motions they allow, with R' and R''.
+ */
+#ifndef SYMGEN_BEAMS_H
+#define SYMGEN_BEAMS_H
+
+#include "bands.h"
+#include "rigid_motion.h"
+
+/* What a pivot of the constraints keeps at least of the largest. */
+#define BEAM_RANK real_fmax(R(1e-9), R(100) * REAL_EPSILON)
+
+/* Where everything goes: unknowns, superelements and constraints; slots are places in `rows` and `columns`, and
+ * -1 is nowhere. Owned by the caller. */
+struct beam_layout {
+    ptrdiff_t unknowns, constraints, pieces;
+    const ptrdiff_t *sizes;        /* of each superelement */
+    const ptrdiff_t *constants_at; /* where its matrices begin in `constants` */
+    const ptrdiff_t *link_of;
+    const ptrdiff_t *ends;         /* four a superelement: its own numbers of u, w at both ends, -1 where held */
+    const ptrdiff_t *places, *places_at, *slots, *slots_at;
+    ptrdiff_t coordinates;         /* unknowns of joints; their places follow */
+    const ptrdiff_t *joint_places;
+    const ptrdiff_t *joint_at;     /* blocks of the kernel `joints`: load, M, C, K, J, J', J'' */
+    ptrdiff_t masses, dampings, stiffnesses;
+    const ptrdiff_t *mass_slots, *damping_slots, *stiffness_slots;
+    const ptrdiff_t *loads_at;     /* forces of link k: from loads_at[k] to loads_at[k + 1] */
+    ptrdiff_t shaft, shaft_slot;   /* unknown and slot of an elastic crank's turn, -1: none */
+    ptrdiff_t entries, band;       /* of the matrices of all unknowns */
+    const ptrdiff_t *rows, *columns;
+    ptrdiff_t constant_count;
+    double flywheel;
+    long thesis;                   /* take rotations of ends and the basis as constant in time */
+};
+
+struct beams {
+    struct equations base; /* first: what a run sees */
+    struct rigid_motion *motion;
+    struct beam_layout layout;
+    struct lapack lapack;
+    int resting;
+    ptrdiff_t whole, free;
+    /* the matrices of what is free: entries, their places, band, values */
+    ptrdiff_t entries, band;
+    const ptrdiff_t *rows, *columns;
+    real *mass, *damping, *stiffness, *load;
+    real *full_mass, *full_damping, *full_stiffness, *full_load;
+    real *constants, *local;
+    /* constraints J, J', J'' (rows of `whole`), and the basis R, R', R'' (whole x free each) */
+    real *bound, *pivoted, *basis, *product;
+    ptrdiff_t *dependent, *independent;
+    /* the factorised mass matrix */
+    real *banded, *solution, *state;
+    int *pivots;
+    ptrdiff_t *own_rows, *own_columns;
+};
+
+/* Bytes of memory, without the struct itself. */
+size_t beams_bytes(const struct beam_layout *layout);
+
+/* Fill in over zeroed memory of that size; the constants are set by the caller in b->constants. */
+void beams_bind(struct beams *b, struct rigid_motion *motion, const struct beam_layout *layout,
+                const struct lapack *lapack, void *memory);
+
+/* Leave mass, damping, stiffness and load of the unknowns that are free at a time.
+ * With `choose` the dependent unknowns are chosen anew, else they are those of the time before. */
+int beams_assemble(struct beams *b, real t, int choose);
+
+/* Find R, R' and R'' of S = R p from what was assembled, and write the equations of p. */
+int beams_reduce(struct beams *b, int choose);
+
+/* Choose the unknowns that depend on the others by complete pivoting of the constraints' rows. */
+int beams_choose(struct beams *b);
+
+/* Factorise the mass matrix; false when it has no inverse. */
+int beams_factor_mass(struct beams *b);
+
+/* Write S, S' or S'' (`derivative` 0, 1, 2) of all unknowns from p, p', p'', `columns` of each. */
+void beams_expand(const struct beams *b, int derivative, const real *p, const real *v, const real *a, long columns,
+                  real *out);
+
+/* What a run asks of elastic links. */
+extern const struct behaviour beam_behaviour;
+
+#endif

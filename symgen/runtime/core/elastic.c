@@ -1,0 +1,102 @@
+#include "elastic.h"
+
+#include <string.h>
+
+static void start_motion(struct rigid_motion *m, double t, const void *y) {
+    motion_start(m, R(t), y);
+}
+
+static int move_to(struct rigid_motion *m, double t) {
+    return motion_at(m, R(t));
+}
+
+static void view_motion(const struct rigid_motion *m, struct motion_view *view) {
+    *view = (struct motion_view){(double)*m->t, m->y, m->motion, m->joined, m->turning, m->loads};
+}
+
+static int along(struct rigid_motion *m, const void *times, long count, void *y, void *motion, void *loads) {
+    const size_t state = (size_t)m->e->dim;
+    const size_t sizes[] = {state * sizeof(real), (size_t)m->sizes[0] * sizeof(real), (size_t)m->sizes[3] * sizeof(real)};
+    for (long k = 0; k < count; k++) {
+        const int status = motion_at(m, ((const real *)times)[k]);
+        if (status != DONE)
+            return status;
+        memcpy((char *)y + k * (ptrdiff_t)sizes[0], m->y, sizes[0]);
+        memcpy((char *)motion + k * (ptrdiff_t)sizes[1], m->motion, sizes[1]);
+        memcpy((char *)loads + k * (ptrdiff_t)sizes[2], m->loads, sizes[2]);
+    }
+    return DONE;
+}
+
+static void *constants_of(struct beams *b) {
+    return b->constants;
+}
+
+static int assemble_at(struct beams *b, double t, int resting) {
+    b->resting = resting;
+    const int status = beams_assemble(b, R(t), 1);
+    b->resting = 0;
+    return status;
+}
+
+static void view_matrices(const struct beams *b, struct matrices_view *view) {
+    *view = (struct matrices_view){
+        .entries = (long)b->entries,
+        .free = (long)b->free,
+        .whole = (long)b->whole,
+        .rows = b->rows,
+        .columns = b->columns,
+        .mass = b->mass,
+        .damping = b->damping,
+        .stiffness = b->stiffness,
+        .load = b->load,
+        .basis = b->basis,
+        .full_entries = (long)b->layout.entries,
+        .full_rows = b->layout.rows,
+        .full_columns = b->layout.columns,
+        .full_mass = b->full_mass,
+        .full_damping = b->full_damping,
+        .full_stiffness = b->full_stiffness,
+        .full_load = b->full_load,
+        .bound = b->bound,
+    };
+}
+
+static int start_steps(struct beam_steps *steps, double t) {
+    return beam_steps_start(steps, R(t));
+}
+
+static int advance_steps(struct beam_steps *steps, double t0, double t1, long count, long *done) {
+    return beam_steps_advance(steps, R(t0), R(t1), count, done);
+}
+
+static void *displacements_of(struct beam_steps *steps) {
+    return steps->s;
+}
+
+static void *rates_of(struct beam_steps *steps) {
+    return steps->v;
+}
+
+const struct elastic_api symgen_elastic = {
+    .motion_struct = sizeof(struct rigid_motion),
+    .beams_struct = sizeof(struct beams),
+    .steps_struct = sizeof(struct beam_steps),
+    .motion_bytes = motion_bytes,
+    .motion_bind = motion_bind,
+    .motion_start = start_motion,
+    .motion_at = move_to,
+    .motion_view = view_motion,
+    .motion_along = along,
+    .beams_bytes = beams_bytes,
+    .beams_bind = beams_bind,
+    .beams_constants = constants_of,
+    .beams_assemble = assemble_at,
+    .beams_view = view_matrices,
+    .steps_bytes = beam_steps_bytes,
+    .steps_bind = beam_steps_bind,
+    .steps_start = start_steps,
+    .steps_advance = advance_steps,
+    .steps_displacements = displacements_of,
+    .steps_rates = rates_of,
+};

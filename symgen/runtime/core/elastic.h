@@ -1,0 +1,52 @@
+/* What the outside sees of elastic links, whatever number type the core is compiled for: see core.h. */
+#ifndef SYMGEN_ELASTIC_H
+#define SYMGEN_ELASTIC_H
+
+#include "beam_steps.h"
+
+/* Numbers that stay where they are as long as the motion. */
+struct motion_view {
+    double t;
+    const void *y, *motion, *joined, *turning, *loads;
+};
+
+struct matrices_view {
+    long entries, free, whole;
+    const ptrdiff_t *rows, *columns;
+    const void *mass, *damping, *stiffness, *load, *basis;
+    long full_entries;
+    const ptrdiff_t *full_rows, *full_columns;
+    const void *full_mass, *full_damping, *full_stiffness, *full_load, *bound;
+};
+
+struct elastic_api {
+    size_t motion_struct, beams_struct, steps_struct;
+
+    size_t (*motion_bytes)(const struct equations *e, const long *sizes);
+    void (*motion_bind)(struct rigid_motion *m, struct equations *e, const struct motion_kernels *kernels,
+                        const long *sizes, double stride, void *memory);
+    void (*motion_start)(struct rigid_motion *m, double t, const void *y);
+    int (*motion_at)(struct rigid_motion *m, double t);
+    void (*motion_view)(const struct rigid_motion *m, struct motion_view *view);
+    /* Rows of y, of the motion of links and of loads at times; DONE or what went wrong. */
+    int (*motion_along)(struct rigid_motion *m, const void *times, long count, void *y, void *motion, void *loads);
+
+    size_t (*beams_bytes)(const struct beam_layout *layout);
+    void (*beams_bind)(struct beams *b, struct rigid_motion *motion, const struct beam_layout *layout,
+                       const struct lapack *lapack, void *memory);
+    void *(*beams_constants)(struct beams *b);
+    int (*beams_assemble)(struct beams *b, double t, int resting);
+    void (*beams_view)(const struct beams *b, struct matrices_view *view);
+
+    size_t (*steps_bytes)(const struct beams *b, const struct beam_scheme *scheme, long columns);
+    void (*steps_bind)(struct beam_steps *steps, struct beams *b, const struct beam_scheme *scheme, long columns,
+                       void *memory);
+    int (*steps_start)(struct beam_steps *steps, double t);
+    int (*steps_advance)(struct beam_steps *steps, double t0, double t1, long count, long *done);
+    void *(*steps_displacements)(struct beam_steps *steps); /* rows of `columns` reals, one an unknown */
+    void *(*steps_rates)(struct beam_steps *steps);
+};
+
+extern const struct elastic_api symgen_elastic;
+
+#endif

@@ -1,0 +1,139 @@
+/* A driven loop followed through values of its input, on one branch. */
+#include <string.h>
+
+#include "loop.h"
+
+/* Closure to the last digit leaves a pose undetermined by its root where rank is lost: nearer to it than this,
+ * a pose has no rates and no forces that mean anything. */
+#define SIGHT real_fmax(R(1e-7), real_sqrt(REAL_EPSILON))
+/* Largest part of a predicted motion by which the solution may differ from the prediction. */
+#define ASTRAY R(0.2)
+/* Longest step of a variable, in radians or sizes of the loop. */
+#define LONGEST R(0.5)
+
+/* Predict the change over h into l->change; return the largest, in radians or sizes of the loop.
+ * By Hermite's quintic through this state and the one before, unless that lies much nearer. */
+static real predict(struct loop *l, real h, const real *q, const real *u, const real *a) {
+    const long wide = l->sizes.n + 1;
+    const real g = R(l->seen->stride), *q0 = l->past, *u0 = q0 + wide, *a0 = u0 + wide;
+    const int two = g * h > 0 && real_fabs(h) <= R(1.5) * real_fabs(g);
+    real largest = 0;
+    for (long k = 0; k < l->sizes.solved; k++) {
+        const long j = l->solved[k];
+        l->change[k] = h * (u[j] + R(0.5) * h * a[j]);
+        if (two) {
+            const real e0 = q0[j] - q[j] + g * (u[j] - R(0.5) * g * a[j]);
+            const real e1 = g * (u0[j] - u[j] + g * a[j]), e2 = g * g * (a0[j] - a[j]);
+            const real c3 = R(-0.5) * (e2 + 20 * e0 + 8 * e1), c5 = e1 + 4 * e0 + c3, c4 = e0 + c3 + c5;
+            const real s = h / g;
+            l->change[k] += s * s * s * (c3 + s * (c4 + s * c5));
+        }
+        largest = real_fmax(largest, real_fabs(l->change[k]) / l->scale[j]);
+    }
+    return largest;
+}
+
+/* Try to close the loop at `next`, in l->q, predicted from (t, q); `last`: whether that is the target. */
+static int attempt(struct loop *l, real t, const real *q, real next, int last) {
+    const long n = l->sizes.n;
+    real *new = l->q;
+    memcpy(new, q, (size_t)n * sizeof(real));
+    const real moved = predict(l, next - t, q, l->u, l->base.work);
+    for (long k = 0; k < l->sizes.solved; k++)
+        new[l->solved[k]] += l->change[k];
+    const int status = moved <= LONGEST ? loop_close(l, next, new) : OPEN;
+    if (status != DONE)
+        return status;
+    real astray = 0;
+    for (long k = 0; k < l->sizes.solved; k++) {
+        const long j = l->solved[k];
+        astray = real_fmax(astray, real_fabs(new[j] - q[j] - l->change[k]) / l->scale[j]);
+    }
+    if (astray > ASTRAY * moved + R(1e-9))
+        return OPEN;
+    if (last && !(R(l->base.account->soundness) > SIGHT))
+        return BLIND;
+    return l->base.account->soundness > l->base.sizes.rank_tolerance ? DONE : SINGULAR;
+}
+
+/* Go to the target in steps whose prediction holds, on one branch.
+ *
+ * Where the screws lose rank at the target itself, answer BLIND: it is closed there in l->q, and t and q stay
+ * at the step before. */
+static int go(struct loop *l, real *t, real *q, real target, real longest) {
+    const long n = l->sizes.n, wide = n + 1;
+    const size_t row = (size_t)n * sizeof(real);
+    real h = target - *t;
+    if (h == 0)
+        return DONE;
+    for (;;) {
+        if (real_fabs(h) > longest)
+            h = h > 0 ? longest : -longest;
+        real next = *t + h;
+        if (real_fabs(target - next) < R(1e-9) * real_fabs(h))
+            next = target;
+        int status = attempt(l, *t, q, next, next == target);
+        if (status == BLIND)
+            return BLIND;
+        if (status == DONE) {
+            memcpy(l->past, q, row);
+            memcpy(l->past + wide, l->u, row);
+            memcpy(l->past + 2 * wide, l->base.work, row);
+            l->seen->stride = (double)(next - *t);
+            status = loop_move(l, next, l->q, l->u, l->base.work);
+            if (status != DONE)
+                return status;
+            memcpy(q, l->q, row);
+            *t = next;
+            if (next == target)
+                return DONE;
+            h = real_fabs(2 * h) < real_fabs(target - next) ? 2 * h : target - next;
+            continue;
+        }
+        h *= R(0.5);
+        if (real_fabs(h) < R(1e-10) * longest)
+            return status == SINGULAR || status == NOT_FINITE ? status : OPEN;
+    }
+}
+
+/* Write what is known of a sample; `hold` is zero where nothing of forces is. */
+static void diagnose(const struct loop *l, int status, double *row) {
+    row[CLOSURE] = l->seen->closure;
+    row[RATES] = status == BLIND ? 0 : l->seen->rates_left;
+    row[SOUNDNESS] = l->base.account->soundness;
+    row[HOLD] = status == BLIND ? 0 : l->seen->hold;
+    row[STATUS] = status;
+}
+
+int loop_follow(struct loop *l, real *t, real *q, const real *times, long count, real longest, real *states,
+                long row, real *out, long width, double *diagnosis, long *reached) {
+    const long n = l->sizes.n;
+    real *u = l->u, *work = l->base.work, *p = l->base.p;
+    l->seen->stride = 0;
+    *reached = 0;
+    int status = loop_close(l, *t, q);
+    if (status == DONE)
+        status = loop_move(l, *t, q, u, work);
+    if (status != DONE)
+        return status;
+    for (long i = 0; i < count; i++) {
+        real *state = states + row * i, *told = out + width * i;
+        status = go(l, t, q, times[i], longest);
+        if (status != DONE && status != BLIND)
+            return status;
+        const real *at = status == BLIND ? l->q : q;
+        memcpy(state, at, (size_t)n * sizeof(real));
+        if (status == DONE) {
+            memcpy(state + n, u, (size_t)n * sizeof(real));
+            status = loop_force(l, *t, q, u, work);
+            memcpy(state + 2 * n, work, (size_t)(n + ROWS) * sizeof(real));
+        }
+        if (l->kernels.outputs)
+            l->kernels.outputs(&times[i], at, u, p, work, told);
+        if (status == DONE && !(all_finite(work, n + ROWS) && all_finite(told, l->sizes.told)))
+            return NOT_FINITE;
+        diagnose(l, status, diagnosis + DIAGNOSES * i);
+        *reached = i + 1;
+    }
+    return DONE;
+}

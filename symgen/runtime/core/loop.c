@@ -1,0 +1,344 @@
+#include "loop.h"
+
+#include <string.h>
+
+/* Defect of closure that rounding leaves at best, and the largest that is taken where it falls no further. */
+#define FINE (R(18) * REAL_EPSILON)
+#define COARSE (R(4500) * REAL_EPSILON)
+enum { NEWTON = 40, HALVINGS = 8 };
+/* Least part of the largest pivot: below, screws are dependent; below NO_DRIVE, a drive has no hold on a motion. */
+#define RANK real_fmax(R(1e-9), R(100) * REAL_EPSILON)
+#define NO_DRIVE RANK
+/* Part of the rates asked that may be left. */
+#define LEFT real_fmax(R(1e-7), R(1000) * REAL_EPSILON)
+
+/* -- memory ----------------------------------------------------------------------------------------------- */
+
+/* Reals that any kernel's work or results may need. */
+static long room(const struct loop_sizes *s) {
+    const long n = s->n, wanted[] = {n + ROWS, s->told, 2 * ROWS * n + 12, n * n};
+    long most = s->work;
+    for (size_t i = 0; i < sizeof wanted / sizeof *wanted; i++)
+        if (wanted[i] > most)
+            most = wanted[i];
+    return most + 1;
+}
+
+static struct sizes as_equations(const struct loop_sizes *s) {
+    struct sizes made = {0};
+    made.n = s->n;
+    made.m = ROWS;
+    made.extra = 1;
+    made.parameters = s->parameters;
+    made.work = s->work;
+    made.rank_tolerance = (double)RANK;
+    return made;
+}
+
+/* Give out the arrays of a loop one behind the other, or, where `l` is NULL, only count. */
+static size_t carve(struct loop *l, const struct loop_sizes *s, real *from) {
+    const long n = s->n, big = room(s);
+    struct loop counted, *at = l ? l : &counted;
+    const struct { real **array; long size; } parts[] = {
+        {&at->base.out, big}, {&at->base.work, big}, {&at->work2, big}, {&at->loads, big}, {&at->screws, big},
+        {&at->matrix, ROWS * (n + 1)}, {&at->prescribed, 3 * s->inputs + 1}, {&at->efforts, n + 1},
+        {&at->scale, n + 1}, {&at->q, n + 1}, {&at->u, n + 1}, {&at->trial, n + 1}, {&at->step, n + 1},
+        {&at->mass, n * n + 1}, {&at->reduced, (n + 1) * (n + 1)}, {&at->basis, (n + 1) * (n + 1)},
+        {&at->gain, (n + 1) * (n + 1)}, {&at->past, 3 * (n + 1)}, {&at->change, n + 1},
+    };
+    size_t taken = 0;
+    for (size_t i = 0; i < sizeof parts / sizeof *parts; i++) {
+        if (l)
+            *parts[i].array = from + taken;
+        taken += (size_t)parts[i].size;
+    }
+    return taken * sizeof(real);
+}
+
+/* The account stands first; everything of type real behind it is aligned for any type. */
+enum { ALIGNED = 64 };
+
+static size_t aligned(size_t bytes) {
+    return (bytes + ALIGNED - 1) / ALIGNED * ALIGNED;
+}
+
+size_t loop_bytes(const struct loop_sizes *sizes) {
+    const struct sizes plain = as_equations(sizes);
+    return aligned(equations_bytes(&plain)) + aligned(sizeof(struct loop_account)) + carve(NULL, sizes, NULL);
+}
+
+void loop_bind(struct loop *l, const struct loop_sizes *sizes, const struct loop_kernels *kernels,
+               const ptrdiff_t *numbers, const unsigned char *is_length, void *memory) {
+    const struct sizes plain = as_equations(sizes);
+    struct kernels none = {0};
+    char *at = memory;
+    none.energy = kernels->energy;
+    equations_bind(&l->base, &plain, &none, memory);
+    l->base.of = &loop_behaviour;
+    l->base.owner = l;
+    at += aligned(equations_bytes(&plain));
+    l->seen = (struct loop_account *)(void *)at;
+    carve(l, sizes, (real *)(void *)(at + aligned(sizeof(struct loop_account))));
+    l->kernels = *kernels;
+    l->sizes = *sizes;
+    l->solved = numbers;
+    l->driven = l->solved + sizes->solved;
+    l->found = l->driven + sizes->inputs;
+    l->known = l->found + sizes->unknown;
+    l->is_length = is_length;
+    l->free = sizes->solved - sizes->rank;
+    l->size = R(sizes->size);
+    for (long i = 0; i < sizes->n; i++)
+        l->scale[i] = is_length[i] ? l->size : 1;
+}
+
+/* -- closure ---------------------------------------------------------------------------------------------- */
+
+void loop_prescribe(struct loop *l, real t, real *q) {
+    if (l->sizes.inputs == 0)
+        return;
+    l->kernels.inputs(&t, q, q, l->base.p, l->work2, l->prescribed);
+    for (long k = 0; k < l->sizes.inputs; k++)
+        q[l->driven[k]] = l->prescribed[3 * k];
+}
+
+real loop_look(struct loop *l, real t, const real *q) {
+    const long n = l->sizes.n, rank = l->sizes.rank;
+    struct account *account = l->base.account;
+    real worst = 0;
+    l->kernels.position(&t, q, l->u, l->base.p, l->work2, l->screws);
+    for (int i = 0; i < 12; i++) {
+        real entry = real_fabs(l->screws[i]);
+        if (i % 4 == 3)
+            entry /= l->size;
+        if (!real_isfinite(entry)) {
+            l->seen->closure = (double)entry;
+            account->soundness = 0;
+            return entry;
+        }
+        worst = real_fmax(worst, entry);
+    }
+    for (long k = 0; k < l->sizes.solved; k++)
+        for (int i = 0; i < ROWS; i++) {
+            const real entry = l->screws[12 + n * i + l->solved[k]] * l->scale[l->solved[k]];
+            l->matrix[ROWS * k + i] = i < 3 ? entry : entry / l->size;
+        }
+    qr_factorise(l->matrix, l->sizes.solved, &l->factor);
+    account->factorisations++;
+    account->soundness = 1;
+    account->weakest = -1;
+    if (rank > 0) {
+        const real first = real_fabs(l->factor.r[0]);
+        account->weakest = l->solved[l->factor.order[rank - 1]];
+        account->soundness = first > 0 ? (double)(real_fabs(l->factor.r[(ROWS + 1) * (rank - 1)]) / first) : 0;
+    }
+    l->seen->closure = (double)worst;
+    return worst;
+}
+
+void loop_solve(struct loop *l, real *b, real *x) {
+    for (int k = 3; k < ROWS; k++)
+        b[k] /= l->size;
+    qr_solve(&l->factor, l->sizes.rank, b, x);
+    for (long k = 0; k < l->sizes.solved; k++)
+        x[k] *= l->scale[l->solved[k]];
+}
+
+/* Write the twist that would close the loop: minus the small rotation, and the displacement at O. */
+static void mismatch(const struct loop *l, real *b) {
+    const real *e = l->screws;
+    const real x = R(0.5) * (e[9] - e[6]), y = R(0.5) * (e[2] - e[8]), z = R(0.5) * (e[4] - e[1]);
+    b[0] = -x;
+    b[1] = -y;
+    b[2] = -z;
+    b[3] = -e[3] + y * e[11] - z * e[7];
+    b[4] = -e[7] + z * e[3] - x * e[11];
+    b[5] = -e[11] + x * e[7] - y * e[3];
+}
+
+/* Put the solved variables of q at `trial` and a part of `step`. */
+static void place(const struct loop *l, real *q, real part) {
+    for (long k = 0; k < l->sizes.solved; k++)
+        q[l->solved[k]] = part == 0 ? l->trial[k] : l->trial[k] + part * l->step[k];
+}
+
+int loop_close(struct loop *l, real t, real *q) {
+    int halved = 0;
+    real before = REAL_INFINITY, part = 1, fine = FINE, defect = 0, b[ROWS], x[MOST];
+    loop_prescribe(l, t, q);
+    /* An angle of many turns cannot be told finer than its own last digit. */
+    for (long k = 0; k < l->sizes.n; k++)
+        fine = real_fmax(fine, 2 * REAL_EPSILON * real_fabs(q[k]) / l->scale[k]);
+    const real coarse = real_fmax(COARSE, 8 * fine);
+    for (int turn = 0; turn < NEWTON; turn++) {
+        l->seen->iterations = turn + 1;
+        defect = loop_look(l, t, q);
+        if (!real_isfinite(defect))
+            return NOT_FINITE;
+        if (defect <= fine)
+            return DONE;
+        if (defect > R(0.5) * before && real_fmax(before, defect) <= coarse) {
+            if (defect > before) {
+                place(l, q, 0);
+                loop_look(l, t, q);
+            }
+            return DONE;
+        }
+        if (defect > before && halved < HALVINGS) {
+            halved++;
+            part *= R(0.5);
+            place(l, q, part);
+            continue;
+        }
+        before = defect;
+        part = 1;
+        halved = 0;
+        mismatch(l, b);
+        loop_solve(l, b, x);
+        for (long k = 0; k < l->sizes.solved; k++) {
+            if (!real_isfinite(x[k]))
+                return SINGULAR;
+            /* A step of more than a radian leaves what its linear prediction is good for. */
+            part = real_fmax(part, real_fabs(x[k]) / l->scale[l->solved[k]]);
+        }
+        part = 1 / part;
+        for (long k = 0; k < l->sizes.solved; k++) {
+            l->trial[k] = q[l->solved[k]];
+            l->step[k] = x[k];
+            q[l->solved[k]] += part * x[k];
+        }
+    }
+    return R(l->seen->closure) <= coarse ? DONE : OPEN;
+}
+
+/* -- rates ------------------------------------------------------------------------------------------------ */
+
+real loop_changes(struct loop *l, int which, const real *drift, real *b, real *v) {
+    const long n = l->sizes.n;
+    real size = 0, left = 0, x[MOST];
+    for (int i = 0; i < ROWS; i++) {
+        b[i] = drift ? -drift[i] : 0;
+        size = real_fmax(size, i < 3 ? real_fabs(b[i]) : real_fabs(b[i]) / l->size);
+    }
+    for (long k = 0; k < l->sizes.inputs; k++) {
+        const long j = l->driven[k];
+        const real rate = l->prescribed[3 * k + which];
+        v[j] = rate;
+        size = real_fmax(size, real_fabs(rate) / l->scale[j]);
+        for (int i = 0; i < ROWS; i++)
+            b[i] -= l->screws[12 + n * i + j] * rate;
+    }
+    loop_solve(l, b, x);
+    for (long k = 0; k < l->sizes.solved; k++)
+        v[l->solved[k]] = x[k];
+    for (long k = l->sizes.rank; k < ROWS; k++)
+        if (!(real_fabs(b[k]) <= left))
+            left = real_fabs(b[k]);
+    return size > 0 ? left / size : 0;
+}
+
+int loop_move(struct loop *l, real t, const real *q, real *u, real *a) {
+    const long n = l->sizes.n;
+    real b[ROWS];
+    if (!(R(l->base.account->soundness) > RANK))
+        return SINGULAR;
+    const real left = loop_changes(l, 1, NULL, b, u);
+    l->seen->rates_left = (double)left;
+    if (!all_finite(u, n))
+        return NOT_FINITE;
+    if (!(left <= LEFT))
+        return INCONSISTENT;
+    l->kernels.motion(&t, q, u, l->base.p, l->work2, l->loads);
+    loop_changes(l, 2, l->loads + ROWS * n, b, a);
+    return all_finite(a, n) ? DONE : NOT_FINITE;
+}
+
+/* -- forces ----------------------------------------------------------------------------------------------- */
+
+/* The reciprocal product of variable j's screw with a wrench (force, moment). */
+static real power(const struct loop *l, long j, const real *w) {
+    const long n = l->sizes.n;
+    real total = 0;
+    for (int i = 0; i < 3; i++)
+        total += l->screws[12 + n * i + j] * w[3 + i] + l->screws[12 + n * (3 + i) + j] * w[i];
+    return total;
+}
+
+void loop_hold(struct loop *l, const real *efforts, real *wrench) {
+    real c[MOST], s[ROWS];
+    for (long k = 0; k < l->sizes.solved; k++)
+        c[k] = efforts[k] * l->scale[l->solved[k]];
+    qr_solve_transposed(&l->factor, l->sizes.rank, c, s);
+    for (int k = 0; k < 3; k++) {
+        wrench[k] = s[3 + k] / l->size;
+        wrench[3 + k] = s[k];
+    }
+}
+
+/* Solve the m equations in `gain`, rows of n + 1, in place; return their determinant, with rates made alike. */
+static real eliminate(struct loop *l, long m) {
+    const long wide = l->sizes.n + 1;
+    real *g = l->gain, product = 1;
+    for (long k = 0; k < m; k++) {
+        long best = k;
+        for (long i = k + 1; i < m; i++)
+            if (real_fabs(g[wide * i + k]) > real_fabs(g[wide * best + k]))
+                best = i;
+        if (best != k) {
+            product = -product;
+            for (long j = 0; j <= m; j++) {
+                const real kept = g[wide * k + j];
+                g[wide * k + j] = g[wide * best + j];
+                g[wide * best + j] = kept;
+            }
+        }
+        product *= g[wide * k + k] / l->scale[l->solved[l->found[k]]] * l->scale[l->driven[l->known[k]]];
+        for (long i = k + 1; i < m; i++) {
+            const real factor = g[wide * i + k] / g[wide * k + k];
+            for (long j = k; j <= m; j++)
+                g[wide * i + j] -= factor * g[wide * k + j];
+        }
+    }
+    for (long k = m - 1; k >= 0; k--) {
+        g[wide * k + m] /= g[wide * k + k];
+        for (long i = 0; i < k; i++)
+            g[wide * i + m] -= g[wide * i + k] * g[wide * k + m];
+    }
+    return product;
+}
+
+int loop_force(struct loop *l, real t, const real *q, const real *u, real *work) {
+    const long n = l->sizes.n, unknown = l->sizes.unknown, wide = n + 1;
+    real b[MOST], c[ROWS], moved[MOST];
+    if (!l->kernels.inverse)
+        return DONE;
+    l->kernels.inverse(&t, q, u, l->base.p, work, l->loads);
+    memset(l->efforts, 0, (size_t)n * sizeof(real));
+    if (l->kernels.given)
+        l->kernels.given(&t, q, u, l->base.p, work, l->efforts);
+    for (long k = 0; k < l->sizes.solved; k++)
+        b[k] = l->efforts[l->solved[k]] - l->loads[l->solved[k]];
+    loop_hold(l, b, work + n);
+    l->seen->hold = 1;
+    if (unknown == 0)
+        return DONE;
+    /* gain[i, x]: how much the variable of unknown effort x moves with the input i of known effort. The unknown
+     * efforts E balance what the inputs need beyond what they are given: gain E = needed - given. */
+    for (long i = 0; i < unknown; i++) {
+        const long j = l->driven[l->known[i]];
+        for (int k = 0; k < ROWS; k++)
+            c[k] = -l->screws[12 + n * k + j];
+        loop_solve(l, c, moved);
+        for (long x = 0; x < unknown; x++)
+            l->gain[wide * i + x] = moved[l->found[x]];
+        l->gain[wide * i + unknown] = l->loads[j] + power(l, j, work + n) - l->efforts[j];
+    }
+    const real hold = eliminate(l, unknown);
+    l->seen->hold = (double)hold;
+    if (!(real_fabs(hold) > NO_DRIVE))
+        return POLE;
+    for (long x = 0; x < unknown; x++)
+        b[l->found[x]] += l->gain[wide * x + unknown];
+    loop_hold(l, b, work + n);
+    return DONE;
+}

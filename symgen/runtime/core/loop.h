@@ -1,0 +1,108 @@
+/* A closed loop behind function pointers: closure, rates, forces, motion.
+ *
+ * The screws of the variables that are solved for are one matrix of six rows: positions (Newton), velocities,
+ * accelerations and the wrench that closes the loop all use its one factorisation. Angular and linear rows, and
+ * angles and displacements, are made alike by a length, so that ranks do not depend on units.
+ */
+#ifndef SYMGEN_LOOP_H
+#define SYMGEN_LOOP_H
+
+#include "equations.h"
+#include "qr.h"
+#include "run.h"
+
+/* What closing and moving a loop may answer besides what the core answers. */
+enum loop_status { OPEN = 20, INCONSISTENT, POLE, BLIND };
+
+/* Kernels of a loop; those it does not have are NULL. `position` is needed. */
+struct loop_kernels {
+    kernel inputs;      /* out = (value, rate, acceleration) of every input */
+    kernel position;    /* out = closure (3 x 4) less the identity, then the screws of all variables (6 x n) */
+    kernel motion;      /* out = screws and the drift of the accelerations, behind them */
+    kernel inverse;     /* out = efforts that the motion in work needs, one a variable */
+    kernel given;       /* out = efforts that drives, springs and loads give */
+    kernel mass_matrix; /* out = inertia (n x n) */
+    kernel outputs;
+    kernel energy;      /* out = (kinetic, potential, power of what has no potential) */
+};
+
+/* Sizes of a loop, and which of its variables are what. */
+struct loop_sizes {
+    long n;                      /* variables */
+    long parameters, work, told; /* reals of parameters, of the largest work, and written by `outputs` */
+    long solved, inputs, unknown, known; /* how many; their numbers stand in this order in `numbers` */
+    long rank;                   /* of the screws of the solved variables, in general */
+    double size;                 /* the length that displacements and moments are compared by [m] */
+};
+
+/* What the last look found; plain numbers of the same type in every core. */
+struct loop_account {
+    double closure;    /* largest defect: of rotations, and of lengths over the size */
+    double rates_left; /* part of the rates asked that no motion of the solved variables gives */
+    double hold;       /* determinant of the drives of unknown effort over the inputs of known effort */
+    double stride;     /* time between this state and the one before [s]; 0: there is none before */
+    long iterations;
+};
+
+struct loop {
+    struct equations base; /* first: what a run sees */
+    struct loop_kernels kernels;
+    struct loop_sizes sizes;
+    struct loop_account *seen;
+    const ptrdiff_t *solved, *driven; /* numbers of the variables solved for, and of the inputs */
+    const ptrdiff_t *found, *known;   /* places of unknown efforts in `solved`, of known ones in `driven` */
+    const unsigned char *is_length;
+    long free;
+    real size;
+    struct qr factor;
+    real *scale, *screws, *matrix, *prescribed, *efforts, *loads, *work2;
+    real *q, *u, *trial, *step, *mass, *reduced, *basis, *gain, *past, *change;
+};
+
+/* Bytes of memory for a loop of these sizes, without the struct itself. */
+size_t loop_bytes(const struct loop_sizes *sizes);
+
+/* Fill in a loop over zeroed memory of that size. `numbers` and `is_length` (one a variable) must outlive it. */
+void loop_bind(struct loop *l, const struct loop_sizes *sizes, const struct loop_kernels *kernels,
+               const ptrdiff_t *numbers, const unsigned char *is_length, void *memory);
+
+/* Find value, rate and acceleration of every input, and put the values into q. */
+void loop_prescribe(struct loop *l, real t, real *q);
+
+/* Evaluate closure and screws at q and factorise; return the defect, which is not finite where they are not. */
+real loop_look(struct loop *l, real t, const real *q);
+
+/* Close the loop at t by Newton's method from q, in place; the factor of the solution is kept. */
+int loop_close(struct loop *l, real t, real *q);
+
+/* Solve screws x = b for the changes x of the solved variables, in their own units; b is overwritten. */
+void loop_solve(struct loop *l, real *b, real *x);
+
+/* Find rates (which = 1) or accelerations (2) of all variables from those of the inputs and a drift, which may be
+ * NULL; return the part of what was asked that no motion gives. b has six reals of room. */
+real loop_changes(struct loop *l, int which, const real *drift, real *b, real *v);
+
+/* Find rates u and accelerations a of all variables, with the factor at q. */
+int loop_move(struct loop *l, real t, const real *q, real *u, real *a);
+
+/* Write the wrench (force, moment) of least norm that gives these efforts at the solved variables. */
+void loop_hold(struct loop *l, const real *efforts, real *wrench);
+
+/* Find the closing wrench, behind the accelerations in `work`. */
+int loop_force(struct loop *l, real t, const real *q, const real *u, real *work);
+
+/* Columns of the diagnosis of a sample. */
+enum { CLOSURE, RATES, SOUNDNESS, HOLD, STATUS, DIAGNOSES };
+
+/* Follow the loop, whose other variables are all held or inputs, from a closed state (t, q) through monotone
+ * times; q and *t end at the last time reached, as far as it was followed.
+ *
+ * For every time: in rows of `row` reals of `states` q, rates, accelerations and closing wrench (3 n + 6), in rows of
+ * `width` of `out` what the kernel `outputs` gives, and a row of `diagnosis`. `longest` is the longest step in time. */
+int loop_follow(struct loop *l, real *t, real *q, const real *times, long count, real longest, real *states,
+                long row, real *out, long width, double *diagnosis, long *reached);
+
+/* What a run asks of a loop that moves under forces. */
+extern const struct behaviour loop_behaviour;
+
+#endif

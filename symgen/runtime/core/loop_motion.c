@@ -1,0 +1,225 @@
+/* A loop that moves under forces: what a run asks of its equations, solved for dependent and free variables. */
+#include <string.h>
+
+#include "loop.h"
+
+/* Least inertia of a free motion over its own terms. */
+#define NO_MASS (R(450) * REAL_EPSILON)
+
+static struct loop *of(struct equations *e) {
+    return e->owner;
+}
+
+/* Factorise the screws at y, with the inputs where they are prescribed. */
+static int factorise_loop(struct equations *e, real t, const real *y) {
+    struct loop *l = of(e);
+    memcpy(l->q, y, (size_t)l->sizes.n * sizeof(real));
+    loop_prescribe(l, t, l->q);
+    if (!real_isfinite(loop_look(l, t, l->q)))
+        return NOT_FINITE;
+    return e->account->soundness <= e->sizes.rank_tolerance ? SINGULAR : DONE;
+}
+
+/* Write into `basis` the motions that the closure leaves free, rows of n + 1, over all variables. */
+static void span(struct loop *l) {
+    const long n = l->sizes.n, rank = l->sizes.rank;
+    const struct qr *f = &l->factor;
+    for (long g = 0; g < l->free; g++) {
+        real c[ROWS], *row = l->basis + (n + 1) * g;
+        for (long k = 0; k < n; k++)
+            row[k] = 0;
+        for (long i = 0; i < rank; i++)
+            c[i] = -f->r[ROWS * (rank + g) + i];
+        for (long i = rank - 1; i >= 0; i--) {
+            c[i] /= f->r[ROWS * i + i];
+            for (long k = 0; k < i; k++)
+                c[k] -= f->r[ROWS * i + k] * c[i];
+        }
+        for (long i = 0; i < rank; i++)
+            row[l->solved[f->order[i]]] = c[i] * l->scale[l->solved[f->order[i]]];
+        row[l->solved[f->order[rank + g]]] = l->scale[l->solved[f->order[rank + g]]];
+    }
+}
+
+/* Make the equations of the free motions: inertia (lower part) into r, the right-hand side behind it. */
+static void reduce(struct loop *l) {
+    const long n = l->sizes.n, d = l->free;
+    real *r = l->reduced, *z = r + d * d;
+    for (long i = 0; i < d; i++) {
+        const real *row = l->basis + (n + 1) * i;
+        for (long j = 0; j < n; j++) {
+            real total = 0;
+            for (long k = 0; k < n; k++)
+                total += l->mass[n * j + k] * row[k];
+            l->step[j] = total;
+        }
+        for (long k = 0; k <= i; k++) {
+            real total = 0;
+            for (long j = 0; j < n; j++)
+                total += l->basis[(n + 1) * k + j] * l->step[j];
+            r[d * i + k] = total;
+        }
+        z[i] = 0;
+        for (long j = 0; j < n; j++)
+            z[i] += row[j] * (l->efforts[j] - l->loads[j]);
+    }
+}
+
+/* Solve them by Cholesky's method; false where a free motion has no mass. */
+static int balance(struct loop *l) {
+    const long d = l->free;
+    real *r = l->reduced, *z = r + d * d;
+    for (long i = 0; i < d; i++)
+        for (long k = 0; k <= i; k++) {
+            const real diagonal = r[d * i + k];
+            real total = diagonal;
+            for (long j = 0; j < k; j++)
+                total -= r[d * i + j] * r[d * k + j];
+            if (i > k)
+                r[d * i + k] = total / r[d * k + k];
+            else if (!(total > NO_MASS * diagonal)) {
+                l->base.account->weakest = l->solved[l->factor.order[l->sizes.rank + i]];
+                return 0;
+            } else
+                r[d * i + i] = real_sqrt(total);
+        }
+    for (long i = 0; i < d; i++) {
+        for (long j = 0; j < i; j++)
+            z[i] -= r[d * i + j] * z[j];
+        z[i] /= r[d * i + i];
+    }
+    for (long i = d - 1; i >= 0; i--) {
+        for (long j = i + 1; j < d; j++)
+            z[i] -= r[d * j + i] * z[j];
+        z[i] /= r[d * i + i];
+    }
+    return 1;
+}
+
+/* Leave accelerations and the closing wrench in e->out. */
+static void accelerate_loop(struct equations *e, real t, const real *y) {
+    struct loop *l = of(e);
+    const long n = l->sizes.n;
+    real b[MOST], *q = l->q, *u = l->u, *a = e->out;
+    factorise_loop(e, t, y);
+    memcpy(u, y + n, (size_t)n * sizeof(real));
+    for (long k = 0; k < l->sizes.inputs; k++)
+        u[l->driven[k]] = l->prescribed[3 * k + 1];
+    l->kernels.motion(&t, q, u, e->p, l->work2, l->loads);
+    loop_changes(l, 2, l->loads + ROWS * n, b, a);
+    l->kernels.inverse(&t, q, u, e->p, a, l->loads);
+    memset(l->efforts, 0, (size_t)n * sizeof(real));
+    l->kernels.given(&t, q, u, e->p, a, l->efforts);
+    if (l->free) {
+        const real *found = l->reduced + l->free * l->free;
+        l->kernels.mass_matrix(&t, q, u, e->p, a, l->mass);
+        span(l);
+        reduce(l);
+        if (!balance(l)) {
+            a[0] = REAL_INFINITY;
+            return;
+        }
+        for (long j = 0; j < n; j++) {
+            real total = 0;
+            for (long k = 0; k < l->free; k++)
+                total += l->basis[(n + 1) * k + j] * found[k];
+            a[j] += total;
+            l->step[j] = total;
+        }
+        for (long i = 0; i < n; i++)
+            for (long j = 0; j < n; j++)
+                l->loads[i] += l->mass[n * i + j] * l->step[j];
+    }
+    for (long k = 0; k < l->sizes.solved; k++)
+        b[k] = l->efforts[l->solved[k]] - l->loads[l->solved[k]];
+    loop_hold(l, b, a + n);
+}
+
+/* The rate of closure (6) that rates v of all variables give, with the last screws. */
+static void closing(const struct loop *l, const real *v, real *b) {
+    const long n = l->sizes.n;
+    for (int i = 0; i < ROWS; i++) {
+        b[i] = 0;
+        for (long j = 0; j < n; j++)
+            b[i] += l->screws[12 + n * i + j] * v[j];
+    }
+}
+
+/* The defect of closure [m]. */
+static real position_error_loop(struct equations *e, real t, const real *y) {
+    return of(e)->size * loop_look(of(e), t, y);
+}
+
+/* The largest rate of closure [m/s], with the screws that position_error left. */
+static real velocity_error_loop(struct equations *e, real t, const real *y) {
+    const struct loop *l = of(e);
+    real b[ROWS], worst = 0;
+    (void)t;
+    closing(l, y + l->sizes.n, b);
+    for (int i = 0; i < ROWS; i++)
+        worst = real_fmax(worst, real_fabs(b[i]) * (i < 3 ? l->size : 1));
+    return worst;
+}
+
+/* Take from v what closure does not allow, with the last factor. */
+static void shut(struct loop *l, real *v) {
+    real b[ROWS], x[MOST];
+    closing(l, v, b);
+    for (int i = 0; i < ROWS; i++)
+        b[i] = -b[i];
+    loop_solve(l, b, x);
+    for (long k = 0; k < l->sizes.solved; k++)
+        v[l->solved[k]] += x[k];
+}
+
+/* Close the loop and its rates again, the inputs as prescribed. */
+static int project_loop(struct equations *e, real t, real *y) {
+    struct loop *l = of(e);
+    const int status = loop_close(l, t, y);
+    if (status != DONE)
+        return status == OPEN ? PROJECTION_FAILED : status;
+    if (e->account->soundness <= e->sizes.rank_tolerance)
+        return SINGULAR;
+    for (long k = 0; k < l->sizes.inputs; k++)
+        y[l->sizes.n + l->driven[k]] = l->prescribed[3 * k + 1];
+    shut(l, y + l->sizes.n);
+    return DONE;
+}
+
+/* Take from a change of q or of u what closure does not allow, the inputs unchanged, with the last factor. */
+static void make_tangent_loop(struct equations *e, real t, const real *y, real *change) {
+    struct loop *l = of(e);
+    (void)t;
+    (void)y;
+    for (long k = 0; k < l->sizes.inputs; k++)
+        change[l->driven[k]] = 0;
+    shut(l, change);
+}
+
+/* Leave kinetic and potential energy, and the power of what has no potential, in e->energies.
+ * The closing wrench, which that power needs, is not found here: the power is not to be used. */
+static void measure_energy_loop(struct equations *e, real t, const real *y) {
+    of(e)->kernels.energy(&t, y, y + e->n, e->p, e->out, e->energies);
+}
+
+/* dy/dt, with the work of what has no potential from the wrench just found. */
+static void derivative_loop(struct equations *e, real t, const real *y, real *dy) {
+    const long n = e->n;
+    accelerate_loop(e, t, y);
+    memcpy(dy, y + n, (size_t)n * sizeof(real));
+    memcpy(dy + n, e->out, (size_t)n * sizeof(real));
+    measure_energy_loop(e, t, y);
+    dy[2 * n] = e->energies[2];
+    e->account->evaluations++;
+}
+
+const struct behaviour loop_behaviour = {
+    .accelerate = accelerate_loop,
+    .derivative = derivative_loop,
+    .position_error = position_error_loop,
+    .velocity_error = velocity_error_loop,
+    .factorise = factorise_loop,
+    .project = project_loop,
+    .make_tangent = make_tangent_loop,
+    .measure_energy = measure_energy_loop,
+};

@@ -1,0 +1,35 @@
+#include "loops.h"
+
+#include <string.h>
+
+static struct loop_account *seen_of(struct loop *l) {
+    return l->seen;
+}
+
+static int close_at(struct loop *l, double t, void *q) {
+    return loop_close(l, R(t), q);
+}
+
+static double closed_screws(struct loop *l, double t, const void *q, void *screws) {
+    const real defect = loop_look(l, R(t), q);
+    memcpy(screws, l->screws + 12, (size_t)(ROWS * l->sizes.n) * sizeof(real));
+    return (double)defect;
+}
+
+static int follow(struct loop *l, double *t, void *q, const void *times, long count, double longest, void *states,
+                  long row, void *out, long width, double *diagnosis, long *reached) {
+    real at = R(*t);
+    const int status = loop_follow(l, &at, q, times, count, R(longest), states, row, out, width, diagnosis, reached);
+    *t = (double)at;
+    return status;
+}
+
+const struct loops_api symgen_loops = {
+    .loop_struct = sizeof(struct loop),
+    .bytes = loop_bytes,
+    .bind = loop_bind,
+    .seen = seen_of,
+    .close = close_at,
+    .closed_screws = closed_screws,
+    .follow = follow,
+};

@@ -1,0 +1,22 @@
+/* What the outside sees of loops, whatever number type the core is compiled for: see core.h. */
+#ifndef SYMGEN_LOOPS_H
+#define SYMGEN_LOOPS_H
+
+#include "loop.h"
+
+struct loops_api {
+    size_t loop_struct;
+    size_t (*bytes)(const struct loop_sizes *sizes);
+    void (*bind)(struct loop *l, const struct loop_sizes *sizes, const struct loop_kernels *kernels,
+                 const ptrdiff_t *numbers, const unsigned char *is_length, void *memory);
+    struct loop_account *(*seen)(struct loop *l);
+    int (*close)(struct loop *l, double t, void *q);
+    /* Leave the screws of all variables (6 x n reals) at q; return the defect of closure. */
+    double (*closed_screws)(struct loop *l, double t, const void *q, void *screws);
+    int (*follow)(struct loop *l, double *t, void *q, const void *times, long count, double longest, void *states,
+                  long row, void *out, long width, double *diagnosis, long *reached);
+};
+
+extern const struct loops_api symgen_loops;
+
+#endif

@@ -1,0 +1,315 @@
+/* Collocation at Radau's three points: order 5, stiff components damped at any step; adaptive.
+ *
+ * E. Hairer, G. Wanner, Solving Ordinary Differential Equations II, second edition, IV.8: simplified Newton
+ * iterations, error estimate and choice of the step. The equations are those of index 1, dq/dt = u, du/dt = a(q, u, t),
+ * with the Jacobian da/dq, da/du from the kernel `tangent`; the rates are eliminated from every linear system. The
+ * work of loads follows by the same quadrature. The interpolant is the collocation polynomial, of degree 3.
+ *
+ * numbers: T and its inverse, row by row, which bring the inverse of the method's matrix to block diagonal form;
+ * they only steer the iterations.
+ */
+#include "dense.h"
+#include "run.h"
+#include "slopes.h"
+
+#include <string.h>
+
+enum { STAGES = 3, ITERATIONS = 7, FIXED_ITERATIONS = 20 };
+/* Iterations that converge this fast keep their Jacobian. */
+#define FAST 1e-3
+/* A step that may grow by less than this is kept, and its matrices with it. */
+#define KEEP 1.2
+
+struct radau {
+    real *f, *f_new;               /* dy/dt at both ends */
+    real *z, *z_old;               /* y at the stages less y at the start: of this step and of the one before */
+    real *slopes;                  /* dy/dt at the stages */
+    real *by_q, *by_u, *values;    /* the Jacobian, and memory to find it */
+    real *matrix, *swaps, *complex_matrix, *complex_swaps;
+    real *r, *rc;                  /* right-hand sides, 2n and 2n pairs */
+    real *scale;                   /* of the errors of the iterations, 2n */
+    real *memo;                    /* what is remembered, see enum */
+};
+
+enum memo { KNOWN, FRESH, STALE, H_MATRIX, H, H_OLD, NORM_OLD, REJECTED, MEMO };
+
+/* The method in the core's numbers. */
+struct coefficients {
+    real a[STAGES][STAGES], inverse[STAGES][STAGES], c[STAGES], error[STAGES], x, xc[2];
+};
+
+static struct coefficients coefficients_in_reals(void) {
+    real s6 = real_sqrt(R(6)), third = real_pow(R(3), R(1) / R(3)), s3 = real_sqrt(R(3));
+    return (struct coefficients){
+        .a = {{(R(88) - 7 * s6) / 360, (R(296) - 169 * s6) / 1800, (3 * s6 - R(2)) / 225},
+              {(R(296) + 169 * s6) / 1800, (R(88) + 7 * s6) / 360, (R(-2) - 3 * s6) / 225},
+              {(R(16) - s6) / 36, (R(16) + s6) / 36, R(1) / 9}},
+        .inverse = {{2 + s6 / 2, (29 * s6 - R(36)) / 30, (R(6) - 4 * s6) / 15},
+                    {(R(-36) - 29 * s6) / 30, 2 - s6 / 2, (R(6) + 4 * s6) / 15},
+                    {8 * s6 / 3 - 1, -8 * s6 / 3 - 1, R(5)}},
+        .c = {(R(4) - s6) / 10, (R(4) + s6) / 10, R(1)},
+        .error = {(R(-13) - 7 * s6) / 3, (7 * s6 - R(13)) / 3, R(-1) / 3},
+        .x = 3 + third * third - third,
+        .xc = {3 + (third - third * third) / 2, s3 * third * (third + R(1)) / 2},
+    };
+}
+
+static size_t lay_out(const struct equations *e, real *own, struct radau *x) {
+    size_t n = (size_t)e->n, dim = (size_t)e->dim, at = 0;
+    size_t sizes[] = {dim, dim, STAGES * dim, STAGES * dim, STAGES * dim, n * n, n * n, (size_t)e->sizes.tangent,
+                      n * n, n, 2 * n * n, n, 2 * n, 4 * n, 2 * n, MEMO};
+    real **arrays[] = {&x->f,      &x->f_new, &x->z,     &x->z_old,          &x->slopes,        &x->by_q,
+                       &x->by_u,   &x->values, &x->matrix, &x->swaps,        &x->complex_matrix, &x->complex_swaps,
+                       &x->r,      &x->rc,    &x->scale, &x->memo};
+    for (size_t i = 0; i < sizeof sizes / sizeof *sizes; i++) {
+        *arrays[i] = own == NULL ? NULL : own + at;
+        at += sizes[i];
+    }
+    return at;
+}
+
+static size_t reals(const struct equations *e, const long *counts) {
+    struct radau x;
+    (void)counts;
+    return lay_out(e, NULL, &x);
+}
+
+static struct radau memory_of(const struct run *run) {
+    struct radau x;
+    lay_out(run->e, run->own, &x);
+    return x;
+}
+
+static void bind(struct run *run) {
+    struct radau x = memory_of(run);
+    run->f = x.f;
+    run->f_new = x.f_new;
+}
+
+static int begin(struct run *run) {
+    struct radau x = memory_of(run);
+    memset(x.memo, 0, MEMO * sizeof(real));
+    run->e->of->derivative(run->e, run->state->t, run->y, x.f);
+    return DONE;
+}
+
+/* What changes of the iterations are measured by: the tolerance, or some roundings where the step is fixed. */
+static void set_scale(const struct run *run, const struct radau *x, real h) {
+    long n = run->e->n;
+    real sizes[2] = {0, 0};
+    for (long i = 0; i < 2 * n; i++) {
+        if (run->scheme.adaptive)
+            x->scale[i] = R(run->task.atol) + R(run->task.rtol) * real_fabs(run->y[i]);
+        else
+            sizes[i / n] = real_fmax(sizes[i / n], real_fmax(real_fabs(run->y[i]), h * real_fabs(run->f[i])));
+    }
+    for (long i = 0; i < 2 * n && !run->scheme.adaptive; i++)
+        x->scale[i] = R(100) * REAL_EPSILON * sizes[i / n];
+}
+
+/* The polynomial through z, zero at the start, at theta of its step. */
+static real collocated(const struct coefficients *m, const real *z, long stride, real theta) {
+    real sum = 0;
+    for (int i = 0; i < STAGES; i++) {
+        real weight = theta / m->c[i];
+        for (int j = 0; j < STAGES; j++)
+            if (j != i)
+                weight *= (theta - m->c[j]) / (m->c[i] - m->c[j]);
+        sum += weight * z[i * stride];
+    }
+    return sum;
+}
+
+/* Leave in z the collocation polynomial of the last step, drawn on over this one, less y. */
+static void predict(const struct run *run, const struct radau *x, const struct coefficients *m, real h) {
+    long dim = run->dim;
+    real h_old = x->memo[H_OLD];
+    for (int s = 0; s < STAGES; s++)
+        for (long i = 0; i < dim; i++)
+            x->z[s * dim + i] =
+                h_old > 0 ? run->y_old[i] - run->y[i] + collocated(m, x->z_old + i, dim, 1 + m->c[s] * h / h_old) : R(0);
+}
+
+/* Find what the linear systems of a step need; returns 0 when that fails. */
+static int make_matrices(struct run *run, const struct radau *x, const struct coefficients *m, real h, int anew) {
+    struct equations *e = run->e;
+    long n = e->n;
+    if (anew || !x->memo[KNOWN] || x->memo[STALE]) {
+        if (find_slopes(e, run->state->t, run->y, x->values, x->by_q, x->by_u) != DONE)
+            return 0;
+        x->memo[KNOWN] = x->memo[FRESH] = 1;
+        x->memo[STALE] = x->memo[H_MATRIX] = 0;
+    }
+    if (x->memo[H_MATRIX] == h)
+        return 1;
+    real xc[2] = {m->xc[0] / h, m->xc[1] / h};
+    reduced_matrix(n, m->x / h, x->by_q, x->by_u, x->matrix);
+    reduced_complex(n, xc, x->by_q, x->by_u, x->complex_matrix);
+    x->memo[H_MATRIX] = 0;
+    if (!factor_dense(n, x->matrix, x->swaps) || !factor_complex(n, x->complex_matrix, x->complex_swaps))
+        return 0;
+    x->memo[H_MATRIX] = h;
+    return 1;
+}
+
+/* Evaluate the stages, and leave in r and rc what they miss the collocation equations by, transformed. */
+static int find_residual(struct run *run, const struct radau *x, const struct coefficients *m, real t, real h) {
+    const real *t_inverse = run->scheme.numbers + STAGES * STAGES;
+    long dim = run->dim, n = run->e->n;
+    memset(x->r, 0, (size_t)(2 * n) * sizeof(real));
+    memset(x->rc, 0, (size_t)(4 * n) * sizeof(real));
+    for (int s = 0; s < STAGES; s++) {
+        const real *z = x->z, *slope = x->slopes + s * dim;
+        for (long i = 0; i < dim; i++)
+            run->stage[i] = run->y[i] + z[s * dim + i];
+        run->e->of->derivative(run->e, t + m->c[s] * h, run->stage, x->slopes + s * dim);
+        if (!all_finite(slope, dim))
+            return 0;
+        for (long i = 0; i < 2 * n; i++) {
+            real missed = slope[i];
+            for (int j = 0; j < STAGES; j++)
+                missed -= m->inverse[s][j] / h * z[j * dim + i];
+            x->r[i] += t_inverse[s] * missed;
+            x->rc[2 * i] += t_inverse[STAGES + s] * missed;
+            x->rc[2 * i + 1] += t_inverse[2 * STAGES + s] * missed;
+        }
+    }
+    return 1;
+}
+
+/* Solve for the change of the stages, add it, and return its size over the scale. */
+static real change_stages(struct run *run, const struct radau *x, const struct coefficients *m, real h) {
+    const real *T = run->scheme.numbers;
+    long dim = run->dim, n = run->e->n;
+    real total = 0, xc[2] = {m->xc[0] / h, m->xc[1] / h};
+    solve_reduced(n, m->x / h, x->by_u, x->matrix, x->swaps, x->r);
+    solve_reduced_complex(n, xc, x->by_u, x->complex_matrix, x->complex_swaps, x->rc);
+    for (int s = 0; s < STAGES; s++)
+        for (long i = 0; i < 2 * n; i++) {
+            real change = T[3 * s] * x->r[i] + T[3 * s + 1] * x->rc[2 * i] + T[3 * s + 2] * x->rc[2 * i + 1];
+            x->z[s * dim + i] += change;
+            if (change != 0)
+                total += (change / x->scale[i]) * (change / x->scale[i]);
+        }
+    return real_sqrt(total / R(2 * n * STAGES));
+}
+
+/* Iterate to the stages of the step; returns 0 where that does not converge. */
+static int solve_stages(struct run *run, const struct radau *x, const struct coefficients *m, real t, real h) {
+    int most = run->scheme.adaptive ? ITERATIONS : FIXED_ITERATIONS;
+    real rtol = R(run->task.rtol), last = 0, rate = 0, tolerance = 1;
+    if (run->scheme.adaptive)
+        tolerance = real_fmax(R(10) * REAL_EPSILON / rtol, real_fmin(R(0.03), real_sqrt(rtol)));
+    predict(run, x, m, h);
+    for (int k = 0; k < most; k++) {
+        if (!find_residual(run, x, m, t, h))
+            return 0;
+        real size = change_stages(run, x, m, h);
+        if (!real_isfinite(size))
+            return 0;
+        if (k > 0) {
+            rate = size / last;
+            if (size > tolerance && (rate >= 1 || real_pow(rate, R(most - k)) / (1 - rate) * size > tolerance))
+                return 0;
+        }
+        if (size <= tolerance * R(0.01) || (k > 0 && (rate >= 1 || rate / (1 - rate) * size < tolerance))) {
+            x->memo[STALE] = k > 1 && rate > R(FAST);
+            return 1;
+        }
+        last = size;
+    }
+    return 0;
+}
+
+/* Leave in run->error the estimate, filtered by the real system, of the error of order 4 [IV.8.19]; `at` is dy/dt. */
+static real estimate(struct run *run, const struct radau *x, const struct coefficients *m, real h, const real *at) {
+    long dim = run->dim, n = run->e->n;
+    for (long i = 0; i < 2 * n; i++) {
+        x->r[i] = at[i];
+        for (int s = 0; s < STAGES; s++)
+            x->r[i] += m->error[s] / h * x->z[s * dim + i];
+    }
+    solve_reduced(n, m->x / h, x->by_u, x->matrix, x->swaps, x->r);
+    memset(run->error, 0, (size_t)dim * sizeof(real));
+    memcpy(run->error, x->r, (size_t)(2 * n) * sizeof(real));
+    return error_norm(run, run->error);
+}
+
+static int step(struct run *run, real t, real h, real t_new) {
+    struct coefficients m = coefficients_in_reals();
+    struct radau x = memory_of(run);
+    long dim = run->dim;
+    (void)t_new;
+    set_scale(run, &x, h);
+    for (int anew = 0;; anew = 1) {
+        if (make_matrices(run, &x, &m, h, anew) && solve_stages(run, &x, &m, t, h))
+            break;
+        if (!x.memo[FRESH])
+            continue;
+        run->state->shrink = R(0.5);
+        return run->scheme.adaptive ? AGAIN : UNSOLVED;
+    }
+    for (int s = 0; s < STAGES && run->e->extra; s++) {
+        real *work = x.z + s * dim + 2 * run->e->n;
+        *work = 0;
+        for (int j = 0; j < STAGES; j++)
+            *work += h * m.a[s][j] * x.slopes[j * dim + 2 * run->e->n];
+    }
+    for (long i = 0; i < dim; i++)
+        run->y_new[i] = run->y[i] + x.z[(STAGES - 1) * dim + i];
+    if (!run->scheme.adaptive)
+        return DONE;
+    real norm = estimate(run, &x, &m, h, run->f);
+    if (norm > 1 && (x.memo[REJECTED] || run->state->steps == 0)) {
+        for (long i = 0; i < dim; i++)
+            run->stage[i] = run->y[i] + run->error[i];
+        run->e->of->derivative(run->e, t, run->stage, run->f_new);
+        norm = estimate(run, &x, &m, h, run->f_new);
+    }
+    x.memo[REJECTED] = !(norm <= 1);
+    run->state->norm = norm;
+    return DONE;
+}
+
+static int finish(struct run *run, real h, real t_new) {
+    struct radau x = memory_of(run);
+    x.memo[H] = h;
+    run->e->of->derivative(run->e, t_new, run->y_new, x.f_new);
+    return DONE;
+}
+
+static void prepare(struct run *run, real h) {
+    (void)run, (void)h;
+}
+
+static void interpolate(struct run *run, real h, real theta, real *y) {
+    struct coefficients m = coefficients_in_reals();
+    struct radau x = memory_of(run);
+    (void)h;
+    for (long i = 0; i < run->dim; i++)
+        y[i] = run->y[i] + collocated(&m, x.z + i, run->dim, theta);
+}
+
+/* Keep the stages, and choose the next step by the errors of the last two (Gustafsson's control). */
+static void accept(struct run *run) {
+    struct state *s = run->state;
+    struct radau x = memory_of(run);
+    real h = x.memo[H], h_old = x.memo[H_OLD], norm = real_fmax(s->norm, R(1e-2));
+    memcpy(x.f, x.f_new, (size_t)run->dim * sizeof(real));
+    memcpy(x.z_old, x.z, (size_t)(STAGES * run->dim) * sizeof(real));
+    x.memo[FRESH] = 0;
+    x.memo[H_OLD] = h;
+    if (!run->scheme.adaptive)
+        return;
+    if (h_old > 0) {
+        real predicted = R(0.9) * h * h / h_old * real_pow(x.memo[NORM_OLD] / (norm * norm), R(0.25));
+        s->h = real_fmin(s->h, real_fmax(predicted, R(0.2) * h));
+    }
+    x.memo[NORM_OLD] = norm;
+    if (h <= s->h && s->h <= R(KEEP) * h)
+        s->h = h;
+}
+
+const struct kind radau_kind = {
+    "radau", 0, reals, bind, begin, step, finish, prepare, interpolate, accept,
+};

@@ -1,0 +1,313 @@
+/* RATTLE and its symmetric compositions: positions and velocities on the constraints, time reversible.
+ *
+ * H. C. Andersen, J. Comput. Phys. 52 (1983) 24; E. Hairer, C. Lubich, G. Wanner, Geometric Numerical Integration,
+ * second edition, VII.1.4 and V.3.2. With h the length of a step or of a part of it:
+ *
+ *     u' = u + h/2 M^-1 (f(q, u, t) - J(q)^T lambda),       q_1 = q + h u',   Phi(q_1, t_1) = 0,
+ *     u_1 = u' + h/2 M^-1 (f(q_1, u_1, t_1) - J(q_1)^T mu),                   J(q_1) u_1 + dPhi/dt = 0.
+ *
+ * The second half is the adjoint of the first, so the step is symmetric and of order 2 for any force; where the
+ * force depends on velocities, u_1 is found by iteration. Instead of M^-1 f the acceleration of the constrained
+ * motion is taken: it differs by M^-1 J^T times something, which the multipliers make up for.
+ *
+ * counts: parts of a step, an odd number. numbers: lengths of the parts before the middle one over that of the
+ * step; those behind are the same the other way round, and the middle one is what is left of the step.
+ */
+#include "dense.h"
+#include "run.h"
+
+#include <string.h>
+
+/* Iterations of the position constraints with the factor at the start, with their own Jacobian, and of velocities
+ * that forces depend on. */
+enum { SIMPLE = 60, RELINEARISED = 20, RATES = 60 };
+/* Errors of so many roundings count as met when iterations get no further. */
+#define ROUND_OFF 1e4
+
+/* What `own` holds: rates at both ends, the state and its acceleration after the parts done, where a part began to
+ * iterate, the factorisation at y, and the Jacobian of the position constraints along what may move them. */
+struct rattle {
+    real *f, *f_new, *y, *rate, *begun, *factors, *motions, *jacobian, *swaps, *change;
+};
+
+static size_t lay_out(const struct equations *e, real *own, struct rattle *x) {
+    size_t n = (size_t)e->n, m = (size_t)e->m, dim = (size_t)e->dim, at = 0;
+    size_t sizes[] = {dim, dim, dim, dim, dim, (size_t)e->sizes.work + 1, n * m, m * m, m, m};
+    real **arrays[] = {&x->f,       &x->f_new,   &x->y,        &x->rate,  &x->begun,
+                       &x->factors, &x->motions, &x->jacobian, &x->swaps, &x->change};
+    for (size_t i = 0; i < sizeof sizes / sizeof *sizes; i++) {
+        *arrays[i] = own == NULL ? NULL : own + at;
+        at += sizes[i];
+    }
+    return at;
+}
+
+static size_t reals(const struct equations *e, const long *counts) {
+    struct rattle x;
+    (void)counts;
+    return lay_out(e, NULL, &x);
+}
+
+static void bind(struct run *run) {
+    struct rattle x;
+    lay_out(run->e, run->own, &x);
+    run->f = x.f;
+    run->f_new = x.f_new;
+}
+
+static struct rattle memory_of(const struct run *run) {
+    struct rattle x;
+    lay_out(run->e, run->own, &x);
+    return x;
+}
+
+static void copy_factors(const struct equations *e, const real *from, real *to) {
+    memcpy(to, from, (size_t)e->sizes.work * sizeof(real));
+}
+
+static int begin(struct run *run) {
+    struct equations *e = run->e;
+    struct rattle x = memory_of(run);
+    e->of->derivative(e, run->state->t, run->y, x.f);
+    copy_factors(e, e->work, x.factors);
+    return DONE;
+}
+
+static real largest(const real *v, long count) {
+    real size = 0;
+    for (long i = 0; i < count; i++)
+        size = real_fmax(size, real_fabs(v[i]));
+    return size;
+}
+
+/* Leave in x->motions, a column each, how q moves along M^-1 J^T when one constraint changes by one, with the last
+ * factor; and nothing for those that follow from others. */
+static void find_motions(struct equations *e, const struct rattle *x, real t, const real *y) {
+    long n = e->n, m = e->m;
+    for (long k = 0; k < m; k++) {
+        memset(e->rhs, 0, (size_t)(n + m) * sizeof(real));
+        e->rhs[n + k] = 1;
+        solve_factored(e, t, y, e->rhs);
+        memcpy(x->motions + k * n, e->rhs, (size_t)n * sizeof(real));
+    }
+}
+
+/* Leave in x->change the amounts of those motions that bring Phi, negative in e->rhs, to zero: Newton's step with
+ * the Jacobian at y. Returns 0 when that is singular. */
+static int newton_step(struct equations *e, const struct rattle *x, real t, const real *y) {
+    long n = e->n, m = e->m;
+    memcpy(x->change, e->rhs + n, (size_t)m * sizeof(real));
+    e->kernels.velocity_constraints(&t, y, e->zero, e->p, e->work, e->rates);
+    for (long k = 0; k < m; k++) {
+        if (e->dropped[k]) {
+            for (long i = 0; i < m; i++)
+                x->jacobian[i * m + k] = x->jacobian[k * m + i] = 0;
+            x->jacobian[k * m + k] = 1;
+            x->change[k] = 0;
+            continue;
+        }
+        e->kernels.velocity_constraints(&t, y, x->motions + k * n, e->p, e->work, e->rhs);
+        for (long i = 0; i < m; i++)
+            x->jacobian[i * m + k] = e->dropped[i] ? R(0) : e->rhs[i] - e->rates[i];
+    }
+    if (!factor_dense(m, x->jacobian, x->swaps))
+        return 0;
+    solve_dense(m, x->jacobian, x->swaps, x->change);
+    return 1;
+}
+
+static void add_motions(const struct equations *e, const struct rattle *x, real *q) {
+    for (long k = 0; k < e->m; k++)
+        for (long i = 0; i < e->n; i++)
+            q[i] += x->change[k] * x->motions[k * e->n + i];
+}
+
+/* Add to the positions and the velocities of `y`, a part of length h from (t, start), what brings the positions onto
+ * the constraints at t_1: with the factor at the start while that converges, else with the Jacobian where it is. */
+static int meet_positions(struct run *run, const struct rattle *x, real t, const real *start, real h, real t_1,
+                          real *y) {
+    struct equations *e = run->e;
+    long n = e->n;
+    real size = largest(y, n), previous = REAL_INFINITY;
+    int newton = 0;
+    memcpy(x->begun, y, (size_t)run->dim * sizeof(real));
+    for (int k = 0; k < SIMPLE + RELINEARISED; k++) {
+        real worst = e->of->position_error(e, t_1, y);
+        if (real_isfinite(worst) && worst <= REAL_EPSILON * size)
+            return DONE;
+        int stalled = !(worst <= R(0.5) * previous) && k > 0;
+        if (stalled && worst <= R(ROUND_OFF) * REAL_EPSILON * size)
+            return DONE;
+        if (!newton && (stalled || k == SIMPLE)) {
+            newton = 1, k = SIMPLE, previous = REAL_INFINITY;
+            memcpy(y, x->begun, (size_t)run->dim * sizeof(real));
+            find_motions(e, x, t, start);
+            continue;
+        }
+        previous = worst;
+        if (newton) {
+            if (!newton_step(e, x, t_1, y))
+                return PROJECTION_FAILED;
+            memset(e->rhs, 0, (size_t)n * sizeof(real));
+            add_motions(e, x, e->rhs);
+        } else {
+            solve_factored(e, t, start, e->rhs);
+        }
+        for (long i = 0; i < n; i++) {
+            y[i] += e->rhs[i];
+            y[n + i] += e->rhs[i] / h;
+        }
+    }
+    return PROJECTION_FAILED;
+}
+
+/* Leave in x->rate the rates of y = (q_1, u, work), and in e->factors the factorisation there. */
+static void look(struct run *run, const struct rattle *x, real t, const real *y) {
+    struct equations *e = run->e;
+    e->of->derivative(e, t, y, x->rate);
+    copy_factors(e, e->work, e->factors);
+}
+
+/* Write into y the velocities u' + h/2 M^-1 f, on the constraints, with the accelerations in x->rate. */
+static int kick(struct run *run, const struct rattle *x, const real *half, real h, real t_1, real *y) {
+    struct equations *e = run->e;
+    long n = e->n;
+    for (long i = 0; i < n; i++)
+        y[n + i] = half[i] + h / 2 * x->rate[n + i];
+    if (e->m == 0)
+        return DONE;
+    e->of->position_error(e, t_1, y);
+    return project_velocities(e, t_1, y);
+}
+
+/* Bring y = (q_1, u', work) to the end of the part. */
+static int meet_velocities(struct run *run, const struct rattle *x, real h, real t_1, real *y) {
+    struct equations *e = run->e;
+    long n = e->n;
+    real *half = run->error, *last = run->error + n, previous = REAL_INFINITY;
+    real power = e->extra ? x->rate[2 * n] : R(0);
+    memcpy(half, y + n, (size_t)n * sizeof(real));
+    for (long i = 0; i < n; i++)
+        y[n + i] += h / 2 * x->rate[n + i];
+    for (int k = 0; k < RATES; k++) {
+        memcpy(last, y + n, (size_t)n * sizeof(real));
+        look(run, x, t_1, y);
+        int status = kick(run, x, half, h, t_1, y);
+        if (status != DONE)
+            return status;
+        if (!e->extra) /* no force depends on velocities, or its work would be integrated */
+            return DONE;
+        real change = 0, size = real_fmax(largest(y + n, n), h * largest(x->rate + n, n));
+        for (long i = 0; i < n; i++)
+            change = real_fmax(change, real_fabs(y[n + i] - last[i]));
+        if (!real_isfinite(change))
+            return NOT_FINITE;
+        int stalled = k > 0 && change > R(0.5) * previous;
+        if (change <= R(4) * REAL_EPSILON * size || (stalled && change <= R(ROUND_OFF) * REAL_EPSILON * size)) {
+            y[2 * n] += h / 2 * (power + x->rate[2 * n]);
+            return DONE;
+        }
+        previous = change;
+    }
+    return UNSOLVED;
+}
+
+/* One part of a step: x->y with its rates x->rate and the factor in e->factors goes on by h to t_1. */
+static int part(struct run *run, const struct rattle *x, real t, real h, real t_1) {
+    struct equations *e = run->e;
+    long n = e->n;
+    real *y = run->stage;
+    memcpy(y, x->y, (size_t)run->dim * sizeof(real));
+    for (long i = 0; i < n; i++) {
+        y[n + i] += h / 2 * x->rate[n + i];
+        y[i] += h * y[n + i];
+    }
+    if (e->m) {
+        int status = meet_positions(run, x, t, x->y, h, t_1, y);
+        if (status != DONE)
+            return status;
+        if (e->sizes.redundant && !(e->account->missed <= e->sizes.slack))
+            return CONTRADICTED;
+    }
+    int status = meet_velocities(run, x, h, t_1, y);
+    memcpy(x->y, y, (size_t)run->dim * sizeof(real));
+    return status;
+}
+
+/* Length of a part over that of the step. */
+static real fraction(const struct run *run, long index) {
+    long parts = run->scheme.counts[0], side = parts / 2;
+    real middle = 1;
+    if (index != side)
+        return run->scheme.numbers[index < side ? index : parts - 1 - index];
+    for (long i = 0; i < side; i++)
+        middle -= R(2) * run->scheme.numbers[i];
+    return middle;
+}
+
+static int step(struct run *run, real t, real h, real t_new) {
+    struct rattle x = memory_of(run);
+    long parts = run->scheme.counts[0];
+    size_t bytes = (size_t)run->dim * sizeof(real);
+    memcpy(x.y, run->y, bytes);
+    memcpy(x.rate, x.f, bytes);
+    copy_factors(run->e, x.factors, run->e->factors);
+    for (long i = 0; i < parts; i++) {
+        real length = h * fraction(run, i), t_1 = i + 1 < parts ? t + length : t_new;
+        int status = part(run, &x, t, length, t_1);
+        if (status != DONE)
+            return status;
+        t = t_1;
+    }
+    memcpy(run->y_new, x.y, bytes);
+    return DONE;
+}
+
+static int finish(struct run *run, real h, real t_new) {
+    struct rattle x = memory_of(run);
+    (void)h, (void)t_new;
+    memcpy(x.f_new, x.rate, (size_t)run->dim * sizeof(real));
+    memcpy(x.f_new, run->y_new + run->e->n, (size_t)run->e->n * sizeof(real));
+    copy_factors(run->e, run->e->factors, x.factors);
+    return DONE;
+}
+
+/* The accelerations of a step are those of the constrained motion only as well as its velocities were known. */
+static void prepare(struct run *run, real h) {
+    struct equations *e = run->e;
+    struct rattle x = memory_of(run);
+    e->of->derivative(e, run->state->t, run->y, x.y);
+    e->of->derivative(e, run->state->t + h, run->y_new, x.rate);
+}
+
+/* Of order 6 in the positions, by both ends with their first two derivatives; in the velocities of order 4, by both
+ * ends with one, and of order 5 as the slope of the positions where a step is accurate enough for that. */
+static void interpolate(struct run *run, real h, real theta, real *y) {
+    struct rattle x = memory_of(run);
+    long n = run->e->n;
+    const real *q0 = run->y, *u0 = q0 + n, *a0 = x.y + n, *q1 = run->y_new, *u1 = q1 + n, *a1 = x.rate + n;
+    real s = theta, r = 1 - s, s2 = s * s, r2 = r * r;
+    real of_u0 = s * r2 * r * (1 + R(3) * s), of_u1 = -r * s2 * s * (R(4) - R(3) * s);
+    real of_a0 = s2 * r2 * r / 2, of_a1 = r2 * s2 * s / 2, of_q1 = s2 * s * (R(10) - R(15) * s + R(6) * s2);
+    real slope = R(30) * s2 * r2 / h;
+    for (long i = 0; i < n; i++) {
+        real dq = q1[i] - q0[i];
+        y[i] = q0[i] + of_q1 * dq + h * (of_u0 * u0[i] + of_u1 * u1[i] + h * (of_a0 * a0[i] + of_a1 * a1[i]));
+        y[n + i] = run->scheme.counts[0] == 1
+                       ? u0[i] + s2 * (R(3) - R(2) * s) * (u1[i] - u0[i]) + h * s * r * (r * a0[i] - s * a1[i])
+                       : slope * dq + r2 * (1 + R(2) * s - R(15) * s2) * u0[i]
+                             + s2 * (1 + R(2) * r - R(15) * r2) * u1[i]
+                             + h * s * r * (r * (1 - R(5) * s / 2) * a0[i] - s * (1 - R(5) * r / 2) * a1[i]);
+    }
+    if (run->e->extra)
+        y[2 * n] = run->y[2 * n] + s2 * (R(3) - R(2) * s) * (run->y_new[2 * n] - run->y[2 * n])
+                   + h * s * r * (r * x.y[2 * n] - s * x.rate[2 * n]);
+}
+
+static void accept(struct run *run) {
+    memcpy(run->f, run->f_new, (size_t)run->dim * sizeof(real));
+}
+
+const struct kind rattle_kind = {
+    "rattle", 1, reals, bind, begin, step, finish, prepare, interpolate, accept,
+};

@@ -1,0 +1,20 @@
+/* The Jacobian of the accelerations by the generated kernel `tangent`, for implicit methods. */
+#ifndef SYMGEN_SLOPES_H
+#define SYMGEN_SLOPES_H
+
+#include "equations.h"
+
+/* Write da/dq and da/du at y, n by n each, row by row. `values` is memory for what the kernel writes.
+ * Returns DONE or NOT_FINITE. */
+int find_slopes(struct equations *e, real t, const real *y, real *values, real *by_q, real *by_u);
+
+/* The matrix x^2 - x da/du - da/dq of n by n, for x real or complex (pairs): what is left to solve when the rates are
+ * eliminated from (x - d(u, a)/d(q, u)) (dq, du) = (r, s). */
+void reduced_matrix(long n, real x, const real *by_q, const real *by_u, real *matrix);
+void reduced_complex(long n, const real *x, const real *by_q, const real *by_u, real *matrix);
+
+/* Solve that system in place, r = (r, s) of 2n, with the factorised matrix; pairs when complex. */
+void solve_reduced(long n, real x, const real *by_u, const real *matrix, const real *swaps, real *r);
+void solve_reduced_complex(long n, const real *x, const real *by_u, const real *matrix, const real *swaps, real *r);
+
+#endif

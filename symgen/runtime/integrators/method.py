@@ -1,0 +1,48 @@
+"""What a method is to the compiled loop that is told by a few numbers: see ``core/NAME.c`` of its kind."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Method:
+    """A method of one of the core's kinds.
+
+    Parameters
+    ----------
+    name, about
+        How it is called, and one line on it.
+    kind
+        Name of its kind in the core, which is also that of its file there.
+    order
+        Order of the solution at the ends of steps.
+    dense_order
+        Order with which the local error of the interpolant falls, for states between them.
+    error_order
+        Order of the error estimate, which sets the exponent of the step control; 0 for a fixed step.
+    counts, numbers
+        Sizes and coefficients, as the file of its kind reads them.
+    needs_tangent
+        Whether it needs the Jacobian of the accelerations: kernel ``tangent``.
+    """
+
+    name: str
+    about: str
+    kind: str
+    order: int
+    dense_order: int
+    error_order: int
+    counts: tuple[int, ...]
+    numbers: Array
+    needs_tangent: bool
+
+    @property
+    def adaptive(self) -> bool:
+        """Whether it estimates its own error."""
+        return self.error_order > 0
