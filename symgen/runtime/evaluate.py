@@ -9,6 +9,7 @@ from symgen.errors import ModelError
 from symgen.runtime import _core
 from symgen.runtime.description import BlockInfo, Description, KernelInfo
 from symgen.runtime.library import Library
+from symgen.runtime.typed import Typed
 
 Array = NDArray[np.float64]
 
@@ -52,27 +53,31 @@ class Evaluator:
         self,
         redundant: int = 0,
         slack: float = np.inf,
-        *,
         work_of_loads: bool = True,
+        *,
         stabilisation: float = 0.0,
+        typed: Typed | None = None,
     ) -> _core.Equations:
-        """Return the compiled view of the kernels, which solves and steps.
+        """Return the compiled view of the kernels, which solves and steps; of those of a type, if given.
 
         The work of loads without potential is integrated along where there is any, unless told not to.
         ``stabilisation`` is the rate [1/s] of Baumgarte's terms.
         """
         d = self.description
+        own = typed if typed and not typed.is_plain else None
         return _core.Equations(
-            self.library.addresses,
+            own.kernels(False).addresses if own else self.library.addresses,
             d.coordinates,
             len(d.constraints),
             int(d.work_of_loads and work_of_loads),
             self.parameters[:-1],
             self.work_size,
             d.first_pivot,
-            d.rank_tolerance,
+            own.precision.coarsened(d.rank_tolerance) if own else d.rank_tolerance,
             redundant,
             slack,
+            events=len(d.events),
+            core=own.stepping if own else _core.DOUBLE,
             stabilisation=stabilisation,
         )
 

@@ -169,6 +169,7 @@ class Model(Compiled):
                 f"determined: {name}"
             )
         work = equations.solutions(np.array([state.t]), row[None, :])[0]
+        work[:-1] = self._in_type(state.t, state.q, state.u, work[:-1])
         if redundant:
             work = least_norm(self._evaluator, state.t, state.q, work, len(redundant))
         of_points = self._evaluator.blocks("point_accelerations", state.t, state.q, state.u, work)
@@ -378,7 +379,7 @@ class Model(Compiled):
             Tolerances of the local error for methods that adapt their step: relative (1e-9), absolute in m
             and m/s (rtol/1000).
         step
-            The fixed step [s] for methods that have one.
+            The fixed step [s]; a method that adapts its own takes fixed ones then, without judging them.
         samples
             Number of equally spaced times at which the outputs are recorded.
         max_steps
@@ -402,6 +403,7 @@ class Model(Compiled):
         """
         end = self.description.t_end if t_end is None else float(t_end)
         kept = (stabilisation, stabilisation_rate, max_drift)
-        chosen = options(end, method, rtol, atol, step, samples, max_steps, *kept)
+        chosen = options(end, method, rtol, atol, step, samples, max_steps, *kept, precision=self._type)
         begin = self.initial_state() if state is None else state
-        return run(self._evaluator, begin.t, begin.q, begin.u, self._found().redundant, chosen, progress)
+        redundant = self._found().redundant
+        return run(self._evaluator, begin.t, begin.q, begin.u, redundant, chosen, progress, self._typed)

@@ -289,9 +289,7 @@ static int one_step(struct run *run) {
         return status;
     if (!all_finite(run->f_new, run->dim))
         return NOT_FINITE;
-    status = locate_events(run, t_new, h, &prepared);
-    if (status != DONE)
-        return status;
+    locate_events(run, t_new, h, &prepared);
     real until = s->ended_by >= 0 ? run->events[s->events - 1].t : t_new;
     status = record_samples(run, t_new, until, h, sound, &prepared);
     if (status == DONE && s->ended_by >= 0)

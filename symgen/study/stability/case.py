@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from symgen.errors import SimulationError
+from symgen.runtime.integrators import INTEGRATORS
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,6 +68,20 @@ class Case(ABC):
     @abstractmethod
     def go(self, trial: Trial) -> Found:
         """Go through it; raise SimulationError where that cannot be done."""
+
+
+#: Implicit methods are made for stiff motions: no tighter tolerance makes sense for these.
+_IMPLICIT = 1e-8
+
+
+def integrations(rtol: float, step: float, bounds: Mapping[str, float]) -> list[Trial]:
+    """Return a trial for every integrator: by a tolerance where it adapts its step, else by the step [s]."""
+    found = []
+    for name, method in INTEGRATORS.items():
+        tolerance = max(rtol, _IMPLICIT) if getattr(method, "needs_tangent", False) else rtol
+        size = {"rtol": tolerance} if method.adaptive else {"step": step}
+        found.append(Trial(name, size, bounds.get(name)))
+    return found
 
 
 @dataclass(frozen=True, slots=True)
