@@ -42,9 +42,11 @@ def exactly(values, scale=1):
     for i, x in enumerate(np.asarray(high).ravel()):
         if isinstance(x, np.longdouble):
             lead = float(x)
-            x = mpmath.mpf(lead) + mpmath.mpf(float(x - np.longdouble(lead)))
+            value = mpmath.mpf(lead) + mpmath.mpf(float(x - np.longdouble(lead)))
+        else:
+            value = mpmath.mpf(float(x) if isinstance(x, np.floating) else x)
         rest = 0 if low is None else mpmath.mpf(float(np.asarray(low).ravel()[i]))
-        found.append(mpmath.mpf(float(x) if isinstance(x, np.floating) else x) + rest)
+        found.append(value + rest)
     return found
 
 

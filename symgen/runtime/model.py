@@ -92,7 +92,8 @@ class Model(Compiled):
         if self._start is None and (self.is_changed or not d.start):
             self._start = start(self._evaluator)
         elif self._start is None:
-            self._start = Start(*np.split(np.array(d.start), 2), d.redundant)
+            q, u = np.split(np.array(d.start), 2)
+            self._start = Start(q, u, d.redundant)
         return self._start
 
     @property
