@@ -84,7 +84,7 @@ def run(
     if redundant and typed is not None:
         allowed = typed.precision.coarsened(allowed)
     equations = evaluator.equations(len(redundant), allowed, stabilisation=chosen.rate, typed=typed)
-    times: Array = np.arange(float(chosen.samples)) * ((chosen.t_end - t0) / (chosen.samples - 1)) + t0
+    times: Array = np.arange(chosen.samples, dtype=float) * ((chosen.t_end - t0) / (chosen.samples - 1)) + t0
     times[-1] = chosen.t_end
     y0 = np.concatenate((q, u, (0.0,) * equations.extra))
     if not np.isfinite(y0).all():
