@@ -25,7 +25,7 @@ from symgen.runtime import _core
 Rows = NDArray[Any]
 
 SCENES = ("triple_pendulum", "peaucellier")
-#: Columns of no power of two, which would meet in the same sets of the cache; all arrays fit its second level.
+#: No power of two, whose columns would meet in the same sets of the cache; all arrays fit its second level.
 STATES, CALLS, JUDGED, SEED = 4112, 8, 64, 6
 SHIFT, SPEED = 0.05, 0.3  # of the largest coordinate; m/s
 TYPES = ("float32", "float64")
@@ -47,7 +47,7 @@ def main() -> int:
             Required(f"{scene}: median relative error in float32", error, 1e-5, False),
         ]
     notes = (
-        f"{STATES} random states a call, {CALLS} calls, one thread; the best round counts: other work only adds to it.",
+        f"{STATES} random states a call, {CALLS} calls, one thread; the best round counts.",
         f"Errors are those of {JUDGED} states against 40 digits, median and largest over states.",
     )
     return report("Accelerations of many states", rows, required, notes=notes, as_json=options.json)
