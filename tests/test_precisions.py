@@ -75,7 +75,7 @@ def test_kernels_of_linkages(scene, way):
     for values in states:
         values["p"] = states[0]["p"]
     model = model.with_parameters(**dict(zip(model.parameters, states[0]["p"].tolist(), strict=True)))
-    oracle, eps = Oracle(system, DIGITS), epsilon(way)
+    oracle, eps = Oracle(system), epsilon(way)
     t, q, u = (np.array([v[name] for v in states]) for name in ("t", "q", "u"))
     with mpmath.workdps(DIGITS):
         solutions = [list(oracle.solve(v)) for v in states]
@@ -101,7 +101,7 @@ def test_kernels_of_loops(scene, way):
     rng, eps = np.random.default_rng(0x100), epsilon(way)
     values = single({g.name: rng.uniform(-1.5, 1.5, len(g.quantities)) for g in system.groups})
     values["p"] = np.array([*model.parameters.values()])
-    oracle = Oracle(system, DIGITS)
+    oracle = Oracle(system)
     with mpmath.workdps(DIGITS):
         for export in system.exports:
             info = model.description.kernel(export.kernel)
