@@ -21,6 +21,7 @@ class Evaluator:
         self.description, self.library = description, library
         self.parameters = np.array([*parameters, 0.0])
         self.work_size = max((k.work_size for k in description.kernels), default=0)
+        self._infos = {k.name: k for k in description.kernels}
 
     def has(self, kernel: str) -> bool:
         """Tell whether the model has this kernel."""
@@ -28,7 +29,7 @@ class Evaluator:
 
     def info(self, kernel: str) -> KernelInfo:
         """Return what is known of a kernel; raise ModelError when the model has none of that name."""
-        info = self.description.kernel(kernel)
+        info = self._infos.get(kernel)
         if info is None:
             raise ModelError(f"{self.description.name} has no kernel {kernel!r}")
         return info
@@ -39,7 +40,7 @@ class Evaluator:
         out = np.zeros(info.out_size + 1)
         memory = np.zeros(self.work_size + 1) if work is None else work
         address = self.library.addresses[kernel]
-        _core.call(address, np.array([t]), np.append(q, 0.0), np.append(u, 0.0), self.parameters, memory, out)
+        _core.call(address, np.array([t]), _padded(q), _padded(u), self.parameters, memory, out)
         return out[:-1]
 
     def blocks(
@@ -80,6 +81,13 @@ class Evaluator:
             core=own.stepping if own else _core.DOUBLE,
             stabilisation=stabilisation,
         )
+
+
+def _padded(values: Array) -> Array:
+    """Return an array with a number behind it, so that it is never empty."""
+    padded = np.zeros(len(values) + 1)
+    padded[:-1] = values
+    return padded
 
 
 def part(out: Array, block: BlockInfo) -> Array:

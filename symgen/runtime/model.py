@@ -404,6 +404,6 @@ class Model(Compiled):
         end = self.description.t_end if t_end is None else float(t_end)
         kept = (stabilisation, stabilisation_rate, max_drift)
         chosen = options(end, method, rtol, atol, step, samples, max_steps, *kept, precision=self._type)
-        begin = self.initial_state() if state is None else state
-        redundant = self._found().redundant
-        return run(self._evaluator, begin.t, begin.q, begin.u, redundant, chosen, progress, self._typed)
+        found = self._found()
+        t, q, u = (0.0, found.q, found.u) if state is None else (state.t, state.q, state.u)
+        return run(self._evaluator, t, q, u, found.redundant, chosen, progress, self._typed)

@@ -92,10 +92,16 @@ def recorded(
 def motion(evaluator: Evaluator, t: float, y: Array) -> dict[str, dict[str, list[float]]]:
     """Return position [m] and velocity [m/s] of every point in a state (q, u, ...)."""
     d = evaluator.description
-    found = evaluator.blocks("points", t, *np.split(y[: 2 * d.coordinates], 2))
-    positions, velocities = found["positions"].tolist(), found["velocities"].tolist()
+    n = d.coordinates
+    values = evaluator("points", t, y[:n], y[n : 2 * n]).tolist()
+    at = {block.name: block.offset for block in evaluator.info("points").blocks}
+    position, velocity, axes = at["positions"], at["velocities"], len(d.axes)
     return {
-        p: {"position": x, "velocity": v} for p, x, v in zip(d.points, positions, velocities, strict=True)
+        p: {
+            "position": values[position + i : position + i + axes],
+            "velocity": values[velocity + i : velocity + i + axes],
+        }
+        for p, i in zip(d.points, range(0, axes * len(d.points), axes), strict=True)
     }
 
 
@@ -107,7 +113,8 @@ def outputs(
     if info is None or not len(times):
         return ()
     n = evaluator.description.coordinates
-    rows = np.column_stack([states, np.zeros(len(times))])
+    rows = np.zeros((len(times), states.shape[1] + 1))
+    rows[:, :-1] = states
     work = np.zeros((len(times), 1))
     if info.work_size:
         work = equations.solutions(times, rows)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,14 +49,13 @@ def run(
     """
     if chosen.t_end <= t0:
         raise ModelError(f"expected t_end after the start at t = {t0:g} s, got {chosen.t_end:g} s")
-    allowed = slack(evaluator, q)
+    allowed = slack(evaluator, q) if redundant else np.inf
     if typed is not None:
         allowed = typed.precision.coarsened(allowed)
     equations = evaluator.equations(len(redundant), allowed, stabilisation=chosen.rate, typed=typed)
-    times = np.linspace(t0, chosen.t_end, chosen.samples)
-    times[-1] = chosen.t_end
+    times = _sample_times(t0, chosen.t_end, chosen.samples)
     y0 = np.concatenate([q, u, np.zeros(equations.extra)])
-    if not np.all(np.isfinite(y0)):
+    if not np.isfinite(y0).all():
         raise ModelError("the start state holds a number that is not finite")
     stepper = _core.Run(
         equations,
@@ -82,6 +82,15 @@ def run(
         time=stepper.t,
         partial=result if stepper.recorded else None,
     )
+
+
+@lru_cache(maxsize=1)
+def _sample_times(t0: float, t_end: float, samples: int) -> Array:
+    """Return equally spaced times to the very end, kept for the next run: not to be changed."""
+    times = np.linspace(t0, t_end, samples)
+    times[-1] = t_end
+    times.flags.writeable = False
+    return times
 
 
 def drive(stepper: _core.Run, t0: float, chosen: Options, progress: Progress | None) -> tuple[int, float]:
