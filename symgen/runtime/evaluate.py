@@ -20,7 +20,7 @@ class Evaluator:
     def __init__(self, description: Description, library: Library, parameters: Array) -> None:
         self.description, self.library = description, library
         self.parameters = np.array([*parameters, 0.0])
-        self.work_size = max((k.work_size for k in description.kernels), default=0)
+        self.work_size = description.work_size
         self._infos = {k.name: k for k in description.kernels}
 
     def has(self, kernel: str) -> bool:
@@ -36,12 +36,9 @@ class Evaluator:
 
     def __call__(self, kernel: str, t: float, q: Array, u: Array, work: Array | None = None) -> Array:
         """Return the ``out`` array of a kernel."""
-        info = self.info(kernel)
-        out = np.zeros(info.out_size + 1)
-        memory = np.zeros(self.work_size + 1) if work is None else work
-        address = self.library.addresses[kernel]
-        _core.call(address, np.array([t]), _padded(q), _padded(u), self.parameters, memory, out)
-        return out[:-1]
+        size, address = self.info(kernel).out_size, self.library.addresses[kernel]
+        q, u = np.ascontiguousarray(q, dtype=float), np.ascontiguousarray(u, dtype=float)
+        return _core.evaluate(address, t, q, u, self.parameters, work, self.work_size, size)
 
     def blocks(
         self, kernel: str, t: float, q: Array, u: Array, work: Array | None = None
@@ -81,13 +78,6 @@ class Evaluator:
             core=own.stepping if own else _core.DOUBLE,
             stabilisation=stabilisation,
         )
-
-
-def _padded(values: Array) -> Array:
-    """Return an array with a number behind it, so that it is never empty."""
-    padded = np.zeros(len(values) + 1)
-    padded[:-1] = values
-    return padded
 
 
 def part(out: Array, block: BlockInfo) -> Array:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from symgen.errors import ModelError, nearest
+from symgen.errors import ModelError
 from symgen.runtime import _core
 from symgen.runtime.causes import without_direction
 from symgen.runtime.compiled import Compiled
@@ -19,8 +20,8 @@ from symgen.runtime.library import Library
 from symgen.runtime.options import options
 from symgen.runtime.redundancy import least_norm, not_unique
 from symgen.runtime.result import Result
-from symgen.runtime.simulate import run
-from symgen.runtime.state import Accelerations, State
+from symgen.runtime.simulate import keeping, run
+from symgen.runtime.state import Accelerations, State, coordinates
 from symgen.runtime.typed import Typed
 
 if TYPE_CHECKING:
@@ -88,12 +89,11 @@ class Model(Compiled):
     def _found(self) -> Start:
         """Return the start: the one stored with the scene, unless a parameter was changed."""
         d = self.description
-        if self._start is None:
-            if self.is_changed or not d.start:
-                self._start = start(self._evaluator)
-            else:
-                q, u = np.split(np.array(d.start), 2)
-                self._start = Start(q, u, d.redundant)
+        if self._start is None and (self.is_changed or not d.start):
+            self._start = start(self._evaluator)
+        elif self._start is None:
+            q, u = np.split(np.array(d.start), 2)
+            self._start = Start(q, u, d.redundant)
         return self._start
 
     @property
@@ -121,26 +121,9 @@ class Model(Compiled):
         Points left out of ``velocities`` are at rest; ground points may be given and are ignored. The state
         is taken as it is: :meth:`simulate` projects it onto the constraints, :meth:`accelerations` does not.
         """
-        return self._state(
-            t, self._vector(positions, "positions"), self._vector(velocities or {}, "velocities", 0.0)
-        )
-
-    def _vector(self, values: Mapping[str, ArrayLike], what: str, default: float | None = None) -> Array:
         d = self.description
-        for name in values:
-            if name not in d.points:
-                raise ModelError(f"{what}: there is no point {name!r}. {nearest(name, d.points)}")
-        parts = []
-        for point in d.free:
-            if point not in values and default is None:
-                raise ModelError(f"{what}: the point {point} is missing")
-            component = np.asarray(values.get(point, np.full(len(d.axes), default)), dtype=float)
-            if component.shape != (len(d.axes),) or not np.all(np.isfinite(component)):
-                raise ModelError(
-                    f"{what}: expected {len(d.axes)} finite numbers for {point}, got {values[point]!r}"
-                )
-            parts.append(component)
-        return np.concatenate(parts)
+        q, u = coordinates(d, positions, "positions"), coordinates(d, velocities or {}, "velocities", 0.0)
+        return self._state(t, q, u)
 
     def accelerations(self, state: State | None = None) -> Accelerations:
         """Return accelerations by point, multipliers and ground reactions by name, at a state.
@@ -364,6 +347,9 @@ class Model(Compiled):
         stabilisation: str = "projection",
         stabilisation_rate: float | None = None,
         max_drift: float | None = None,
+        checkpoint: str | os.PathLike[str] | None = None,
+        checkpoint_every: float = 10.0,
+        resume: str | os.PathLike[str] | None = None,
         state: State | None = None,
         progress: Callable[[float], None] | None = None,
     ) -> Result:
@@ -389,6 +375,10 @@ class Model(Compiled):
             rate r [1/s] in Phi'' + 2 r Phi' + r^2 Phi = 0 (10), and ``raw``, which lets them drift.
         max_drift
             Error of a constraint [m] beyond which the run ends with an error; none when absent.
+        checkpoint, checkpoint_every
+            A file that is given the run's state every so many seconds of wall time.
+        resume
+            Such a file to go on from, to the same bits as if the run had not been stopped.
         state
             Where to start; :meth:`initial_state` when absent.
         progress
@@ -396,14 +386,15 @@ class Model(Compiled):
 
         Raises
         ------
-        ModelError
-            For options out of range.
+        ModelError, ResultError
+            For options out of range; for a checkpoint that cannot be written, or is of another run.
         SimulationError
             When the run cannot go on; it carries the time and what was recorded.
         """
         end = self.description.t_end if t_end is None else float(t_end)
         kept = (stabilisation, stabilisation_rate, max_drift)
         chosen = options(end, method, rtol, atol, step, samples, max_steps, *kept, precision=self._type)
+        kept_in = keeping(checkpoint, checkpoint_every, resume)
         found = self._found()
         t, q, u = (0.0, found.q, found.u) if state is None else (state.t, state.q, state.u)
-        return run(self._evaluator, t, q, u, found.redundant, chosen, progress, self._typed)
+        return run(self._evaluator, t, q, u, found.redundant, chosen, progress, self._typed, kept_in)

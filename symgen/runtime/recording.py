@@ -44,16 +44,20 @@ def recorded(
             stepper.kinetic_max - stepper.kinetic_min, stepper.potential_max - stepper.potential_min, 0.0
         ),
     )
-    return Result(
+    # Copies of what the run holds now; most of what follows from them is not asked for in short runs.
+    states, t, last, lost = stepper.result, stepper.t, stepper.state, len(redundant)
+    return Result.later(
+        {
+            "variables": lambda: outputs(evaluator, solver, times, states, lost),
+            "final": lambda: motion(evaluator, t, last),
+        },
         name=description.name,
         title=description.title,
         axes=description.axes,
         time=times,
-        variables=outputs(evaluator, solver, times, stepper.result, len(redundant)),
         drift=drift,
-        final=motion(evaluator, stepper.t, stepper.state),
         statistics={
-            "t": stepper.t,
+            "t": t,
             "steps": stepper.steps,
             "rejected": stepper.rejected,
             "evaluations": equations.evaluations,
@@ -92,16 +96,10 @@ def recorded(
 def motion(evaluator: Evaluator, t: float, y: Array) -> dict[str, dict[str, list[float]]]:
     """Return position [m] and velocity [m/s] of every point in a state (q, u, ...)."""
     d = evaluator.description
-    n = d.coordinates
-    values = evaluator("points", t, y[:n], y[n : 2 * n]).tolist()
-    at = {block.name: block.offset for block in evaluator.info("points").blocks}
-    position, velocity, axes = at["positions"], at["velocities"], len(d.axes)
+    found = evaluator.blocks("points", t, *np.split(y[: 2 * d.coordinates], 2))
+    positions, velocities = found["positions"].tolist(), found["velocities"].tolist()
     return {
-        p: {
-            "position": values[position + i : position + i + axes],
-            "velocity": values[velocity + i : velocity + i + axes],
-        }
-        for p, i in zip(d.points, range(0, axes * len(d.points), axes), strict=True)
+        p: {"position": x, "velocity": v} for p, x, v in zip(d.points, positions, velocities, strict=True)
     }
 
 
