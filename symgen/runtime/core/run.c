@@ -50,6 +50,8 @@ size_t run_bytes(const struct equations *e, const struct scheme *scheme, const s
 void run_bind(struct run *run, struct equations *e, const struct scheme *scheme, const struct task *task,
               void *memory) {
     run->e = e, run->scheme = *scheme, run->task = *task, run->dim = e->dim;
+    if (task->rtol == 0 && task->atol == 0)
+        run->scheme.adaptive = 0;
     run->bytes = place(run, memory);
     run->scheme.kind->bind(run);
 }
