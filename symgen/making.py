@@ -85,6 +85,11 @@ class Tools:
         from symgen.lowering.nodes import keeping
         from symgen.lowering.program import lower_system
 
+        point = system.saddle_point
+        if point:
+            tolerance = self.precision.coarsened(float(point.rank_tolerance))
+            if tolerance != float(point.rank_tolerance):
+                system = replace(system, saddle_point=replace(point, rank_tolerance=repr(tolerance)))
         with keeping(self.digits + _GUARD):
             program = lower_system(system)
         target = Target(self.language, self.precision, lanes and self.compiler is not None)

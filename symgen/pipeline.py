@@ -137,7 +137,8 @@ def _model(
     def equations() -> Any:
         return derive(text).by_name()
 
-    typed = Typed(tools.precision, tools.digits, cache(lambda lanes: _typed(text, tools, description, lanes)))
+    kernels = cache(lambda lanes: _typed(text, tools, description, lanes))
+    typed = Typed(tools.precision, tools.digits, kernels, cache(tools.core))
     if tools.digits or tools.precision != FLOAT64:
         typed.kernels(False)  # what cannot be compiled is said now
     if isinstance(description, LoopDescription):

@@ -11,7 +11,7 @@ from typing import Annotated
 import typer
 
 # In the order in which --help lists the commands.
-from symgen.cli import accuracy, analyses, inspection, making, running, stability, sweeping
+from symgen.cli import accuracy, analyses, benching, inspection, making, running, stability, sweeping
 from symgen.cli.common import app
 from symgen.errors import SymgenError
 
@@ -19,6 +19,7 @@ __all__ = [
     "accuracy",
     "analyses",
     "app",
+    "benching",
     "inspection",
     "main",
     "making",

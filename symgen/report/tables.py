@@ -59,6 +59,12 @@ def events_table(result: Result) -> Table:
     return table("Events" + (f" (and {more} more)" if more > 0 else ""), ("event", "t [s]", "passing"), rows)
 
 
+def _type(result: Result) -> tuple[str, ...]:
+    """Return the type of a run's numbers; results of before it was recorded tell none."""
+    found = result.provenance.get("precision")
+    return (found,) if found else ()
+
+
 def run_table(result: Result) -> Table:
     """Return a table of how a run went, its errors beside its cost."""
     drift, statistics = result.drift, result.statistics
@@ -67,7 +73,7 @@ def run_table(result: Result) -> Table:
         ("", ""),
         (
             ("method", result.provenance["method"]),
-            ("backend", result.provenance["backend"]),
+            ("backend", ", ".join((result.provenance["backend"], *_type(result)))),
             ("steps (rejected)", f"{statistics['steps']} ({statistics['rejected']})"),
             ("evaluations", statistics["evaluations"]),
             ("wall time", f"{statistics['wall_s'] * 1e3:.3g} ms"),

@@ -23,6 +23,9 @@ STABILISATIONS: tuple[str, ...]
 DOUBLE: Core
 
 def call(address: int, t: Array, q: Array, u: Array, p: Array, work: Array, out: Array) -> None: ...
+def evaluate(
+    address: int, t: float, q: Array, u: Array, p: Array, work: Array | None, work_size: int, out_size: int
+) -> Array: ...
 def call_many(
     address: int,
     t: Array,
@@ -105,7 +108,6 @@ class Equations(Integrable):
         core: Core = ...,
         events: int = 0,
         tangent: ArrayLike = (),
-        steady: bool = False,
         stabilisation: float = 0.0,
     ) -> None: ...
 

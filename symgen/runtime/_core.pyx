@@ -31,6 +31,15 @@ def call(uintptr_t address, const double[::1] t, const double[::1] q, const doub
     (<kernel_t>address)(&t[0], &q[0], &u[0], &p[0], &work[0], &out[0])
 
 
+def evaluate(uintptr_t address, double t, const double[::1] q, const double[::1] u, const double[::1] p, work,
+             Py_ssize_t work_size, Py_ssize_t out_size):
+    """Return what one kernel writes; ``work`` is None or holds the accelerations that it reads."""
+    cdef double[::1] out = np.zeros(out_size + 1), memory
+    memory = np.zeros(work_size + 1) if work is None else work
+    (<kernel_t>address)(&t, &q[0], &u[0], &p[0], &memory[0], &out[0])
+    return out.base[:out_size]
+
+
 def call_many(uintptr_t address, const double[::1] t, const double[:, ::1] y, Py_ssize_t n, const double[::1] p,
               double[:, ::1] work, double[:, ::1] out):
     """Call a kernel for every row of ``y`` = (q, u, ...) and of ``work``."""
@@ -307,32 +316,29 @@ cdef class Equations(Integrable):
         Number of values that the kernel of that name writes.
     tangent
         Row, column and place of each value that the kernel of that name writes, column by column.
-    steady
-        Whether the constraints cannot lose rank, so that nobody need look.
     stabilisation
         Rate [1/s] of Baumgarte's terms in derivatives; 0 for none.
     """
 
     def __init__(self, addresses, Py_ssize_t n, Py_ssize_t m, Py_ssize_t extra, p, Py_ssize_t work_size,
                  Py_ssize_t first_pivot, double rank_tolerance, Py_ssize_t redundant, double slack, *,
-                 Core core=DOUBLE, long events=0, tangent=(), bint steady=False, double stabilisation=0.0):
+                 Core core=DOUBLE, long events=0, tangent=(), double stabilisation=0.0):
         cdef kernels given
         cdef sizes wanted
-        cdef const double[::1] parameters = np.array([*p, 0.0])
-        for name in ("accelerations", "energy"):
-            if not addresses.get(name):
-                raise ValueError("a model without the kernels 'accelerations' and 'energy' cannot be stepped")
+        cdef const double[::1] parameters = np.ascontiguousarray(p, dtype=float)
+        if not (addresses.get("accelerations") and addresses.get("energy")):
+            raise ValueError("a model without the kernels 'accelerations' and 'energy' cannot be stepped")
         given.accelerations = kernel_of(addresses, "accelerations")
         given.factor, given.solve = kernel_of(addresses, "factor"), kernel_of(addresses, "solve")
         given.constraints = kernel_of(addresses, "constraints")
         given.velocity_constraints = kernel_of(addresses, "velocity_constraints")
         given.energy, given.residual = kernel_of(addresses, "energy"), kernel_of(addresses, "residual")
         given.events, given.tangent = kernel_of(addresses, "events"), kernel_of(addresses, "tangent")
-        wanted.n, wanted.m, wanted.extra, wanted.parameters = n, m, extra, parameters.shape[0] - 1
+        wanted.n, wanted.m, wanted.extra, wanted.parameters = n, m, extra, parameters.shape[0]
         wanted.work, wanted.first_pivot, wanted.redundant = work_size, first_pivot, redundant
         wanted.events = events if given.events != NULL else 0
         self.places = np.array([*np.ravel(tangent), 0], dtype="l")
-        wanted.tangent, wanted.tangent_places, wanted.steady = len(tangent), &self.places[0], steady
+        wanted.tangent, wanted.tangent_places = len(tangent), &self.places[0]
         wanted.rank_tolerance, wanted.slack, wanted.stabilisation = rank_tolerance, slack, stabilisation
         self.of = core
         self.make(&wanted, &given)
@@ -379,21 +385,26 @@ cdef class Run:
 
     def __init__(self, Integrable equations, method, double t0, y0, double t_end, double rtol, double atol,
                  double step, times, *, long stabilisation=0, double max_drift=INFINITY, directions=(), terminal=()):
-        cdef const double[::1] start = np.array([*y0, 0.0]), wanted = np.ascontiguousarray([*times, INFINITY])
-        cdef const signed char[::1] ways = np.array([*directions, 0], dtype=np.int8)
-        cdef const signed char[::1] ends = np.array([*terminal, 0], dtype=np.int8)
+        cdef const double[::1] start = np.ascontiguousarray(y0, dtype=float)
+        cdef const double[::1] wanted = np.ascontiguousarray(times, dtype=float)
+        cdef const signed char[::1] ways, ends
+        cdef const signed char *way = NULL
+        cdef const char *end = NULL
+        if directions:
+            ways, ends = np.array(directions, dtype=np.int8), np.array(terminal, dtype=np.int8)
+            way, end = &ways[0], <const char *>&ends[0]
         self.equations, self.of = equations, equations.of
         self.scheme = self.of.scheme(method)
         self.asked.t0, self.asked.t_end, self.asked.rtol, self.asked.atol = t0, t_end, rtol, atol
         self.asked.step, self.asked.max_drift, self.asked.stabilisation = step, max_drift, stabilisation
-        self.asked.samples, self.asked.found = wanted.shape[0] - 1, REMEMBERED * (ways.shape[0] - 1)
+        self.asked.samples, self.asked.found = wanted.shape[0], REMEMBERED * len(directions)
         self.core = <run *>calloc(1, self.of.api.run_struct)
         self.memory = calloc(1, self.of.api.run_bytes(equations.core, &self.scheme.filled, &self.asked))
         if self.core == NULL or self.memory == NULL:
             raise MemoryError
         self.of.api.run_bind(self.core, equations.core, &self.scheme.filled, &self.asked, self.memory)
-        self.dim = start.shape[0] - 1
-        self.of.api.run_start(self.core, &start[0], NULL, &wanted[0], &ways[0], <const char *>&ends[0])
+        self.dim = start.shape[0]
+        self.of.api.run_start(self.core, &start[0], NULL, &wanted[0], way, end)
         self.passages, self.events = [], []
         self._look()
 

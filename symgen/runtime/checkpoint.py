@@ -22,6 +22,7 @@ from symgen.atomic import replacing
 from symgen.errors import ResultError
 from symgen.runtime import _core
 from symgen.runtime.evaluate import Evaluator
+from symgen.runtime.library import Library
 from symgen.runtime.options import Options
 
 Array = NDArray[np.float64]
@@ -30,8 +31,18 @@ FORMAT = 1
 EVERY = 10.0
 
 
-def mark_of(evaluator: Evaluator, equations: _core.Equations, chosen: Options, t0: float, y0: Array) -> str:
-    """Return what tells one run from another: a hash of all that its numbers depend on."""
+def mark_of(
+    evaluator: Evaluator,
+    library: Library,
+    equations: _core.Equations,
+    chosen: Options,
+    t0: float,
+    y0: Array,
+) -> str:
+    """Return what tells one run from another: a hash of all that its numbers depend on.
+
+    ``library`` are the kernels that it goes through.
+    """
     from symgen import __version__
 
     method = chosen.method
@@ -41,7 +52,8 @@ def mark_of(evaluator: Evaluator, equations: _core.Equations, chosen: Options, t
         platform.machine(),
         platform.system(),
         evaluator.description.equations,
-        evaluator.library.backend,
+        library.backend,
+        sorted(library.provenance.items()),
         equations.core_type.name,
         evaluator.parameters.tobytes().hex(),
         method.name,

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from numpy.typing import ArrayLike
 
 from symgen.errors import ModelError, nearest
-from symgen.precision import FLOAT64
+from symgen.precision import FLOAT64, Precision
 from symgen.runtime.arguments import real
 from symgen.runtime.description import Described
 from symgen.runtime.library import Library
@@ -56,7 +56,18 @@ class Compiled:
     @property
     def precision(self) -> str:
         """The type that runs of rods and batches are computed in: ``float64``, or as it was built."""
-        return self._typed.precision.name if self._typed else FLOAT64.name
+        return self._type.name
+
+    @property
+    def _type(self) -> Precision:
+        return self._typed.precision if self._typed else FLOAT64
+
+    def _in_type(self, t: float, q: Any, u: Any, solution: Any) -> Any:
+        """Return accelerations and multipliers in the model's own type, where that is not float64."""
+        if self._typed is None or self._typed.is_plain:
+            return solution
+        found = self.batch("accelerations", t, q[None], u[None])
+        return [*found["accelerations"][0], *found["multipliers"][0]]
 
     @property
     def equations(self) -> Any:
@@ -119,6 +130,15 @@ class Compiled:
             When there is no such kernel, or for arrays of other shapes.
         """
         return self._evaluate_many(what, t, q, u, work, threads)[0]
+
+    def _refuse_types(self, what: str) -> None:
+        """Refuse what is computed in doubles only, where another type was asked for."""
+        if self._typed and not self._typed.is_plain:
+            how = f"{self._typed.digits} digits" if self._typed.digits else self.precision
+            raise ModelError(
+                f"{what} computed in float64 only, and {self.name} was built for {how}\n"
+                f"  model.batch() evaluates its kernels in {how}."
+            )
 
     def _evaluate_many(
         self,

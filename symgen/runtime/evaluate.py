@@ -9,6 +9,7 @@ from symgen.errors import ModelError
 from symgen.runtime import _core
 from symgen.runtime.description import BlockInfo, Description, KernelInfo
 from symgen.runtime.library import Library
+from symgen.runtime.typed import Typed
 
 Array = NDArray[np.float64]
 
@@ -19,7 +20,8 @@ class Evaluator:
     def __init__(self, description: Description, library: Library, parameters: Array) -> None:
         self.description, self.library = description, library
         self.parameters = np.array([*parameters, 0.0])
-        self.work_size = max((k.work_size for k in description.kernels), default=0)
+        self.work_size = description.work_size
+        self._infos = {k.name: k for k in description.kernels}
 
     def has(self, kernel: str) -> bool:
         """Tell whether the model has this kernel."""
@@ -27,19 +29,16 @@ class Evaluator:
 
     def info(self, kernel: str) -> KernelInfo:
         """Return what is known of a kernel; raise ModelError when the model has none of that name."""
-        info = self.description.kernel(kernel)
+        info = self._infos.get(kernel)
         if info is None:
             raise ModelError(f"{self.description.name} has no kernel {kernel!r}")
         return info
 
     def __call__(self, kernel: str, t: float, q: Array, u: Array, work: Array | None = None) -> Array:
         """Return the ``out`` array of a kernel."""
-        info = self.info(kernel)
-        out = np.zeros(info.out_size + 1)
-        memory = np.zeros(self.work_size + 1) if work is None else work
-        address = self.library.addresses[kernel]
-        _core.call(address, np.array([t]), np.append(q, 0.0), np.append(u, 0.0), self.parameters, memory, out)
-        return out[:-1]
+        size, address = self.info(kernel).out_size, self.library.addresses[kernel]
+        q, u = np.ascontiguousarray(q, dtype=float), np.ascontiguousarray(u, dtype=float)
+        return _core.evaluate(address, t, q, u, self.parameters, work, self.work_size, size)
 
     def blocks(
         self, kernel: str, t: float, q: Array, u: Array, work: Array | None = None
@@ -55,25 +54,28 @@ class Evaluator:
         work_of_loads: bool = True,
         *,
         stabilisation: float = 0.0,
+        typed: Typed | None = None,
     ) -> _core.Equations:
-        """Return the compiled view of the kernels, which solves and steps.
+        """Return the compiled view of the kernels, which solves and steps; of those of a type, if given.
 
         The work of loads without potential is integrated along where there is any, unless told not to.
         ``stabilisation`` is the rate [1/s] of Baumgarte's terms.
         """
         d = self.description
+        own = typed if typed and not typed.is_plain else None
         return _core.Equations(
-            self.library.addresses,
+            own.kernels(False).addresses if own else self.library.addresses,
             d.coordinates,
             len(d.constraints),
             int(d.work_of_loads and work_of_loads),
             self.parameters[:-1],
             self.work_size,
             d.first_pivot,
-            d.rank_tolerance,
+            own.precision.coarsened(d.rank_tolerance) if own else d.rank_tolerance,
             redundant,
             slack,
             events=len(d.events),
+            core=own.stepping if own else _core.DOUBLE,
             stabilisation=stabilisation,
         )
 

@@ -9,13 +9,16 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import ModuleType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from symgen.errors import StaleBinaryError
 from symgen.precision import FLOAT64, Precision
 from symgen.runtime.description import Described
+
+if TYPE_CHECKING:
+    from symgen.runtime._core import Core
 
 _KERNEL = ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * 6)
 
@@ -66,6 +69,24 @@ def open_library(path: Path, description: Described) -> Library:
     _check_tag(tag, description.equations, str(path))
     addresses = {name: ctypes.cast(f, ctypes.c_void_p).value or 0 for name, f in functions.items()}
     return Library("c", addresses, library)
+
+
+def open_core(path: Path) -> Core:
+    """Open a core of runs that was compiled for another type than double.
+
+    Raises
+    ------
+    StaleBinaryError
+        When it cannot be opened, or does not go with this version of symgen.
+    """
+    from symgen.runtime._core import Core
+
+    try:
+        library = ctypes.CDLL(str(path))
+        table = ctypes.c_char.in_dll(library, "symgen_core")
+        return Core(ctypes.addressof(table), library)
+    except (OSError, ValueError) as error:
+        raise StaleBinaryError(f"cannot use the compiled core {path}: {error}") from None
 
 
 def open_shipped(description: Described) -> Library | None:

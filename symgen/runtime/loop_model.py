@@ -120,6 +120,7 @@ class LoopModel(Compiled):
         InitialStateError
             When the loop cannot be assembled at the beginning of its range.
         """
+        self._refuse_types("closed loops are")
         driven(self.description)
         return follow(self._kernels, self.closed_start(), reals(values, "values of the input"))
 
@@ -142,6 +143,7 @@ class LoopModel(Compiled):
         As :meth:`at`; a range that cannot be gone through ends with SimulationError, which carries the part
         that was reached.
         """
+        self._refuse_types("closed loops are")
         driven(self.description)
         if not 2 <= count(samples, "samples") <= 10_000_000:
             raise ModelError(f"expected between 2 and 10 million samples, got {samples}")
@@ -200,6 +202,7 @@ class LoopModel(Compiled):
         """
         from symgen.runtime.loop_run import run
 
+        self._refuse_types("closed loops are")
         d = self.description
         if not d.having("free"):
             raise ModelError(

@@ -89,12 +89,11 @@ class Model(Compiled):
     def _found(self) -> Start:
         """Return the start: the one stored with the scene, unless a parameter was changed."""
         d = self.description
-        if self._start is None:
-            if self.is_changed or not d.start:
-                self._start = start(self._evaluator)
-            else:
-                q, u = np.split(np.array(d.start), 2)
-                self._start = Start(q, u, d.redundant)
+        if self._start is None and (self.is_changed or not d.start):
+            self._start = start(self._evaluator)
+        elif self._start is None:
+            q, u = np.split(np.array(d.start), 2)
+            self._start = Start(q, u, d.redundant)
         return self._start
 
     @property
@@ -153,6 +152,7 @@ class Model(Compiled):
                 f"determined: {name}"
             )
         work = equations.solutions(np.array([state.t]), row[None, :])[0]
+        work[:-1] = self._in_type(state.t, state.q, state.u, work[:-1])
         if redundant:
             work = least_norm(self._evaluator, state.t, state.q, work, len(redundant))
         of_points = self._evaluator.blocks("point_accelerations", state.t, state.q, state.u, work)
@@ -365,7 +365,7 @@ class Model(Compiled):
             Tolerances of the local error for methods that adapt their step: relative (1e-9), absolute in m
             and m/s (rtol/1000).
         step
-            The fixed step [s] for methods that have one.
+            The fixed step [s]; a method that adapts its own takes fixed ones then, without judging them.
         samples
             Number of equally spaced times at which the outputs are recorded.
         max_steps
@@ -393,8 +393,8 @@ class Model(Compiled):
         """
         end = self.description.t_end if t_end is None else float(t_end)
         kept = (stabilisation, stabilisation_rate, max_drift)
-        chosen = options(end, method, rtol, atol, step, samples, max_steps, *kept)
-        begin = self.initial_state() if state is None else state
+        chosen = options(end, method, rtol, atol, step, samples, max_steps, *kept, precision=self._type)
         kept_in = keeping(checkpoint, checkpoint_every, resume)
-        redundant = self._found().redundant
-        return run(self._evaluator, begin.t, begin.q, begin.u, redundant, chosen, progress, kept_in)
+        found = self._found()
+        t, q, u = (0.0, found.q, found.u) if state is None else (state.t, state.q, state.u)
+        return run(self._evaluator, t, q, u, found.redundant, chosen, progress, self._typed, kept_in)

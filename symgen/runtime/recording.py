@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from symgen.runtime import _core
 from symgen.runtime.evaluate import Evaluator, part
+from symgen.runtime.library import Library
 from symgen.runtime.options import Options
 from symgen.runtime.redundancy import least_norm, not_unique
 from symgen.runtime.result import Drift, Event, Result, Variable
@@ -26,10 +27,15 @@ def recorded(
     redundant: tuple[int, ...],
     chosen: Options,
     wall: float,
+    library: Library,
 ) -> Result:
-    """Return what a run has recorded till now."""
+    """Return what a run has recorded till now; ``library`` are the kernels it went through."""
     description = evaluator.description
     times = stepper.sampled
+    solver = equations
+    if equations.core_type is not _core.DOUBLE:
+        # States are recorded as doubles, and outputs follow from them.
+        solver = evaluator.equations(len(redundant))
     drift = Drift(
         constraint=stepper.position_drift,
         velocity=stepper.velocity_drift,
@@ -38,16 +44,20 @@ def recorded(
             stepper.kinetic_max - stepper.kinetic_min, stepper.potential_max - stepper.potential_min, 0.0
         ),
     )
-    return Result(
+    # Copies of what the run holds now; most of what follows from them is not asked for in short runs.
+    states, t, last, lost = stepper.result, stepper.t, stepper.state, len(redundant)
+    return Result.later(
+        {
+            "variables": lambda: outputs(evaluator, solver, times, states, lost),
+            "final": lambda: motion(evaluator, t, last),
+        },
         name=description.name,
         title=description.title,
         axes=description.axes,
         time=times,
-        variables=outputs(evaluator, equations, times, stepper.result, len(redundant)),
         drift=drift,
-        final=motion(evaluator, stepper.t, stepper.state),
         statistics={
-            "t": stepper.t,
+            "t": t,
             "steps": stepper.steps,
             "rejected": stepper.rejected,
             "evaluations": equations.evaluations,
@@ -63,7 +73,8 @@ def recorded(
             "t_end": chosen.t_end,
             "stabilisation": chosen.stabilisation,
             **({"stabilisation_rate": chosen.rate} if chosen.rate else {}),
-            "backend": evaluator.library.backend,
+            "backend": library.backend,
+            **library.provenance,
             "parameters": {
                 p.name: value
                 for p, value in zip(description.parameters, evaluator.parameters.tolist(), strict=False)
@@ -85,7 +96,8 @@ def recorded(
 def motion(evaluator: Evaluator, t: float, y: Array) -> dict[str, dict[str, list[float]]]:
     """Return position [m] and velocity [m/s] of every point in a state (q, u, ...)."""
     d = evaluator.description
-    found = evaluator.blocks("points", t, *np.split(y[: 2 * d.coordinates], 2))
+    n = d.coordinates
+    found = evaluator.blocks("points", t, y[:n], y[n : 2 * n])
     positions, velocities = found["positions"].tolist(), found["velocities"].tolist()
     return {
         p: {"position": x, "velocity": v} for p, x, v in zip(d.points, positions, velocities, strict=True)
@@ -100,7 +112,8 @@ def outputs(
     if info is None or not len(times):
         return ()
     n = evaluator.description.coordinates
-    rows = np.column_stack([states, np.zeros(len(times))])
+    rows = np.zeros((len(times), states.shape[1] + 1))
+    rows[:, :-1] = states
     work = np.zeros((len(times), 1))
     if info.work_size:
         work = equations.solutions(times, rows)

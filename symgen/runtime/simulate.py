@@ -21,6 +21,7 @@ from symgen.runtime.options import Options
 from symgen.runtime.recording import recorded
 from symgen.runtime.redundancy import slack
 from symgen.runtime.result import Result
+from symgen.runtime.typed import Typed
 
 Array = NDArray[np.float64]
 Progress = Callable[[float], None]
@@ -65,9 +66,12 @@ def run(
     redundant: tuple[int, ...],
     chosen: Options,
     progress: Progress | None,
+    typed: Typed | None = None,
     keeping: Keeping | None = None,
 ) -> Result:
     """Integrate from a state and return the result; ``redundant`` constraints follow from the others.
+
+    ``typed`` are kernels in the type to integrate in; those of the evaluator when absent.
 
     Raises
     ------
@@ -76,11 +80,14 @@ def run(
     """
     if chosen.t_end <= t0:
         raise ModelError(f"expected t_end after the start at t = {t0:g} s, got {chosen.t_end:g} s")
-    equations = evaluator.equations(len(redundant), slack(evaluator, q), stabilisation=chosen.rate)
-    times = np.linspace(t0, chosen.t_end, chosen.samples)
+    allowed = slack(evaluator, q) if redundant else np.inf
+    if redundant and typed is not None:
+        allowed = typed.precision.coarsened(allowed)
+    equations = evaluator.equations(len(redundant), allowed, stabilisation=chosen.rate, typed=typed)
+    times: Array = np.arange(chosen.samples, dtype=float) * ((chosen.t_end - t0) / (chosen.samples - 1)) + t0
     times[-1] = chosen.t_end
-    y0 = np.concatenate([q, u, np.zeros(equations.extra)])
-    if not np.all(np.isfinite(y0)):
+    y0 = np.concatenate((q, u, (0.0,) * equations.extra))
+    if not np.isfinite(y0).all():
         raise ModelError("the start state holds a number that is not finite")
     stepper = _core.Run(
         equations,
@@ -97,13 +104,15 @@ def run(
         directions=[e.direction for e in evaluator.description.events],
         terminal=[e.ends_run for e in evaluator.description.events],
     )
+    library = typed.kernels(False) if typed and not typed.is_plain else evaluator.library
     checkpoints = None
     if keeping is not None:
-        checkpoints = Checkpoints(mark_of(evaluator, equations, chosen, t0, y0), keeping.file, keeping.every)
+        mark = mark_of(evaluator, library, equations, chosen, t0, y0)
+        checkpoints = Checkpoints(mark, keeping.file, keeping.every)
         if keeping.resume is not None:
-            checkpoints.spent = resume(keeping.resume, stepper, checkpoints.mark)
+            checkpoints.spent = resume(keeping.resume, stepper, mark)
     status, wall = drive(stepper, t0, chosen, progress, checkpoints)
-    result = recorded(evaluator, equations, stepper, redundant, chosen, wall)
+    result = recorded(evaluator, equations, stepper, redundant, chosen, wall, library)
     if status in (_core.DONE, _core.ENDED):
         return result
     raise SimulationError(
