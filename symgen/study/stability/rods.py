@@ -18,6 +18,9 @@ from symgen.scene.schema import Scene
 from symgen.study.stability.case import Case, Found, Trial, integrations
 from symgen.study.stability.truths import accelerations_error, compound_pendulum, on_circle, peaucellier_arm
 
+#: More steps than any way through a case needs: who takes more does not come to an end.
+_MOST_STEPS = 50_000
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Rods(Case):
@@ -53,9 +56,8 @@ class Rods(Case):
         """Run it and measure."""
         model = _model(self.scene or self.name).with_parameters(**self.parameters)
         begin = self.start(model) if self.start else None
-        result = model.simulate(
-            self.t_end, method=trial.method, samples=self.samples, state=begin, **trial.options
-        )
+        asked = {"method": trial.method, "samples": self.samples, "max_steps": _MOST_STEPS, **trial.options}
+        result = model.simulate(self.t_end, state=begin, **asked)
         statistics = result.statistics
         return Found(
             self.error(model, result), result.drift.constraint, statistics["steps"], statistics["wall_s"]
@@ -235,9 +237,10 @@ CASES: tuple[Case, ...] = (
         hard="a four-bar linkage 1400 km from the origin",
         measure=_RELATIVE,
         error=_accelerations("far_origin"),
-        rtol=1e-9,
+        rtol=1e-8,
         step=1e-3,
         bounds={"others": 1e-13},
+        more=(Trial("dopri5", {"rtol": 1e-9}),),
         most_drift=1e-8,
         samples=3,
     ),
