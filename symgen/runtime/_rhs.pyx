@@ -8,11 +8,11 @@ from libc.stdint cimport uintptr_t
 from libc.string cimport memcpy
 
 from symgen.errors import ModelError
-from symgen.runtime._core cimport _DONE, Equations
+from symgen.runtime._core cimport _DONE, Equations, symgen_core
 
 
 cdef void _entry(double t, const double *y, double *dy, void *user_data) noexcept nogil:
-    (<Equations>user_data).derivative(t, y, dy)
+    symgen_core.derivative((<Equations>user_data).core, t, y, dy)
 
 
 cdef class Rhs:
@@ -40,7 +40,7 @@ cdef class Rhs:
         PyObject_GetBuffer(self._checked(y), &state, PyBUF_SIMPLE)
         made = np.empty(self.size)
         PyObject_GetBuffer(made, &slope, PyBUF_SIMPLE)
-        self.equations.derivative(t, <const double *>state.buf, <double *>slope.buf)
+        symgen_core.derivative(self.equations.core, t, state.buf, slope.buf)
         PyBuffer_Release(&state)
         PyBuffer_Release(&slope)
         return made
@@ -52,7 +52,7 @@ cdef class Rhs:
         cdef double[::1] projected = made
         memcpy(&projected[0], &row[0], self.equations.dim * sizeof(double))
         for again in range(2):  # with the factor of a state far off, rates come close only
-            if self.equations.project(t, &projected[0]) != _DONE:
+            if symgen_core.project(self.equations.core, t, &projected[0]) != _DONE:
                 raise ModelError(
                     f"the state at t = {t:g} s cannot be brought onto the constraints: it is too far from "
                     "them, or they lose rank there"
@@ -62,8 +62,8 @@ cdef class Rhs:
     def energy(self, double t, y):
         """Return kinetic plus potential energy [J]."""
         cdef const double[::1] row = self._checked(y)
-        self.equations.measure_energy(t, &row[0])
-        return self.equations.energies[0] + self.equations.energies[1]
+        self.equations.core.of.measure_energy(self.equations.core, t, &row[0])
+        return self.equations.core.energies[0] + self.equations.core.energies[1]
 
     @property
     def low_level(self):

@@ -9,6 +9,7 @@ from symgen.errors import ModelError
 from symgen.runtime import _core
 from symgen.runtime.description import BlockInfo, Description, KernelInfo
 from symgen.runtime.library import Library
+from symgen.runtime.tangent import places
 
 Array = NDArray[np.float64]
 
@@ -55,15 +56,21 @@ class Evaluator:
         *,
         work_of_loads: bool = True,
         stabilisation: float = 0.0,
+        tangent: Evaluator | None = None,
     ) -> _core.Equations:
         """Return the compiled view of the kernels, which solves and steps.
 
         The work of loads without potential is integrated along where there is any, unless told not to.
-        ``stabilisation`` is the rate [1/s] of Baumgarte's terms.
+        ``stabilisation`` is the rate [1/s] of Baumgarte's terms, ``tangent`` the kernels of the analysis of
+        that name, for implicit methods.
         """
         d = self.description
+        addresses, entries = self.library.addresses, None
+        if tangent is not None:
+            addresses = {**addresses, **tangent.library.addresses}
+            entries = places(d, tangent.description)
         return _core.Equations(
-            self.library.addresses,
+            addresses,
             d.coordinates,
             len(d.constraints),
             int(d.work_of_loads and work_of_loads),
@@ -74,6 +81,7 @@ class Evaluator:
             redundant,
             slack,
             stabilisation=stabilisation,
+            tangent=() if entries is None else entries,
         )
 
 

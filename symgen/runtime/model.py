@@ -403,4 +403,6 @@ class Model(Compiled):
         kept = (stabilisation, stabilisation_rate, max_drift)
         chosen = options(end, method, rtol, atol, step, samples, max_steps, *kept)
         begin = self.initial_state() if state is None else state
-        return run(self._evaluator, begin.t, begin.q, begin.u, self._found().redundant, chosen, progress)
+        tangent = self.analysis("tangent") if chosen.method.needs_tangent else None
+        redundant = self._found().redundant
+        return run(self._evaluator, begin.t, begin.q, begin.u, redundant, chosen, progress, tangent)

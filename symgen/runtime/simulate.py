@@ -34,8 +34,11 @@ def run(
     redundant: tuple[int, ...],
     chosen: Options,
     progress: Progress | None,
+    tangent: Evaluator | None = None,
 ) -> Result:
     """Integrate from a state and return the result; ``redundant`` constraints follow from the others.
+
+    ``tangent`` are the kernels of the analysis of that name, for methods that need it.
 
     Raises
     ------
@@ -44,7 +47,9 @@ def run(
     """
     if chosen.t_end <= t0:
         raise ModelError(f"expected t_end after the start at t = {t0:g} s, got {chosen.t_end:g} s")
-    equations = evaluator.equations(len(redundant), slack(evaluator, q), stabilisation=chosen.rate)
+    equations = evaluator.equations(
+        len(redundant), slack(evaluator, q), stabilisation=chosen.rate, tangent=tangent
+    )
     times = np.linspace(t0, chosen.t_end, chosen.samples)
     times[-1] = chosen.t_end
     y0 = np.concatenate([q, u, np.zeros(equations.extra)])
@@ -131,13 +136,20 @@ def _problem(
             f"of the linkage, or a redundant link)\n  State: {where}."
         )
     near_lost_rank = _near_singular(stepper, equations, description)
+    if status == _core.UNSOLVED and not near_lost_rank:
+        return (
+            f"the implicit equations of a step of {chosen.method.name} could not be solved {at}: the step is "
+            f"too large for the motion\n  Use a smaller step. State: {where}."
+        )
     if status == _core.PROJECTION_FAILED and not near_lost_rank:
         return (
             f"the state could not be brought back onto the constraints {at}: the step is too large for the "
             f"motion, or the start is off the constraints\n  Use a smaller step or tighter tolerances. "
             f"State: {where}."
         )
-    if status == _core.PROJECTION_FAILED or (status == _core.STEP_TOO_SMALL and near_lost_rank):
+    if status in (_core.PROJECTION_FAILED, _core.UNSOLVED) or (
+        status == _core.STEP_TOO_SMALL and near_lost_rank
+    ):
         cause = "the linkage comes to a dead centre, which it cannot be taken through"
         hint = "Start elsewhere, or change the lengths."
         if description.drives:

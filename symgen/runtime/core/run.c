@@ -245,7 +245,8 @@ static int accepted_step(struct run *run, real *t_new, real *length) {
         }
         /* A step that ends, or has a stage, where rank is lost for an instant is made a little shorter. */
         part *= R(0.7);
-        if ((status != SINGULAR && (status != PROJECTION_FAILED || s->sound >= NEAR)) || part < R(0.2)) {
+        int near = s->sound < NEAR && (status == PROJECTION_FAILED || status == UNSOLVED);
+        if ((status != SINGULAR && !near) || part < R(0.2)) {
             s->rejected--;
             return status;
         }
