@@ -8,16 +8,25 @@ import shlex
 import shutil
 import subprocess
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
-from symgen.errors import BuildError
+from symgen.errors import BuildError, ModelError, nearest
 
 #: Default flags. ``-Og`` compiles straight-line code in four fifths of the time of ``-O1`` and runs it as
 #: fast. Contraction is off so that results repeat bit for bit.
 FLAGS = ("-std=c11", "-Og", "-ffp-contract=off")
+DEFAULT = ("-Og",)
 #: Instead of ``-Og`` where sines and cosines weigh: it finds both of an angle in one call.
-_OF_FUNCTIONS = "-O1"
+OF_FUNCTIONS = ("-O1",)
+#: Instead of ``-Og`` for many states at once: functions go through lanes in loops, which need inlining, and
+#: a square root is one instruction only where it need not set errno.
+OF_LANES = ("-O3", "-fno-math-errno")
+#: Instead of ``-Og`` for the core of runs: its loops.
+OF_CORE = ("-O2",)
+#: Options that may change the last bits of results, or where a binary runs: what each value of them adds.
+CONTRACTIONS = {"off": "-ffp-contract=off", "fast": "-ffp-contract=fast"}
+VECTORS = {"none": (), "native": ("-march=native",)}
 _TIMEOUT = 600
 
 
@@ -29,24 +38,57 @@ class Compiler:
     version: str
     flags: tuple[str, ...]
 
+    def with_options(self, contraction: str, vector: str) -> Compiler:
+        """Return the same compiler contracting products and sums, or for the vectors of this processor.
+
+        Raises
+        ------
+        ModelError
+            When there is no such value of an option.
+        """
+        for value, known in ((contraction, CONTRACTIONS), (vector, VECTORS)):
+            if value not in known:
+                option = "contraction" if known is CONTRACTIONS else "vector"
+                raise ModelError(f"there is no {option} {value!r}. {nearest(str(value), known)}")
+        flags = self.flags
+        if contraction != "off":
+            kept = (f for f in flags if not f.startswith("-ffp-contract"))
+            flags = (*kept, CONTRACTIONS[contraction])
+        return replace(self, flags=(*flags, *VECTORS[vector]))
+
     @property
     def identity(self) -> str:
         """Everything about it that may change the binary, the CPU too when the flags tune to it."""
         tuned = any(flag.startswith(("-march", "-mtune", "-mcpu")) for flag in self.flags)
         return "\n".join((*self.command, self.version, *self.flags, _cpu() if tuned else ""))
 
-    def start(self, sources: Sequence[Path], library: Path, functions: bool) -> Compilation:
+    def start(
+        self,
+        sources: Sequence[Path],
+        library: Path,
+        instead: Sequence[str] = DEFAULT,
+        libraries: Sequence[str] = ("m",),
+    ) -> Compilation:
         """Start compiling C sources, all side by side, to a shared library.
 
-        ``functions`` tells whether calls of functions are much of what they do.
+        Parameters
+        ----------
+        sources
+            The files; objects are made beside them.
+        library
+            What to make.
+        instead
+            Flags for them in place of ``-Og``, unless the user chose others.
+        libraries
+            What it is linked with.
         """
-        flags = [_OF_FUNCTIONS if functions and f == "-Og" else f for f in self.flags]
+        flags = [flag for f in self.flags for flag in (instead if f == "-Og" else (f,))]
         running = []
         for source in sources:
             made = source.with_suffix(".o")
             command = [*self.command, *flags, "-fPIC", "-c", str(source), "-o", str(made)]
             running.append((command, made, _start(command)))
-        return Compilation(self, tuple(running), library)
+        return Compilation(self, tuple(running), library, tuple(f"-l{name}" for name in libraries))
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,6 +98,7 @@ class Compilation:
     compiler: Compiler
     running: tuple[tuple[list[str], Path, subprocess.Popen[bytes]], ...]
     library: Path
+    linked: tuple[str, ...]
 
     def finish(self) -> Path:
         """Wait for the objects, link them, and return the path of the library.
@@ -72,7 +115,7 @@ class Compilation:
             raise BuildError(failures[0])
         objects = [made for _, made, _ in self.running]
         command = [*self.compiler.command, *self.compiler.flags, "-shared", "-o", str(self.library)]
-        command += [*map(str, objects), "-lm"]
+        command += [*map(str, objects), *self.linked]
         failure = _failure(command, _start(command))
         if failure:
             raise BuildError(failure)

@@ -2,20 +2,15 @@
 
 from __future__ import annotations
 
-import gc
-import hashlib
-import importlib.util
 import os
 import warnings
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from symgen.cache import Cache, Entry, key
-from symgen.compiler import Compilation, Compiler, find_compiler
+from symgen.compiler import find_compiler
 from symgen.describe import describe, with_start
 from symgen.errors import (
     ModelError,
@@ -23,11 +18,12 @@ from symgen.errors import (
     SlowBackendWarning,
     nearest,
 )
+from symgen.making import Tools, no_collection
+from symgen.precision import FLOAT64
+from symgen.precision import precision as precision_named
 from symgen.scene.loading import SceneText, check_scene, override, read_scene
 
 if TYPE_CHECKING:
-    from symgen.codegen.emit import SourceFile
-    from symgen.lowering.kernel import Program
     from symgen.runtime.description import Described, Description
     from symgen.runtime.elastic_model import ElasticModel
     from symgen.runtime.library import Library
@@ -38,9 +34,9 @@ if TYPE_CHECKING:
     from symgen.scene.schema import Scene
     from symgen.symbolic.system import System
 
-BACKENDS = ("auto", "c", "numpy")
-_DESCRIPTION, _LIBRARY = "description.json", "kernels.so"
-_GENERATOR = ("scene", "symbolic", "joints", "elements", "mechanics", "models", "lowering", "codegen")
+BACKENDS = ("auto", "c", "numpy", "mpmath")
+#: Digits of the backend mpmath where none are asked for.
+DIGITS = 40
 
 
 def build(
@@ -48,6 +44,10 @@ def build(
     *,
     set: Mapping[str, Any] | None = None,
     backend: str = "auto",
+    precision: str = "float64",
+    digits: int | None = None,
+    contraction: str = "off",
+    vector: str = "none",
 ) -> Model | LoopModel | ElasticModel:
     """Derive, lower, emit and compile a scene, or take it from the cache.
 
@@ -64,7 +64,17 @@ def build(
         are changed without compiling again.
     backend
         ``c`` (a C compiler is needed), ``numpy`` (slow, needs none), or ``auto``: C where there is a
-        compiler, else shipped kernels of the same equations, else NumPy, with a warning.
+        compiler, else shipped kernels of the same equations, else NumPy, with a warning. ``mpmath`` adds
+        kernels in any number of digits, as a reference: see :meth:`~symgen.runtime.compiled.Compiled.batch`.
+    precision
+        ``float32``, ``float64``, ``longdouble`` or ``float128``: the type that runs of rods and batches are
+        computed in, see ``docs/precision.md``.
+    digits
+        Digits of the backend mpmath (40).
+    contraction
+        ``off``, or ``fast``: products and sums in one rounding where the processor has that.
+    vector
+        ``none``: any processor of this kind runs what is compiled; or ``native``: for this processor.
 
     Raises
     ------
@@ -73,21 +83,18 @@ def build(
     BuildError, CacheError
         When the compiler fails, or the cache cannot be written.
     """
-    if backend not in BACKENDS:
-        raise ModelError(f"there is no backend {backend!r}. {nearest(backend, BACKENDS)}")
+    tools = _tools(backend, precision, digits, contraction, vector)
     text = _text_of(scene)
     tunable, fixed = _split(text, set or {})
     text = override(text, fixed)
-    compiler = None if backend == "numpy" else find_compiler()
-    if compiler is None and backend == "c":
-        raise ModelError(f"the backend 'c' needs a C compiler, and there is none. {_GET_A_COMPILER}")
-    description, library = _cached(text, compiler, "", lambda f: compile_scene(text, compiler, f))
+    base = tools.in_float64
+    description, library = base.cached(text, "", lambda f: compile_scene(text, base, f))
     from symgen.runtime.library import open_shipped
 
-    if compiler is None and backend == "auto":
+    if tools.compiler is None and backend == "auto":
         library = open_shipped(description) or library
         _warn(library)
-    model = _model(text, compiler, description, library)
+    model = _model(text, tools, description, library)
     if not tunable:
         return model
     values = _in_si(model, tunable, text.file)
@@ -95,45 +102,106 @@ def build(
     return model.with_parameters(**values)
 
 
+def _tools(backend: str, precision: str, digits: int | None, contraction: str, vector: str) -> Tools:
+    if backend not in BACKENDS:
+        raise ModelError(f"there is no backend {backend!r}. {nearest(backend, BACKENDS)}")
+    wanted = precision_named(precision)
+    compiler = None if backend == "numpy" else find_compiler()
+    if compiler is None and backend == "c":
+        raise ModelError(f"the backend 'c' needs a C compiler, and there is none. {_GET_A_COMPILER}")
+    if compiler is None and wanted.low:
+        raise ModelError(f"{wanted.name} needs a C compiler: NumPy has no such type. {_GET_A_COMPILER}")
+    if backend != "mpmath" and digits is not None:
+        raise ModelError(f"digits = {digits!r} goes with the backend 'mpmath', not {backend!r}")
+    if backend == "mpmath":
+        from symgen.runtime.arguments import count
+
+        digits = count(DIGITS if digits is None else digits, "digits")
+        if not 15 <= digits <= 10_000:
+            raise ModelError(f"expected between 15 and 10000 digits, got {digits}")
+        if wanted != FLOAT64:
+            raise ModelError(f"the backend 'mpmath' has digits, not a precision, got {precision!r}")
+    if compiler is None and (contraction, vector) != ("off", "none"):
+        raise ModelError("contraction and vector are options of a C compiler, and none is used")
+    if compiler:
+        compiler = compiler.with_options(contraction, vector)
+    return Tools(compiler, wanted, digits or 0, contraction, vector)
+
+
 def _model(
-    text: SceneText, compiler: Compiler | None, description: Any, library: Library
+    text: SceneText, tools: Tools, description: Any, library: Library
 ) -> Model | LoopModel | ElasticModel:
     from symgen.runtime.description import LoopDescription
+    from symgen.runtime.typed import Typed
 
     def equations() -> Any:
         return derive(text).by_name()
 
+    kernels = cache(lambda lanes: _typed(text, tools, description, lanes))
+    typed = Typed(tools.precision, tools.digits, kernels, cache(tools.core))
+    if tools.digits or tools.precision != FLOAT64:
+        typed.kernels(False)  # what cannot be compiled is said now
     if isinstance(description, LoopDescription):
         from symgen.runtime.loop_model import LoopModel
 
-        return LoopModel(description, library, equations)
+        return LoopModel(description, library, equations, typed=typed)
     from symgen.runtime.model import Model
 
-    analyses = cache(lambda kind: _analysis(text, compiler, description, kind, lambda: _linkage(text)))
-    model = Model(description, library, equations, analyses=analyses)
+    base = tools.in_float64
+
+    def analysis(kind: str) -> tuple[Description, Library]:
+        # The Jacobian is for runs, so it is in their type; all else is in double precision.
+        in_type = kind == "tangent" and not tools.digits and tools.precision != FLOAT64
+        made, of = (tools, tools.precision.name) if in_type else (base, "")
+        return _analysis(text, made, description, kind, lambda: _linkage(text), of)
+
+    analyses = cache(analysis)
+    model = Model(description, library, equations, analyses=analyses, typed=typed)
     if description.elastic is None:
         return model
     from symgen.runtime.elastic_model import ElasticModel
 
-    return ElasticModel(model, cache(lambda count: _in_segments(text, compiler, description, count)))
+    return ElasticModel(model, cache(lambda count: _in_segments(text, base, description, count)))
 
 
-def compile_scene(text: SceneText, compiler: Compiler | None, folder: Path) -> tuple[Any, Library]:
+def _typed(text: SceneText, tools: Tools, base: Described, lanes: bool) -> Library:
+    """Return the kernels of a scene in the type that was asked for, for one state a call or for many."""
+    from symgen.runtime.description import Description
+
+    made = replace(tools, compiler=None) if tools.digits else tools
+
+    def make(folder: Path) -> tuple[Described, Library]:
+        with no_collection():
+            from symgen.models.system import with_redundancy
+
+            system = derive(text)
+            if isinstance(base, Description) and base.redundant:
+                system = with_redundancy(system)
+            program, equations, sources = made.lowered(system, lanes)
+        compilation = made.written(program, sources, folder, lanes)
+        description = replace(base, equations=equations)
+        return description, made.opened(folder, description, compilation)
+
+    name = f"{made.digits}-digits" if made.digits else made.precision.name
+    return made.cached(text, f"{name}-lanes" if lanes and made.compiler else name, make)[1]
+
+
+def compile_scene(text: SceneText, tools: Tools, folder: Path) -> tuple[Any, Library]:
     """Run the whole pipeline into a folder: sources, library and description."""
-    with _no_collection():
+    with no_collection():
         from symgen.models.system import with_redundancy
         from symgen.scene.resolve import resolve
 
         resolved = resolve(check_scene(text))  # SceneText -> Scene -> Linkage | Loop
         system = system_of(resolved)  # Linkage | Loop -> System
-    description, library = _compiled(resolved, system, compiler, folder)
+    description, library = _compiled(resolved, system, tools, folder)
     # That constraints are redundant shows at the start only: then the factorisation must expect it.
     tolerant = with_redundancy(system)
     if tolerant is not system and description.redundant:
         # In a folder of its own: a library of a path that is open already would not be loaded again.
         again = folder / "again"
         again.mkdir()
-        description, library = _compiled(resolved, tolerant, compiler, again)
+        description, library = _compiled(resolved, tolerant, tools, again)
         for file in sorted(again.iterdir()):
             file.replace(folder / file.name)
         again.rmdir()
@@ -153,26 +221,13 @@ def system_of(resolved: Linkage | Loop) -> System:
     return linkage_system(resolved)
 
 
-def _compiled(
-    resolved: Linkage | Loop, system: System, compiler: Compiler | None, folder: Path
-) -> tuple[Any, Library]:
-    with _no_collection():
-        program, equations, sources = _lowered(system, compiler)  # System -> Program, (SourceFile, ...)
-    compilation = _written(program, sources, compiler, folder)  # (SourceFile, ...) -> compilers at work
+def _compiled(resolved: Linkage | Loop, system: System, tools: Tools, folder: Path) -> tuple[Any, Library]:
+    with no_collection():
+        program, equations, sources = tools.lowered(system)  # System -> Program, (SourceFile, ...)
+    compilation = tools.written(program, sources, folder)  # (SourceFile, ...) -> compilers at work
     description = describe(resolved, program, equations)  # the runtime is loaded while they work
-    library = _opened(folder, description, compilation)  # -> Library
+    library = tools.opened(folder, description, compilation)  # -> Library
     return with_start(description, library), library
-
-
-def _lowered(system: System, compiler: Compiler | None) -> tuple[Program, str, tuple[SourceFile, ...]]:
-    from symgen.codegen.emit import emit, equations_hash
-    from symgen.codegen.target import Target
-    from symgen.lowering.program import lower_system
-
-    program = lower_system(system)
-    target = Target("c" if compiler else "numpy")
-    equations = equations_hash(program, target)
-    return program, equations, emit(program, target, equations)
 
 
 def _linkage(text: SceneText) -> Linkage:
@@ -183,7 +238,7 @@ def _linkage(text: SceneText) -> Linkage:
 
 def _analysis(
     text: SceneText,
-    compiler: Compiler | None,
+    tools: Tools,
     base: Description,
     kind: str,
     linkage: Callable[[], Linkage],
@@ -196,19 +251,19 @@ def _analysis(
     from symgen.runtime.description import kernel_infos
 
     def make(folder: Path) -> tuple[Description, Library]:
-        with _no_collection():
+        with no_collection():
             from symgen.models.analyses import analysis_system
 
-            program, equations, sources = _lowered(analysis_system(linkage(), kind), compiler)
-        compilation = _written(program, sources, compiler, folder)
+            program, equations, sources = tools.lowered(analysis_system(linkage(), kind))
+        compilation = tools.written(program, sources, folder)
         kernels = kernel_infos(program.kernels)
         description = replace(base, name=program.name, equations=equations, kernels=kernels)
-        return description, _opened(folder, description, compilation)
+        return description, tools.opened(folder, description, compilation)
 
-    return _cached(text, compiler, f"{of}-{kind}" if of else kind, make)
+    return tools.cached(text, f"{of}-{kind}" if of else kind, make)
 
 
-def _in_segments(text: SceneText, compiler: Compiler | None, base: Description, count: int) -> Model:
+def _in_segments(text: SceneText, tools: Tools, base: Description, count: int) -> Model:
     """Return the linkage of a scene with its elastic links as rods with springs between them."""
     from symgen.runtime.model import Model
 
@@ -223,14 +278,14 @@ def _in_segments(text: SceneText, compiler: Compiler | None, base: Description, 
         return system_of(linkage()).by_name()
 
     def make(folder: Path) -> tuple[Description, Library]:
-        with _no_collection():
+        with no_collection():
             made = linkage()
             system = system_of(made)
-        return _compiled(made, system, compiler, folder)
+        return _compiled(made, system, tools, folder)
 
     name = f"segments-{count}"
-    description, library = _cached(text, compiler, name, make)
-    analyses = cache(lambda kind: _analysis(text, compiler, description, kind, linkage, name))
+    description, library = tools.cached(text, name, make)
+    analyses = cache(lambda kind: _analysis(text, tools, description, kind, linkage, name))
     return Model(description, library, equations, analyses=analyses)
 
 
@@ -286,89 +341,6 @@ def _in_si(model: Model | LoopModel | ElasticModel, values: Mapping[str, str], f
     return result
 
 
-def _cached(
-    text: SceneText,
-    compiler: Compiler | None,
-    kind: str,
-    make: Callable[[Path], tuple[Any, Library]],
-) -> tuple[Any, Library]:
-    """Take from the cache what ``make`` makes of a scene, or make it; ``kind`` is part of its name there."""
-    store = Cache()
-    how = compiler.identity if compiler else "numpy"
-    parts = (text.file, text.canonical, _fingerprint(), how)
-    name = "-".join(part for part in (text.name, kind, key(*parts)) if part)
-    found = _from_cache(store.find(name))
-    if found:
-        return found
-    with store.locked(name):
-        found = _from_cache(store.find(name))
-        if found:
-            return found
-        with store.building(name) as folder:
-            description, library = make(folder)
-            try:
-                (folder / _DESCRIPTION).write_text(description.to_json(), encoding="utf-8")
-            except OSError as error:
-                raise store.error(error) from None
-        return description, library
-
-
-def _from_cache(entry: Entry | None) -> tuple[Described, Library] | None:
-    if entry is None:
-        return None
-    from symgen.runtime.description import read_description
-
-    try:
-        description = read_description(entry.read_text(_DESCRIPTION))
-        return description, _opened(entry.folder, description)
-    except (KeyError, TypeError, ValueError, OSError):
-        return None
-
-
-def _opened(folder: Path, description: Described, compilation: Compilation | None = None) -> Library:
-    """Open the kernels in a folder: the compiled library, else the NumPy source."""
-    from symgen.runtime.library import open_library, open_numpy
-
-    library = compilation.finish() if compilation else folder / _LIBRARY
-    if library.is_file():
-        return open_library(library, description)
-    return open_numpy((folder / f"{description.name}_numpy.py").read_text(encoding="utf-8"), description)
-
-
-def _written(
-    program: Program, sources: tuple[SourceFile, ...], compiler: Compiler | None, folder: Path
-) -> Compilation | None:
-    """Write the sources and start the compiler on those in C."""
-    try:
-        for source in sources:
-            (folder / source.name).write_text(source.text, encoding="utf-8")
-    except OSError as error:
-        raise Cache(folder.parent).error(error) from None
-    if compiler is None:
-        return None
-    in_c = [folder / s.name for s in sources if s.name.endswith(".c")]
-    return compiler.start(in_c, folder / _LIBRARY, functions=program.calls_functions)
-
-
-@cache
-def _fingerprint() -> str:
-    """Return a hash of everything that decides the generated code besides the scene."""
-    here = Path(__file__).resolve().parent
-    files = [p for part in _GENERATOR for p in (here / part).rglob("*") if p.suffix in (".py", ".txt")]
-    files += [Path(__file__), here / "describe.py", here / "runtime" / "description.py"]
-    templates = importlib.util.find_spec("symgen.templates")
-    if templates and templates.origin:
-        files += Path(templates.origin).parent.rglob("*.j2")
-    sympy = importlib.util.find_spec("sympy")
-    if sympy and sympy.origin:
-        files.append(Path(sympy.origin).with_name("release.py"))
-    digest = hashlib.sha256()
-    for path in sorted(files):
-        digest.update(path.name.encode())
-        digest.update(path.read_bytes())
-    return digest.hexdigest()
-
-
 _GET_A_COMPILER = (
     "Install one: 'apt install gcc' or 'dnf install gcc' on Linux, 'xcode-select --install' on macOS; "
     "or name it in CC."
@@ -382,15 +354,3 @@ def _warn(library: Library) -> None:
         else "the NumPy backend is used, some hundred times slower than compiled kernels"
     )
     warnings.warn(f"no C compiler was found: {what}. {_GET_A_COMPILER}", SlowBackendWarning, stacklevel=3)
-
-
-@contextmanager
-def _no_collection() -> Iterator[None]:
-    """Pause the garbage collector: a derivation makes many objects that all live until its end."""
-    enabled = gc.isenabled()
-    gc.disable()
-    try:
-        yield
-    finally:
-        if enabled:
-            gc.enable()

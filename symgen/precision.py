@@ -48,6 +48,10 @@ class Precision:
     vectors: bool = False
     needs: str = ""
 
+    def coarsened(self, tolerance: float) -> float:
+        """Return a tolerance that doubles can tell from zero as this type can."""
+        return tolerance * max(1.0, self.epsilon / 2.0**-52)
+
 
 PRECISIONS = {
     p.name: p

@@ -28,6 +28,7 @@ ALLOWED = {
     "lowering": {"symbolic"},
     "codegen": {"lowering", "atomic", "precision"},
     "compiler": set(),
+    "making": {"cache", "codegen", "compiler", "lowering", "precision", "runtime", "scene", "symbolic"},
     "precision": set(),
     "cache": set(),
     "runtime": {"atomic", "precision", "report"},
@@ -36,10 +37,12 @@ ALLOWED = {
     "runs": {"runtime", "scene"},
     "pipeline": {
         "describe",
-        "scene", "symbolic", "mechanics", "models", "lowering", "codegen", "compiler", "cache", "runtime",
-        "atomic",
+        "scene", "symbolic", "mechanics", "models", "making", "compiler", "precision", "runtime", "atomic",
     },
-    "study": {"pipeline", "runtime", "report", "scene", "atomic"},
+    "study": {
+        "pipeline", "runtime", "report", "scene", "atomic",
+        "symbolic", "models", "lowering", "codegen",
+    },
     "shipped": {"pipeline", "codegen", "lowering", "models", "scene", "atomic"},
 }  # fmt: skip
 #: These may import anything; nobody imports them.

@@ -203,7 +203,10 @@ def entry(monkeypatch, capfd):
     [
         (["--method", "rk4"], "give it one, such as step"),
         (["--method", "rk4", "--step", "0.01", "--atol", "1e-9"], "give step instead of rtol and atol"),
-        (["--method", "dop853", "--step", "0.01"], "chooses its own step"),
+        (
+            ["--method", "dop853", "--step", "0.01", "--rtol", "1e-6"],
+            "takes fixed steps or meets a tolerance",
+        ),
         (["--method", "dop583"], "Did you mean 'dop853'"),
         (["--rtol", "0"], "expected rtol"),
         (["--rtol", "1e-20"], "tightest that float64 can meet"),

@@ -1,16 +1,14 @@
-"""The hard cases that are shipped as scenes: each runs at a stated accuracy, or stops and names the cause."""
+"""What symgen does and says in the hard cases that are shipped as scenes; how well, is in ``study/test_stability``."""
 
 from __future__ import annotations
 
 import re
 from fractions import Fraction
-from functools import cache
 
 import numpy as np
 import pytest
 import sympy as sp
 from oracle import Oracle, relative_error
-from scipy.integrate import solve_ivp
 
 import symgen
 from symgen.errors import SceneError, SimulationError
@@ -18,6 +16,7 @@ from symgen.pipeline import derive
 from symgen.runtime.options import options
 from symgen.runtime.simulate import run
 from symgen.scene.loading import read_scene
+from symgen.study.stability.truths import compound_pendulum, peaucellier_arm
 
 G = 9.81
 
@@ -79,24 +78,6 @@ def test_straight_chain_falls_as_the_exact_tridiagonal_system_says():
     assert model.simulate(rtol=1e-11).drift.relative_energy < 1e-10
 
 
-def test_whip_cracks_at_the_published_speed():
-    result = symgen.build("whip").simulate(rtol=1e-11, samples=12001)
-    speed = np.linalg.norm(result["P25.velocity"].values, axis=1)
-    assert speed.max() == pytest.approx(15.7056, abs=2e-4)
-    assert result.time[speed.argmax()] == pytest.approx(0.3799, abs=1e-4)
-    assert result.drift.constraint < 1e-15
-    assert result.drift.relative_energy < 1e-9
-
-
-def crank_angle(t, angle, rate, mass, inertia):
-    """The crank of a parallelogram is a compound pendulum: an independent integration."""
-    motion = solve_ivp(
-        lambda _, y: [y[1], -G * mass * np.cos(y[0]) / inertia],
-        (0, t[-1]), [angle, rate], method="DOP853", rtol=1e-13, atol=1e-13, t_eval=t,
-    )  # fmt: skip
-    return motion.y[0]
-
-
 @pytest.mark.parametrize(("options", "error"), [({"rtol": 1e-12}, 2e-9), ({"step": 1e-3}, 5e-6)])
 @pytest.mark.parametrize("phase", range(4))
 def test_parallelogram_stays_on_its_branch(phase, options, error):
@@ -107,7 +88,7 @@ def test_parallelogram_stays_on_its_branch(phase, options, error):
     speed = 10 * np.array([-tip[1], tip[0]])
     begin = model.state({"B": tip, "C": tip + [3, 0]}, {"B": speed, "C": speed})
     result = model.simulate(state=begin, samples=51, **options)
-    expected = crank_angle(result.time, angle, 10.0, 0.5 + 0.5 + 3, 1 / 3 + 1 / 3 + 3)
+    expected = compound_pendulum(result.time, angle, 10.0, 0.5 + 0.5 + 3, 1 / 3 + 1 / 3 + 3)
     place = np.stack([np.cos(expected), np.sin(expected)], axis=1)
     assert np.abs(result["B.position"].values - place).max() < error
     assert any("losses of rank" in note for note in result.notes)
@@ -139,51 +120,11 @@ def test_a_start_on_the_branching_point_is_refused():
         symgen.build(symgen.Scene(**data))
 
 
-@cache
-def arm_motion(end):
-    """The Peaucellier linkage by the angle of its arm EB to EA, which is smooth through the limit; in metres.
-
-    Rods by centre of mass and moment of inertia about it: no particles, no constraints, no multipliers.
-    """
-    psi = sp.symbols("psi")
-    reach = 4 * sp.cos(psi) + sp.sqrt(32 - 16 * sp.sin(psi) ** 2)
-    crank = 2 * sp.asin(reach / 4)
-    pin = sp.Matrix([2, 0])
-    a = sp.Matrix([2 * sp.cos(crank), 2 * sp.sin(crank)])
-    along = (a - pin) / reach
-    across = sp.Matrix([-along[1], along[0]])
-    b = pin + 4 * (sp.cos(psi) * along - sp.sin(psi) * across)
-    d = pin + 4 * (sp.cos(psi) * along + sp.sin(psi) * across)
-    points = [x / 100 for x in (0, 0, *a, *b, *(b + d - a), *d, *pin)]
-    jet = sp.lambdify(psi, [[sp.diff(x, psi, k) for x in points] for k in range(3)], cse=True)
-    rods = ((0, 1), (1, 2), (2, 3), (3, 4), (4, 5), (2, 5), (1, 4))
-
-    def slope(_, y):
-        place, change, bend = (np.array(x, dtype=float).reshape(6, 2) for x in jet(y[0]))
-        inertia = inertia_change = pull = 0.0
-        for p, q in rods:
-            rod = place[q] - place[p]
-            length = np.hypot(*rod)
-            middle, middle_bend = (change[p] + change[q]) / 2, (bend[p] + bend[q]) / 2
-            across = np.array([-rod[1], rod[0]]) / length**2
-            spin, spin_bend = across @ (change[q] - change[p]), across @ (bend[q] - bend[p])
-            inertia += length * (middle @ middle + length**2 / 12 * spin**2)
-            inertia_change += 2 * length * (middle @ middle_bend + length**2 / 12 * spin * spin_bend)
-            pull += G * length * middle[1]
-        return [y[1], -(pull + inertia_change * y[1] ** 2 / 2) / inertia]
-
-    start = float(sp.nsolve(reach - 4 * sp.cos(sp.Rational(4, 10)), 1.0))
-    motion = solve_ivp(
-        slope, (0, end), [start, 0.0], method="DOP853", rtol=1e-12, atol=1e-13, dense_output=True
-    )
-    return lambda t: np.array([jet(x)[0][2:10] for x in motion.sol(t)[0]]).reshape(len(t), 4, 2)
-
-
 @pytest.mark.parametrize(("options", "error"), [({"rtol": 1e-12}, 1e-9), ({"step": 1e-4}, 1e-8)])
 def test_peaucellier_through_its_limit(options, error):
     """B and D pass through each other, and the crank turns back: the smooth branch, known independently."""
     result = symgen.build("peaucellier_limit").simulate(samples=81, **options)
-    expected = arm_motion(0.4)(result.time)
+    expected = peaucellier_arm(0.4)(result.time)
     for i, point in enumerate("ABCD"):
         assert np.abs(result[f"{point}.position"].values - expected[:, i]).max() < error
     note = result.notes[0]
@@ -203,7 +144,7 @@ def test_redundant_crank_with_an_assembly_error(excess):
     assert solution["B"] == pytest.approx(turn * np.array([0.8, 0.6]), abs=1e-12 + 10 * excess)
     assert set(solution.not_unique) == {"AB", "DC", "GE"}
     result = model.simulate(rtol=1e-12, samples=31)
-    expected = crank_angle(result.time, start, 0.0, 3.5, inertia)
+    expected = compound_pendulum(result.time, start, 0.0, 3.5, inertia)
     place = np.stack([np.cos(expected), np.sin(expected)], axis=1)
     assert np.abs(result["B.position"].values - place).max() < 1e-11 + 5 * excess
     assert "1 of 4 constraints redundant" in result.notes[0]
@@ -247,7 +188,7 @@ def test_redundant_crank_through_its_collinear_states(excess):
     fast = 8 * np.array([-begin.positions["B"][1], begin.positions["B"][0]])
     result = model.simulate(state=model.state(pose, dict.fromkeys(pose, fast)), rtol=1e-12, samples=31)
     inertia = 2 * (1 / 12 + 1 / 4) + 0.09 + 1 / 4 + 2
-    expected = crank_angle(result.time, np.arctan2(-0.8, 0.6), 8.0, 3.5, inertia)
+    expected = compound_pendulum(result.time, np.arctan2(-0.8, 0.6), 8.0, 3.5, inertia)
     place = np.stack([np.cos(expected), np.sin(expected)], axis=1)
     assert np.abs(result["B.position"].values - place).max() < 1e-8 + 50 * excess
     assert result.notes[-1].startswith("passed 6 losses of rank")

@@ -1,4 +1,4 @@
-"""Every kernel of hand-made loops at random states: against 30 digits, and against 4x4 matrices."""
+"""Every kernel of hand-made loops at random states: against 40 digits, and against 4x4 matrices."""
 
 from __future__ import annotations
 

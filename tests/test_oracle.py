@@ -1,4 +1,4 @@
-"""Every kernel of every shipped model, on every backend, against 30-digit evaluation at random states."""
+"""Every kernel of every shipped model, on every backend, against 40-digit evaluation at random states."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ TOLERANCE = 1e-13
 SOLUTION_TOLERANCE = 2e-11
 #: Away from what the constraints allow, a redundant one is nearly dependent on the others.
 REDUNDANT_TOLERANCE = 1e-9
-#: Unknowns beyond which one state must do: their solution in 30 digits takes half a minute.
+#: Unknowns beyond which one state must do: their solution off the constraints takes long.
 MANY = 60
 
 

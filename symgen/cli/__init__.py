@@ -11,11 +11,22 @@ from typing import Annotated
 import typer
 
 # In the order in which --help lists the commands.
-from symgen.cli import analyses, inspection, making, running, sweeping
+from symgen.cli import accuracy, analyses, benching, inspection, making, running, stability, sweeping
 from symgen.cli.common import app
 from symgen.errors import SymgenError
 
-__all__ = ["analyses", "app", "inspection", "main", "making", "running", "sweeping"]
+__all__ = [
+    "accuracy",
+    "analyses",
+    "app",
+    "benching",
+    "inspection",
+    "main",
+    "making",
+    "running",
+    "stability",
+    "sweeping",
+]
 
 
 def main() -> None:

@@ -35,7 +35,17 @@ SetOption = Annotated[
         "--set", metavar="KEY=VALUE", help='A parameter or dotted key: rho="2 kg/m", links.OA.mass="1 kg".'
     ),
 ]
-BackendOption = Annotated[str, typer.Option(help="auto, c or numpy.")]
+BackendOption = Annotated[str, typer.Option(help="auto, c, numpy or mpmath.")]
+PrecisionOption = Annotated[
+    str, typer.Option(help="Type of runs of rods and of batches: float32, float64, longdouble or float128.")
+]
+DigitsOption = Annotated[int | None, typer.Option(help="Digits of the backend mpmath (40).")]
+ContractionOption = Annotated[
+    str, typer.Option(help="off, or fast: products and sums in one rounding where the processor has that.")
+]
+VectorOption = Annotated[
+    str, typer.Option(help="none (runs on any processor of this kind), or native: for this one.")
+]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")]
 OutOption = Annotated[Path | None, typer.Option(help="Save the result: .nc or .npz.")]
 PlotOption = Annotated[Path | None, typer.Option(help="Save a plot: .png, .svg or .pdf.")]

@@ -39,9 +39,15 @@ def show(
     form: Annotated[
         str, typer.Option("--format", help="unicode, latex, c, or numeric (at the start).")
     ] = "unicode",
+    digits: Annotated[
+        bool, typer.Option("--digits", help="Rank the sums of a matrix, or of all, by the digits they lose.")
+    ] = False,
     set_: SetOption = None,
 ) -> None:
     """Show the derived equations."""
+    if digits:
+        _show_digits(model, matrix, set_)
+        return
     from symgen.errors import ModelError
     from symgen.models import BLOCKS, DERIVATIONS
     from symgen.pipeline import build as build_model
@@ -94,6 +100,14 @@ def show(
     else:
         by_row = row and (form_of == "momentum_rows" or form_of in further)
         print(equations.show(system, row if by_row else matrix, form, built))
+
+
+def _show_digits(scene: str, matrix: str | None, set_: list[str] | None) -> None:
+    """Print which sums lose most digits."""
+    from symgen.study import accuracy
+    from symgen.study.accuracy_page import print_cancelling
+
+    print_cancelling(accuracy.digits(scene, matrix, set=changes(set_)), console())
 
 
 def _elastic_systems(text: SceneText) -> dict[str, System]:

@@ -6,7 +6,18 @@ from typing import Annotated
 
 import typer
 
-from symgen.cli.common import BackendOption, SceneArgument, SetOption, app, changes, console
+from symgen.cli.common import (
+    BackendOption,
+    ContractionOption,
+    DigitsOption,
+    PrecisionOption,
+    SceneArgument,
+    SetOption,
+    VectorOption,
+    app,
+    changes,
+    console,
+)
 
 cache_app = typer.Typer(help="The folder of compiled scenes.", no_args_is_help=True)
 app.add_typer(cache_app, name="cache")
@@ -35,12 +46,29 @@ def generate(
 
 
 @app.command()
-def build(scene: SceneArgument, set_: SetOption = None, backend: BackendOption = "auto") -> None:
+def build(
+    scene: SceneArgument,
+    set_: SetOption = None,
+    backend: BackendOption = "auto",
+    precision: PrecisionOption = "float64",
+    digits: DigitsOption = None,
+    contraction: ContractionOption = "off",
+    vector: VectorOption = "none",
+) -> None:
     """Derive, emit and compile a scene into the cache."""
     from symgen.pipeline import build as build_model
     from symgen.report.summary import model_lines
 
-    print(*model_lines(build_model(scene, set=changes(set_), backend=backend)), sep="\n")
+    model = build_model(
+        scene,
+        set=changes(set_),
+        backend=backend,
+        precision=precision,
+        digits=digits,
+        contraction=contraction,
+        vector=vector,
+    )
+    print(*model_lines(model), sep="\n")
 
 
 @cache_app.command("info")

@@ -10,10 +10,14 @@ import typer
 
 from symgen.cli.common import (
     BackendOption,
+    ContractionOption,
+    DigitsOption,
     OutOption,
     PlotOption,
+    PrecisionOption,
     SceneArgument,
     SetOption,
+    VectorOption,
     app,
     changes,
     check_files,
@@ -36,8 +40,9 @@ def run(
     method: Annotated[
         str | None,
         typer.Option(
-            help="dop853 or dopri5 (adaptive) or rk4 (fixed step); of elastic links also gauss, gauss4, "
-            "newmark, generalized-alpha, wilson-theta, quasi-static, periodic, and exact (large rotation)."
+            help="Adaptive: dop853, dopri5, radau5 (stiff). Fixed step: rk4, rattle, rattle4, rattle6, "
+            "rattle8, generalized-alpha, newmark. Of elastic links dop853, rk4, gauss, gauss4, newmark, "
+            "generalized-alpha, wilson-theta, quasi-static, periodic, exact (large rotation)."
         ),
     ] = None,
     rtol: Annotated[
@@ -102,11 +107,18 @@ def run(
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
     backend: BackendOption = "auto",
+    precision: PrecisionOption = "float64",
+    digits: DigitsOption = None,
+    contraction: ContractionOption = "off",
+    vector: VectorOption = "none",
 ) -> None:
     """Run a scene and print where it ended; a driven loop is evaluated over the range of its input."""
     if study:
         given: dict[str, Any] = {"--t-end": t_end, "--method": method, "--rtol": rtol, "--atol": atol}
         given |= {"--step": step, "--samples": samples, "--at": at, "--out": out, "--plot": plot}
+        given |= {"--precision": None if precision == "float64" else precision, "--digits": digits}
+        given |= {"--contraction": None if contraction == "off" else contraction}
+        given |= {"--vector": None if vector == "none" else vector}
         others = [name for name, value in given.items() if value is not None]
         _studies(scene, study, others, set_, as_json, backend)
         return
@@ -117,7 +129,9 @@ def run(
     from symgen.runtime.model import Model
 
     check_files(out, plot)
-    model = build_model(scene, set=changes(set_), backend=backend)
+    types: dict[str, Any] = {"precision": precision, "digits": digits}
+    types |= {"contraction": contraction, "vector": vector}
+    model = build_model(scene, set=changes(set_), backend=backend, **types)
     options: dict[str, Any] = {"method": method, "rtol": rtol, "atol": atol, "step": step}
     of_elastic = {"revolutions": revolutions, "steps": steps, "segments": segments, "form": form}
     of_elastic["geometric_stiffness"] = geometric_stiffness

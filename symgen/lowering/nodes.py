@@ -6,7 +6,7 @@ What is printed and what is counted come from the same tree, so operation counts
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass
@@ -296,21 +296,29 @@ def children(node: Node) -> tuple[Node, ...]:
 
 def rename(node: Node, names: Mapping[str, str]) -> Node:
     """Return a node with some of the names it reads replaced."""
+    return _mapped(node, lambda name: Reference(names.get(name, name)))
 
+
+def insert(node: Node, values: Mapping[str, Node]) -> Node:
+    """Return a node with some of the names it reads replaced by what they stand for."""
+    return _mapped(node, lambda name: values[name] if name in values else Reference(name))
+
+
+def _mapped(node: Node, read: Callable[[str], Node]) -> Node:
     def all_of(nodes: tuple[Node, ...]) -> tuple[Node, ...]:
-        return tuple(rename(n, names) for n in nodes)
+        return tuple(_mapped(n, read) for n in nodes)
 
     match node:
         case Reference(name):
-            return Reference(names.get(name, name))
+            return read(name)
         case Sum(plus, minus):
             return Sum(all_of(plus), all_of(minus))
         case Product(factors):
             return Product(all_of(factors))
         case Quotient(numerator, denominator):
-            return Quotient(rename(numerator, names), rename(denominator, names))
+            return Quotient(_mapped(numerator, read), _mapped(denominator, read))
         case Negative(value):
-            return Negative(rename(value, names))
+            return Negative(_mapped(value, read))
         case Call(function, arguments):
             return Call(function, all_of(arguments))
     return node

@@ -82,7 +82,8 @@ def beam_matrices(element: Element, section: Section) -> BeamMatrices:
 def shape_rows(element: Element) -> dict[str, tuple[sp.Expr, ...]]:
     """Return the rows over the element's unknowns that give a displacement or strain at xi, by name.
 
-    u, w, slope w', rotation phi, axial strain u', curvature phi' (w'' where there is no shear).
+    u, w, slope w', rotation phi, axial strain u', curvature phi' (w'' where there is no shear). They are in
+    factors: near a node, where most of them vanish together with derivatives, powers of xi would cancel.
     """
     rows = _rows(element)
     kept = {
@@ -93,7 +94,11 @@ def shape_rows(element: Element) -> dict[str, tuple[sp.Expr, ...]]:
         "axial_strain": "u_x",
         "curvature": "phi_x",
     }
-    return {name: tuple(_sum(_by_power(p, _SCALE)) for p in rows[field]) for name, field in kept.items()}
+    return {name: tuple(_factored(p) for p in rows[field]) for name, field in kept.items()}
+
+
+def _factored(polynomial: PolyElement) -> sp.Expr:
+    return _sum({power: sp.factor(e) for power, e in _by_power(polynomial, _SCALE).items()})
 
 
 #: The rows of shape functions are kept times the length to this power, which leaves polynomials.

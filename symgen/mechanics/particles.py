@@ -8,7 +8,6 @@ of the end velocities. That form is all a simulation needs.
 
 from __future__ import annotations
 
-from functools import lru_cache
 from typing import NamedTuple
 
 import sympy as sp
@@ -31,34 +30,6 @@ class EndMass(NamedTuple):
     cross: sp.Expr = sp.Integer(0)
 
 
-#: Mass, first and second moment of the unit mass at start, middle and end, with the length as unit.
-_CONDITIONS = sp.ImmutableMatrix([[1, 1, 1], [0, sp.Rational(1, 2), 1], [0, sp.Rational(1, 4), 1]])
-#: Velocities of the three particles from those of the ends, Eq. (4b).
-_ENDS_TO_PARTICLES = sp.ImmutableMatrix([[1, 0], [sp.Rational(1, 2), sp.Rational(1, 2)], [0, 1]])
-
-
-@lru_cache(maxsize=1)
-def _masses_by_moment() -> sp.ImmutableMatrix:
-    """Invert the particle conditions: columns for mass, first and second moment."""
-    return _CONDITIONS.LUsolve(sp.eye(3))
-
-
-@lru_cache(maxsize=1)
-def _end_mass_by_moment() -> tuple[sp.ImmutableMatrix, ...]:
-    """Return the end mass matrix that each moment gives: the kinetic energy's Hessian by end velocities."""
-    velocities = _ENDS_TO_PARTICLES
-    return tuple(
-        velocities.T * sp.diag(*_masses_by_moment()[:, k]) * velocities for k in range(_CONDITIONS.cols)
-    )
-
-
-def _moments(
-    mass: sp.Expr, length: sp.Expr, centre: sp.Expr, inertia: sp.Expr, offset: sp.Expr = ZERO
-) -> tuple[sp.Expr, ...]:
-    about_start = inertia + mass * (centre**2 + offset**2)
-    return mass, mass * centre / length, about_start / length**2
-
-
 def particle_masses(mass: sp.Expr, length: sp.Expr, centre: sp.Expr, inertia: sp.Expr) -> tuple[sp.Expr, ...]:
     """Return the masses [kg] of the equivalent particles at start, middle and end.
 
@@ -71,9 +42,8 @@ def particle_masses(mass: sp.Expr, length: sp.Expr, centre: sp.Expr, inertia: sp
     mass, length, centre, inertia
         Mass [kg], length [m], centre of mass from the start [m], moment of inertia about it [kg m^2].
     """
-    moments = _moments(mass, length, centre, inertia)
-    by_moment = _masses_by_moment()
-    return tuple(dot(tuple(by_moment[row, :]), moments) for row in range(by_moment.rows))
+    a11, a12, a22, _ = end_mass(mass, length, centre, inertia)
+    return a11 - a12, 4 * a12, a22 - a12
 
 
 def end_mass(
@@ -82,9 +52,12 @@ def end_mass(
     """Return the end mass matrix of a rod, or of a planar body that two of its points carry.
 
     A point of a planar body is r = (1 - z) r_i + z r_j with a complex z (multiplication by i turns by a
-    right angle), so its kinetic energy is a constant quadratic form of the two velocities as well: with
-    s1 = sum of m z and s2 = sum of m |z|^2, a11 = m - 2 Re s1 + s2, a12 = Re s1 - s2, a22 = s2 and
-    cross = Im s1. For a rod z is real, and the three equivalent particles give the same.
+    right angle), so its kinetic energy is a constant quadratic form of the two velocities as well: a11 = sum
+    of m |1 - z|^2, a12 = Re sum of m z (1 - z)*, a22 = sum of m |z|^2 and cross = Im sum of m z. For a rod z
+    is real, and the three equivalent particles give the same.
+
+    Every sum is written about the centre of mass, so that a11 and a22 add positive terms only: from mass,
+    first and second moment about the start, a11 = m - 2 s1 + s2 would cancel for a centre near the end.
 
     Parameters
     ----------
@@ -94,10 +67,11 @@ def end_mass(
     offset
         Distance of the centre of mass from the line of the ends, to the left of it [m].
     """
-    moments = _moments(mass, length, centre, inertia, offset)
-    parts = _end_mass_by_moment()
-    a11, a12, a22 = (dot(tuple(part[ij] for part in parts), moments) for ij in ((0, 0), (0, 1), (1, 1)))
-    return EndMass(a11, a12, a22, mass * offset / length)
+    rest, across = length - centre, mass * offset**2
+    about_start, about_end = (inertia + mass * part**2 + across for part in (centre, rest))
+    between = mass * centre * rest - across - inertia
+    squared = length**2
+    return EndMass(about_end / squared, between / squared, about_start / squared, mass * offset / length)
 
 
 def kinetic_energy(ends: EndMass, start: Vector, end: Vector) -> sp.Expr:

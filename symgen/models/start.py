@@ -54,6 +54,7 @@ def _driven(model: RodsModel) -> bool:
 def _assembly(model: RodsModel, names: list[str]) -> list[NamedMatrix]:
     """Lead every constraint from its drawn value to zero, and every angle from the drawn one to its own."""
     s = model.u[model.free[0]][0].symbol
+    _ = model.along, model.constraints  # what is named on the way to them must be known where it is drawn
     drawn = _as_drawn(model)
     angles = [*model.linkage.start.angles, *((d.link, d.angle) for d in model.linkage.drivers)]
     driven = {f"{link}_drive" for link, _ in angles}

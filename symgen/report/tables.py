@@ -42,8 +42,27 @@ def print_result(result: Result, console: Console) -> None:
         )
     )
     console.print(run_table(result))
+    if result.events:
+        console.print(events_table(result))
     for note in result.notes:
         console.print(f"Note: {note}.")
+
+
+#: Events listed on the terminal.
+_EVENTS = 20
+
+
+def events_table(result: Result) -> Table:
+    """Return a table of the events of a run, the first of many."""
+    rows = [(e.name, f"{e.time:.12g}", "rising" if e.rising else "falling") for e in result.events[:_EVENTS]]
+    more = len(result.events) - _EVENTS
+    return table("Events" + (f" (and {more} more)" if more > 0 else ""), ("event", "t [s]", "passing"), rows)
+
+
+def _type(result: Result) -> tuple[str, ...]:
+    """Return the type of a run's numbers; results of before it was recorded tell none."""
+    found = result.provenance.get("precision")
+    return (found,) if found else ()
 
 
 def run_table(result: Result) -> Table:
@@ -54,7 +73,7 @@ def run_table(result: Result) -> Table:
         ("", ""),
         (
             ("method", result.provenance["method"]),
-            ("backend", result.provenance["backend"]),
+            ("backend", ", ".join((result.provenance["backend"], *_type(result)))),
             ("steps (rejected)", f"{statistics['steps']} ({statistics['rejected']})"),
             ("evaluations", statistics["evaluations"]),
             ("wall time", f"{statistics['wall_s'] * 1e3:.3g} ms"),

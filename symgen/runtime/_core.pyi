@@ -130,7 +130,7 @@ class Run:
     potential_min: float
     potential_max: float
     passages: list[tuple[float, float, int]]
-    events: list[Any]
+    events: list[tuple[float, int, bool, Array]]
     def __init__(
         self,
         equations: Integrable,

@@ -412,12 +412,27 @@ cdef class Run:
         self.ended_by, self.worst, self.stiff, self.t_stiff = r.ended_by, r.worst, r.stiff, r.t_stiff
         if r.passages:
             self._take_passages()
+        if r.events:
+            self._take_events(r.events)
 
     cdef void _take_passages(self):
         cdef passage found[MOST_PASSAGES]
         cdef long i, count = self.of.api.take_passages(self.core, found)
         for i in range(count):
             self.passages.append((found[i].t, found[i].soundness, found[i].weakest))
+
+    cdef void _take_events(self, long count):
+        cdef found_event *found = <found_event *>calloc(count, sizeof(found_event))
+        cdef void *raw = calloc(count * self.dim, self.of.api.real_bytes)
+        cdef long i
+        if found == NULL or raw == NULL:
+            raise MemoryError
+        self.of.api.take_events(self.core, found, raw)
+        states = self._doubles(raw, count, self.dim)
+        for i in range(count):
+            self.events.append((found[i].t, found[i].index, bool(found[i].rising), states[i]))
+        free(found)
+        free(raw)
 
     def begin(self):
         """Project and record the start, find the first step; return the status."""

@@ -8,11 +8,12 @@ from libc.stdint cimport uintptr_t
 from libc.string cimport memcpy
 
 from symgen.errors import ModelError
-from symgen.runtime._core cimport _DONE, Equations, symgen_core
+from symgen.runtime._core cimport _DONE, Equations, equations
 
 
 cdef void _entry(double t, const double *y, double *dy, void *user_data) noexcept nogil:
-    symgen_core.derivative((<Equations>user_data).core, t, y, dy)
+    cdef equations *e = (<Equations>user_data).core
+    e.of.derivative(e, t, y, dy)
 
 
 cdef class Rhs:
@@ -40,7 +41,7 @@ cdef class Rhs:
         PyObject_GetBuffer(self._checked(y), &state, PyBUF_SIMPLE)
         made = np.empty(self.size)
         PyObject_GetBuffer(made, &slope, PyBUF_SIMPLE)
-        symgen_core.derivative(self.equations.core, t, state.buf, slope.buf)
+        self.equations.core.of.derivative(self.equations.core, t, <const double *>state.buf, <double *>slope.buf)
         PyBuffer_Release(&state)
         PyBuffer_Release(&slope)
         return made
@@ -52,7 +53,7 @@ cdef class Rhs:
         cdef double[::1] projected = made
         memcpy(&projected[0], &row[0], self.equations.dim * sizeof(double))
         for again in range(2):  # with the factor of a state far off, rates come close only
-            if symgen_core.project(self.equations.core, t, &projected[0]) != _DONE:
+            if self.equations.core.of.project(self.equations.core, t, &projected[0]) != _DONE:
                 raise ModelError(
                     f"the state at t = {t:g} s cannot be brought onto the constraints: it is too far from "
                     "them, or they lose rank there"

@@ -47,7 +47,7 @@ class ElasticModel(Compiled):
     description: Description
 
     def __init__(self, rigid: Model, in_segments: Segmented | None = None) -> None:
-        self.rigid, self._in_segments = rigid, in_segments
+        self.rigid, self._in_segments, self._typed = rigid, in_segments, rigid._typed
         self.description = rigid.description
         self._motion = cache(self._made)
 
@@ -73,6 +73,9 @@ class ElasticModel(Compiled):
     def backend(self) -> str:
         """Where the kernels of the rigid motion come from."""
         return self.rigid.backend
+
+    def _evaluate_many(self, *arguments: Any) -> Any:
+        return self.rigid._evaluate_many(*arguments)
 
     @property
     def equations(self) -> Any:
@@ -181,6 +184,7 @@ class ElasticModel(Compiled):
         """
         from symgen.runtime.elastic_run import Task, run
 
+        self._refuse_types("elastic links are")
         for value, known, what in ((method, METHODS, "method"), (form, FORMS, "form")):
             if value not in known:
                 raise ModelError(f"there is no {what} {value!r}. {nearest(value, known)}")
@@ -215,6 +219,7 @@ class ElasticModel(Compiled):
         """
         from symgen.runtime.sweep_run import sweep
 
+        self._refuse_types("elastic links are")
         return sweep(self, speeds, rtol, samples, progress)
 
     def in_segments(self, count: int = 12) -> Model:
@@ -261,5 +266,6 @@ class ElasticModel(Compiled):
         """
         from symgen.runtime.exact_run import ExactTask, exact_run
 
+        self._refuse_types("elastic links are")
         task = ExactTask(segments, revolutions, rtol, samples)
         return exact_run(self._motion(True), self.in_segments(segments), task, progress)

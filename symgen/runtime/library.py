@@ -6,27 +6,46 @@ import ctypes
 import importlib
 import json
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from types import ModuleType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from symgen.errors import StaleBinaryError
+from symgen.precision import FLOAT64, Precision
 from symgen.runtime.description import Described
 
-_POINTER = ctypes.POINTER(ctypes.c_double)
+if TYPE_CHECKING:
+    from symgen.runtime._core import Core
+
 _KERNEL = ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * 6)
 
 
 @dataclass(frozen=True)
 class Library:
-    """Addresses of the kernels by name; ``owner`` keeps them alive, ``backend`` says what they are."""
+    """Kernels of one model.
+
+    Parameters
+    ----------
+    backend
+        What they are: ``c``, ``shipped``, ``numpy`` or ``mpmath``.
+    addresses
+        Address of each by name.
+    owner
+        Keeps them alive.
+    functions
+        Those in Python, each taking arrays (entries, states); empty for all others.
+    provenance
+        What decides the last bits of their results.
+    """
 
     backend: str
     addresses: Mapping[str, int]
     owner: Any
+    functions: Mapping[str, Callable[..., None]] = field(default_factory=dict)
+    provenance: Mapping[str, str] = field(default_factory=dict)
 
 
 def open_library(path: Path, description: Described) -> Library:
@@ -50,6 +69,24 @@ def open_library(path: Path, description: Described) -> Library:
     _check_tag(tag, description.equations, str(path))
     addresses = {name: ctypes.cast(f, ctypes.c_void_p).value or 0 for name, f in functions.items()}
     return Library("c", addresses, library)
+
+
+def open_core(path: Path) -> Core:
+    """Open a core of runs that was compiled for another type than double.
+
+    Raises
+    ------
+    StaleBinaryError
+        When it cannot be opened, or does not go with this version of symgen.
+    """
+    from symgen.runtime._core import Core
+
+    try:
+        library = ctypes.CDLL(str(path))
+        table = ctypes.c_char.in_dll(library, "symgen_core")
+        return Core(ctypes.addressof(table), library)
+    except (OSError, ValueError) as error:
+        raise StaleBinaryError(f"cannot use the compiled core {path}: {error}") from None
 
 
 def open_shipped(description: Described) -> Library | None:
@@ -91,27 +128,84 @@ def _check_tag(tag: str, expected: str, what: str) -> None:
         )
 
 
-def open_numpy(source: str, description: Described) -> Library:
+def open_numpy(source: str, description: Described, precision: Precision = FLOAT64) -> Library:
     """Return the kernels of the NumPy backend from their generated Python source."""
+    functions = {name: _quietly(f) for name, f in _defined(source, description, "NumPy").items()}
+    return _in_python("numpy", functions, description, np.dtype(precision.dtype))
+
+
+def open_mpmath(source: str, description: Described, digits: int) -> Library:
+    """Return the kernels of the mpmath backend; behind addresses, their arrays are in double precision."""
+    import mpmath
+
+    def in_digits(function: Callable[..., None]) -> Callable[..., None]:
+        def kernel(t: Any, q: Any, u: Any, p: Any, work: Any, out: Any) -> None:
+            with mpmath.workdps(digits):
+                for state in range(1 if out is None or out.ndim == 1 else out.shape[1]):
+                    given = [_numbers(a, state, mpmath) for a in (t, q, u, p, work, out)]
+                    try:
+                        function(*given)
+                    except ZeroDivisionError:
+                        given[5] = [mpmath.nan] * len(given[5])
+                    for array, values in zip((work, out), given[4:], strict=True):
+                        if array is not None:
+                            _column(array, state)[:] = [_real(x, mpmath) for x in values]
+
+        return kernel
+
+    functions = {name: in_digits(f) for name, f in _defined(source, description, "mpmath").items()}
+    return _in_python("mpmath", functions, description, np.dtype(np.float64))
+
+
+def _column(array: Any, state: int) -> Any:
+    """Return the entries of one state; parameters are the same for all."""
+    return array if array.ndim == 1 else array[:, min(state, array.shape[1] - 1)]
+
+
+def _numbers(array: Any, state: int, mpmath: Any) -> list[Any]:
+    return [] if array is None else [mpmath.mpf(x) for x in _column(array, state)]
+
+
+def _real(value: Any, mpmath: Any) -> Any:
+    """Return a real number; what has none, such as the root of a negative one, is not a number."""
+    return value if isinstance(value, mpmath.mpf) else mpmath.nan
+
+
+def _defined(source: str, description: Described, what: str) -> dict[str, Callable[..., None]]:
     namespace: dict[str, Any] = {}
-    exec(compile(source, f"<{description.name} numpy kernels>", "exec"), namespace)  # noqa: S102 - our own code
-    _check_tag(namespace["equations"], description.equations, "the NumPy kernels")
+    exec(compile(source, f"<{description.name} {what} kernels>", "exec"), namespace)  # noqa: S102 - our own code
+    _check_tag(namespace["equations"], description.equations, f"the {what} kernels")
+    return {k.name: namespace[k.name] for k in description.kernels}
+
+
+def _quietly(function: Callable[..., None]) -> Callable[..., None]:
+    def kernel(*arrays: Any) -> None:
+        with np.errstate(all="ignore"):
+            function(*arrays)
+
+    return kernel
+
+
+def _in_python(
+    backend: str, functions: Mapping[str, Callable[..., None]], description: Described, dtype: Any
+) -> Library:
     n, parameters = description.coordinates, len(description.parameters)
     callbacks = {}
     for kernel in description.kernels:
-        sizes = (1, n, n, parameters, kernel.work_size, kernel.out_size)
-        callbacks[kernel.name] = _KERNEL(_over_pointers(namespace[kernel.name], sizes))
+        entries = (1, n, n, parameters, kernel.work_size, kernel.out_size)
+        sizes = tuple(dtype.itemsize * k for k in entries)
+        callbacks[kernel.name] = _KERNEL(_over_pointers(functions[kernel.name], sizes, dtype))
     addresses = {name: ctypes.cast(c, ctypes.c_void_p).value or 0 for name, c in callbacks.items()}
-    return Library("numpy", addresses, callbacks)
+    return Library(backend, addresses, callbacks, functions)
 
 
-def _over_pointers(function: Callable[..., None], sizes: tuple[int, ...]) -> Callable[..., None]:
+def _over_pointers(function: Callable[..., None], sizes: tuple[int, ...], dtype: Any) -> Callable[..., None]:
     def kernel(*pointers: int | None) -> None:
-        arrays = [
-            np.ctypeslib.as_array(ctypes.cast(p, _POINTER), (size,)) if p and size else None
-            for p, size in zip(pointers, sizes, strict=True)
-        ]
-        with np.errstate(all="ignore"):
-            function(*arrays)
+        function(
+            *(
+                np.frombuffer((ctypes.c_char * n).from_address(p), dtype) if p and n else None  # type: ignore[call-overload]
+                for p, n in zip(pointers, sizes, strict=True)
+            )
+        )
 
     return kernel

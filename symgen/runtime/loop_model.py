@@ -19,6 +19,7 @@ from symgen.runtime.loop_start import Closed, assemblies, close_near, counted
 from symgen.runtime.loop_turn import driven, follow, follow_through, followed
 from symgen.runtime.options import options
 from symgen.runtime.turn import Turn
+from symgen.runtime.typed import Typed
 
 if TYPE_CHECKING:
     from symgen.runtime.result import Result
@@ -44,8 +45,9 @@ class LoopModel(Compiled):
         library: Library,
         derive: Callable[[], Any],
         parameters: Mapping[str, float] | None = None,
+        typed: Typed | None = None,
     ) -> None:
-        super().__init__(description, library, derive, parameters)
+        super().__init__(description, library, derive, parameters, typed)
         self._kernels = LoopKernels(description, library, list(self.parameters.values()))
         self._start: Closed | None = None
 
@@ -62,9 +64,15 @@ class LoopModel(Compiled):
 
     def with_parameters(self, **values: float) -> LoopModel:
         """Return the same loop with other values of its tunable parameters, in SI units."""
-        return LoopModel(self.description, self._library, self._derive, {**self.parameters, **values})
+        changed = {**self.parameters, **values}
+        return LoopModel(self.description, self._library, self._derive, changed, self._typed)
 
-    def _begin(self) -> Closed:
+    @property
+    def kernels(self) -> LoopKernels:
+        """Its kernels as functions of arrays."""
+        return self._kernels
+
+    def closed_start(self) -> Closed:
         """Return the closed pose at the beginning of the range, found once."""
         if self._start is None:
             d = self.description
@@ -112,8 +120,9 @@ class LoopModel(Compiled):
         InitialStateError
             When the loop cannot be assembled at the beginning of its range.
         """
+        self._refuse_types("closed loops are")
         driven(self.description)
-        return follow(self._kernels, self._begin(), reals(values, "values of the input"))
+        return follow(self._kernels, self.closed_start(), reals(values, "values of the input"))
 
     def turn(
         self,
@@ -134,6 +143,7 @@ class LoopModel(Compiled):
         As :meth:`at`; a range that cannot be gone through ends with SimulationError, which carries the part
         that was reached.
         """
+        self._refuse_types("closed loops are")
         driven(self.description)
         if not 2 <= count(samples, "samples") <= 10_000_000:
             raise ModelError(f"expected between 2 and 10 million samples, got {samples}")
@@ -144,7 +154,7 @@ class LoopModel(Compiled):
             raise ModelError(f"expected a range with start before stop, got {low:g} to {high:g}")
         if not through:
             return self.at(np.linspace(low, high, samples))
-        begin = followed(self._kernels, self._begin(), low)
+        begin = followed(self._kernels, self.closed_start(), low)
         return follow_through(self._kernels, begin, high, samples)
 
     def assemblies(self, value: float | None = None) -> tuple[dict[str, float], ...]:
@@ -154,7 +164,7 @@ class LoopModel(Compiled):
         """
         if value is not None:
             driven(self.description)
-        begin = self._begin()
+        begin = self.closed_start()
         t = begin.t if value is None else self._kernels.time_of(real(value, "value"))
         names = [v.name for v in self.description.variables]
         return tuple(dict(zip(names, q.tolist(), strict=True)) for q in assemblies(self._kernels, t, begin.q))
@@ -192,6 +202,7 @@ class LoopModel(Compiled):
         """
         from symgen.runtime.loop_run import run
 
+        self._refuse_types("closed loops are")
         d = self.description
         if not d.having("free"):
             raise ModelError(
@@ -205,4 +216,4 @@ class LoopModel(Compiled):
             raise ModelError(
                 f"{chosen.method.name} is for linkages of points and links, not for loops of joints"
             )
-        return run(self._kernels, self._begin(), chosen, progress)
+        return run(self._kernels, self.closed_start(), chosen, progress)

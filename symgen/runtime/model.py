@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from symgen.errors import ModelError, nearest
+from symgen.errors import ModelError
 from symgen.runtime import _core
 from symgen.runtime.causes import without_direction
 from symgen.runtime.compiled import Compiled
@@ -20,7 +20,8 @@ from symgen.runtime.options import options
 from symgen.runtime.redundancy import least_norm, not_unique
 from symgen.runtime.result import Result
 from symgen.runtime.simulate import run
-from symgen.runtime.state import Accelerations, State
+from symgen.runtime.state import Accelerations, State, of_points
+from symgen.runtime.typed import Typed
 
 if TYPE_CHECKING:
     from symgen.runtime._rhs import Rhs
@@ -51,8 +52,9 @@ class Model(Compiled):
         derive: Callable[[], Any],
         parameters: Mapping[str, float] | None = None,
         analyses: Analyses | None = None,
+        typed: Typed | None = None,
     ) -> None:
-        super().__init__(description, library, derive, parameters)
+        super().__init__(description, library, derive, parameters, typed)
         self._analyses = analyses
         self._evaluator = Evaluator(description, library, np.array(list(self.parameters.values())))
         self._start: Start | None = None
@@ -69,9 +71,8 @@ class Model(Compiled):
 
     def with_parameters(self, **values: float) -> Model:
         """Return the same model with other values of its tunable parameters, in SI units."""
-        return Model(
-            self.description, self._library, self._derive, {**self.parameters, **values}, self._analyses
-        )
+        changed = {**self.parameters, **values}
+        return Model(self.description, self._library, self._derive, changed, self._analyses, self._typed)
 
     def initial_state(self) -> State:
         """Return the state in which a run starts.
@@ -120,26 +121,10 @@ class Model(Compiled):
         Points left out of ``velocities`` are at rest; ground points may be given and are ignored. The state
         is taken as it is: :meth:`simulate` projects it onto the constraints, :meth:`accelerations` does not.
         """
-        return self._state(
-            t, self._vector(positions, "positions"), self._vector(velocities or {}, "velocities", 0.0)
-        )
-
-    def _vector(self, values: Mapping[str, ArrayLike], what: str, default: float | None = None) -> Array:
         d = self.description
-        for name in values:
-            if name not in d.points:
-                raise ModelError(f"{what}: there is no point {name!r}. {nearest(name, d.points)}")
-        parts = []
-        for point in d.free:
-            if point not in values and default is None:
-                raise ModelError(f"{what}: the point {point} is missing")
-            component = np.asarray(values.get(point, np.full(len(d.axes), default)), dtype=float)
-            if component.shape != (len(d.axes),) or not np.all(np.isfinite(component)):
-                raise ModelError(
-                    f"{what}: expected {len(d.axes)} finite numbers for {point}, got {values[point]!r}"
-                )
-            parts.append(component)
-        return np.concatenate(parts)
+        return self._state(
+            t, of_points(d, positions, "positions"), of_points(d, velocities or {}, "velocities", 0.0)
+        )
 
     def accelerations(self, state: State | None = None) -> Accelerations:
         """Return accelerations by point, multipliers and ground reactions by name, at a state.
@@ -168,6 +153,7 @@ class Model(Compiled):
                 f"determined: {name}"
             )
         work = equations.solutions(np.array([state.t]), row[None, :])[0]
+        work[:-1] = self._in_type(state.t, state.q, state.u, work[:-1])
         if redundant:
             work = least_norm(self._evaluator, state.t, state.q, work, len(redundant))
         of_points = self._evaluator.blocks("point_accelerations", state.t, state.q, state.u, work)
@@ -372,12 +358,13 @@ class Model(Compiled):
         t_end
             End of the run [s]; the scene's own when absent.
         method
-            An integrator's name; ``dop853`` when absent, ``rk4`` when only ``step`` is given.
+            An integrator's name, see ``docs/integrators.md``; ``dop853`` when absent, ``rk4`` when only
+            ``step`` is given.
         rtol, atol
             Tolerances of the local error for methods that adapt their step: relative (1e-9), absolute in m
             and m/s (rtol/1000).
         step
-            The fixed step [s] for methods that have one.
+            The fixed step [s]; a method that adapts its own takes fixed ones then, without judging them.
         samples
             Number of equally spaced times at which the outputs are recorded.
         max_steps
@@ -401,8 +388,9 @@ class Model(Compiled):
         """
         end = self.description.t_end if t_end is None else float(t_end)
         kept = (stabilisation, stabilisation_rate, max_drift)
-        chosen = options(end, method, rtol, atol, step, samples, max_steps, *kept)
+        chosen = options(end, method, rtol, atol, step, samples, max_steps, *kept, precision=self._type)
         begin = self.initial_state() if state is None else state
-        tangent = self.analysis("tangent") if chosen.method.needs_tangent else None
         redundant = self._found().redundant
-        return run(self._evaluator, begin.t, begin.q, begin.u, redundant, chosen, progress, tangent)
+        tangent = self.analysis("tangent") if chosen.method.needs_tangent else None
+        typed, start = self._typed, (begin.t, begin.q, begin.u)
+        return run(self._evaluator, *start, redundant, chosen, progress, typed, tangent)

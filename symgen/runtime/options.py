@@ -7,12 +7,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from symgen.errors import ModelError, nearest
+from symgen.precision import FLOAT64, Precision
 from symgen.runtime._core import STABILISATIONS
 from symgen.runtime.arguments import count, is_real
 from symgen.runtime.integrators import Integrator, integrator
 
-#: Tightest relative tolerance that float64 can meet.
-TIGHTEST = 100 * np.finfo(float).eps
+#: Tightest relative tolerance that a type can meet, and the one taken when none is given: over its epsilon.
+TIGHTEST, _DEFAULT = 100.0, 1000.0
+#: The latter where the type is no matter, and the absolute tolerance [m, m/s] over it.
+_RTOL, _ATOL = 1e-9, 1e-3
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,8 +49,9 @@ def options(
     stabilisation: str = "projection",
     rate: float | None = None,
     max_drift: float | None = None,
+    precision: Precision = FLOAT64,
 ) -> Options:
-    """Check the options of a run and fill in the defaults.
+    """Check the options of a run in a precision and fill in the defaults.
 
     Raises
     ------
@@ -68,22 +72,31 @@ def options(
         raise ModelError(f"expected between 2 and 10 million samples, got {samples}")
     if max_steps < 1:
         raise ModelError(f"expected max_steps of at least 1, got {max_steps}")
-    if chosen.adaptive:
-        if step is not None:
-            raise ModelError(f"{chosen.name} chooses its own step: give rtol and atol, or another method")
-        rtol = 1e-9 if rtol is None else rtol
-        if rtol < TIGHTEST:
-            raise ModelError(f"rtol = {rtol:g} is below {TIGHTEST:.2g}, the tightest that float64 can meet")
-        return Options(
-            chosen, t_end, rtol, 1e-3 * rtol if atol is None else atol, 0.0, samples, max_steps, *kept
-        )
+    if chosen.adaptive and step is None:
+        rtol, atol = _tolerances(rtol, atol, precision)
+        return Options(chosen, t_end, rtol, atol, 0.0, samples, max_steps, *kept)
     if rtol is not None or atol is not None:
+        if chosen.adaptive:
+            raise ModelError(
+                f"{chosen.name} takes fixed steps or meets a tolerance: give step, or rtol and atol"
+            )
         raise ModelError(f"{chosen.name} has a fixed step: give step instead of rtol and atol")
     if step is None:
         raise ModelError(f"{chosen.name} has a fixed step: give it one, such as step=1e-3")
-    if step < 1e-12 * t_end:
-        raise ModelError(f"step = {step:g} s is too small against t_end = {t_end:g} s for float64")
+    if step < precision.coarsened(1e-12) * t_end:
+        name = precision.name
+        raise ModelError(f"step = {step:g} s is too small against t_end = {t_end:g} s for {name}")
     return Options(chosen, t_end, 0.0, 0.0, step, samples, max_steps, *kept)
+
+
+def _tolerances(rtol: float | None, atol: float | None, precision: Precision) -> tuple[float, float]:
+    """Check the tolerances against what a precision can meet, and fill in the defaults."""
+    tightest, name = TIGHTEST * precision.epsilon, precision.name
+    rtol = max(_RTOL, _DEFAULT * precision.epsilon) if rtol is None else rtol
+    if rtol < tightest:
+        raise ModelError(f"rtol = {rtol:g} is below {tightest:.2g}, the tightest that {name} can meet")
+    floor = 0.0 if precision.epsilon <= FLOAT64.epsilon else 10 * precision.epsilon
+    return rtol, max(_ATOL * rtol, floor) if atol is None else atol
 
 
 def _kept(

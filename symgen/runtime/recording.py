@@ -9,9 +9,10 @@ from numpy.typing import NDArray
 
 from symgen.runtime import _core
 from symgen.runtime.evaluate import Evaluator, part
+from symgen.runtime.library import Library
 from symgen.runtime.options import Options
 from symgen.runtime.redundancy import least_norm, not_unique
-from symgen.runtime.result import Drift, Result, Variable
+from symgen.runtime.result import Drift, Event, Result, Variable
 
 Array = NDArray[np.float64]
 
@@ -26,11 +27,15 @@ def recorded(
     redundant: tuple[int, ...],
     chosen: Options,
     wall: float,
+    library: Library,
 ) -> Result:
-    """Return what a run has recorded till now."""
+    """Return what a run has recorded till now; ``library`` are the kernels it went through."""
     description = evaluator.description
     times = stepper.sampled
-    final = evaluator.blocks("points", stepper.t, *np.split(stepper.state[: 2 * description.coordinates], 2))
+    solver = equations
+    if equations.core_type is not _core.DOUBLE:
+        # States are recorded as doubles, and outputs follow from them.
+        solver = evaluator.equations(len(redundant))
     drift = Drift(
         constraint=stepper.position_drift,
         velocity=stepper.velocity_drift,
@@ -44,12 +49,9 @@ def recorded(
         title=description.title,
         axes=description.axes,
         time=times,
-        variables=outputs(evaluator, equations, times, stepper.result, len(redundant)),
+        variables=outputs(evaluator, solver, times, stepper.result, len(redundant)),
         drift=drift,
-        final={
-            p: {"position": final["positions"][i].tolist(), "velocity": final["velocities"][i].tolist()}
-            for i, p in enumerate(description.points)
-        },
+        final=motion(evaluator, stepper.t, stepper.state),
         statistics={
             "t": stepper.t,
             "steps": stepper.steps,
@@ -67,7 +69,8 @@ def recorded(
             "t_end": chosen.t_end,
             "stabilisation": chosen.stabilisation,
             **({"stabilisation_rate": chosen.rate} if chosen.rate else {}),
-            "backend": evaluator.library.backend,
+            "backend": library.backend,
+            **library.provenance,
             "parameters": {
                 p.name: value
                 for p, value in zip(description.parameters, evaluator.parameters.tolist(), strict=False)
@@ -77,8 +80,23 @@ def recorded(
             *_of_redundancy(evaluator, stepper, redundant),
             *_of_passages(evaluator, stepper),
             *_of_stiffness(stepper, chosen),
+            *_of_the_end(evaluator, stepper),
+        ),
+        events=tuple(
+            Event(description.events[i].name, t, rising, motion(evaluator, t, y))
+            for t, i, rising, y in stepper.events
         ),
     )
+
+
+def motion(evaluator: Evaluator, t: float, y: Array) -> dict[str, dict[str, list[float]]]:
+    """Return position [m] and velocity [m/s] of every point in a state (q, u, ...)."""
+    d = evaluator.description
+    found = evaluator.blocks("points", t, *np.split(y[: 2 * d.coordinates], 2))
+    positions, velocities = found["positions"].tolist(), found["velocities"].tolist()
+    return {
+        p: {"position": x, "velocity": v} for p, x, v in zip(d.points, positions, velocities, strict=True)
+    }
 
 
 def outputs(
@@ -144,6 +162,13 @@ def _of_stiffness(stepper: _core.Run, chosen: Options) -> Iterator[str]:
             f"the motion is stiff from t = {stepper.t_stiff:.6g} s on: stability, not accuracy, sets the "
             f"steps of {chosen.method.name}, and an implicit method would take longer ones"
         )
+
+
+def _of_the_end(evaluator: Evaluator, stepper: _core.Run) -> Iterator[str]:
+    """Say which event ended the run."""
+    if stepper.ended_by >= 0:
+        name = evaluator.description.events[stepper.ended_by].name
+        yield f"the event {name!r} ended the run at t = {stepper.t:.9g} s"
 
 
 def _squeezed(values: Array, shape: tuple[int, int]) -> Array:

@@ -61,11 +61,25 @@ class Drift:
         return self.energy / self.energy_exchanged
 
 
+@dataclass(frozen=True, slots=True)
+class Event:
+    """A moment that the scene told the run to look for.
+
+    ``motion`` holds positions [m] and velocities [m/s] of the points then, as ``Result.final`` does.
+    """
+
+    name: str
+    time: float
+    rising: bool
+    motion: Mapping[str, Mapping[str, Any]]
+
+
 @dataclass(frozen=True, eq=False)
 class Result:
     """The result of a run. ``result["C.position"]`` is a labelled array with its unit.
 
     ``notes`` says in words what a reader of the numbers must know: redundant constraints, lost rank passed.
+    ``events`` are those that the scene asks for, in the order of time.
     """
 
     name: str
@@ -78,6 +92,7 @@ class Result:
     statistics: Mapping[str, Any]
     provenance: Mapping[str, Any]
     notes: tuple[str, ...] = ()
+    events: tuple[Event, ...] = ()
     _cache: dict[str, Any] = field(default_factory=dict, repr=False)
 
     def __getitem__(self, name: str) -> xarray.DataArray:
@@ -145,6 +160,7 @@ class Result:
             "method": self.provenance["method"],
             "t_end": self.provenance["t_end"],
             "backend": self.provenance["backend"],
+            "precision": self.provenance.get("precision", "float64"),
             "steps": self.statistics["steps"],
             "rejected": self.statistics["rejected"],
             "evaluations": self.statistics["evaluations"],
@@ -156,6 +172,7 @@ class Result:
             "equations": self.provenance["equations"],
             "parameters": dict(self.provenance["parameters"]),
             "notes": list(self.notes),
+            "events": [{"name": e.name, "time": e.time, "rising": e.rising} for e in self.events],
             "final": {point: dict(motion) for point, motion in self.final.items()},
         }
 
@@ -199,6 +216,7 @@ class Result:
                 "statistics": dict(self.statistics),
                 "provenance": dict(self.provenance),
                 "notes": list(self.notes),
+                "events": [asdict(e) for e in self.events],
                 "variables": [[v.name, v.unit, v.about, list(v.components)] for v in self.variables],
             }
         )
@@ -259,6 +277,7 @@ def load_result(file: str | os.PathLike[str]) -> Result:
             statistics=data["statistics"],
             provenance=data["provenance"],
             notes=tuple(data.get("notes", ())),
+            events=tuple(Event(**e) for e in data.get("events", ())),
         )
     except ResultError:
         raise

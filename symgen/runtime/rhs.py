@@ -40,7 +40,9 @@ def right_hand_side(model: Model, work_of_loads: bool = False) -> Rhs:
         When the start cannot be assembled.
     """
     begin, evaluator = model.initial_state(), model.evaluator
-    equations = evaluator.equations(len(model.redundant), slack(evaluator, begin.q), work_of_loads)
+    equations = evaluator.equations(
+        len(model.redundant), slack(evaluator, begin.q), work_of_loads=work_of_loads
+    )
     return Rhs(equations, np.concatenate([begin.q, begin.u, np.zeros(equations.extra)]))
 
 

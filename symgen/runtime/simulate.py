@@ -17,6 +17,7 @@ from symgen.runtime.options import Options
 from symgen.runtime.recording import recorded
 from symgen.runtime.redundancy import slack
 from symgen.runtime.result import Result
+from symgen.runtime.typed import Typed
 
 Array = NDArray[np.float64]
 Progress = Callable[[float], None]
@@ -34,11 +35,13 @@ def run(
     redundant: tuple[int, ...],
     chosen: Options,
     progress: Progress | None,
+    typed: Typed | None = None,
     tangent: Evaluator | None = None,
 ) -> Result:
     """Integrate from a state and return the result; ``redundant`` constraints follow from the others.
 
-    ``tangent`` are the kernels of the analysis of that name, for methods that need it.
+    ``typed`` are kernels in the type to integrate in, those of the evaluator when absent; ``tangent`` the
+    kernels of the analysis of that name, for methods that need it.
 
     Raises
     ------
@@ -47,8 +50,11 @@ def run(
     """
     if chosen.t_end <= t0:
         raise ModelError(f"expected t_end after the start at t = {t0:g} s, got {chosen.t_end:g} s")
+    allowed = slack(evaluator, q)
+    if typed is not None:
+        allowed = typed.precision.coarsened(allowed)
     equations = evaluator.equations(
-        len(redundant), slack(evaluator, q), stabilisation=chosen.rate, tangent=tangent
+        len(redundant), allowed, stabilisation=chosen.rate, typed=typed, tangent=tangent
     )
     times = np.linspace(t0, chosen.t_end, chosen.samples)
     times[-1] = chosen.t_end
@@ -67,10 +73,13 @@ def run(
         times,
         stabilisation=_core.STABILISATIONS.index(chosen.stabilisation),
         max_drift=chosen.max_drift,
+        directions=[e.direction for e in evaluator.description.events],
+        terminal=[e.ends_run for e in evaluator.description.events],
     )
     status, wall = drive(stepper, t0, chosen, progress)
-    result = recorded(evaluator, equations, stepper, redundant, chosen, wall)
-    if status == _core.DONE:
+    library = typed.kernels(False) if typed and not typed.is_plain else evaluator.library
+    result = recorded(evaluator, equations, stepper, redundant, chosen, wall, library)
+    if status in (_core.DONE, _core.ENDED):
         return result
     raise SimulationError(
         _problem(status, stepper, equations, evaluator, chosen),

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
+
+from symgen.errors import ModelError, nearest
+from symgen.runtime.description import Description
 
 Array = NDArray[np.float64]
 
@@ -59,3 +63,29 @@ class Accelerations:
             "reactions": {k: v.tolist() for k, v in self.reactions.items()},
             "not_unique": list(self.not_unique),
         }
+
+
+def of_points(
+    d: Description, values: Mapping[str, ArrayLike], what: str, default: float | None = None
+) -> Array:
+    """Return vectors of the moving points, given by name, as one array; ``what`` they are called in messages.
+
+    Raises
+    ------
+    ModelError
+        For an unknown name, a missing point where there is no default, or a vector of another size.
+    """
+    for name in values:
+        if name not in d.points:
+            raise ModelError(f"{what}: there is no point {name!r}. {nearest(name, d.points)}")
+    parts = []
+    for point in d.free:
+        if point not in values and default is None:
+            raise ModelError(f"{what}: the point {point} is missing")
+        component = np.asarray(values.get(point, np.full(len(d.axes), default)), dtype=float)
+        if component.shape != (len(d.axes),) or not np.all(np.isfinite(component)):
+            raise ModelError(
+                f"{what}: expected {len(d.axes)} finite numbers for {point}, got {values[point]!r}"
+            )
+        parts.append(component)
+    return np.concatenate(parts)

@@ -22,21 +22,21 @@ def test_closed_forms_close_the_loop(name, angle):
     model = symgen.build(name)
     if name == "slider_crank":
         model = model.with_parameters(a4=20 * INCH, alpha4=np.radians(232), S1=3.5 * INCH)
-    kernels = model._kernels
+    kernels = model.kernels
     t = kernels.time_of(angle)
-    found = closed_forms(kernels, t, model._begin().q)
+    found = closed_forms(kernels, t, model.closed_start().q)
     assert len(found) == 2
     assert max(defect(kernels, t, q) for q in found) < 1e-14
 
 
 def test_loops_of_other_kinds_have_no_closed_form():
     model = symgen.build("rccc")
-    assert closed_forms(model._kernels, 0.0, model._begin().q) == []
+    assert closed_forms(model.kernels, 0.0, model.closed_start().q) == []
 
 
 def test_no_closed_form_where_the_rod_does_not_reach():
     model = symgen.build("slider_crank").with_parameters(a4=30 * INCH, S1=27 * INCH)
-    kernels = model._kernels.__class__(
+    kernels = model.kernels.__class__(
         model.description, model._library, [30 * INCH, 4.712, 28 * INCH, 0, 5.0]
     )
     assert closed_forms(kernels, 0.0, np.array(model.description.start)) == []
@@ -51,7 +51,7 @@ def test_every_pose_is_one_assembly(name, count):
     model = symgen.build(name)
     found = model.assemblies()
     assert len(found) == count
-    start = model._begin().q
+    start = model.closed_start().q
     assert np.allclose(list(found[0].values()), start, atol=1e-9)
 
 

@@ -82,7 +82,7 @@ def test_order_with_dampers_and_with_drives(name, scene):
         np.max(np.abs(ends(model, model.simulate(1.0, method=name, step=1 / n)) - truth)) for n in counts
     ]
     observed = np.log(errors[0] / errors[1]) / np.log(counts[1] / counts[0])
-    assert abs(observed - order) < 0.4, errors
+    assert observed > order - 0.4, errors
 
 
 def test_energy_without_trend():

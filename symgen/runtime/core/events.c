@@ -1,4 +1,4 @@
-/* Events: values of the kernel `events` that pass zero in a step, located on its interpolant.
+/* Events: values of the kernel `events` that pass zero in a step, located on its projected interpolant.
  *
  * A value is seen to pass zero where it has one sign at a look and the other, or none, at the next; looks are at
  * both ends of a step and LOOKS - 1 times in between. What passes zero and comes back between two looks, or only
@@ -23,11 +23,17 @@ static void roughly(const struct run *run, real h, real x, real *y) {
                + h * x * (R(1) - x) * ((R(1) - x) * run->f[i] - x * run->f_new[i]);
 }
 
-/* Return an event's value on the interpolant of the step; the state is left in run->stage. */
-static real gap_at(struct run *run, real h, real theta, long index) {
+/* Leave the state on the interpolant of the step, brought onto the constraints where it can be, in run->stage, and
+ * the values of the events there. */
+static void move_to(struct run *run, real h, real theta) {
+    real t = run->state->t + theta * h;
     run->scheme.kind->interpolate(run, h, theta, run->stage);
-    look_at_events(run->e, run->state->t + theta * h, run->stage);
-    return run->e->gaps[index];
+    if (run->task.stabilisation == PROJECTION) {
+        memcpy(run->error, run->stage, (size_t)run->dim * sizeof(real));
+        if (run->e->of->project(run->e, t, run->error) == DONE)
+            memcpy(run->stage, run->error, (size_t)run->dim * sizeof(real));
+    }
+    look_at_events(run->e, t, run->stage);
 }
 
 /* Look at all events at the looks of the step, along the interpolant or roughly. */
@@ -35,11 +41,12 @@ static void look(struct run *run, real h, int finely) {
     long events = run->e->sizes.events;
     for (int k = 1; k < LOOKS; k++) {
         real theta = R(k) / R(LOOKS);
-        if (finely)
-            run->scheme.kind->interpolate(run, h, theta, run->stage);
-        else
+        if (finely) {
+            move_to(run, h, theta);
+        } else {
             roughly(run, h, theta, run->stage);
-        look_at_events(run->e, run->state->t + theta * h, run->stage);
+            look_at_events(run->e, run->state->t + theta * h, run->stage);
+        }
         memcpy(run->gaps + k * events, run->e->gaps, (size_t)events * sizeof(real));
     }
 }
@@ -51,7 +58,8 @@ static real narrowed(struct run *run, real h, long index, real a, real at_a, rea
     for (int k = 0; k < NARROWINGS && b - a > least && at_b != 0; k++) {
         real middle = k % 3 == 2 ? a + (b - a) / R(2) : a - at_a * ((b - a) / (at_b - at_a));
         middle = real_fmin(real_fmax(middle, a + least / R(2)), b - least / R(2));
-        real at = gap_at(run, h, middle, index);
+        move_to(run, h, middle);
+        real at = run->e->gaps[index];
         if ((at < 0) == (at_a < 0) && at != 0)
             a = middle, at_a = at;
         else
@@ -61,21 +69,15 @@ static real narrowed(struct run *run, real h, long index, real a, real at_a, rea
 }
 
 /* Remember an event, in the order of time. */
-static int remember(struct run *run, real h, real theta, long index, int rising) {
+static void remember(struct run *run, real h, real theta, long index, int rising) {
     struct state *s = run->state;
-    struct equations *e = run->e;
     size_t bytes = (size_t)run->dim * sizeof(real);
     real t = s->t + theta * h;
     long place = s->events;
     /* At the start itself, to rounding, nothing passes zero. */
     if (s->steps == 0 && t - s->t <= R(64) * REAL_EPSILON * real_fmax(h, real_fabs(s->t)))
-        return DONE;
-    run->scheme.kind->interpolate(run, h, theta, run->stage);
-    if (run->task.stabilisation == PROJECTION) {
-        int status = e->of->project(e, t, run->stage);
-        if (status != DONE)
-            return status;
-    }
+        return;
+    move_to(run, h, theta);
     for (; place > s->events_before && run->events[place - 1].t > t; place--) {
         run->events[place] = run->events[place - 1];
         memcpy(run->event_states + place * run->dim, run->event_states + (place - 1) * run->dim, bytes);
@@ -83,10 +85,9 @@ static int remember(struct run *run, real h, real theta, long index, int rising)
     run->events[place] = (struct event){t, index, rising};
     memcpy(run->event_states + place * run->dim, run->stage, bytes);
     s->events++;
-    return DONE;
 }
 
-static int locate(struct run *run, real h, long index) {
+static void locate(struct run *run, real h, long index) {
     long events = run->e->sizes.events;
     const real *gap = run->gaps + index;
     for (int k = 0; k < LOOKS; k++) {
@@ -94,11 +95,8 @@ static int locate(struct run *run, real h, long index) {
         if (!passes(from, to, run->directions[index]))
             continue;
         real theta = narrowed(run, h, index, R(k) / R(LOOKS), from, R(k + 1) / R(LOOKS), to);
-        int status = remember(run, h, theta, index, from < 0);
-        if (status != DONE)
-            return status;
+        remember(run, h, theta, index, from < 0);
     }
-    return DONE;
 }
 
 static int any_passes(const struct run *run) {
@@ -117,32 +115,28 @@ void begin_events(struct run *run) {
     }
 }
 
-int locate_events(struct run *run, real t_new, real h, int *prepared) {
+void locate_events(struct run *run, real t_new, real h, int *prepared) {
     struct state *s = run->state;
     long events = run->e->sizes.events;
     if (events == 0)
-        return DONE;
+        return;
     s->events_before = s->events;
     memcpy(run->gaps, run->gaps + LOOKS * events, (size_t)events * sizeof(real));
     look_at_events(run->e, t_new, run->y_new);
     memcpy(run->gaps + LOOKS * events, run->e->gaps, (size_t)events * sizeof(real));
     look(run, h, 0);
     if (!any_passes(run))
-        return DONE;
+        return;
     if (!*prepared)
         run->scheme.kind->prepare(run, h);
     *prepared = 1;
     look(run, h, 1);
-    for (long i = 0; i < events; i++) {
-        int status = locate(run, h, i);
-        if (status != DONE)
-            return status;
-    }
+    for (long i = 0; i < events; i++)
+        locate(run, h, i);
     for (long i = s->events_before; i < s->events; i++)
         if (run->terminal[run->events[i].index]) {
             s->events = i + 1;
             s->ended_by = run->events[i].index;
             break;
         }
-    return DONE;
 }

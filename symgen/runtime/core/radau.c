@@ -15,10 +15,15 @@
 #include <string.h>
 
 enum { STAGES = 3, ITERATIONS = 7, FIXED_ITERATIONS = 20 };
+/* Changes below this part of the tolerance may stall by rounding. */
+#define STALLED 0.03
 /* Iterations that converge this fast keep their Jacobian. */
 #define FAST 1e-3
 /* A step that may grow by less than this is kept, and its matrices with it. */
 #define KEEP 1.2
+/* After iterations that did not converge steps stay below this part of that one, which is forgotten slowly. */
+#define CAUTION 0.8
+#define FORGET 1.05
 
 struct radau {
     real *f, *f_new;               /* dy/dt at both ends */
@@ -31,7 +36,7 @@ struct radau {
     real *memo;                    /* what is remembered, see enum */
 };
 
-enum memo { KNOWN, FRESH, STALE, ALONG, H_MATRIX, H, H_OLD, NORM_OLD, REJECTED, MEMO };
+enum memo { KNOWN, FRESH, STALE, ALONG, H_MATRIX, H, H_OLD, NORM_OLD, REJECTED, H_UNSOLVED, MEMO };
 
 /* The method in the core's numbers. */
 struct coefficients {
@@ -223,8 +228,9 @@ static int solve_stages(struct run *run, const struct radau *x, const struct coe
             return 0;
         if (k > 0) {
             rate = size / last;
-            if (magnified && k > 1 && rate > R(0.5))
-                return 1; /* the accelerations have no more digits; the estimate of the error judges what they gave */
+            /* where accelerations have no more digits, the estimate of the error judges what they gave */
+            if (rate > R(0.5) && ((magnified && k > 1) || size <= R(STALLED)))
+                return 1;
             if (size > tolerance && (rate >= 1 || real_pow(rate, R(most - k)) / (1 - rate) * size > tolerance))
                 return 0;
         }
@@ -268,6 +274,8 @@ static int step(struct run *run, real t, real h, real t_new) {
         if (!x.memo[FRESH])
             continue;
         run->state->shrink = R(0.5);
+        if (!is_magnified(run)) /* else it is over soon */
+            x.memo[H_UNSOLVED] = h;
         return run->scheme.adaptive ? AGAIN : UNSOLVED;
     }
     for (int s = 0; s < STAGES && run->e->extra; s++) {
@@ -327,6 +335,10 @@ static void accept(struct run *run) {
         s->h = real_fmin(s->h, real_fmax(predicted, R(0.2) * h));
     }
     x.memo[NORM_OLD] = norm;
+    if (x.memo[H_UNSOLVED] > 0) {
+        s->h = real_fmin(s->h, R(CAUTION) * x.memo[H_UNSOLVED]);
+        x.memo[H_UNSOLVED] *= R(FORGET);
+    }
     if (h <= s->h && s->h <= R(KEEP) * h)
         s->h = h;
 }

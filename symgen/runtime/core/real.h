@@ -15,7 +15,7 @@ typedef float real;
 #define real_fmax fmaxf
 #define real_fmin fminf
 #define real_isfinite isfinite
-#elif defined(SYMGEN_REAL_LONG_DOUBLE)
+#elif defined(SYMGEN_REAL_LONGDOUBLE)
 typedef long double real;
 #define REAL_NAME "longdouble"
 #define REAL_EPSILON LDBL_EPSILON

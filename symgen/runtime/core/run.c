@@ -50,6 +50,8 @@ size_t run_bytes(const struct equations *e, const struct scheme *scheme, const s
 void run_bind(struct run *run, struct equations *e, const struct scheme *scheme, const struct task *task,
               void *memory) {
     run->e = e, run->scheme = *scheme, run->task = *task, run->dim = e->dim;
+    /* without a tolerance there is nothing to adapt a step by */
+    run->scheme.adaptive = scheme->adaptive && (task->rtol > 0.0 || task->atol > 0.0);
     run->bytes = place(run, memory);
     run->scheme.kind->bind(run);
 }
@@ -290,9 +292,7 @@ static int one_step(struct run *run) {
         return status;
     if (!all_finite(run->f_new, run->dim))
         return NOT_FINITE;
-    status = locate_events(run, t_new, h, &prepared);
-    if (status != DONE)
-        return status;
+    locate_events(run, t_new, h, &prepared);
     real until = s->ended_by >= 0 ? run->events[s->events - 1].t : t_new;
     status = record_samples(run, t_new, until, h, sound, &prepared);
     if (status == DONE && s->ended_by >= 0)

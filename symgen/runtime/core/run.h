@@ -162,7 +162,7 @@ int all_finite(const real *v, long count);
 void watch_rank(struct run *run, real t_new, double sound);
 int record_samples(struct run *run, real t_new, real until, real h, double sound, int *prepared);
 void begin_events(struct run *run);
-int locate_events(struct run *run, real t_new, real h, int *prepared);
+void locate_events(struct run *run, real t_new, real h, int *prepared);
 
 /* The kind of that name, NULL when there is none. */
 const struct kind *find_kind(const char *name);

@@ -1,0 +1,250 @@
+"""Wall time beside error for falling chains: symgen, MuJoCo, Pinocchio with SciPy and with CVODE, and Exudyn.
+
+Planar chains of 3 and 10 uniform rods of 1 m and 1 kg, pinned at one end, started at rest at relative angles
+0 and 0.1 in turn from the horizontal, fall for 2 s. Each program is swept over its steps or tolerances, and
+symgen over every integrator it has; every run records the same 21 times. Errors are those of the tip, at the
+end and the largest of all samples, against a reference of another formulation (``chain_reference.py``).
+
+A time is that of the whole call from Python, initial state to recorded samples, warm: of symgen ``simulate``,
+its result included. Settings are run in turn, round by round, and the best round counts: what else the
+machine does only ever adds. Those that came nowhere near their program's best in a first run are left out.
+The time at an error is interpolated between the logarithms of a program's best settings. ``--short`` runs
+symgen alone.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+import sys
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from functools import partial
+from time import perf_counter
+from typing import Any
+
+import chain_reference as reference
+import numpy as np
+from chain_peers import PEERS, Array, Attempt
+from harness import Case, Required, Timing, measure, report
+
+import symgen
+from symgen.errors import SimulationError
+from symgen.runtime.integrators import INTEGRATORS
+from symgen.study.fronts import time_at
+from symgen.study.sweeps import worth_running
+
+SIZES, ERRORS = reference.SIZES, (1e-4, 1e-6, 1e-8, 1e-10)
+#: How many times faster than the fastest peer, by the number of rods.
+FASTER = {3: 10.0, 10: 5.0}
+#: A sweep ends at this error, or with a run as long as this [s].
+GOAL, LONGEST = 2e-11, {3: 0.1, 10: 0.4}
+ROUNDS, SHORT_ROUNDS = 11, 5
+#: A setting is timed on where its first runs took no more than this many times the best at its error.
+NEAR = 1.5
+OURS = "symgen"
+
+Errors = tuple[float, float]
+Key = tuple[int, Attempt]
+
+
+def main() -> int:
+    """Measure, print, and return the exit code."""
+    options = _arguments()
+    missing: dict[str, str] = {}
+    tried: dict[Key, tuple[Errors, float]] = {}
+    for n in SIZES:
+        truth = reference.tips(n)
+        for sweep in attempts(n, {} if options.short else PEERS, missing):
+            tried.update(swept(n, sweep, truth))
+    errors = contenders(tried)
+    cases = {key: Case(key[1].run, 1) for key in errors}
+    timings = measure(cases, SHORT_ROUNDS if options.short else ROUNDS, 1)
+    if options.plot:
+        draw(errors, timings, options.plot)
+    notes = [
+        "along: largest error of the tip [m] at 21 times; end: that at the last.",
+        *(f"{name} could not be run: {why}" for name, why in missing.items()),
+        *(["symgen alone: nothing is compared."] if options.short else []),
+        *(
+            f"the reference for N = {n} moves by {reference.uncertainty(n):.0e} m with its tolerance"
+            for n in SIZES
+        ),
+    ]
+    return report(
+        "A chain of N rods falls for 2 s",
+        table(errors, timings),
+        required(errors, timings),
+        notes=notes,
+        as_json=options.json,
+    )
+
+
+def _arguments() -> argparse.Namespace:
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
+    parser.add_argument("--json", action="store_true", help="print one JSON object and nothing else")
+    parser.add_argument("--short", action="store_true", help="measure symgen only")
+    parser.add_argument("--plot", metavar="FILE", help="draw error and time: .svg, .png or .pdf")
+    return parser.parse_args()
+
+
+def attempts(n: int, peers: Mapping[str, Any], missing: dict[str, str]) -> Iterator[Iterator[Attempt]]:
+    """Yield the sweeps of all programs that are there; put down why others are not."""
+    yield from ours(n)
+    for name, (packages, sweeps) in peers.items():
+        try:
+            yield from sweeps(n)
+        except ImportError as error:
+            missing[name] = f"{error}; 'pip install {packages}' (the extra 'peers')"
+
+
+def scene(n: int) -> symgen.Scene:
+    """Return the chain as a scene, the position of its tip recorded."""
+    angles = np.array(reference.start_angles(n))
+    places = np.cumsum(np.stack([np.cos(angles), np.sin(angles)], axis=1), axis=0)
+    points: dict[str, Any] = {"P0": {"at": ["0 m", "0 m"], "ground": True}}
+    points |= {f"P{k + 1}": {"at": [f"{x!r} m" for x in p]} for k, p in enumerate(places.tolist())}
+    return symgen.Scene(
+        title=f"chain of {n} rods",
+        points=points,
+        links={
+            f"L{k}": {"points": [f"P{k - 1}", f"P{k}"], "mass": "1 kg", "length": "1 m"}
+            for k in range(1, n + 1)
+        },
+        gravity={"acceleration": ["0 m/s^2", f"-{reference.GRAVITY} m/s^2"]},
+        analysis={"t_end": f"{reference.T_END} s", "outputs": [f"P{n}.position"]},
+    )
+
+
+def ours(n: int) -> Iterator[Iterator[Attempt]]:
+    """Yield a sweep for every integrator: tolerances where it adapts its step, and fixed steps."""
+    model = symgen.build(scene(n))
+
+    def attempt(method: str, kind: str, text: str, **given: float) -> Attempt:
+        run = partial(
+            model.simulate, float(reference.T_END), method=method, samples=reference.SAMPLES, **given
+        )
+        return Attempt(OURS, f"{method}{kind}", text, run, lambda result: result.variables[0].values)
+
+    between = reference.SAMPLES - 1
+    for name, method in INTEGRATORS.items():
+        if method.adaptive:
+            rtols = (10.0 ** (-k / 2) for k in range(2, 27))
+            yield (attempt(name, "", f"rtol {r:.0e}", rtol=r) for r in rtols)
+        counts = dict.fromkeys(between * round(2 ** (k / 2)) for k in range(22))
+        kind = ", fixed steps" if method.adaptive else ""
+        yield (attempt(name, kind, f"{c} steps", step=reference.T_END / c) for c in counts)
+
+
+def swept(n: int, sweep: Iterable[Attempt], truth: Array) -> Iterator[tuple[Key, tuple[Errors, float]]]:
+    """Yield the settings of a sweep that gain something: errors at the end and along the run, and a time."""
+    found: dict[Attempt, tuple[Errors, float]] = {}
+
+    def run(attempt: Attempt) -> tuple[float, float]:
+        times = []
+        for _ in range(2):
+            begun = perf_counter()
+            try:
+                answer = attempt.run()
+            except SimulationError:
+                return math.inf, perf_counter() - begun
+            times.append(perf_counter() - begun)
+        errors = errors_of(attempt.tips(answer), truth)
+        found[attempt] = errors, min(times)
+        return errors[1], min(times)
+
+    for attempt in worth_running(iter(sweep), run, GOAL, LONGEST[n]):
+        yield (n, attempt), found[attempt]
+
+
+def contenders(tried: Mapping[Key, tuple[Errors, float]]) -> dict[Key, Errors]:
+    """Return the settings, with their errors, that come near the best of their program at either error."""
+    chosen = {}
+    for (n, attempt), (errors, spent) in tried.items():
+        rivals = [f for (m, a), f in tried.items() if m == n and a.program == attempt.program]
+        best = (time_at([(e[k], t) for e, t in rivals], errors[k]) for k in range(2))
+        if any(t is not None and spent <= NEAR * t for t in best):
+            chosen[n, attempt] = errors
+    return chosen
+
+
+def errors_of(tips: Array, truth: Array) -> Errors:
+    """Return the error at the end and the largest; of a run that recorded its end alone, that twice."""
+    gaps = np.linalg.norm(tips - truth[-len(tips) :], axis=1)
+    return float(gaps[-1]), float(np.max(gaps))
+
+
+def table(errors: Mapping[Key, Errors], timings: Mapping[Key, Timing]) -> list[dict[str, Any]]:
+    """Return a row for every setting."""
+    return [
+        {
+            "N": n,
+            "program": a.program,
+            "method": a.series,
+            "setting": a.text,
+            "end": end,
+            "along": along,
+            "best [s]": timings[n, a].best,
+            "median [s]": timings[n, a].median,
+        }
+        for (n, a), (end, along) in errors.items()
+    ]
+
+
+def required(errors: Mapping[Key, Errors], timings: Mapping[Key, Timing]) -> list[Required]:
+    """Return how many times faster than the fastest peer symgen is, at every error."""
+    lines = []
+    for n in SIZES:
+        for which, where in enumerate(("at the end", "along the run")):
+            for error in ERRORS:
+                times = _times(n, which, error, errors, timings)
+                own = times.pop(OURS)
+                peers = {name: t for name, t in times.items() if t is not None}
+                fastest = min(peers, key=lambda name: peers[name], default=None)
+                if fastest is None:
+                    reached = math.inf if own is None else own
+                    lines.append(
+                        Required(f"N = {n}, {error:.0e} {where}: reached in [s]", reached, 1.0, False)
+                    )
+                    continue
+                ratio = peers[fastest] / own if own else 0.0
+                text = f"N = {n}, {error:.0e} {where}: times faster than {fastest}"
+                lines.append(Required(text, ratio, FASTER[n], True))
+    return lines
+
+
+def _times(
+    n: int, which: int, error: float, errors: Mapping[Key, Errors], timings: Mapping[Key, Timing]
+) -> dict[str, float | None]:
+    """Return the time at which every program reaches an error; None where it does not."""
+    points: dict[str, list[tuple[float, float]]] = {OURS: []}
+    for (m, attempt), found in errors.items():
+        if m == n:
+            points.setdefault(attempt.program, []).append((found[which], timings[m, attempt].best))
+    return {name: time_at(own, error) for name, own in points.items()}
+
+
+def draw(errors: Mapping[Key, Errors], timings: Mapping[Key, Timing], file: str) -> None:
+    """Draw the best settings of every program: error along the run over wall time, a panel for each N."""
+    from matplotlib.figure import Figure
+
+    from symgen.study.fronts import front
+    from symgen.study.work_report import curve, finish, save
+
+    figure = Figure(figsize=(9, 4.6), layout="constrained")
+    panels: Sequence[Any] = figure.subplots(1, len(SIZES), sharey=True)
+    for panel, n in zip(panels, SIZES, strict=True):
+        names = dict.fromkeys(a.program for m, a in errors if m == n)
+        for k, name in enumerate(names):
+            own = [
+                (found[1], timings[m, a].best)
+                for (m, a), found in errors.items()
+                if m == n and a.program == name
+            ]
+            curve(panel, name, front(own), k)
+        finish(panel, "largest error of the tip", "m")
+        panel.set_title(f"N = {n}", fontsize="medium")
+    save(figure, file)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

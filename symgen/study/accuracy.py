@@ -1,0 +1,194 @@
+"""The error of compiled kernels against their original matrices, and whose fault it is."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+from symgen.errors import ModelError
+from symgen.models import BLOCKS
+from symgen.scene.loading import shipped_scenes
+from symgen.study.cancelling import Cancelling, cancelling
+from symgen.study.kernel_errors import MANTISSA, SOLVED, Errors, OutputAccuracy, entries
+from symgen.study.kernels import Kernels, kernels_of
+from symgen.symbolic.exact import DIGITS
+
+Progress = Callable[[float], None]
+
+
+@dataclass(frozen=True, slots=True)
+class Accuracy:
+    """The error report of a scene.
+
+    Attributes
+    ----------
+    scene, title, precision, epsilon, digits, seed
+        What was looked at, in which number type with which relative spacing, against how many digits.
+    states
+        How many states of each kind: along the run, closed at random, open at random.
+    outputs
+        The error of every output of every kernel.
+    condition
+        The largest condition of the equations of motion, rows and columns brought to one size, and where;
+        None where nothing is solved.
+    cancelling
+        The sums that lose most digits, those without need first.
+    notes
+        What has to be said of the states.
+    """
+
+    scene: str
+    title: str
+    precision: str
+    epsilon: float
+    digits: int
+    seed: int
+    states: Mapping[str, int]
+    outputs: tuple[OutputAccuracy, ...]
+    condition: tuple[float, str] | None
+    cancelling: tuple[Cancelling, ...]
+    notes: tuple[str, ...]
+
+    @property
+    def worst(self) -> OutputAccuracy:
+        """The output whose error is largest over what its condition explains."""
+        return max(self.outputs, key=lambda o: o.beyond)
+
+    def summary(self) -> dict[str, Any]:
+        """Return everything in plain numbers: what ``symgen accuracy --json`` prints; no infinities."""
+        data = asdict(self)
+        for made, output in zip(data["outputs"], self.outputs, strict=True):
+            made |= {"beyond": output.beyond, "verdict": output.verdict}
+        finite: dict[str, Any] = _finite(data)
+        return finite
+
+
+def accuracy(
+    scene: str | os.PathLike[str],
+    *,
+    set: Mapping[str, Any] | None = None,
+    states: int = 20,
+    seed: int = 0,
+    run: bool = True,
+    precision: str = "float64",
+    top: int = 10,
+    progress: Progress | None = None,
+) -> Accuracy:
+    """Compare every output of every kernel of a scene or building block with its matrix at 40 digits.
+
+    Parameters
+    ----------
+    scene
+        A shipped name, the path of a scene file, or the name of a building block.
+    set
+        Values to replace, as in :func:`symgen.build`.
+    states
+        How many states of each kind.
+    seed
+        Of the random states; the same seed gives the same report.
+    run
+        Whether to look along a run too, and for random states near all of it; else near its start alone.
+    precision
+        The number type of the kernels.
+    top
+        How many sums that cancel to return.
+    progress
+        Takes the part that is done.
+
+    Raises
+    ------
+    SceneError, ModelError
+        For anything wrong in the scene or in these options.
+    """
+    if states < 1 or seed < 0:
+        raise ModelError(f"expected at least 1 state and a seed from 0 on, got {states} and {seed}")
+    title, parts = kernels_of(scene, set=set, count=states, seed=seed, run=run, precision=precision)
+    return report(str(scene), title, parts, seed=seed, precision=precision, top=top, progress=progress)
+
+
+def all_names() -> list[str]:
+    """Return the names of all building blocks and of all shipped scenes."""
+    return [*BLOCKS, *shipped_scenes()]
+
+
+def report(
+    scene: str,
+    title: str,
+    parts: list[Kernels],
+    *,
+    seed: int = 0,
+    precision: str = "float64",
+    top: int = 10,
+    progress: Progress | None = None,
+) -> Accuracy:
+    """Return the report of some kernels; see :func:`accuracy`."""
+    total, done = sum(len(p.states.all) for p in parts), 0
+    outputs: list[OutputAccuracy] = []
+    condition: tuple[float, str] | None = None
+    sums: list[Cancelling] = []
+    notes: list[str] = []
+    for part in parts:
+        errors = Errors(part, MANTISSA[precision], np.random.default_rng(seed))
+        for at in part.states.all:
+            errors.look(at)
+            done += 1
+            if progress:
+                progress(done / total)
+        outputs += errors.outputs()
+        condition = errors.condition or condition
+        notes += part.states.notes
+        if errors.unsolved:
+            where = ", ".join(errors.unsolved)
+            notes.append(f"the constraints have lost rank, and nothing is solved, at: {where}")
+        sums += cancelling(part, errors.places())
+    kinds = [at.kind for at in parts[0].states.all]
+    ranked = sorted(sums, key=lambda c: c.rank, reverse=True)
+    return Accuracy(
+        scene,
+        title,
+        precision,
+        2.0 ** (1 - MANTISSA[precision]),
+        DIGITS,
+        seed,
+        {kind: kinds.count(kind) for kind in dict.fromkeys(kinds)},
+        tuple(outputs),
+        condition,
+        tuple(ranked[:top]),
+        tuple(dict.fromkeys(notes)),
+    )
+
+
+def digits(
+    scene: str | os.PathLike[str],
+    matrix: str | None = None,
+    *,
+    set: Mapping[str, Any] | None = None,
+    states: int = 5,
+    seed: int = 0,
+    top: int = 20,
+) -> tuple[Cancelling, ...]:
+    """Return the sums that lose most digits in a matrix of a scene or building block, or in all its kernels.
+
+    Errors as of :func:`accuracy`; DerivationError when there is no such matrix.
+    """
+    if matrix is None or matrix in SOLVED:
+        found = accuracy(scene, set=set, states=states, seed=seed, top=10**6).cancelling
+        return tuple(c for c in found if matrix in (None, c.output))[:top]
+    _, parts = kernels_of(scene, set=set, count=states, seed=seed, run=True, precision="float64")
+    part = next((p for p in parts if p.prefix and matrix.startswith(p.prefix)), parts[0])
+    own = part.of_matrix(matrix.removeprefix(part.prefix))
+    return tuple(cancelling(own, entries(own))[:top])
+
+
+def _finite(value: Any) -> Any:
+    """Return plain numbers, None in place of what is not finite."""
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    if isinstance(value, Mapping):
+        return {k: _finite(v) for k, v in value.items()}
+    return [_finite(v) for v in value] if isinstance(value, list | tuple) else value

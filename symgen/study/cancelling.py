@@ -1,0 +1,110 @@
+"""The sums that lose most digits on the way to the outputs with the largest errors, in readable form."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from symgen.codegen.printers import Printer
+from symgen.lowering.cancellation import lost_digits
+from symgen.lowering.kernel import Kernel
+from symgen.lowering.nodes import Node, insert, references, rename
+from symgen.study.kernel_errors import Place
+from symgen.study.kernels import Kernels
+
+#: Names that the lowering makes up for what it shares: what they stand for is put in, up to this length.
+_MADE_UP, _LONGEST = re.compile(r"c\d+"), 100
+
+
+@dataclass(frozen=True, slots=True)
+class Cancelling:
+    """A sum that cancels.
+
+    Attributes
+    ----------
+    kernel, name
+        The kernel that holds it, and the assignment or output that it belongs to.
+    expression
+        The sum, by the names of the arguments.
+    digits
+        Decimal digits it loses where it stands: log10 of the sizes of its terms over its own.
+    output, entry, state
+        The output, its entry and the state at which it costs most.
+    in_output
+        Digits that this entry loses by the rounding of the terms.
+    needless
+        How many of these the condition of the entry does not explain.
+    """
+
+    kernel: str
+    name: str
+    expression: str
+    digits: float
+    output: str
+    entry: int
+    state: str
+    in_output: float
+    needless: float
+
+    @property
+    def rank(self) -> tuple[float, float, float]:
+        """What they are ordered by: digits lost without need, then in the output, then where it stands."""
+        return round(max(0.0, self.needless), 1), round(self.in_output, 1), round(self.digits, 1)
+
+
+def cancelling(part: Kernels, places: Iterable[Place]) -> list[Cancelling]:
+    """Return the sums that cancel on the way to some entries, each once, where it costs most."""
+    found: dict[tuple[str, str, Node], Cancelling] = {}
+    words = _Words(part)
+    for place in places:
+        tape = part.tapes[place.kernel]
+        for lost in lost_digits(tape, tape.values(place.at.arrays), place.entry):
+            made = Cancelling(
+                part.prefix + lost.kernel,
+                words.name(lost.kernel, lost.name),
+                words.text(lost.kernel, lost.node),
+                lost.here,
+                place.output,
+                place.entry,
+                place.at.label,
+                lost.in_result,
+                lost.in_result - math.log10(max(1.0, place.condition)),
+            )
+            key = lost.kernel, lost.name, lost.node
+            if key not in found or made.rank > found[key].rank:
+                found[key] = made
+    return sorted(found.values(), key=lambda c: c.rank, reverse=True)
+
+
+class _Words:
+    """Expressions of a program by the names of its arguments."""
+
+    def __init__(self, part: Kernels) -> None:
+        self._kernels: dict[str, Kernel] = {k.name: k for k in part.program.kernels}
+        self._arguments = {
+            f"{g.name}[{i}]": x.name for g in part.system.groups for i, x in enumerate(g.quantities)
+        }
+        self._print = Printer({})
+        #: What 'factor' leaves in ``work``, and 'solve' reads, has no names.
+        self._named = {k: v for k, v in self._arguments.items() if not k.startswith("work")}
+
+    def name(self, kernel: str, name: str) -> str:
+        """Return an assignment's own name; of an entry of ``out`` the output it belongs to."""
+        if not name.startswith("out["):
+            return name
+        index = int(name[4:-1])
+        blocks = self._kernels[kernel].blocks
+        block = next((b for b in reversed(blocks) if b.offset <= index), None)
+        return f"{block.name}[{index - block.offset}]" if block else name
+
+    def text(self, kernel: str, node: Node) -> str:
+        """Return an expression with what is shared put in, while that is short."""
+        values = {a.target: a.value for a in self._kernels[kernel].assignments}
+        while made_up := [r for r in references([node]) if _MADE_UP.fullmatch(r) and r in values]:
+            longer = insert(node, {r: values[r] for r in made_up})
+            if len(self._print(longer)) > _LONGEST:
+                break
+            node = longer
+        return self._print(rename(node, self._named if kernel == "solve" else self._arguments))

@@ -1,0 +1,333 @@
+"""Errors of compiled kernels, entry by entry, beside what the condition of each entry explains."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import mpmath
+import numpy as np
+from numpy.typing import NDArray
+
+from symgen.study.kernels import Kernels
+from symgen.study.states import At
+from symgen.symbolic.exact import DIGITS, number, solve
+
+Array = NDArray[np.float64]
+
+#: Bits of the mantissa of every number type that kernels can have.
+MANTISSA = {"float32": 24, "float64": 53, "longdouble": 64, "float128": 113}
+#: An entry this much smaller than the output is zero: no more is left of 40 digits.
+_ZERO = mpmath.mpf(10) ** (10 - DIGITS)
+#: Errors up to this many times what the condition explains are those of a sound evaluation.
+SOUND = 30.0
+#: Equations of motion of a higher condition, times epsilon, have no solution in the kernels' precision.
+_SINGULAR = 0.01
+#: The kernels that solve the equations of motion, and their outputs.
+_SOLVERS = {"accelerations": ("accelerations", "multipliers"), "solve": ("solution",)}
+SOLVED = _SOLVERS["accelerations"]
+
+
+@dataclass(frozen=True, slots=True)
+class Worst:
+    """An entry of an output, at the state where its error is largest.
+
+    Attributes
+    ----------
+    entry
+        Its row and column, by name.
+    state
+        What the state is called.
+    found, exact
+        What the kernel gave, and the truth.
+    ulps
+        The error in units in the last place of the entry.
+    relative
+        The error over the entry.
+    condition
+        sum |x_j df/dx_j| / |f| over all inputs x_j of the kernel: by how much the relative error of inputs
+        can grow, whatever the code; of what is solved, at least the condition of the equations.
+    beyond
+        The error over what rounding of the inputs explains: relative / (epsilon condition), the condition
+        taken as one where it is less.
+    """
+
+    entry: str
+    state: str
+    found: float
+    exact: float
+    ulps: float
+    relative: float
+    condition: float
+    beyond: float
+
+
+@dataclass(frozen=True, slots=True)
+class OutputAccuracy:
+    """One output of one kernel.
+
+    Attributes
+    ----------
+    kernel, output, unit
+        The kernel, its output and the unit of that.
+    entries
+        How many entries it has.
+    worst
+        The entry with the largest error in units in the last place; None where all are zero in truth.
+    needless
+        The entry whose error is largest over what its condition explains.
+    of_largest
+        The largest error over the largest entry of the output at the same state.
+    beyond_largest
+        The largest error over what rounding of the inputs explains of the entry that they move most:
+        error / (epsilon size), size the largest entry or sum |x_j df/dx_j|.
+    of_zeros
+        The largest value found where the truth is zero, over the largest entry of the output.
+    """
+
+    kernel: str
+    output: str
+    unit: str
+    entries: int
+    worst: Worst | None
+    needless: Worst | None
+    of_largest: float
+    beyond_largest: float
+    of_zeros: float
+
+    @property
+    def beyond(self) -> float:
+        """The largest error over what rounding of the inputs explains."""
+        return self.needless.beyond if self.needless else 0.0
+
+    @property
+    def verdict(self) -> str:
+        """Whose fault lost digits are.
+
+        ``problem``: the condition explains them. ``small entry``: it does not, but they are lost only of
+        entries that are small beside others of the output. ``code``: neither. Empty where next to none are
+        lost.
+        """
+        if self.beyond > SOUND:
+            return "code" if self.beyond_largest > SOUND else "small entry"
+        return "problem" if self.worst and self.worst.ulps > SOUND else ""
+
+
+@dataclass(frozen=True, eq=False)
+class Place:
+    """An entry of ``out`` at a state, and its condition."""
+
+    kernel: str
+    output: str
+    at: At
+    entry: int
+    condition: float
+
+
+class Errors:
+    """Gathers the errors of some kernels, state after state.
+
+    ``condition`` is the largest condition of the equations of motion that could be solved, and the state it
+    was met at; ``unsolved`` are the states where they could not.
+    """
+
+    def __init__(self, part: Kernels, mantissa: int, random: np.random.Generator) -> None:
+        self.part, self.mantissa, self.random = part, mantissa, random
+        self.condition: tuple[float, str] | None = None
+        self.unsolved: list[str] = []
+        self._outputs: dict[tuple[str, str], _Output] = {}
+
+    def look(self, at: At) -> None:
+        """Look at one state."""
+        if self.part.solves(at):
+            self._look_at_solutions(at)
+        exports = self.part.exports_at(at)
+        names = tuple(m for matrices in exports.values() for m in matrices)
+        exact = dict(zip(names, self.part.exact.matrices(names, at.arrays), strict=True))
+        for kernel, matrices in exports.items():
+            found, tape = self.part.call(kernel, at.arrays), self.part.tapes[kernel]
+            spread, first = tape.conditions(tape.values(at.arrays)), 0
+            for name in matrices:
+                truth = list(exact[name])
+                places = range(first, first + len(truth))
+                self._output(kernel, name).add(at, found, truth, [spread[i] for i in places], first)
+                first += len(truth)
+
+    def _look_at_solutions(self, at: At) -> None:
+        whole, rhs = self.part.exact.whole(at.arrays)
+        left_out = self._left_out
+        equations = _Equations(whole, left_out)
+        if equations.condition * 2.0 ** (1 - self.mantissa) > _SINGULAR:
+            self.unsolved.append(at.label)
+            return
+        if self.condition is None or equations.condition > self.condition[0]:
+            self.condition = equations.condition, at.label
+        n, random = self._coordinates, self.random.standard_normal(whole.rows)
+        for kernel, right in (("accelerations", rhs), ("solve", mpmath.matrix(random.tolist()))):
+            truth = list(solve(whole, right, left_out))
+            spread = equations.spread([float(x) for x in truth], [float(x) for x in right])
+            if kernel == "accelerations":
+                tape = self.part.tapes[kernel]
+                own = tape.conditions(tape.values(at.arrays))
+                spread = [max(own[i], s) for i, s in enumerate(spread)]
+            found = self.part.call(kernel, at.arrays | {"rhs": random})
+            parts = (0, n, whole.rows) if kernel == "accelerations" else (0, whole.rows)
+            for name, a, b in zip(_SOLVERS[kernel], parts, parts[1:], strict=False):
+                if b > a:
+                    self._output(kernel, name).add(at, found, truth[a:b], spread[a:b], a)
+
+    @property
+    def _coordinates(self) -> int:
+        point = self.part.system.saddle_point
+        return self.part.system[point.mass].matrix.rows if point else 0
+
+    @property
+    def _left_out(self) -> list[int]:
+        return [self._coordinates + i for i in self.part.redundant]
+
+    def _output(self, kernel: str, name: str) -> _Output:
+        if (kernel, name) not in self._outputs:
+            self._outputs[kernel, name] = _Output(self.part, kernel, name, self.mantissa)
+        return self._outputs[kernel, name]
+
+    def _in_order(self) -> list[_Output]:
+        order = list(self.part.tapes)
+        return sorted(self._outputs.values(), key=lambda o: order.index(o.kernel))
+
+    def outputs(self) -> list[OutputAccuracy]:
+        """Return what was found, in the order of the kernels."""
+        return [o.result() for o in self._in_order()]
+
+    def places(self) -> Iterator[Place]:
+        """Yield the entries with the largest errors, those that can be looked into."""
+        for o in self._in_order():
+            if o.kernel != "solve":  # 'accelerations' does all that it does
+                yield from o.places()
+
+
+def entries(part: Kernels) -> Iterator[Place]:
+    """Yield all entries that are not zero, at all states."""
+    for at in part.states.all:
+        for kernel, tape in part.tapes.items():
+            values = tape.values(at.arrays)
+            for entry, spread in tape.conditions(values).items():
+                size = float(abs(values[tape.out[entry]]))
+                if size > _ZERO * spread:
+                    yield Place(kernel, kernel, at, entry, spread / size)
+
+
+class _Output:
+    """The errors of one output."""
+
+    def __init__(self, part: Kernels, kernel: str, name: str, mantissa: int) -> None:
+        self.kernel, self.name, self.mantissa, self.prefix = kernel, name, mantissa, part.prefix
+        self.epsilon = 2.0 ** (1 - mantissa)
+        matrix = None if kernel in _SOLVERS else part.system[name]
+        labels = [x.name for x in part.system.group("work").quantities]
+        self.unit = matrix.unit if matrix else "m/s^2, N/m"
+        self.rows = matrix.rows if matrix else tuple(labels)
+        self.columns = matrix.columns if matrix else ()
+        self.width = matrix.matrix.cols if matrix else 1
+        self.count = 0
+        self.of_largest = self.beyond_largest = self.of_zeros = 0.0
+        #: By ulps and by what the condition does not explain: the number, the entry, and where it is.
+        self.worst: dict[str, tuple[Worst, Place]] = {}
+
+    def add(self, at: At, found: Array, truth: Sequence[Any], spread: Sequence[float], first: int) -> None:
+        """Compare the entries from ``first`` on with the truth; inputs move each by its ``spread``."""
+        self.count = len(truth)
+        with mpmath.workdps(DIGITS):
+            largest = float(max(map(abs, truth), default=mpmath.mpf(0)))
+            size = max(largest, *spread)
+            for i, (exact, moved) in enumerate(zip(truth, spread, strict=True)):
+                value = number(found[first + i])
+                if value == exact:
+                    continue
+                error = float(abs(value - exact)) if mpmath.isfinite(value) else math.inf
+                self.of_largest = max(self.of_largest, _over(error, largest))
+                self.beyond_largest = max(self.beyond_largest, _over(error, self.epsilon * size))
+                if abs(exact) <= _ZERO * size:
+                    self.of_zeros = max(self.of_zeros, _over(error, largest))
+                else:
+                    self._keep(at, i, first, float(value), exact, error, moved)
+
+    def _keep(self, at: At, i: int, first: int, value: float, exact: Any, error: float, moved: float) -> None:
+        size = float(abs(exact))
+        ulp = 2.0 ** (int(mpmath.frexp(exact)[1]) - self.mantissa)
+        beyond = error / (self.epsilon * max(size, moved))
+        for what, measured in (("ulps", error / ulp), ("beyond", beyond)):
+            if what not in self.worst or measured > getattr(self.worst[what][0], what):
+                worst = Worst(
+                    self._label(i, first),
+                    at.label,
+                    value,
+                    float(exact),
+                    error / ulp,
+                    error / size,
+                    moved / size,
+                    beyond,
+                )
+                self.worst[what] = worst, Place(self.kernel, self.name, at, first + i, moved / size)
+
+    def _label(self, i: int, first: int) -> str:
+        """Return the names of row and column of an entry; numbers where they have none."""
+        if self.kernel in _SOLVERS:
+            return self.rows[first + i]
+        row, column = divmod(i, self.width)
+        words = [
+            names[k] if names else str(k + 1)
+            for names, k, many in (
+                (self.rows, row, self.count > self.width),
+                (self.columns, column, self.width > 1),
+            )
+            if many
+        ]
+        return ", ".join(words)
+
+    def result(self) -> OutputAccuracy:
+        """Return what was found."""
+        worst, needless = (self.worst[k][0] if k in self.worst else None for k in ("ulps", "beyond"))
+        return OutputAccuracy(
+            self.prefix + self.kernel,
+            self.name,
+            self.unit,
+            self.count,
+            worst,
+            needless,
+            self.of_largest,
+            self.beyond_largest,
+            self.of_zeros,
+        )
+
+    def places(self) -> list[Place]:
+        """Return where the errors are largest."""
+        return [place for _, place in self.worst.values()]
+
+
+class _Equations:
+    """The equations of motion at one state in double precision, rows and columns brought to one size."""
+
+    def __init__(self, whole: mpmath.matrix, left_out: Sequence[int]) -> None:
+        self.size = whole.rows
+        self.kept = [i for i in range(whole.rows) if i not in left_out]
+        matrix = np.array([[float(whole[i, j]) for j in self.kept] for i in self.kept])
+        scale = np.ones(len(matrix))
+        for _ in range(4):
+            scale /= np.sqrt(np.max(np.abs(matrix * np.outer(scale, scale)), axis=1))
+        scaled = matrix * np.outer(scale, scale)
+        self.condition = float(np.linalg.cond(scaled))
+        self._sizes = np.abs(matrix)
+        self._inverse = np.abs(np.linalg.inv(scaled)) * np.outer(scale, scale)
+
+    def spread(self, solution: Sequence[float], rhs: Sequence[float]) -> list[float]:
+        """Return |A^-1| (|A| |x| + |b|): by what rounding of every entry moves the solution, per epsilon."""
+        x, b = (np.abs(np.array(v)[self.kept]) for v in (solution, rhs))
+        found = np.zeros(self.size)
+        found[self.kept] = self._inverse @ (self._sizes @ x + b)
+        return found.tolist()
+
+
+def _over(a: float, b: float) -> float:
+    return a / b if b else (math.inf if a else 0.0)

@@ -1,0 +1,201 @@
+"""What an error report looks at: compiled kernels of a scene or of a building block, and their truth."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Collection, Iterator, Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symgen.errors import ModelError, nearest
+from symgen.lowering.kernel import Program
+from symgen.lowering.program import lower_system
+from symgen.lowering.tape import Tape
+from symgen.models import BLOCKS
+from symgen.models.analyses import elastic_systems
+from symgen.models.system import with_redundancy
+from symgen.pipeline import build, derive
+from symgen.runtime import _core
+from symgen.runtime.elastic_model import ElasticModel
+from symgen.runtime.evaluate import Evaluator
+from symgen.runtime.library import shipped_module
+from symgen.runtime.loop_kernels import LoopKernels
+from symgen.runtime.loop_model import LoopModel
+from symgen.runtime.model import Model
+from symgen.scene.loading import load_scene, override, read_scene
+from symgen.scene.resolve import resolve_linkage
+from symgen.study.loop_states import of_loop
+from symgen.study.states import At, States, of_beams, of_block, of_linkage
+from symgen.symbolic.exact import Exact
+from symgen.symbolic.system import Export, System
+
+Array = NDArray[np.float64]
+#: Kernel and arrays of each group, to what it writes into ``out``.
+Call = Callable[[str, Mapping[str, Array]], Array]
+
+
+@dataclass(eq=False)
+class Kernels:
+    """Compiled kernels of one System, where they are looked at, and their truth.
+
+    Attributes
+    ----------
+    prefix
+        What comes before the names of its kernels; empty for those of the motion.
+    call
+        Returns what a compiled kernel writes.
+    states
+        Where they are looked at.
+    redundant
+        Constraints that follow from the others: their multipliers are zero, off the constraints nothing is
+        solved.
+    """
+
+    prefix: str
+    system: System
+    call: Call
+    states: States
+    redundant: tuple[int, ...] = ()
+
+    @cached_property
+    def exact(self) -> Exact:
+        """The original matrices."""
+        return Exact(self.system)
+
+    @cached_property
+    def program(self) -> Program:
+        """The straight-line programs."""
+        return lower_system(self.system)
+
+    @cached_property
+    def tapes(self) -> dict[str, Tape]:
+        """The operations of every kernel that has results, by name."""
+        return {k.name: Tape(k) for k in self.program.kernels if k.out_size}
+
+    @cached_property
+    def exports(self) -> dict[str, tuple[str, ...]]:
+        """The matrices that each kernel writes, those that solve left out."""
+        return {e.kernel: e.matrices for e in self.system.exports if e.kernel in self.tapes}
+
+    def of_matrix(self, name: str) -> Kernels:
+        """Return the same with one kernel, of this name, that writes one matrix; it cannot be called.
+
+        Raises
+        ------
+        DerivationError
+            When there is no such matrix.
+        """
+        matrix = self.system[name]
+        export = Export(name, matrix.description, (name,))
+        system = replace(self.system, exports=(export,), saddle_point=None)
+        return Kernels(self.prefix, system, self.call, self.states)
+
+    def exports_at(self, at: At) -> dict[str, tuple[str, ...]]:
+        """Return the kernels that mean something in a state, with the matrices that they write."""
+        return {k: m for k, m in self.exports.items() if not (at.closed and k in _LEADING)}
+
+    def solves(self, at: At) -> bool:
+        """Tell whether the equations of motion can be solved there."""
+        return self.system.saddle_point is not None and (at.closed or not self.redundant)
+
+
+def kernels_of(
+    scene: str | os.PathLike[str],
+    *,
+    set: Mapping[str, Any] | None = None,
+    count: int,
+    seed: int,
+    run: bool,
+    precision: str,
+) -> tuple[str, list[Kernels]]:
+    """Return the title of a scene or of a building block, and all kernels to look at.
+
+    Raises
+    ------
+    SceneError, ModelError
+        When there is no such scene, block or precision, or values are given for a block.
+    """
+    if precision not in _PRECISIONS:
+        raise ModelError(f"there are no kernels in {precision!r}. {nearest(precision, _PRECISIONS)}")
+    if scene in BLOCKS:
+        if set:
+            raise ModelError(f"{scene} is a building block: it has no values to set")
+        system = BLOCKS[str(scene)]()
+        return system.title, [Kernels("", system, _shipped(str(scene)), of_block(system, count, seed))]
+    model = build(scene, set=set)
+    system = derive(override(read_scene(scene), set or {}))
+    if isinstance(model, LoopModel):
+        states = of_loop(model, count, seed, run)
+        return system.title, [Kernels("", system, _of_loop(model.kernels), states)]
+    rigid = model.rigid if isinstance(model, ElasticModel) else model
+    return system.title, list(_of_linkage(scene, set, model, rigid, system, count, seed, run))
+
+
+#: Kernels that lead a drawing to the start: they read no velocity but the way they are on.
+_LEADING = ("assembly",)
+#: Number types in which kernels can be compiled.
+_PRECISIONS = ("float64",)
+
+
+def _of_linkage(
+    scene: Any, set_: Any, model: Any, rigid: Model, system: System, count: int, seed: int, run: bool
+) -> Iterator[Kernels]:
+    labels = rigid.description.labels
+    redundant = tuple(labels.index(name) for name in rigid.redundant)
+    if redundant:
+        system = with_redundancy(system)
+    states = of_linkage(rigid, count, seed, run)
+    yield Kernels("", system, _of_evaluator(rigid.evaluator), states, redundant)
+    if isinstance(model, ElasticModel):
+        linkage = resolve_linkage(load_scene(scene, set_))
+        for kind, made in elastic_systems(linkage).items():
+            yield Kernels(f"{kind}.", made, _of_evaluator(rigid.analysis(kind)), states)
+        block = _of_elements({b.info.element for b in model.beams})
+        yield Kernels("elastic_link.", block, _shipped("elastic_link"), of_beams(model, block, count, seed))
+
+
+def _of_elements(elements: Collection[str]) -> System:
+    """Return the building block of elastic links with the kernels of some elements that a run calls."""
+    block = BLOCKS["elastic_link"]()
+    called = (e for e in block.exports if e.kernel.partition("_")[0] in elements)
+    return replace(block, exports=tuple(e for e in called if "_global_" not in e.kernel))
+
+
+def _of_evaluator(evaluator: Evaluator) -> Call:
+    def call(kernel: str, arrays: Mapping[str, Array]) -> Array:
+        own = Evaluator(evaluator.description, evaluator.library, arrays["p"])
+        t, q, u = float(arrays["t"][0]), arrays["q"], arrays["u"]
+        work = np.zeros(max(own.work_size, len(arrays["work"])) + 1)
+        work[: len(arrays["work"])] = arrays["work"]
+        if kernel != "solve":
+            return own(kernel, t, q, u, work)
+        own("factor", t, q, u, work)  # it leaves its factors in work
+        out = np.append(arrays["rhs"], 0.0)
+        q, u = np.append(q, 0.0), np.append(u, 0.0)
+        _core.call(own.library.addresses[kernel], arrays["t"], q, u, own.parameters, work, out)
+        return out[:-1]
+
+    return call
+
+
+def _of_loop(kernels: LoopKernels) -> Call:
+    def call(kernel: str, arrays: Mapping[str, Array]) -> Array:
+        own = LoopKernels(kernels.description, kernels.library, arrays["p"].tolist())
+        found = own(kernel, float(arrays["t"][0]), arrays["q"], arrays["u"], arrays["work"])
+        return np.concatenate([block.ravel() for block in found.values()])
+
+    return call
+
+
+def _shipped(name: str) -> Call:
+    module = shipped_module(name)
+
+    def call(kernel: str, arrays: Mapping[str, Array]) -> Array:
+        found: Array = getattr(module, kernel)(**{k: arrays[k] for k in ("q", "u", "p") if k in arrays})
+        return found
+
+    return call

@@ -1,0 +1,33 @@
+"""The hard cases of every method, each one entry: what is hard, what is known of it, what must hold."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from symgen.errors import ModelError, nearest
+from symgen.study.stability import elastic, loops, rods
+from symgen.study.stability.case import Case, Found, Outcome, Trial, go_through, run_suite
+
+#: Every hard case, in the order of the page.
+CASES: tuple[Case, ...] = (*rods.CASES, *loops.CASES, *elastic.CASES)
+
+__all__ = ["CASES", "Case", "Found", "Outcome", "Trial", "chosen", "go_through", "run_suite"]
+
+
+def chosen(names: Sequence[str]) -> tuple[Case, ...]:
+    """Return the cases of these names, families or scenes; all where there are none.
+
+    Raises
+    ------
+    ModelError
+        For a name that is none of them, with the nearest.
+    """
+    known = {word for case in CASES for word in _words(case)}
+    for name in names:
+        if name not in known:
+            raise ModelError(f"there is no hard case {name!r}. {nearest(name, known)}")
+    return tuple(case for case in CASES if not names or set(names) & set(_words(case)))
+
+
+def _words(case: Case) -> tuple[str, ...]:
+    return case.name, case.family, case.name.split(",")[0].split(" ")[0]

@@ -1,0 +1,204 @@
+"""Hard cases of loops: inputs that turn back, special geometry, the limit of assembly, poles of forces."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symgen.errors import SimulationError
+from symgen.pipeline import build
+from symgen.runtime.integrators import INTEGRATORS
+from symgen.runtime.integrators.tableau import ExplicitRungeKutta
+from symgen.runtime.loop_model import LoopModel
+from symgen.runtime.turn import Turn
+from symgen.study.stability.case import Case, Found, Trial, integrations
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DrivenLoop(Case):
+    """A loop over the range of its input: pose by pose, or on through where the input turns back.
+
+    ``error`` takes what was found; ``rank`` is that of the screws, which tells redundant closure equations.
+    """
+
+    error: Callable[[Turn], float]
+    scene: str
+    rank: int
+    set: Mapping[str, Any] = field(default_factory=dict)
+    through: bool = False
+    bound: float = 1e-12
+    most_drift: float = 1e-13
+    family: str = "loops"
+    drift_of: str = "closure"
+
+    @property
+    def trials(self) -> tuple[Trial, ...]:
+        """Pose by pose; and by arc length where the input turns back, which pose by pose cannot follow."""
+        if self.through:
+            return (Trial("pose by pose"), Trial("through", bound=self.bound))
+        return (Trial("pose by pose", bound=self.bound),)
+
+    def go(self, trial: Trial) -> Found:
+        """Go over the range and measure."""
+        model = cast(LoopModel, build(self.scene, set=self.set))
+        if model.description.rank != self.rank:
+            raise SimulationError(f"the screws have rank {model.description.rank}, not {self.rank}")
+        turn = model.turn(through=trial.method == "through")
+        return Found(self.error(turn), turn.closure, len(turn.time), turn.statistics["wall_s"])
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FreeLoop(Case):
+    """A loop whose motion is computed in time, by every integrator."""
+
+    scene: str
+    rtol: float
+    step: float
+    bounds: Mapping[str, float]
+    most_drift: float = 1e-13
+    family: str = "loops"
+    drift_of: str = "closure"
+
+    @property
+    def trials(self) -> tuple[Trial, ...]:
+        """Every explicit integrator by its tolerance or step: the others are for points and links."""
+        found = integrations(self.rtol, self.step, self.bounds)
+        return tuple(t for t in found if isinstance(INTEGRATORS[t.method], ExplicitRungeKutta))
+
+    def go(self, trial: Trial) -> Found:
+        """Run it and measure what is missing in the balance of energy and work."""
+        model = cast(LoopModel, build(self.scene))
+        result = model.simulate(method=trial.method, samples=2, **trial.options)
+        statistics = result.statistics
+        return Found(
+            result.drift.relative_energy, result.drift.constraint, statistics["steps"], statistics["wall_s"]
+        )
+
+
+def _values(turn: Turn, *names: str) -> tuple[Array, ...]:
+    return tuple(turn.variable(name).values for name in names)
+
+
+def _largest(values: Array) -> float:
+    return float(np.max(np.abs(values)))
+
+
+def _of_rocking_crank(turn: Turn) -> float:
+    """Return what is missing between the coupler's end and the rocker's circle [m]."""
+    crank, coupler = _values(turn, "theta1", "theta2")
+    end = 0.3 * np.exp(1j * crank) + 0.4 * np.exp(1j * (crank + coupler))
+    return _largest(np.abs(end - 0.25) - 0.2)
+
+
+def _of_cardan(turn: Turn) -> float:
+    """tan(theta1) tan(theta4) = cos(beta), free of poles."""
+    one, four = _values(turn, "theta1", "theta4")
+    return _largest(np.sin(one) * np.sin(four) - np.cos(one) * np.cos(four) * math.cos(math.radians(89)))
+
+
+def _of_bennett(turn: Turn) -> float:
+    """tan(theta1/2) tan(theta2/2) is constant, free of poles."""
+    one, two = (x / 2 for x in _values(turn, "theta1", "theta2"))
+    ratio = math.sin(math.radians(70)) / math.sin(math.radians(30))
+    return _largest(np.sin(one) * np.sin(two) - ratio * np.cos(one) * np.cos(two))
+
+
+def _of_bricard(turn: Turn) -> float:
+    one, two = (np.cos(x) for x in _values(turn, "theta1", "theta2"))
+    return _largest(one + two + one * two)
+
+
+def _of_slider(turn: Turn) -> float:
+    """Return how far the slider is from the root of its quadratic [in]: 12 in, 50 in, offset 37.99 in."""
+    crank, slider = _values(turn, "theta1", "S4")
+    across = 12 * np.cos(crank) + 37.99
+    return _largest(slider - 12 * np.sin(crank) - np.sqrt(2500 - across**2))
+
+
+def _of_poles(turn: Turn) -> float:
+    """Return by how much [rad] the dead centres are missed, where a torque holds no finite load."""
+    exact = np.radians([90.0, 270.0])
+    found = [pole.at for pole in turn.poles]
+    return _largest(np.array(found) - exact) if len(found) == len(exact) else math.inf
+
+
+_ANGLES = "relation of the angles"
+
+CASES: tuple[Case, ...] = (
+    DrivenLoop(
+        name="planar_4r rocking",
+        hard="a crank that only rocks: rates grow without bound where it turns back",
+        measure="ends that should meet [m]",
+        error=_of_rocking_crank,
+        scene="planar_4r",
+        rank=3,
+        set={
+            "crank": "0.3 m",
+            "coupler": "0.4 m",
+            "rocker": "0.2 m",
+            "ground": "0.25 m",
+            "loop.range": ["-100 deg", "150 deg"],
+        },
+        through=True,
+    ),
+    DrivenLoop(
+        name="cardan at 89 deg",
+        hard="shafts nearly at right angles: the output stands still, then turns half round at once",
+        measure=_ANGLES,
+        error=_of_cardan,
+        scene="cardan",
+        rank=3,
+        set={"beta": "89 deg"},
+    ),
+    DrivenLoop(
+        name="bennett",
+        hard="turns only because of its special lengths: three of six equations of closure are redundant",
+        measure=_ANGLES,
+        error=_of_bennett,
+        scene="bennett",
+        rank=3,
+    ),
+    DrivenLoop(
+        name="bricard",
+        hard="six hinges that turn although counting says that they are rigid",
+        measure=_ANGLES,
+        error=_of_bricard,
+        scene="bricard",
+        rank=5,
+    ),
+    DrivenLoop(
+        name="slider_crank near its limit",
+        hard="its offset is 0.01 in below the largest with which it can be assembled all the way round",
+        measure="place of the slider [in]",
+        error=_of_slider,
+        scene="slider_crank",
+        rank=6,
+        set={"a4": "37.99 in"},
+        bound=1e-10,
+    ),
+    DrivenLoop(
+        name="slider_crank, torque given",
+        hard="at its dead centres no load balances a torque: the forces have poles",
+        measure="place of the poles [rad]",
+        error=_of_poles,
+        scene="slider_crank",
+        rank=6,
+        set={"S1": "3.5 in", "loop.drives.theta1": "100 lbf*in", "loop.drives.S4": "?"},
+    ),
+    FreeLoop(
+        name="cssp",
+        hard="a spatial loop in motion, closed again after every step",
+        measure="energy less work, over the energy exchanged",
+        scene="cssp",
+        rtol=1e-10,
+        step=1e-3,
+        bounds={"dop853": 1e-8, "dopri5": 1e-7, "rk4": 1e-6},
+    ),
+)

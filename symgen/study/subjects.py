@@ -1,0 +1,282 @@
+"""What work and precision are measured on: scenes whose motion is integrated in time, and their errors."""
+
+from __future__ import annotations
+
+import os
+from abc import ABC, abstractmethod
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symgen.errors import ModelError, SimulationError, nearest
+from symgen.pipeline import build
+from symgen.runtime.beam_methods import BEAM_METHODS
+from symgen.runtime.elastic_model import ElasticModel
+from symgen.runtime.integrators import INTEGRATORS
+from symgen.runtime.loop_model import LoopModel
+from symgen.runtime.model import Model
+from symgen.runtime.options import TIGHTEST
+from symgen.runtime.result import Result
+from symgen.scene.loading import load_scene
+from symgen.scene.schema import Scene
+from symgen.study.sweeps import Setting, fixed_steps, tolerances
+
+Array = NDArray[np.float64]
+
+#: Tolerance of the reference in double precision, and how much looser the run is that judges it. Both are
+#: loosened tenfold, so many times at most, where the motion does not allow them.
+_REFERENCE, _JUDGE, _LOOSENED = 3e-14, 30.0, 3
+#: Steps a turn of the reference of elastic links, and of the run that their peaks are taken from.
+_ELASTIC, _PEAKS = 8192, 1024
+
+
+@dataclass(frozen=True, slots=True)
+class Run:
+    """What one run recorded, (times, quantities) in the subject's unit, and what it took."""
+
+    along: Array
+    steps: int
+    evaluations: int | None
+
+
+@dataclass(frozen=True, slots=True)
+class Reference:
+    """What errors are measured against; ``uncertainty`` is how far a looser one differs from it."""
+
+    along: Array
+    uncertainty: float
+    about: str
+
+
+class Subject(ABC):
+    """A scene to be integrated by many methods.
+
+    Attributes
+    ----------
+    title
+        What it is called.
+    t_end
+        Horizon [s].
+    unit, measured
+        Unit of the errors, and what they are.
+    orders
+        The methods, with the orders that theory gives them.
+    """
+
+    title: str
+    t_end: float
+    unit: str
+    measured: str
+    orders: Mapping[str, int]
+
+    @abstractmethod
+    def settings(self, method: str) -> Iterator[Setting]:
+        """Yield the settings of a method, loose to tight."""
+
+    @abstractmethod
+    def order_settings(self, method: str) -> Iterator[Setting]:
+        """Yield the settings that show the order of a method: fixed steps, rising in number."""
+
+    @abstractmethod
+    def call(self, setting: Setting) -> Result:
+        """Run once: what is timed."""
+
+    @abstractmethod
+    def read(self, result: Result) -> Run:
+        """Return what a run recorded."""
+
+    @abstractmethod
+    def reference(self) -> Reference:
+        """Return what errors are measured against."""
+
+    @abstractmethod
+    def size(self) -> float:
+        """Return the size of the motion, in the unit of the errors."""
+
+    def chosen(self, methods: Sequence[str] | None) -> list[str]:
+        """Return the methods asked for, all when none is; raise ModelError for one that is not there."""
+        asked = list(self.orders if methods is None else dict.fromkeys(methods))
+        for name in asked:
+            if name not in self.orders:
+                raise ModelError(f"there is no integrator {name!r}. {nearest(name, self.orders)}")
+        return asked
+
+
+def subject(
+    scene: Scene | str | os.PathLike[str],
+    set: Mapping[str, str] | None = None,
+    backend: str = "auto",
+    t_end: float | None = None,
+    samples: int = 21,
+) -> Subject:
+    """Return a scene as a subject.
+
+    Raises
+    ------
+    ModelError
+        When nothing of the scene is integrated in time.
+    """
+    checked = scene if isinstance(scene, Scene) else load_scene(scene, set=set)
+    model = build(checked, backend=backend)
+    if isinstance(model, LoopModel):
+        if model.is_driven:
+            raise ModelError(
+                f"the inputs of {model.name} move it: nothing is integrated in time\n"
+                "  'symgen run' evaluates it, and tells its closure error."
+            )
+        return FreeLoop(model, t_end, samples)
+    if isinstance(model, ElasticModel):
+        return Elastic(model, t_end, samples)
+    wanted = [f"{p}.position" for p in model.description.free]
+    analysis = checked.analysis.model_copy(update={"outputs": wanted})
+    watched = build(checked.model_copy(update={"analysis": analysis}), backend=backend)
+    return Rods(watched, t_end, samples)  # type: ignore[arg-type]  # of the same kind as model
+
+
+class Rods(Subject):
+    """A linkage of rods and bodies; errors are distances [m] of points from their places."""
+
+    unit = "m"
+    measured = "largest distance of a moving point from its place"
+
+    def __init__(self, model: Model | LoopModel, t_end: float | None, samples: int) -> None:
+        self.model, self.samples = model, samples
+        self.title = model.description.title
+        self.t_end = model.description.t_end if t_end is None else float(t_end)
+        self.orders = {name: m.order for name, m in INTEGRATORS.items()}
+
+    def settings(self, method: str) -> Iterator[Setting]:
+        """Yield tolerances of a method that adapts its step, steps of others."""
+        if INTEGRATORS[method].adaptive:
+            return tolerances(method, TIGHTEST)
+        return fixed_steps(method, self.t_end)
+
+    def order_settings(self, method: str) -> Iterator[Setting]:
+        """Yield fixed steps."""
+        return fixed_steps(method, self.t_end)
+
+    def call(self, setting: Setting) -> Result:
+        """Run the motion."""
+        return self.model.simulate(
+            self.t_end, method=setting.method, rtol=setting.rtol, step=setting.step, samples=self.samples
+        )
+
+    def read(self, result: Result) -> Run:
+        """Return the positions of all moving points, (times, points, axes)."""
+        along = np.stack([v.values for v in result.variables], axis=1)
+        return Run(along, result.statistics["steps"], result.statistics["evaluations"])
+
+    def reference(self) -> Reference:
+        """Return a run at the tightest tolerance that can be met."""
+        for k in range(_LOOSENED + 1):
+            rtol = _REFERENCE * 10.0**k
+            try:
+                tight, loose = self._along(rtol), self._along(_JUDGE * rtol)
+            except SimulationError:
+                if k == _LOOSENED:
+                    raise
+                continue
+            moved = float(np.max(distance(tight, loose)))
+            return Reference(tight, moved, f"dop853 at rtol {rtol:.0e}, float64")
+        raise AssertionError("the last failure is raised")
+
+    def _along(self, rtol: float) -> Array:
+        return self.read(self.call(Setting("dop853", "", rtol=rtol))).along
+
+    def size(self) -> float:
+        """Return the largest range of a coordinate [m]."""
+        return float(np.max(np.ptp(self._along(1e-6), axis=0)))
+
+
+class FreeLoop(Rods):
+    """A loop with free variables; errors are those of the outputs that the scene records."""
+
+    unit = "of the largest"
+    measured = "largest error of a recorded output over its largest value"
+
+    def __init__(self, model: LoopModel, t_end: float | None, samples: int) -> None:
+        super().__init__(model, t_end, samples)
+        found = self._outputs(self.call(Setting("dop853", "", rtol=1e-6)))
+        if not found.size:
+            raise ModelError(f"{model.name} records no outputs to compare: list some under analysis.outputs")
+        largest = np.max(np.abs(found), axis=0)
+        self._sizes = np.where(largest > 0, largest, 1.0)
+
+    @staticmethod
+    def _outputs(result: Result) -> Array:
+        rows = [v.values.reshape(len(result.time), -1) for v in result.variables]
+        return np.concatenate([*rows, np.zeros((len(result.time), 0))], axis=1)
+
+    def read(self, result: Result) -> Run:
+        """Return all recorded outputs over their largest values, (times, outputs)."""
+        along = self._outputs(result) / self._sizes
+        return Run(along, result.statistics["steps"], result.statistics["evaluations"])
+
+
+class Elastic(Subject):
+    """A linkage with elastic links; errors are those of bending strains over the peaks of their links."""
+
+    unit = "of the peak"
+    measured = "largest error of a bending strain at mid-length over the peak of its link"
+
+    def __init__(self, model: ElasticModel, t_end: float | None, samples: int) -> None:
+        self.model, self.samples = model, samples
+        self.title = model.description.title
+        motion = model._motion(True)
+        turn = motion.period if motion.speed else model.description.t_end
+        self.t_end = turn if t_end is None else float(t_end)
+        self.revolutions = self.t_end / turn
+        self.orders = {name: m.order for name, m in BEAM_METHODS.items()}
+        self.orders |= {name: INTEGRATORS[name].order for name in ("dop853", "rk4")}
+        self._peaks = np.max(np.abs(self._strains(self._fixed("gauss", _PEAKS))), axis=0)
+
+    @staticmethod
+    def _fixed(method: str, steps: int) -> Setting:
+        return Setting(method, f"{steps} steps a turn", steps=steps)
+
+    def settings(self, method: str) -> Iterator[Setting]:
+        """Yield tolerances of dop853, steps a turn of others."""
+        return tolerances(method, 1e-11) if method == "dop853" else self.order_settings(method)
+
+    def order_settings(self, method: str) -> Iterator[Setting]:
+        """Yield steps a turn; none of dop853, which adapts its own here."""
+        counts = () if method == "dop853" else (round(256 * 2 ** (k / 2)) for k in range(17))
+        return (self._fixed(method, n) for n in counts)
+
+    def call(self, setting: Setting) -> Result:
+        """Run the elastic motion; with fixed steps a run with half of them is part of it."""
+        given = {"steps": setting.steps} if setting.rtol is None else {"rtol": setting.rtol}
+        return self.model.run(setting.method, revolutions=self.revolutions, samples=self.samples, **given)
+
+    def _strains(self, setting: Setting) -> Array:
+        return self._of(self.call(setting))
+
+    def _of(self, result: Result) -> Array:
+        links = (beam.info.link for beam in self.model.beams)
+        return np.stack([result.variable(f"{link}.bending_strain").values for link in links], axis=1)
+
+    def read(self, result: Result) -> Run:
+        """Return the strains of all elastic links over their peaks, (times, links)."""
+        return Run(self._of(result) / self._peaks, result.statistics["steps"], None)
+
+    def reference(self) -> Reference:
+        """Return Gauss collocation with many steps."""
+        tight, loose = (
+            self._strains(self._fixed("gauss", n)) / self._peaks for n in (_ELASTIC, _ELASTIC // 2)
+        )
+        about = f"Gauss collocation of order {self.orders['gauss']}, {_ELASTIC} steps a turn"
+        return Reference(tight, float(np.max(distance(tight, loose))), about)
+
+    def size(self) -> float:
+        """Return 1: errors are parts of peaks."""
+        return 1.0
+
+
+def distance(a: Array, b: Array) -> Array:
+    """Return the largest difference at each time: of points (times, points, axes) their distance."""
+    gap = np.asarray(a - b)
+    amounts = np.linalg.norm(gap, axis=-1) if gap.ndim == 3 else np.abs(gap)
+    largest: Array = amounts.max(axis=1)
+    return largest

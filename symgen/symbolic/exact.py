@@ -1,0 +1,151 @@
+"""The truth for kernels: the original SymPy matrices of a system, evaluated with mpmath at 40 digits."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
+
+import mpmath
+import numpy as np
+import sympy as sp
+from numpy.typing import NDArray
+
+from symgen.errors import DerivationError
+from symgen.symbolic.system import System
+
+DIGITS = 40
+#: Steps of iterative refinement, each of which gains what the condition leaves of double precision, and
+#: digits by which its residuals are finer.
+_STEPS, _GUARD = 60, 20
+
+
+class Exact:
+    """Evaluates the matrices of a system at given arrays, shared subexpressions as derived.
+
+    Nothing of the lowering takes part: no pruning, no elimination, no rounding of constants.
+    """
+
+    def __init__(self, system: System) -> None:
+        self.system = system
+        self.symbols = [x.symbol for g in system.groups for x in g.quantities]
+        self._functions: dict[tuple[str, ...], Any] = {}
+
+    def matrix(self, name: str, values: Mapping[str, Any]) -> mpmath.matrix:
+        """Return a matrix at the arrays of each group, exact in the given numbers."""
+        return self.matrices((name,), values)[0]
+
+    def matrices(self, names: Sequence[str], values: Mapping[str, Any]) -> list[mpmath.matrix]:
+        """Return several matrices, their shared subexpressions evaluated once."""
+        key = tuple(names)
+        if key not in self._functions:
+            matrices = [sp.Matrix(self.system[name].matrix) for name in names]
+            shared = self._used(matrices)
+            self._functions[key] = sp.lambdify(
+                self.symbols, matrices, modules="mpmath", cse=lambda e: (shared, e)
+            )
+        with mpmath.workdps(DIGITS):
+            arguments = [number(x) for g in self.system.groups for x in values[g.name]]
+            return [mpmath.matrix(m) for m in self._functions[key](*arguments)]
+
+    def _used(self, matrices: Iterable[sp.Matrix]) -> list[tuple[sp.Symbol, sp.Expr]]:
+        """Return the definitions that matrices need, as the derivation gave them."""
+        needed = set[sp.Basic]().union(*(m.free_symbols for m in matrices))
+        found = []
+        for definition in reversed(self.system.definitions):
+            if definition.quantity.symbol in needed:
+                needed |= definition.expression.free_symbols
+                found.append((definition.quantity.symbol, definition.expression))
+        return found[::-1]
+
+    def whole(self, values: Mapping[str, Any]) -> tuple[mpmath.matrix, mpmath.matrix]:
+        """Return [M J^T; J 0] and the right-hand side [f; gamma] of the equations of motion."""
+        point = self.system.saddle_point
+        if point is None:
+            raise DerivationError(f"{self.system.name} has no equations of motion to solve")
+        mass, jacobian, force, gamma = self.matrices(
+            (point.mass, point.jacobian, point.force, point.rhs), values
+        )
+        n, m = mass.rows, jacobian.rows
+        whole = mpmath.zeros(n + m)
+        for i in range(n):
+            for j in range(n):
+                whole[i, j] = mass[i, j]
+            for j in range(m):
+                whole[i, n + j] = whole[n + j, i] = jacobian[j, i]
+        return whole, mpmath.matrix([*force, *gamma])
+
+    def solve(
+        self, values: Mapping[str, Any], rhs: mpmath.matrix | None = None, *, redundant: Sequence[int] = ()
+    ) -> mpmath.matrix:
+        """Solve [M J^T; J 0] x = rhs, by default the system's own; ``redundant`` multipliers are zero."""
+        whole, own = self.whole(values)
+        coordinates = whole.rows - self.system[self.system.saddle_point.jacobian].matrix.rows  # type: ignore[union-attr]
+        left_out = {coordinates + i for i in redundant}
+        return solve(whole, own if rhs is None else rhs, left_out)
+
+
+def solve(matrix: mpmath.matrix, rhs: mpmath.matrix, left_out: Iterable[int] = ()) -> mpmath.matrix:
+    """Solve a square system to 40 digits; the unknowns ``left_out`` are zero and their rows ignored.
+
+    A factorisation in double precision is refined with residuals at 40 digits; where that does not
+    converge, all of it is done at 40 digits, which takes long for many unknowns.
+    """
+    with mpmath.workdps(DIGITS + _GUARD):
+        kept = [i for i in range(matrix.rows) if i not in set(left_out)]
+        found = _refined(matrix, rhs, kept)
+        if found is None:
+            part = mpmath.matrix([[matrix[i, j] for j in kept] for i in kept])
+            found = list(mpmath.lu_solve(part, mpmath.matrix([rhs[i] for i in kept])))
+        solution = mpmath.zeros(matrix.rows, 1)
+        for i, x in zip(kept, found, strict=True):
+            solution[i] = x
+        return solution
+
+
+def _refined(matrix: mpmath.matrix, rhs: mpmath.matrix, kept: list[int]) -> list[mpmath.mpf] | None:
+    rows = [[(k, matrix[i, j]) for k, j in enumerate(kept) if matrix[i, j]] for i in kept]
+    rounded = np.array([[float(matrix[i, j]) for j in kept] for i in kept])
+    # Rows and columns of very different units are brought to one size, by powers of two.
+    scale = np.ones(len(kept))
+    for _ in range(4):
+        size = np.max(np.abs(rounded * np.outer(scale, scale)), axis=1)
+        if not np.all(np.isfinite(size)) or np.any(size == 0):
+            return None
+        scale *= 2.0 ** -np.round(np.log2(size) / 2)
+    try:
+        inverse = np.linalg.inv(rounded * np.outer(scale, scale)) * np.outer(scale, scale)
+    except np.linalg.LinAlgError:
+        return None
+    x = [mpmath.mpf(0)] * len(kept)
+    small, last = mpmath.mpf(10) ** -DIGITS, mpmath.inf
+    for _ in range(_STEPS):
+        left = [rhs[i] - mpmath.fdot((a, x[k]) for k, a in row) for i, row in zip(kept, rows, strict=True)]
+        size = max((abs(e) for e in left), default=mpmath.mpf(0))
+        if not size:
+            return x
+        _, power = mpmath.frexp(size)
+        step = inverse @ np.array([float(mpmath.ldexp(e, -power)) for e in left])
+        if not np.all(np.isfinite(step)):
+            return None
+        moved = [mpmath.ldexp(mpmath.mpf(float(s)), power) for s in step]
+        x = [a + b for a, b in zip(x, moved, strict=True)]
+        change, size = (max(abs(a) / s for a, s in zip(y, scale, strict=True)) for y in (moved, x))
+        if change <= small * size:
+            return x
+        if change > last:
+            return None
+        last = change
+    return None
+
+
+def relative_error(found: NDArray[np.float64], exact: Iterable[mpmath.mpf]) -> float:
+    """Return the largest error over the largest entry (over one when all are zero)."""
+    with mpmath.workdps(DIGITS):
+        entries = list(exact)
+        size = max((abs(x) for x in entries), default=mpmath.mpf(0)) or mpmath.mpf(1)
+        return float(max((abs(number(f) - x) / size for f, x in zip(found, entries, strict=True)), default=0))
+
+
+def number(value: Any) -> mpmath.mpf:
+    """Return a floating-point number of any precision as it is."""
+    return value if isinstance(value, mpmath.mpf) else mpmath.mpf(float(value))

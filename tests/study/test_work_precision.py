@@ -1,0 +1,189 @@
+"""Speed beside error: orders, fronts, sweeps, and what symgen bench says of scenes that have none."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from linkages import four_bar
+from typer.testing import CliRunner
+
+import symgen
+from symgen.cli import app
+from symgen.errors import ModelError, SimulationError
+from symgen.runtime.integrators import INTEGRATORS
+from symgen.study.fronts import front, time_at
+from symgen.study.orders import observed_order
+from symgen.study.subjects import Rods, distance, subject
+from symgen.study.sweeps import Setting, fixed_steps, tolerances, worth_running
+from symgen.study.work_precision import work_precision
+
+STEPS = [16 << k for k in range(8)]
+
+
+def test_order_of_a_power_and_of_what_is_not_one():
+    errors = [3.0 * n**-4.0 for n in STEPS]
+    assert observed_order(STEPS, errors, 0.0, 1.0) == (pytest.approx(4.0, abs=1e-12), tuple(STEPS))
+    rng = np.random.default_rng(1)
+    assert observed_order(STEPS, (10.0 ** rng.uniform(-9, -3, 8)).tolist(), 0.0, 1.0) == (None, ())
+
+
+def test_order_leaves_out_what_comes_before_the_asymptotic_range_and_round_off():
+    """Errors h^4 + 1e3 h^7: of order 7 with few steps; then round-off, which more steps do not lower."""
+    h = 1.0 / np.array(STEPS)
+    errors = h**4 + 1e3 * h**7 + 1e-13
+    observed, used = observed_order(STEPS, errors.tolist(), 1e-13, 1.0)
+    assert observed == pytest.approx(4.0, abs=0.1)
+    assert STEPS[0] not in used and STEPS[-1] not in used
+    stalled = [*errors.tolist()[:6], 1e-10, 1e-10]
+    assert max(observed_order(STEPS, stalled, 0.0, 1.0)[1], default=0) < STEPS[6]
+    assert observed_order(STEPS, [1e-10] * 8, 0.0, 1.0) == (None, ())
+
+
+def test_time_at_an_error():
+    points = [(1e-2, 1.0), (1e-4, 2.0), (1e-6, 8.0), (1e-5, 9.0), (math.inf, 0.1), (math.nan, 0.1)]
+    assert front(points) == [(1e-2, 1.0), (1e-4, 2.0), (1e-6, 8.0)]
+    assert time_at(points, 1e-5) == pytest.approx(4.0)
+    assert time_at(points, 1e-3) == pytest.approx(math.sqrt(2.0))
+    assert time_at(points, 1e-1) == 1.0
+    assert time_at(points, 1e-6) == pytest.approx(8.0)
+    assert time_at(points, 1e-7) is None
+    assert time_at([], 1e-7) is None
+
+
+def test_sweeps_end_when_they_gain_nothing_more():
+    def errors(values):
+        given = iter(values)
+        return lambda setting: (next(given), 0.0)
+
+    def count(run, goal=0.0, most=1.0):
+        return len(list(worth_running(tolerances("m", 1e-14), run, goal, most)))
+
+    assert count(errors(10.0**-k for k in range(30))) == 13
+    assert count(errors(10.0**-k for k in range(30)), goal=1e-5) == 6
+    assert count(errors([1e-1, 1e-2, 1e-3, *[1e-3] * 9])) == 6
+    assert count(errors([math.inf, math.inf, 1e-2, 1e-3, math.nan, *[1e-3] * 9])) == 4
+    assert count(lambda setting: (1e-3, 2.0)) == 1
+    first, second = list(fixed_steps("m", 2.0))[:2]
+    assert first == Setting("m", "16 steps", steps=16, step=0.125) and second.steps == 23
+
+
+@pytest.fixture(scope="module")
+def found():
+    return work_precision("peaucellier", t_end=1.0, repeats=2)
+
+
+def test_every_integrator_is_measured_with_its_order(found):
+    assert {p.method for p in found.points} == set(INTEGRATORS) == {o.method for o in found.orders}
+    for order in found.orders:
+        assert order.theoretical == INTEGRATORS[order.method].order
+        assert order.agrees, order
+    for p in found.points:
+        assert p.best <= p.median and p.end <= p.along and p.steps > 0 and p.evaluations > p.steps
+    tight = [p for p in found.points if p.method == "dop853" and p.setting == "rtol 1e-10"]
+    assert tight[0].along < 1e-11 and tight[0].told
+    assert found.uncertainty < 1e-13
+
+
+def test_the_reference_agrees_with_a_motion_known_in_closed_form():
+    """A rod let go level keeps its energy: its speed at the angle it has come to says where it must be."""
+    scene = symgen.Scene(
+        points={"O": {"at": ["0 m", "0 m"], "ground": True}, "A": {"at": ["1 m", "0 m"]}},
+        links={"OA": {"points": ["O", "A"], "mass": "1 kg"}},
+        gravity={"acceleration": ["0 m/s^2", "-9.81 m/s^2"]},
+        analysis={"t_end": "0.5 s"},
+    )
+    from scipy.special import ellipj, ellipk
+
+    # theta from the lowest point with k = sin(pi/4): sin(theta/2) = k sn(K - w t, k^2), w^2 = 3 g/(2 l)
+    what = subject(scene)
+    reference = what.reference()
+    t = np.linspace(0.0, 0.5, 21)
+    k = math.sin(math.pi / 4)
+    half = np.arcsin(k * ellipj(ellipk(k * k) - math.sqrt(1.5 * 9.81) * t, k * k)[0])
+    exact = np.stack([np.sin(2 * half), -np.cos(2 * half)], axis=1)[:, None, :]
+    assert np.max(distance(reference.along, exact)) < 1e-13
+    assert what.size() == pytest.approx(np.ptp(exact, axis=0).max(), rel=1e-3)
+
+
+def test_a_wrong_order_is_caught(monkeypatch):
+    """A method that claims order 4 with one weight off, and one whose claim is one too high."""
+    rk4 = INTEGRATORS["rk4"]
+    b = rk4.b + np.array([0.0, 0.01, -0.01, 0.0])
+    a = rk4.a.copy()
+    a[4, :4] = b
+    monkeypatch.setitem(INTEGRATORS, "rk4", replace(rk4, b=b, a=a))
+    monkeypatch.setitem(INTEGRATORS, "rk5", replace(rk4, name="rk5", order=5))
+    found = work_precision("peaucellier", t_end=0.5, repeats=1, methods=["rk4", "rk5"], longest=0.05)
+    assert not any(o.agrees for o in found.orders)
+    assert found.orders[1].observed == pytest.approx(4.0, abs=0.2)
+
+
+def test_errors_below_that_of_the_reference_are_marked(monkeypatch):
+    monkeypatch.setattr("symgen.study.subjects._REFERENCE", 1e-6)
+    found = work_precision("peaucellier", t_end=0.5, repeats=1, methods=["dop853"])
+    assert not found.points[-1].told and found.points[0].told
+    assert any("not told from that of the reference" in note for note in found.notes)
+    rows = CliRunner().invoke(
+        app, ["bench", "peaucellier", "--t-end", "0.5", "--repeats", "1", "--methods", "dop853"]
+    )
+    assert "~" in rows.stdout
+
+
+def test_command(tmp_path):
+    args = [
+        "bench",
+        "peaucellier",
+        "--t-end",
+        "0.3",
+        "--repeats",
+        "1",
+        "--methods",
+        "rk4",
+        "--longest",
+        "0.02",
+    ]
+    told = CliRunner().invoke(app, args)
+    assert told.exit_code == 0
+    assert "Order of convergence" in told.stdout and "yes" in told.stdout
+    out, plot = tmp_path / "b.json", tmp_path / "b.svg"
+    done = CliRunner().invoke(app, [*args, "--json", "--out", str(out), "--plot", str(plot)])
+    data = json.loads(done.stdout)
+    assert data["orders"][0]["method"] == "rk4" and data["orders"][0]["agrees"] is True
+    assert {"end", "along", "best", "median", "steps", "evaluations"} <= set(data["points"][0])
+    assert json.loads(out.read_text())["points"][0]["setting"] == data["points"][0]["setting"]
+    assert "</svg>" in plot.read_text()
+
+
+@pytest.mark.parametrize(
+    ("scene", "given", "match"),
+    [
+        ("rssr", {}, "the inputs of rssr move it: nothing is integrated in time"),
+        ("peaucellier", {"methods": ["rk5"]}, "there is no integrator 'rk5'. Did you mean 'rk4'"),
+        ("peaucellier", {"repeats": 0}, "expected repeats >= 1"),
+    ],
+)
+def test_bad_requests(scene, given, match):
+    with pytest.raises(ModelError, match=match):
+        work_precision(scene, **given)
+
+
+def test_a_horizon_that_the_motion_does_not_reach():
+    """A crank driven into the dead centre of a linkage that cannot turn."""
+    stuck = four_bar(2.0, 1.0, 1.5, 2.0, 0.4)
+    with pytest.raises(SimulationError, match=r"the reference does not reach t_end = 5 s"):
+        work_precision(stuck, t_end=5.0)
+
+
+def test_elastic_links():
+    found = work_precision("elastic_four_bar", methods=["newmark"], t_end=0.02, repeats=1, longest=0.2)
+    assert found.unit == "of the peak" and found.points[-1].along < found.points[0].along < 1.0
+
+
+def test_positions_are_recorded_whatever_the_scene_asks_for():
+    what = subject("triple_pendulum", t_end=0.1)
+    assert isinstance(what, Rods)
+    assert what.read(what.call(Setting("rk4", "", step=0.01))).along.shape == (21, 3, 2)

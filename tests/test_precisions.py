@@ -1,0 +1,228 @@
+"""Kernels in every precision and backend against 50 digits, and runs of linkages against float128."""
+
+from __future__ import annotations
+
+import mpmath
+import numpy as np
+import pytest
+from oracle import Oracle
+from shipped import LINKAGES, LOOPS, rigid
+from test_oracle import random_values
+
+import symgen
+from symgen.compiler import find_compiler
+from symgen.errors import ModelError
+from symgen.precision import PRECISIONS
+
+pytestmark = pytest.mark.skipif(find_compiler() is None, reason="no C compiler")
+
+#: Units of each type's epsilon, over the largest entry of a result, as in double precision.
+LIMIT, SOLUTION_LIMIT, REDUNDANT_LIMIT = 500, 1e5, 5e6
+#: Where mpmath has the same program: nothing is worse than its digits.
+WAYS = [
+    *({"backend": "c", "precision": p} for p in PRECISIONS),
+    *({"backend": "numpy", "precision": p} for p in ("float32", "float64", "longdouble")),
+    {"backend": "mpmath", "digits": 45},
+]
+#: Linkages of few and many constraints, in plane and space, with a redundant one; and loops.
+SOME = ("four_bar", "peaucellier", "tumbling_body", "whip", "elastic_four_bar")
+SOME_LOOPS = ("slider_crank", "rssr")
+STATES = 3
+DIGITS = 50
+
+
+def called(way):
+    return "-".join(str(x) for x in way.values())
+
+
+def exactly(values, scale=1):
+    """The sum of two arrays in mpmath, whatever the type of the first."""
+    high, low = values
+    found = []
+    for i, x in enumerate(np.asarray(high).ravel()):
+        if isinstance(x, np.longdouble):
+            lead = float(x)
+            x = mpmath.mpf(lead) + mpmath.mpf(float(x - np.longdouble(lead)))
+        rest = 0 if low is None else mpmath.mpf(float(np.asarray(low).ravel()[i]))
+        found.append(mpmath.mpf(x) + rest)
+    return found
+
+
+def error(found, exact):
+    """The largest error over the largest entry."""
+    size = max((abs(x) for x in exact), default=mpmath.mpf(0)) or mpmath.mpf(1)
+    return max((abs(a - b) / size for a, b in zip(found, exact, strict=True)), default=mpmath.mpf(0))
+
+
+def epsilon(way):
+    if way["backend"] == "mpmath":
+        return mpmath.mpf(10) ** (1 - way["digits"])
+    if way["precision"] == "longdouble":
+        return mpmath.mpf(float(np.finfo(np.longdouble).eps))
+    return mpmath.mpf(PRECISIONS[way["precision"]].epsilon)
+
+
+def single(values):
+    """The same values as every type holds them."""
+    return {name: np.asarray(array, np.float32).astype(float) for name, array in values.items()}
+
+
+@pytest.mark.parametrize("way", WAYS, ids=called)
+@pytest.mark.parametrize("scene", SOME)
+def test_kernels_of_linkages(scene, way):
+    model, system = rigid(symgen.build(scene, **way)), symgen.derive(scene)
+    rng = np.random.default_rng(0xF10A7)
+    states = [single(random_values(system, model, rng)) for _ in range(STATES)]
+    for values in states:
+        values["p"] = states[0]["p"]
+    model = model.with_parameters(**dict(zip(model.parameters, states[0]["p"].tolist(), strict=True)))
+    oracle, eps = Oracle(system, DIGITS), epsilon(way)
+    t, q, u = (np.array([v[name] for v in states]) for name in ("t", "q", "u"))
+    with mpmath.workdps(DIGITS):
+        solutions = [list(oracle.solve(v)) for v in states]
+        found = both(model, "accelerations", t[:, 0], q, u)
+        limit = REDUNDANT_LIMIT if model.redundant else SOLUTION_LIMIT
+        for k, exact in enumerate(solutions):
+            rows = [row(part, k) for part in found.values()]
+            assert error([x for r in rows for x in exactly(r)], exact) < limit * eps
+        for export in system.exports:
+            info = model.description.kernel(export.kernel)
+            work = np.array([v["work"][: info.work_size] for v in states]) if info.work_size else None
+            found = both(model, export.kernel, t[:, 0], q, u, work)
+            for name, part in found.items():
+                for k, values in enumerate(states):
+                    miss = error(exactly(row(part, k)), list(oracle.matrix(name, values)))
+                    assert miss < LIMIT * eps, (export.kernel, name, float(miss / eps))
+
+
+@pytest.mark.parametrize("way", WAYS, ids=called)
+@pytest.mark.parametrize("scene", SOME_LOOPS)
+def test_kernels_of_loops(scene, way):
+    model, system = symgen.build(scene, **way), symgen.derive(scene)
+    rng, eps = np.random.default_rng(0x100), epsilon(way)
+    values = single({g.name: rng.uniform(-1.5, 1.5, len(g.quantities)) for g in system.groups})
+    values["p"] = np.array([*model.parameters.values()])
+    oracle = Oracle(system, DIGITS)
+    with mpmath.workdps(DIGITS):
+        for export in system.exports:
+            info = model.description.kernel(export.kernel)
+            work = values["work"][None, : info.work_size] if info.work_size else None
+            found = both(model, export.kernel, values["t"][0], values["q"][None], values["u"][None], work)
+            for name, part in found.items():
+                miss = error(exactly(row(part, 0)), list(oracle.matrix(name, values)))
+                assert miss < LIMIT * eps, (export.kernel, name, float(miss / eps))
+
+
+def both(model, kernel, t, q, u, work=None):
+    high, low = model._evaluate_many(kernel, t, q, u, work)
+    return {name: (values, low.get(name)) for name, values in high.items()}
+
+
+def row(part, k):
+    return part[0][k], None if part[1] is None else part[1][k]
+
+
+def test_more_digits_than_any_type():
+    """Constants keep as many digits as are asked for: one third, pi of the angles, section constants."""
+    first, second = (symgen.build("elastic_four_bar", backend="mpmath", digits=n).rigid for n in (60, 90))
+    q = first.initial_state().q[None]
+    with mpmath.workdps(100):
+        a, b = (m.batch("accelerations", 0.1, q)["accelerations"][0] for m in (first, second))
+        miss = error(list(a), list(b))
+        assert 0 < miss < mpmath.mpf(10) ** -55
+
+
+def test_a_rounded_constant_would_be_seen():
+    """Float128 is not double precision in a wide coat: the same kernels with doubles differ by 1e-17."""
+    wide, plain = (symgen.build("four_bar", precision=p) for p in ("float128", "float64"))
+    q = plain.initial_state().q[None]
+    with mpmath.workdps(DIGITS):
+        a, b = (exactly(both(m, "accelerations", 0.0, q, None)["accelerations"]) for m in (wide, plain))
+        assert 1e-19 < error(b, a) < 1e-14
+
+
+CLAIMED = 1e-11
+#: Motions so short that they magnify no error: the local errors add up to a few of the tolerance.
+GROWTH = 100
+
+
+@pytest.mark.parametrize("scene", LINKAGES)
+def test_float128_confirms_float64(scene):
+    """Each linkage at the same tolerance: both differ by no more than what they claim, float32 by more."""
+    end = 0.1
+    runs = {}
+    for precision in ("float128", "float64", "float32"):
+        model = rigid(symgen.build(scene, precision=precision))
+        rtol = 2e-5 if precision == "float32" else CLAIMED
+        runs[precision] = model.simulate(end, rtol=rtol, samples=3)
+        assert runs[precision].provenance["precision"] == precision
+    positions = {p: np.array([x["position"] for x in r.final.values()]) for p, r in runs.items()}
+    size = np.max(np.abs(positions["float128"]))
+    gap = {p: np.max(np.abs(x - positions["float128"])) / size for p, x in positions.items()}
+    assert gap["float64"] < GROWTH * CLAIMED
+    assert gap["float32"] < GROWTH * 2e-5
+    drift = {p: r.drift.constraint / size for p, r in runs.items()}
+    assert drift["float128"] < 1e-25 < 1e-18 < max(drift["float64"], 2e-17)
+
+
+def test_the_confirmation_can_fail():
+    """A run of a motion that is another by 1e-9 does not pass for the same."""
+    wide, plain = (symgen.build("peaucellier", precision=p) for p in ("float128", "float64"))
+    a = wide.simulate(0.1, rtol=CLAIMED, samples=3)
+    b = plain.with_parameters(rho=plain.parameters["rho"]).simulate(0.1 * (1 + 1e-7), rtol=CLAIMED, samples=3)
+    gap = max(np.max(np.abs(np.subtract(a.final[p]["position"], b.final[p]["position"]))) for p in a.final)
+    assert gap > GROWTH * CLAIMED
+
+
+@pytest.mark.parametrize("precision", PRECISIONS)
+def test_same_run_twice_has_the_same_bits(precision):
+    a, b = (symgen.build("four_bar", precision=precision).simulate(0.3, samples=7) for _ in range(2))
+    for x, y in zip(a.variables, b.variables, strict=True):
+        assert np.array_equal(x.values, y.values)
+
+
+def test_tolerances_follow_the_type():
+    with pytest.raises(ModelError, match=r"below 1.2e-05, the tightest that float32 can meet"):
+        symgen.build("four_bar", precision="float32").simulate(0.1, rtol=1e-9)
+    tight = symgen.build("four_bar", precision="float128").simulate(0.1, rtol=1e-15)
+    assert tight.drift.constraint < 1e-30
+    with pytest.raises(ModelError, match="the tightest that float64 can meet"):
+        symgen.build("four_bar").simulate(0.1, rtol=1e-15)
+
+
+def test_accelerations_in_every_type():
+    found = {
+        called(way): symgen.build("four_bar", **way).accelerations().multipliers["crank"] for way in WAYS
+    }
+    exact = found["mpmath-45"]
+    assert found["c-float128"] == exact
+    assert 0 < abs(found["c-float32"] - exact) < 1e-5 * abs(exact)
+
+
+@pytest.mark.parametrize("scene", (LOOPS[0], "elastic_four_bar"))
+def test_what_is_computed_in_doubles_only_says_so(scene):
+    model = symgen.build(scene, precision="float128")
+    with pytest.raises(ModelError, match=r"computed in float64 only, and .* was built for float128\n.*batch"):
+        model.run() if scene == "elastic_four_bar" else model.turn()
+
+
+@pytest.mark.parametrize(
+    "options, what",
+    [
+        ({"precision": "quad"}, r"there is no precision 'quad'\. Known: float128, float32"),
+        (
+            {"backend": "numpy", "precision": "float128"},
+            "float128 needs a C compiler: NumPy has no such type",
+        ),
+        ({"backend": "mpmath", "precision": "float32"}, "has digits, not a precision"),
+        ({"backend": "c", "digits": 30}, "digits = 30 goes with the backend 'mpmath', not 'c'"),
+        ({"backend": "mpmath", "digits": 3}, "expected between 15 and 10000 digits, got 3"),
+        ({"backend": "mpmath", "digits": 2.5}, "expected a whole number for digits, got 2.5"),
+        ({"contraction": "on"}, r"there is no contraction 'on'"),
+        ({"vector": "avx"}, r"there is no vector 'avx'"),
+        ({"backend": "numpy", "vector": "native"}, "options of a C compiler, and none is used"),
+    ],
+)
+def test_options_that_make_no_sense(options, what):
+    with pytest.raises(ModelError, match=what):
+        symgen.build("four_bar", **options)
