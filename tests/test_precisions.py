@@ -25,8 +25,8 @@ WAYS = [
     {"backend": "mpmath", "digits": 45},
 ]
 #: Linkages of few and many constraints, in plane and space, with a redundant one; and loops.
-SOME = ("four_bar", "peaucellier", "tumbling_body", "whip", "elastic_four_bar")
-SOME_LOOPS = ("slider_crank", "rssr")
+SOME = ("four_bar", "peaucellier", "tumbling_body")
+SOME_LOOPS = ("slider_crank",)
 STATES = 3
 DIGITS = 50
 
@@ -42,9 +42,11 @@ def exactly(values, scale=1):
     for i, x in enumerate(np.asarray(high).ravel()):
         if isinstance(x, np.longdouble):
             lead = float(x)
-            x = mpmath.mpf(lead) + mpmath.mpf(float(x - np.longdouble(lead)))
+            value = mpmath.mpf(lead) + mpmath.mpf(float(x - np.longdouble(lead)))
+        else:
+            value = mpmath.mpf(float(x) if isinstance(x, np.floating) else x)
         rest = 0 if low is None else mpmath.mpf(float(np.asarray(low).ravel()[i]))
-        found.append(mpmath.mpf(x) + rest)
+        found.append(value + rest)
     return found
 
 
@@ -76,7 +78,7 @@ def test_kernels_of_linkages(scene, way):
     for values in states:
         values["p"] = states[0]["p"]
     model = model.with_parameters(**dict(zip(model.parameters, states[0]["p"].tolist(), strict=True)))
-    oracle, eps = Oracle(system, DIGITS), epsilon(way)
+    oracle, eps = Oracle(system), epsilon(way)
     t, q, u = (np.array([v[name] for v in states]) for name in ("t", "q", "u"))
     with mpmath.workdps(DIGITS):
         solutions = [list(oracle.solve(v)) for v in states]
@@ -102,7 +104,7 @@ def test_kernels_of_loops(scene, way):
     rng, eps = np.random.default_rng(0x100), epsilon(way)
     values = single({g.name: rng.uniform(-1.5, 1.5, len(g.quantities)) for g in system.groups})
     values["p"] = np.array([*model.parameters.values()])
-    oracle = Oracle(system, DIGITS)
+    oracle = Oracle(system)
     with mpmath.workdps(DIGITS):
         for export in system.exports:
             info = model.description.kernel(export.kernel)
@@ -142,6 +144,9 @@ def test_a_rounded_constant_would_be_seen():
 
 
 CLAIMED = 1e-11
+#: A linkage of decimetres a thousand kilometres away: positions themselves have no more digits in float64, and in
+#: float32 nothing is left of its lengths.
+CLAIMED_FAR = 1e-7
 #: Motions so short that they magnify no error: the local errors add up to a few of the tolerance.
 GROWTH = 100
 
@@ -149,20 +154,20 @@ GROWTH = 100
 @pytest.mark.parametrize("scene", LINKAGES)
 def test_float128_confirms_float64(scene):
     """Each linkage at the same tolerance: both differ by no more than what they claim, float32 by more."""
-    end = 0.1
+    far = scene == "far_origin"
+    claims = {"float128": CLAIMED, "float64": CLAIMED_FAR if far else CLAIMED, "float32": 2e-5}
     runs = {}
-    for precision in ("float128", "float64", "float32"):
+    for precision in list(claims)[: 2 if far else 3]:
         model = rigid(symgen.build(scene, precision=precision))
-        rtol = 2e-5 if precision == "float32" else CLAIMED
-        runs[precision] = model.simulate(end, rtol=rtol, samples=3)
-        assert runs[precision].provenance["precision"] == precision
-    positions = {p: np.array([x["position"] for x in r.final.values()]) for p, r in runs.items()}
-    size = np.max(np.abs(positions["float128"]))
-    gap = {p: np.max(np.abs(x - positions["float128"])) / size for p, x in positions.items()}
-    assert gap["float64"] < GROWTH * CLAIMED
-    assert gap["float32"] < GROWTH * 2e-5
-    drift = {p: r.drift.constraint / size for p, r in runs.items()}
-    assert drift["float128"] < 1e-25 < 1e-18 < max(drift["float64"], 2e-17)
+        run = model.simulate(0.1, rtol=claims[precision], samples=3, max_steps=10_000)
+        assert run.provenance["precision"] == precision
+        runs[precision] = np.array([x["position"] for x in run.final.values()]), run.drift.constraint
+    exact, drift = runs.pop("float128")
+    size = np.max(np.abs(exact))
+    assert drift < 1e-29 * size
+    for precision, (positions, _) in runs.items():
+        gap = np.max(np.abs(positions - exact)) / size
+        assert gap < GROWTH * claims[precision], precision
 
 
 def test_the_confirmation_can_fail():

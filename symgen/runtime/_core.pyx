@@ -31,6 +31,15 @@ def call(uintptr_t address, const double[::1] t, const double[::1] q, const doub
     (<kernel_t>address)(&t[0], &q[0], &u[0], &p[0], &work[0], &out[0])
 
 
+def evaluate(uintptr_t address, double t, const double[::1] q, const double[::1] u, const double[::1] p, work,
+             Py_ssize_t work_size, Py_ssize_t out_size):
+    """Return what one kernel writes; ``work`` is None or holds the accelerations that it reads."""
+    cdef double[::1] out = np.zeros(out_size + 1), memory
+    memory = np.zeros(work_size + 1) if work is None else work
+    (<kernel_t>address)(&t, &q[0], &u[0], &p[0], &memory[0], &out[0])
+    return out.base[:out_size]
+
+
 def call_many(uintptr_t address, const double[::1] t, const double[:, ::1] y, Py_ssize_t n, const double[::1] p,
               double[:, ::1] work, double[:, ::1] out):
     """Call a kernel for every row of ``y`` = (q, u, ...) and of ``work``."""
@@ -319,9 +328,8 @@ cdef class Equations(Integrable):
         cdef kernels given
         cdef sizes wanted
         cdef const double[::1] parameters = np.array([*p, 0.0])
-        for name in ("accelerations", "energy"):
-            if not addresses.get(name):
-                raise ValueError("a model without the kernels 'accelerations' and 'energy' cannot be stepped")
+        if not (addresses.get("accelerations") and addresses.get("energy")):
+            raise ValueError("a model without the kernels 'accelerations' and 'energy' cannot be stepped")
         given.accelerations = kernel_of(addresses, "accelerations")
         given.factor, given.solve = kernel_of(addresses, "factor"), kernel_of(addresses, "solve")
         given.constraints = kernel_of(addresses, "constraints")
@@ -379,21 +387,26 @@ cdef class Run:
 
     def __init__(self, Integrable equations, method, double t0, y0, double t_end, double rtol, double atol,
                  double step, times, *, long stabilisation=0, double max_drift=INFINITY, directions=(), terminal=()):
-        cdef const double[::1] start = np.array([*y0, 0.0]), wanted = np.ascontiguousarray([*times, INFINITY])
-        cdef const signed char[::1] ways = np.array([*directions, 0], dtype=np.int8)
-        cdef const signed char[::1] ends = np.array([*terminal, 0], dtype=np.int8)
+        cdef const double[::1] start = np.ascontiguousarray(y0, dtype=float)
+        cdef const double[::1] wanted = np.ascontiguousarray(times, dtype=float)
+        cdef const signed char[::1] ways, ends
+        cdef const signed char *way = NULL
+        cdef const char *end = NULL
+        if directions:
+            ways, ends = np.array(directions, dtype=np.int8), np.array(terminal, dtype=np.int8)
+            way, end = &ways[0], <const char *>&ends[0]
         self.equations, self.of = equations, equations.of
         self.scheme = self.of.scheme(method)
         self.asked.t0, self.asked.t_end, self.asked.rtol, self.asked.atol = t0, t_end, rtol, atol
         self.asked.step, self.asked.max_drift, self.asked.stabilisation = step, max_drift, stabilisation
-        self.asked.samples, self.asked.found = wanted.shape[0] - 1, REMEMBERED * (ways.shape[0] - 1)
+        self.asked.samples, self.asked.found = wanted.shape[0], REMEMBERED * len(directions)
         self.core = <run *>calloc(1, self.of.api.run_struct)
         self.memory = calloc(1, self.of.api.run_bytes(equations.core, &self.scheme.filled, &self.asked))
         if self.core == NULL or self.memory == NULL:
             raise MemoryError
         self.of.api.run_bind(self.core, equations.core, &self.scheme.filled, &self.asked, self.memory)
-        self.dim = start.shape[0] - 1
-        self.of.api.run_start(self.core, &start[0], NULL, &wanted[0], &ways[0], <const char *>&ends[0])
+        self.dim = start.shape[0]
+        self.of.api.run_start(self.core, &start[0], NULL, &wanted[0], way, end)
         self.passages, self.events = [], []
         self._look()
 
@@ -433,6 +446,22 @@ cdef class Run:
             self.events.append((found[i].t, found[i].index, bool(found[i].rising), states[i]))
         free(found)
         free(raw)
+
+    def save(self):
+        """Return the bytes of equations and run: all of the state between two steps that the core knows."""
+        cdef size_t bytes = self.of.api.equations_bytes(&self.equations.core.sizes)
+        return (PyBytes_FromStringAndSize(<const char *>self.equations.memory, bytes),
+                PyBytes_FromStringAndSize(<const char *>self.memory, self.core.bytes))
+
+    def restore(self, const unsigned char[::1] equations, const unsigned char[::1] memory):
+        """Take over what :meth:`save` gave for the same equations and options."""
+        cdef size_t bytes = self.of.api.equations_bytes(&self.equations.core.sizes)
+        if <size_t>equations.shape[0] != bytes or <size_t>memory.shape[0] != self.core.bytes:
+            raise ValueError("the saved state of a run of other sizes")
+        memcpy(self.equations.memory, &equations[0], bytes)
+        memcpy(self.memory, &memory[0], self.core.bytes)
+        self.of.api.run_bind(self.core, self.equations.core, &self.scheme.filled, &self.asked, self.memory)
+        self._look()
 
     def begin(self):
         """Project and record the start, find the first step; return the status."""

@@ -16,6 +16,8 @@ Array = NDArray[np.float64]
 
 def is_real(value: Any) -> bool:
     """Tell whether something is a finite number."""
+    if type(value) is float:
+        return math.isfinite(value)
     return isinstance(value, numbers.Real) and not isinstance(value, bool) and math.isfinite(value)
 
 

@@ -21,7 +21,8 @@ class Evaluator:
     def __init__(self, description: Description, library: Library, parameters: Array) -> None:
         self.description, self.library = description, library
         self.parameters = np.array([*parameters, 0.0])
-        self.work_size = max((k.work_size for k in description.kernels), default=0)
+        self.work_size = description.work_size
+        self._infos = {k.name: k for k in description.kernels}
 
     def has(self, kernel: str) -> bool:
         """Tell whether the model has this kernel."""
@@ -29,19 +30,16 @@ class Evaluator:
 
     def info(self, kernel: str) -> KernelInfo:
         """Return what is known of a kernel; raise ModelError when the model has none of that name."""
-        info = self.description.kernel(kernel)
+        info = self._infos.get(kernel)
         if info is None:
             raise ModelError(f"{self.description.name} has no kernel {kernel!r}")
         return info
 
     def __call__(self, kernel: str, t: float, q: Array, u: Array, work: Array | None = None) -> Array:
         """Return the ``out`` array of a kernel."""
-        info = self.info(kernel)
-        out = np.zeros(info.out_size + 1)
-        memory = np.zeros(self.work_size + 1) if work is None else work
-        address = self.library.addresses[kernel]
-        _core.call(address, np.array([t]), np.append(q, 0.0), np.append(u, 0.0), self.parameters, memory, out)
-        return out[:-1]
+        size, address = self.info(kernel).out_size, self.library.addresses[kernel]
+        q, u = np.ascontiguousarray(q, dtype=float), np.ascontiguousarray(u, dtype=float)
+        return _core.evaluate(address, t, q, u, self.parameters, work, self.work_size, size)
 
     def blocks(
         self, kernel: str, t: float, q: Array, u: Array, work: Array | None = None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -19,8 +20,8 @@ from symgen.runtime.library import Library
 from symgen.runtime.options import options
 from symgen.runtime.redundancy import least_norm, not_unique
 from symgen.runtime.result import Result
-from symgen.runtime.simulate import run
-from symgen.runtime.state import Accelerations, State, of_points
+from symgen.runtime.simulate import keeping, run
+from symgen.runtime.state import Accelerations, State, coordinates
 from symgen.runtime.typed import Typed
 
 if TYPE_CHECKING:
@@ -88,12 +89,11 @@ class Model(Compiled):
     def _found(self) -> Start:
         """Return the start: the one stored with the scene, unless a parameter was changed."""
         d = self.description
-        if self._start is None:
-            if self.is_changed or not d.start:
-                self._start = start(self._evaluator)
-            else:
-                q, u = np.split(np.array(d.start), 2)
-                self._start = Start(q, u, d.redundant)
+        if self._start is None and (self.is_changed or not d.start):
+            self._start = start(self._evaluator)
+        elif self._start is None:
+            q, u = np.split(np.array(d.start), 2)
+            self._start = Start(q, u, d.redundant)
         return self._start
 
     @property
@@ -122,9 +122,8 @@ class Model(Compiled):
         is taken as it is: :meth:`simulate` projects it onto the constraints, :meth:`accelerations` does not.
         """
         d = self.description
-        return self._state(
-            t, of_points(d, positions, "positions"), of_points(d, velocities or {}, "velocities", 0.0)
-        )
+        q, u = coordinates(d, positions, "positions"), coordinates(d, velocities or {}, "velocities", 0.0)
+        return self._state(t, q, u)
 
     def accelerations(self, state: State | None = None) -> Accelerations:
         """Return accelerations by point, multipliers and ground reactions by name, at a state.
@@ -348,6 +347,9 @@ class Model(Compiled):
         stabilisation: str = "projection",
         stabilisation_rate: float | None = None,
         max_drift: float | None = None,
+        checkpoint: str | os.PathLike[str] | None = None,
+        checkpoint_every: float = 10.0,
+        resume: str | os.PathLike[str] | None = None,
         state: State | None = None,
         progress: Callable[[float], None] | None = None,
     ) -> Result:
@@ -358,11 +360,9 @@ class Model(Compiled):
         t_end
             End of the run [s]; the scene's own when absent.
         method
-            An integrator's name, see ``docs/integrators.md``; ``dop853`` when absent, ``rk4`` when only
-            ``step`` is given.
+            An integrator's name (``docs/integrators.md``); ``dop853`` when absent, ``rk4`` with a ``step``.
         rtol, atol
-            Tolerances of the local error for methods that adapt their step: relative (1e-9), absolute in m
-            and m/s (rtol/1000).
+            Tolerances of the local error of adaptive methods: relative (1e-9), in m and m/s (rtol/1000).
         step
             The fixed step [s]; a method that adapts its own takes fixed ones then, without judging them.
         samples
@@ -374,6 +374,10 @@ class Model(Compiled):
             rate r [1/s] in Phi'' + 2 r Phi' + r^2 Phi = 0 (10), and ``raw``, which lets them drift.
         max_drift
             Error of a constraint [m] beyond which the run ends with an error; none when absent.
+        checkpoint, checkpoint_every
+            A file that is given the run's state every so many seconds of wall time.
+        resume
+            Such a file to go on from, to the same bits as if the run had not been stopped.
         state
             Where to start; :meth:`initial_state` when absent.
         progress
@@ -381,16 +385,16 @@ class Model(Compiled):
 
         Raises
         ------
-        ModelError
-            For options out of range.
+        ModelError, ResultError
+            For options out of range; for a checkpoint that cannot be written, or is of another run.
         SimulationError
             When the run cannot go on; it carries the time and what was recorded.
         """
         end = self.description.t_end if t_end is None else float(t_end)
         kept = (stabilisation, stabilisation_rate, max_drift)
         chosen = options(end, method, rtol, atol, step, samples, max_steps, *kept, precision=self._type)
-        begin = self.initial_state() if state is None else state
-        redundant = self._found().redundant
         tangent = self.analysis("tangent") if chosen.method.needs_tangent else None
-        typed, start = self._typed, (begin.t, begin.q, begin.u)
-        return run(self._evaluator, *start, redundant, chosen, progress, typed, tangent)
+        kept_in = keeping(checkpoint, checkpoint_every, resume)
+        found = self._found()
+        t, q, u = (0.0, found.q, found.u) if state is None else (state.t, state.q, state.u)
+        return run(self._evaluator, t, q, u, found.redundant, chosen, progress, self._typed, kept_in, tangent)

@@ -44,16 +44,20 @@ def recorded(
             stepper.kinetic_max - stepper.kinetic_min, stepper.potential_max - stepper.potential_min, 0.0
         ),
     )
-    return Result(
+    # Copies of what the run holds now; most of what follows from them is not asked for in short runs.
+    states, t, last, lost = stepper.result, stepper.t, stepper.state, len(redundant)
+    return Result.later(
+        {
+            "variables": lambda: outputs(evaluator, solver, times, states, lost),
+            "final": lambda: motion(evaluator, t, last),
+        },
         name=description.name,
         title=description.title,
         axes=description.axes,
         time=times,
-        variables=outputs(evaluator, solver, times, stepper.result, len(redundant)),
         drift=drift,
-        final=motion(evaluator, stepper.t, stepper.state),
         statistics={
-            "t": stepper.t,
+            "t": t,
             "steps": stepper.steps,
             "rejected": stepper.rejected,
             "evaluations": equations.evaluations,
@@ -107,7 +111,8 @@ def outputs(
     if info is None or not len(times):
         return ()
     n = evaluator.description.coordinates
-    rows = np.column_stack([states, np.zeros(len(times))])
+    rows = np.zeros((len(times), states.shape[1] + 1))
+    rows[:, :-1] = states
     work = np.zeros((len(times), 1))
     if info.work_size:
         work = equations.solutions(times, rows)

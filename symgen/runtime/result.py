@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -94,6 +94,25 @@ class Result:
     notes: tuple[str, ...] = ()
     events: tuple[Event, ...] = ()
     _cache: dict[str, Any] = field(default_factory=dict, repr=False)
+
+    @classmethod
+    def later(cls, pending: Mapping[str, Callable[[], Any]], **fields: Any) -> Self:
+        """Return a result of which the ``pending`` fields are made when first asked for, saved or pickled."""
+        made = object.__new__(cls)
+        made.__dict__.update(fields, _cache={}, _pending=dict(pending))
+        return made
+
+    def __getattr__(self, name: str) -> Any:
+        pending = self.__dict__.get("_pending", {})
+        if name not in pending:
+            raise AttributeError(f"a {type(self).__name__} has no attribute {name!r}")
+        self.__dict__[name] = value = pending[name]()
+        return value
+
+    def __getstate__(self) -> dict[str, Any]:
+        for name in self.__dict__.get("_pending", {}):
+            getattr(self, name)
+        return {**self.__dict__, "_cache": {}, "_pending": {}}
 
     def __getitem__(self, name: str) -> xarray.DataArray:
         """Return one output as a labelled array over time, its unit in ``attrs["units"]``."""

@@ -65,15 +65,15 @@ class Accelerations:
         }
 
 
-def of_points(
+def coordinates(
     d: Description, values: Mapping[str, ArrayLike], what: str, default: float | None = None
 ) -> Array:
-    """Return vectors of the moving points, given by name, as one array; ``what`` they are called in messages.
+    """Return the coordinates, or rates, of the moving points given by name; ``what`` they are, for errors.
 
     Raises
     ------
     ModelError
-        For an unknown name, a missing point where there is no default, or a vector of another size.
+        When a point is not known, is missing without a default, or has no such numbers.
     """
     for name in values:
         if name not in d.points:

@@ -12,9 +12,10 @@ import numpy as np
 
 from symgen.errors import ModelError
 from symgen.models import BLOCKS
+from symgen.precision import precision as precision_named
 from symgen.scene.loading import shipped_scenes
 from symgen.study.cancelling import Cancelling, cancelling
-from symgen.study.kernel_errors import MANTISSA, SOLVED, Errors, OutputAccuracy, entries
+from symgen.study.kernel_errors import SOLVED, Errors, OutputAccuracy, entries
 from symgen.study.kernels import Kernels, kernels_of
 from symgen.symbolic.exact import DIGITS
 
@@ -94,7 +95,8 @@ def accuracy(
     run
         Whether to look along a run too, and for random states near all of it; else near its start alone.
     precision
-        The number type of the kernels.
+        The number type of the kernels: ``float32``, ``float64``, ``longdouble`` or ``float128``. In others
+        than float64 only those of a scene's motion are looked at.
     top
         How many sums that cancel to return.
     progress
@@ -127,13 +129,14 @@ def report(
     progress: Progress | None = None,
 ) -> Accuracy:
     """Return the report of some kernels; see :func:`accuracy`."""
+    epsilon = precision_named(precision).epsilon
     total, done = sum(len(p.states.all) for p in parts), 0
     outputs: list[OutputAccuracy] = []
     condition: tuple[float, str] | None = None
     sums: list[Cancelling] = []
     notes: list[str] = []
     for part in parts:
-        errors = Errors(part, MANTISSA[precision], np.random.default_rng(seed))
+        errors = Errors(part, epsilon, np.random.default_rng(seed))
         for at in part.states.all:
             errors.look(at)
             done += 1
@@ -152,7 +155,7 @@ def report(
         scene,
         title,
         precision,
-        2.0 ** (1 - MANTISSA[precision]),
+        epsilon,
         DIGITS,
         seed,
         {kind: kinds.count(kind) for kind in dict.fromkeys(kinds)},

@@ -17,8 +17,6 @@ from symgen.symbolic.exact import DIGITS, number, solve
 
 Array = NDArray[np.float64]
 
-#: Bits of the mantissa of every number type that kernels can have.
-MANTISSA = {"float32": 24, "float64": 53, "longdouble": 64, "float128": 113}
 #: An entry this much smaller than the output is zero: no more is left of 40 digits.
 _ZERO = mpmath.mpf(10) ** (10 - DIGITS)
 #: Errors up to this many times what the condition explains are those of a sound evaluation.
@@ -133,8 +131,8 @@ class Errors:
     was met at; ``unsolved`` are the states where they could not.
     """
 
-    def __init__(self, part: Kernels, mantissa: int, random: np.random.Generator) -> None:
-        self.part, self.mantissa, self.random = part, mantissa, random
+    def __init__(self, part: Kernels, epsilon: float, random: np.random.Generator) -> None:
+        self.part, self.epsilon, self.random = part, epsilon, random
         self.condition: tuple[float, str] | None = None
         self.unsolved: list[str] = []
         self._outputs: dict[tuple[str, str], _Output] = {}
@@ -159,13 +157,15 @@ class Errors:
         whole, rhs = self.part.exact.whole(at.arrays)
         left_out = self._left_out
         equations = _Equations(whole, left_out)
-        if equations.condition * 2.0 ** (1 - self.mantissa) > _SINGULAR:
+        if equations.condition * self.epsilon > _SINGULAR:
             self.unsolved.append(at.label)
             return
         if self.condition is None or equations.condition > self.condition[0]:
             self.condition = equations.condition, at.label
         n, random = self._coordinates, self.random.standard_normal(whole.rows)
         for kernel, right in (("accelerations", rhs), ("solve", mpmath.matrix(random.tolist()))):
+            if kernel not in self.part.tapes:
+                continue
             truth = list(solve(whole, right, left_out))
             spread = equations.spread([float(x) for x in truth], [float(x) for x in right])
             if kernel == "accelerations":
@@ -189,7 +189,7 @@ class Errors:
 
     def _output(self, kernel: str, name: str) -> _Output:
         if (kernel, name) not in self._outputs:
-            self._outputs[kernel, name] = _Output(self.part, kernel, name, self.mantissa)
+            self._outputs[kernel, name] = _Output(self.part, kernel, name, self.epsilon)
         return self._outputs[kernel, name]
 
     def _in_order(self) -> list[_Output]:
@@ -221,9 +221,8 @@ def entries(part: Kernels) -> Iterator[Place]:
 class _Output:
     """The errors of one output."""
 
-    def __init__(self, part: Kernels, kernel: str, name: str, mantissa: int) -> None:
-        self.kernel, self.name, self.mantissa, self.prefix = kernel, name, mantissa, part.prefix
-        self.epsilon = 2.0 ** (1 - mantissa)
+    def __init__(self, part: Kernels, kernel: str, name: str, epsilon: float) -> None:
+        self.kernel, self.name, self.epsilon, self.prefix = kernel, name, epsilon, part.prefix
         matrix = None if kernel in _SOLVERS else part.system[name]
         labels = [x.name for x in part.system.group("work").quantities]
         self.unit = matrix.unit if matrix else "m/s^2, N/m"
@@ -255,7 +254,7 @@ class _Output:
 
     def _keep(self, at: At, i: int, first: int, value: float, exact: Any, error: float, moved: float) -> None:
         size = float(abs(exact))
-        ulp = 2.0 ** (int(mpmath.frexp(exact)[1]) - self.mantissa)
+        ulp = math.ldexp(self.epsilon, int(mpmath.frexp(exact)[1]) - 1)
         beyond = error / (self.epsilon * max(size, moved))
         for what, measured in (("ulps", error / ulp), ("beyond", beyond)):
             if what not in self.worst or measured > getattr(self.worst[what][0], what):

@@ -8,10 +8,11 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
+import mpmath
 import numpy as np
 from numpy.typing import NDArray
 
-from symgen.errors import ModelError, nearest
+from symgen.errors import ModelError
 from symgen.lowering.kernel import Program
 from symgen.lowering.program import lower_system
 from symgen.lowering.tape import Tape
@@ -19,6 +20,8 @@ from symgen.models import BLOCKS
 from symgen.models.analyses import elastic_systems
 from symgen.models.system import with_redundancy
 from symgen.pipeline import build, derive
+from symgen.precision import FLOAT64, Precision
+from symgen.precision import precision as precision_named
 from symgen.runtime import _core
 from symgen.runtime.elastic_model import ElasticModel
 from symgen.runtime.evaluate import Evaluator
@@ -30,7 +33,7 @@ from symgen.scene.loading import load_scene, override, read_scene
 from symgen.scene.resolve import resolve_linkage
 from symgen.study.loop_states import of_loop
 from symgen.study.states import At, States, of_beams, of_block, of_linkage
-from symgen.symbolic.exact import Exact
+from symgen.symbolic.exact import Exact, number
 from symgen.symbolic.system import Export, System
 
 Array = NDArray[np.float64]
@@ -53,6 +56,8 @@ class Kernels:
     redundant
         Constraints that follow from the others: their multipliers are zero, off the constraints nothing is
         solved.
+    without
+        Kernels that cannot be called by themselves.
     """
 
     prefix: str
@@ -60,6 +65,7 @@ class Kernels:
     call: Call
     states: States
     redundant: tuple[int, ...] = ()
+    without: tuple[str, ...] = ()
 
     @cached_property
     def exact(self) -> Exact:
@@ -74,7 +80,7 @@ class Kernels:
     @cached_property
     def tapes(self) -> dict[str, Tape]:
         """The operations of every kernel that has results, by name."""
-        return {k.name: Tape(k) for k in self.program.kernels if k.out_size}
+        return {k.name: Tape(k) for k in self.program.kernels if k.out_size and k.name not in self.without}
 
     @cached_property
     def exports(self) -> dict[str, tuple[str, ...]]:
@@ -119,43 +125,69 @@ def kernels_of(
     SceneError, ModelError
         When there is no such scene, block or precision, or values are given for a block.
     """
-    if precision not in _PRECISIONS:
-        raise ModelError(f"there are no kernels in {precision!r}. {nearest(precision, _PRECISIONS)}")
+    typed = precision_named(precision)
     if scene in BLOCKS:
-        if set:
-            raise ModelError(f"{scene} is a building block: it has no values to set")
+        if set or typed != FLOAT64:
+            raise ModelError(
+                f"{scene} is a building block: it has no values to set, and is in {FLOAT64.name}"
+            )
         system = BLOCKS[str(scene)]()
         return system.title, [Kernels("", system, _shipped(str(scene)), of_block(system, count, seed))]
-    model = build(scene, set=set)
+    model = build(scene, set=set, precision=precision)
     system = derive(override(read_scene(scene), set or {}))
     if isinstance(model, LoopModel):
-        states = of_loop(model, count, seed, run)
-        return system.title, [Kernels("", system, _of_loop(model.kernels), states)]
+        own = Kernels("", system, _of_loop(model.kernels), of_loop(model, count, seed, run))
+        return system.title, [own if typed == FLOAT64 else _in_type(own, model, typed)]
     rigid = model.rigid if isinstance(model, ElasticModel) else model
-    return system.title, list(_of_linkage(scene, set, model, rigid, system, count, seed, run))
+    own = _of_linkage(rigid, system, count, seed, run)
+    if typed != FLOAT64:
+        return system.title, [_in_type(own, rigid, typed)]
+    elastic = _of_elastic(scene, set, model, own.states, count, seed) if rigid is not model else ()
+    return system.title, [own, *elastic]
 
 
 #: Kernels that lead a drawing to the start: they read no velocity but the way they are on.
 _LEADING = ("assembly",)
-#: Number types in which kernels can be compiled.
-_PRECISIONS = ("float64",)
 
 
-def _of_linkage(
-    scene: Any, set_: Any, model: Any, rigid: Model, system: System, count: int, seed: int, run: bool
-) -> Iterator[Kernels]:
-    labels = rigid.description.labels
-    redundant = tuple(labels.index(name) for name in rigid.redundant)
+def _of_linkage(model: Model, system: System, count: int, seed: int, run: bool) -> Kernels:
+    labels = model.description.labels
+    redundant = tuple(labels.index(name) for name in model.redundant)
     if redundant:
         system = with_redundancy(system)
-    states = of_linkage(rigid, count, seed, run)
-    yield Kernels("", system, _of_evaluator(rigid.evaluator), states, redundant)
-    if isinstance(model, ElasticModel):
-        linkage = resolve_linkage(load_scene(scene, set_))
-        for kind, made in elastic_systems(linkage).items():
-            yield Kernels(f"{kind}.", made, _of_evaluator(rigid.analysis(kind)), states)
-        block = _of_elements({b.info.element for b in model.beams})
-        yield Kernels("elastic_link.", block, _shipped("elastic_link"), of_beams(model, block, count, seed))
+    states = of_linkage(model, count, seed, run)
+    return Kernels("", system, _of_evaluator(model.evaluator), states, redundant)
+
+
+def _of_elastic(
+    scene: Any, set_: Any, model: Any, states: States, count: int, seed: int
+) -> Iterator[Kernels]:
+    for kind, made in elastic_systems(resolve_linkage(load_scene(scene, set_))).items():
+        yield Kernels(f"{kind}.", made, _of_evaluator(model.rigid.analysis(kind)), states)
+    block = _of_elements({b.info.element for b in model.beams})
+    yield Kernels("elastic_link.", block, _shipped("elastic_link"), of_beams(model, block, count, seed))
+
+
+def _in_type(own: Kernels, model: Model | LoopModel, typed: Precision) -> Kernels:
+    """Return the same kernels in another number type, at the states that it can hold."""
+    names = list(model.parameters)
+
+    def call(kernel: str, arrays: Mapping[str, Array]) -> Array:
+        tuned = model.with_parameters(**dict(zip(names, arrays["p"].tolist(), strict=True)))
+        size = next(k.work_size for k in model.description.kernels if k.name == kernel)
+        rows = (arrays["q"][None, :], arrays["u"][None, :], arrays["work"][None, :size] if size else None)
+        found, rest = tuned._evaluate_many(kernel, arrays["t"], *rows)
+        wide = [number(x) for block in found.values() for x in block.ravel()]
+        low = [number(x) for block in rest.values() for x in block.ravel()] or [0.0] * len(wide)
+        whole = [mpmath.fadd(a, b, exact=True) for a, b in zip(wide, low, strict=True)]
+        return np.array(whole, dtype=object)
+
+    def held(at: At) -> At:
+        kept = {k: a.astype(typed.dtype).astype(float) for k, a in at.arrays.items()}
+        return replace(at, arrays=kept)
+
+    states = replace(own.states, all=tuple(held(at) for at in own.states.all))
+    return Kernels(own.prefix, own.system, call, states, own.redundant, ("solve",))
 
 
 def _of_elements(elements: Collection[str]) -> System:

@@ -148,4 +148,8 @@ def relative_error(found: NDArray[np.float64], exact: Iterable[mpmath.mpf]) -> f
 
 def number(value: Any) -> mpmath.mpf:
     """Return a floating-point number of any precision as it is."""
-    return value if isinstance(value, mpmath.mpf) else mpmath.mpf(float(value))
+    if isinstance(value, mpmath.mpf):
+        return value
+    head = float(value)
+    rest = value - head if isinstance(value, np.longdouble) and np.isfinite(value) else 0.0
+    return mpmath.fadd(head, float(rest), exact=True) if rest else mpmath.mpf(head)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from pathlib import Path
 
 import mpmath
 import numpy as np
@@ -11,11 +12,12 @@ import pytest
 import sympy as sp
 from test_cli import call
 
-from symgen.errors import DerivationError, ModelError, ResultError, SceneError
+from symgen.errors import BuildError, DerivationError, ModelError, ResultError, SceneError
 from symgen.lowering.program import lower_system
 from symgen.lowering.tape import Tape
 from symgen.models import BLOCKS
-from symgen.study.accuracy import Accuracy, accuracy, digits, report
+from symgen.study.accuracy import Accuracy, accuracy, all_names, digits, report
+from symgen.study.accuracy_page import COLUMNS, summary_row
 from symgen.study.kernels import Kernels
 from symgen.study.states import At, States
 from symgen.symbolic.exact import DIGITS, Exact
@@ -175,6 +177,22 @@ def test_elastic_scenes_show_all_their_kernels():
     assert {"accelerations", "elastic_motion", "elastic_joints", "elastic_link"} <= kernels
 
 
+@pytest.mark.parametrize("precision", ["float32", "longdouble", "float128"])
+@pytest.mark.parametrize("scene", ["four_bar", "planar_4r"])
+def test_other_precisions_by_their_own_epsilon(scene, precision):
+    """Both orders of size: errors are of the type's rounding, and of no finer one."""
+    try:
+        found = accuracy(scene, states=2, precision=precision)
+    except BuildError:
+        if precision != "float128":
+            raise
+        pytest.skip("this compiler has no __float128")
+    assert found.precision == precision and found.epsilon < 1e-6
+    assert not [o for o in found.outputs if o.verdict == "code"]
+    (energy,) = (o for o in found.outputs if o.output == "kinetic_energy")
+    assert 0.01 * found.epsilon < energy.of_largest < 100 * found.epsilon
+
+
 def test_a_block_by_its_name():
     found = accuracy("rod", states=3)
     assert isinstance(found, Accuracy) and found.condition is None
@@ -210,6 +228,31 @@ def test_digits_of_one_matrix():
     assert found[0].digits > 10 and all(c.needless < 1.5 for c in found)
     with pytest.raises(DerivationError, match="Did you mean 'constraints'"):
         digits("four_bar", "constraint", states=2)
+
+
+def page() -> dict[str, list[str]]:
+    """Rows of the table of docs/accuracy.md by the name of the scene."""
+    text = (Path(__file__).parents[2] / "docs" / "accuracy.md").read_text()
+    table = text.partition("<!-- symgen accuracy --all -->")[2].partition("<!-- end -->")[0]
+    head, _, *rows = [[c.strip() for c in line.strip("|").split("|")] for line in table.strip().splitlines()]
+    assert tuple(head) == COLUMNS
+    return {row[0]: row for row in rows}
+
+
+def test_the_page_has_every_scene_and_no_fault_but_those_it_explains():
+    rows = page()
+    assert list(rows) == all_names()
+    assert {name for name, row in rows.items() if row[-1] == "code"} <= {"mass_ratios", "parallelogram"}
+
+
+@pytest.mark.parametrize("scene", ["rod", "loop_inertia", "triple_pendulum", "far_origin", "screw_jack"])
+def test_the_figures_of_the_page_hold(scene):
+    """Within a factor: the last bits of functions and of the run differ between machines."""
+    for found, told in zip(summary_row(accuracy(scene, states=5)), page()[scene], strict=True):
+        try:
+            assert 0.1 < float(found) / float(told) < 10, (scene, found, told)
+        except ValueError:  # the words beside the figures
+            continue
 
 
 def test_command(tmp_path):

@@ -44,16 +44,36 @@ static int begin(struct run *run) {
     return DONE;
 }
 
+/* Add rows by their factors, one after the other for every entry: the same numbers whatever goes at once. */
+static void add_four(const real f[4], const real *const k[4], long dim, real *restrict sum) {
+    const real *restrict a = k[0], *restrict b = k[1], *restrict c = k[2], *restrict d = k[3];
+    real fa = f[0], fb = f[1], fc = f[2], fd = f[3];
+    for (long i = 0; i < dim; i++)
+        sum[i] = (((sum[i] + fa * a[i]) + fb * b[i]) + fc * c[i]) + fd * d[i];
+}
+
+static void add_one(real f, const real *restrict k, long dim, real *restrict sum) {
+    for (long i = 0; i < dim; i++)
+        sum[i] += f * k[i];
+}
+
 /* Add to `sum` the stages before `count` by their weights times h. */
 static void add_stages(const struct run *run, const real *weights, long count, real h, real *sum) {
+    const real *rows[4];
+    real factors[4];
+    long dim = run->dim, held = 0;
     for (long j = 0; j < count; j++) {
-        real factor = h * weights[j];
-        if (factor == 0)
+        if (weights[j] == 0)
             continue;
-        const real *k = run->own + j * run->dim;
-        for (long i = 0; i < run->dim; i++)
-            sum[i] += factor * k[i];
+        factors[held] = h * weights[j];
+        rows[held++] = run->own + j * dim;
+        if (held == 4) {
+            add_four(factors, rows, dim, sum);
+            held = 0;
+        }
     }
+    for (long j = 0; j < held; j++)
+        add_one(factors[j], rows[j], dim, sum);
 }
 
 /* Whether errors across the constraints are so much magnified that stages and estimates are projected too:

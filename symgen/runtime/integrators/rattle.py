@@ -1,8 +1,8 @@
 """RATTLE and symmetric compositions of it: on the constraints, time reversible, without trend in energy.
 
 H. C. Andersen, J. Comput. Phys. 52 (1983) 24. The parts of a step: order 4 M. Suzuki, Phys. Lett. A 146
-(1990) 319; orders 6 and 8 W. Kahan, R.-C. Li, Math. Comput. 66 (1997) 1089, as in E. Hairer, C. Lubich,
-G. Wanner, *Geometric Numerical Integration*, second edition, section V.3.2.
+(1990) 319; orders 6 and 8 W. Kahan, R.-C. Li, Math. Comput. 66 (1997) 1089, as in E. Hairer,
+C. Lubich, G. Wanner, *Geometric Numerical Integration*, second edition, section V.3.2.
 """
 
 from __future__ import annotations

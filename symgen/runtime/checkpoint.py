@@ -1,0 +1,155 @@
+"""Checkpoints: the whole state of a run in a file, from which it goes on to the same bits.
+
+A checkpoint is the memory of the run and of its equations, byte for byte, with what Python remembers of it.
+It belongs to one run: equations, parameters, start and options, machine and version must be the same.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import platform
+import time
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symgen.atomic import replacing
+from symgen.errors import ResultError
+from symgen.runtime import _core
+from symgen.runtime.evaluate import Evaluator
+from symgen.runtime.library import Library
+from symgen.runtime.options import Options
+
+Array = NDArray[np.float64]
+FORMAT = 1
+#: Wall time [s] between two checkpoints when nothing else is asked for.
+EVERY = 10.0
+
+
+def mark_of(
+    evaluator: Evaluator,
+    library: Library,
+    equations: _core.Equations,
+    chosen: Options,
+    t0: float,
+    y0: Array,
+) -> str:
+    """Return what tells one run from another: a hash of all that its numbers depend on.
+
+    ``library`` are the kernels that it goes through.
+    """
+    from symgen import __version__
+
+    method = chosen.method
+    options = [getattr(chosen, name) for name in chosen.__slots__ if name not in ("method", "max_steps")]
+    told = (
+        __version__,
+        platform.machine(),
+        platform.system(),
+        evaluator.description.equations,
+        library.backend,
+        sorted(library.provenance.items()),
+        equations.core_type.name,
+        evaluator.parameters.tobytes().hex(),
+        method.name,
+        method.kind,
+        method.counts,
+        np.asarray(method.numbers).tobytes().hex(),
+        options,
+        t0,
+        y0.tobytes().hex(),
+    )
+    return hashlib.sha256(repr(told).encode()).hexdigest()
+
+
+@dataclass(slots=True)
+class Checkpoints:
+    """Where a run leaves its state, and how often.
+
+    Parameters
+    ----------
+    mark
+        What :func:`mark_of` gives for the run.
+    file
+        The file, written anew every time; None: none is written.
+    every
+        Wall time between two of them [s].
+    spent
+        Wall time that the run had taken before it was resumed [s].
+    """
+
+    mark: str
+    file: Path | None = None
+    every: float = EVERY
+    spent: float = 0.0
+    written: float = field(default_factory=time.perf_counter)
+
+    def look(self, run: _core.Run, wall: float) -> None:
+        """Write a checkpoint if it is time; ``wall`` is the time of this part of the run [s]."""
+        now = time.perf_counter()
+        if self.file is not None and now - self.written >= self.every:
+            write(self.file, run, self.mark, self.spent + wall)
+            self.written = now
+
+
+def write(file: Path, run: _core.Run, mark: str, wall: float) -> None:
+    """Write the state of a run between two steps, whole or not at all.
+
+    Raises
+    ------
+    ResultError
+        When the file cannot be written.
+    """
+    header = {"symgen_checkpoint": FORMAT, "mark": mark, "t": run.t, "steps": run.steps, "wall_s": wall}
+    equations, memory = run.save()
+    arrays: dict[str, Any] = {
+        "equations": np.frombuffer(equations, np.uint8),
+        "run": np.frombuffer(memory, np.uint8),
+        "passages": np.array(run.passages, dtype=float).reshape(-1, 3),
+        "events": np.array([event[:3] for event in run.events], dtype=float).reshape(-1, 3),
+        "event_states": np.array([event[3] for event in run.events], dtype=float).reshape(-1, run.dim),
+    }
+    try:
+        with replacing(file) as temporary, temporary.open("wb") as stream:
+            np.savez(stream, header=np.array(json.dumps(header)), **arrays)
+    except OSError as error:
+        raise ResultError(f"cannot write the checkpoint {file}: {error.strerror or error}") from None
+
+
+def resume(file: str | os.PathLike[str], run: _core.Run, mark: str) -> float:
+    """Bring a run that has not begun to where a checkpoint left it; return the wall time spent till then [s].
+
+    Raises
+    ------
+    ResultError
+        When the file is missing, broken, or of another run.
+    """
+    path = Path(file)
+    try:
+        with path.open("rb") as stream, np.load(stream, allow_pickle=False) as stored:
+            header: dict[str, Any] = json.loads(str(stored["header"]))
+            found = {name: stored[name] for name in stored.files if name != "header"}
+        known = header["symgen_checkpoint"]
+    except FileNotFoundError:
+        raise ResultError(f"there is no checkpoint {path}") from None
+    except Exception as error:  # any fault inside a foreign or broken file
+        raise ResultError(f"{path} is not a checkpoint of symgen, or is broken: {error}") from error
+    if known != FORMAT:
+        raise ResultError(f"{path} has checkpoint format {known}, this symgen reads {FORMAT}")
+    if header["mark"] != mark:
+        raise ResultError(
+            f"{path} is the checkpoint of another run, stopped at t = {header['t']:g} s\n"
+            "  Resume with the scene, parameters, options, machine and version of symgen it was begun with."
+        )
+    run.restore(found["equations"].tobytes(), found["run"].tobytes())
+    run.passages.extend((t, sound, int(k)) for t, sound, k in found["passages"].tolist())
+    run.events.extend(
+        (t, int(i), bool(rising), state)
+        for (t, i, rising), state in zip(found["events"].tolist(), found["event_states"], strict=True)
+    )
+    return float(header["wall_s"])

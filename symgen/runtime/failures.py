@@ -1,0 +1,107 @@
+"""What is said when a run cannot go on: where, why, and what to do."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from symgen.runtime import _core
+from symgen.runtime.causes import without_direction
+from symgen.runtime.description import Description
+from symgen.runtime.evaluate import Evaluator
+from symgen.runtime.options import Options
+
+#: Pivots that keep less than this are worth a word when a run fails.
+_NEAR = 1e-2
+
+
+def problem(
+    status: int,
+    stepper: _core.Run,
+    equations: _core.Equations,
+    evaluator: Evaluator,
+    chosen: Options,
+) -> str:
+    """Return what is said of a run that ended with this status, at the state it had reached."""
+    description = evaluator.description
+    free, axes = description.free, description.axes
+    at = f"at t = {stepper.t:.9g} s after {stepper.steps} steps"
+    where = ", ".join(
+        f"{p} ({', '.join(f'{x:.6g}' for x in stepper.state[i * len(axes) : (i + 1) * len(axes)])}) m"
+        for i, p in enumerate(free[:8])
+    )
+    if status == _core.DRIFTED:
+        return (
+            f"{description.labels[stepper.worst]} strayed by {stepper.position_drift:.2g} m, more than "
+            f"max_drift = {chosen.max_drift:g} m, {at}\n  Use the stabilisation 'projection', tighter "
+            f"tolerances or a smaller step. State: {where}."
+        )
+    if status == _core.CONTRADICTED:
+        return (
+            f"a redundant constraint contradicts the others by {equations.missed:.2g} m {at}: the linkage "
+            "cannot be in two places\n  Make the lengths, drives and motions of the ground agree. "
+            f"State: {where}."
+        )
+    if status == _core.SINGULAR and equations.lost < equations.redundant:
+        return (
+            f"a constraint that was redundant at the start is no longer so {at}: the linkage contradicts "
+            f"itself by more than can be told from a free motion\n  State: {where}."
+        )
+    if status == _core.SINGULAR:
+        name = description.unknown(equations.weakest)
+        if equations.weakest < description.coordinates:
+            return f"the mass matrix lost its positive definiteness {at}: {name} carries no mass"
+        return (
+            f"the constraints lost rank {at}: {name} is no longer independent of the others (a dead centre "
+            f"of the linkage, or a redundant link)\n  State: {where}."
+        )
+    near_lost_rank = _near_singular(stepper, equations, description)
+    if status == _core.UNSOLVED and not near_lost_rank:
+        return (
+            f"the implicit equations of a step of {chosen.method.name} could not be solved {at}: the step is "
+            f"too large for the motion\n  Use a smaller step. State: {where}."
+        )
+    if status == _core.PROJECTION_FAILED and not near_lost_rank:
+        return (
+            f"the state could not be brought back onto the constraints {at}: the step is too large for the "
+            f"motion, or the start is off the constraints\n  Use a smaller step or tighter tolerances. "
+            f"State: {where}."
+        )
+    failed = status in (_core.PROJECTION_FAILED, _core.UNSOLVED)
+    if failed or (status == _core.STEP_TOO_SMALL and near_lost_rank):
+        cause = "the linkage comes to a dead centre, which it cannot be taken through"
+        hint = "Start elsewhere, or change the lengths."
+        if description.drives:
+            cause = "the linkage comes to a dead centre, beyond which its drives cannot take it"
+            hint = "'symgen kinematics SCENE' shows how far the drives go."
+        return f"the run cannot go on {at}{near_lost_rank}: {cause}\n  {hint} State: {where}."
+    q, u, _ = np.split(stepper.state, [description.coordinates, 2 * description.coordinates])
+    reached = 2 * stepper.h * float(np.max(np.abs(u), initial=0.0))
+    line = without_direction(evaluator, stepper.t, q, u, reached)
+    near = f"; {line}" if line else near_lost_rank
+    if status == _core.NOT_FINITE:
+        return (
+            f"a number that is not finite appeared in the step {at}{near}\n"
+            f"  Use a smaller step. Last good state: {where}."
+        )
+    if status == _core.STEP_TOO_SMALL:
+        return (
+            f"the step became too small to go on {at}: the tolerance cannot be met there"
+            f"{near or _stiff(stepper)}"
+            f"\n  Loosen rtol and atol. State: {where}."
+        )
+    return f"the run was not finished within max_steps, {at}\n  Raise max_steps or shorten the run."
+
+
+def _stiff(stepper: _core.Run) -> str:
+    if stepper.stiff:
+        return f", the motion has been stiff since t = {stepper.t_stiff:.6g} s"
+    return ", the motion may be stiff"
+
+
+def _near_singular(stepper: _core.Run, equations: _core.Equations, description: Description) -> str:
+    """Say so when the constraints of the last good state are close to losing rank."""
+    equations.check(stepper.t, np.append(stepper.state, 0.0))
+    if equations.soundness > _NEAR:
+        return ""
+    name = description.unknown(equations.weakest)
+    return f"; the constraints nearly lose rank there: {name} keeps {equations.soundness:.1e} of its pivot"

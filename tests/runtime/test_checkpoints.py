@@ -1,0 +1,137 @@
+"""Checkpoints: a run that goes on from one is the same to the bit, and refuses those of other runs."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import symgen
+from symgen.errors import ModelError, ResultError
+from symgen.runtime import _core
+from symgen.runtime.checkpoint import resume, write
+from symgen.runtime.integrators import INTEGRATORS
+
+EXPLICIT = ["dop853", "dopri5", "rk4"]
+
+
+@pytest.fixture(scope="module")
+def model():
+    """A linkage that passes losses of rank, so that all parts of the loop have something to remember."""
+    return symgen.build("parallelogram")
+
+
+def started(model, name="dop853", rtol=1e-8, t_end=2.0):
+    method = INTEGRATORS[name]
+    state = model.initial_state()
+    fixed = not method.adaptive
+    return _core.Run(
+        model.evaluator.equations(len(model._found().redundant)),
+        method,
+        0.0,
+        np.concatenate([state.q, state.u, np.zeros(int(model.description.work_of_loads))]),
+        t_end,
+        0.0 if fixed else rtol,
+        0.0 if fixed else 1e-3 * rtol,
+        1e-3 if fixed else 0.0,
+        np.linspace(0.0, t_end, 51),
+    )
+
+
+def to_the_end(run, status=_core.MORE, chunk=1000):
+    while status == _core.MORE:
+        status = run.advance(chunk)
+    assert status == _core.DONE
+    return (
+        run.result.tobytes(),
+        run.sampled.tobytes(),
+        run.steps,
+        run.rejected,
+        run.energy_drift,
+        run.passages,
+    )
+
+
+@pytest.mark.parametrize("name", EXPLICIT)
+def test_a_resumed_run_is_the_same_to_the_bit_wherever_it_was_stopped(name, model, tmp_path):
+    whole = started(model, name)
+    expected = to_the_end(whole, whole.begin())
+    assert whole.passages
+    for k in np.random.default_rng(1).integers(0, whole.steps, 6).tolist():
+        stopped = started(model, name)
+        stopped.begin()
+        stopped.advance(k)
+        write(tmp_path / "run.npz", stopped, "mark", 2.5)
+        again = started(model, name)
+        assert resume(tmp_path / "run.npz", again, "mark") == 2.5
+        assert again.steps == stopped.steps == k
+        assert to_the_end(again) == expected
+        # The file is a copy: the run it was taken from goes on as well.
+        assert to_the_end(stopped, chunk=7) == expected
+
+
+def bits(result):
+    return [v.values.tobytes() for v in result.variables], result.final, result.drift, result.notes
+
+
+def test_the_whole_simulation_resumes(model, tmp_path):
+    """The last checkpoint of a run that ended at max_steps, taken up without that limit."""
+    file = tmp_path / "kept"
+    whole = model.simulate(2.0, rtol=1e-8)
+    stop = {"max_steps": 40, "checkpoint": file, "checkpoint_every": 0}
+    with pytest.raises(symgen.errors.SimulationError, match="max_steps"):
+        model.simulate(2.0, rtol=1e-8, **stop)
+    resumed = model.simulate(2.0, rtol=1e-8, resume=file)
+    assert bits(resumed) == bits(whole)
+    assert resumed.statistics | {"wall_s": 0} == whole.statistics | {"wall_s": 0}
+
+
+def test_events_are_remembered(tmp_path):
+    from linkages import G, at, ground, rod
+
+    scene = symgen.Scene(
+        points={"O": ground(0, 0), "A": at(1, 0)},
+        links={"OA": rod("O", "A")},
+        gravity={"acceleration": ["0 m/s^2", f"{-G!r} m/s^2"]},
+        events=[{"name": "low", "of": "A.x"}],
+    )
+    model = symgen.build(scene)
+    whole = model.simulate(5.0)
+    with pytest.raises(symgen.errors.SimulationError):
+        model.simulate(5.0, max_steps=30, checkpoint=tmp_path / "c", checkpoint_every=0)
+    again = model.simulate(5.0, resume=tmp_path / "c")
+    assert again.events == whole.events and len(whole.events) > 3
+    assert bits(again) == bits(whole)
+
+
+@pytest.mark.parametrize(
+    "changed",
+    [{"rtol": 1e-7}, {"t_end": 3.0}, {"method": "dopri5"}, {"samples": 7}, {"max_drift": 1.0}],
+)
+def test_another_run_is_refused(changed, model, tmp_path):
+    file = tmp_path / "kept"
+    asked = {"t_end": 2.0, "rtol": 1e-8, "method": "dop853", "samples": 11}
+    with pytest.raises(symgen.errors.SimulationError):
+        model.simulate(**asked, max_steps=20, checkpoint=file, checkpoint_every=0)
+    with pytest.raises(ResultError, match="of another run, stopped at t = "):
+        model.simulate(**{**asked, **changed}, resume=file)
+    with pytest.raises(ResultError, match="of another run"):
+        symgen.build("four_bar").simulate(**asked, resume=file)
+
+
+def test_bad_files_are_refused(model, tmp_path):
+    broken = tmp_path / "broken"
+    broken.write_bytes(b"PK\x03\x04 not a checkpoint")
+    with pytest.raises(ResultError, match="broken"):
+        model.simulate(1.0, resume=broken)
+    with pytest.raises(ResultError, match="there is no checkpoint"):
+        model.simulate(1.0, resume=tmp_path / "none")
+    with pytest.raises(ResultError, match="there is no folder"):
+        model.simulate(1.0, checkpoint=tmp_path / "none" / "file")
+    with pytest.raises(ModelError, match="checkpoint_every"):
+        model.simulate(1.0, checkpoint=tmp_path / "file", checkpoint_every=-1.0)
+    file = tmp_path / "cut"
+    with pytest.raises(symgen.errors.SimulationError):
+        model.simulate(2.0, max_steps=20, checkpoint=file, checkpoint_every=0)
+    file.write_bytes(file.read_bytes()[:-200])
+    with pytest.raises(ResultError, match="broken"):
+        model.simulate(2.0, resume=file)
