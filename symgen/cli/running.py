@@ -40,8 +40,9 @@ def run(
     method: Annotated[
         str | None,
         typer.Option(
-            help="dop853 or dopri5 (adaptive) or rk4 (fixed step); of elastic links also gauss, gauss4, "
-            "newmark, generalized-alpha, wilson-theta, quasi-static, periodic, and exact (large rotation)."
+            help="Adaptive: dop853, dopri5, radau5 (stiff). Fixed step: rk4, rattle, rattle4, rattle6, "
+            "rattle8, generalized-alpha, newmark. Of elastic links dop853, rk4, gauss, gauss4, newmark, "
+            "generalized-alpha, wilson-theta, quasi-static, periodic, exact (large rotation)."
         ),
     ] = None,
     rtol: Annotated[
