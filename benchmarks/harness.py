@@ -35,7 +35,7 @@ class Case:
 class Timing:
     """Seconds for one unit of work over the rounds: median, quartiles and the best.
 
-    ``processor`` is the least time of the processor that it took: what a machine that does nothing else takes.
+    ``processor`` is the least time of the processor that it took: that of a machine that does nothing else.
     """
 
     median: float
