@@ -159,7 +159,8 @@ CASES: tuple[Case, ...] = (
         rtol=1e-11,
         step=1e-4,
         bounds={"dop853": 2e-4, "dopri5": 2e-4, "rk4": 2e-4, "others": 1e-2},
-        samples=12001,
+        t_end=0.4,
+        samples=8001,
         more=(Trial("rk4", {"step": 5e-3}),),
     ),
     Rods(
