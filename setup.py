@@ -26,7 +26,7 @@ extensions = [
         ["symgen/runtime/_core.pyx", *(str(path) for path in sorted(CORE.glob("*.c")))],
         include_dirs=["symgen/runtime"],
         depends=[str(path) for path in sorted(CORE.glob("*.h"))],
-        extra_compile_args=flags(2),
+        extra_compile_args=flags(3),
     ),
     *(
         Extension(

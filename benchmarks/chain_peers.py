@@ -10,8 +10,10 @@ from __future__ import annotations
 import importlib
 import sys
 from collections.abc import Callable, Iterator
+from contextlib import redirect_stdout
 from dataclasses import dataclass
 from functools import partial
+from io import StringIO
 from typing import Any
 
 import numpy as np
@@ -150,7 +152,8 @@ def cvode_sweeps(n: int) -> list[Iterator[Attempt]]:
 def exudyn_sweeps(n: int) -> list[Iterator[Attempt]]:
     """Exudyn's tree in minimal coordinates and its explicit methods, of the build without range checks."""
     sys.exudynFast = True  # type: ignore[attr-defined]  # how it is asked for
-    exu = _needed("exudyn", "SystemContainer")
+    with redirect_stdout(StringIO()):  # it says so when imported
+        exu = _needed("exudyn", "SystemContainer")
     items = importlib.import_module("exudyn.itemInterface")
     container = exu.SystemContainer()
     system = container.AddSystem()

@@ -27,6 +27,8 @@ OF_CORE = ("-O2",)
 #: Options that may change the last bits of results, or where a binary runs: what each value of them adds.
 CONTRACTIONS = {"off": "-ffp-contract=off", "fast": "-ffp-contract=fast"}
 VECTORS = {"none": (), "native": ("-march=native",)}
+#: Instead of ``-Og`` for one processor: what is meant to run fast there is worth compiling longer.
+_OF_NATIVE = ("-O2", "-fno-semantic-interposition")
 _TIMEOUT = 600
 
 
@@ -82,6 +84,8 @@ class Compiler:
         libraries
             What it is linked with.
         """
+        if tuple(instead) == DEFAULT and set(VECTORS["native"]) <= set(self.flags):
+            instead = _OF_NATIVE
         flags = [flag for f in self.flags for flag in (instead if f == "-Og" else (f,))]
         running = []
         for source in sources:

@@ -40,7 +40,7 @@ ALLOWED = {
         "scene", "symbolic", "mechanics", "models", "making", "compiler", "precision", "runtime", "atomic",
     },
     "study": {
-        "pipeline", "runtime", "report", "scene", "atomic",
+        "pipeline", "precision", "runtime", "report", "scene", "atomic",
         "symbolic", "models", "lowering", "codegen",
     },
     "shipped": {"pipeline", "codegen", "lowering", "models", "scene", "atomic"},

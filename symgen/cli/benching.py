@@ -27,6 +27,9 @@ def bench(
     methods: Annotated[
         str | None, typer.Option(metavar="NAME[,NAME...]", help="Integrators; all when absent.")
     ] = None,
+    precisions: Annotated[
+        str, typer.Option(metavar="NAME[,NAME...]", help="float32, float64, longdouble, float128.")
+    ] = "float64",
     t_end: Annotated[
         float | None,
         typer.Option(help="Horizon [s]; the scene's own when absent. Shorten it in chaos."),
@@ -58,6 +61,7 @@ def bench(
             scene,
             set=changes(set_),
             methods=methods.split(",") if methods else None,
+            precisions=precisions.split(","),
             t_end=t_end,
             samples=samples,
             repeats=repeats,

@@ -66,6 +66,15 @@ def run(
     max_drift: Annotated[
         float | None, typer.Option(help="Error of a constraint [m] that ends the run; none when absent.")
     ] = None,
+    checkpoint: Annotated[
+        Path | None, typer.Option(help="A file that is given the run's state now and then.")
+    ] = None,
+    every: Annotated[
+        float | None, typer.Option(help="Seconds of wall time from one checkpoint to the next (10).")
+    ] = None,
+    resume: Annotated[
+        Path | None, typer.Option(help="Go on from a checkpoint of the same run, to the same bits.")
+    ] = None,
     at: Annotated[
         list[str] | None,
         typer.Option(
@@ -143,11 +152,18 @@ def run(
         "stabilisation": stabilisation,
         "stabilisation_rate": stabilisation_rate,
         "max_drift": max_drift,
+        "checkpoint": checkpoint,
+        "every": every,
+        "resume": resume,
     }
     kept = {name: value for name, value in kept.items() if value is not None}
     if kept and (not isinstance(model, Model) or at or through):
         refused = [f"--{name.replace('_', '-')}" for name in kept]
         raise ModelError(f"{', '.join(refused)}: for the motion of linkages of points and links only")
+    if every is not None:
+        if checkpoint is None:
+            raise ModelError("--every says how often a checkpoint is written: say where, with --checkpoint")
+        kept["checkpoint_every"] = kept.pop("every")
     result: Result
     try:
         if isinstance(model, ElasticModel):

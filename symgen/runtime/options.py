@@ -72,6 +72,9 @@ def options(
         raise ModelError(f"expected between 2 and 10 million samples, got {samples}")
     if max_steps < 1:
         raise ModelError(f"expected max_steps of at least 1, got {max_steps}")
+    can_be_fixed = not chosen.adaptive or chosen.kind == "explicit"  # the others solve to the tolerance
+    if step is not None and not can_be_fixed:
+        raise ModelError(f"{chosen.name} chooses its own step: give rtol and atol, or another method")
     if chosen.adaptive and step is None:
         rtol, atol = _tolerances(rtol, atol, precision)
         return Options(chosen, t_end, rtol, atol, 0.0, samples, max_steps, *kept)

@@ -5,13 +5,15 @@ from __future__ import annotations
 import os
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from contextlib import suppress
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from symgen.errors import ModelError, SimulationError, nearest
+from symgen.errors import BuildError, ModelError, SimulationError, nearest
 from symgen.pipeline import build
+from symgen.precision import FLOAT64, PRECISIONS, precision
 from symgen.runtime.beam_methods import BEAM_METHODS
 from symgen.runtime.elastic_model import ElasticModel
 from symgen.runtime.integrators import INTEGRATORS
@@ -25,9 +27,9 @@ from symgen.study.sweeps import Setting, fixed_steps, tolerances
 
 Array = NDArray[np.float64]
 
-#: Tolerance of the reference in double precision, and how much looser the run is that judges it. Both are
-#: loosened tenfold, so many times at most, where the motion does not allow them.
-_REFERENCE, _JUDGE, _LOOSENED = 3e-14, 30.0, 3
+#: Tolerance of the reference, and how much looser the run is that judges it. Both are loosened tenfold, so
+#: many times at most, where the motion does not allow them.
+_REFERENCE, _JUDGE, _LOOSENED = {"float128": 1e-17, "float64": 3e-14}, 30.0, 3
 #: Steps a turn of the reference of elastic links, and of the run that their peaks are taken from.
 _ELASTIC, _PEAKS = 8192, 1024
 
@@ -72,11 +74,11 @@ class Subject(ABC):
     orders: Mapping[str, int]
 
     @abstractmethod
-    def settings(self, method: str) -> Iterator[Setting]:
-        """Yield the settings of a method, loose to tight."""
+    def settings(self, method: str, precision: str) -> Iterator[Setting]:
+        """Yield the settings of a method in a precision, loose to tight."""
 
     @abstractmethod
-    def order_settings(self, method: str) -> Iterator[Setting]:
+    def order_settings(self, method: str, precision: str) -> Iterator[Setting]:
         """Yield the settings that show the order of a method: fixed steps, rising in number."""
 
     @abstractmethod
@@ -110,14 +112,17 @@ def subject(
     backend: str = "auto",
     t_end: float | None = None,
     samples: int = 21,
+    precisions: Sequence[str] = (FLOAT64.name,),
 ) -> Subject:
-    """Return a scene as a subject.
+    """Return a scene as a subject, to be run in these precisions.
 
     Raises
     ------
     ModelError
-        When nothing of the scene is integrated in time.
+        When nothing of the scene is integrated in time, or not in a precision.
     """
+    for name in precisions:
+        precision(name)
     checked = scene if isinstance(scene, Scene) else load_scene(scene, set=set)
     model = build(checked, backend=backend)
     if isinstance(model, LoopModel):
@@ -126,13 +131,27 @@ def subject(
                 f"the inputs of {model.name} move it: nothing is integrated in time\n"
                 "  'symgen run' evaluates it, and tells its closure error."
             )
+        _in_doubles(model.name, precisions)
         return FreeLoop(model, t_end, samples)
     if isinstance(model, ElasticModel):
+        _in_doubles(model.name, precisions)
         return Elastic(model, t_end, samples)
     wanted = [f"{p}.position" for p in model.description.free]
     analysis = checked.analysis.model_copy(update={"outputs": wanted})
-    watched = build(checked.model_copy(update={"analysis": analysis}), backend=backend)
-    return Rods(watched, t_end, samples)  # type: ignore[arg-type]  # of the same kind as model
+    watched = checked.model_copy(update={"analysis": analysis})
+    models = {name: build(watched, backend=backend, precision=name) for name in (FLOAT64.name, *precisions)}
+    with suppress(BuildError, ModelError):  # a compiler without it, or none: the reference is in doubles then
+        models["float128"] = build(watched, backend=backend, precision="float128")
+    return Rods(models, t_end, samples)  # type: ignore[arg-type]  # all of the same kind as model
+
+
+def _in_doubles(name: str, precisions: Sequence[str]) -> None:
+    """Refuse other precisions than double."""
+    others = [p for p in precisions if p != FLOAT64.name]
+    if others:
+        raise ModelError(
+            f"{name} is run in float64 only, not in {', '.join(others)}: it is not made of rods alone"
+        )
 
 
 class Rods(Subject):
@@ -141,25 +160,30 @@ class Rods(Subject):
     unit = "m"
     measured = "largest distance of a moving point from its place"
 
-    def __init__(self, model: Model | LoopModel, t_end: float | None, samples: int) -> None:
-        self.model, self.samples = model, samples
+    def __init__(self, models: Mapping[str, Model | LoopModel], t_end: float | None, samples: int) -> None:
+        self.models, self.samples = models, samples
+        model = models[FLOAT64.name]
         self.title = model.description.title
         self.t_end = model.description.t_end if t_end is None else float(t_end)
         self.orders = {name: m.order for name, m in INTEGRATORS.items()}
 
-    def settings(self, method: str) -> Iterator[Setting]:
+    def settings(self, method: str, precision: str) -> Iterator[Setting]:
         """Yield tolerances of a method that adapts its step, steps of others."""
-        if INTEGRATORS[method].adaptive:
-            return tolerances(method, TIGHTEST)
-        return fixed_steps(method, self.t_end)
+        if not INTEGRATORS[method].adaptive:
+            return self.order_settings(method, precision)
+        found = tolerances(method, TIGHTEST * PRECISIONS[precision].epsilon)
+        return (replace(setting, precision=precision) for setting in found)
 
-    def order_settings(self, method: str) -> Iterator[Setting]:
-        """Yield fixed steps."""
-        return fixed_steps(method, self.t_end)
+    def order_settings(self, method: str, precision: str) -> Iterator[Setting]:
+        """Yield fixed steps; none of a method that always adapts its own."""
+        known = INTEGRATORS[method]
+        if known.adaptive and known.kind != "explicit":
+            return iter(())
+        return (replace(setting, precision=precision) for setting in fixed_steps(method, self.t_end))
 
     def call(self, setting: Setting) -> Result:
         """Run the motion."""
-        return self.model.simulate(
+        return self.models[setting.precision].simulate(
             self.t_end, method=setting.method, rtol=setting.rtol, step=setting.step, samples=self.samples
         )
 
@@ -169,21 +193,22 @@ class Rods(Subject):
         return Run(along, result.statistics["steps"], result.statistics["evaluations"])
 
     def reference(self) -> Reference:
-        """Return a run at the tightest tolerance that can be met."""
+        """Return a run at a tolerance as tight as can be met, in the widest precision there is."""
+        name = next(p for p in _REFERENCE if p in self.models)
         for k in range(_LOOSENED + 1):
-            rtol = _REFERENCE * 10.0**k
+            rtol = _REFERENCE[name] * 10.0**k
             try:
-                tight, loose = self._along(rtol), self._along(_JUDGE * rtol)
+                tight, loose = self._along(rtol, name), self._along(_JUDGE * rtol, name)
             except SimulationError:
                 if k == _LOOSENED:
                     raise
                 continue
             moved = float(np.max(distance(tight, loose)))
-            return Reference(tight, moved, f"dop853 at rtol {rtol:.0e}, float64")
+            return Reference(tight, moved, f"dop853 at rtol {rtol:.0e}, {name}")
         raise AssertionError("the last failure is raised")
 
-    def _along(self, rtol: float) -> Array:
-        return self.read(self.call(Setting("dop853", "", rtol=rtol))).along
+    def _along(self, rtol: float, precision: str = FLOAT64.name) -> Array:
+        return self.read(self.call(Setting("dop853", "", rtol=rtol, precision=precision))).along
 
     def size(self) -> float:
         """Return the largest range of a coordinate [m]."""
@@ -197,7 +222,7 @@ class FreeLoop(Rods):
     measured = "largest error of a recorded output over its largest value"
 
     def __init__(self, model: LoopModel, t_end: float | None, samples: int) -> None:
-        super().__init__(model, t_end, samples)
+        super().__init__({FLOAT64.name: model}, t_end, samples)
         found = self._outputs(self.call(Setting("dop853", "", rtol=1e-6)))
         if not found.size:
             raise ModelError(f"{model.name} records no outputs to compare: list some under analysis.outputs")
@@ -236,11 +261,12 @@ class Elastic(Subject):
     def _fixed(method: str, steps: int) -> Setting:
         return Setting(method, f"{steps} steps a turn", steps=steps)
 
-    def settings(self, method: str) -> Iterator[Setting]:
+    def settings(self, method: str, precision: str) -> Iterator[Setting]:
         """Yield tolerances of dop853, steps a turn of others."""
-        return tolerances(method, 1e-11) if method == "dop853" else self.order_settings(method)
+        adapts = method == "dop853"
+        return tolerances(method, 1e-11) if adapts else self.order_settings(method, precision)
 
-    def order_settings(self, method: str) -> Iterator[Setting]:
+    def order_settings(self, method: str, precision: str) -> Iterator[Setting]:
         """Yield steps a turn; none of dop853, which adapts its own here."""
         counts = () if method == "dop853" else (round(256 * 2 ** (k / 2)) for k in range(17))
         return (self._fixed(method, n) for n in counts)

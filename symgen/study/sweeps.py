@@ -9,19 +9,23 @@ from dataclasses import dataclass
 #: Tolerances fall tenfold; numbers of steps double in two.
 _TOLERANCES = tuple(10.0**-k for k in range(2, 32))
 _STEPS = tuple(round(16 * 2 ** (k / 2)) for k in range(41))
-#: A sweep ends after so many settings in a row that gained nothing.
-_IDLE = 3
+#: A sweep ends after so many settings in a row that gained nothing, or so many that failed before any did not.
+_IDLE, _FAILED = 3, 12
 
 
 @dataclass(frozen=True, slots=True)
 class Setting:
-    """A method with its tolerance or its steps: their number, and their length [s] where it is given."""
+    """A method with its tolerance or its steps: their number, and their length [s] where it is given.
+
+    ``precision`` is the type of numbers that it is run in.
+    """
 
     method: str
     text: str
     rtol: float | None = None
     steps: int | None = None
     step: float | None = None
+    precision: str = "float64"
 
 
 def tolerances(method: str, tightest: float) -> Iterator[Setting]:
@@ -51,11 +55,11 @@ def worth_running(
         The longest run [s] that is worth waiting for.
     """
     best, idle = math.inf, 0
-    for setting in settings:
+    for tried, setting in enumerate(settings, 1):
         error, wall = run(setting)
         if math.isfinite(error):
             yield setting
         idle = 0 if error < 0.5 * best else idle + math.isfinite(best)
         best = min(best, error)
-        if best <= goal or wall > most or idle == _IDLE:
+        if best <= goal or wall > most or idle == _IDLE or (tried == _FAILED and best == math.inf):
             return

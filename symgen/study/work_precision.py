@@ -12,9 +12,8 @@ from statistics import median
 from time import perf_counter
 from typing import Any
 
-import numpy as np
-
 from symgen.errors import ModelError, SimulationError
+from symgen.precision import PRECISIONS
 from symgen.scene.schema import Scene
 from symgen.study.orders import Order, observed_order
 from symgen.study.subjects import Reference, Subject, distance, subject
@@ -74,6 +73,7 @@ def work_precision(
     *,
     set: Mapping[str, str] | None = None,
     methods: Sequence[str] | None = None,
+    precisions: Sequence[str] = ("float64",),
     t_end: float | None = None,
     samples: int = 21,
     repeats: int = 5,
@@ -94,6 +94,8 @@ def work_precision(
         Values to replace, as in :func:`symgen.build`.
     methods
         Names of integrators; all when absent.
+    precisions
+        Types of numbers to run in: see :func:`symgen.build`.
     t_end
         Horizon [s]; the scene's own when absent. A chaotic motion magnifies errors with it until neither
         method nor reference says anything; the notes tell.
@@ -115,7 +117,7 @@ def work_precision(
     """
     if repeats < 1 or not longest > 0:
         raise ModelError(f"expected repeats >= 1 and longest > 0 s, got {repeats} and {longest:g} s")
-    what = subject(scene, set, backend, t_end, samples)
+    what = subject(scene, set, backend, t_end, samples, precisions)
     asked = what.chosen(methods)
     try:
         reference = what.reference()
@@ -126,10 +128,10 @@ def work_precision(
             partial=error.partial,
         ) from None
     measured = _Measured(what, reference, longest)
-    sweeps = {m: measured.sweep(m) for m in asked}
-    times = _timed(what, list(chain(*sweeps.values())), repeats, progress)
+    pairs = [(m, p) for m in asked for p in dict.fromkeys(precisions)]
+    times = _timed(what, list(chain(*(measured.sweep(m, p) for m, p in pairs))), repeats, progress)
     points = tuple(measured.point(setting, times[setting]) for setting in times)
-    orders = tuple(measured.order(m) for m in asked)
+    orders = tuple(measured.order(m, p) for m, p in pairs)
     return WorkPrecision(
         title=what.title,
         t_end=what.t_end,
@@ -140,7 +142,7 @@ def work_precision(
         uncertainty=reference.uncertainty,
         points=points,
         orders=orders,
-        notes=(*measured.failures, *_of_reference(points, reference)),
+        notes=(*measured.failures.values(), *_of_reference(points, reference)),
     )
 
 
@@ -153,10 +155,11 @@ class _Measured:
         self.goal = max(_NEAR * reference.uncertainty, _ENOUGH * self.size)
         self.found: dict[Setting, tuple[float, float, int, int | None]] = {}
         self.walls: dict[Setting, float] = {}
-        self.failures: list[str] = []
+        self.failures: dict[str, str] = {}
 
-    def sweep(self, method: str) -> list[Setting]:
-        return list(worth_running(self.what.settings(method), self._run, self.goal, self.longest))
+    def sweep(self, method: str, precision: str) -> list[Setting]:
+        wanted = self.what.settings(method, precision)
+        return list(worth_running(wanted, self._run, self.goal, self.longest))
 
     def _run(self, setting: Setting) -> tuple[float, float]:
         """Run a setting once; return its largest error and its wall time [s]."""
@@ -166,21 +169,21 @@ class _Measured:
                 result = self.what.call(setting)
             except SimulationError as error:
                 first = str(error).partition("\n")[0]
-                self.failures.append(f"{setting.method}, {setting.text}: {first}")
+                self.failures[setting.method] = f"{setting.method} fails with {setting.text}: {first}"
                 self.found[setting] = (math.inf, math.inf, 0, None)
                 self.walls[setting] = perf_counter() - begun
                 return math.inf, self.walls[setting]
             self.walls[setting] = perf_counter() - begun
             run = self.what.read(result)
-            gaps = distance(run.along, self.reference.along)
-            self.found[setting] = (float(gaps[-1]), float(np.max(gaps)), run.steps, run.evaluations)
+            gaps = distance(run.along, self.reference.along).tolist()
+            self.found[setting] = (gaps[-1], max(gaps), run.steps, run.evaluations)
         return self.found[setting][1], self.walls[setting]
 
     def point(self, setting: Setting, times: Sequence[float]) -> Point:
         end, along, steps, evaluations = self.found[setting]
         return Point(
             method=setting.method,
-            precision="float64",
+            precision=setting.precision,
             setting=setting.text,
             end=end,
             along=along,
@@ -191,14 +194,13 @@ class _Measured:
             told=along > _NEAR * self.reference.uncertainty,
         )
 
-    def order(self, method: str) -> Order:
-        wanted = self.what.order_settings(method)
+    def order(self, method: str, precision: str) -> Order:
+        wanted = self.what.order_settings(method, precision)
         settings = list(worth_running(wanted, self._run, self.goal, self.longest))
-        errors = [self.found[s][0] for s in settings]
-        steps = [s.steps or 0 for s in settings]
-        round_off = float(np.finfo(float).eps) * self.size
-        observed, used = observed_order(steps, errors, max(self.reference.uncertainty, round_off), self.size)
-        return Order(method, "float64", self.what.orders[method], observed, used)
+        steps, errors = [s.steps or 0 for s in settings], [self.found[s][0] for s in settings]
+        floor = max(self.reference.uncertainty, PRECISIONS[precision].epsilon * self.size)
+        observed, used = observed_order(steps, errors, floor, self.size)
+        return Order(method, precision, self.what.orders[method], observed, used)
 
 
 def _timed(

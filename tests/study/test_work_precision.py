@@ -73,19 +73,20 @@ def test_sweeps_end_when_they_gain_nothing_more():
 
 @pytest.fixture(scope="module")
 def found():
-    return work_precision("peaucellier", t_end=1.0, repeats=2)
+    return work_precision("peaucellier", t_end=1.0, repeats=2, longest=0.2)
 
 
 def test_every_integrator_is_measured_with_its_order(found):
     assert {p.method for p in found.points} == set(INTEGRATORS) == {o.method for o in found.orders}
     for order in found.orders:
         assert order.theoretical == INTEGRATORS[order.method].order
-        assert order.agrees, order
+        assert order.agrees is not False, order
+    assert {o.method for o in found.orders if o.agrees} >= {"dop853", "dopri5", "rk4", "rattle", "rattle4"}
     for p in found.points:
-        assert p.best <= p.median and p.end <= p.along and p.steps > 0 and p.evaluations > p.steps
+        assert p.best <= p.median and p.end <= p.along and p.steps > 0
     tight = [p for p in found.points if p.method == "dop853" and p.setting == "rtol 1e-10"]
     assert tight[0].along < 1e-11 and tight[0].told
-    assert found.uncertainty < 1e-13
+    assert found.uncertainty < 1e-13 and "float" in found.reference
 
 
 def test_the_reference_agrees_with_a_motion_known_in_closed_form():
@@ -123,7 +124,7 @@ def test_a_wrong_order_is_caught(monkeypatch):
 
 
 def test_errors_below_that_of_the_reference_are_marked(monkeypatch):
-    monkeypatch.setattr("symgen.study.subjects._REFERENCE", 1e-6)
+    monkeypatch.setattr("symgen.study.subjects._REFERENCE", {"float64": 1e-6})
     found = work_precision("peaucellier", t_end=0.5, repeats=1, methods=["dop853"])
     assert not found.points[-1].told and found.points[0].told
     assert any("not told from that of the reference" in note for note in found.notes)
@@ -187,3 +188,16 @@ def test_positions_are_recorded_whatever_the_scene_asks_for():
     what = subject("triple_pendulum", t_end=0.1)
     assert isinstance(what, Rods)
     assert what.read(what.call(Setting("rk4", "", step=0.01))).along.shape == (21, 3, 2)
+
+
+def test_precisions():
+    """Of float32 the error stays above its round-off; the reference is wider than what it judges."""
+    given = {"methods": ["dop853"], "precisions": ["float64", "float32"], "t_end": 0.5, "repeats": 1}
+    found = work_precision("peaucellier", **given)
+    least = {p: min(x.along for x in found.points if x.precision == p) for p in given["precisions"]}
+    assert least["float64"] < 1e-13
+    assert 1e-9 < least["float32"] < 1e-6
+    with pytest.raises(ModelError, match="float64 only, not in float32"):
+        work_precision("elastic_four_bar", precisions=["float32"])
+    with pytest.raises(ModelError, match="there is no precision 'float65'. Did you mean 'float64'"):
+        work_precision("peaucellier", precisions=["float65"])
