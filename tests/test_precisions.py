@@ -40,13 +40,10 @@ def exactly(values, scale=1):
     high, low = values
     found = []
     for i, x in enumerate(np.asarray(high).ravel()):
-        if isinstance(x, np.longdouble):
-            lead = float(x)
-            value = mpmath.mpf(lead) + mpmath.mpf(float(x - np.longdouble(lead)))
-        else:
-            value = mpmath.mpf(float(x) if isinstance(x, np.floating) else x)
         rest = 0 if low is None else mpmath.mpf(float(np.asarray(low).ravel()[i]))
-        found.append(value + rest)
+        if isinstance(x, np.longdouble):
+            rest = mpmath.mpf(float(x - np.longdouble(float(x))))
+        found.append(mpmath.mpf(float(x) if isinstance(x, np.floating) else x) + rest)
     return found
 
 

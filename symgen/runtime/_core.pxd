@@ -27,7 +27,7 @@ cdef extern from "core/core.h" nogil:
         kernel_t tangent
 
     cdef struct sizes:
-        long n, m, extra, parameters, work, first_pivot, redundant, events, tangent, steady
+        long n, m, extra, parameters, work, first_pivot, redundant, events, tangent
         const long *tangent_places
         double rank_tolerance, slack, stabilisation
 

@@ -108,7 +108,6 @@ class Equations(Integrable):
         core: Core = ...,
         events: int = 0,
         tangent: ArrayLike = (),
-        steady: bool = False,
         stabilisation: float = 0.0,
     ) -> None: ...
 

@@ -316,18 +316,16 @@ cdef class Equations(Integrable):
         Number of values that the kernel of that name writes.
     tangent
         Row, column and place of each value that the kernel of that name writes, column by column.
-    steady
-        Whether the constraints cannot lose rank, so that nobody need look.
     stabilisation
         Rate [1/s] of Baumgarte's terms in derivatives; 0 for none.
     """
 
     def __init__(self, addresses, Py_ssize_t n, Py_ssize_t m, Py_ssize_t extra, p, Py_ssize_t work_size,
                  Py_ssize_t first_pivot, double rank_tolerance, Py_ssize_t redundant, double slack, *,
-                 Core core=DOUBLE, long events=0, tangent=(), bint steady=False, double stabilisation=0.0):
+                 Core core=DOUBLE, long events=0, tangent=(), double stabilisation=0.0):
         cdef kernels given
         cdef sizes wanted
-        cdef const double[::1] parameters = np.array([*p, 0.0])
+        cdef const double[::1] parameters = np.ascontiguousarray(p, dtype=float)
         if not (addresses.get("accelerations") and addresses.get("energy")):
             raise ValueError("a model without the kernels 'accelerations' and 'energy' cannot be stepped")
         given.accelerations = kernel_of(addresses, "accelerations")
@@ -336,11 +334,11 @@ cdef class Equations(Integrable):
         given.velocity_constraints = kernel_of(addresses, "velocity_constraints")
         given.energy, given.residual = kernel_of(addresses, "energy"), kernel_of(addresses, "residual")
         given.events, given.tangent = kernel_of(addresses, "events"), kernel_of(addresses, "tangent")
-        wanted.n, wanted.m, wanted.extra, wanted.parameters = n, m, extra, parameters.shape[0] - 1
+        wanted.n, wanted.m, wanted.extra, wanted.parameters = n, m, extra, parameters.shape[0]
         wanted.work, wanted.first_pivot, wanted.redundant = work_size, first_pivot, redundant
         wanted.events = events if given.events != NULL else 0
         self.places = np.array([*np.ravel(tangent), 0], dtype="l")
-        wanted.tangent, wanted.tangent_places, wanted.steady = len(tangent), &self.places[0], steady
+        wanted.tangent, wanted.tangent_places = len(tangent), &self.places[0]
         wanted.rank_tolerance, wanted.slack, wanted.stabilisation = rank_tolerance, slack, stabilisation
         self.of = core
         self.make(&wanted, &given)

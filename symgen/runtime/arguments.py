@@ -30,6 +30,8 @@ def real(value: Any, what: str) -> float:
 
 def count(value: Any, what: str) -> int:
     """Return a whole number; raise ModelError for anything else."""
+    if type(value) is int:
+        return value
     if isinstance(value, bool) or not isinstance(value, numbers.Integral):
         raise ModelError(f"expected a whole number for {what}, got {value!r}")
     return int(value)

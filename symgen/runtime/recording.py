@@ -96,7 +96,8 @@ def recorded(
 def motion(evaluator: Evaluator, t: float, y: Array) -> dict[str, dict[str, list[float]]]:
     """Return position [m] and velocity [m/s] of every point in a state (q, u, ...)."""
     d = evaluator.description
-    found = evaluator.blocks("points", t, *np.split(y[: 2 * d.coordinates], 2))
+    n = d.coordinates
+    found = evaluator.blocks("points", t, y[:n], y[n : 2 * n])
     positions, velocities = found["positions"].tolist(), found["velocities"].tolist()
     return {
         p: {"position": x, "velocity": v} for p, x, v in zip(d.points, positions, velocities, strict=True)

@@ -21,7 +21,7 @@ Array = NDArray[np.float64]
 _ZERO = mpmath.mpf(10) ** (10 - DIGITS)
 #: Errors up to this many times what the condition explains are those of a sound evaluation.
 SOUND = 30.0
-#: Equations of motion of a higher condition, times epsilon, have no solution in the kernels' precision.
+#: Equations of motion of a higher condition, times epsilon or the tolerance of lost rank, have no solution.
 _SINGULAR = 0.01
 #: The kernels that solve the equations of motion, and their outputs.
 _SOLVERS = {"accelerations": ("accelerations", "multipliers"), "solve": ("solution",)}
@@ -157,7 +157,7 @@ class Errors:
         whole, rhs = self.part.exact.whole(at.arrays)
         left_out = self._left_out
         equations = _Equations(whole, left_out)
-        if equations.condition * self.epsilon > _SINGULAR:
+        if equations.condition * max(self.epsilon, self._rank_tolerance) > _SINGULAR:
             self.unsolved.append(at.label)
             return
         if self.condition is None or equations.condition > self.condition[0]:
@@ -182,6 +182,11 @@ class Errors:
     def _coordinates(self) -> int:
         point = self.part.system.saddle_point
         return self.part.system[point.mass].matrix.rows if point else 0
+
+    @property
+    def _rank_tolerance(self) -> float:
+        point = self.part.system.saddle_point
+        return float(point.rank_tolerance) if point else 0.0
 
     @property
     def _left_out(self) -> list[int]:

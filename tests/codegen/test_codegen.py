@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import platform
+import re
 import shutil
 import subprocess
 import sys
@@ -20,6 +21,7 @@ from symgen.compiler import find_compiler
 from symgen.errors import StaleBinaryError
 from symgen.lowering.program import lower_system
 from symgen.models import BLOCKS, RECURSIONS, SHIPPED_SCENES
+from symgen.precision import PRECISIONS
 from symgen.runtime.library import shipped_module
 from symgen.shipped import generated_folder, shipped_sources
 
@@ -126,6 +128,36 @@ def test_c_compiles_without_a_warning(name, tmp_path):
 
 
 @pytest.mark.skipif(shutil.which("cc") is None, reason="no C compiler")
+@pytest.mark.parametrize("lanes", [False, True])
+@pytest.mark.parametrize("precision", PRECISIONS)
+@pytest.mark.parametrize("name", ["four_bar", "peaucellier"])
+def test_every_type_compiles_without_a_warning(name, precision, lanes, tmp_path):
+    for file in emit(program_of(name), Target("c", PRECISIONS[precision], lanes), "x" * 64):
+        (tmp_path / file.name).write_text(file.text)
+    # __float128 and its literals are no part of C.
+    pedantic = [] if precision == "float128" else ["-Wpedantic"]
+    for source in sorted(tmp_path.glob("*.c")):
+        subprocess.run(
+            ["cc", "-std=c11", "-Wall", "-Wextra", "-Werror", *pedantic, "-Wdouble-promotion", "-O1"]
+            + ["-c", str(source), "-o", str(tmp_path / "x.o")],
+            check=True,
+        )
+
+
+def test_constants_have_the_digits_of_their_type():
+    """Nothing on the way from the scene rounds them: no sign, sum or product of constants."""
+    program = program_of("four_bar")
+    literals = {}
+    for name, precision in PRECISIONS.items():
+        sources = [f.text for f in emit(program, Target("c", precision), "x") if f.name.endswith(".c")]
+        literals[name] = set(re.findall(r"\d+\.\d+(?:e[-+]?\d+)?[fLQ]?", "".join(sources)))
+    assert "1.066666666666666666666666666666666666667Q" in literals["float128"]
+    assert "1.0666666666666667" in literals["float64"] and "1.0666666666666667f" in literals["float32"]
+    long = [x for x in literals["float128"] if len(x) > 24]
+    assert len(long) > 5 and min(map(len, long)) > 38
+
+
+@pytest.mark.skipif(shutil.which("cc") is None, reason="no C compiler")
 @pytest.mark.parametrize("name", RECURSIONS)
 def test_loops_compile_without_a_warning_and_with_lanes_in_vector_registers(name, tmp_path, sources):
     for file in sources:
@@ -190,6 +222,10 @@ def test_equations_hash_covers_program_and_templates():
     rod, spatial = program_of("rod"), program_of("rod_spatial")
     assert equations_hash(rod, Target()) != equations_hash(spatial, Target())
     assert equations_hash(rod, Target("c")) == equations_hash(rod, Target("numpy"))
+    hashes = {
+        equations_hash(rod, Target("c", p, lanes)) for p in PRECISIONS.values() for lanes in (False, True)
+    }
+    assert len(hashes) == 2 * len(PRECISIONS)
 
 
 def test_header_says_what_every_entry_means():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import pickle
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ import symgen
 from symgen.errors import ModelError, SimulationError
 from symgen.runtime import _core
 from symgen.runtime.integrators import INTEGRATORS
+from symgen.runtime.result import load_result
 
 ADAPTIVE = ["dop853", "dopri5"]
 
@@ -159,3 +161,29 @@ def test_stiffness_is_told(name, tmp_path):
         notes[damping] = symgen.build(str(file)).simulate(method=name, rtol=1e-5).notes
     assert notes["0.5"] == ()
     assert any("the motion is stiff from t = " in note and name in note for note in notes["2e4"])
+
+
+# -- cost ----------------------------------------------------------------------------------------------------
+
+
+def test_rank_is_not_watched_in_a_tree_which_cannot_lose_it():
+    """One factorisation a step, for the projection; a loop is looked at in between as well."""
+    tree = symgen.build("triple_pendulum").simulate(1.0, samples=2).statistics
+    assert tree["factorisations"] == tree["steps"] + 1
+    loop = symgen.build("four_bar").simulate(1.0, samples=2).statistics
+    assert loop["factorisations"] > 4 * loop["steps"]
+
+
+def test_a_result_holds_everything_when_asked_saved_or_pickled(four_bar, tmp_path):
+    first, second, third = (four_bar.simulate(0.5, samples=5) for _ in range(3))
+    pickled = pickle.loads(pickle.dumps(first))
+    loaded = load_result(second.save(tmp_path / "run.npz"))
+    four_bar.simulate(1.0)  # what results still have to make does not depend on later runs
+    for other in (pickled, loaded):
+        assert other.final == third.final
+        assert [v.name for v in other.variables] == [v.name for v in third.variables]
+        for a, b in zip(other.variables, third.variables, strict=True):
+            assert a.values.tobytes() == b.values.tobytes()
+    with pytest.raises(AttributeError, match="no attribute 'finale'"):
+        _ = third.finale
+    assert "final=" in repr(four_bar.simulate(0.1, samples=2))

@@ -21,7 +21,7 @@
 #endif
 
 /* Of another number than this, a compiled core does not belong to the binding. */
-#define CORE_VERSION 1L
+#define CORE_VERSION 2L
 
 /* A run in doubles. */
 struct report {

@@ -53,7 +53,6 @@ struct sizes {
     long events;           /* values that `events` writes */
     long tangent;          /* values that `tangent` writes */
     const long *tangent_places; /* of each, column by column: its row, its column, and its place in `out` */
-    long steady;           /* 1 when the constraints cannot lose rank, as those of a tree: no pivots are watched */
     double rank_tolerance; /* what a multiplier's pivot keeps at most of its own-signed terms where rank is lost */
     double slack;          /* by how much [m] a redundant constraint may contradict the others */
     double stabilisation;  /* rate [1/s] of Baumgarte's terms in `derivative`; 0: none */

@@ -50,8 +50,8 @@ size_t run_bytes(const struct equations *e, const struct scheme *scheme, const s
 void run_bind(struct run *run, struct equations *e, const struct scheme *scheme, const struct task *task,
               void *memory) {
     run->e = e, run->scheme = *scheme, run->task = *task, run->dim = e->dim;
-    if (task->rtol == 0 && task->atol == 0)
-        run->scheme.adaptive = 0;
+    /* without a tolerance there is nothing to adapt a step by */
+    run->scheme.adaptive = scheme->adaptive && (task->rtol > 0.0 || task->atol > 0.0);
     run->bytes = place(run, memory);
     run->scheme.kind->bind(run);
 }
@@ -145,9 +145,7 @@ static int monitor(struct run *run) {
 int run_begin(struct run *run) {
     struct state *s = run->state;
     struct equations *e = run->e;
-    int status = e->m && e->sizes.steady ? e->of->factorise(e, s->t, run->y) : DONE;
-    if (status == DONE)
-        status = e->of->project(e, s->t, run->y);
+    int status = e->of->project(e, s->t, run->y);
     if (status != DONE)
         return status;
     s->sound = s->at_look = s->at_before = e->account->soundness;
@@ -174,7 +172,7 @@ int settle(struct run *run, real t_new) {
     if (e->m == 0)
         return DONE;
     if (run->task.stabilisation != PROJECTION || run->scheme.kind->keeps_constraints)
-        return e->sizes.steady ? DONE : e->of->factorise(e, t_new, run->y_new);
+        return e->of->factorise(e, t_new, run->y_new);
     memcpy(run->error, run->y_new, (size_t)run->dim * sizeof(real));
     int status = e->of->project(e, t_new, run->y_new);
     if (status == DONE && run->scheme.adaptive && s->sound >= NEAR) {
@@ -247,7 +245,8 @@ static int accepted_step(struct run *run, real *t_new, real *length) {
         }
         /* A step that ends, or has a stage, where rank is lost for an instant is made a little shorter. */
         part *= R(0.7);
-        if ((status != SINGULAR && (status != PROJECTION_FAILED || s->sound >= NEAR)) || part < R(0.2)) {
+        int near = s->sound < NEAR && (status == PROJECTION_FAILED || status == UNSOLVED);
+        if ((status != SINGULAR && !near) || part < R(0.2)) {
             s->rejected--;
             return status;
         }

@@ -75,12 +75,15 @@ _IMPLICIT = 1e-8
 
 
 def integrations(rtol: float, step: float, bounds: Mapping[str, float]) -> list[Trial]:
-    """Return a trial for every integrator: by a tolerance where it adapts its step, else by the step [s]."""
+    """Return a trial for every integrator: by a tolerance where it adapts its step, else by the step [s].
+
+    ``bounds`` are those of single integrators by name, and under ``others`` that of all others, if any.
+    """
     found = []
     for name, method in INTEGRATORS.items():
         tolerance = max(rtol, _IMPLICIT) if getattr(method, "needs_tangent", False) else rtol
         size = {"rtol": tolerance} if method.adaptive else {"step": step}
-        found.append(Trial(name, size, bounds.get(name)))
+        found.append(Trial(name, size, bounds.get(name, bounds.get("others"))))
     return found
 
 
