@@ -13,7 +13,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from statistics import median, quantiles
-from time import perf_counter
+from time import perf_counter, process_time
 from typing import Any
 
 import numpy as np
@@ -33,12 +33,16 @@ class Case:
 
 @dataclass(frozen=True, slots=True)
 class Timing:
-    """Seconds for one unit of work over the rounds: median, quartiles and the best."""
+    """Seconds for one unit of work over the rounds: median, quartiles and the best.
+
+    ``processor`` is the least time of the processor that it took: that of a machine that does nothing else.
+    """
 
     median: float
     lower: float
     upper: float
     best: float
+    processor: float = math.nan
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,23 +73,25 @@ def measure(cases: Mapping[str, Case], rounds: int = 15, warm_up: int = 2) -> di
         Rounds before them that do not.
     """
     times: dict[str, list[float]] = {name: [] for name in cases}
+    least = dict.fromkeys(cases, math.inf)
     collecting = gc.isenabled()
     gc.disable()
     try:
         for turn in range(warm_up + rounds):
             for name, case in cases.items():
-                begun = perf_counter()
+                busy, begun = process_time(), perf_counter()
                 case.run()
-                spent = perf_counter() - begun
+                spent, busy = perf_counter() - begun, process_time() - busy
                 if turn >= warm_up:
                     times[name].append(spent / case.work)
+                    least[name] = min(least[name], busy / case.work)
     finally:
         if collecting:
             gc.enable()
     result = {}
     for name, values in times.items():
         lower, _, upper = quantiles(values, n=4)
-        result[name] = Timing(median(values), lower, upper, min(values))
+        result[name] = Timing(median(values), lower, upper, min(values), least[name])
     return result
 
 

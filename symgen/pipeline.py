@@ -148,7 +148,14 @@ def _model(
     from symgen.runtime.model import Model
 
     base = tools.in_float64
-    analyses = cache(lambda kind: _analysis(text, base, description, kind, lambda: _linkage(text)))
+
+    def analysis(kind: str) -> tuple[Description, Library]:
+        # The Jacobian is for runs, so it is in their type; all else is in double precision.
+        in_type = kind == "tangent" and not tools.digits and tools.precision != FLOAT64
+        made, of = (tools, tools.precision.name) if in_type else (base, "")
+        return _analysis(text, made, description, kind, lambda: _linkage(text), of)
+
+    analyses = cache(analysis)
     model = Model(description, library, equations, analyses=analyses, typed=typed)
     if description.elastic is None:
         return model

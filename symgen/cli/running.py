@@ -40,8 +40,9 @@ def run(
     method: Annotated[
         str | None,
         typer.Option(
-            help="dop853 or dopri5 (adaptive) or rk4 (fixed step); of elastic links also gauss, gauss4, "
-            "newmark, generalized-alpha, wilson-theta, quasi-static, periodic, and exact (large rotation)."
+            help="Adaptive: dop853, dopri5, radau5 (stiff). Fixed step: rk4, rattle, rattle4, rattle6, "
+            "rattle8, generalized-alpha, newmark. Of elastic links dop853, rk4, gauss, gauss4, newmark, "
+            "generalized-alpha, wilson-theta, quasi-static, periodic, exact (large rotation)."
         ),
     ] = None,
     rtol: Annotated[
@@ -134,7 +135,6 @@ def run(
     from symgen.pipeline import build as build_model
     from symgen.runtime.elastic_model import ElasticModel
     from symgen.runtime.loop_model import LoopModel
-    from symgen.runtime.model import Model
 
     check_files(out, plot)
     types: dict[str, Any] = {"precision": precision, "digits": digits}
@@ -147,22 +147,16 @@ def run(
         refused = [f"--{name.replace('_', '-')}" for name, value in of_elastic.items() if value is not None]
         if refused:
             raise ModelError(f"{', '.join(refused)}: for elastic links only, and {model.name} has none")
-    kept: dict[str, Any] = {
-        "stabilisation": stabilisation,
-        "stabilisation_rate": stabilisation_rate,
-        "max_drift": max_drift,
-        "checkpoint": checkpoint,
-        "every": every,
-        "resume": resume,
-    }
-    kept = {name: value for name, value in kept.items() if value is not None}
-    if kept and (not isinstance(model, Model) or at or through):
-        refused = [f"--{name.replace('_', '-')}" for name in kept]
-        raise ModelError(f"{', '.join(refused)}: for the motion of linkages of points and links only")
-    if every is not None:
-        if checkpoint is None:
-            raise ModelError("--every says how often a checkpoint is written: say where, with --checkpoint")
-        kept["checkpoint_every"] = kept.pop("every")
+    kept = _of_linkages(
+        model,
+        bool(at or through),
+        stabilisation=stabilisation,
+        stabilisation_rate=stabilisation_rate,
+        max_drift=max_drift,
+        checkpoint=checkpoint,
+        every=every,
+        resume=resume,
+    )
     result: Result
     try:
         if isinstance(model, ElasticModel):
@@ -185,6 +179,22 @@ def run(
         raise
     write_files(result, out, plot)
     _show(result, isinstance(model, LoopModel), as_json)
+
+
+def _of_linkages(model: Any, driven: bool, **given: Any) -> dict[str, Any]:
+    """Return the options, of those given, that only the motion of linkages of points and links has."""
+    from symgen.errors import ModelError
+    from symgen.runtime.model import Model
+
+    kept = {name: value for name, value in given.items() if value is not None}
+    if kept and (not isinstance(model, Model) or driven):
+        refused = ", ".join(f"--{name.replace('_', '-')}" for name in kept)
+        raise ModelError(f"{refused}: for the motion of linkages of points and links only")
+    if "every" in kept:
+        if "checkpoint" not in kept:
+            raise ModelError("--every says how often a checkpoint is written: say where, with --checkpoint")
+        kept["checkpoint_every"] = kept.pop("every")
+    return kept
 
 
 def _show(result: Result, of_loop: bool, as_json: bool) -> None:

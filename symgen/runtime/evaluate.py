@@ -9,6 +9,7 @@ from symgen.errors import ModelError
 from symgen.runtime import _core
 from symgen.runtime.description import BlockInfo, Description, KernelInfo
 from symgen.runtime.library import Library
+from symgen.runtime.tangent import places
 from symgen.runtime.typed import Typed
 
 Array = NDArray[np.float64]
@@ -54,17 +55,24 @@ class Evaluator:
         work_of_loads: bool = True,
         *,
         stabilisation: float = 0.0,
+        tangent: Evaluator | None = None,
         typed: Typed | None = None,
     ) -> _core.Equations:
         """Return the compiled view of the kernels, which solves and steps; of those of a type, if given.
 
         The work of loads without potential is integrated along where there is any, unless told not to.
-        ``stabilisation`` is the rate [1/s] of Baumgarte's terms.
+        ``stabilisation`` is the rate [1/s] of Baumgarte's terms, ``tangent`` the kernels of the analysis of
+        that name, for implicit methods.
         """
         d = self.description
         own = typed if typed and not typed.is_plain else None
+        addresses = own.kernels(False).addresses if own else self.library.addresses
+        entries = None
+        if tangent is not None:
+            addresses = {**addresses, **tangent.library.addresses}
+            entries = places(d, tangent.description)
         return _core.Equations(
-            own.kernels(False).addresses if own else self.library.addresses,
+            addresses,
             d.coordinates,
             len(d.constraints),
             int(d.work_of_loads and work_of_loads),
@@ -77,6 +85,7 @@ class Evaluator:
             events=len(d.events),
             core=own.stepping if own else _core.DOUBLE,
             stabilisation=stabilisation,
+            tangent=() if entries is None else entries,
         )
 
 

@@ -55,13 +55,19 @@ def problem(
             f"of the linkage, or a redundant link)\n  State: {where}."
         )
     near_lost_rank = _near_singular(stepper, equations, description)
+    if status == _core.UNSOLVED and not near_lost_rank:
+        return (
+            f"the implicit equations of a step of {chosen.method.name} could not be solved {at}: the step is "
+            f"too large for the motion\n  Use a smaller step. State: {where}."
+        )
     if status == _core.PROJECTION_FAILED and not near_lost_rank:
         return (
             f"the state could not be brought back onto the constraints {at}: the step is too large for the "
             f"motion, or the start is off the constraints\n  Use a smaller step or tighter tolerances. "
             f"State: {where}."
         )
-    if status == _core.PROJECTION_FAILED or (status == _core.STEP_TOO_SMALL and near_lost_rank):
+    failed = status in (_core.PROJECTION_FAILED, _core.UNSOLVED)
+    if failed or (status == _core.STEP_TOO_SMALL and near_lost_rank):
         cause = "the linkage comes to a dead centre, which it cannot be taken through"
         hint = "Start elsewhere, or change the lengths."
         if description.drives:

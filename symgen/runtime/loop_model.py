@@ -212,4 +212,8 @@ class LoopModel(Compiled):
             )
         end = d.t_end if t_end is None else real(t_end, "t_end")
         chosen = options(end, method, rtol, atol, step, samples, max_steps)
+        if chosen.method.kind != "explicit":
+            raise ModelError(
+                f"{chosen.method.name} is for linkages of points and links, not for loops of joints"
+            )
         return run(self._kernels, self.closed_start(), chosen, progress)

@@ -360,10 +360,9 @@ class Model(Compiled):
         t_end
             End of the run [s]; the scene's own when absent.
         method
-            An integrator's name; ``dop853`` when absent, ``rk4`` when only ``step`` is given.
+            An integrator's name (``docs/integrators.md``); ``dop853`` when absent, ``rk4`` with a ``step``.
         rtol, atol
-            Tolerances of the local error for methods that adapt their step: relative (1e-9), absolute in m
-            and m/s (rtol/1000).
+            Tolerances of the local error of adaptive methods: relative (1e-9), in m and m/s (rtol/1000).
         step
             The fixed step [s]; a method that adapts its own takes fixed ones then, without judging them.
         samples
@@ -394,7 +393,8 @@ class Model(Compiled):
         end = self.description.t_end if t_end is None else float(t_end)
         kept = (stabilisation, stabilisation_rate, max_drift)
         chosen = options(end, method, rtol, atol, step, samples, max_steps, *kept, precision=self._type)
+        tangent = self.analysis("tangent") if chosen.method.needs_tangent else None
         kept_in = keeping(checkpoint, checkpoint_every, resume)
         found = self._found()
         t, q, u = (0.0, found.q, found.u) if state is None else (state.t, state.q, state.u)
-        return run(self._evaluator, t, q, u, found.redundant, chosen, progress, self._typed, kept_in)
+        return run(self._evaluator, t, q, u, found.redundant, chosen, progress, self._typed, kept_in, tangent)

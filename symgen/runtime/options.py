@@ -67,7 +67,7 @@ def options(
     for name, value in {**numbers, "stabilisation_rate": rate, "max_drift": max_drift}.items():
         if value is not None and not (is_real(value) and value > 0):
             raise ModelError(f"expected {name} to be a finite number above zero, got {value!r}")
-    kept = _kept(stabilisation, rate, max_drift)
+    kept = _kept(chosen, stabilisation, rate, max_drift)
     if not 2 <= samples <= 10_000_000:
         raise ModelError(f"expected between 2 and 10 million samples, got {samples}")
     if max_steps < 1:
@@ -102,13 +102,19 @@ def _tolerances(rtol: float | None, atol: float | None, precision: Precision) ->
     return rtol, max(_ATOL * rtol, floor) if atol is None else atol
 
 
-def _kept(stabilisation: str, rate: float | None, max_drift: float | None) -> tuple[str, float, float]:
+def _kept(
+    method: Integrator, stabilisation: str, rate: float | None, max_drift: float | None
+) -> tuple[str, float, float]:
     """Check how the constraints are kept, and fill in the defaults."""
     if stabilisation not in STABILISATIONS:
         known = ", ".join(STABILISATIONS)
         raise ModelError(
             f"expected stabilisation to be one of {known}, got {stabilisation!r}. "
             f"{nearest(str(stabilisation), STABILISATIONS)}"
+        )
+    if stabilisation != "projection" and method.kind != "explicit":
+        raise ModelError(
+            f"stabilisation={stabilisation!r} goes with explicit methods, not with {method.name}"
         )
     if rate is not None and stabilisation != "baumgarte":
         raise ModelError(f"stabilisation_rate goes with baumgarte, not with {stabilisation}")

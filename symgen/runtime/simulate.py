@@ -68,10 +68,12 @@ def run(
     progress: Progress | None,
     typed: Typed | None = None,
     keeping: Keeping | None = None,
+    tangent: Evaluator | None = None,
 ) -> Result:
     """Integrate from a state and return the result; ``redundant`` constraints follow from the others.
 
-    ``typed`` are kernels in the type to integrate in; those of the evaluator when absent.
+    ``typed`` are kernels in the type to integrate in, those of the evaluator when absent; ``tangent`` the
+    kernels of the analysis of that name, for methods that need it.
 
     Raises
     ------
@@ -83,7 +85,9 @@ def run(
     allowed = slack(evaluator, q) if redundant else np.inf
     if redundant and typed is not None:
         allowed = typed.precision.coarsened(allowed)
-    equations = evaluator.equations(len(redundant), allowed, stabilisation=chosen.rate, typed=typed)
+    equations = evaluator.equations(
+        len(redundant), allowed, stabilisation=chosen.rate, typed=typed, tangent=tangent
+    )
     times: Array = np.arange(chosen.samples, dtype=float) * ((chosen.t_end - t0) / (chosen.samples - 1)) + t0
     times[-1] = chosen.t_end
     y0 = np.concatenate((q, u, (0.0,) * equations.extra))

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 #: Tolerances fall tenfold; numbers of steps double in two.
 _TOLERANCES = tuple(10.0**-k for k in range(2, 32))
 _STEPS = tuple(round(16 * 2 ** (k / 2)) for k in range(41))
-#: A sweep ends after so many settings in a row that gained nothing, or so many that failed before any did not.
+#: A sweep ends after so many settings in a row that gained nothing, or so many that failed from the first on.
 _IDLE, _FAILED = 3, 12
 
 

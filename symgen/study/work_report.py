@@ -97,7 +97,7 @@ def curve(axes: Axes, name: str, points: Sequence[tuple[float, float]], k: int) 
 def finish(axes: Axes, measured: str, unit: str) -> None:
     """Name the axes: errors fall to the right."""
     axes.set_xlabel(f"{measured} [{unit}]")
-    axes.set_ylabel("wall time of the whole call [ms]")
+    axes.set_ylabel("time of the whole call [ms]")
     axes.invert_xaxis()
     axes.grid(alpha=0.3, which="both")
     axes.legend(fontsize="small", frameon=False)

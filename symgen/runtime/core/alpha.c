@@ -25,6 +25,8 @@ enum { ITERATIONS = 20 };
 struct alpha {
     real *f, *f_new;                        /* dy/dt at both ends */
     real *a, *a_new;                        /* the method's accelerations at both ends, n each */
+    real *motion, *motion_new;              /* and those of the motion, as they were solved for: where springs are
+                                               stiff, what the projection changes would be much in them */
     real *by_q, *by_u, *values;             /* the Jacobian, and memory to find it */
     real *matrix, *swaps, *change;
     real *h_matrix;                         /* the step that the matrix was made for, 0: none */
@@ -32,8 +34,8 @@ struct alpha {
 
 static size_t lay_out(const struct equations *e, real *own, struct alpha *x) {
     size_t n = (size_t)e->n, dim = (size_t)e->dim, at = 0;
-    size_t sizes[] = {dim, dim, n, n, n * n, n * n, (size_t)e->sizes.tangent, n * n, n, n, 1};
-    real **arrays[] = {&x->f,      &x->f_new,  &x->a,     &x->a_new,  &x->by_q,    &x->by_u,
+    size_t sizes[] = {dim, dim, n, n, n, n, n * n, n * n, (size_t)e->sizes.tangent, n * n, n, n, 1};
+    real **arrays[] = {&x->f,      &x->f_new,  &x->a,     &x->a_new,  &x->motion,  &x->motion_new, &x->by_q, &x->by_u,
                        &x->values, &x->matrix, &x->swaps, &x->change, &x->h_matrix};
     for (size_t i = 0; i < sizeof sizes / sizeof *sizes; i++) {
         *arrays[i] = own == NULL ? NULL : own + at;
@@ -64,22 +66,33 @@ static int begin(struct run *run) {
     struct alpha x = memory_of(run);
     run->e->of->derivative(run->e, run->state->t, run->y, x.f);
     memcpy(x.a, x.f + run->e->n, (size_t)run->e->n * sizeof(real));
+    memcpy(x.motion, x.a, (size_t)run->e->n * sizeof(real));
     *x.h_matrix = 0;
     return DONE;
 }
 
+/* How a step is solved: with the matrix there is, with that of its start, with one at every iterate, or, where errors
+ * across the constraints are magnified, by simple iteration along them. */
+enum attempt { KNOWN, ANEW, EVERY, ALONG, ATTEMPTS };
+
 /* The matrix (1 - alpha_m) - (1 - alpha_f) (h^2 beta da/dq + h gamma da/du) of Newton's iterations, factorised. */
-static int make_matrix(struct run *run, const struct alpha *x, real h) {
+static int make_matrix(struct run *run, const struct alpha *x, real t, const real *y, real h, int how) {
     const real *of = run->scheme.numbers;
-    long n = run->e->n;
-    if (find_slopes(run->e, run->state->t, run->y, x->values, x->by_q, x->by_u) != DONE)
+    struct equations *e = run->e;
+    long n = e->n;
+    if (how == ALONG) {
+        memset(x->by_q, 0, (size_t)(n * n) * sizeof(real));
+        memset(x->by_u, 0, (size_t)(n * n) * sizeof(real));
+    } else if (find_slopes(e, t, y, x->values, x->by_q, x->by_u) != DONE) {
         return 0;
+    }
     for (long i = 0; i < n * n; i++)
         x->matrix[i] = -(1 - of[1]) * h * (h * of[2] * x->by_q[i] + of[3] * x->by_u[i]);
     for (long i = 0; i < n; i++)
         x->matrix[i * n + i] += 1 - of[0];
-    *x->h_matrix = factor_dense(n, x->matrix, x->swaps) ? h : R(0);
-    return *x->h_matrix > 0;
+    int made = factor_dense(n, x->matrix, x->swaps);
+    *x->h_matrix = made && how == ANEW ? h : R(0);
+    return made;
 }
 
 /* Write y_new by the accelerations in a_new. */
@@ -100,16 +113,21 @@ static real largest(const real *v, long count) {
 }
 
 /* Iterate to a_new with the matrix there is; returns 0 where that does not converge. */
-static int solve_step(struct run *run, const struct alpha *x, real h, real t_new) {
+static int solve_step(struct run *run, const struct alpha *x, real h, real t_new, int how) {
     const real *of = run->scheme.numbers;
     long n = run->e->n;
     real previous = REAL_INFINITY, slowest = real_fmax(largest(run->y + n, n), h * largest(x->a, n));
     memcpy(x->a_new, x->a, (size_t)n * sizeof(real));
     for (int k = 0; k < ITERATIONS; k++) {
         move(run, x, h);
-        run->e->of->derivative(run->e, t_new, run->y_new, x->f_new);
+        if (how == EVERY && !make_matrix(run, x, t_new, run->y_new, h, how))
+            return 0;
+        if (how == ALONG)
+            derivative_along(run, t_new, run->y_new, x->f_new);
+        else
+            run->e->of->derivative(run->e, t_new, run->y_new, x->f_new);
         for (long i = 0; i < n; i++)
-            x->change[i] = (1 - of[1]) * x->f_new[n + i] + of[1] * x->f[n + i] - (1 - of[0]) * x->a_new[i]
+            x->change[i] = (1 - of[1]) * x->f_new[n + i] + of[1] * x->motion[i] - (1 - of[0]) * x->a_new[i]
                            - of[0] * x->a[i];
         solve_dense(n, x->matrix, x->swaps, x->change);
         for (long i = 0; i < n; i++)
@@ -120,11 +138,13 @@ static int solve_step(struct run *run, const struct alpha *x, real h, real t_new
         int stalled = k > 0 && rates > R(0.5) * previous;
         /* where positions are large against a step's change, their rounding comes back in the velocities */
         real rounding = REAL_EPSILON * real_fmax(size, largest(run->y, n) / h);
-        if (rates <= R(4) * REAL_EPSILON * size || (stalled && rates <= R(ROUND_OFF) * rounding)) {
+        real enough = how == ALONG ? real_sqrt(REAL_EPSILON) * size : R(ROUND_OFF) * rounding;
+        if (rates <= R(4) * REAL_EPSILON * size || (stalled && rates <= enough)) {
+            memcpy(x->motion_new, x->f_new + n, (size_t)n * sizeof(real));
             move(run, x, h);
             return 1;
         }
-        if (stalled && rates > previous)
+        if (stalled && rates > previous && how != EVERY)
             return 0;
         previous = rates;
     }
@@ -134,9 +154,12 @@ static int solve_step(struct run *run, const struct alpha *x, real h, real t_new
 static int step(struct run *run, real t, real h, real t_new) {
     struct alpha x = memory_of(run);
     const struct equations *e = run->e;
-    (void)t;
-    int known = *x.h_matrix == h;
-    if (!(known && solve_step(run, &x, h, t_new)) && !(make_matrix(run, &x, h) && solve_step(run, &x, h, t_new)))
+    int how = is_magnified(run) ? ALONG : *x.h_matrix == h ? KNOWN : ANEW;
+    for (; how < ATTEMPTS; how++)
+        if ((how == KNOWN || how == EVERY || make_matrix(run, &x, t, run->y, h, how))
+            && solve_step(run, &x, h, t_new, how))
+            break;
+    if (how == ATTEMPTS)
         return UNSOLVED;
     if (e->extra)
         run->y_new[2 * e->n] = run->y[2 * e->n] + h / 2 * (x.f[2 * e->n] + x.f_new[2 * e->n]);
@@ -166,6 +189,7 @@ static void accept(struct run *run) {
     struct alpha x = memory_of(run);
     memcpy(x.f, x.f_new, (size_t)run->dim * sizeof(real));
     memcpy(x.a, x.a_new, (size_t)run->e->n * sizeof(real));
+    memcpy(x.motion, x.motion_new, (size_t)run->e->n * sizeof(real));
 }
 
 const struct kind alpha_kind = {

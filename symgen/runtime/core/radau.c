@@ -15,10 +15,15 @@
 #include <string.h>
 
 enum { STAGES = 3, ITERATIONS = 7, FIXED_ITERATIONS = 20 };
+/* Changes below this part of the tolerance may stall by rounding. */
+#define STALLED 0.03
 /* Iterations that converge this fast keep their Jacobian. */
 #define FAST 1e-3
 /* A step that may grow by less than this is kept, and its matrices with it. */
 #define KEEP 1.2
+/* After iterations that did not converge steps stay below this part of that one, which is forgotten slowly. */
+#define CAUTION 0.8
+#define FORGET 1.05
 
 struct radau {
     real *f, *f_new;               /* dy/dt at both ends */
@@ -31,7 +36,7 @@ struct radau {
     real *memo;                    /* what is remembered, see enum */
 };
 
-enum memo { KNOWN, FRESH, STALE, H_MATRIX, H, H_OLD, NORM_OLD, REJECTED, MEMO };
+enum memo { KNOWN, FRESH, STALE, ALONG, H_MATRIX, H, H_OLD, NORM_OLD, REJECTED, H_UNSOLVED, MEMO };
 
 /* The method in the core's numbers. */
 struct coefficients {
@@ -134,9 +139,15 @@ static void predict(const struct run *run, const struct radau *x, const struct c
 static int make_matrices(struct run *run, const struct radau *x, const struct coefficients *m, real h, int anew) {
     struct equations *e = run->e;
     long n = e->n;
-    if (anew || !x->memo[KNOWN] || x->memo[STALE]) {
-        if (find_slopes(e, run->state->t, run->y, x->values, x->by_q, x->by_u) != DONE)
+    real along = is_magnified(run);
+    if (anew || !x->memo[KNOWN] || x->memo[STALE] || x->memo[ALONG] != along) {
+        if (along > 0) {
+            memset(x->by_q, 0, (size_t)(n * n) * sizeof(real));
+            memset(x->by_u, 0, (size_t)(n * n) * sizeof(real));
+        } else if (find_slopes(e, run->state->t, run->y, x->values, x->by_q, x->by_u) != DONE) {
             return 0;
+        }
+        x->memo[ALONG] = along;
         x->memo[KNOWN] = x->memo[FRESH] = 1;
         x->memo[STALE] = x->memo[H_MATRIX] = 0;
     }
@@ -152,6 +163,13 @@ static int make_matrices(struct run *run, const struct radau *x, const struct co
     return 1;
 }
 
+static void look(struct run *run, real t, real *y, real *dy) {
+    if (is_magnified(run))
+        derivative_along(run, t, y, dy);
+    else
+        run->e->of->derivative(run->e, t, y, dy);
+}
+
 /* Evaluate the stages, and leave in r and rc what they miss the collocation equations by, transformed. */
 static int find_residual(struct run *run, const struct radau *x, const struct coefficients *m, real t, real h) {
     const real *t_inverse = run->scheme.numbers + STAGES * STAGES;
@@ -162,7 +180,7 @@ static int find_residual(struct run *run, const struct radau *x, const struct co
         const real *z = x->z, *slope = x->slopes + s * dim;
         for (long i = 0; i < dim; i++)
             run->stage[i] = run->y[i] + z[s * dim + i];
-        run->e->of->derivative(run->e, t + m->c[s] * h, run->stage, x->slopes + s * dim);
+        look(run, t + m->c[s] * h, run->stage, x->slopes + s * dim);
         if (!all_finite(slope, dim))
             return 0;
         for (long i = 0; i < 2 * n; i++) {
@@ -200,6 +218,7 @@ static int solve_stages(struct run *run, const struct radau *x, const struct coe
     real rtol = R(run->task.rtol), last = 0, rate = 0, tolerance = 1;
     if (run->scheme.adaptive)
         tolerance = real_fmax(R(10) * REAL_EPSILON / rtol, real_fmin(R(0.03), real_sqrt(rtol)));
+    int magnified = is_magnified(run);
     predict(run, x, m, h);
     for (int k = 0; k < most; k++) {
         if (!find_residual(run, x, m, t, h))
@@ -209,6 +228,9 @@ static int solve_stages(struct run *run, const struct radau *x, const struct coe
             return 0;
         if (k > 0) {
             rate = size / last;
+            /* where accelerations have no more digits, the estimate of the error judges what they gave */
+            if (rate > R(0.5) && ((magnified && k > 1) || size <= R(STALLED)))
+                return 1;
             if (size > tolerance && (rate >= 1 || real_pow(rate, R(most - k)) / (1 - rate) * size > tolerance))
                 return 0;
         }
@@ -223,7 +245,8 @@ static int solve_stages(struct run *run, const struct radau *x, const struct coe
 
 /* Leave in run->error the estimate, filtered by the real system, of the error of order 4 [IV.8.19]; `at` is dy/dt. */
 static real estimate(struct run *run, const struct radau *x, const struct coefficients *m, real h, const real *at) {
-    long dim = run->dim, n = run->e->n;
+    struct equations *e = run->e;
+    long dim = run->dim, n = e->n;
     for (long i = 0; i < 2 * n; i++) {
         x->r[i] = at[i];
         for (int s = 0; s < STAGES; s++)
@@ -232,6 +255,10 @@ static real estimate(struct run *run, const struct radau *x, const struct coeffi
     solve_reduced(n, m->x / h, x->by_u, x->matrix, x->swaps, x->r);
     memset(run->error, 0, (size_t)dim * sizeof(real));
     memcpy(run->error, x->r, (size_t)(2 * n) * sizeof(real));
+    if (is_magnified(run) && e->of->factorise(e, run->state->t + h, run->y_new) == DONE) {
+        e->of->make_tangent(e, run->state->t + h, run->y_new, run->error);
+        e->of->make_tangent(e, run->state->t + h, run->y_new, run->error + n);
+    }
     return error_norm(run, run->error);
 }
 
@@ -247,6 +274,8 @@ static int step(struct run *run, real t, real h, real t_new) {
         if (!x.memo[FRESH])
             continue;
         run->state->shrink = R(0.5);
+        if (!is_magnified(run)) /* else it is over soon */
+            x.memo[H_UNSOLVED] = h;
         return run->scheme.adaptive ? AGAIN : UNSOLVED;
     }
     for (int s = 0; s < STAGES && run->e->extra; s++) {
@@ -263,7 +292,7 @@ static int step(struct run *run, real t, real h, real t_new) {
     if (norm > 1 && (x.memo[REJECTED] || run->state->steps == 0)) {
         for (long i = 0; i < dim; i++)
             run->stage[i] = run->y[i] + run->error[i];
-        run->e->of->derivative(run->e, t, run->stage, run->f_new);
+        look(run, t, run->stage, run->f_new);
         norm = estimate(run, &x, &m, h, run->f_new);
     }
     x.memo[REJECTED] = !(norm <= 1);
@@ -306,6 +335,10 @@ static void accept(struct run *run) {
         s->h = real_fmin(s->h, real_fmax(predicted, R(0.2) * h));
     }
     x.memo[NORM_OLD] = norm;
+    if (x.memo[H_UNSOLVED] > 0) {
+        s->h = real_fmin(s->h, R(CAUTION) * x.memo[H_UNSOLVED]);
+        x.memo[H_UNSOLVED] *= R(FORGET);
+    }
     if (h <= s->h && s->h <= R(KEEP) * h)
         s->h = h;
 }

@@ -20,7 +20,7 @@
 
 /* Iterations of the position constraints with the factor at the start, with their own Jacobian, and of velocities
  * that forces depend on. */
-enum { SIMPLE = 60, RELINEARISED = 20, RATES = 60 };
+enum { SIMPLE = 60, RELINEARISED = 60, RATES = 60 };
 /* Errors of so many roundings count as met when iterations get no further. */
 #define ROUND_OFF 1e4
 
@@ -116,10 +116,42 @@ static int newton_step(struct equations *e, const struct rattle *x, real t, cons
     return 1;
 }
 
-static void add_motions(const struct equations *e, const struct rattle *x, real *q) {
-    for (long k = 0; k < e->m; k++)
-        for (long i = 0; i < e->n; i++)
-            q[i] += x->change[k] * x->motions[k * e->n + i];
+/* Add so much of the change of positions dq to `y`, over a part of length h. */
+static void shift(const struct equations *e, const real *dq, real amount, real h, real *y) {
+    for (long i = 0; i < e->n; i++) {
+        y[i] += amount * dq[i];
+        y[e->n + i] += amount * dq[i] / h;
+    }
+}
+
+/* Whether an error of positions is as small as rounding allows, or, where iterations get no further, as it may be. */
+static int met(real worst, real size, int stalled) {
+    return worst <= (stalled ? R(ROUND_OFF) : R(1)) * REAL_EPSILON * size;
+}
+
+/* Go on with Newton's iterations from `y`: the Jacobian anew at every iterate, steps that lead away halved. */
+static int meet_by_newton(struct run *run, const struct rattle *x, real h, real t_1, real *y) {
+    struct equations *e = run->e;
+    real *dq = run->error, size = largest(y, e->n), previous = REAL_INFINITY, part = 1;
+    for (int k = 0; k < RELINEARISED; k++) {
+        real worst = e->of->position_error(e, t_1, y);
+        if (met(worst, size, !(worst <= R(0.5) * previous)))
+            return DONE;
+        if (k > 0 && !(worst < previous)) {
+            shift(e, dq, -part / 2, h, y);
+            part /= 2;
+            continue;
+        }
+        if (!newton_step(e, x, t_1, y))
+            return PROJECTION_FAILED;
+        memset(dq, 0, (size_t)e->n * sizeof(real));
+        for (long j = 0; j < e->m; j++)
+            for (long i = 0; i < e->n; i++)
+                dq[i] += x->change[j] * x->motions[j * e->n + i];
+        shift(e, dq, 1, h, y);
+        previous = worst, part = 1;
+    }
+    return PROJECTION_FAILED;
 }
 
 /* Add to the positions and the velocities of `y`, a part of length h from (t, start), what brings the positions onto
@@ -127,38 +159,23 @@ static void add_motions(const struct equations *e, const struct rattle *x, real 
 static int meet_positions(struct run *run, const struct rattle *x, real t, const real *start, real h, real t_1,
                           real *y) {
     struct equations *e = run->e;
-    long n = e->n;
-    real size = largest(y, n), previous = REAL_INFINITY;
-    int newton = 0;
+    real size = largest(y, e->n), previous = REAL_INFINITY;
     memcpy(x->begun, y, (size_t)run->dim * sizeof(real));
-    for (int k = 0; k < SIMPLE + RELINEARISED; k++) {
+    for (int k = 0; k < SIMPLE; k++) {
         real worst = e->of->position_error(e, t_1, y);
-        if (real_isfinite(worst) && worst <= REAL_EPSILON * size)
+        int stalled = k > 0 && !(worst <= R(0.5) * previous);
+        /* near a loss of rank the factor of the start stalls early: the Jacobian there gets further */
+        if (met(worst, size, stalled && run->state->sound >= NEAR))
             return DONE;
-        int stalled = !(worst <= R(0.5) * previous) && k > 0;
-        if (stalled && worst <= R(ROUND_OFF) * REAL_EPSILON * size)
-            return DONE;
-        if (!newton && (stalled || k == SIMPLE)) {
-            newton = 1, k = SIMPLE, previous = REAL_INFINITY;
-            memcpy(y, x->begun, (size_t)run->dim * sizeof(real));
-            find_motions(e, x, t, start);
-            continue;
-        }
+        if (stalled)
+            break;
         previous = worst;
-        if (newton) {
-            if (!newton_step(e, x, t_1, y))
-                return PROJECTION_FAILED;
-            memset(e->rhs, 0, (size_t)n * sizeof(real));
-            add_motions(e, x, e->rhs);
-        } else {
-            solve_factored(e, t, start, e->rhs);
-        }
-        for (long i = 0; i < n; i++) {
-            y[i] += e->rhs[i];
-            y[n + i] += e->rhs[i] / h;
-        }
+        solve_factored(e, t, start, e->rhs);
+        shift(e, e->rhs, 1, h, y);
     }
-    return PROJECTION_FAILED;
+    memcpy(y, x->begun, (size_t)run->dim * sizeof(real));
+    find_motions(e, x, t, start);
+    return meet_by_newton(run, x, h, t_1, y);
 }
 
 /* Leave in x->rate the rates of y = (q_1, u, work), and in e->factors the factorisation there. */

@@ -50,8 +50,8 @@ size_t run_bytes(const struct equations *e, const struct scheme *scheme, const s
 void run_bind(struct run *run, struct equations *e, const struct scheme *scheme, const struct task *task,
               void *memory) {
     run->e = e, run->scheme = *scheme, run->task = *task, run->dim = e->dim;
-    if (task->rtol == 0 && task->atol == 0)
-        run->scheme.adaptive = 0;
+    /* without a tolerance there is nothing to adapt a step by */
+    run->scheme.adaptive = scheme->adaptive && (task->rtol > 0.0 || task->atol > 0.0);
     run->bytes = place(run, memory);
     run->scheme.kind->bind(run);
 }
@@ -245,7 +245,8 @@ static int accepted_step(struct run *run, real *t_new, real *length) {
         }
         /* A step that ends, or has a stage, where rank is lost for an instant is made a little shorter. */
         part *= R(0.7);
-        if ((status != SINGULAR && (status != PROJECTION_FAILED || s->sound >= NEAR)) || part < R(0.2)) {
+        int near = s->sound < NEAR && (status == PROJECTION_FAILED || status == UNSOLVED);
+        if ((status != SINGULAR && !near) || part < R(0.2)) {
             s->rejected--;
             return status;
         }

@@ -31,6 +31,18 @@ int find_slopes(struct equations *e, real t, const real *y, real *values, real *
     return DONE;
 }
 
+int is_magnified(const struct run *run) {
+    return run->state->sound < NEAR && run->task.stabilisation == PROJECTION;
+}
+
+void derivative_along(struct run *run, real t, real *y, real *dy) {
+    size_t bytes = (size_t)run->dim * sizeof(real);
+    memcpy(run->error, y, bytes);
+    if (run->e->of->project(run->e, t, run->error) == DONE)
+        memcpy(y, run->error, bytes);
+    run->e->of->derivative(run->e, t, y, dy);
+}
+
 void reduced_matrix(long n, real x, const real *by_q, const real *by_u, real *matrix) {
     for (long i = 0; i < n * n; i++)
         matrix[i] = -x * by_u[i] - by_q[i];

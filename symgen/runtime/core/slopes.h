@@ -2,11 +2,18 @@
 #ifndef SYMGEN_SLOPES_H
 #define SYMGEN_SLOPES_H
 
-#include "equations.h"
+#include "run.h"
 
 /* Write da/dq and da/du at y, n by n each, row by row. `values` is memory for what the kernel writes.
  * Returns DONE or NOT_FINITE. */
 int find_slopes(struct equations *e, real t, const real *y, real *values, real *by_q, real *by_u);
+
+/* Whether errors across the constraints are so much magnified that states are projected before they are looked at. */
+int is_magnified(const struct run *run);
+
+/* Write dy/dt at y, which is brought onto the constraints first: so it changes with the motion along them only, and
+ * iterations that leave its slopes out still converge, unless the motion is stiff just there. */
+void derivative_along(struct run *run, real t, real *y, real *dy);
 
 /* The matrix x^2 - x da/du - da/dq of n by n, for x real or complex (pairs): what is left to solve when the rates are
  * eliminated from (x - d(u, a)/d(q, u)) (dq, du) = (r, s). */

@@ -1,7 +1,7 @@
 """The generalized-alpha method and Newmark's, of order 2, implicit: for stiff systems with fixed steps.
 
-J. Chung, G. M. Hulbert, J. Appl. Mech. 60 (1993) 371; M. Arnold, O. Bruls, Multibody Syst. Dyn. 18 (2007)
-185.
+J. Chung, G. M. Hulbert, J. Appl. Mech. 60 (1993) 371; M. Arnold, O. Bruls, Multibody Syst. Dyn. 18
+(2007) 185.
 """
 
 from __future__ import annotations

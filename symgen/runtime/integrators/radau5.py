@@ -9,7 +9,7 @@ import numpy as np
 
 from symgen.runtime.integrators.method import Method
 
-# Bring the inverse of the method's matrix to block diagonal form: T^-1 A^-1 T; the first column is that of
+# Bring the inverse of the method's matrix to block diagonal form, T^-1 A^-1 T; the first column is that of
 # the real eigenvalue.
 _T = (
     (0.09123239487089294279, -0.14125529502095420843, -0.03002919410514742449),

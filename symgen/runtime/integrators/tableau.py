@@ -57,6 +57,16 @@ class ExplicitRungeKutta:
     edge: float = 0.0
 
     @property
+    def dense_order(self) -> int:
+        """Order with which the local error of the interpolant falls."""
+        return self.dense.shape[1] + 1
+
+    @property
+    def needs_tangent(self) -> bool:
+        """Whether it needs the Jacobian of the accelerations."""
+        return False
+
+    @property
     def kind(self) -> str:
         """Which of the core's kinds of methods it is."""
         return "explicit"

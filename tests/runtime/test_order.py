@@ -1,0 +1,74 @@
+"""Every integrator in the registry against a known solution: order of the steps and of what lies between them."""
+
+from __future__ import annotations
+
+import mpmath
+import numpy as np
+import pytest
+
+import symgen
+from symgen.runtime import _core
+from symgen.runtime.integrators import INTEGRATORS
+
+G = 9.81
+#: A uniform rod of 1 m on a pin, released from horizontal.
+PENDULUM = symgen.Scene(
+    points={"O": {"at": ["0 m", "0 m"], "ground": True}, "A": {"at": ["1 m", "0 m"]}},
+    links={"rod": {"points": ["O", "A"], "mass": "2 kg"}},
+    gravity={"acceleration": ["0 m/s^2", f"-{G} m/s^2"]},
+)
+T_END = 1.0
+#: Numbers of steps by order: errors fall from where the order shows to somewhat above rounding.
+STEPS = {2: (128, 256, 512), 4: (64, 128, 512), 5: (24, 64, 192), 6: (16, 32, 64), 8: (8, 20, 48)}
+
+
+def exact(t):
+    """Position and velocity of the tip: sin(phi/2) = k cd(w t, k^2), phi from hanging down (Jacobi's functions)."""
+    with mpmath.workdps(30):
+        k, w = mpmath.sin(mpmath.pi / 4), mpmath.sqrt(mpmath.mpf(G) * 3 / 2)
+        cd, sn, dn = (mpmath.ellipfun(f, w * mpmath.mpf(t), m=k**2) for f in ("cd", "sn", "dn"))
+        phi = 2 * mpmath.asin(k * cd)
+        rate = -2 * k * w * (1 - k**2) * sn / dn**2 / mpmath.cos(phi / 2)
+        s, c = mpmath.sin(phi), mpmath.cos(phi)
+        return np.array([float(x) for x in (s, -c, rate * c, rate * s)])
+
+
+@pytest.fixture(scope="module")
+def model():
+    return symgen.build(PENDULUM)
+
+
+def fixed(model, name, steps, times):
+    """A run with so many equal steps, also of methods that would adapt them."""
+    method, start = INTEGRATORS[name], model.initial_state()
+    tangent = model.analysis("tangent") if method.needs_tangent else None
+    equations = model.evaluator.equations(tangent=tangent)
+    y0 = np.concatenate([start.q, start.u, np.zeros(equations.extra)])
+    run = _core.Run(equations, method, 0.0, y0, T_END, 0.0, 0.0, T_END / steps, times)
+    status = run.begin()
+    while status == _core.MORE:
+        status = run.advance(10_000)
+    assert status == _core.DONE
+    return run
+
+
+@pytest.mark.parametrize("name", INTEGRATORS)
+def test_order_of_convergence(name, model):
+    order = INTEGRATORS[name].order
+    truth = exact(T_END)
+    errors = [np.max(np.abs(fixed(model, name, n, [0.0]).state[:4] - truth)) for n in STEPS[order]]
+    observed = -np.polyfit(np.log(STEPS[order]), np.log(errors), 1)[0]
+    assert abs(observed - order) < 0.2, (errors, observed)
+
+
+@pytest.mark.parametrize("name", INTEGRATORS)
+def test_order_between_steps(name, model):
+    """A sample in the middle of the first step: the error of the interpolant falls with its own order."""
+    method = INTEGRATORS[name]
+    errors = []
+    for n in (12, 24):
+        middle = 0.4 * T_END / n
+        run = fixed(model, name, n, np.array([0.0, middle]))
+        errors.append(np.max(np.abs(run.result[1, :4] - exact(middle))))
+    observed = np.log2(errors[0] / errors[1])
+    assert observed > method.dense_order - 0.35, (errors, observed)
