@@ -27,6 +27,8 @@ Array = NDArray[np.float64]
 Progress = Callable[[float], None]
 
 _CHUNK_SECONDS = 0.05
+#: Steps after which an adaptive run is ended that would not come to its end at their pace in ``max_steps``.
+_JUDGED = 100_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -141,9 +143,16 @@ def drive(
     spent = checkpoints.spent if checkpoints else 0.0
     status = _core.MORE if stepper.recorded else stepper.begin()
     chunk, tick = 256, begun
+    judged = stepper.steps, stepper.t
     while status == _core.MORE:
         if stepper.steps >= chosen.max_steps:
             break
+        if stepper.steps - judged[0] >= _JUDGED:
+            pace = (stepper.t - judged[1]) / (stepper.steps - judged[0])
+            if chosen.rtol and pace * (chosen.max_steps - stepper.steps) < chosen.t_end - stepper.t:
+                status = _core.STEP_TOO_SMALL
+                break
+            judged = stepper.steps, stepper.t
         status = stepper.advance(min(chunk, chosen.max_steps - stepper.steps))
         now = time.perf_counter()
         chunk = max(16, min(1 << 20, int(chunk * _CHUNK_SECONDS / max(now - tick, 1e-6))))
