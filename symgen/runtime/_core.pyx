@@ -3,6 +3,7 @@
 
 import numpy as np
 
+from cpython.buffer cimport PyBUF_STRIDES, PyBuffer_Release, PyObject_GetBuffer
 from cpython.bytes cimport PyBytes_FromStringAndSize
 from libc.math cimport INFINITY
 from libc.stdint cimport uintptr_t
@@ -56,6 +57,15 @@ def call_repeatedly(uintptr_t address, Py_ssize_t times, const double[:, ::1] y,
         for k in range(times):
             for i in range(y.shape[0]):
                 (<kernel_t>address)(&t, &y[i, 0], &y[i, n], &p[0], &work[0], &out[i, 0])
+
+
+def address_of(array):
+    """Return where the first number of an array stands in memory."""
+    cdef Py_buffer seen
+    PyObject_GetBuffer(array, &seen, PyBUF_STRIDES)
+    address = <uintptr_t>seen.buf
+    PyBuffer_Release(&seen)
+    return address
 
 
 cdef class Core:

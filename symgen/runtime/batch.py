@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from symgen.errors import ModelError, nearest
+from symgen.runtime._core import address_of
 from symgen.runtime.arguments import count as whole
 from symgen.runtime.description import Described, KernelInfo
 from symgen.runtime.evaluate import part
@@ -61,7 +62,7 @@ class Batch:
             owner, name = self.library.owner, description.name
             self._lanes, self._size = (ctypes.c_int * 2).in_dll(owner, f"{name}_lanes")
             self._in_library = owner[f"{name}_batch"]
-            self._in_library.restype = None
+            self._in_library.restype, self._in_library.argtypes = None, _ARGUMENTS
 
     def __call__(
         self, what: str, t: ArrayLike, q: ArrayLike, u: ArrayLike | None, work: ArrayLike | None, threads: int
@@ -140,28 +141,22 @@ class Batch:
             _given(states.work, states.rest, info.work_size),
         )
         memory_size = self._size * (sum(g.size for g in given) + info.out_size)
-        results = (
-            ctypes.c_ssize_t(info.out_size),
-            ctypes.c_ssize_t(high.strides[0] // high.itemsize),
-            _pointer(high),
-            _pointer(low),
-        )
-        address = ctypes.c_void_p(self.library.addresses[info.name])
+        results = info.out_size, high.strides[0] // high.itemsize, _pointer(high), _pointer(low)
+        address = self.library.addresses[info.name]
 
         def run(first: int, last: int) -> None:
             memory = np.empty(memory_size + _CACHE_LINE, np.uint8)
-            start = memory.ctypes.data + -memory.ctypes.data % _CACHE_LINE
-            ends = ctypes.c_ssize_t(first), ctypes.c_ssize_t(last)
-            self._in_library(address, *ends, given, *results, ctypes.c_void_p(start))
+            begin = _pointer(memory) or 0
+            self._in_library(address, first, last, given, *results, begin + -begin % _CACHE_LINE)
 
         groups = -(-count // self._lanes)
+        if threads == 1 or groups < 2:
+            run(0, count)
+            return high.T, None if low is None else low.T
         edges = [min(count, self._lanes * (groups * k // threads)) for k in range(threads + 1)]
         parts = [(a, b) for a, b in pairwise(edges) if a < b]
-        if len(parts) > 1:
-            with ThreadPoolExecutor(len(parts)) as pool:
-                list(pool.map(lambda ends: run(*ends), parts))
-        elif parts:
-            run(*parts[0])
+        with ThreadPoolExecutor(len(parts)) as pool:
+            list(pool.map(lambda ends: run(*ends), parts))
         return high.T, None if low is None else low.T
 
     def _in_python(self, info: KernelInfo, states: _States, threads: int) -> tuple[Rows, Rows | None]:
@@ -201,11 +196,16 @@ def _given(rows: Rows | None, rest: Rows | None, size: int = 0) -> _Given:
     """Return where the rows of an argument stand; of what is not there, only its size."""
     if rows is None:
         return _Given(None, None, size, 0, 0)
-    steps = (step // rows.itemsize for step in rows.strides)
     if rest is not None and rest.strides != rows.strides:
         raise ValueError("both parts of wide numbers must lie alike")
-    return _Given(_pointer(rows), _pointer(rest), rows.shape[1], *steps)
+    (state, entry), item = rows.strides, rows.itemsize
+    return _Given(_pointer(rows), _pointer(rest), rows.shape[1], state // item, entry // item)
 
 
-def _pointer(array: Rows | None) -> ctypes.c_void_p:
-    return ctypes.c_void_p(None if array is None else array.ctypes.data)
+def _pointer(array: Rows | None) -> int | None:
+    return None if array is None else address_of(array)
+
+
+_SIZE, _POINTER = ctypes.c_ssize_t, ctypes.c_void_p
+#: Of the batch function of the generated C.
+_ARGUMENTS = (_POINTER, _SIZE, _SIZE, _Given * 5, _SIZE, _SIZE, _POINTER, _POINTER, _POINTER)
