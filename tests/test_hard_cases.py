@@ -292,3 +292,9 @@ def test_far_from_the_origin_ten_digits_are_left():
     assert far.accelerations()["A"] == pytest.approx(near.accelerations()["A"], rel=1e-9)
     moved = far.simulate(rtol=1e-9)["B.position"].values - 1e6
     assert moved == pytest.approx(near.simulate(rtol=1e-9)["B.position"].values, abs=1e-7)
+
+
+def test_a_tolerance_below_round_off_ends_by_name():
+    """Coordinates of a million metres have no digits for it: steps would fall to 1e-11 s, without end."""
+    with pytest.raises(SimulationError, match="became too small to go on"):
+        symgen.build("far_origin").simulate(1.0, method="dopri5", rtol=1e-9)
