@@ -38,7 +38,6 @@ def call_many(
 def call_repeatedly(
     address: int, times: int, y: Array, n: int, p: Array, work: Array, out: Array
 ) -> None: ...
-
 def address_of(array: NDArray[Any]) -> int: ...
 
 class Method(Protocol):
