@@ -43,6 +43,9 @@ ALLOWED = {
         "pipeline", "precision", "runtime", "report", "scene", "atomic",
         "symbolic", "models", "lowering", "codegen",
     },
+    "inspection": {
+        "pipeline", "study", "scene", "models", "mechanics", "lowering", "codegen", "report", "runtime", "symbolic",
+    },
     "shipped": {"pipeline", "codegen", "lowering", "models", "scene", "atomic"},
 }  # fmt: skip
 #: These may import anything; nobody imports them.
