@@ -6,10 +6,12 @@ import json
 import re
 import shutil
 import subprocess
+from collections.abc import Sequence
 from dataclasses import dataclass
+from html import unescape
 from pathlib import Path
 
-#: Runs in a copy of the page alone: writes what it finds into an element, which is read from the dumped page.
+#: Runs in a copy of the page alone: tells the frame around it what it finds, which writes it down.
 _MEASURE = """
 <script>
 addEventListener("load", () => {
@@ -18,27 +20,41 @@ addEventListener("load", () => {
   const wide = [...document.body.querySelectorAll("*")]
     .filter((e) => !within(e.parentElement) && e.getBoundingClientRect().right > width + 0.5)
     .map((e) => e.tagName + "." + e.className + " " + Math.round(e.getBoundingClientRect().right));
-  const math = [...document.querySelectorAll("math")].filter((e) => !e.closest("details:not([open])"));
-  const seen = math.filter((e) => e.getBoundingClientRect().width > 3 && e.getBoundingClientRect().height > 5);
-  const tables = [...document.querySelectorAll("mtable")].filter((e) => !e.closest("details:not([open])"));
+  const shown = (e) => !e.closest("details:not([open])");
+  const math = [...document.querySelectorAll("math")].filter(shown);
+  const box = (e) => e.getBoundingClientRect();
+  const seen = math.filter((e) => box(e).width > 3 && box(e).height > 5);
+  const tables = [...document.querySelectorAll("mtable")].filter(shown);
   const flat = tables.filter((e) => e.querySelectorAll(":scope > mtr").length > 1
     && e.getBoundingClientRect().height < 12 * e.querySelectorAll(":scope > mtr").length);
   const images = [...document.images].filter((e) => !e.complete || e.naturalWidth === 0).length;
   const texts = [...document.querySelectorAll(".drawing svg > text")].map((e) => e.getBoundingClientRect());
   let met = 0;
   texts.forEach((a, i) => texts.slice(i + 1).forEach((b) => {
-    met += a.left < b.right && b.left < a.right && a.top + 3 < b.bottom && b.top + 3 < a.bottom ? 1 : 0;
+    const across = a.left < b.right && b.left < a.right;
+    met += across && a.top + 3 < b.bottom && b.top + 3 < a.bottom ? 1 : 0;
   }));
-  const out = document.createElement("pre");
-  out.id = "measured";
-  out.textContent = JSON.stringify({
-    width, page: document.documentElement.scrollWidth, wide: wide.slice(0, 8), math: math.length,
+  parent.postMessage(JSON.stringify({
+    name: NAME, width, page: document.documentElement.scrollWidth, wide: wide.slice(0, 8), math: math.length,
     seen: seen.length, flat: flat.length, images, met, height: document.documentElement.scrollHeight,
-    elsewhere: performance.getEntriesByType("resource").map((e) => e.name).filter((n) => !n.startsWith("data:")),
-  });
+    elsewhere: performance.getEntriesByType("resource").map((e) => e.name)
+      .filter((n) => !n.startsWith("data:")),
+  }), "*");
+});
+</script>
+"""
+#: Holds copies of pages in frames of given widths: a window itself does not become narrower than 500 px.
+_AROUND = """<!DOCTYPE html><html><body style="margin: 0">
+<script>
+addEventListener("message", (e) => {
+  const out = document.createElement("pre");
+  out.className = "measured";
+  out.textContent = e.data;
   document.body.append(out);
 });
 </script>
+FRAMES
+</body></html>
 """
 
 
@@ -92,31 +108,55 @@ def chromium() -> str | None:
     return next((c for c in ("chromium", "chromium-browser", "google-chrome") if shutil.which(c)), None)
 
 
-def look(page: Path, width: int, folder: Path, picture: Path | None = None) -> Seen:
-    """Open a copy of a page in a window of this width, measure it, and take a picture if asked.
+def look(pages: Sequence[Path], widths: Sequence[int], folder: Path) -> dict[tuple[str, int], Seen]:
+    """Open copies of pages in frames of these widths, all in one browser, and measure them.
 
     Parameters
     ----------
-    page
-        The HTML file.
-    width
-        Width of the window [px].
+    pages
+        The HTML files.
+    widths
+        Widths [px].
     folder
-        Where the copy and the browser's profile go.
-    picture
-        Where a picture of the whole page goes.
+        Where the copies and the browser's profile go.
+
+    Returns
+    -------
+    dict
+        What was seen, by the page's name and the width.
     """
-    text = page.read_text()
-    copy = folder / f"{page.stem}-measured.html"
-    copy.write_text(text.replace("</body>", f"{_MEASURE}</body>"))
-    dumped, console = _run(copy, width, 900, folder, "--dump-dom")
-    found = re.search(r'<pre id="measured">(.*?)</pre>', dumped, re.S)
-    if found is None:
-        raise RuntimeError(f"Chromium did not measure {page.name}: {console or dumped[:400]}")
-    data = json.loads(found[1].replace("&amp;", "&").replace("&lt;", "<").replace("&gt;", ">"))
-    if picture is not None:
-        _run(page, width, min(data["height"], 16000), folder, f"--screenshot={picture}")
-    return Seen(**data, console=console)
+    frames = []
+    for page in pages:
+        text = page.read_text()
+        for width in widths:
+            name = f"{page.stem}-{width}"
+            script = _MEASURE.replace("NAME", json.dumps(name))
+            (folder / f"{name}.html").write_text(text.replace("</body>", f"{script}</body>"))
+            frames.append(_frame(f"{name}.html", width, 900))
+    around = folder / "around.html"
+    around.write_text(_AROUND.replace("FRAMES", "\n".join(frames)))
+    dumped, console = _run(around, 1500, 900, folder, "--dump-dom", "--virtual-time-budget=20000")
+    found = {}
+    for text in re.findall(r'<pre class="measured">(.*?)</pre>', dumped, re.S):
+        data = json.loads(unescape(text))
+        name = data.pop("name")
+        stem, _, width = name.rpartition("-")
+        own = [line for line in console if f"/{name}.html" in line or ".html" not in line]
+        found[stem, int(width)] = Seen(**data, console=own)
+    if len(found) < len(frames):
+        raise RuntimeError(f"Chromium measured {len(found)} of {len(frames)} pages: {console}")
+    return found
+
+
+def picture(page: Path, seen: Seen, file: Path, folder: Path) -> None:
+    """Take a picture of a whole page, as wide as it was seen, or of its first 16000 px."""
+    around, height = folder / "around.html", min(seen.height, 16000)
+    around.write_text(_AROUND.replace("FRAMES", _frame(page.resolve().as_uri(), seen.width, height)))
+    _run(around, max(seen.width, 500), height, folder, f"--screenshot={file}", "--virtual-time-budget=5000")
+
+
+def _frame(source: str, width: int, height: int) -> str:
+    return f'<iframe src="{source}" style="width: {width}px; height: {height}px; border: 0"></iframe>'
 
 
 def _run(page: Path, width: int, height: int, folder: Path, *options: str) -> tuple[str, list[str]]:
@@ -126,15 +166,10 @@ def _run(page: Path, width: int, height: int, folder: Path, *options: str) -> tu
         raise RuntimeError("there is no Chromium")
     done = subprocess.run(
         [
-            command,
-            "--headless",
-            "--no-sandbox",
-            "--disable-gpu",
-            "--hide-scrollbars",
-            "--disable-dev-shm-usage",
-        ]
-        + [f"--user-data-dir={folder / 'profile'}", f"--window-size={width},{height}"]
-        + ["--enable-logging=stderr", *options, page.as_uri()],
+            *(command, "--headless", "--no-sandbox", "--disable-gpu", "--hide-scrollbars"),
+            *("--disable-dev-shm-usage", "--enable-logging=stderr", f"--user-data-dir={folder / 'profile'}"),
+            *(f"--window-size={width},{height}", *options, page.as_uri()),
+        ],
         capture_output=True,
         text=True,
         timeout=120,

@@ -12,8 +12,9 @@ import tempfile
 from pathlib import Path
 from time import perf_counter
 
+from browser import chromium, look, picture
+
 import symgen
-from browser import chromium, look
 from symgen.inspection.page import scene_page
 from symgen.report.page import render
 from symgen.scene.loading import read_scene
@@ -24,6 +25,7 @@ LARGEST = 2_000_000
 
 
 def main() -> int:
+    """Write and look at the pages; return the exit code."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("folder", nargs="?", default="pages", type=Path)
     parser.add_argument("scenes", nargs="*")
@@ -42,8 +44,8 @@ def main() -> int:
         took = perf_counter() - begun
         found = [f"{len(text)} bytes"] if len(text) > LARGEST else []
         with tempfile.TemporaryDirectory() as scratch:
-            for width in WIDTHS:
-                seen = look(page, width, Path(scratch), (asked.folder / f"{name}-{width}.png").resolve())
+            for (_, width), seen in look([page], WIDTHS, Path(scratch)).items():
+                picture(page, seen, (asked.folder / f"{name}-{width}.png").resolve(), Path(scratch))
                 found += [f"at {width} px: {fault}" for fault in seen.faults]
         print(
             f"{name}: {len(text) / 1e3:.0f} kB in {took:.1f} s, {seen.math} equations",

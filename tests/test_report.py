@@ -59,25 +59,36 @@ def test_a_page_is_whole_and_needs_nothing_else(pages, name):
     assert "restrict q" in text and "{{" not in text
 
 
-@in_chromium
-@pytest.mark.parametrize("name", SCENES)
-@pytest.mark.parametrize("width", [390, 1440])
-def test_a_page_in_a_browser(pages, name, width, tmp_path):
-    seen = browser.look(pages[name], width, tmp_path)
-    assert seen.width == width
-    assert seen.math > 20 and seen.faults == []
+WIDTHS = (390, 1440)
 
 
-@in_chromium
-def test_the_browser_sees_what_is_wrong(tmp_path):
-    """A page with faults is told from one without."""
-    page = tmp_path / "bad.html"
-    page.write_text(
+@pytest.fixture(scope="module")
+def seen(pages, tmp_path_factory):
+    """All pages at both widths, and one with faults, in one browser."""
+    folder = tmp_path_factory.mktemp("browser")
+    bad = folder / "bad.html"
+    bad.write_text(
         "<!DOCTYPE html><html><body><script>console.error('broken'); missing();</script>"
         "<p style='width: 2000px'>wide</p><math style='display: none'><mi>x</mi></math>"
         "<img src='nothing.png'></body></html>"
     )
-    faults = " | ".join(browser.look(page, 390, tmp_path).faults)
+    return browser.look([*pages.values(), bad], WIDTHS, folder)
+
+
+@in_chromium
+@pytest.mark.parametrize("name", SCENES)
+@pytest.mark.parametrize("width", WIDTHS)
+def test_a_page_in_a_browser(seen, name, width):
+    """No script or console error, every equation visible, nothing wider than the window, no overlap."""
+    found = seen[name, width]
+    assert found.width == width
+    assert found.math > 20 and found.faults == []
+
+
+@in_chromium
+def test_the_browser_sees_what_is_wrong(seen):
+    """A page with faults is told from one without."""
+    faults = " | ".join(seen["bad", 390].faults)
     for word in ("broken", "missing is not defined", "px wide in 390", "P.", "1 of 1 equations", "pictures"):
         assert word in faults
 

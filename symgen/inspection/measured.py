@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from time import perf_counter
 from typing import Any
 
 import numpy as np
 
 from symgen.errors import ModelError, SimulationError
 from symgen.report.figures import FigureView, error_figure, run_figure
+from symgen.report.notebook import run_facts, seconds
 from symgen.report.page import Fact, TableView
 from symgen.runtime.elastic_model import ElasticModel
 from symgen.runtime.elastic_result import ElasticResult
@@ -19,7 +19,6 @@ from symgen.runtime.result import Result
 from symgen.runtime.turn import Turn
 from symgen.scene.loading import SceneText, check_scene
 from symgen.study.work_precision import WorkPrecision, work_precision
-from symgen.study.work_report import seconds
 
 #: Methods whose speed is measured, of linkages and loops and of elastic links.
 _METHODS = ("dop853", "dopri5", "rk4")
@@ -48,22 +47,20 @@ class Measured:
 def measure(model: Any, text: SceneText, *, speed: bool, told: Callable[[str], None]) -> Measured:
     """Run a model over what its scene asks for, and measure speed against error."""
     told("running")
-    begun = perf_counter()
     failure: tuple[str, ...] = ()
     try:
         result: Result | None = _run(model)
     except SimulationError as error:
         failure = (str(error).partition("\n")[0],)
         result = error.partial if isinstance(error.partial, Result) else None
-    wall = perf_counter() - begun
     if result is None:
         return Measured(None, notes=failure)
-    facts = _facts(result, wall)
+    facts = tuple(Fact(*fact) for fact in run_facts(result))
     table: TableView | None = None
     figure: FigureView | None = None
     caption = ""
     if isinstance(result, Turn):
-        table, caption = _of_turn(result, wall)
+        table, caption = _of_turn(result)
     elif speed:
         told("measuring speed against error")
         table, figure, caption = _speed(model, text)
@@ -91,34 +88,6 @@ def _run(model: Any) -> Result:
     return found
 
 
-def _facts(result: Result, wall: float) -> tuple[Fact, ...]:
-    """Return how a run went, what it strayed by last."""
-    statistics = result.statistics
-    if isinstance(result, Turn):
-        return (
-            Fact("evaluated", f"{len(result.time)} poses"),
-            Fact("time", f"{seconds(wall)}, {seconds(wall / len(result.time))} a pose"),
-            Fact("closed within", f"{result.closure:.1e}"),
-        )
-    if isinstance(result, ElasticResult):
-        error = statistics["error"]
-        return (
-            Fact("method", result.provenance["method"]),
-            Fact("steps", str(statistics["steps"])),
-            Fact("time", seconds(wall)),
-            Fact("estimated error", "not estimated" if error is None else f"{error:.1e} of the peak stress"),
-        )
-    drift = result.drift
-    return (
-        Fact("method", result.provenance["method"]),
-        Fact("to", f"t = {statistics['t']:g} s"),
-        Fact("steps", f"{statistics['steps']}, {statistics['rejected']} rejected"),
-        Fact("time", seconds(statistics["wall_s"])),
-        Fact("energy drift", f"{drift.energy:.1e} J of {drift.energy_exchanged:.1e} J exchanged"),
-        Fact("constraint drift", f"{drift.constraint:.1e} m"),
-    )
-
-
 def _final(result: Result) -> TableView | None:
     """Return where the points are at the end, of linkages."""
     if isinstance(result, Turn | ElasticResult) or not result.final:
@@ -134,12 +103,12 @@ def _final(result: Result) -> TableView | None:
     return TableView(("point at the end", *head), rows) if rows else None
 
 
-def _of_turn(turn: Turn, wall: float) -> tuple[TableView, str]:
+def _of_turn(turn: Turn) -> tuple[TableView, str]:
     """Return what a pose of a driven loop costs, beside how well it is closed."""
     row = (
         turn.provenance["backend"],
         str(len(turn.time)),
-        seconds(wall / len(turn.time)),
+        seconds(turn.statistics["wall_s"] / max(1, len(turn.time))),
         f"{turn.closure:.1e}",
     )
     caption = (

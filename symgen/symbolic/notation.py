@@ -58,7 +58,7 @@ def notation(name: str) -> Notation:
 
 def latex(expression: sp.Basic | sp.MatrixBase) -> str:
     """Return an expression or a matrix in LaTeX, for mathematics on display."""
-    return str(_Latex({"mode": "equation*"}).doprint(expression))
+    return str(_Latex().doprint(expression))
 
 
 def mathml(expression: sp.Basic | sp.MatrixBase) -> str:
