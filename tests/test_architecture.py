@@ -32,7 +32,7 @@ ALLOWED = {
     "precision": set(),
     "cache": set(),
     "runtime": {"atomic", "precision", "report"},
-    "report": {"runtime", "symbolic", "lowering", "codegen", "atomic"},
+    "report": {"runtime", "symbolic", "lowering", "codegen", "atomic", "precision"},
     "describe": {"scene", "elements", "models", "lowering", "runtime", "symbolic"},
     "runs": {"runtime", "scene"},
     "pipeline": {
