@@ -65,7 +65,17 @@ def mathml(expression: sp.Basic | sp.MatrixBase) -> str:
     """Return what stands inside a ``<math>`` element, in presentation MathML Core."""
     printer = _MathML({"mat_delim": "["})
     text: str = printer._print(expression).toxml()
-    return text.replace("<mo>-</mo>", "<mo>−</mo>")
+    for plain, typeset in _TYPESET:
+        text = text.replace(plain, typeset)
+    return text
+
+
+#: What SymPy's printer writes plainly: signs of minus, and products of words without a space between them.
+_TYPESET = (
+    ("<mo>-</mo>", "<mo>−</mo>"),
+    ("<mn>-", "<mn>−"),
+    ("<mo>&InvisibleTimes;</mo>", '<mo lspace="0" rspace="0.12em">&#8290;</mo>'),
+)
 
 
 def latex_name(name: str) -> str:
