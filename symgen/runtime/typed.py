@@ -34,9 +34,9 @@ class Typed:
     @property
     def is_plain(self) -> bool:
         """Whether they are what all else uses too."""
-        return not self.digits and self.precision == FLOAT64
+        return not self.digits and self.precision is FLOAT64
 
     @property
     def stepping(self) -> Core:
         """The core that runs of these kernels go through; those in mpmath hand it doubles."""
-        return DOUBLE if self.digits or self.precision == FLOAT64 else self.core()
+        return DOUBLE if self.is_plain or self.digits else self.core()
