@@ -1,7 +1,8 @@
 """Write the page of every shipped scene and look at it in Chromium at the widths of a phone and of a desk.
 
-``python benchmarks/pages.py [FOLDER] [SCENE ...]``: writes pages and pictures to FOLDER (``pages``), prints a
-line a page, and ends with exit code 1 where one has a fault. ``--speed`` measures speed against error too.
+``python benchmarks/pages.py [FOLDER] [SCENE ...]``: writes pages to FOLDER (``pages``), prints a line a page,
+and ends with exit code 1 where one has a fault. ``--speed`` measures speed against error too, ``--pictures``
+takes pictures beside the pages.
 """
 
 from __future__ import annotations
@@ -30,6 +31,7 @@ def main() -> int:
     parser.add_argument("folder", nargs="?", default="pages", type=Path)
     parser.add_argument("scenes", nargs="*")
     parser.add_argument("--speed", action="store_true")
+    parser.add_argument("--pictures", action="store_true")
     asked = parser.parse_args()
     if chromium() is None:
         print("there is no Chromium: apt install chromium")
@@ -45,7 +47,8 @@ def main() -> int:
         found = [f"{len(text)} bytes"] if len(text) > LARGEST else []
         with tempfile.TemporaryDirectory() as scratch:
             for (_, width), seen in look([page], WIDTHS, Path(scratch)).items():
-                picture(page, seen, (asked.folder / f"{name}-{width}.png").resolve(), Path(scratch))
+                if asked.pictures:
+                    picture(page, seen, (asked.folder / f"{name}-{width}.png").resolve(), Path(scratch))
                 found += [f"at {width} px: {fault}" for fault in seen.faults]
         print(
             f"{name}: {len(text) / 1e3:.0f} kB in {took:.1f} s, {seen.math} equations",

@@ -103,6 +103,8 @@ def test_a_page_shows_what_was_derived(pages):
     for group in system.groups:
         for quantity in group.quantities:
             assert f"<code>{quantity.name}</code>" in text and quantity.description in text
+    for name in ("crank_lambda", "O_reaction_x"):  # those of the momentum rows too
+        assert f"<code>{name}</code>" in text
     assert model.description.equations in text
     assert "Attia, Eqs. (12)-(16)" in text and "Eq. (14)" in text
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 from symgen.codegen.emit import UnitView, equations_hash, unit_view
@@ -54,7 +54,8 @@ def scene_page(text: SceneText, *, speed: bool, told: Told) -> Page:
     checked = check_scene(text)
     resolved = resolve(checked)
     system = system_of(resolved)
-    steps = tuple(_step(step) for step in record(resolved, system))
+    derivation = record(resolved, system)
+    systems = _distinct([system, *(step.system for step in derivation)])
     told("building")
     program = lower_system(system)
     equations = equations_hash(program, Target())
@@ -64,7 +65,7 @@ def scene_page(text: SceneText, *, speed: bool, told: Told) -> Page:
     told("drawing")
     drawn = drawing(sketch(resolved, model, found.result))
     structure = elimination(system, system.saddle_point) if system.saddle_point else None
-    shared, more = shared_terms(system, _TERMS)
+    shared, more = shared_terms(systems, _TERMS)
     return Page(
         name=system.name,
         title=system.title,
@@ -77,10 +78,10 @@ def scene_page(text: SceneText, *, speed: bool, told: Told) -> Page:
         ),
         drawing=drawn,
         drawing_caption=_caption(resolved, drawn),
-        steps=steps,
+        steps=tuple(map(_step, derivation)),
         structure=structure[0] if structure else None,
         structure_caption=_of_structure(structure) if structure else "",
-        symbols=symbols(system),
+        symbols=symbols(systems),
         shared=shared,
         shared_more=more,
         kernels=tuple(_kernel(k, unit) for k in program.kernels),
@@ -98,6 +99,15 @@ def scene_page(text: SceneText, *, speed: bool, told: Told) -> Page:
         references=_references(system, resolved),
         equations=equations,
     )
+
+
+def _distinct(systems: Sequence[System]) -> tuple[System, ...]:
+    """Return each of the systems once: those with other symbols than the ones before."""
+    found: list[System] = []
+    for system in systems:
+        if not any(s.groups == system.groups and s.definitions == system.definitions for s in found):
+            found.append(system)
+    return tuple(found)
 
 
 def _step(step: Step) -> StepView:

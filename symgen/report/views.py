@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import islice
 
 import sympy as sp
 from markupsafe import Markup
 
 from symgen.symbolic.notation import mathml, mathml_name
+from symgen.symbolic.quantity import Quantity
 from symgen.symbolic.system import NamedMatrix, SaddlePoint, System
 
 #: Letters of an expression, as text, up to which a matrix is written as one, an entry is written at all, and
@@ -123,31 +124,32 @@ def _math(expression: sp.Basic | sp.MatrixBase) -> Markup:
     return Markup(mathml(expression))  # noqa: S704 - names are escaped by the printer
 
 
-def symbols(system: System) -> dict[str, tuple[SymbolView, ...]]:
-    """Return every argument of the kernels, by the group it stands in."""
-    return {
-        f"{g.name}: {g.description}": tuple(
-            SymbolView(x.name, Markup(mathml_name(x.name)), x.unit, x.description)  # noqa: S704
-            for x in g.quantities
-        )
-        for g in system.groups
-        if g.quantities
-    }
+def symbols(systems: Sequence[System]) -> dict[str, tuple[SymbolView, ...]]:
+    """Return every argument of some systems once, by the group it stands in."""
+    found: dict[str, tuple[SymbolView, ...]] = {}
+    known: set[str] = set()
+    for system in systems:
+        for group in system.groups:
+            new = [x for x in group.quantities if x.name not in known]
+            known |= {x.name for x in new}
+            if new:
+                head = f"{group.name}: {group.description}"
+                found[head] = (*found.get(head, ()), *map(_symbol, new))
+    return found
 
 
-def shared_terms(system: System, limit: int) -> tuple[tuple[SymbolView, ...], int]:
-    """Return the first shared terms that the derivation names, and how many more there are."""
-    shown_ones = tuple(
-        SymbolView(
-            d.quantity.name,
-            Markup(mathml_name(d.quantity.name)),  # noqa: S704
-            d.quantity.unit,
-            d.quantity.description,
-            _entry(shown(d.expression), len(str(d.expression))),
-        )
-        for d in islice(system.definitions, limit)
+def _symbol(x: Quantity) -> SymbolView:
+    return SymbolView(x.name, Markup(mathml_name(x.name)), x.unit, x.description)  # noqa: S704
+
+
+def shared_terms(systems: Sequence[System], limit: int) -> tuple[tuple[SymbolView, ...], int]:
+    """Return the first shared terms that derivations name, each once, and how many more there are."""
+    every = {d.quantity.name: d for system in systems for d in system.definitions}
+    views = tuple(
+        replace(_symbol(d.quantity), expression=_entry(shown(d.expression), len(str(d.expression))))
+        for d in islice(every.values(), limit)
     )
-    return shown_ones, len(system.definitions) - len(shown_ones)
+    return views, len(every) - len(views)
 
 
 def elimination(system: System, point: SaddlePoint) -> tuple[Pattern, int]:
