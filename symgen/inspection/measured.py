@@ -129,10 +129,10 @@ def _speed(model: Any, text: SceneText) -> tuple[TableView | None, FigureView | 
         )
     except (ModelError, SimulationError) as error:
         return TableView(("not measured",), ((str(error).partition("\n")[0],),)), None, ""
-    return _speed_table(found), _speed_figure(found), _speed_caption(found)
+    return speed_table(found), speed_figure(found), speed_caption(found)
 
 
-def _speed_table(found: WorkPrecision) -> TableView:
+def speed_table(found: WorkPrecision) -> TableView:
     """Return for each method its loosest, a middle and its tightest setting."""
     rows = []
     for method in dict.fromkeys(p.method for p in found.points):
@@ -150,7 +150,8 @@ def _speed_table(found: WorkPrecision) -> TableView:
     return TableView(("method", f"error [{found.unit}]", "time", "steps"), tuple(rows))
 
 
-def _speed_figure(found: WorkPrecision) -> FigureView:
+def speed_figure(found: WorkPrecision) -> FigureView:
+    """Return time over error, a curve for each method."""
     curves = [
         (method, [(p.along, p.best) for p in found.points if p.method == method])
         for method in dict.fromkeys(p.method for p in found.points)
@@ -158,7 +159,8 @@ def _speed_figure(found: WorkPrecision) -> FigureView:
     return error_figure(curves, f"{found.measured} [{found.unit}]")
 
 
-def _speed_caption(found: WorkPrecision) -> str:
+def speed_caption(found: WorkPrecision) -> str:
+    """Return what was measured, against what."""
     marked = (
         " ~ marks errors that are not told from that of the reference."
         if any(not p.told for p in found.points)
