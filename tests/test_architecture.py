@@ -28,22 +28,29 @@ ALLOWED = {
     "lowering": {"symbolic"},
     "codegen": {"lowering", "atomic", "precision"},
     "compiler": set(),
-    "making": {"cache", "codegen", "compiler", "lowering", "precision", "runtime", "scene", "symbolic"},
+    "graph": {"cache"},
+    "making": {
+        "cache", "codegen", "compiler", "graph", "lowering", "precision", "runtime", "scene", "symbolic",
+    },
+    "own": {"graph", "symbolic"},
+    "own_model": {"own", "making", "lowering", "runtime", "scene"},
     "precision": set(),
     "cache": set(),
     "runtime": {"atomic", "precision", "report"},
-    "report": {"runtime", "symbolic", "lowering", "codegen", "atomic"},
+    "report": {"runtime", "symbolic", "lowering", "codegen", "atomic", "regeneration", "sources"},
     "describe": {"scene", "elements", "models", "lowering", "runtime", "symbolic"},
     "runs": {"runtime", "scene"},
     "pipeline": {
-        "describe",
+        "describe", "own", "own_model",
         "scene", "symbolic", "mechanics", "models", "making", "compiler", "precision", "runtime", "atomic",
     },
     "study": {
         "pipeline", "precision", "runtime", "report", "scene", "atomic",
         "symbolic", "models", "lowering", "codegen",
     },
-    "shipped": {"pipeline", "codegen", "lowering", "models", "scene", "atomic"},
+    "sources": {"cache", "graph", "lowering", "models", "own", "pipeline", "scene", "symbolic"},
+    "shipped": {"graph", "pipeline", "codegen", "lowering", "models", "scene", "symbolic"},
+    "regeneration": {"cache", "codegen", "graph", "shipped", "symbolic"},
 }  # fmt: skip
 #: These may import anything; nobody imports them.
 TOP = {"cli", "__main__", "__init__"}

@@ -25,9 +25,11 @@ app = typer.Typer(
     rich_markup_mode=None,
     add_completion=False,
 )
-
 SceneArgument = Annotated[
     str, typer.Argument(help="A name that 'symgen scenes' lists, or the path of a TOML file.")
+]
+SourceArgument = Annotated[
+    str, typer.Argument(help="A scene (name or TOML file), or a Python file that returns a System.")
 ]
 SetOption = Annotated[
     list[str] | None,

@@ -29,7 +29,9 @@ def scenes() -> None:
 
 @app.command()
 def show(
-    model: Annotated[str, typer.Argument(help="A scene, or a building block: rod, elastic_link, ...")],
+    model: Annotated[
+        str, typer.Argument(help="A scene, a Python file that returns a System, or a block: rod, ...")
+    ],
     matrix: Annotated[
         str | None,
         typer.Argument(
@@ -50,7 +52,7 @@ def show(
         return
     from symgen.errors import ModelError
     from symgen.models import BLOCKS, DERIVATIONS
-    from symgen.pipeline import build as build_model
+    from symgen.pipeline import build_scene as build_model
     from symgen.pipeline import derive
     from symgen.report import equations
     from symgen.runtime.elastic_model import ElasticModel
@@ -62,8 +64,8 @@ def show(
     further: dict[str, System] = {}
     if derivation and matrix and matrix in derivation:
         system = derivation
-    elif model in BLOCKS:
-        system = BLOCKS[model]()
+    elif not _is_scene(model):
+        system = BLOCKS[model]() if model in BLOCKS else derive(model)
     else:
         from symgen.scene.loading import override, read_scene
 
@@ -90,16 +92,24 @@ def show(
             console().print(shown)
         return
     built: Model | None = None
-    if form == "numeric" and model not in BLOCKS:
+    if form == "numeric" and _is_scene(model):
         made = build_model(model, set=asked)
         built = made.rigid if isinstance(made, ElasticModel) else made if isinstance(made, Model) else None
         if built is None:
             raise ModelError(f"numbers are shown of linkages; 'symgen run {model}' gives those of a loop")
-    if matrix == "momentum_rows" and model not in BLOCKS:
+    if matrix == "momentum_rows" and _is_scene(model):
         print(equations.show_rows(system, form, built))
     else:
         by_row = row and (form_of == "momentum_rows" or form_of in further)
         print(equations.show(system, row if by_row else matrix, form, built))
+
+
+def _is_scene(model: str) -> bool:
+    """Tell whether a model is neither a building block nor a user's own derivation."""
+    from symgen.models import BLOCKS
+    from symgen.own import is_own
+
+    return model not in BLOCKS and not is_own(model)
 
 
 def _show_digits(scene: str, matrix: str | None, set_: list[str] | None) -> None:
@@ -124,7 +134,7 @@ def _elastic_systems(text: SceneText) -> dict[str, System]:
 @app.command()
 def explain(scene: SceneArgument, set_: SetOption = None) -> None:
     """Tell how a scene hangs together: its tree or table, its degrees of freedom, what is redundant."""
-    from symgen.pipeline import build as build_model
+    from symgen.pipeline import build_scene as build_model
     from symgen.report.summary import freedom_lines
     from symgen.scene.linkage import Linkage
     from symgen.scene.loading import load_scene

@@ -23,14 +23,15 @@ from symgen.lowering.program import lower_system
 from symgen.models import BLOCKS, RECURSIONS, SHIPPED_SCENES
 from symgen.precision import PRECISIONS
 from symgen.runtime.library import shipped_module
-from symgen.shipped import generated_folder, shipped_sources
+from symgen.shipped import generated_folder, names
+from symgen.shipped import sources as sources_of
 
 NAMES = (*BLOCKS, *symgen.shipped_scenes())
 
 
 @pytest.fixture(scope="module")
-def sources():
-    return shipped_sources()
+def sources(made):
+    return sources_of({name: made[name].shipped for name in names()})
 
 
 def program_of(name):
