@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 from symgen.symbolic.difference import Change, Difference, MatrixDifference
 
+_ALL = "all kernels"
 _KINDS = ("added", "removed", "changed", "rewritten")
 
 
@@ -63,11 +64,11 @@ def _changes(changes: tuple[Change, ...], shown: int | None, what: str) -> Itera
 def _operations(found: Difference) -> Iterator[str]:
     if not found.operations:
         return
-    width = max(map(len, found.operations))
+    width = max(map(len, (*found.operations, _ALL)))
     yield "operations, before and after:"
     for kernel, (before, after) in found.operations.items():
         yield f"  {kernel:{width}}  {_count(before)} {_count(after)}"
-    yield f"  {'all kernels':{width}}  {found.totals[0]:6} {found.totals[1]:6}"
+    yield f"  {_ALL:{width}}  {found.totals[0]:>6} {found.totals[1]:>6}"
 
 
 def _count(flops: int | None) -> str:
