@@ -10,7 +10,7 @@ from __future__ import annotations
 import hashlib
 import json
 import sys
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
@@ -128,18 +128,28 @@ def changed(before: Needs) -> list[str]:
     return [name for name, digest in before.items() if content(name) != digest]
 
 
-def versions(store: Cache, name: str) -> list[tuple[Path, Needs]]:
-    """Return the folders of all entries of this name with what they depend on, the latest made first."""
-    found: list[tuple[Path, Needs]] = []
+def versions(store: Cache, name: str) -> Iterator[tuple[Path, Needs]]:
+    """Yield the folders of all entries of this name with what they depend on, the latest made first."""
+    for folder in _latest_first(store.root, f"{name}-"):
+        try:
+            yield folder, dict(json.loads((folder / _NEEDS).read_bytes()))
+        except (OSError, ValueError, TypeError):
+            continue  # an entry that cannot be read is made anew
+
+
+def _latest_first(root: Path, start: str) -> list[Path]:
     try:
-        folders = [p for p in store.root.iterdir() if p.name.startswith(f"{name}-")]
-        for folder in sorted(folders, key=lambda p: (-p.stat().st_mtime_ns, p.name)):
-            with_needs = folder / _NEEDS
-            if with_needs.is_file():
-                found.append((folder, dict(json.loads(with_needs.read_bytes()))))
-    except (OSError, ValueError, TypeError):
-        pass  # an entry that cannot be read is made anew
-    return found
+        return sorted(
+            (p for p in root.iterdir() if p.name.startswith(start)),
+            key=lambda p: (-p.stat().st_mtime_ns, p.name),
+        )
+    except OSError:  # no cache yet, or an entry that another process removed
+        return []
+
+
+def latest(store: Cache, name: str) -> tuple[Path, Needs] | None:
+    """Return the folder of the latest entry of this name with what it depends on; None without one."""
+    return next(versions(store, name), None)
 
 
 def current(store: Cache, name: str) -> Entry | None:

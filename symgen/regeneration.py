@@ -171,8 +171,8 @@ def _keep(store: Cache, name: str, model: Made) -> None:
 
 def _because(store: Cache, name: str) -> tuple[str, ...]:
     """Return what changed since the model was last derived."""
-    earlier = graph.versions(store, _entry(name))
-    return tuple(graph.changed(earlier[0][1])) if earlier else ()
+    earlier = graph.latest(store, _entry(name))
+    return tuple(graph.changed(earlier[1])) if earlier else ()
 
 
 def _files(shipped: Mapping[str, Shipped]) -> list[SourceFile]:

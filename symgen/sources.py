@@ -154,9 +154,9 @@ def generate(source: str | os.PathLike[str]) -> Generated:
     store = Cache()
     place = Path(source) if is_own(source) else scene_path(source)
     name = f"{model.name}-equations-{key(str(place.resolve()))}"
-    earlier = graph.versions(store, name)
-    because = tuple(graph.changed(earlier[0][1])) if earlier else ()
-    before = _earlier(earlier[0][0]) if earlier else None
+    earlier = graph.latest(store, name)
+    because = tuple(graph.changed(earlier[1])) if earlier else ()
+    before = _earlier(earlier[0]) if earlier else None
     if before and not because:
         return Generated(before.name, before.title, (), difference(before, before))
     after = _recorded(store, name, source)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -128,6 +129,15 @@ def test_commands(model):
     assert "    - -g*l*m*sin(theta)\n    + -g*m*sin(theta)\n" in said
     found = json.loads(run("diff", model, other, "--json"))
     assert [m["name"] for m in found["matrices"]] == ["moment"]
+
+
+def test_the_example_of_the_page(tmp_path):
+    page = (Path(__file__).parents[1] / "docs" / "regeneration.md").read_text()
+    (example,) = (text for text in re.findall(r"```python\n(.*?)```", page, re.S) if "def system" in text)
+    file = tmp_path / "my_model.py"
+    file.write_text(example)
+    found = symgen.build(file).evaluate("motion", q=[0.3], p=[1.0, 0.5, 9.81])
+    assert found["moment"] == pytest.approx(-9.81 * 0.5 * np.sin(0.3), rel=1e-15)
 
 
 def test_what_needs_a_scene_says_so(model):

@@ -10,6 +10,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from test_start_up import holds
 
 import symgen
 from symgen import graph
@@ -115,6 +116,12 @@ def generate(root):
         text=True,
     )
     return done.returncode, done.stdout.splitlines(), done.stderr
+
+
+def test_nothing_to_do_takes_no_longer_than_importing_sympy(checkout):
+    """Half a second on a machine that imports SymPy in half a second: it is not imported."""
+    environment = {**os.environ, "PYTHONPATH": str(checkout)}
+    assert holds(["-P", "-m", "symgen", "generate"], environment, 0.5 / 0.5)
 
 
 def content(root):
