@@ -2,9 +2,7 @@
 
 #include <string.h>
 
-static size_t rounded(size_t bytes) {
-    return (bytes + 63) / 64 * 64;
-}
+#include "memory.h"
 
 size_t motion_bytes(const struct equations *e, const long *sizes) {
     size_t reals = 1 + 2 * (size_t)(e->dim + 1) + (size_t)(e->dim + e->n + e->m + 1);
