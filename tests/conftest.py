@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from pathlib import Path
 
 import pytest
@@ -12,12 +13,32 @@ REFERENCE = Path(__file__).parent / "reference"
 
 @pytest.fixture(scope="session", autouse=True)
 def own_cache(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Keep tests away from the user's cache."""
-    folder = tmp_path_factory.mktemp("cache")
+    """Keep tests away from the user's cache; processes that share the work share one, as those of a user do."""
+    base = tmp_path_factory.getbasetemp()
+    folder = (base.parent if "PYTEST_XDIST_WORKER" in os.environ else base) / "cache"
+    folder.mkdir(exist_ok=True)
     patch = pytest.MonkeyPatch()
     patch.setenv("SYMGEN_CACHE", str(folder))
     yield folder
     patch.undo()
+
+
+@pytest.fixture(scope="session")
+def made_in(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return the cache of everything under generated/, one for all processes of a session."""
+    base = tmp_path_factory.getbasetemp()
+    return (base.parent if "PYTEST_XDIST_WORKER" in os.environ else base) / "generated"
+
+
+@pytest.fixture(scope="session")
+def made(made_in: Path) -> dict:
+    """Return all that belongs under generated/, each model derived once in a process of its own."""
+    from symgen.cache import Cache
+    from symgen.regeneration import up_to_date
+
+    store = Cache(made_in)
+    with store.locked("all"):
+        return up_to_date(store)[0]
 
 
 def reference(name: str) -> dict:

@@ -28,15 +28,22 @@ ALLOWED = {
     "lowering": {"symbolic"},
     "codegen": {"lowering", "atomic", "precision"},
     "compiler": set(),
-    "making": {"cache", "codegen", "compiler", "lowering", "precision", "runtime", "scene", "symbolic"},
+    "graph": {"cache"},
+    "making": {
+        "cache", "codegen", "compiler", "graph", "lowering", "precision", "runtime", "scene", "symbolic",
+    },
+    "own": {"graph", "symbolic"},
+    "own_model": {"own", "making", "lowering", "runtime", "scene"},
     "precision": set(),
     "cache": set(),
     "runtime": {"atomic", "precision", "report"},
-    "report": {"runtime", "symbolic", "lowering", "codegen", "atomic", "precision"},
+    "report": {
+        "runtime", "symbolic", "lowering", "codegen", "atomic", "precision", "regeneration", "sources",
+    },
     "describe": {"scene", "elements", "models", "lowering", "runtime", "symbolic"},
     "runs": {"runtime", "scene"},
     "pipeline": {
-        "describe",
+        "describe", "own", "own_model",
         "scene", "symbolic", "mechanics", "models", "making", "compiler", "precision", "runtime", "atomic",
     },
     "study": {
@@ -47,7 +54,9 @@ ALLOWED = {
         "runs",
         "pipeline", "study", "scene", "models", "mechanics", "lowering", "codegen", "report", "runtime", "symbolic",
     },
-    "shipped": {"pipeline", "codegen", "lowering", "models", "scene", "atomic"},
+    "sources": {"cache", "graph", "lowering", "models", "own", "pipeline", "scene", "symbolic"},
+    "shipped": {"graph", "pipeline", "codegen", "lowering", "models", "scene", "symbolic"},
+    "regeneration": {"cache", "codegen", "graph", "shipped", "symbolic"},
 }  # fmt: skip
 #: These may import anything; nobody imports them.
 TOP = {"cli", "__main__", "__init__"}

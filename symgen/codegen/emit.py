@@ -8,18 +8,11 @@ from functools import lru_cache
 from typing import Any
 
 from symgen.codegen.printers import C_FUNCTIONS, Printer, printer
+from symgen.codegen.source import SourceFile
 from symgen.codegen.target import Target
 from symgen.lowering.kernel import ARRAYS, Assignment, Block, Kernel, Program, Slot
 from symgen.lowering.nodes import GUARDED_INVERSE, calls
 from symgen.precision import Precision
-
-
-@dataclass(frozen=True, slots=True)
-class SourceFile:
-    """A file to write: its name and its text."""
-
-    name: str
-    text: str
 
 
 @dataclass(frozen=True, slots=True)

@@ -128,9 +128,11 @@ class ElasticMotion:
         blocks = self._joints.info("joints").blocks
         return next((b.rows for b in blocks if b.name == "jacobian"), ())
 
-    def equations(self, thesis: bool = False) -> _beams.BeamEquations:
-        """Return the compiled equations, at the start of the motion."""
+    def equations(self, thesis: bool = False, stepping: bool = False) -> _beams.BeamEquations:
+        """Return the compiled equations, at the start of the motion; for ``stepping`` in the type of runs."""
         d = self.rigid.description
+        joined = ("elastic_motion", "elastic_joints")
+        links, joints = (self.rigid.analysis(kind, stepping).library.addresses for kind in joined)
         sizes = [
             self._motion.info("links").out_size,
             self._joints.info("joints").out_size,
@@ -140,9 +142,9 @@ class ElasticMotion:
             ),
         ]
         motion = RigidMotion(
-            self.rigid.evaluator.equations(len(d.redundant)),
-            self._motion.library.addresses,
-            self._joints.library.addresses,
+            self.rigid.evaluator.equations(len(d.redundant), typed=self.rigid.typed if stepping else None),
+            links,
+            joints,
             sizes,
             0.0,
             self._start,

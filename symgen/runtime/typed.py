@@ -40,3 +40,9 @@ class Typed:
     def stepping(self) -> Core:
         """The core that runs of these kernels go through; those in mpmath hand it doubles."""
         return DOUBLE if self.is_plain or self.digits else self.core()
+
+
+def made_with(library: Library, typed: Typed | None) -> dict[str, str]:
+    """Return what the kernels of runs were made with and where they come from: typed ones, where given."""
+    chosen = typed.kernels(False) if typed and not typed.is_plain else library
+    return {"backend": chosen.backend, **chosen.provenance}
