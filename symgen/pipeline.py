@@ -94,7 +94,7 @@ def build(
 
 
 def build_scene(
-    scene: Scene | str | os.PathLike[str],
+    scene: Scene | SceneText | str | os.PathLike[str],
     *,
     set: Mapping[str, Any] | None = None,
     backend: str = "auto",

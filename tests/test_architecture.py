@@ -51,7 +51,7 @@ ALLOWED = {
         "symbolic", "models", "lowering", "codegen",
     },
     "inspection": {
-        "runs",
+        "runs", "own",
         "pipeline", "study", "scene", "models", "mechanics", "lowering", "codegen", "report", "runtime", "symbolic",
     },
     "sources": {"cache", "graph", "lowering", "models", "own", "pipeline", "scene", "symbolic"},

@@ -193,7 +193,7 @@ def test_the_record_of_rods_goes_from_particles_to_rows():
             "elastic_slider_crank",
             ("Attia", "(6.12); rotary inertia added", "Eqs. (7.24)-(7.27)", "weak_form"),
         ),
-        ("rod", ("particle_masses", "What the building block is made of")),
+        ("rod", ("particle_masses", "What it is made of")),
     ],
 )
 def test_the_record_names_its_sources(model, words):

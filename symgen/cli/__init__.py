@@ -15,15 +15,10 @@ from symgen.cli import (
     accuracy,
     analyses,
     benching,
-<<<<<<< HEAD
-    inspection,
-    making,
-    reporting,
-=======
     comparing,
     inspection,
     making,
->>>>>>> l7-derive
+    reporting,
     running,
     stability,
     sweeping,

@@ -170,9 +170,9 @@ def _shapes(line: Line, at: Array) -> Iterator[Shape]:
         corners = [at[0] + 13 * a * along + 8 * b * across for a, b in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
         yield Shape("slider", _text(np.array(corners)), closed=True)
     elif line.kind == "body" and len(at) > 2:
-        corners = _hull(at)
-        flat = len(corners) < 3
-        yield Shape("rod" if flat else "body", _text(corners), closed=not flat)
+        hull = _hull(at)
+        flat = len(hull) < 3
+        yield Shape("rod" if flat else "body", _text(hull), closed=not flat)
     else:
         yield Shape("rod" if line.kind == "body" else line.kind, _text(at))
 
