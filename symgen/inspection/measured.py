@@ -23,6 +23,8 @@ from symgen.study.work_precision import WorkPrecision, work_precision
 #: Methods whose speed is measured, of linkages and loops and of elastic links.
 _METHODS = ("dop853", "dopri5", "rk4")
 _OF_ELASTIC = ("gauss", "newmark", "dop853")
+#: What of a run stands at the head of the page.
+_TELLING = ("energy drift", "constraint drift", "closed within", "estimated error")
 #: A sweep ends with the first run that takes longer [s], of elastic links and else.
 _LONGEST_ELASTIC, _LONGEST = 0.3, 0.05
 #: How often each setting is timed; recorded times; the error over the peak of a turn of elastic links.
@@ -66,7 +68,7 @@ def measure(model: Any, text: SceneText, *, speed: bool, told: Callable[[str], N
         table, figure, caption = _speed(model, text)
     return Measured(
         result,
-        headline=facts[-2:],
+        headline=tuple(f for f in facts if f.name in _TELLING),
         facts=facts,
         figure=run_figure(result) if result.variables else None,
         notes=(*failure, *result.notes),

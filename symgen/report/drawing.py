@@ -215,6 +215,8 @@ def _labels(
     taken: list[Box] = [(0.0, height - 46.0, 150.0, height), (_WIDTH - 150.0, height - 34.0, _WIDTH, height)]
     dots = [(m.x - 6, m.y - 6, m.x + 6, m.y + 6) for m in marks]
     dots += [(m.x - 14, m.y + 4, m.x + 14, m.y + 22) for m in marks if m.kind == "ground"]
+    sliders = [lines[id(line)][0] for line in sketch.lines if line.kind == "slider"]
+    dots += [(x - 14, y - 12, x + 14, y + 12) for x, y in sliders]
     strokes = [
         (a, b)
         for line in sketch.lines
@@ -250,7 +252,7 @@ def _place(
     """Return the first place around a point where a name meets no name and no point, best where no line."""
     half = len(name) * _LETTER_WIDTH / 2
     best: tuple[int, Label, Box] | None = None
-    for reach in (1.0, 1.7):
+    for reach in (1.0, 1.7, 2.3):
         for i in range(8):
             angle = -math.pi / 4 + i * math.pi / 4
             cx = x + math.cos(angle) * (_OFF * reach + half * abs(math.cos(angle)))
