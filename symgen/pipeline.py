@@ -40,7 +40,7 @@ DIGITS = 40
 
 
 def build(
-    scene: Scene | str | os.PathLike[str],
+    scene: Scene | SceneText | str | os.PathLike[str],
     *,
     set: Mapping[str, Any] | None = None,
     backend: str = "auto",
@@ -84,7 +84,7 @@ def build(
         When the compiler fails, or the cache cannot be written.
     """
     tools = _tools(backend, precision, digits, contraction, vector)
-    text = _text_of(scene)
+    text = text_of(scene)
     tunable, fixed = _split(text, set or {})
     text = override(text, fixed)
     base = tools.in_float64
@@ -293,10 +293,11 @@ def derive(scene: Scene | SceneText | str | os.PathLike[str]) -> System:
     """Return the derived equations of a scene: its SymPy matrices by name."""
     from symgen.scene.resolve import resolve
 
-    return system_of(resolve(check_scene(_text_of(scene))))
+    return system_of(resolve(check_scene(text_of(scene))))
 
 
-def _text_of(scene: Any) -> SceneText:
+def text_of(scene: Any) -> SceneText:
+    """Return the tables of a scene given as a name, a path, in Python, or read already."""
     if isinstance(scene, SceneText):
         return scene
     if isinstance(scene, str | os.PathLike):

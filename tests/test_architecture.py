@@ -34,6 +34,7 @@ ALLOWED = {
     "runtime": {"atomic", "precision", "report"},
     "report": {"runtime", "symbolic", "lowering", "codegen", "atomic"},
     "describe": {"scene", "elements", "models", "lowering", "runtime", "symbolic"},
+    "export": {"pipeline", "making", "codegen", "lowering", "models", "elements", "runtime", "scene", "symbolic", "atomic"},
     "runs": {"runtime", "scene"},
     "pipeline": {
         "describe",

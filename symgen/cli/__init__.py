@@ -11,7 +11,17 @@ from typing import Annotated
 import typer
 
 # In the order in which --help lists the commands.
-from symgen.cli import accuracy, analyses, benching, inspection, making, running, stability, sweeping
+from symgen.cli import (
+    accuracy,
+    analyses,
+    benching,
+    exporting,
+    inspection,
+    making,
+    running,
+    stability,
+    sweeping,
+)
 from symgen.cli.common import app
 from symgen.errors import SymgenError
 
@@ -20,6 +30,7 @@ __all__ = [
     "analyses",
     "app",
     "benching",
+    "exporting",
     "inspection",
     "main",
     "making",
