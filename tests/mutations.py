@@ -21,7 +21,7 @@ from hypothesis import strategies as st
 
 import symgen
 from symgen.errors import SlowBackendWarning, SymgenError
-from symgen.pipeline import derive, system_of
+from symgen.pipeline import system_of
 from symgen.scene.loading import SHIPPED, check_scene, read_scene
 from symgen.scene.resolve import resolve
 
@@ -299,7 +299,6 @@ def judge(content: bytes, folder: Path, patience: float = PATIENCE) -> str:
 def warm_up() -> None:
     """Load all that scenes need, so that no scene's time or files are those of imports."""
     for name in ("four_bar", "rssr", "elastic_four_bar", "tumbling_body"):
-        derive(name)
         symgen.build(name, backend="numpy")
 
 

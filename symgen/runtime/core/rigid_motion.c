@@ -2,6 +2,9 @@
 
 #include <string.h>
 
+/* Strides that are gone at once at most: tens of thousands of turns. */
+#define FARTHEST R(1e7)
+
 static size_t rounded(size_t bytes) {
     return (bytes + 63) / 64 * 64;
 }
@@ -74,6 +77,8 @@ int motion_at(struct rigid_motion *m, real t) {
     }
     const real start = *m->t;
     const real steps = real_fabs(t - start) / m->stride;
+    if (!(steps <= FARTHEST))
+        return NOT_FINITE;
     const long count = (long)steps + (steps > (long)steps);
     for (long k = 1; k < count; k++) {
         const int status = moved(m, start + (t - start) * k / count);
