@@ -41,6 +41,9 @@ ALLOWED = {
         "runtime", "symbolic", "lowering", "codegen", "atomic", "precision", "regeneration", "sources",
     },
     "describe": {"scene", "elements", "models", "lowering", "runtime", "symbolic"},
+    "export": {
+        "pipeline", "making", "codegen", "lowering", "models", "elements", "runtime", "scene", "symbolic", "atomic",
+    },
     "runs": {"runtime", "scene"},
     "pipeline": {
         "describe", "own", "own_model",
