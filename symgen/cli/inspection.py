@@ -128,15 +128,16 @@ def _show_chosen(
         print(shown(chosen.system, chosen.matrices, form))
         return
     from symgen.inspection.state import NOWHERE, state_of
-    from symgen.pipeline import build as build_model
+    from symgen.pipeline import build_scene as build_model
 
     given = _numbers(with_)
-    if subject.is_block and (at or not given):
+    if not subject.is_scene and (at or not given):
+        what = "a building block" if subject.is_block else "no scene"
         raise ModelError(
-            f"{subject.name} is a building block: it has no state to give numbers at\n"
+            f"{subject.name} is {what}: it has no state to give numbers at\n"
             "  Give its symbols, each with --with NAME=NUMBER, in SI units."
         )
-    state = NOWHERE if subject.is_block else state_of(build_model(subject.text), at)
+    state = state_of(build_model(subject.text), at) if subject.is_scene else NOWHERE
     values = state.of(chosen.system, given)
     print(shown(chosen.system, chosen.matrices, form, values, state.label))
 
