@@ -28,6 +28,7 @@ ALLOWED = {
     "lowering": {"symbolic"},
     "codegen": {"lowering", "atomic", "precision"},
     "compiler": set(),
+    "tuning": {"runtime", "scene"},
     "graph": {"cache"},
     "making": {
         "cache", "codegen", "compiler", "graph", "lowering", "precision", "runtime", "scene", "symbolic",
@@ -41,7 +42,7 @@ ALLOWED = {
     "describe": {"scene", "elements", "models", "lowering", "runtime", "symbolic"},
     "runs": {"runtime", "scene"},
     "pipeline": {
-        "describe", "own", "own_model",
+        "describe", "own", "own_model", "tuning",
         "scene", "symbolic", "mechanics", "models", "making", "compiler", "precision", "runtime", "atomic",
     },
     "study": {

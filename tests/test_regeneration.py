@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import json
 import os
 import shutil
@@ -58,6 +59,23 @@ def test_a_change_concerns_only_its_own_kernels(made):
     assert all((PACKAGE / file).is_file() for file in DEPENDENTS)
     found = {file: {n for n in names() if f"symgen:{file}" in made[n].needs} for file in DEPENDENTS}
     assert found == DEPENDENTS
+
+
+def test_what_a_description_is_made_by_counts():
+    """The start of a scene is stored with its kernels, and the runtime finds it."""
+    imported = set()
+    for node in ast.walk(ast.parse((PACKAGE / "describe.py").read_text())):
+        if isinstance(node, ast.ImportFrom) and str(node.module).startswith("symgen.runtime."):
+            imported.add(str(node.module).split(".")[2])
+    assert imported - {"library"} <= set(graph._DESCRIBING)
+    assert all((PACKAGE / "runtime" / f"{name}.py").is_file() for name in graph._DESCRIBING)
+
+
+def test_what_changed_after_it_was_loaded_is_never_current(monkeypatch):
+    assert not graph.changed(graph.needs())
+    monkeypatch.setattr(graph, "_BEGUN", 0.0)
+    found = graph.needs()
+    assert set(graph.changed(found)) == {name for name in found if not name.startswith("version:")}
 
 
 def test_templates_and_what_symgen_derives_with_concern_all(made):
