@@ -42,7 +42,7 @@ DIGITS = 40
 
 
 def build(
-    scene: Scene | str | os.PathLike[str],
+    scene: Scene | SceneText | str | os.PathLike[str],
     *,
     set: Mapping[str, Any] | None = None,
     backend: str = "auto",

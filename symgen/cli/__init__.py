@@ -15,9 +15,15 @@ from symgen.cli import (
     accuracy,
     analyses,
     benching,
+<<<<<<< HEAD
+    inspection,
+    making,
+    reporting,
+=======
     comparing,
     inspection,
     making,
+>>>>>>> l7-derive
     running,
     stability,
     sweeping,
@@ -34,6 +40,7 @@ __all__ = [
     "inspection",
     "main",
     "making",
+    "reporting",
     "running",
     "stability",
     "sweeping",

@@ -203,6 +203,11 @@ class Result:
 
         return plot(self, *names, file=file)
 
+    def _repr_html_(self) -> str:
+        from symgen.report.notebook import result_html
+
+        return result_html(self)
+
     def save(self, file: str | os.PathLike[str]) -> Path:
         """Save to ``.nc`` (netCDF) or ``.npz``; :func:`load_result` reads both back.
 
