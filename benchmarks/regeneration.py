@@ -60,7 +60,8 @@ def main() -> int:
     if not options.short:
         busy = (whole[0][2].processor + sum(b.processor for b in built.values())) / 2
         value = busy * IMPORT / max(IMPORT, sympy.processor)
-        required.append(Required("generated/ and all scenes anew, on 2 cores [s]", value, ALL, at_least=False))
+        every = "generated/ and all scenes anew, on 2 cores [s]"
+        required.append(Required(every, value, ALL, at_least=False))
     notes = (
         "Times: the best of several, one for long ones; processor: of all processes together.",
         f"Seconds required: on a machine that imports SymPy in {IMPORT:g} s; on a slower one in proportion.",
