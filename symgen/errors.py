@@ -9,6 +9,9 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Any
 
+#: Characters of one part of a message about a scene; what a scene says may be of any length.
+_LONGEST = 1000
+
 
 class SymgenError(Exception):
     """Base of all errors that symgen raises on purpose."""
@@ -30,8 +33,9 @@ class SceneError(SymgenError):
     """
 
     def __init__(self, problem: str, *, where: str = "", file: str = "", hint: str = "") -> None:
-        self.problem, self.where, self.file, self.hint = problem, where, file, hint
-        super().__init__(problem)
+        self.problem, self.hint = _readable(problem), _readable(hint)
+        self.where, self.file = _readable(where).replace("\n", "\\n"), _readable(file)
+        super().__init__(self.problem)
 
     def located(self, *, where: str = "", file: str = "") -> SceneError:
         """Return the same error with the outer table or the file added in front of its place."""
@@ -47,6 +51,15 @@ class SceneError(SymgenError):
         head = " ".join(part for part in (f"{self.file}:" if self.file else "", place) if part)
         text = f"{head}: {self.problem}" if place else f"{head} {self.problem}".strip()
         return f"{text}\n  {self.hint}" if self.hint else text
+
+
+def _readable(text: str) -> str:
+    """Return a text for one look: no character that prints nothing or steers a terminal, and not endless."""
+    if len(text) > _LONGEST:
+        text = f"{text[: _LONGEST // 2]} ... {text[-_LONGEST // 2 :]}"
+    if text.replace("\n", "").isprintable():
+        return text
+    return "".join(c if c == "\n" or c.isprintable() else ascii(c)[1:-1] for c in text)
 
 
 class DerivationError(SymgenError):

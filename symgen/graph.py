@@ -21,8 +21,9 @@ from symgen.cache import Cache, Entry, key
 _NEEDS = "needs.json"
 #: Parts of symgen that call what decides what is generated, or run what it gave: all others count.
 _CALLING = (
-    "__main__", "atomic", "cache", "cli", "errors", "generated", "graph", "inspection", "regeneration",
-    "report", "runs", "runtime", "scenes", "sources", "study", "templates", "tuning", "_cython",
+    "__main__", "atomic", "cache", "cli", "errors", "export", "generated", "graph", "inspection",
+    "regeneration", "report", "runs", "runtime", "scenes", "sources", "study", "templates", "tuning",
+    "_cython",
 )  # fmt: skip
 #: Modules of the runtime that a description of a scene, its start included, comes from.
 _DESCRIBING = (
@@ -30,8 +31,8 @@ _DESCRIBING = (
 )  # fmt: skip
 #: Files beside the modules of a package that these read.
 _DATA = {"symgen.scene": ("units.txt", "units.json")}
-#: Templates of pages for a browser, which no kernel is made with.
-_OF_PAGES = (".html", ".svg", ".css")
+#: Templates of exported folders, and of pages for a browser: no kernel is made with these.
+_EXPORTED, _OF_PAGES = "export", (".html", ".svg", ".css")
 _PACKAGES = ("sympy", "mpmath", "jinja2")
 
 #: What changed later may have been loaded as it was before.
@@ -55,8 +56,9 @@ def needs(further: Needs | None = None) -> Needs:
         names.append(_module(module))
         names += [f"{module}:{file}" for file in _DATA.get(module, ())]
     templates = _folder("symgen.templates")
-    printed = (p for p in templates.rglob("*.j2") if Path(p.stem).suffix not in _OF_PAGES)
-    names += [f"symgen.templates:{p.relative_to(templates).as_posix()}" for p in printed]
+    every = (p.relative_to(templates) for p in templates.rglob("*.j2"))
+    printed = (p for p in every if Path(p.stem).suffix not in _OF_PAGES)
+    names += [f"symgen.templates:{p.as_posix()}" for p in printed if p.parts[0] != _EXPORTED]
     return {name: _as_loaded(name) for name in sorted(names)} | dict(further or {})
 
 

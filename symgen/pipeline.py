@@ -94,7 +94,7 @@ def build(
 
 
 def build_scene(
-    scene: Scene | str | os.PathLike[str],
+    scene: Scene | SceneText | str | os.PathLike[str],
     *,
     set: Mapping[str, Any] | None = None,
     backend: str = "auto",
@@ -114,7 +114,7 @@ def _of_scene(
     scene: Any, options: _Options, set_: Mapping[str, Any] | None
 ) -> Model | LoopModel | ElasticModel:
     tools = _tools(*options)
-    text = _text_of(scene)
+    text = text_of(scene)
     tunable, fixed = tuning.split(text, set_ or {})
     text = override(text, fixed)
     base = tools.in_float64
@@ -335,10 +335,11 @@ def derive(scene: Scene | SceneText | str | os.PathLike[str]) -> System:
     if is_own(scene):
         return load(Path(str(scene))).system
 
-    return system_of(resolve(check_scene(_text_of(scene))))
+    return system_of(resolve(check_scene(text_of(scene))))
 
 
-def _text_of(scene: Any) -> SceneText:
+def text_of(scene: Any) -> SceneText:
+    """Return the tables of a scene given as a name, a path, in Python, or read already."""
     if isinstance(scene, SceneText):
         return scene
     if isinstance(scene, str | os.PathLike):

@@ -16,7 +16,7 @@ import symgen
 from symgen.cli import app
 from symgen.errors import SymgenError
 from symgen.models.analyses import ANALYSES, analysis_system
-from symgen.pipeline import _text_of, check_scene
+from symgen.pipeline import check_scene, text_of
 from symgen.scene.resolve import resolve
 
 runner = CliRunner()
@@ -82,7 +82,7 @@ def values_of(model, system, rng):
 def test_kernels_of_the_analyses(scene, kind, backend):
     scene = SCENES[scene]()
     model = rigid(symgen.build(scene, backend=backend))
-    linkage = resolve(check_scene(_text_of(scene)))
+    linkage = resolve(check_scene(text_of(scene)))
     if kind == "forces" and linkage.dimension == 3:
         with pytest.raises(SymgenError, match="forces by elements are for linkages in the plane"):
             analysis_system(linkage, kind)
@@ -106,7 +106,7 @@ def test_stiffness_and_damping_are_slopes_of_the_equations_of_motion(scene):
     scene = SCENES[scene]()
     model = symgen.build(scene)
     dynamics = symgen.derive(scene)
-    system = analysis_system(resolve(check_scene(_text_of(scene))), "statics")
+    system = analysis_system(resolve(check_scene(text_of(scene))), "statics")
     values = values_of(model, dynamics, np.random.default_rng(5))
     n = len(values["q"])
     if scene != "peaucellier":

@@ -42,6 +42,9 @@ ALLOWED = {
         "runtime", "symbolic", "lowering", "codegen", "atomic", "precision", "regeneration", "sources",
     },
     "describe": {"scene", "elements", "models", "lowering", "runtime", "symbolic"},
+    "export": {
+        "pipeline", "making", "codegen", "lowering", "models", "elements", "runtime", "scene", "symbolic", "atomic",
+    },
     "runs": {"runtime", "scene"},
     "pipeline": {
         "describe", "own", "own_model", "tuning",
@@ -52,7 +55,7 @@ ALLOWED = {
         "symbolic", "models", "lowering", "codegen",
     },
     "inspection": {
-        "runs",
+        "runs", "own",
         "pipeline", "study", "scene", "models", "mechanics", "lowering", "codegen", "report", "runtime", "symbolic",
     },
     "sources": {"cache", "graph", "lowering", "models", "own", "pipeline", "scene", "symbolic"},

@@ -15,6 +15,7 @@ from test_start_up import holds
 
 import symgen
 from symgen import graph
+from symgen.codegen import emit, loops
 from symgen.models import BLOCKS, RECURSIONS, SHIPPED_SCENES
 from symgen.regeneration import answer
 from symgen.shipped import UNITS, generated_folder, names, record_name
@@ -79,8 +80,10 @@ def test_what_changed_after_it_was_loaded_is_never_current(monkeypatch):
 
 
 def test_templates_and_what_symgen_derives_with_concern_all(made):
+    printed = {t for files in (*emit.TEMPLATES.values(), emit.LANES, loops.TEMPLATES) for t, _ in files}
     for name in names():
-        assert "symgen.templates:c/kernel.c.j2" in made[name].needs
+        read = {n.partition(":")[2] for n in made[name].needs if n.startswith("symgen.templates:")}
+        assert read == printed | {*emit.INCLUDED}, "all that code is printed with, and nothing else"
         assert {"version:sympy", "version:jinja2", "version:mpmath"} <= set(made[name].needs)
     assert "version:pint" in made[UNITS].needs
     assert "symgen.scene:units.txt" in made[UNITS].needs

@@ -13,7 +13,7 @@ from test_bodies_in_space import joined_bodies
 
 import symgen
 from symgen.models.analyses import analysis_system
-from symgen.pipeline import _text_of, check_scene
+from symgen.pipeline import check_scene, text_of
 from symgen.scene.resolve import resolve
 
 
@@ -30,7 +30,7 @@ def dense(system, listed):
 
 
 def tangent_of(scene):
-    return analysis_system(resolve(check_scene(_text_of(scene))), "tangent")
+    return analysis_system(resolve(check_scene(text_of(scene))), "tangent")
 
 
 @pytest.mark.parametrize("scene", ["four_bar", "peaucellier", "vertical_rods", "loaded", "bodies"])

@@ -15,15 +15,11 @@ from symgen.cli import (
     accuracy,
     analyses,
     benching,
-<<<<<<< HEAD
+    comparing,
+    exporting,
     inspection,
     making,
     reporting,
-=======
-    comparing,
-    inspection,
-    making,
->>>>>>> l7-derive
     running,
     stability,
     sweeping,
@@ -37,6 +33,7 @@ __all__ = [
     "app",
     "benching",
     "comparing",
+    "exporting",
     "inspection",
     "main",
     "making",

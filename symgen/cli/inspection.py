@@ -79,7 +79,6 @@ def show(
     if digits:
         _show_digits(model, matrix, set_)
         return
-<<<<<<< HEAD
     from symgen.inspection.subject import RECORD, Subject
 
     subject = Subject(model, changes(set_))
@@ -91,57 +90,6 @@ def show(
         _list(subject)
     elif matrix == RECORD:
         _show_record(subject, form)
-=======
-    from symgen.errors import ModelError
-    from symgen.models import BLOCKS, DERIVATIONS
-    from symgen.pipeline import build_scene as build_model
-    from symgen.pipeline import derive
-    from symgen.report import equations
-    from symgen.runtime.elastic_model import ElasticModel
-    from symgen.runtime.model import Model
-
-    asked = changes(set_)
-    form_of, _, row = (matrix or "").partition(".")
-    derivation = DERIVATIONS[model]() if model in DERIVATIONS else None
-    further: dict[str, System] = {}
-    if derivation and matrix and matrix in derivation:
-        system = derivation
-    elif not _is_scene(model):
-        system = BLOCKS[model]() if model in BLOCKS else derive(model)
-    else:
-        from symgen.scene.loading import override, read_scene
-
-        text = override(read_scene(model), asked)
-        if form_of == "momentum_rows":
-            from symgen.models.momentum import momentum_system
-            from symgen.scene.loading import check_scene
-            from symgen.scene.resolve import resolve_linkage
-
-            system = momentum_system(resolve_linkage(check_scene(text)))
-        else:
-            system = derive(text)
-            further = _elastic_systems(text)
-    if form_of in further and row:
-        system = further[form_of]
-    if matrix is None:
-        from symgen.report.tables import table
-
-        parts = [("", part) for part in (derivation, system) if part]
-        for prefix, part in [*parts, *((f"{kind}.", part) for kind, part in further.items())]:
-            rows = [(prefix + name, *more) for name, *more in equations.overview(part)]
-            shown = table(part.title, ("matrix", "shape", "unit", "meaning"), rows)
-            shown.columns[3].justify = "left"
-            console().print(shown)
-        return
-    built: Model | None = None
-    if form == "numeric" and _is_scene(model):
-        made = build_model(model, set=asked)
-        built = made.rigid if isinstance(made, ElasticModel) else made if isinstance(made, Model) else None
-        if built is None:
-            raise ModelError(f"numbers are shown of linkages; 'symgen run {model}' gives those of a loop")
-    if matrix == "momentum_rows" and _is_scene(model):
-        print(equations.show_rows(system, form, built))
->>>>>>> l7-derive
     else:
         chosen = subject.choose(matrix, numbers=form == "numeric")
         chosen = chosen.by(by) if by else chosen
@@ -205,14 +153,6 @@ def _numbers(options: list[str] | None) -> dict[str, float]:
         except ValueError:
             raise ModelError(f"expected --with NAME=NUMBER, in SI units, got {option!r}") from None
     return found
-
-
-def _is_scene(model: str) -> bool:
-    """Tell whether a model is neither a building block nor a user's own derivation."""
-    from symgen.models import BLOCKS
-    from symgen.own import is_own
-
-    return model not in BLOCKS and not is_own(model)
 
 
 def _show_digits(scene: str, matrix: str | None, set_: list[str] | None) -> None:

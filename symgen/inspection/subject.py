@@ -5,11 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
+from pathlib import Path
 from typing import Any
 
 from symgen.errors import DerivationError
 from symgen.models import BLOCKS, DERIVATIONS
 from symgen.models.record import Step, elastic_record, record
+from symgen.own import is_own, load
 from symgen.pipeline import system_of
 from symgen.scene.linkage import Linkage
 from symgen.scene.loading import SceneText, check_scene, override, read_scene
@@ -42,19 +44,20 @@ class Chosen:
 
 
 class Subject:
-    """Everything derived of a scene, or of a building block, each when it is first asked for.
+    """Everything derived of a scene, a building block or a user's own file, each when it is first asked for.
 
     Parameters
     ----------
     name
-        A scene, or a building block.
+        A scene, a building block, or a Python file that returns a System.
     changes
         Values to replace in the scene.
     """
 
     def __init__(self, name: str, changes: Mapping[str, Any]) -> None:
         self.name = name
-        self.is_block = name in BLOCKS
+        self.is_block = name in BLOCKS or is_own(name)
+        """Whether there is no scene behind it."""
         self._changes = changes
 
     @cached_property
@@ -70,6 +73,8 @@ class Subject:
     @cached_property
     def own(self) -> System:
         """What the model is made of."""
+        if is_own(self.name):
+            return load(Path(self.name)).system
         return BLOCKS[self.name]() if self.is_block else system_of(self.resolved)
 
     @cached_property

@@ -167,8 +167,9 @@ def _shapes(line: Line, at: Array) -> Iterator[Shape]:
         along = at[1] - at[0]
         along = along / max(float(np.linalg.norm(along)), 1e-9)
         across = np.array([-along[1], along[0]])
-        corners = [at[0] + 13 * a * along + 8 * b * across for a, b in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
-        yield Shape("slider", _text(np.array(corners)), closed=True)
+        sides = ((-1, -1), (1, -1), (1, 1), (-1, 1))
+        block = np.array([at[0] + 13 * a * along + 8 * b * across for a, b in sides])
+        yield Shape("slider", _text(block), closed=True)
     elif line.kind == "body" and len(at) > 2:
         corners = _hull(at)
         flat = len(corners) < 3

@@ -16,6 +16,7 @@ from symgen.runtime._beams import RigidMotion
 from symgen.runtime.beam_data import Lump, Profile, Properties
 from symgen.runtime.beam_layout import Layout, layout
 from symgen.runtime.beams import Beam, beam
+from symgen.runtime.description import KernelInfo
 
 if TYPE_CHECKING:
     from symgen.runtime.model import Model
@@ -128,27 +129,36 @@ class ElasticMotion:
         blocks = self._joints.info("joints").blocks
         return next((b.rows for b in blocks if b.name == "jacobian"), ())
 
+    @property
+    def kernels_of_motion(self) -> tuple[KernelInfo, ...]:
+        """What is known of the kernels of the rigid motion that elastic links move about."""
+        return self._motion.description.kernels
+
+    @property
+    def kernel_sizes(self) -> list[int]:
+        """Sizes of what the kernels links, joints, torque and loads write; 0 of those that are not there."""
+        of_motion = {k.name: k.out_size for k in self.kernels_of_motion}
+        joints = self._joints.info("joints").out_size
+        return [of_motion["links"], joints, of_motion.get("torque", 0), of_motion.get("loads", 0)]
+
+    @property
+    def stride(self) -> float:
+        """The longest time [s] over which a pose is a good guess of the next."""
+        return _STRIDE / abs(self.speed) if self.speed else math.inf
+
     def equations(self, thesis: bool = False, stepping: bool = False) -> _beams.BeamEquations:
         """Return the compiled equations, at the start of the motion; for ``stepping`` in the type of runs."""
         d = self.rigid.description
         joined = ("elastic_motion", "elastic_joints")
         links, joints = (self.rigid.analysis(kind, stepping).library.addresses for kind in joined)
-        sizes = [
-            self._motion.info("links").out_size,
-            self._joints.info("joints").out_size,
-            *(
-                info.out_size if info else 0
-                for info in map(self._motion.description.kernel, ("torque", "loads"))
-            ),
-        ]
         motion = RigidMotion(
             self.rigid.evaluator.equations(len(d.redundant), typed=self.rigid.typed if stepping else None),
             links,
             joints,
-            sizes,
+            self.kernel_sizes,
             0.0,
             self._start,
-            _STRIDE / abs(self.speed) if self.speed else math.inf,
+            self.stride,
         )
         made = _beams.BeamEquations(motion, self.layout, thesis)
         self.check(made, made.matrices(0.0)[0], 0.0)

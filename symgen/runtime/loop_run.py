@@ -32,7 +32,7 @@ def run(
     """
     d = kernels.description
     equations = kernels.stepping([*d.having("dependent"), *d.having("free")], begin.rank)
-    y0 = np.concatenate([begin.q, _rates(kernels, begin), [0.0]])
+    y0 = np.concatenate([begin.q, rates_at_start(kernels, begin), [0.0]])
     times = np.linspace(begin.t, chosen.t_end, chosen.samples)
     stepper = _core.Run(
         equations, chosen.method, begin.t, y0, chosen.t_end, chosen.rtol, chosen.atol, chosen.step, times
@@ -46,7 +46,7 @@ def run(
     )
 
 
-def _rates(kernels: LoopKernels, begin: Closed) -> Array:
+def rates_at_start(kernels: LoopKernels, begin: Closed) -> Array:
     """Return the rates at the start: those given, and the dependent ones that go with them."""
     d = kernels.description
     u = np.array([v.start_rate for v in d.variables])

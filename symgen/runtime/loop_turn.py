@@ -23,8 +23,9 @@ from symgen.runtime.typed import made_with
 
 Array = NDArray[np.float64]
 
-#: Parts of the range that are the longest step, and by how much a pose must differ to be another one.
-_PARTS = 36
+#: Parts of the range that are the longest step.
+PARTS = 36
+#: By how much a pose must differ to be another one.
 _TURNED = 1e-6
 #: Least singular value, of the largest, that explains why a loop cannot be followed.
 _WEAK = 1e-3
@@ -66,7 +67,7 @@ def follow(kernels: LoopKernels, begin: Closed, values: Array) -> Turn:
         if not len(wanted):
             continue
         made = tuple(a[way] for a in rows) if way.start is not None else _rows(d, first)
-        longest = max(abs(wanted[-1] - begin.t), 1e-12) / _PARTS
+        longest = max(abs(wanted[-1] - begin.t), 1e-12) / PARTS
         q = np.append(begin.q, 0.0)  # in the end the last pose that was reached
         status, count, at = equations.follow(begin.t, q, wanted, longest, *made)
         if way.start is not None:
@@ -161,7 +162,7 @@ def moving(kernels: LoopKernels, begin: Closed, value: float) -> tuple[float, Ar
     d = kernels.description
     equations, t = kernels.equations(d.having("dependent"), begin.rank), kernels.time_of(value)
     rows, q = _rows(d, 1), np.append(begin.q, 0.0)
-    longest = max(abs(t - begin.t), 1e-12) / _PARTS
+    longest = max(abs(t - begin.t), 1e-12) / PARTS
     status, _, at = equations.follow(begin.t, q, np.array([t]), longest, *rows)
     if status != _core.DONE:
         raise SimulationError(_problem(kernels, equations, status, at, q[:-1], t), time=at)

@@ -66,12 +66,16 @@ static int go(struct loop *l, real *t, real *q, real target, real longest) {
     real h = target - *t;
     if (h == 0)
         return DONE;
+    if (!real_isfinite(h) || !(longest > 0))
+        return NOT_FINITE;
     for (;;) {
         if (real_fabs(h) > longest)
             h = h > 0 ? longest : -longest;
         real next = *t + h;
         if (real_fabs(target - next) < R(1e-9) * real_fabs(h))
             next = target;
+        if (next == *t)
+            return STEP_TOO_SMALL;
         int status = attempt(l, *t, q, next, next == target);
         if (status == BLIND)
             return BLIND;

@@ -4,6 +4,9 @@
 
 #include "memory.h"
 
+/* Strides that are gone at once at most: tens of thousands of turns. */
+#define FARTHEST R(1e7)
+
 size_t motion_bytes(const struct equations *e, const long *sizes) {
     size_t reals = 1 + 2 * (size_t)(e->dim + 1) + (size_t)(e->dim + e->n + e->m + 1);
     for (int i = 0; i < 4; i++)
@@ -72,6 +75,8 @@ int motion_at(struct rigid_motion *m, real t) {
     }
     const real start = *m->t;
     const real steps = real_fabs(t - start) / m->stride;
+    if (!(steps <= FARTHEST))
+        return NOT_FINITE;
     const long count = (long)steps + (steps > (long)steps);
     for (long k = 1; k < count; k++) {
         const int status = moved(m, start + (t - start) * k / count);

@@ -1,0 +1,176 @@
+"""What an export holds of a linkage with elastic links."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+
+from symgen.codegen.emit import SourceFile
+from symgen.elements.element import INNER_DOFS, NODE_DOFS
+from symgen.export.rods import CORE as RUNS
+from symgen.export.rods import equations_of, title_of
+from symgen.export.view import (
+    Exported,
+    Record,
+    Table,
+    braces,
+    doubles,
+    functions,
+    indices,
+    members,
+    method_tables,
+    number,
+)
+from symgen.lowering.kernel import Program, Slot
+from symgen.runtime import _beams
+from symgen.runtime.beam_layout import Layout
+from symgen.runtime.beam_methods import GAUSS
+from symgen.runtime.elastic_model import ElasticModel
+from symgen.runtime.elastic_motion import ElasticMotion
+from symgen.runtime.elastic_steps import turn
+
+#: What elastic links need besides what runs need.
+CORE = (
+    *RUNS, "bands.c", "bands.h", "beam_basis.c", "beam_motion.c", "beam_steps.c", "beam_steps.h",
+    "beams.c", "beams.h", "rigid_motion.c", "rigid_motion.h",
+)  # fmt: skip
+#: The part of a turn that is compared, and the steps for it.
+_PART, _STEPS = 8, 32
+_INDEXED = (
+    "sizes", "constants_at", "link_of", "ends", "places", "places_at", "slots", "slots_at",
+    "joint_places", "joint_at", "mass_slots", "damping_slots", "stiffness_slots", "loads_at", "rows",
+    "columns",
+)  # fmt: skip
+
+
+def elastic(
+    model: ElasticModel, program: Program, sources: tuple[SourceFile, ...], prefixes: dict[str, str]
+) -> Exported:
+    """Return what is exported of a linkage with elastic links; ``prefixes`` of its kernels, by analysis."""
+    d, motion = model.description, ElasticMotion(model.rigid)
+    x = motion.layout
+    n, free = x.unknowns, x.unknowns - x.constraints
+    extra = int(d.work_of_loads)
+    rigid = model.rigid.initial_state()
+    kernels, sizes = equations_of(model.rigid, np.inf)
+    return Exported(
+        name=d.name,
+        title=title_of(sources),
+        equations=d.equations,
+        references=program.references,
+        family="elastic",
+        driven=False,
+        core=tuple(sorted(CORE)),
+        core_headers=("beam_steps.h", "run.h"),
+        kernels=sources,
+        coordinates=n,
+        state=_state(x),
+        parameters=(),
+        outputs=(),
+        start=braces(np.zeros(2 * n), 1),
+        t_start="0.0",
+        t_end=number(turn(motion)),
+        defaults="",
+        tables=(
+            *(indices(name.upper(), [*np.ravel(getattr(x, name)), -1]) for name in _INDEXED),
+            doubles("CONSTANTS", x.constants),
+            Table("double", "RIGID_START", braces([*rigid.q, *rigid.u, *np.zeros(extra)], 1)),
+            Table("double", "RIGID_PARAMETERS", braces(model.rigid.parameters.values())),
+            Table("long", "MOTION_SIZES", braces(motion.kernel_sizes)),
+            doubles("GAUSS_NUMBERS", _gauss()),
+            *method_tables(),
+        ),
+        records=(
+            Record("kernels", "RIGID_KERNELS", kernels),
+            Record("sizes", "RIGID_SIZES", sizes),
+            Record("motion_kernels", "MOTION_KERNELS", members(**_motion_kernels(motion, prefixes))),
+            Record("beam_layout", "LAYOUT", _layout(x)),
+            Record("beam_scheme", "GAUSS", members(stages=len(GAUSS.c), numbers="GAUSS_NUMBERS")),
+        ),
+        expected=_expected(motion),
+        notes=_notes(motion),
+        steps=_STEPS,
+        stride=number(motion.stride),
+        free=free,
+        entries=free * free if x.constraints else len(x.rows),
+        band=free - 1 if x.constraints else x.band,
+        rigid_n=d.coordinates,
+        rigid_m=len(d.constraints),
+        rigid_dim=2 * d.coordinates + extra,
+    )
+
+
+def _state(x: Layout) -> tuple[Slot, ...]:
+    """Return what the unknowns mean, and their rates."""
+    known = NODE_DOFS | {name: dof for name, (dof, _) in INNER_DOFS.items()}
+    found = []
+    for name in x.names:
+        owner, _, what = name.rpartition(".")
+        dof = known.get(re.sub(r"@.*", "", what))
+        unit = dof.unit if dof else "m" if what in ("x", "y") else "1"
+        about = (
+            dof.description
+            if dof
+            else f"displacement of {owner} along {what}"
+            if unit == "m"
+            else "amplitude of a shape"
+        )
+        found.append(Slot(name, unit, about))
+    rates = [
+        Slot(f"{s.name}'", "1/s" if s.unit == "1" else f"{s.unit}/s", f"its rate: {s.description}")
+        for s in found
+    ]
+    return (*found, *rates)
+
+
+def _gauss() -> np.ndarray:
+    a, b, c = np.array(GAUSS.a), np.array(GAUSS.b), np.array(GAUSS.c)
+    return np.array([*a.ravel(), *(a @ a).ravel(), *b, *(b @ a), *c])
+
+
+def _motion_kernels(motion: ElasticMotion, prefixes: dict[str, str]) -> dict[str, str]:
+    there = [k.name for k in motion.kernels_of_motion]
+    return {
+        **functions(prefixes["elastic_motion"], ("links", "torque", "loads"), there),
+        "joints": f"{prefixes['elastic_joints']}_joints",
+    }
+
+
+def _layout(x: Layout) -> tuple[tuple[str, str], ...]:
+    return members(
+        unknowns=x.unknowns,
+        constraints=x.constraints,
+        pieces=len(x.sizes),
+        coordinates=len(x.joint_places) - 1,
+        masses=len(x.mass_slots) - 1,
+        dampings=len(x.damping_slots) - 1,
+        stiffnesses=len(x.stiffness_slots) - 1,
+        shaft=x.shaft,
+        shaft_slot=x.shaft_slot,
+        flywheel=float(x.flywheel),
+        entries=len(x.rows),
+        band=x.band,
+        constant_count=x.constants.size,
+        **{name: name.upper() for name in _INDEXED},
+    )
+
+
+def _expected(motion: ElasticMotion) -> tuple[Table, ...]:
+    """Step a little here; return the numbers to be compared with."""
+    equations, n = motion.equations(), motion.layout.unknowns
+    derivative = equations.derivative(0.0, np.zeros(2 * n + 1))
+    steps = _beams.BeamSteps(equations, GAUSS, 1)
+    until = turn(motion) / _PART
+    status = steps.start(0.0, np.zeros((n, 1)), np.zeros((n, 1)))
+    motion.check(equations, status, 0.0)
+    status = steps.advance(0.0, until, _STEPS)
+    state = [*steps.displacements[:, 0], *steps.rates[:, 0]]
+    return doubles("DERIVATIVE", derivative), doubles("ENDS", [status, until]), doubles("STATE", state)
+
+
+def _notes(motion: ElasticMotion) -> tuple[str, ...]:
+    return (
+        f"A turn of the crank takes {motion.period:.6g} s." if motion.speed else "The crank stands still.",
+        "Strains, stresses and joint forces follow from the state: `symgen run` gives them.",
+    )

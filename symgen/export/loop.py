@@ -1,0 +1,148 @@
+"""What an export holds of a closed loop of links."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from symgen.codegen.emit import SourceFile
+from symgen.export.rods import CORE as RUNS
+from symgen.export.rods import expected_of_run, group, outputs_of, state_of, title_of
+from symgen.export.view import (
+    COMPARED,
+    Exported,
+    Record,
+    Table,
+    braces,
+    doubles,
+    functions,
+    indices,
+    members,
+    method_tables,
+    number,
+)
+from symgen.lowering.kernel import Program
+from symgen.runtime import _core
+from symgen.runtime.loop_model import LoopModel
+from symgen.runtime.loop_run import rates_at_start
+from symgen.runtime.loop_turn import PARTS
+
+#: What closing, following and running a loop needs besides what runs need.
+CORE = (*RUNS, "follow.c", "loop.c", "loop.h", "loop_motion.c", "qr.h")
+#: Kernels that the core calls of a loop, in the order of its struct.
+KERNELS = ("inputs", "position", "motion", "inverse", "given", "mass_matrix", "outputs", "energy")
+#: Poses of a driven loop that are compared.
+POSES = 13
+
+
+def loop(model: LoopModel, program: Program, sources: tuple[SourceFile, ...]) -> Exported:
+    """Return what is exported of a closed loop."""
+    d, kernels, begin = model.description, model.kernels, model.closed_start()
+    driven = model.is_driven
+    solved = [*d.having("dependent"), *d.having("free")]
+    equations = kernels.equations(solved, begin.rank)
+    start = begin.q if driven else np.concatenate([begin.q, rates_at_start(kernels, begin), [0.0]])
+    t_end = kernels.time_of(d.span[1]) if driven else d.t_end
+    outputs = outputs_of(program)
+    expected = _of_poses(model, equations, t_end) if driven else _of_run(model, equations, begin.t, start)
+    until = "" if driven else number(min(d.t_end, COMPARED))
+    return Exported(
+        name=d.name,
+        title=title_of(sources),
+        equations=d.equations,
+        references=program.references,
+        family="loop",
+        driven=driven,
+        core=tuple(sorted(CORE)),
+        core_headers=("loop.h",),
+        kernels=sources,
+        coordinates=d.coordinates,
+        state=group(program, "q") if driven else state_of(program, 1),
+        parameters=group(program, "p"),
+        outputs=outputs,
+        start=braces(start, 1),
+        t_start=number(begin.t),
+        t_end=number(t_end),
+        defaults=braces(p.default for p in d.parameters),
+        tables=_tables(model, solved, driven),
+        records=_records(model, solved, begin.rank),
+        expected=expected,
+        parts=PARTS,
+        until=until,
+        compares_outputs=bool(outputs),
+    )
+
+
+def _tables(model: LoopModel, solved: list[int], driven: bool) -> tuple[Table, ...]:
+    d, inputs = model.description, model.kernels.inputs
+    found, known = _efforts(model, solved)
+    lengths = Table("unsigned char", "IS_LENGTH", braces((int(v.is_length) for v in d.variables), 1))
+    return (
+        indices("VARIABLES", [*solved, *inputs, *found, *known, -1]),
+        lengths,
+        *(() if driven else method_tables()),
+    )
+
+
+def _efforts(model: LoopModel, solved: list[int]) -> tuple[list[int], list[int]]:
+    """Return the places of unknown efforts among what is solved for, and of known ones among the inputs."""
+    unknown = [i for i, v in enumerate(model.description.variables) if v.unknown]
+    found = [solved.index(i) for i in unknown if i in solved]
+    return found, [k for k, i in enumerate(model.kernels.inputs) if i not in unknown]
+
+
+def _records(model: LoopModel, solved: list[int], rank: int) -> tuple[Record, ...]:
+    d = model.description
+    found, known = _efforts(model, solved)
+    outputs = d.kernel("outputs")
+    sizes = members(
+        n=d.coordinates,
+        parameters=len(d.parameters),
+        work=model.kernels.work_size,
+        told=outputs.out_size if outputs else 0,
+        solved=len(solved),
+        inputs=len(model.kernels.inputs),
+        unknown=len(found),
+        known=len(known),
+        rank=rank,
+        size=float(d.size),
+    )
+    kernels = members(**functions(d.name, KERNELS, (k.name for k in d.kernels)))
+    return Record("loop_kernels", "KERNELS", kernels), Record("loop_sizes", "SIZES", sizes)
+
+
+def _of_poses(model: LoopModel, equations: Any, t_end: float) -> tuple[Table, ...]:
+    """Follow the loop here; return the numbers to be compared with."""
+    d, begin = model.description, model.closed_start()
+    info = d.kernel("outputs")
+    width = info.out_size if info else 0
+    times = np.linspace(begin.t, t_end, POSES)
+    states, out = np.zeros((POSES, 3 * d.coordinates + 6)), np.zeros((POSES, width))
+    diagnosis = np.zeros((POSES, 5))
+    longest = max(abs(times[-1] - begin.t), 1e-12) / PARTS
+    room = out if width else np.zeros((POSES, 1))
+    status, count, _ = equations.follow(
+        begin.t, np.append(begin.q, 0.0), times, longest, states, room, diagnosis
+    )
+    return (
+        doubles("TIMES", times),
+        doubles("ENDS", [status, count]),
+        doubles("STATES", states[:count]),
+        doubles("OUTPUTS", out[:count]),
+    )
+
+
+def _of_run(model: LoopModel, equations: Any, t0: float, start: Any) -> tuple[Table, ...]:
+    d = model.description
+    n = d.coordinates
+    derivative, ends, t, last = expected_of_run(equations, t0, start, min(d.t_end, COMPARED))
+    tables = (derivative, ends, doubles("STATE", last))
+    info = d.kernel("outputs")
+    if info is None:
+        return tables
+    out, work = np.zeros(info.out_size), np.zeros(model.kernels.work_size + 1)
+    work[: n + 6] = equations.solutions(np.array([t]), np.append(last, 0.0)[None, :])[0, : n + 6]
+    address, p = model.kernels.library.addresses["outputs"], model.kernels.parameters
+    _core.call(address, np.array([t]), last, last[n:].copy(), p, work, out)
+    return (*tables, doubles("OUTPUTS", out))

@@ -1,0 +1,215 @@
+"""What an export holds of a linkage of points and links."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from symgen.codegen.emit import SourceFile
+from symgen.export.view import (
+    ATOL,
+    COMPARED,
+    RTOL,
+    Exported,
+    Record,
+    Table,
+    braces,
+    doubles,
+    functions,
+    members,
+    method_tables,
+    number,
+)
+from symgen.lowering.kernel import Kernel, Program, Slot
+from symgen.runtime import _core
+from symgen.runtime.description import Description
+from symgen.runtime.integrators import INTEGRATORS
+from symgen.runtime.model import Model
+from symgen.runtime.redundancy import slack
+
+#: What a run needs, and what every other family needs of it.
+CORE = (
+    "equations.c",
+    "equations.h",
+    "events.c",
+    "explicit.c",
+    "rank.c",
+    "real.h",
+    "run.c",
+    "run.h",
+    "samples.c",
+)
+#: Kernels that the core calls of a linkage, in the order of its struct.
+KERNELS = (
+    "accelerations", "factor", "solve", "constraints", "velocity_constraints", "energy", "residual", "events",
+)  # fmt: skip
+#: Events that the core remembers of each kind.
+REMEMBERED = 64
+
+
+def rods(model: Model, program: Program, sources: tuple[SourceFile, ...]) -> Exported:
+    """Return what is exported of a linkage without elastic links."""
+    d = model.description
+    state = model.initial_state()
+    extra = int(d.work_of_loads)
+    start = np.concatenate([state.q, state.u, np.zeros(extra)])
+    kernels, sizes = equations_of(model, slack(model.evaluator, state.q) if d.redundant else np.inf)
+    expected, until = _expected(model, start)
+    return Exported(
+        name=d.name,
+        title=title_of(sources),
+        equations=d.equations,
+        references=program.references,
+        family="rods",
+        driven=False,
+        core=CORE,
+        core_headers=("run.h",),
+        kernels=sources,
+        coordinates=d.coordinates,
+        state=state_of(program, extra),
+        parameters=group(program, "p"),
+        outputs=outputs_of(program),
+        start=braces(start, 1),
+        t_start="0.0",
+        t_end=number(d.t_end),
+        defaults=braces(p.default for p in d.parameters),
+        tables=(*_event_tables(d), *method_tables()),
+        records=(Record("kernels", "KERNELS", kernels), Record("sizes", "SIZES", sizes)),
+        expected=expected,
+        notes=_notes(d),
+        events=len(d.events),
+        found=REMEMBERED * len(d.events),
+        until=number(until),
+        compares_outputs=_compares(d),
+    )
+
+
+def equations_of(model: Model, allowed: float) -> tuple[Any, Any]:
+    """Return the members of the structs ``kernels`` and ``sizes`` of a linkage."""
+    d = model.description
+    kernels = members(**functions(d.name, KERNELS, (k.name for k in d.kernels)))
+    sizes = members(
+        n=d.coordinates,
+        m=len(d.constraints),
+        extra=int(d.work_of_loads),
+        parameters=len(d.parameters),
+        work=model.evaluator.work_size,
+        first_pivot=d.first_pivot,
+        redundant=len(d.redundant),
+        events=len(d.events),
+        rank_tolerance=float(d.rank_tolerance),
+        slack=float(allowed),
+    )
+    return kernels, sizes
+
+
+def _event_tables(d: Description) -> tuple[Table, ...]:
+    if not d.events:
+        return ()
+    return (
+        Table("signed char", "DIRECTIONS", braces(e.direction for e in d.events)),
+        Table("char", "TERMINAL", braces(int(e.ends_run) for e in d.events)),
+    )
+
+
+def _expected(model: Model, start: Any) -> tuple[tuple[Table, ...], float]:
+    """Run a little here; return the numbers to be compared with, and the time until which."""
+    d, redundant = model.description, model.description.redundant
+    q = start[: d.coordinates]
+    equations = model.evaluator.equations(len(redundant), slack(model.evaluator, q) if redundant else np.inf)
+    until = min(d.t_end, COMPARED)
+    events = [e.direction for e in d.events], [e.ends_run for e in d.events]
+    found = expected_of_run(equations, 0.0, start, until, *events)
+    derivative, ends, t, last = found
+    tables = (derivative, ends, doubles("STATE", last))
+    if not _compares(d):
+        return tables, until
+    n = d.coordinates
+    solution = equations.solutions(np.array([t]), np.append(last, 0.0)[None, :])[0]
+    outputs = model.evaluator("outputs", t, last[:n], last[n : 2 * n], solution)
+    return (*tables, doubles("OUTPUTS", outputs)), until
+
+
+def _compares(d: Description) -> bool:
+    """Tell whether there are outputs that the core gives as symgen does."""
+    return d.kernel("outputs") is not None and not d.redundant
+
+
+def expected_of_run(
+    equations: Any,
+    t0: float,
+    start: Any,
+    until: float,
+    directions: Sequence[int] = (),
+    terminal: Sequence[bool] = (),
+) -> tuple[Table, Table, float, Any]:
+    """Return the derivative at the start and how a run ends, as tables; its end and the state there."""
+    derivative = equations.derivative(t0, np.append(start, 0.0))
+    method = INTEGRATORS["dop853"]
+    run = _core.Run(
+        equations,
+        method,
+        t0,
+        start,
+        until,
+        RTOL,
+        ATOL,
+        0.0,
+        np.array([until]),
+        directions=directions,
+        terminal=terminal,
+    )
+    status = run.begin()
+    while status == _core.MORE:
+        status = run.advance(1000)
+    ends = doubles("ENDS", [status, run.t, run.steps, run.rejected])
+    return doubles("DERIVATIVE", derivative), ends, run.t, run.state
+
+
+def _notes(d: Description) -> tuple[str, ...]:
+    found = []
+    if d.redundant:
+        names = ", ".join(d.labels[i] for i in d.redundant)
+        found.append(
+            f"Redundant constraints ({names}) follow from the others: forces are not unique, and those given "
+            "here are zero in these, where symgen gives those of least norm."
+        )
+    if d.events:
+        found.append(
+            "A run ends at an event that the scene declares as its end: that is a status of its own."
+        )
+    return tuple(found)
+
+
+def title_of(sources: Sequence[SourceFile]) -> str:
+    """Return the title as the kernels' header has it, safe in a comment."""
+    header = next(f for f in sources if f.name.endswith(".h"))
+    return header.text.splitlines()[0].removeprefix("/* ")
+
+
+def group(program: Program, name: str) -> tuple[Slot, ...]:
+    """Return what the entries of one argument array mean."""
+    return next((slots for own, _, slots in program.groups if own == name), ())
+
+
+def state_of(program: Program, extra: int) -> tuple[Slot, ...]:
+    """Return what the numbers of a state mean."""
+    work = (Slot("work", "J", "work of loads without potential since the start"),) if extra else ()
+    return (*group(program, "q"), *group(program, "u"), *work)
+
+
+def outputs_of(program: Program) -> tuple[Slot, ...]:
+    """Return what the scene records, a slot for each number."""
+    kernel: Kernel | None = next((k for k in program.kernels if k.name == "outputs"), None)
+    if kernel is None:
+        return ()
+    found = []
+    for block in kernel.blocks:
+        count = block.shape[0] * block.shape[1]
+        names = [f" {r} {c}".rstrip() for r in block.rows or ("",) for c in block.columns or ("",)]
+        if len(names) != count:
+            names = [f"[{i}]" for i in range(count)] if count > 1 else [""]
+        found += [Slot(f"{block.name}{name}", block.unit, block.description) for name in names]
+    return tuple(found)

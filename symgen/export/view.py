@@ -1,0 +1,181 @@
+"""What the templates of an export see, and how numbers of Python are written in C."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from symgen.codegen.emit import SourceFile
+from symgen.lowering.kernel import Slot
+from symgen.runtime import _core
+from symgen.runtime.integrators import INTEGRATORS
+
+#: Times of a run that is compared with the numbers of an export end here at the latest [s].
+COMPARED = 1.0
+#: The largest part of an array by which its numbers may be off with other flags or another library.
+TOLERANCE = "1e-6"
+#: Tolerances of the run that is compared, and of the example.
+RTOL, ATOL = 1e-9, 1e-12
+
+_WIDE = 110
+
+
+@dataclass(frozen=True, slots=True)
+class Table:
+    """A constant array: its type, its name, and its values in braces."""
+
+    type: str
+    name: str
+    values: str
+
+
+@dataclass(frozen=True, slots=True)
+class Record:
+    """A constant struct: its type, its name, and its members with their values."""
+
+    type: str
+    name: str
+    members: tuple[tuple[str, str], ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Exported:
+    """A model as the templates of an export see it.
+
+    Parameters
+    ----------
+    name, title, equations, references
+        Of the scene, and of its derivation.
+    family
+        ``rods``, ``loop`` or ``elastic``: how it is run.
+    driven
+        Whether inputs alone move it.
+    core, core_headers
+        Files of the core that it needs, and the headers among them that its own code includes.
+    kernels
+        The generated kernels.
+    coordinates
+        Half of a state, or of a driven loop all of it.
+    state, parameters, outputs
+        What their numbers mean.
+    start, t_start, t_end, defaults
+        In C.
+    tables, records
+        What the core is told.
+    expected
+        What was computed here, to be compared with.
+    notes
+        What must be said of this scene.
+    """
+
+    name: str
+    title: str
+    equations: str
+    references: tuple[str, ...]
+    family: str
+    driven: bool
+    core: tuple[str, ...]
+    core_headers: tuple[str, ...]
+    kernels: tuple[SourceFile, ...]
+    coordinates: int
+    state: tuple[Slot, ...]
+    parameters: tuple[Slot, ...]
+    outputs: tuple[Slot, ...]
+    start: str
+    t_start: str
+    t_end: str
+    defaults: str
+    tables: tuple[Table, ...]
+    records: tuple[Record, ...]
+    expected: tuple[Table, ...]
+    notes: tuple[str, ...] = ()
+    events: int = 0
+    found: int = 0
+    parts: int = 0
+    until: str = ""
+    steps: int = 0
+    stride: str = ""
+    free: int = 0
+    entries: int = 0
+    band: int = 0
+    rigid_n: int = 0
+    rigid_m: int = 0
+    rigid_dim: int = 0
+    compares_outputs: bool = False
+    tolerance: str = TOLERANCE
+
+    @property
+    def headers(self) -> tuple[str, ...]:
+        """Headers of the kernels."""
+        return tuple(f.name for f in self.kernels if f.name.endswith(".h"))
+
+    @property
+    def sources(self) -> tuple[str, ...]:
+        """Everything that must be compiled besides what has a main."""
+        own = [f.name for f in self.kernels if f.name.endswith(".c")]
+        return (f"{self.name}.c", *own, *(f"core/{name}" for name in self.core if name.endswith(".c")))
+
+    @property
+    def ended(self) -> int:
+        """The status of a run that an event ended."""
+        return int(_core.ENDED)
+
+    @property
+    def error_order(self) -> int:
+        """That of the method of its runs."""
+        return int(INTEGRATORS["dop853"].error_order)
+
+
+def number(value: float) -> str:
+    """Return a double in C, in the digits that give it back."""
+    value = float(value)
+    if np.isnan(value):
+        return "NAN"
+    return repr(value) if np.isfinite(value) else "INFINITY" if value > 0 else "-INFINITY"
+
+
+def braces(values: Iterable[Any], spare: int = 0) -> str:
+    """Return an initialiser of numbers, with so many zeros behind them; one zero where there is nothing."""
+    flat = np.ravel(np.asarray([*values]))
+    whole = flat.dtype.kind in "iub"
+    texts = [str(int(x)) if whole else number(x) for x in flat] + ["0"] * spare
+    text = ", ".join(texts or ["0"])
+    if len(text) < _WIDE:
+        return f"{{{text}}}"
+    return "{\n" + textwrap.fill(text, _WIDE, initial_indent="    ", subsequent_indent="    ") + "\n}"
+
+
+def doubles(name: str, values: Iterable[Any]) -> Table:
+    """Return a table of doubles."""
+    return Table("double", name, braces(np.asarray([*values], dtype=float).ravel()))
+
+
+def indices(name: str, values: Iterable[Any]) -> Table:
+    """Return a table of numbers that count."""
+    return Table("ptrdiff_t", name, braces(np.asarray([*values], dtype=np.intp).ravel()))
+
+
+def members(**values: Any) -> tuple[tuple[str, str], ...]:
+    """Return the members of a struct, numbers as C writes them, texts as they are."""
+    found = []
+    for name, value in values.items():
+        text = value if isinstance(value, str) else number(value) if isinstance(value, float) else str(value)
+        found.append((name, text))
+    return tuple(found)
+
+
+def functions(prefix: str, known: Iterable[str], there: Iterable[str]) -> dict[str, str]:
+    """Return the kernels that a struct of them knows and a model has, by member."""
+    own = set(there)
+    return {name: f"{prefix}_{name}" for name in known if name in own}
+
+
+def method_tables() -> tuple[Table, Table]:
+    """Return the coefficients of the method of runs, as the core reads them."""
+    method = INTEGRATORS["dop853"]
+    counts = Table("long", "DOP853_COUNTS", braces(method.counts))
+    return counts, doubles("DOP853_NUMBERS", method.numbers)
