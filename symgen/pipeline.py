@@ -149,9 +149,9 @@ def _model(
 
     base = tools.in_float64
 
-    def analysis(kind: str) -> tuple[Description, Library]:
-        # The Jacobian is for runs, so it is in their type; all else is in double precision.
-        in_type = kind == "tangent" and not tools.digits and tools.precision != FLOAT64
+    def analysis(kind: str, stepping: bool) -> tuple[Description, Library]:
+        # What runs step through is in their type; all else is in double precision.
+        in_type = stepping and not tools.digits and tools.precision != FLOAT64
         made, of = (tools, tools.precision.name) if in_type else (base, "")
         return _analysis(text, made, description, kind, lambda: _linkage(text), of)
 
@@ -285,7 +285,7 @@ def _in_segments(text: SceneText, tools: Tools, base: Description, count: int) -
 
     name = f"segments-{count}"
     description, library = tools.cached(text, name, make)
-    analyses = cache(lambda kind: _analysis(text, tools, description, kind, linkage, name))
+    analyses = cache(lambda kind, _: _analysis(text, tools, description, kind, linkage, name))
     return Model(description, library, equations, analyses=analyses)
 
 

@@ -226,6 +226,7 @@ def test_every_passage_is_found_however_large_the_steps(options):
     notes = model.simulate(62.0, **options).notes
     assert notes[0].startswith("passed 20 losses of rank")
     (note,) = model.simulate(0.901, samples=2).notes
+    # The time is located on steps of the default tolerance, 1e-8: not to every digit that the note prints.
     found = re.search(r"at t = ([\d.]+) s", note)
     assert found and abs(float(found[1]) - 0.9) < 5e-9
 

@@ -232,12 +232,12 @@ cdef class BeamEquations(Integrable):
     cdef readonly Py_ssize_t whole
     cdef readonly bint thesis
     cdef const elastic_table *api
-    cdef object layout
+    cdef dict kept
 
     def __init__(self, RigidMotion motion, layout, bint thesis):
         cdef beam_layout wanted
         cdef dict kept = {}
-        self.motion, self.layout, self.thesis = motion, kept, thesis
+        self.motion, self.kept, self.thesis = motion, kept, thesis
         self.of, self.api = motion.equations.of, motion.api
         wanted.unknowns, wanted.constraints = layout.unknowns, layout.constraints
         wanted.pieces, wanted.coordinates = len(layout.sizes), len(layout.joint_places) - 1

@@ -112,7 +112,6 @@ cdef extern from "core/core.h" nogil:
         void (*derivative)(equations *, double, const void *, void *) noexcept nogil
         account *(*account)(equations *) noexcept nogil
         const char *(*dropped)(equations *) noexcept nogil
-        void *(*equations_memory)(equations *) noexcept nogil
         const kind *(*find_kind)(const char *) noexcept nogil
         size_t (*run_bytes)(const equations *, const scheme *, const task *) noexcept nogil
         void (*run_bind)(run *, equations *, const scheme *, const task *, void *) noexcept nogil

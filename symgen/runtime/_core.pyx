@@ -296,6 +296,9 @@ cdef class Integrable:
         return self.of.api.check(self.core, t, state.at)
 
 
+cdef object NO_PLACES = np.zeros(1, dtype="l")
+
+
 cdef class Equations(Integrable):
     """The kernels of one model with its parameters and scratch memory; one per thread of work.
 
@@ -347,7 +350,7 @@ cdef class Equations(Integrable):
         wanted.n, wanted.m, wanted.extra, wanted.parameters = n, m, extra, parameters.shape[0]
         wanted.work, wanted.first_pivot, wanted.redundant = work_size, first_pivot, redundant
         wanted.events = events if given.events != NULL else 0
-        self.places = np.array([*np.ravel(tangent), 0], dtype="l")
+        self.places = np.array(tangent, dtype="l").ravel() if len(tangent) else NO_PLACES
         wanted.tangent, wanted.tangent_places = len(tangent), &self.places[0]
         wanted.rank_tolerance, wanted.slack, wanted.stabilisation = rank_tolerance, slack, stabilisation
         self.of = core

@@ -55,8 +55,13 @@ class Compiled:
 
     @property
     def precision(self) -> str:
-        """The type that runs of rods and batches are computed in: ``float64``, or as it was built."""
+        """The type that runs and batches are computed in: ``float64``, or as it was built."""
         return self._type.name
+
+    @property
+    def typed(self) -> Typed | None:
+        """Kernels in the type of runs, where that is not float64."""
+        return None if self._typed is None or self._typed.is_plain else self._typed
 
     @property
     def _type(self) -> Precision:
@@ -64,7 +69,7 @@ class Compiled:
 
     def _in_type(self, t: float, q: Any, u: Any, solution: Any) -> Any:
         """Return accelerations and multipliers in the model's own type, where that is not float64."""
-        if self._typed is None or self._typed.is_plain:
+        if self.typed is None:
             return solution
         found = self.batch("accelerations", t, q[None], u[None])
         return [*found["accelerations"][0], *found["multipliers"][0]]
@@ -131,12 +136,12 @@ class Compiled:
         """
         return self._evaluate_many(what, t, q, u, work, threads)[0]
 
-    def _refuse_types(self, what: str) -> None:
-        """Refuse what is computed in doubles only, where another type was asked for."""
-        if self._typed and not self._typed.is_plain:
-            how = f"{self._typed.digits} digits" if self._typed.digits else self.precision
+    def _refuse_types(self, what: str, but: str = "") -> None:
+        """Refuse what is computed in doubles only, where another type was asked for; ``but`` those of C."""
+        if self.typed and (self.typed.digits or not but):
+            how = f"{self.typed.digits} digits" if self.typed.digits else self.precision
             raise ModelError(
-                f"{what} computed in float64 only, and {self.name} was built for {how}\n"
+                f"{what} computed in {but or 'float64'} only, and {self.name} was built for {how}\n"
                 f"  model.batch() evaluates its kernels in {how}."
             )
 

@@ -184,7 +184,7 @@ class ElasticModel(Compiled):
         """
         from symgen.runtime.elastic_run import Task, run
 
-        self._refuse_types("elastic links are")
+        self._refuse_types("runs of elastic links are", but="types of C")
         for value, known, what in ((method, METHODS, "method"), (form, FORMS, "form")):
             if value not in known:
                 raise ModelError(f"there is no {what} {value!r}. {nearest(value, known)}")
@@ -219,7 +219,7 @@ class ElasticModel(Compiled):
         """
         from symgen.runtime.sweep_run import sweep
 
-        self._refuse_types("elastic links are")
+        self._refuse_types("sweeps are")
         return sweep(self, speeds, rtol, samples, progress)
 
     def in_segments(self, count: int = 12) -> Model:
@@ -266,6 +266,6 @@ class ElasticModel(Compiled):
         """
         from symgen.runtime.exact_run import ExactTask, exact_run
 
-        self._refuse_types("elastic links are")
+        self._refuse_types("runs in rods with springs are")
         task = ExactTask(segments, revolutions, rtol, samples)
         return exact_run(self._motion(True), self.in_segments(segments), task, progress)

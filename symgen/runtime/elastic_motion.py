@@ -146,13 +146,15 @@ class ElasticMotion:
         """The longest time [s] over which a pose is a good guess of the next."""
         return _STRIDE / abs(self.speed) if self.speed else math.inf
 
-    def equations(self, thesis: bool = False) -> _beams.BeamEquations:
-        """Return the compiled equations, at the start of the motion."""
+    def equations(self, thesis: bool = False, stepping: bool = False) -> _beams.BeamEquations:
+        """Return the compiled equations, at the start of the motion; for ``stepping`` in the type of runs."""
         d = self.rigid.description
+        joined = ("elastic_motion", "elastic_joints")
+        links, joints = (self.rigid.analysis(kind, stepping).library.addresses for kind in joined)
         motion = RigidMotion(
-            self.rigid.evaluator.equations(len(d.redundant)),
-            self._motion.library.addresses,
-            self._joints.library.addresses,
+            self.rigid.evaluator.equations(len(d.redundant), typed=self.rigid.typed if stepping else None),
+            links,
+            joints,
             self.kernel_sizes,
             0.0,
             self._start,

@@ -21,6 +21,7 @@ from symgen.runtime.elastic_periodic import periodic
 from symgen.runtime.elastic_result import ElasticResult, is_stable, outputs
 from symgen.runtime.elastic_steps import Found, Task, doubled, explicit, recorded_times
 from symgen.runtime.result import Drift
+from symgen.runtime.typed import made_with
 
 Array = NDArray[np.float64]
 Progress = Callable[[float], None]
@@ -40,7 +41,7 @@ def run(motion: ElasticMotion, task: Task, progress: Progress | None) -> Elastic
         When the linkage cannot turn, or the motion grows out of all bounds.
     """
     times = recorded_times(motion, task)
-    equations = motion.equations(task.form == "thesis")
+    equations = motion.equations(task.form == "thesis", stepping=True)
     if task.form == "thesis":
         _check_thesis(motion)
     begun = time.perf_counter()
@@ -121,7 +122,7 @@ def _result(
             "form": task.form,
             "rtol": task.rtol,
             "t_end": float(np.max(times)),
-            "backend": motion.rigid.backend,
+            **made_with(motion.rigid.evaluator.library, motion.rigid.typed),
             "parameters": dict(motion.rigid.parameters),
         },
         notes=tuple(notes),

@@ -14,6 +14,7 @@ from symgen.runtime import _core, _loop
 from symgen.runtime.description import LoopDescription, VariableInfo
 from symgen.runtime.evaluate import part
 from symgen.runtime.library import Library
+from symgen.runtime.typed import Typed
 
 Array = NDArray[np.float64]
 
@@ -23,10 +24,17 @@ _CLOSE = 4 * float(np.finfo(float).eps)
 
 
 class LoopKernels:
-    """Calls the kernels of one loop."""
+    """Calls the kernels of one loop; ``typed`` are those in another type, for runs."""
 
-    def __init__(self, description: LoopDescription, library: Library, parameters: Sequence[float]) -> None:
+    def __init__(
+        self,
+        description: LoopDescription,
+        library: Library,
+        parameters: Sequence[float],
+        typed: Typed | None = None,
+    ) -> None:
         self.description, self.library = description, library
+        self.typed = None if typed is None or typed.is_plain else typed
         self.parameters = np.array([*parameters, 0.0])
         self.work_size = max(description.work_size, description.coordinates + 6)
         self.inputs = description.having("input")
@@ -54,14 +62,20 @@ class LoopKernels:
         return kernel in self.library.addresses
 
     def equations(self, solved: Sequence[int], rank: int) -> _loop.LoopEquations:
-        """Return the compiled view of the kernels: solves for these variables, follows inputs, runs."""
-        return _loop.LoopEquations(*self._arguments(solved, rank))
+        """Return the compiled view of the kernels in double precision: solves for these variables."""
+        return _loop.LoopEquations(self.library.addresses, *self._arguments(solved, rank))
+
+    def stepping(self, solved: Sequence[int], rank: int) -> _loop.LoopEquations:
+        """Return the same in the type that was asked for: what follows inputs and runs."""
+        if self.typed is None:
+            return self.equations(solved, rank)
+        addresses = self.typed.kernels(False).addresses
+        return _loop.LoopEquations(addresses, *self._arguments(solved, rank), core=self.typed.stepping)
 
     def _arguments(self, solved: Sequence[int], rank: int) -> tuple[Any, ...]:
         d = self.description
         outputs = d.kernel("outputs")
         return (
-            self.library.addresses,
             self.parameters[:-1],
             self.work_size,
             outputs.out_size if outputs else 0,

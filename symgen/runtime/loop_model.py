@@ -48,7 +48,7 @@ class LoopModel(Compiled):
         typed: Typed | None = None,
     ) -> None:
         super().__init__(description, library, derive, parameters, typed)
-        self._kernels = LoopKernels(description, library, list(self.parameters.values()))
+        self._kernels = LoopKernels(description, library, list(self.parameters.values()), typed)
         self._start: Closed | None = None
 
     def __repr__(self) -> str:
@@ -120,7 +120,6 @@ class LoopModel(Compiled):
         InitialStateError
             When the loop cannot be assembled at the beginning of its range.
         """
-        self._refuse_types("closed loops are")
         driven(self.description)
         return follow(self._kernels, self.closed_start(), reals(values, "values of the input"))
 
@@ -143,7 +142,6 @@ class LoopModel(Compiled):
         As :meth:`at`; a range that cannot be gone through ends with SimulationError, which carries the part
         that was reached.
         """
-        self._refuse_types("closed loops are")
         driven(self.description)
         if not 2 <= count(samples, "samples") <= 10_000_000:
             raise ModelError(f"expected between 2 and 10 million samples, got {samples}")
@@ -202,7 +200,6 @@ class LoopModel(Compiled):
         """
         from symgen.runtime.loop_run import run
 
-        self._refuse_types("closed loops are")
         d = self.description
         if not d.having("free"):
             raise ModelError(

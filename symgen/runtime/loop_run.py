@@ -15,6 +15,7 @@ from symgen.runtime.options import Options
 from symgen.runtime.result import Drift, Result
 from symgen.runtime.simulate import drive
 from symgen.runtime.turn import converters, variables
+from symgen.runtime.typed import made_with
 
 Array = NDArray[np.float64]
 
@@ -30,7 +31,7 @@ def run(
         When the run cannot go on, naming time, row and cause; the error carries what was recorded till then.
     """
     d = kernels.description
-    equations = kernels.equations([*d.having("dependent"), *d.having("free")], begin.rank)
+    equations = kernels.stepping([*d.having("dependent"), *d.having("free")], begin.rank)
     y0 = np.concatenate([begin.q, rates_at_start(kernels, begin), [0.0]])
     times = np.linspace(begin.t, chosen.t_end, chosen.samples)
     stepper = _core.Run(
@@ -71,7 +72,9 @@ def _recorded(
     rows = np.column_stack([stepper.result, np.zeros(len(times))])
     out = np.zeros((len(times), (info.out_size if info else 0) + 1))
     if len(times) and info:
-        found = equations.solutions(times, rows)
+        # States are recorded as doubles, and outputs follow from them.
+        solver = kernels.equations([*d.having("dependent"), *d.having("free")], equations.rank)
+        found = solver.solutions(times, rows)
         work = np.zeros((len(times), kernels.work_size + 1))
         work[:, : n + 6] = found[:, : n + 6]
         _core.call_many(kernels.library.addresses["outputs"], times, rows, n, kernels.parameters, work, out)
@@ -110,7 +113,7 @@ def _recorded(
             "atol": chosen.atol,
             "step": chosen.step,
             "t_end": chosen.t_end,
-            "backend": kernels.library.backend,
+            **made_with(kernels.library, kernels.typed),
             "parameters": {
                 p.name: x for p, x in zip(d.parameters, kernels.parameters.tolist(), strict=False)
             },

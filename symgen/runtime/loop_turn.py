@@ -19,6 +19,7 @@ from symgen.runtime.loop_poles import PoleAt, beside_pole, poles, undetermined
 from symgen.runtime.loop_start import Closed, distance, scaled_screws
 from symgen.runtime.result import Drift
 from symgen.runtime.turn import Pole, Turn, converters, variables
+from symgen.runtime.typed import made_with
 
 Array = NDArray[np.float64]
 
@@ -55,7 +56,7 @@ def follow(kernels: LoopKernels, begin: Closed, values: Array) -> Turn:
         )
     begun = time.perf_counter()
     times = kernels.times_of(values)
-    equations = kernels.equations(d.having("dependent"), begin.rank)
+    equations = kernels.stepping(d.having("dependent"), begin.rank)
     order = np.argsort(times, kind="stable")
     ahead = times[order]
     first = int(np.searchsorted(ahead, begin.t))  # those before it are followed backwards
@@ -86,7 +87,6 @@ def follow(kernels: LoopKernels, begin: Closed, values: Array) -> Turn:
         raise SimulationError(_problem(kernels, equations, *failed), time=failed[1])
     turn = _recorded(
         kernels,
-        equations,
         begin,
         times[kept],
         states,
@@ -115,7 +115,7 @@ def follow_through(kernels: LoopKernels, begin: Closed, stop: float, samples: in
     d = kernels.description
     begun = time.perf_counter()
     times, poses, turning = walk(kernels, begin, kernels.time_of(stop), samples)
-    equations = kernels.equations(d.having("dependent"), begin.rank)
+    equations = kernels.stepping(d.having("dependent"), begin.rank)
     count = len(times)
     rows = _rows(d, count)
     kept = [
@@ -129,7 +129,7 @@ def follow_through(kernels: LoopKernels, begin: Closed, stop: float, samples: in
     states, out, diagnosis = (a[kept] for a in rows)
     values = np.array([kernels.lead_at(t)[0] for t in times[kept]])
     wall = time.perf_counter() - begun
-    turn = _recorded(kernels, equations, begin, times[kept], states, out, diagnosis, values, wall)
+    turn = _recorded(kernels, begin, times[kept], states, out, diagnosis, values, wall)
     first = kernels.lead
     ends = ", ".join(kernels.value_at(t).partition(" = ")[2] for t in turning[:_SHOWN])
     if not turning:
@@ -178,7 +178,6 @@ def driven(d: LoopDescription) -> None:
 
 def _recorded(
     kernels: LoopKernels,
-    equations: _loop.LoopEquations,
     begin: Closed,
     times: Array,
     states: Array,
@@ -188,6 +187,7 @@ def _recorded(
     wall: float,
 ) -> Turn:
     d = kernels.description
+    equations = kernels.equations(d.having("dependent"), begin.rank)
     found = poles(kernels, equations, times, states, diagnosis)
     met = diagnosis[:, _loop.STATUS] == _loop.POLE
     for k in np.flatnonzero(met):
@@ -246,7 +246,7 @@ def _recorded(
             "equations": d.equations,
             "method": "closure",
             "t_end": float(times[-1]) if len(times) else begin.t,
-            "backend": kernels.library.backend,
+            **made_with(kernels.library, kernels.typed),
             "parameters": {
                 p.name: x for p, x in zip(d.parameters, kernels.parameters.tolist(), strict=False)
             },

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 #: Gives the kernels of one kind of analysis, made when first asked for.
-Analyses = Callable[[str], tuple[Description, Library]]
+Analyses = Callable[[str, bool], tuple[Description, Library]]
 
 
 class Model(Compiled):
@@ -183,13 +183,16 @@ class Model(Compiled):
         """Its kernels as functions of arrays."""
         return self._evaluator
 
-    def analysis(self, kind: str) -> Evaluator:
-        """Return the kernels that only one kind of analysis needs, made when first asked for."""
+    def analysis(self, kind: str, stepping: bool = False) -> Evaluator:
+        """Return the kernels that only one kind of analysis needs, made when first asked for.
+
+        For ``stepping`` they are in the type of runs, else in double precision.
+        """
         if self._analyses is None:
             raise ModelError(
                 f"{self.name} was made without the kernels of {kind}: build it with symgen.build"
             )
-        return Evaluator(*self._analyses(kind), self._evaluator.parameters[:-1])
+        return Evaluator(*self._analyses(kind, stepping), self._evaluator.parameters[:-1])
 
     def assemblies(self, t: float = 0.0) -> tuple[State, ...]:
         """Return the ways in which the driven linkage goes together at a time, the drawn one (at 0 s) first.
@@ -393,7 +396,7 @@ class Model(Compiled):
         end = self.description.t_end if t_end is None else float(t_end)
         kept = (stabilisation, stabilisation_rate, max_drift)
         chosen = options(end, method, rtol, atol, step, samples, max_steps, *kept, precision=self._type)
-        tangent = self.analysis("tangent") if chosen.method.needs_tangent else None
+        tangent = self.analysis("tangent", stepping=True) if chosen.method.needs_tangent else None
         kept_in = keeping(checkpoint, checkpoint_every, resume)
         found = self._found()
         t, q, u = (0.0, found.q, found.u) if state is None else (state.t, state.q, state.u)

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
 
 import numpy as np
 
@@ -38,7 +40,21 @@ class Options:
 BAUMGARTE_RATE = 10.0
 
 
-def options(
+def options(*asked: Any, **named: Any) -> Options:
+    """Check the options of a run as :func:`_options` does, once for each set of them.
+
+    Raises
+    ------
+    ModelError
+        When one is out of its range, or does not go with the method.
+    """
+    try:
+        return _remembered(*asked, **named)
+    except TypeError:  # not hashable, so neither a number nor a name: let the check say so
+        return _options(*asked, **named)
+
+
+def _options(
     t_end: float,
     method: str | None,
     rtol: float | None,
@@ -90,6 +106,9 @@ def options(
         name = precision.name
         raise ModelError(f"step = {step:g} s is too small against t_end = {t_end:g} s for {name}")
     return Options(chosen, t_end, 0.0, 0.0, step, samples, max_steps, *kept)
+
+
+_remembered = lru_cache(maxsize=64, typed=True)(_options)
 
 
 def _tolerances(rtol: float | None, atol: float | None, precision: Precision) -> tuple[float, float]:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +14,7 @@ from symgen.runtime.evaluate import Evaluator, part
 from symgen.runtime.library import Library
 from symgen.runtime.options import Options
 from symgen.runtime.redundancy import least_norm, not_unique
-from symgen.runtime.result import Drift, Event, Result, Variable
+from symgen.runtime.result import Drift, Event, Variable
 
 Array = NDArray[np.float64]
 
@@ -20,52 +22,72 @@ Array = NDArray[np.float64]
 _SHOWN = 6
 
 
-def recorded(
-    evaluator: Evaluator,
-    equations: _core.Equations,
-    stepper: _core.Run,
-    redundant: tuple[int, ...],
-    chosen: Options,
-    wall: float,
-    library: Library,
-) -> Result:
-    """Return what a run has recorded till now; ``library`` are the kernels it went through."""
-    description = evaluator.description
-    times = stepper.sampled
-    solver = equations
-    if equations.core_type is not _core.DOUBLE:
-        # States are recorded as doubles, and outputs follow from them.
-        solver = evaluator.equations(len(redundant))
-    drift = Drift(
-        constraint=stepper.position_drift,
-        velocity=stepper.velocity_drift,
-        energy=stepper.energy_drift,
-        energy_exchanged=max(
-            stepper.kinetic_max - stepper.kinetic_min, stepper.potential_max - stepper.potential_min, 0.0
-        ),
-    )
-    # Copies of what the run holds now; most of what follows from them is not asked for in short runs.
-    states, t, last, lost = stepper.result, stepper.t, stepper.state, len(redundant)
-    return Result.later(
-        {
-            "variables": lambda: outputs(evaluator, solver, times, states, lost),
-            "final": lambda: motion(evaluator, t, last),
-        },
-        name=description.name,
-        title=description.title,
-        axes=description.axes,
-        time=times,
-        drift=drift,
-        statistics={
-            "t": t,
-            "steps": stepper.steps,
-            "rejected": stepper.rejected,
-            "evaluations": equations.evaluations,
-            "factorisations": equations.factorisations,
-            "wall_s": wall,
-        },
-        provenance={
-            "equations": description.equations,
+@dataclass(frozen=True, slots=True)
+class Recording:
+    """A run that has ended, whatever the cause; its methods give the fields of its :class:`Result`.
+
+    ``library`` are the kernels that it went through, ``wall`` its wall time [s].
+    """
+
+    evaluator: Evaluator
+    equations: _core.Equations
+    stepper: _core.Run
+    redundant: tuple[int, ...]
+    chosen: Options
+    wall: float
+    library: Library
+
+    def name(self) -> str:
+        """Return the scene's name."""
+        return self.evaluator.description.name
+
+    def title(self) -> str:
+        """Return the scene's title."""
+        return self.evaluator.description.title
+
+    def axes(self) -> tuple[str, ...]:
+        """Return the names of the axes."""
+        return self.evaluator.description.axes
+
+    def time(self) -> Array:
+        """Return the recorded times [s]."""
+        return self.stepper.sampled
+
+    def variables(self) -> tuple[Variable, ...]:
+        """Return the scene's outputs at those times."""
+        solver, lost = self.equations, len(self.redundant)
+        if solver.core_type is not _core.DOUBLE:
+            # States are recorded as doubles, and outputs follow from them.
+            solver = self.evaluator.equations(lost)
+        return outputs(self.evaluator, solver, self.stepper.sampled, self.stepper.result, lost)
+
+    def drift(self) -> Drift:
+        """Return how far the run strayed."""
+        run = self.stepper
+        exchanged = max(run.kinetic_max - run.kinetic_min, run.potential_max - run.potential_min, 0.0)
+        return Drift(run.position_drift, run.velocity_drift, run.energy_drift, exchanged)
+
+    def final(self) -> dict[str, dict[str, list[float]]]:
+        """Return the motion of all points at the end."""
+        return motion(self.evaluator, self.stepper.t, self.stepper.state)
+
+    def statistics(self) -> dict[str, float]:
+        """Return counts, the last time and the wall time [s]."""
+        return {
+            "t": self.stepper.t,
+            "steps": self.stepper.steps,
+            "rejected": self.stepper.rejected,
+            "evaluations": self.equations.evaluations,
+            "factorisations": self.equations.factorisations,
+            "wall_s": self.wall,
+        }
+
+    def provenance(self) -> dict[str, Any]:
+        """Return what the numbers come from."""
+        d, chosen = self.evaluator.description, self.chosen
+        parameters = zip(d.parameters, self.evaluator.parameters.tolist(), strict=False)
+        return {
+            "equations": d.equations,
             "method": chosen.method.name,
             "rtol": chosen.rtol,
             "atol": chosen.atol,
@@ -73,24 +95,27 @@ def recorded(
             "t_end": chosen.t_end,
             "stabilisation": chosen.stabilisation,
             **({"stabilisation_rate": chosen.rate} if chosen.rate else {}),
-            "backend": library.backend,
-            **library.provenance,
-            "parameters": {
-                p.name: value
-                for p, value in zip(description.parameters, evaluator.parameters.tolist(), strict=False)
-            },
-        },
-        notes=(
-            *_of_redundancy(evaluator, stepper, redundant),
-            *_of_passages(evaluator, stepper),
-            *_of_stiffness(stepper, chosen),
-            *_of_the_end(evaluator, stepper),
-        ),
-        events=tuple(
-            Event(description.events[i].name, t, rising, motion(evaluator, t, y))
-            for t, i, rising, y in stepper.events
-        ),
-    )
+            "backend": self.library.backend,
+            **self.library.provenance,
+            "parameters": {p.name: value for p, value in parameters},
+        }
+
+    def notes(self) -> tuple[str, ...]:
+        """Return what must be said of the run."""
+        return (
+            *_of_redundancy(self.evaluator, self.stepper, self.redundant),
+            *_of_passages(self.evaluator, self.stepper),
+            *_of_stiffness(self.stepper, self.chosen),
+            *_of_the_end(self.evaluator, self.stepper),
+        )
+
+    def events(self) -> tuple[Event, ...]:
+        """Return the moments that the scene told the run to look for."""
+        known = self.evaluator.description.events
+        return tuple(
+            Event(known[i].name, t, rising, motion(self.evaluator, t, y))
+            for t, i, rising, y in self.stepper.events
+        )
 
 
 def motion(evaluator: Evaluator, t: float, y: Array) -> dict[str, dict[str, list[float]]]:
@@ -112,8 +137,7 @@ def outputs(
     if info is None or not len(times):
         return ()
     n = evaluator.description.coordinates
-    rows = np.zeros((len(times), states.shape[1] + 1))
-    rows[:, :-1] = states
+    rows = states if n else np.zeros((len(times), 1))
     work = np.zeros((len(times), 1))
     if info.work_size:
         work = equations.solutions(times, rows)

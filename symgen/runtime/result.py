@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import asdict, dataclass, field
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
@@ -96,23 +96,25 @@ class Result:
     _cache: dict[str, Any] = field(default_factory=dict, repr=False)
 
     @classmethod
-    def later(cls, pending: Mapping[str, Callable[[], Any]], **fields: Any) -> Self:
-        """Return a result of which the ``pending`` fields are made when first asked for, saved or pickled."""
+    def later(cls, source: Any) -> Self:
+        """Return a result whose fields are made when first asked for, by the methods of ``source`` so named.
+
+        In short runs most of them are not asked for, and making them would take longer than the steps.
+        """
         made = object.__new__(cls)
-        made.__dict__.update(fields, _cache={}, _pending=dict(pending))
+        made.__dict__.update(_source=source, _cache={})
         return made
 
     def __getattr__(self, name: str) -> Any:
-        pending = self.__dict__.get("_pending", {})
-        if name not in pending:
+        if name not in _FIELDS or "_source" not in self.__dict__:
             raise AttributeError(f"a {type(self).__name__} has no attribute {name!r}")
-        self.__dict__[name] = value = pending[name]()
+        self.__dict__[name] = value = getattr(self.__dict__["_source"], name)()
         return value
 
     def __getstate__(self) -> dict[str, Any]:
-        for name in self.__dict__.get("_pending", {}):
-            getattr(self, name)
-        return {**self.__dict__, "_cache": {}, "_pending": {}}
+        if "_source" in self.__dict__:
+            return {"_cache": {}, **{name: getattr(self, name) for name in _FIELDS}}
+        return {**self.__dict__, "_cache": {}}
 
     def __getitem__(self, name: str) -> xarray.DataArray:
         """Return one output as a labelled array over time, its unit in ``attrs["units"]``."""
@@ -255,6 +257,7 @@ def _write_npz(result: Result, path: Path) -> None:
 
 _WRITERS = {".nc": _write_netcdf, ".npz": _write_npz}
 #: Endings of files that a result can be saved to.
+_FIELDS = tuple(f.name for f in fields(Result) if f.name != "_cache")
 SAVED_AS = tuple(_WRITERS)
 
 

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import math
 import os
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -18,7 +20,7 @@ from symgen.runtime.checkpoint import Checkpoints, mark_of, resume
 from symgen.runtime.evaluate import Evaluator
 from symgen.runtime.failures import problem
 from symgen.runtime.options import Options
-from symgen.runtime.recording import recorded
+from symgen.runtime.recording import Recording
 from symgen.runtime.redundancy import slack
 from symgen.runtime.result import Result
 from symgen.runtime.typed import Typed
@@ -90,10 +92,8 @@ def run(
     equations = evaluator.equations(
         len(redundant), allowed, stabilisation=chosen.rate, typed=typed, tangent=tangent
     )
-    times: Array = np.arange(chosen.samples, dtype=float) * ((chosen.t_end - t0) / (chosen.samples - 1)) + t0
-    times[-1] = chosen.t_end
-    y0 = np.concatenate((q, u, (0.0,) * equations.extra))
-    if not np.isfinite(y0).all():
+    y0 = np.array([*q.tolist(), *u.tolist(), *(0.0,) * equations.extra])
+    if not all(map(math.isfinite, y0.tolist())):
         raise ModelError("the start state holds a number that is not finite")
     stepper = _core.Run(
         equations,
@@ -104,7 +104,7 @@ def run(
         chosen.rtol,
         chosen.atol,
         chosen.step,
-        times,
+        _times(t0, chosen.t_end, chosen.samples),
         stabilisation=_core.STABILISATIONS.index(chosen.stabilisation),
         max_drift=chosen.max_drift,
         directions=[e.direction for e in evaluator.description.events],
@@ -118,7 +118,7 @@ def run(
         if keeping.resume is not None:
             checkpoints.spent = resume(keeping.resume, stepper, mark)
     status, wall = drive(stepper, t0, chosen, progress, checkpoints)
-    result = recorded(evaluator, equations, stepper, redundant, chosen, wall, library)
+    result = Result.later(Recording(evaluator, equations, stepper, redundant, chosen, wall, library))
     if status in (_core.DONE, _core.ENDED):
         return result
     raise SimulationError(
@@ -126,6 +126,15 @@ def run(
         time=stepper.t,
         partial=result if stepper.recorded else None,
     )
+
+
+@lru_cache(maxsize=16)
+def _times(t0: float, t_end: float, samples: int) -> Array:
+    """Return equally spaced times, the last exactly the end; not to be written to."""
+    times: Array = np.arange(samples, dtype=float) * ((t_end - t0) / (samples - 1)) + t0
+    times[-1] = t_end
+    times.flags.writeable = False
+    return times
 
 
 def drive(

@@ -34,9 +34,15 @@ class Typed:
     @property
     def is_plain(self) -> bool:
         """Whether they are what all else uses too."""
-        return not self.digits and self.precision == FLOAT64
+        return not self.digits and self.precision is FLOAT64
 
     @property
     def stepping(self) -> Core:
         """The core that runs of these kernels go through; those in mpmath hand it doubles."""
-        return DOUBLE if self.digits or self.precision == FLOAT64 else self.core()
+        return DOUBLE if self.is_plain or self.digits else self.core()
+
+
+def made_with(library: Library, typed: Typed | None) -> dict[str, str]:
+    """Return what the kernels of runs were made with and where they come from: typed ones, where given."""
+    chosen = typed.kernels(False) if typed and not typed.is_plain else library
+    return {"backend": chosen.backend, **chosen.provenance}

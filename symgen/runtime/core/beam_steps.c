@@ -2,9 +2,7 @@
 
 #include <string.h>
 
-static size_t rounded(size_t bytes) {
-    return (bytes + 63) / 64 * 64;
-}
+#include "memory.h"
 
 /* Give out the arrays one behind the other, or, where `at` is NULL, only count their bytes. */
 static size_t carve(struct beam_steps *x, char *at) {

@@ -2,6 +2,8 @@
 
 #include <string.h>
 
+#include "memory.h"
+
 /* Matrices of a superelement, each n x n, and behind them its load vectors; then of each force two and a matrix. */
 enum { MATRICES = 8, LOADS = 4 };
 
@@ -14,10 +16,6 @@ static struct sizes as_equations(const struct beam_layout *x) {
     made.work = 1;
     made.rank_tolerance = (double)BEAM_RANK;
     return made;
-}
-
-static size_t rounded(size_t bytes) {
-    return (bytes + 63) / 64 * 64;
 }
 
 /* Give out the arrays one behind the other, or, where `at` is NULL, only count their bytes. */

@@ -57,10 +57,6 @@ static const char *dropped_of(struct equations *e) {
     return e->dropped;
 }
 
-static void *memory_of(struct equations *e) {
-    return e->account;
-}
-
 static void run_start(struct run *run, const double *y0, const double *y0_low, const double *times,
                       const signed char *directions, const char *terminal) {
     size_t events = (size_t)run->e->sizes.events;
@@ -149,7 +145,6 @@ const struct core_api symgen_core = {
     .derivative = derivative_at,
     .account = account_of,
     .dropped = dropped_of,
-    .equations_memory = memory_of,
     .find_kind = find_kind,
     .run_bytes = run_bytes,
     .run_bind = run_bind,

@@ -67,7 +67,6 @@ struct core_api {
     void (*derivative)(struct equations *e, double t, const void *y, void *dy);
     struct account *(*account)(struct equations *e);
     const char *(*dropped)(struct equations *e);
-    void *(*equations_memory)(struct equations *e);
 
     const struct kind *(*find_kind)(const char *name);
     size_t (*run_bytes)(const struct equations *e, const struct scheme *scheme, const struct task *task);

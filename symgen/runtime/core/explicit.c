@@ -7,9 +7,8 @@
  * derivative at the projected end of the step, which closes the interpolant and is the first stage of the next
  * step; stages behind it serve the interpolant.
  */
+#include "lanes.h"
 #include "run.h"
-
-#include <string.h>
 
 struct tableau {
     long stages, all, degree, rows, same_as_last;
@@ -44,36 +43,56 @@ static int begin(struct run *run) {
     return DONE;
 }
 
-/* Add rows by their factors, one after the other for every entry: the same numbers whatever goes at once. */
-static void add_four(const real f[4], const real *const k[4], long dim, real *restrict sum) {
-    const real *restrict a = k[0], *restrict b = k[1], *restrict c = k[2], *restrict d = k[3];
-    real fa = f[0], fb = f[1], fc = f[2], fd = f[3];
-    for (long i = 0; i < dim; i++)
-        sum[i] = (((sum[i] + fa * a[i]) + fb * b[i]) + fc * c[i]) + fd * d[i];
+enum { MOST_ROWS = 32, MOST_BLOCKS = 4 };
+
+/* Blocks of out = base (0 where NULL) + the sum of rows by their factors, from one column on; `wide` is a
+ * constant of each call, so that the sums stay in registers. */
+static inline void add_blocks(const real *base, const real *factors, const real *rows, long count, long dim, real *out,
+                              int wide) {
+    block sum[MOST_BLOCKS];
+    for (int k = 0; k < wide; k++)
+        sum[k] = base ? *(const block *)(base + k * BLOCK) : (block){0};
+    for (long j = 0; j < count; j++, rows += dim)
+        for (int k = 0; k < wide; k++)
+            sum[k] += factors[j] * *(const block *)(rows + k * BLOCK);
+    for (int k = 0; k < wide; k++)
+        *(block *)(out + k * BLOCK) = sum[k];
 }
 
-static void add_one(real f, const real *restrict k, long dim, real *restrict sum) {
-    for (long i = 0; i < dim; i++)
-        sum[i] += f * k[i];
-}
-
-/* Add to `sum` the stages before `count` by their weights times h. */
-static void add_stages(const struct run *run, const real *weights, long count, real h, real *sum) {
-    const real *rows[4];
-    real factors[4];
-    long dim = run->dim, held = 0;
-    for (long j = 0; j < count; j++) {
-        if (weights[j] == 0)
-            continue;
-        factors[held] = h * weights[j];
-        rows[held++] = run->own + j * dim;
-        if (held == 4) {
-            add_four(factors, rows, dim, sum);
-            held = 0;
+/* out = base (0 where NULL) + the sum of rows by their factors, one row after the other for every entry. The
+ * last block may overlap the one before it. */
+LANES static void add_rows(const real *base, const real *factors, const real *rows, long count, long dim,
+                           real *restrict out) {
+    long at = 0, left;
+    if (dim < BLOCK) {
+        for (long i = 0; i < dim; i++) {
+            out[i] = base ? base[i] : 0;
+            for (long j = 0; j < count; j++)
+                out[i] += factors[j] * rows[j * dim + i];
         }
+        return;
     }
-    for (long j = 0; j < held; j++)
-        add_one(factors[j], rows[j], dim, sum);
+    for (; at + MOST_BLOCKS * BLOCK <= dim; at += MOST_BLOCKS * BLOCK)
+        add_blocks(base ? base + at : NULL, factors, rows + at, count, dim, out + at, MOST_BLOCKS);
+    left = (dim - at) / BLOCK;
+    if (left == 3)
+        add_blocks(base ? base + at : NULL, factors, rows + at, count, dim, out + at, 3);
+    else if (left == 2)
+        add_blocks(base ? base + at : NULL, factors, rows + at, count, dim, out + at, 2);
+    else if (left == 1)
+        add_blocks(base ? base + at : NULL, factors, rows + at, count, dim, out + at, 1);
+    if (at + left * BLOCK < dim) {
+        at = dim - BLOCK;
+        add_blocks(base ? base + at : NULL, factors, rows + at, count, dim, out + at, 1);
+    }
+}
+
+/* out = base (0 where NULL) + the stages before `count` by their weights times h. */
+static void add_stages(const struct run *run, const real *weights, long count, real h, const real *base, real *out) {
+    real factors[MOST_ROWS];
+    for (long j = 0; j < count; j++)
+        factors[j] = h * weights[j];
+    add_rows(base, factors, run->own, count, run->dim, out);
 }
 
 /* Whether errors across the constraints are so much magnified that stages and estimates are projected too:
@@ -87,8 +106,7 @@ static void fill_stage(struct run *run, const struct tableau *x, long s, real h)
     struct equations *e = run->e;
     size_t bytes = (size_t)run->dim * sizeof(real);
     real t = run->state->t + x->c[s] * h;
-    memcpy(run->stage, run->y, bytes);
-    add_stages(run, x->a + s * x->all, s, h, run->stage);
+    add_stages(run, x->a + s * x->all, s, h, run->y, run->stage);
     if (magnified(run)) {
         memcpy(run->error, run->stage, bytes);
         if (e->of->project(e, t, run->error) == DONE)
@@ -105,8 +123,7 @@ static real estimate(struct run *run, const struct tableau *x, real t_new, real 
     if (magnified(run))
         e->of->factorise(e, t_new, run->y_new);
     for (long r = 0; r < x->rows; r++) {
-        memset(run->error, 0, (size_t)dim * sizeof(real));
-        add_stages(run, x->e + r * (x->stages + 1), x->stages + x->same_as_last, h, run->error);
+        add_stages(run, x->e + r * (x->stages + 1), x->stages + x->same_as_last, h, NULL, run->error);
         if (magnified(run)) {
             e->of->make_tangent(e, t_new, run->y_new, run->error);
             e->of->make_tangent(e, t_new, run->y_new, run->error + e->n);
@@ -127,8 +144,7 @@ static int step(struct run *run, real t, real h, real t_new) {
     (void)t;
     for (long s = 1; s < x.stages; s++)
         fill_stage(run, &x, s, h);
-    memcpy(run->y_new, run->y, (size_t)run->dim * sizeof(real));
-    add_stages(run, x.b, x.stages, h, run->y_new);
+    add_stages(run, x.b, x.stages, h, run->y, run->y_new);
     if (x.same_as_last) {
         int status = settle(run, t_new);
         if (status != DONE)
@@ -182,17 +198,16 @@ static void prepare(struct run *run, real h) {
 
 static void interpolate(struct run *run, real h, real theta, real *y) {
     struct tableau x = tableau_of(run);
-    memcpy(y, run->y, (size_t)run->dim * sizeof(real));
+    real weights[MOST_ROWS];
     for (long j = 0; j < x.all; j++) {
-        const real *k = run->own + j * run->dim;
-        real power = theta * h, weight = 0;
+        real power = theta * h;
+        weights[j] = 0;
         for (long d = 0; d < x.degree; d++) {
-            weight += x.dense[j * x.degree + d] * power;
+            weights[j] += x.dense[j * x.degree + d] * power;
             power *= theta;
         }
-        for (long i = 0; i < run->dim; i++)
-            y[i] += weight * k[i];
     }
+    add_stages(run, weights, x.all, R(1), run->y, y);
 }
 
 static void accept(struct run *run) {

@@ -2,6 +2,8 @@
 
 #include <string.h>
 
+#include "memory.h"
+
 /* Defect of closure that rounding leaves at best, and the largest that is taken where it falls no further. */
 #define FINE (R(18) * REAL_EPSILON)
 #define COARSE (R(4500) * REAL_EPSILON)
@@ -55,16 +57,9 @@ static size_t carve(struct loop *l, const struct loop_sizes *s, real *from) {
     return taken * sizeof(real);
 }
 
-/* The account stands first; everything of type real behind it is aligned for any type. */
-enum { ALIGNED = 64 };
-
-static size_t aligned(size_t bytes) {
-    return (bytes + ALIGNED - 1) / ALIGNED * ALIGNED;
-}
-
 size_t loop_bytes(const struct loop_sizes *sizes) {
     const struct sizes plain = as_equations(sizes);
-    return aligned(equations_bytes(&plain)) + aligned(sizeof(struct loop_account)) + carve(NULL, sizes, NULL);
+    return rounded(equations_bytes(&plain)) + rounded(sizeof(struct loop_account)) + carve(NULL, sizes, NULL);
 }
 
 void loop_bind(struct loop *l, const struct loop_sizes *sizes, const struct loop_kernels *kernels,
@@ -76,9 +71,9 @@ void loop_bind(struct loop *l, const struct loop_sizes *sizes, const struct loop
     equations_bind(&l->base, &plain, &none, memory);
     l->base.of = &loop_behaviour;
     l->base.owner = l;
-    at += aligned(equations_bytes(&plain));
+    at += rounded(equations_bytes(&plain));
     l->seen = (struct loop_account *)(void *)at;
-    carve(l, sizes, (real *)(void *)(at + aligned(sizeof(struct loop_account))));
+    carve(l, sizes, (real *)(void *)(at + rounded(sizeof(struct loop_account))));
     l->kernels = *kernels;
     l->sizes = *sizes;
     l->solved = numbers;

@@ -2,12 +2,10 @@
 
 #include <string.h>
 
+#include "memory.h"
+
 /* Strides that are gone at once at most: tens of thousands of turns. */
 #define FARTHEST R(1e7)
-
-static size_t rounded(size_t bytes) {
-    return (bytes + 63) / 64 * 64;
-}
 
 size_t motion_bytes(const struct equations *e, const long *sizes) {
     size_t reals = 1 + 2 * (size_t)(e->dim + 1) + (size_t)(e->dim + e->n + e->m + 1);
