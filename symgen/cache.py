@@ -7,7 +7,7 @@ import json
 import os
 import shutil
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -80,14 +80,18 @@ class Cache:
             lock.release()
 
     @contextmanager
-    def building(self, name: str) -> Iterator[Path]:
-        """Give an empty folder; when the block ends well it becomes the entry, otherwise it vanishes."""
+    def building(self, name: str, naming: Callable[[Path], str] | None = None) -> Iterator[Path]:
+        """Give an empty folder; when the block ends well it becomes the entry, otherwise it vanishes.
+
+        ``naming`` gives the entry's name where that shows only when the folder is filled.
+        """
         with self._reporting():
             self.root.mkdir(parents=True, exist_ok=True)
             folder = Path(tempfile.mkdtemp(prefix=f".{name}.", dir=self.root))
         try:
             yield folder
             with self._reporting():
+                name = naming(folder) if naming else name
                 sums = {p.name: _sha256(p) for p in sorted(folder.iterdir())}
                 (folder / _CHECKSUMS).write_text(json.dumps(sums, indent=1), encoding="utf-8")
                 self._put(folder, self.root / name)

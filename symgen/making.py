@@ -3,22 +3,20 @@
 from __future__ import annotations
 
 import gc
-import hashlib
-import importlib.util
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from symgen import graph
 from symgen.cache import Cache, Entry, key
 from symgen.compiler import DEFAULT, OF_CORE, OF_FUNCTIONS, OF_LANES, Compilation, Compiler
 from symgen.errors import BuildError, CacheError
 from symgen.precision import FLOAT64, Precision
 
 if TYPE_CHECKING:
-    from symgen.codegen.emit import SourceFile
+    from symgen.codegen.source import SourceFile
     from symgen.lowering.kernel import Program
     from symgen.runtime._core import Core
     from symgen.runtime.description import Described
@@ -27,7 +25,6 @@ if TYPE_CHECKING:
     from symgen.symbolic.system import System
 
 _DESCRIPTION, _LIBRARY = "description.json", "kernels.so"
-_GENERATOR = ("scene", "symbolic", "joints", "elements", "mechanics", "models", "lowering", "codegen")
 #: Digits of constants beyond those that mpmath works with.
 _GUARD = 10
 
@@ -172,20 +169,27 @@ class Tools:
             self._finished(compiler.start(in_c, folder / _LIBRARY, libraries=self.precision.libraries))
 
     def cached(
-        self, text: SceneText, kind: str, make: Callable[[Path], tuple[Any, Library]]
+        self,
+        text: SceneText,
+        kind: str,
+        make: Callable[[Path], tuple[Any, Library]],
+        read: Callable[[], graph.Needs] = dict,
     ) -> tuple[Any, Library]:
-        """Take from the cache what ``make`` makes of a scene, or make it; ``kind`` is part of its name."""
+        """Take from the cache what ``make`` makes of a scene, or make it; ``kind`` is part of its name.
+
+        ``read`` tells, when it is made, what it depends on besides the scene and symgen.
+        """
         store = Cache()
-        parts = (text.file, text.canonical, _fingerprint(), self.identity)
+        parts = (text.file, text.canonical, self.identity)
         name = "-".join(part for part in (text.name, kind, key(*parts)) if part)
-        found = self._from_cache(store.find(name))
+        found = self._from_cache(graph.current(store, name))
         if found:
             return found
         with store.locked(name):
-            found = self._from_cache(store.find(name))
+            found = self._from_cache(graph.current(store, name))
             if found:
                 return found
-            with store.building(name) as folder:
+            with store.building(name, lambda f: graph.keep(f, name, graph.needs(read()))) as folder:
                 description, library = make(folder)
                 try:
                     (folder / _DESCRIPTION).write_text(description.to_json(), encoding="utf-8")
@@ -203,26 +207,6 @@ class Tools:
             return description, self.opened(entry.folder, description)
         except (KeyError, TypeError, ValueError, OSError):
             return None
-
-
-@cache
-def _fingerprint() -> str:
-    """Return a hash of everything that decides the generated code besides the scene."""
-    here = Path(__file__).resolve().parent
-    files = [p for part in _GENERATOR for p in (here / part).rglob("*") if p.suffix in (".py", ".txt")]
-    files += [here / name for name in ("pipeline.py", "making.py", "precision.py", "describe.py")]
-    files.append(here / "runtime" / "description.py")
-    templates = importlib.util.find_spec("symgen.templates")
-    if templates and templates.origin:
-        files += Path(templates.origin).parent.rglob("*.j2")
-    sympy = importlib.util.find_spec("sympy")
-    if sympy and sympy.origin:
-        files.append(Path(sympy.origin).with_name("release.py"))
-    digest = hashlib.sha256()
-    for path in sorted(files):
-        digest.update(path.name.encode())
-        digest.update(path.read_bytes())
-    return digest.hexdigest()
 
 
 @contextmanager

@@ -19,6 +19,7 @@ from symgen.errors import (
     nearest,
 )
 from symgen.making import Tools, no_collection
+from symgen.own import is_own, load
 from symgen.precision import FLOAT64
 from symgen.precision import precision as precision_named
 from symgen.scene.loading import SceneText, check_scene, override, read_scene
@@ -29,6 +30,7 @@ if TYPE_CHECKING:
     from symgen.runtime.library import Library
     from symgen.runtime.loop_model import LoopModel
     from symgen.runtime.model import Model
+    from symgen.runtime.system_model import SystemModel
     from symgen.scene.linkage import Linkage
     from symgen.scene.loop import Loop
     from symgen.scene.schema import Scene
@@ -48,17 +50,19 @@ def build(
     digits: int | None = None,
     contraction: str = "off",
     vector: str = "none",
-) -> Model | LoopModel | ElasticModel:
-    """Derive, lower, emit and compile a scene, or take it from the cache.
+) -> Model | LoopModel | ElasticModel | SystemModel:
+    """Derive, lower, emit and compile a scene or a user's own derivation, or take it from the cache.
 
     Returns a :class:`~symgen.runtime.model.Model`; of a scene with a link-joint table a
     :class:`~symgen.runtime.loop_model.LoopModel`, of one with elastic links an
-    :class:`~symgen.runtime.elastic_model.ElasticModel`.
+    :class:`~symgen.runtime.elastic_model.ElasticModel`; of a Python file that returns a System a
+    :class:`~symgen.runtime.system_model.SystemModel`.
 
     Parameters
     ----------
     scene
-        A shipped name, the path of a scene file, or a :class:`symgen.Scene`.
+        A shipped name, the path of a scene file, or a :class:`symgen.Scene`; or the path of a Python file,
+        which is run.
     set
         Values to replace: parameter names or dotted keys, as in ``symgen.load_scene``. Tunable parameters
         are changed without compiling again.
@@ -80,18 +84,44 @@ def build(
     ------
     SceneError
         For anything wrong in the scene, its start that cannot be assembled or is contradictory included.
+    DerivationError
+        When a Python file fails, or returns no System.
     BuildError, CacheError
         When the compiler fails, or the cache cannot be written.
     """
-    tools = _tools(backend, precision, digits, contraction, vector)
+    options = (backend, precision, digits, contraction, vector)
+    return _own(str(scene), options, set) if is_own(scene) else _of_scene(scene, options, set)
+
+
+def build_scene(
+    scene: Scene | SceneText | str | os.PathLike[str],
+    *,
+    set: Mapping[str, Any] | None = None,
+    backend: str = "auto",
+    precision: str = "float64",
+    digits: int | None = None,
+    contraction: str = "off",
+    vector: str = "none",
+) -> Model | LoopModel | ElasticModel:
+    """Do the same as :func:`build` for a scene alone: for what asks for a mechanism."""
+    return _of_scene(scene, (backend, precision, digits, contraction, vector), set)
+
+
+_Options = tuple[str, str, int | None, str, str]
+
+
+def _of_scene(
+    scene: Any, options: _Options, set_: Mapping[str, Any] | None
+) -> Model | LoopModel | ElasticModel:
+    tools = _tools(*options)
     text = text_of(scene)
-    tunable, fixed = _split(text, set or {})
+    tunable, fixed = _split(text, set_ or {})
     text = override(text, fixed)
     base = tools.in_float64
     description, library = base.cached(text, "", lambda f: compile_scene(text, base, f))
     from symgen.runtime.library import open_shipped
 
-    if tools.compiler is None and backend == "auto":
+    if tools.compiler is None and options[0] == "auto":
         library = open_shipped(description) or library
         _warn(library)
     model = _model(text, tools, description, library)
@@ -100,6 +130,15 @@ def build(
     values = _in_si(model, tunable, text.file)
     _check_values(override(text, tunable))
     return model.with_parameters(**values)
+
+
+def _own(path: str, options: _Options, set_: Mapping[str, Any] | None) -> SystemModel:
+    from symgen.own_model import build_own
+
+    tools = _tools(*options)
+    if set_ or tools.digits or tools.precision != FLOAT64:
+        raise ModelError(f"{path} is no scene: it has no values to set, and is in {FLOAT64.name}")
+    return build_own(Path(path), tools)
 
 
 def _tools(backend: str, precision: str, digits: int | None, contraction: str, vector: str) -> Tools:
@@ -290,8 +329,11 @@ def _in_segments(text: SceneText, tools: Tools, base: Description, count: int) -
 
 
 def derive(scene: Scene | SceneText | str | os.PathLike[str]) -> System:
-    """Return the derived equations of a scene: its SymPy matrices by name."""
+    """Return the derived equations of a scene, or of a Python file that returns a System."""
     from symgen.scene.resolve import resolve
+
+    if is_own(scene):
+        return load(Path(str(scene))).system
 
     return system_of(resolve(check_scene(text_of(scene))))
 

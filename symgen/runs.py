@@ -45,8 +45,18 @@ def driven_run(
         return model.turn(samples=361 if samples is None else samples, through=through)
     if samples is not None or through:
         raise ModelError(f"give --at or {'--through' if through else '--samples'}, not both")
-    texts = [text.strip() for group in at for text in group.split(",")]
-    return model.at([_value(model, text) for text in texts])
+    return model.at(at_values(model, at))
+
+
+def at_values(model: LoopModel, at: Sequence[str]) -> list[float]:
+    """Return values of the first input [rad, m] as written, with commas between them; bare angles in degrees.
+
+    Raises
+    ------
+    ModelError
+        When one cannot be read.
+    """
+    return [_value(model, text.strip()) for group in at for text in group.split(",")]
 
 
 def elastic_run(

@@ -1,39 +1,105 @@
-"""The committed kernels under ``generated/``: made, written and compared with what the derivation gives."""
+"""The committed kernels under ``generated/``: what each is made of, in memory."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from symgen.errors import GenerationError
-from symgen.pipeline import derive
+from symgen import graph
+from symgen.codegen.manifest import Shipped, manifest
+from symgen.codegen.source import SourceFile
+from symgen.models import BLOCKS, RECURSIONS, SHIPPED_SCENES
 
 if TYPE_CHECKING:
-    from symgen.codegen.emit import SourceFile
+    from symgen.symbolic.record import Record
+    from symgen.symbolic.system import System
+
+#: What is generated besides models: Pint's answers for the units of most scenes.
+UNITS = "units"
+UNITS_FILE = Path(__file__).resolve().parent / "scene" / "units.json"
+
+
+@dataclass(frozen=True, slots=True)
+class Made:
+    """One model as it was made, and what its files depend on."""
+
+    shipped: Shipped
+    needs: graph.Needs
+
+
+def names() -> tuple[str, ...]:
+    """Return the names of all models whose kernels are committed, those that take longest first."""
+    last = tuple(name for name in BLOCKS if name != "elastic_link")
+    return ("elastic_link", *SHIPPED_SCENES, *RECURSIONS, *last)
+
+
+def record_name(model: str) -> str:
+    """Return the name of the file that holds the mathematics of a model."""
+    return f"{model}_equations.json"
+
+
+def make(name: str) -> Made:
+    """Derive one model, or ask Pint for the units, and emit the files."""
+    if name == UNITS:
+        from symgen.scene.units import answers
+
+        units = SourceFile(UNITS_FILE.name, answers())
+        depends = {**graph.needs(), **graph.of_package("version", "pint")}
+        del depends["symgen.scene:units.json"]  # the file itself
+        return Made(Shipped("", (units,)), depends)
+    if name in RECURSIONS:
+        return Made(_of_recursion(name), graph.needs())
+    scene = graph.of_package("symgen", f"scenes/{name}.toml") if name in SHIPPED_SCENES else {}
+    return Made(_of_system(name), graph.needs(scene))
+
+
+def _of_system(name: str) -> Shipped:
+    from symgen.codegen.emit import emit, equations_hash
+    from symgen.codegen.target import Target
+    from symgen.lowering.program import lower_system
+    from symgen.symbolic.record import record
+
+    system = BLOCKS[name]() if name in BLOCKS else _of_scene(name)
+    program = lower_system(system)
+    equations = equations_hash(program, Target())
+    files = [f for language in ("c", "cython") for f in emit(program, Target(language), equations)]
+    costs = {k.name: k.counts.flops for k in program.kernels}
+    return Shipped(equations, (*files, _recorded(record(name, system.title, {"": system}, costs))))
+
+
+def _of_scene(name: str) -> System:
+    from symgen.pipeline import derive  # no block needs it
+
+    return derive(name)
+
+
+def _of_recursion(name: str) -> Shipped:
+    from symgen.codegen.loops import emit_loops, loops_hash
+    from symgen.lowering.loop import lower_recursion
+    from symgen.symbolic.record import record
+
+    recursion = RECURSIONS[name]()
+    loops = lower_recursion(recursion)
+    equations = loops_hash(loops)
+    steps = {f"{step.name}.": step for step in recursion.steps}
+    costs = {step.kernel.name: step.counts.flops for step in loops.steps}
+    files = emit_loops(loops, equations)
+    made = record(name, recursion.title, steps, costs)
+    return Shipped(equations, (*files, _recorded(made)), optimisation=3)
+
+
+def _recorded(made: Record) -> SourceFile:
+    return SourceFile(record_name(made.name), made.to_json())
 
 
 def shipped_sources() -> list[SourceFile]:
-    """Generate everything that belongs under ``generated/``, in memory."""
-    from symgen.codegen.emit import emit, equations_hash
-    from symgen.codegen.loops import emit_loops, loops_hash
-    from symgen.codegen.manifest import Shipped, manifest
-    from symgen.codegen.target import Target
-    from symgen.lowering.loop import lower_recursion
-    from symgen.lowering.program import lower_system
-    from symgen.models import BLOCKS, RECURSIONS, SHIPPED_SCENES
+    """Derive everything that belongs under ``generated/`` in this process, one after the other."""
+    return sources({name: make(name).shipped for name in names()})
 
-    systems = {name: make() for name, make in BLOCKS.items()}
-    systems |= {name: derive(name) for name in SHIPPED_SCENES}
-    models = {}
-    for name, system in systems.items():
-        program = lower_system(system)
-        equations = equations_hash(program, Target())
-        files = [f for language in ("c", "cython") for f in emit(program, Target(language), equations)]
-        models[name] = Shipped(equations, files)
-    for name, recursion in RECURSIONS.items():
-        loops = lower_recursion(recursion())
-        equations = loops_hash(loops)
-        models[name] = Shipped(equations, emit_loops(loops, equations), optimisation=3)
+
+def sources(models: dict[str, Shipped]) -> list[SourceFile]:
+    """Return the files of these models, and the manifest that lists them."""
     return [*(f for model in models.values() for f in model.files), manifest(models)]
 
 
@@ -42,32 +108,3 @@ def generated_folder() -> Path:
     import symgen.generated
 
     return Path(str(symgen.generated.__file__)).resolve().parent
-
-
-def generate() -> list[str]:
-    """Write ``generated/`` anew in a checkout; return the names of the files that changed."""
-    from symgen.atomic import write_text
-    from symgen.codegen.manifest import write
-    from symgen.scene.units import UNITS, answers
-
-    folder = generated_folder()
-    if not (folder.parent / "pyproject.toml").is_file():
-        raise GenerationError(
-            f"{folder} is not part of a checkout of symgen; only 'symgen generate --check' works"
-        )
-    touched = write(folder, shipped_sources())
-    if UNITS.read_text(encoding="utf-8") != answers():
-        write_text(UNITS, answers())
-        touched.append(f"../symgen/scene/{UNITS.name}")
-    return touched
-
-
-def not_current() -> list[str]:
-    """Return a difference for every generated file that is not what the derivation gives."""
-    from symgen.codegen.manifest import differences
-    from symgen.scene.units import UNITS, answers
-
-    found = differences(generated_folder(), shipped_sources())
-    if UNITS.read_text(encoding="utf-8") != answers():
-        found.append(f"{UNITS} is not what Pint answers\n")
-    return found

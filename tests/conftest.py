@@ -23,6 +23,24 @@ def own_cache(tmp_path_factory: pytest.TempPathFactory) -> Path:
     patch.undo()
 
 
+@pytest.fixture(scope="session")
+def made_in(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return the cache of everything under generated/, one for all processes of a session."""
+    base = tmp_path_factory.getbasetemp()
+    return (base.parent if "PYTEST_XDIST_WORKER" in os.environ else base) / "generated"
+
+
+@pytest.fixture(scope="session")
+def made(made_in: Path) -> dict:
+    """Return all that belongs under generated/, each model derived once in a process of its own."""
+    from symgen.cache import Cache
+    from symgen.regeneration import up_to_date
+
+    store = Cache(made_in)
+    with store.locked("all"):
+        return up_to_date(store)[0]
+
+
 def reference(name: str) -> dict:
     """Return reference numbers: 30 digits, each scene agreeing with an independent model."""
     return json.loads((REFERENCE / f"{name}.json").read_text())

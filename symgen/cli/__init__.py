@@ -15,9 +15,11 @@ from symgen.cli import (
     accuracy,
     analyses,
     benching,
+    comparing,
     exporting,
     inspection,
     making,
+    reporting,
     running,
     stability,
     sweeping,
@@ -30,10 +32,12 @@ __all__ = [
     "analyses",
     "app",
     "benching",
+    "comparing",
     "exporting",
     "inspection",
     "main",
     "making",
+    "reporting",
     "running",
     "stability",
     "sweeping",
@@ -45,6 +49,7 @@ def main() -> None:
     gc.disable()  # a short process: collecting garbage would only lengthen its start and, thawed, its end
     atexit.register(gc.freeze)
     warnings.showwarning = lambda message, *_, **__: print(f"symgen: {message}", file=sys.stderr)
+    _only(sys.argv[1:2])
     try:
         app()
     except SymgenError as error:
@@ -56,6 +61,13 @@ def main() -> None:
     except BrokenPipeError:
         sys.stderr.close()
         raise SystemExit(1) from None
+
+
+def _only(word: list[str]) -> None:
+    """Leave, where a command is named, this one alone: Typer takes its time over the options of each."""
+    named = [c for c in app.registered_commands if c.callback and [c.callback.__name__] == word]
+    if named:
+        app.registered_commands, app.registered_groups = named, []
 
 
 @app.callback(invoke_without_command=True)

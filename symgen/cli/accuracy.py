@@ -13,7 +13,8 @@ from symgen.cli.common import JsonOption, SetOption, app, changes, console, prin
 @app.command()
 def accuracy(
     scene: Annotated[
-        str | None, typer.Argument(help="A scene, or a building block: rod, elastic_link, ...")
+        str | None,
+        typer.Argument(help="A scene, a Python file that returns a System, or a building block: rod, ..."),
     ] = None,
     every: Annotated[
         bool, typer.Option("--all", help="All shipped scenes and building blocks, a line each.")

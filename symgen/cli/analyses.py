@@ -100,7 +100,7 @@ def modes(
 ) -> None:
     """Find frequencies and shapes of small oscillations: about equilibrium, or of elastic links in a pose."""
     from symgen.errors import ModelError
-    from symgen.pipeline import build as build_model
+    from symgen.pipeline import build_scene as build_model
     from symgen.runtime.elastic_model import ElasticModel
 
     elastic = build_model(scene, set=changes(set_), backend=backend)

@@ -25,9 +25,11 @@ app = typer.Typer(
     rich_markup_mode=None,
     add_completion=False,
 )
-
 SceneArgument = Annotated[
     str, typer.Argument(help="A name that 'symgen scenes' lists, or the path of a TOML file.")
+]
+SourceArgument = Annotated[
+    str, typer.Argument(help="A scene (name or TOML file), or a Python file that returns a System.")
 ]
 SetOption = Annotated[
     list[str] | None,
@@ -111,7 +113,7 @@ def _is_whole(text: str) -> bool:
 
 def linkage(scene: str, options: list[str] | None, backend: str, command: str) -> Model:
     """Build a linkage of points and links, which some analyses are for; elastic links taken as rigid."""
-    from symgen.pipeline import build as build_model
+    from symgen.pipeline import build_scene as build_model
     from symgen.runtime.elastic_model import ElasticModel
     from symgen.runtime.model import Model
 

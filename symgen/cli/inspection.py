@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from symgen.cli.common import SceneArgument, SetOption, app, changes, console
+from symgen.errors import ModelError
 
 if TYPE_CHECKING:
-    from symgen.scene.loading import SceneText
-    from symgen.symbolic.system import System
+    from symgen.inspection.subject import Chosen, Subject
 
 
 @app.command()
@@ -29,77 +29,130 @@ def scenes() -> None:
 
 @app.command()
 def show(
-    model: Annotated[str, typer.Argument(help="A scene, or a building block: rod, elastic_link, ...")],
+    model: Annotated[
+        str, typer.Argument(help="A scene, a Python file that returns a System, or a block: rod, ...")
+    ],
     matrix: Annotated[
         str | None,
         typer.Argument(
-            help="A matrix, as listed without it; momentum_rows for those, momentum_rows.NAME for one."
+            help="A matrix, as listed without it; derivation for all steps, momentum_rows for those, "
+            "momentum_rows.NAME for one."
         ),
     ] = None,
     form: Annotated[
-        str, typer.Option("--format", help="unicode, latex, c, or numeric (at the start).")
+        str,
+        typer.Option(
+            "--format",
+            help="unicode, latex (amsmath), shared (after the search for common subexpressions), c, or "
+            "numeric.",
+        ),
     ] = "unicode",
+    rows: Annotated[
+        str | None, typer.Option(metavar="NAME[,NAME...]", help="These rows alone, by name or number from 0.")
+    ] = None,
+    columns: Annotated[
+        str | None, typer.Option(metavar="NAME[,NAME...]", help="These columns alone.")
+    ] = None,
+    by: Annotated[
+        str | None, typer.Option(metavar="NAME", help="The derivative by a tunable parameter or a symbol.")
+    ] = None,
+    at: Annotated[
+        str | None,
+        typer.Option(
+            metavar="VALUE",
+            help='State of numbers: a time "0.3 s", of a driven loop its input "45"; the start if absent.',
+        ),
+    ] = None,
+    with_: Annotated[
+        list[str] | None,
+        typer.Option("--with", metavar="NAME=NUMBER", help="A symbol's value in numbers, in SI units."),
+    ] = None,
     digits: Annotated[
         bool, typer.Option("--digits", help="Rank the sums of a matrix, or of all, by the digits they lose.")
     ] = False,
     set_: SetOption = None,
 ) -> None:
-    """Show the derived equations."""
+    """Show the derived equations: all matrices, one of them, or a part of it, in any form."""
+    from symgen.report.equations import check_form
+
+    check_form(form)
     if digits:
         _show_digits(model, matrix, set_)
         return
-    from symgen.errors import ModelError
-    from symgen.models import BLOCKS, DERIVATIONS
-    from symgen.pipeline import build as build_model
-    from symgen.pipeline import derive
-    from symgen.report import equations
-    from symgen.runtime.elastic_model import ElasticModel
-    from symgen.runtime.model import Model
+    from symgen.inspection.subject import RECORD, Subject
 
-    asked = changes(set_)
-    form_of, _, row = (matrix or "").partition(".")
-    derivation = DERIVATIONS[model]() if model in DERIVATIONS else None
-    further: dict[str, System] = {}
-    if derivation and matrix and matrix in derivation:
-        system = derivation
-    elif model in BLOCKS:
-        system = BLOCKS[model]()
-    else:
-        from symgen.scene.loading import override, read_scene
-
-        text = override(read_scene(model), asked)
-        if form_of == "momentum_rows":
-            from symgen.models.momentum import momentum_system
-            from symgen.scene.loading import check_scene
-            from symgen.scene.resolve import resolve_linkage
-
-            system = momentum_system(resolve_linkage(check_scene(text)))
-        else:
-            system = derive(text)
-            further = _elastic_systems(text)
-    if form_of in further and row:
-        system = further[form_of]
+    subject = Subject(model, changes(set_))
+    if form != "numeric" and (at or with_):
+        raise ModelError("--at and --with say where numbers are taken: they go with --format numeric")
+    if matrix in (None, RECORD) and (rows or columns or by):
+        raise ModelError("--rows, --columns and --by are of one matrix: name it")
     if matrix is None:
-        from symgen.report.tables import table
-
-        parts = [("", part) for part in (derivation, system) if part]
-        for prefix, part in [*parts, *((f"{kind}.", part) for kind, part in further.items())]:
-            rows = [(prefix + name, *more) for name, *more in equations.overview(part)]
-            shown = table(part.title, ("matrix", "shape", "unit", "meaning"), rows)
-            shown.columns[3].justify = "left"
-            console().print(shown)
-        return
-    built: Model | None = None
-    if form == "numeric" and model not in BLOCKS:
-        made = build_model(model, set=asked)
-        built = made.rigid if isinstance(made, ElasticModel) else made if isinstance(made, Model) else None
-        if built is None:
-            raise ModelError(f"numbers are shown of linkages; 'symgen run {model}' gives those of a loop")
-    if matrix == "momentum_rows" and model not in BLOCKS:
-        print(equations.show_rows(system, form, built))
+        _list(subject)
+    elif matrix == RECORD:
+        _show_record(subject, form)
     else:
-        by_row = row and (form_of == "momentum_rows" or form_of in further)
-        print(equations.show(system, row if by_row else matrix, form, built))
+        chosen = subject.choose(matrix, numbers=form == "numeric")
+        chosen = chosen.by(by) if by else chosen
+        _show_chosen(subject, chosen.part(rows, columns), form, at, with_)
+
+
+def _list(subject: Subject) -> None:
+    """Print what matrices there are."""
+    from symgen.report.equations import overview
+    from symgen.report.tables import table
+
+    for prefix, part in subject.parts:
+        listed = [(prefix + name, *more) for name, *more in overview(part)]
+        shown = table(part.title, ("matrix", "shape", "unit", "meaning"), listed)
+        shown.columns[3].justify = "left"
+        console().print(shown)
+
+
+def _show_record(subject: Subject, form: str) -> None:
+    """Print the derivation step by step."""
+    from symgen.report.record import record_in_latex, record_in_text
+
+    if form not in ("unicode", "latex"):
+        raise ModelError(
+            f"the derivation is shown as unicode or latex, not as {form}: name a matrix for that"
+        )
+    steps = subject.record
+    print(record_in_latex(subject.own.title, steps) if form == "latex" else record_in_text(steps))
+
+
+def _show_chosen(
+    subject: Subject, chosen: Chosen, form: str, at: str | None, with_: list[str] | None
+) -> None:
+    """Print matrices in one form, as numbers at a state."""
+    from symgen.report.equations import show as shown
+
+    if form != "numeric":
+        print(shown(chosen.system, chosen.matrices, form))
+        return
+    from symgen.inspection.state import NOWHERE, state_of
+    from symgen.pipeline import build as build_model
+
+    given = _numbers(with_)
+    if subject.is_block and (at or not given):
+        raise ModelError(
+            f"{subject.name} is a building block: it has no state to give numbers at\n"
+            "  Give its symbols, each with --with NAME=NUMBER, in SI units."
+        )
+    state = NOWHERE if subject.is_block else state_of(build_model(subject.text), at)
+    values = state.of(chosen.system, given)
+    print(shown(chosen.system, chosen.matrices, form, values, state.label))
+
+
+def _numbers(options: list[str] | None) -> dict[str, float]:
+    """Return the values that --with gives, by name."""
+    found = {}
+    for option in options or []:
+        name, _, value = option.partition("=")
+        try:
+            found[name.strip()] = float(value)
+        except ValueError:
+            raise ModelError(f"expected --with NAME=NUMBER, in SI units, got {option!r}") from None
+    return found
 
 
 def _show_digits(scene: str, matrix: str | None, set_: list[str] | None) -> None:
@@ -110,21 +163,10 @@ def _show_digits(scene: str, matrix: str | None, set_: list[str] | None) -> None
     print_cancelling(accuracy.digits(scene, matrix, set=changes(set_)), console())
 
 
-def _elastic_systems(text: SceneText) -> dict[str, System]:
-    """Return what is derived besides for elastic links, by what comes before the dot in its names."""
-    from symgen.models.analyses import elastic_systems
-    from symgen.scene.linkage import Linkage
-    from symgen.scene.loading import check_scene
-    from symgen.scene.resolve import resolve
-
-    resolved = resolve(check_scene(text))
-    return elastic_systems(resolved) if isinstance(resolved, Linkage) else {}
-
-
 @app.command()
 def explain(scene: SceneArgument, set_: SetOption = None) -> None:
     """Tell how a scene hangs together: its tree or table, its degrees of freedom, what is redundant."""
-    from symgen.pipeline import build as build_model
+    from symgen.pipeline import build_scene as build_model
     from symgen.report.summary import freedom_lines
     from symgen.scene.linkage import Linkage
     from symgen.scene.loading import load_scene

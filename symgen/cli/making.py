@@ -11,13 +11,17 @@ from symgen.cli.common import (
     ContractionOption,
     DigitsOption,
     PrecisionOption,
-    SceneArgument,
     SetOption,
+    SourceArgument,
     VectorOption,
     app,
     changes,
     console,
+    progress_bar,
 )
+
+#: Entries of a matrix that are printed unless all are asked for.
+_SHOWN = 8
 
 cache_app = typer.Typer(help="The folder of compiled scenes.", no_args_is_help=True)
 app.add_typer(cache_app, name="cache")
@@ -25,29 +29,49 @@ app.add_typer(cache_app, name="cache")
 
 @app.command()
 def generate(
+    source: Annotated[
+        str | None,
+        typer.Argument(
+            help="A scene, or a Python file that returns a System, whose kernels to make; the shipped "
+            "kernels under generated/ when absent."
+        ),
+    ] = None,
     check: Annotated[
-        bool, typer.Option("--check", help="Change nothing; fail where a file is not current.")
+        bool,
+        typer.Option("--check", help="Derive all of generated/ anew, change nothing; fail if it differs."),
     ] = False,
+    every: Annotated[bool, typer.Option("--all", help="Print every entry that changed.")] = False,
 ) -> None:
-    """Write the shipped kernels under generated/ anew."""
-    from symgen.errors import GenerationError
-    from symgen.shipped import generate as write
-    from symgen.shipped import not_current
+    """Derive anew what changed, and say what changed in the mathematics."""
+    from symgen.errors import GenerationError, ModelError
+    from symgen.report.regeneration import generated_lines, regenerated_lines
 
-    if check:
-        found = not_current()
-        if found:
-            print("".join(found), end="")
-            raise GenerationError(f"{len(found)} generated files are not current: run 'symgen generate'")
-        print("generated/ is current")
+    shown = None if every else _SHOWN
+    if source is not None:
+        if check:
+            raise ModelError("--check is for generated/: it does not go with a scene or a file")
+        from symgen.sources import generate as generate_source
+
+        print(*generated_lines(generate_source(source), shown), sep="\n")
         return
-    for name in write():
-        print(f"generated/{name}")
+    from symgen.regeneration import not_current, regenerate
+
+    if not check:
+        with progress_bar("generated/", as_json=False) as progress:
+            found = regenerate(progress)
+        print(*regenerated_lines(found, shown), sep="\n")
+        return
+    with progress_bar("generated/", as_json=False) as progress:
+        differing = not_current(progress)
+    if differing:
+        print("".join(differing), end="")
+        raise GenerationError(f"{len(differing)} generated files are not current: run 'symgen generate'")
+    print("generated/ is current")
 
 
 @app.command()
 def build(
-    scene: SceneArgument,
+    scene: SourceArgument,
     set_: SetOption = None,
     backend: BackendOption = "auto",
     precision: PrecisionOption = "float64",
@@ -55,7 +79,7 @@ def build(
     contraction: ContractionOption = "off",
     vector: VectorOption = "none",
 ) -> None:
-    """Derive, emit and compile a scene into the cache."""
+    """Derive, emit and compile a scene, or a user's own derivation, into the cache."""
     from symgen.pipeline import build as build_model
     from symgen.report.summary import model_lines
 

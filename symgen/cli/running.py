@@ -132,7 +132,7 @@ def run(
         _studies(scene, study, others, set_, as_json, backend)
         return
     from symgen.errors import ModelError, SimulationError
-    from symgen.pipeline import build as build_model
+    from symgen.pipeline import build_scene as build_model
     from symgen.runtime.elastic_model import ElasticModel
     from symgen.runtime.loop_model import LoopModel
 

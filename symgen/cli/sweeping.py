@@ -41,7 +41,7 @@ def sweep(
 ) -> None:
     """Find the steady state of elastic links at many crank speeds: peaks, critical speeds, stability."""
     from symgen.errors import ModelError
-    from symgen.pipeline import build as build_model
+    from symgen.pipeline import build_scene as build_model
     from symgen.runs import crank_speeds
     from symgen.runtime.elastic_model import ElasticModel
 

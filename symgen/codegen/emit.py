@@ -8,18 +8,11 @@ from functools import lru_cache
 from typing import Any
 
 from symgen.codegen.printers import C_FUNCTIONS, Printer, printer
+from symgen.codegen.source import SourceFile
 from symgen.codegen.target import Target
 from symgen.lowering.kernel import ARRAYS, Assignment, Block, Kernel, Program, Slot
 from symgen.lowering.nodes import GUARDED_INVERSE, calls
 from symgen.precision import Precision
-
-
-@dataclass(frozen=True, slots=True)
-class SourceFile:
-    """A file to write: its name and its text."""
-
-    name: str
-    text: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -176,7 +169,7 @@ def emit(program: Program, target: Target, equations: str) -> tuple[SourceFile, 
     equations
         The program's :func:`equations_hash`, which the code carries.
     """
-    whole = _unit(program, target, equations)
+    whole = unit_view(program, target, equations)
     files = []
     for template, file in TEMPLATES[target.language] + (LANES if target.lanes else ()):
         parts = _parts(whole) if template == SPLIT else [whole]
@@ -199,7 +192,8 @@ def _parts(whole: UnitView) -> list[UnitView]:
     return [replace(whole, kernels=tuple(part), first=i == 0) for i, part in enumerate(parts)]
 
 
-def _unit(program: Program, target: Target, equations: str) -> UnitView:
+def unit_view(program: Program, target: Target, equations: str) -> UnitView:
+    """Return a program as the templates see it: names, sizes and finished text of every kernel."""
     return UnitView(
         name=program.name,
         title=_comment(program.title),

@@ -6,8 +6,9 @@ import hashlib
 import re
 from dataclasses import dataclass
 
-from symgen.codegen.emit import SourceFile, TextAssignment, environment
+from symgen.codegen.emit import TextAssignment, environment
 from symgen.codegen.printers import Printer
+from symgen.codegen.source import SourceFile
 from symgen.lowering.kernel import Slot
 from symgen.lowering.loop import Loops, Result, Step
 from symgen.lowering.nodes import references, rename

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from symgen.atomic import write_text
-from symgen.codegen.emit import SourceFile
+from symgen.codegen.source import SourceFile
 
 MANIFEST = "manifest.json"
 

@@ -89,13 +89,13 @@ def files_of(
 
 def exported(scene: Scene | str | os.PathLike[str], set: Mapping[str, Any] | None = None) -> Exported:
     """Return what the templates of an export see of a scene."""
-    from symgen.pipeline import build, text_of
+    from symgen.pipeline import build_scene, text_of
     from symgen.runtime.elastic_model import ElasticModel
     from symgen.runtime.loop_model import LoopModel
     from symgen.scene.loading import override
 
     text = override(text_of(scene), set or {})
-    model = build(text)
+    model = build_scene(text)
     program, sources = _emitted(_system(text, model), model.description.equations)
     if isinstance(model, LoopModel):
         from symgen.export.loop import loop

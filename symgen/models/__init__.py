@@ -5,34 +5,40 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-from symgen.models.rod import rod_system
-from symgen.symbolic.system import System
-
 if TYPE_CHECKING:
     from symgen.mechanics.recursion import Recursion
+    from symgen.symbolic.system import System
+
+# Each imports its derivation when it is asked for it: what is loaded is what its kernels depend on.
+
+
+def _rod(dimension: int) -> System:
+    from symgen.models.rod import rod_system
+
+    return rod_system(dimension)
 
 
 def _chain(dimension: int) -> Recursion:
-    from symgen.mechanics.recursion import chain_recursion  # no scene needs it
+    from symgen.mechanics.recursion import chain_recursion
 
     return chain_recursion(dimension)
 
 
 def _rigid_element() -> System:
-    from symgen.models.rigid_element import rigid_element_system  # no scene needs it
+    from symgen.models.rigid_element import rigid_element_system
 
     return rigid_element_system()
 
 
 def _of_loop(name: str) -> System:
-    from symgen.models import loop_blocks  # no scene needs them
+    from symgen.models import loop_blocks
 
     made: System = getattr(loop_blocks, f"{name}_system")()
     return made
 
 
 def _elastic_link() -> System:
-    from symgen.models.elastic_blocks import elastic_link_system  # no scene needs it
+    from symgen.models.elastic_blocks import elastic_link_system
 
     return elastic_link_system()
 
@@ -45,8 +51,8 @@ def _elastic_derivation() -> System:
 
 #: Building blocks whose kernels are shipped, by name: one line each.
 BLOCKS: dict[str, Callable[[], System]] = {
-    "rod": lambda: rod_system(2),
-    "rod_spatial": lambda: rod_system(3),
+    "rod": lambda: _rod(2),
+    "rod_spatial": lambda: _rod(3),
     "rigid_element": _rigid_element,
     "loop_row": lambda: _of_loop("loop_row"),
     "loop_screws": lambda: _of_loop("loop_screws"),

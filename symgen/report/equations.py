@@ -1,16 +1,20 @@
-"""Derived matrices as text: for the terminal, LaTeX, C, or numbers at the start of the scene."""
+"""Derived matrices as text: for the terminal, in LaTeX, after the lowering, in C, as numbers at a state."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+
 import sympy as sp
 
-from symgen.codegen.printers import Printer
 from symgen.errors import ModelError, nearest
-from symgen.lowering.program import lower_system
-from symgen.runtime.model import Model
-from symgen.symbolic.system import Export, NamedMatrix, System
+from symgen.report.lowered import in_c, in_shared_terms
+from symgen.report.numbers import in_numbers
+from symgen.symbolic.notation import latex, latex_name
+from symgen.symbolic.system import NamedMatrix, System
 
-FORMATS = ("unicode", "latex", "c", "numeric")
+FORMATS = ("unicode", "latex", "shared", "c", "numeric")
+#: Rows and columns of a matrix that LaTeX writes whole, and letters of it; else entry by entry.
+_WHOLE, _LETTERS = 12, 4000
 
 
 def overview(system: System) -> list[tuple[str, str, str, str]]:
@@ -18,55 +22,92 @@ def overview(system: System) -> list[tuple[str, str, str, str]]:
     return [(m.name, f"{m.matrix.rows} x {m.matrix.cols}", m.unit, m.description) for m in system.matrices]
 
 
-def show(system: System, name: str, form: str, model: Model | None = None) -> str:
-    """Return one matrix in one form, with the shared subexpressions that it uses.
+def show(
+    system: System,
+    matrices: Sequence[NamedMatrix],
+    form: str,
+    values: Mapping[str, float] | None = None,
+    label: str = "",
+) -> str:
+    """Return matrices of a system in one form, with the shared terms that they use.
+
+    Parameters
+    ----------
+    system
+        What they belong to.
+    matrices
+        What to show.
+    form
+        One of ``FORMATS``.
+    values, label
+        For numbers: values of arguments by name [SI], and what the state is called.
 
     Raises
     ------
-    DerivationError
-        When there is no such matrix.
     ModelError
-        When there is no such form, or numbers are asked for where there is no state.
+        When there is no such form, or numbers are asked for where values are missing.
     """
-    _check(form)
-    matrix = system[name]
+    check_form(form)
+    if form == "unicode":
+        return _as_text(system, matrices)
+    if form == "latex":
+        return as_latex(system, matrices)
+    if form == "shared":
+        return in_shared_terms(system, matrices)
     if form == "c":
-        return _as_c(system, matrix)
-    if form == "numeric":
-        return _as_numbers(system, matrix, model)
-    return _as_text(system, [matrix], form)
+        return "\n\n".join(in_c(system, m) for m in matrices)
+    return "\n\n".join(in_numbers(system, m, values or {}, label) for m in matrices)
 
 
-def show_rows(system: System, form: str, model: Model | None = None) -> str:
-    """Return the momentum rows in one form: each by itself, and as numbers the square system they make."""
-    _check(form)
-    whole = ("matrix", "rhs")
-    rows = [m for m in system.matrices if m.name not in whole]
-    if form in ("c", "numeric"):
-        names = whole if form == "numeric" else tuple(m.name for m in rows)
-        return "\n\n".join(show(system, name, form, model) for name in names)
-    return _as_text(system, rows, form)
-
-
-def _check(form: str) -> None:
+def check_form(form: str) -> None:
+    """Raise ModelError where there is no such form."""
     if form not in FORMATS:
         raise ModelError(f"there is no format {form!r}. {nearest(form, FORMATS)}")
 
 
-def _as_text(system: System, matrices: list[NamedMatrix], form: str) -> str:
-    """Return matrices for reading, then the shared subexpressions that any of them uses."""
-    definitions = [(d.quantity.symbol, d.expression) for d in system.definitions]
-    used = _used(matrices, dict(definitions))
-    shared = [(s, e) for s, e in definitions if s in used]
-    if form == "latex":
-        lines = [f"% {m.description} [{m.unit}]\n{sp.latex(m.matrix)}" for m in matrices]
-        return "\n".join([*lines, *(rf"{sp.latex(s)} &= {sp.latex(e)} \\" for s, e in shared)])
+def _as_text(system: System, matrices: Sequence[NamedMatrix]) -> str:
+    """Return matrices for reading, then the shared terms that any of them uses, then what symbols mean."""
+    shared = used_terms(system, matrices)
     lines = []
     for m in matrices:
         written = sp.pretty(m.matrix, use_unicode=True, wrap_line=False)
         lines += [f"{m.name}: {m.description} [{m.unit}]", "", written, *_labels(m), ""]
-    lines += ["with", *(f"  {s} = {e}" for s, e in shared), ""] if shared else []
-    return "\n".join([*lines, *_legend(system, matrices, used)]).rstrip()
+    lines += ["with", *(f"  {s} = {e}" for s, e in shared.items()), ""] if shared else []
+    return "\n".join([*lines, *_legend(system, matrices, shared)]).rstrip()
+
+
+def as_latex(system: System, matrices: Sequence[NamedMatrix]) -> str:
+    """Return matrices and the shared terms they use as LaTeX, which needs the package amsmath."""
+    lines = []
+    for m in matrices:
+        lines += [f"% {m.name}: {m.description} [{m.unit}]", *_displayed(m)]
+    shared = used_terms(system, matrices)
+    if shared:
+        lines += ["% with", *_aligned([(latex(s), latex(e)) for s, e in shared.items()])]
+    return "\n".join(lines)
+
+
+def _displayed(m: NamedMatrix) -> list[str]:
+    """Return a matrix on display; of a large one its entries that are not zero."""
+    if max(m.matrix.shape) <= _WHOLE and len(str(m.matrix)) <= _LETTERS:
+        alone = m.matrix[0, 0] if m.matrix.shape == (1, 1) else m.matrix
+        return [r"\[", latex(alone), r"\]"]
+    entries = []
+    for i in range(m.matrix.rows):
+        for j in range(m.matrix.cols):
+            if m.matrix[i, j] != 0:
+                places = [latex_name(m.rows[i]) if m.rows else str(i + 1)]
+                if m.matrix.cols > 1:
+                    places.append(latex_name(m.columns[j]) if m.columns else str(j + 1))
+                entries.append((rf"\left({', '.join(places)}\right)", latex(m.matrix[i, j])))
+    return _aligned(entries)
+
+
+def _aligned(pairs: Sequence[tuple[str, str]]) -> list[str]:
+    if not pairs:
+        return []
+    rows = [f"{left} &= {right}" for left, right in pairs]
+    return [r"\begin{align*}", " \\\\\n".join(rows), r"\end{align*}"]
 
 
 def _labels(matrix: NamedMatrix) -> list[str]:
@@ -78,16 +119,18 @@ def _labels(matrix: NamedMatrix) -> list[str]:
     ]
 
 
-def _legend(system: System, matrices: list[NamedMatrix], used: set[sp.Symbol]) -> list[str]:
+def _legend(system: System, matrices: Sequence[NamedMatrix], used: Mapping[sp.Symbol, sp.Expr]) -> list[str]:
     """Return the symbols that stand there and are not defined, with unit and meaning."""
     there = set[sp.Basic]().union(*(m.matrix.free_symbols for m in matrices))
-    there = there.union(*(d.expression.free_symbols for d in system.definitions if d.quantity.symbol in used))
+    there = there.union(*(e.free_symbols for e in used.values()))
     known = [x for group in system.groups for x in group.quantities if x.symbol in there]
     width = max((len(x.name) for x in known), default=0)
     return ["where", *(f"  {x.name:<{width}}  {x.description} [{x.unit}]" for x in known)] if known else []
 
 
-def _used(matrices: list[NamedMatrix], definitions: dict[sp.Symbol, sp.Expr]) -> set[sp.Symbol]:
+def used_terms(system: System, matrices: Sequence[NamedMatrix]) -> dict[sp.Symbol, sp.Expr]:
+    """Return the shared terms that matrices use, directly or through others, in their order."""
+    definitions = {d.quantity.symbol: d.expression for d in system.definitions}
     found: set[sp.Symbol] = set()
     waiting = [s for m in matrices for s in m.matrix.free_symbols]
     while waiting:
@@ -95,61 +138,4 @@ def _used(matrices: list[NamedMatrix], definitions: dict[sp.Symbol, sp.Expr]) ->
         if symbol in definitions and symbol not in found:
             found.add(symbol)
             waiting.extend(definitions[symbol].free_symbols)
-    return found
-
-
-def _as_c(system: System, matrix: NamedMatrix) -> str:
-    from dataclasses import replace
-
-    if any(d.expression.has(sp.Piecewise) for d in system.definitions):
-        raise ModelError(
-            f"{matrix.name}: its directions are chosen by cases, which straight-line C does not have\n"
-            "  Use --format unicode, latex or numeric."
-        )
-    export = Export(matrix.name, matrix.description, (matrix.name,))
-    program = lower_system(replace(system, exports=(export,), saddle_point=None))
-    kernel = program.kernels[0]
-    printer = Printer({})
-    lines = [f"/* {matrix.description} [{matrix.unit}]: {kernel.counts}"]
-    for array, _ in kernel.inputs:
-        lines.append(f" * {array}: {', '.join(x.name for x in system.group(array).quantities)}")
-    lines.append(" */")
-    lines += [f"const double {a.target} = {printer(a.value)};" for a in kernel.assignments]
-    lines += [f"{s.array}[{s.index}] = {printer(s.value)};" for s in kernel.stores]
-    return "\n".join(lines)
-
-
-def _as_numbers(system: System, matrix: NamedMatrix, model: Model | None) -> str:
-    if model is None:
-        raise ModelError(f"{system.name} is a building block: it has no state to give numbers at")
-    state = model.initial_state()
-    found = model.accelerations(state)
-    free = [found.points[p] for p in model.description.free]
-    values: dict[str, list[float]] = {
-        "t": [state.t],
-        "q": state.q.tolist(),
-        "u": state.u.tolist(),
-        "p": list(model.parameters.values()),
-        "work": [x for a in free for x in a.tolist()] + list(found.multipliers.values()),
-    }
-    known = {
-        x.symbol: sp.Float(value, 17)
-        for group in system.groups
-        if group.name in values
-        for x, value in zip(group.quantities, values[group.name], strict=True)
-    }
-    for definition in system.definitions:
-        known[definition.quantity.symbol] = definition.expression.xreplace(known).evalf(17)
-    numbers = matrix.matrix.xreplace(known).evalf(12)
-    if numbers.free_symbols:
-        raise ModelError(
-            f"{matrix.name} holds unknowns; 'momentum_rows' as numbers is the system that gives them"
-        )
-    head = f"{matrix.name} at the start [{matrix.unit}]"
-    rows = matrix.rows or tuple(str(i) for i in range(numbers.rows))
-    width = max(map(len, rows))
-    lines = [
-        f"{row:>{width}}  " + "  ".join(f"{float(x): .10e}" for x in numbers[i, :])
-        for i, row in enumerate(rows)
-    ]
-    return "\n".join([head, *([f"columns: {', '.join(matrix.columns)}"] if matrix.columns else []), *lines])
+    return {s: e for s, e in definitions.items() if s in found}

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from symgen.runtime.description import LoopDescription
+from symgen.runtime.description import LoopDescription, SystemDescription
+from symgen.runtime.system_model import SystemModel
 
 if TYPE_CHECKING:
     from symgen.runtime.elastic_model import ElasticModel
@@ -13,21 +14,23 @@ if TYPE_CHECKING:
     from symgen.runtime.model import Model
 
 
-def model_lines(model: Model | LoopModel | ElasticModel) -> Iterator[str]:
+def model_lines(model: Model | LoopModel | ElasticModel | SystemModel) -> Iterator[str]:
     """Yield the kernels of a model with their cost, its parameters, and what was left out."""
     d = model.description
-    what = (
-        f"{' '.join(d.joints)} loop"
-        if isinstance(d, LoopDescription)
-        else f"{len(d.constraints)} constraints"
-    )
-    yield f"{d.title}: {model.backend} backend, {d.coordinates} coordinates, {what}"
+    if isinstance(d, SystemDescription):
+        what = ", ".join(f"{name}[{len(array.names)}]" for name, array in d.arrays.items())
+    elif isinstance(d, LoopDescription):
+        what = f"{d.coordinates} coordinates, {' '.join(d.joints)} loop"
+    else:
+        what = f"{d.coordinates} coordinates, {len(d.constraints)} constraints"
+    yield f"{d.title}: {model.backend} backend, {what}"
     width = max(len(name) for name in model.operations)
     for name, counts in model.operations.items():
         kinds = ", ".join(f"{n} {kind}" for kind, n in counts.items() if n and kind != "flops")
         yield f"  {name:{width}}  {counts['flops']:5} operations{f' ({kinds})' if kinds else ''}"
-    for p in d.parameters:
-        yield f"  tunable: {p.name} = {model.parameters[p.name]:g} {p.unit}, {p.about}"
+    if not isinstance(model, SystemModel):
+        for p in d.parameters:
+            yield f"  tunable: {p.name} = {model.parameters[p.name]:g} {p.unit}, {p.about}"
     for what in d.left_out:
         yield f"  left out: {what}"
 

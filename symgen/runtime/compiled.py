@@ -43,6 +43,11 @@ class Compiled:
             self.parameters[name] = real(value, f"{name}, in SI units")
         self._equations: Any = None
 
+    def _repr_html_(self) -> str:
+        from symgen.report.notebook import model_html
+
+        return model_html(self)
+
     @property
     def name(self) -> str:
         """Short name of the scene."""

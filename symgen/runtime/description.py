@@ -74,6 +74,11 @@ class Described(ABC):
     def coordinates(self) -> int:
         """Number of coordinates."""
 
+    @property
+    def sizes(self) -> tuple[int, int, int, int]:
+        """Number of doubles in the arrays t, q, u and p of every kernel."""
+        return 1, self.coordinates, self.coordinates, len(self.parameters)
+
     def kernel(self, name: str) -> KernelInfo | None:
         """Return what is known of a kernel; None when the model has none of that name."""
         return next((k for k in self.kernels if k.name == name), None)
@@ -195,21 +200,57 @@ class LoopDescription(Described):
         return f"{v.name} of row {v.row + 1} (joint {self.joints[v.row]}, link {self.links[v.row]})"
 
 
-def read_description(text: str) -> Description | LoopDescription:
+@dataclass(frozen=True, slots=True)
+class ArrayInfo:
+    """An argument array: what it is, and name, unit and meaning of each entry."""
+
+    about: str
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    meanings: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class SystemDescription(Described):
+    """What the runtime needs to know of a user's own derivation: its argument arrays by name."""
+
+    arrays: dict[str, ArrayInfo]
+
+    def size(self, array: str) -> int:
+        """Return the number of entries of an argument array; 0 when there is none of that name."""
+        return len(self.arrays[array].names) if array in self.arrays else 0
+
+    @property
+    def coordinates(self) -> int:
+        """Number of entries of q."""
+        return self.size("q")
+
+    @property
+    def sizes(self) -> tuple[int, int, int, int]:
+        """Number of doubles in the arrays t, q, u and p of every kernel."""
+        return 1, self.size("q"), self.size("u"), self.size("p")
+
+
+def read_description(text: str) -> Description | LoopDescription | SystemDescription:
     """Read what ``to_json`` wrote; any fault raises KeyError, TypeError or ValueError."""
     data: dict[str, Any] = json.loads(text)
     data["parameters"] = tuple(ParameterInfo(**p) for p in data["parameters"])
     data["kernels"] = tuple(
         KernelInfo(**{**k, "blocks": tuple(_block(b) for b in k["blocks"])}) for k in data["kernels"]
     )
-    for key, value in data.items():
-        if isinstance(value, list):
-            data[key] = tuple(value)
+    data = {key: _tuple(value) for key, value in data.items()}
+    if "arrays" in data:
+        arrays = {n: ArrayInfo(**{k: _tuple(v) for k, v in a.items()}) for n, a in data["arrays"].items()}
+        return SystemDescription(**{**data, "arrays": arrays})
     if "variables" not in data:
         events = tuple(EventInfo(**e) for e in data["events"])
         return Description(**{**data, "elastic": read_elastic(data["elastic"]), "events": events})
     data["variables"] = tuple(VariableInfo(**v) for v in data["variables"])
     return LoopDescription(**data)
+
+
+def _tuple(value: Any) -> Any:
+    return tuple(value) if isinstance(value, list) else value
 
 
 def _block(data: dict[str, Any]) -> BlockInfo:

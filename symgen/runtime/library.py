@@ -189,10 +189,9 @@ def _quietly(function: Callable[..., None]) -> Callable[..., None]:
 def _in_python(
     backend: str, functions: Mapping[str, Callable[..., None]], description: Described, dtype: Any
 ) -> Library:
-    n, parameters = description.coordinates, len(description.parameters)
     callbacks = {}
     for kernel in description.kernels:
-        entries = (1, n, n, parameters, kernel.work_size, kernel.out_size)
+        entries = (*description.sizes, kernel.work_size, kernel.out_size)
         sizes = tuple(dtype.itemsize * k for k in entries)
         callbacks[kernel.name] = _KERNEL(_over_pointers(functions[kernel.name], sizes, dtype))
     addresses = {name: ctypes.cast(c, ctypes.c_void_p).value or 0 for name, c in callbacks.items()}

@@ -147,6 +147,18 @@ def followed(kernels: LoopKernels, begin: Closed, value: float) -> Closed:
     SimulationError
         When it cannot be followed there.
     """
+    t, states = moving(kernels, begin, value)
+    return Closed(t, states[: kernels.description.coordinates].copy(), begin.rank)
+
+
+def moving(kernels: LoopKernels, begin: Closed, value: float) -> tuple[float, Array]:
+    """Return time and state at a value of the first input: variables, rates, accelerations, closing wrench.
+
+    Raises
+    ------
+    SimulationError
+        When it cannot be followed there.
+    """
     d = kernels.description
     equations, t = kernels.equations(d.having("dependent"), begin.rank), kernels.time_of(value)
     rows, q = _rows(d, 1), np.append(begin.q, 0.0)
@@ -154,7 +166,7 @@ def followed(kernels: LoopKernels, begin: Closed, value: float) -> Closed:
     status, _, at = equations.follow(begin.t, q, np.array([t]), longest, *rows)
     if status != _core.DONE:
         raise SimulationError(_problem(kernels, equations, status, at, q[:-1], t), time=at)
-    return Closed(t, q[:-1], begin.rank)
+    return t, rows[0][0]
 
 
 def _rows(d: LoopDescription, count: int) -> tuple[Array, Array, Array]:

@@ -184,10 +184,7 @@ class Model(Compiled):
         return self._evaluator
 
     def analysis(self, kind: str, stepping: bool = False) -> Evaluator:
-        """Return the kernels that only one kind of analysis needs, made when first asked for.
-
-        For ``stepping`` they are in the type of runs, else in double precision.
-        """
+        """Return the kernels of a kind of analysis; for ``stepping`` in the type of runs, else in doubles."""
         if self._analyses is None:
             raise ModelError(
                 f"{self.name} was made without the kernels of {kind}: build it with symgen.build"

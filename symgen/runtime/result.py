@@ -91,8 +91,9 @@ class Result:
     final: Mapping[str, Mapping[str, Any]]
     statistics: Mapping[str, Any]
     provenance: Mapping[str, Any]
-    notes: tuple[str, ...] = ()
-    events: tuple[Event, ...] = ()
+    # No default stands in the class, or what is made later would never be asked for.
+    notes: tuple[str, ...] = field(default_factory=tuple)
+    events: tuple[Event, ...] = field(default_factory=tuple)
     _cache: dict[str, Any] = field(default_factory=dict, repr=False)
 
     @classmethod
@@ -202,6 +203,11 @@ class Result:
         from symgen.report.plots import plot
 
         return plot(self, *names, file=file)
+
+    def _repr_html_(self) -> str:
+        from symgen.report.notebook import result_html
+
+        return result_html(self)
 
     def save(self, file: str | os.PathLike[str]) -> Path:
         """Save to ``.nc`` (netCDF) or ``.npz``; :func:`load_result` reads both back.

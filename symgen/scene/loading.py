@@ -40,6 +40,13 @@ def shipped_scenes() -> list[str]:
     return sorted(path.stem for path in SHIPPED.glob("*.toml"))
 
 
+def scene_path(source: str | os.PathLike[str]) -> Path:
+    """Return the file of a scene: that of a shipped name, else the path itself."""
+    text = os.fspath(source)
+    known = text in shipped_scenes() and not Path(text).suffix
+    return SHIPPED / f"{text}.toml" if known else Path(text)
+
+
 def read_scene(source: str | os.PathLike[str]) -> SceneText:
     """Read a shipped scene by name, or a TOML file by path.
 
@@ -48,9 +55,12 @@ def read_scene(source: str | os.PathLike[str]) -> SceneText:
     SceneError
         When there is no such scene or file, or the file is not TOML.
     """
-    text = os.fspath(source)
-    shipped = SHIPPED / f"{text}.toml"
-    path = shipped if text in shipped_scenes() and not Path(text).suffix else Path(text)
+    text, path = os.fspath(source), scene_path(source)
+    if path.suffix == ".py":
+        raise SceneError(
+            f"expected a scene, got the Python file {text!r}, which says no motion to run",
+            hint="'symgen generate', 'build', 'show', 'accuracy' and 'diff' take it, and symgen.build.",
+        )
     try:
         with path.open("rb") as stream:
             content = stream.read(_LARGEST + 1)

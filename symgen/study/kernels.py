@@ -29,6 +29,7 @@ from symgen.runtime.library import shipped_module
 from symgen.runtime.loop_kernels import LoopKernels
 from symgen.runtime.loop_model import LoopModel
 from symgen.runtime.model import Model
+from symgen.runtime.system_model import SystemModel
 from symgen.scene.loading import load_scene, override, read_scene
 from symgen.scene.resolve import resolve_linkage
 from symgen.study.loop_states import of_loop
@@ -134,6 +135,9 @@ def kernels_of(
         system = BLOCKS[str(scene)]()
         return system.title, [Kernels("", system, _shipped(str(scene)), of_block(system, count, seed))]
     model = build(scene, set=set, precision=precision)
+    if isinstance(model, SystemModel):
+        system = derive(scene)
+        return system.title, [Kernels("", system, _of_system(model), of_block(system, count, seed))]
     system = derive(override(read_scene(scene), set or {}))
     if isinstance(model, LoopModel):
         own = Kernels("", system, _of_loop(model.kernels), of_loop(model, count, seed, run))
@@ -218,6 +222,15 @@ def _of_loop(kernels: LoopKernels) -> Call:
     def call(kernel: str, arrays: Mapping[str, Array]) -> Array:
         own = LoopKernels(kernels.description, kernels.library, arrays["p"].tolist())
         found = own(kernel, float(arrays["t"][0]), arrays["q"], arrays["u"], arrays["work"])
+        return np.concatenate([block.ravel() for block in found.values()])
+
+    return call
+
+
+def _of_system(model: SystemModel) -> Call:
+    def call(kernel: str, arrays: Mapping[str, Array]) -> Array:
+        given: dict[str, Any] = {k: a for k, a in arrays.items() if k != "t"}
+        found = model.evaluate(kernel, t=float(arrays["t"][0]) if "t" in arrays else 0.0, **given)
         return np.concatenate([block.ravel() for block in found.values()])
 
     return call

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from symgen.errors import InitialStateError, ModelError, SimulationError
-from symgen.pipeline import build
+from symgen.pipeline import build_scene
 from symgen.runtime.loop_model import LoopModel
 from symgen.runtime.turn import Turn
 from symgen.scene.loading import load_scene
@@ -126,7 +126,7 @@ def run_studies(
     count = _Counter(total, progress)
     studies = []
     for plan in wanted:
-        model = build(scene, set={**(set or {}), **plan.changes}, backend=backend)
+        model = build_scene(scene, set={**(set or {}), **plan.changes}, backend=backend)
         if not isinstance(model, LoopModel) or not model.is_driven:
             raise ModelError(
                 "studies are for driven loops: scenes with a link-joint table that inputs alone move"

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symgen.errors import BuildError, ModelError, SimulationError, nearest
-from symgen.pipeline import build
+from symgen.pipeline import build_scene
 from symgen.precision import FLOAT64, PRECISIONS, precision
 from symgen.runtime.beam_methods import BEAM_METHODS
 from symgen.runtime.elastic_model import ElasticModel
@@ -124,7 +124,7 @@ def subject(
     for name in precisions:
         precision(name)
     checked = scene if isinstance(scene, Scene) else load_scene(scene, set=set)
-    model = build(checked, backend=backend)
+    model = build_scene(checked, backend=backend)
     if isinstance(model, LoopModel):
         if model.is_driven:
             raise ModelError(
@@ -139,9 +139,11 @@ def subject(
     wanted = [f"{p}.position" for p in model.description.free]
     analysis = checked.analysis.model_copy(update={"outputs": wanted})
     watched = checked.model_copy(update={"analysis": analysis})
-    models = {name: build(watched, backend=backend, precision=name) for name in (FLOAT64.name, *precisions)}
+    models = {
+        name: build_scene(watched, backend=backend, precision=name) for name in (FLOAT64.name, *precisions)
+    }
     with suppress(BuildError, ModelError):  # a compiler without it, or none: the reference is in doubles then
-        models["float128"] = build(watched, backend=backend, precision="float128")
+        models["float128"] = build_scene(watched, backend=backend, precision="float128")
     return Rods(models, t_end, samples)  # type: ignore[arg-type]  # all of the same kind as model
 
 

@@ -10,6 +10,7 @@ from rich.console import Console
 
 from symgen.atomic import replacing, writable
 from symgen.errors import ResultError
+from symgen.report.notebook import seconds
 from symgen.report.plots import DRAWN_AS
 from symgen.report.tables import table
 from symgen.study.orders import Order
@@ -53,14 +54,6 @@ def _of_order(o: Order) -> tuple[str, ...]:
 
 def _name(p: Point) -> str:
     return p.method if p.precision == "float64" else f"{p.method}, {p.precision}"
-
-
-def seconds(value: float) -> str:
-    """Return a time in words, of three digits."""
-    for unit, size in (("s", 1.0), ("ms", 1e-3)):
-        if value >= size:
-            return f"{value / size:.3g} {unit}"
-    return f"{value * 1e6:.3g} us"
 
 
 def draw(found: WorkPrecision, file: str | os.PathLike[str]) -> None:

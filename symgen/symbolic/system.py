@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from html import escape
 
 import sympy as sp
 
@@ -32,6 +33,39 @@ class NamedMatrix:
                 raise DerivationError(f"matrix {self.name} has no {what}: every matrix needs one")
         if self.rows and len(self.rows) != self.matrix.rows:
             raise DerivationError(f"matrix {self.name}: {len(self.rows)} names for {self.matrix.rows} rows")
+
+    def part(self, rows: Sequence[str] = (), columns: Sequence[str] = ()) -> NamedMatrix:
+        """Return some rows and columns, by name or by number from 0; all of them where none is given.
+
+        Raises
+        ------
+        DerivationError
+            When there is no such row or column.
+        """
+        m = self.matrix
+        i = self._numbers("row", rows, self.rows, m.rows)
+        j = self._numbers("column", columns, self.columns, m.cols)
+        kept_rows = tuple(self.rows[k] for k in i) if self.rows else tuple(map(str, i))
+        kept_columns = tuple(self.columns[k] for k in j) if self.columns else tuple(map(str, j))
+        whole = i == j and self.symmetric
+        return replace(self, matrix=m.extract(i, j), rows=kept_rows, columns=kept_columns, symmetric=whole)
+
+    def _numbers(self, what: str, asked: Sequence[str], names: Sequence[str], count: int) -> list[int]:
+        found = []
+        for name in asked:
+            if name in names:
+                found.append(names.index(name))
+            elif name.isdecimal() and int(name) < count:
+                found.append(int(name))
+            else:
+                known = nearest(name, names) if names else f"They are numbered from 0 to {count - 1}."
+                raise DerivationError(f"matrix {self.name} has no {what} {name!r}. {known}")
+        return found or list(range(count))
+
+    def _repr_latex_(self) -> str:
+        from symgen.symbolic.notation import latex
+
+        return f"$\\displaystyle {latex(self.matrix)}$"
 
 
 @dataclass(frozen=True, slots=True)
@@ -140,6 +174,10 @@ class System:
         """Return the bare SymPy matrices by name."""
         return Matrices((m.name, m.matrix) for m in self.matrices)
 
+    def _repr_html_(self) -> str:
+        rows = [(m.name, f"{m.matrix.rows} × {m.matrix.cols}", m.unit, m.description) for m in self.matrices]
+        return html_table(self.title, ("matrix", "shape", "unit", "meaning"), rows)
+
     def expanded(self, name: str) -> sp.ImmutableMatrix:
         """Return the matrix with every shared subexpression put back in, over the arguments alone."""
         values: dict[sp.Symbol, sp.Expr] = {}
@@ -153,3 +191,15 @@ class Matrices(dict[str, sp.ImmutableMatrix]):
 
     def __missing__(self, name: str) -> sp.ImmutableMatrix:
         raise DerivationError(f"there is no matrix {name!r}. {nearest(name, self)}")
+
+    def _repr_html_(self) -> str:
+        rows = [(name, f"{m.rows} × {m.cols}") for name, m in self.items()]
+        return html_table("Derived matrices", ("matrix", "shape"), rows)
+
+
+def html_table(title: str, head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    """Return a table for notebooks."""
+    top = "".join(f"<th>{escape(name)}</th>" for name in head)
+    body = "".join("<tr>" + "".join(f"<td>{escape(cell)}</td>" for cell in row) + "</tr>" for row in rows)
+    caption = f"<caption>{escape(title)}</caption>"
+    return f"<table>{caption}<thead><tr>{top}</tr></thead><tbody>{body}</tbody></table>"

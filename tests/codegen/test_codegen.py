@@ -23,14 +23,17 @@ from symgen.lowering.program import lower_system
 from symgen.models import BLOCKS, RECURSIONS, SHIPPED_SCENES
 from symgen.precision import PRECISIONS
 from symgen.runtime.library import shipped_module
-from symgen.shipped import generated_folder, shipped_sources
+from symgen.shipped import generated_folder, names
+from symgen.shipped import sources as sources_of
 
+#: Size of the C files of every model, and the statements of its largest function.
+SIZES = Path(__file__).with_name("sizes.json")
 NAMES = (*BLOCKS, *symgen.shipped_scenes())
 
 
 @pytest.fixture(scope="module")
-def sources():
-    return shipped_sources()
+def sources(made):
+    return sources_of({name: made[name].shipped for name in names()})
 
 
 def program_of(name):
@@ -116,8 +119,16 @@ def test_a_module_of_other_equations_is_refused(monkeypatch):
 
 @pytest.mark.skipif(shutil.which("cc") is None, reason="no C compiler")
 @pytest.mark.parametrize("name", NAMES)
-def test_c_compiles_without_a_warning(name, tmp_path):
-    for file in emit(program_of(name), Target(), "x" * 64):
+def test_c_is_no_larger_than_stored_and_compiles_without_a_warning(name, tmp_path):
+    program = program_of(name)
+    files = emit(program, Target(), "x" * 64)
+    found = {
+        "bytes": sum(len(f.text) for f in files if f.name.endswith(".c")),
+        "statements": max(len(k.assignments) + len(k.stores) for k in program.kernels),
+    }
+    stored = json.loads(SIZES.read_text())[name]
+    assert all(found[k] <= stored[k] for k in found), f"if this is meant, store {found} for {name}"
+    for file in files:
         (tmp_path / file.name).write_text(file.text)
     for source in sorted(tmp_path.glob("*.c")):
         subprocess.run(

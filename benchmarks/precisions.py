@@ -1,0 +1,113 @@
+"""What float128 says of float64: every shipped scene run in both types, and how far float64 is off.
+
+Linkages run for a tenth of a second, and driven loops through their range; elastic links take the same steps
+in both types. A gap is that of positions over their size, or the largest of any output over its own largest
+value. What float64 claims is its tolerance times what the motion may make of it, or a limit of rounding where
+nothing is integrated. ``SCENE ...`` names some scenes only.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from harness import Required, report
+from rich.console import Console
+from rich.progress import track
+
+import symgen
+from symgen.runtime.elastic_model import ElasticModel
+from symgen.runtime.loop_model import LoopModel
+from symgen.runtime.result import Result
+
+#: Tolerance of the runs. Where a linkage of decimetres is a thousand kilometres away, or masses and lengths
+#: are in ratios of a million and more, float64 can claim no more than this.
+TOLERANCE, HARD = 1e-11, {"far_origin": 1e-7, "length_ratios": 1e-9, "mass_ratios": 1e-9}
+#: Motions so short magnify no error: the local errors add up to a few of the tolerance.
+GROWTH = 100.0
+#: What rounding may make of outputs of closed loops, some near a dead centre; and a thousand vibrations.
+OF_LOOPS, OF_VIBRATIONS = 1e-9, 1e-8
+#: Values below this are round-off themselves: nothing is compared with them.
+NOTHING = 1e-9
+#: Constraints in float128, over the size: nothing of float64 is left in them.
+CLOSED = 1e-28
+
+
+def main() -> int:
+    """Run the scenes, print, and return the exit code."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
+    parser.add_argument("--json", action="store_true", help="print one JSON object and nothing else")
+    parser.add_argument("scenes", nargs="*", metavar="SCENE", default=[], help="all when none is named")
+    options = parser.parse_args()
+    shown = Console(stderr=True, quiet=options.json)
+    names = options.scenes or symgen.shipped_scenes()
+    rows = [row for name in track(names, "scenes", console=shown) for row in confirmed(name)]
+    return report("float64 against float128", rows, required(rows), as_json=options.json)
+
+
+def confirmed(name: str) -> Sequence[dict[str, Any]]:
+    """Return a row for each run of a scene; for elastic links one of the rigid motion too."""
+    wide, plain = (symgen.build(name, precision=p) for p in ("float128", "float64"))
+    if isinstance(wide, LoopModel):
+        return [_of_loop(name, wide, plain)]
+    if isinstance(wide, ElasticModel):
+        return [_of_linkage(name, wide.rigid, plain.rigid), _of_beams(name, wide, plain)]
+    return [_of_linkage(name, wide, plain)]
+
+
+def required(rows: Sequence[dict[str, Any]]) -> list[Required]:
+    """Return what must hold: every gap within its claim, and float128 closed to its own digits."""
+    worst = max(rows, key=lambda row: row["gap"] / row["claimed"])
+    part = worst["gap"] / worst["claimed"]
+    lines = [Required(f"{worst['scene']}, {worst['run']}: gap over the claim", part, 1.0, False)]
+    closed = {row["scene"]: row["closed"] for row in rows if row["closed"] is not None}
+    if closed:
+        name = max(closed, key=lambda name: closed[name])
+        lines.append(Required(f"{name}: constraints in float128, over the size", closed[name], CLOSED, False))
+    return lines
+
+
+def _of_linkage(name: str, wide: Any, plain: Any) -> dict[str, Any]:
+    rtol = HARD.get(name, TOLERANCE)
+    exact = wide.simulate(0.1, rtol=TOLERANCE, samples=3, max_steps=10_000)
+    found = plain.simulate(0.1, rtol=rtol, samples=3, max_steps=10_000)
+    places, truth = (np.array([x["position"] for x in run.final.values()]) for run in (found, exact))
+    size = float(np.max(np.abs(truth)))
+    gap = float(np.max(np.abs(places - truth))) / size
+    return _row(name, "0.1 s", gap, GROWTH * rtol, exact.drift.constraint / size)
+
+
+def _of_loop(name: str, wide: LoopModel, plain: LoopModel) -> dict[str, Any]:
+    size = wide.description.size
+    if plain.is_driven:
+        exact, found = wide.turn(samples=5), plain.turn(samples=5)
+        return _row(name, "its range", largest_gap(found, exact), OF_LOOPS, exact.drift.constraint / size)
+    runs = (m.simulate(0.05, rtol=TOLERANCE, samples=3) for m in (wide, plain))
+    exact, found = runs
+    return _row(name, "0.05 s", largest_gap(found, exact), GROWTH * TOLERANCE, exact.drift.constraint / size)
+
+
+def _of_beams(name: str, wide: ElasticModel, plain: ElasticModel) -> dict[str, Any]:
+    exact, found = (m.run(method="newmark", steps=200, samples=3) for m in (wide, plain))
+    return _row(name, "elastic motion", largest_gap(found, exact), OF_VIBRATIONS, None)
+
+
+def _row(scene: str, run: str, gap: float, claimed: float, closed: float | None) -> dict[str, Any]:
+    return {"scene": scene, "run": run, "gap": gap, "claimed": claimed, "closed": closed}
+
+
+def largest_gap(found: Result, exact: Result) -> float:
+    """Return the largest difference of an output over its own largest value, where that is not round-off."""
+    gaps = [0.0]
+    for a, b in zip(found.variables, exact.variables, strict=True):
+        largest = float(np.nanmax(np.abs(b.values)))
+        if largest > NOTHING:
+            gaps.append(float(np.nanmax(np.abs(a.values - b.values))) / largest)
+    return max(gaps)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,147 @@
+"""How long it takes to make kernels anew: nothing to do, all that is shipped, one scene, and each of them.
+
+Every command is a process of its own, timed from outside. The budgets of scenes are in ``budgets.json``:
+processor time over that of importing SymPy in the same run, compilers included, and peak memory.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import sys
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+from time import perf_counter
+from typing import Any
+
+from harness import Required, arguments, report
+
+import symgen
+from symgen.scene.loading import scene_path
+
+BUDGETS = Path(__file__).with_name("budgets.json")
+#: How far a scene may go beyond its stored time and memory.
+SLACK = 1.5
+#: Seconds of whole processes: nothing to do, all of generated/, a cold four-bar, its second start.
+IDLE, ALL, COLD, SECOND = 0.5, 60.0, 2.0, 0.7
+STEP = ("--t-end", "1e-3", "--json")
+
+
+@dataclass(frozen=True, slots=True)
+class Spent:
+    """What one process took: seconds by the clock and of processors, and its largest memory [MB]."""
+
+    seconds: float
+    processor: float
+    memory: float
+
+
+def main() -> int:
+    """Measure, print and check."""
+    options = arguments(__doc__, short=True)
+    scenes = ("four_bar", "slider_crank") if options.short else symgen.shipped_scenes()
+    with tempfile.TemporaryDirectory() as folder:
+        cache = Path(folder)
+        sympy = best(["-c", "import sympy"], cache, 3)
+        rows = [row("import of SymPy", sympy, sympy)]
+        required = []
+        for name, bound, found in commands(cache, options.short):
+            rows.append(row(name, found, sympy))
+            required.append(Required(f"{name} [s]", found.seconds, bound, at_least=False))
+        built = {name: cold(["build", name], cache, 1) for name in scenes}
+    rows += [row(f"build {name}", found, sympy) for name, found in built.items()]
+    required += within(built, sympy)
+    notes = (
+        "Times: the best of several, one for long ones; processor: of all processes together.",
+        f"imports: processor time over that of importing SymPy. A scene may take {SLACK:g} times its budget.",
+    )
+    return report("Regeneration", rows, required, notes=notes, as_json=options.json)
+
+
+def commands(cache: Path, short: bool) -> list[tuple[str, float, Spent]]:
+    """Return what the whole commands took, each with its bound."""
+    generate = ["-m", "symgen", "generate"]
+    own = cache / "my_four_bar.toml"
+    shutil.copy(scene_path("four_bar"), own)
+    every = [] if short else [("generate, all anew", ALL, cold(["generate"], cache, 1))]
+    if short:
+        spent(generate, cache)
+    idle = best(generate, cache, 5)
+    run = ["run", str(own), *STEP]
+    first = cold(run, cache, 3)
+    second = best(["-m", "symgen", *run], cache, 5)
+    return [
+        *every,
+        ("generate, nothing to do", IDLE, idle),
+        ("four-bar, cold", COLD, first),
+        ("four-bar, second start", SECOND, second),
+    ]
+
+
+def within(built: dict[str, Spent], sympy: Spent) -> list[Required]:
+    """Return the lines that hold scenes to their budgets: the worst of each kind, over what is stored."""
+    stored: dict[str, Any] = json.loads(BUDGETS.read_text(encoding="utf-8"))
+    missing = sorted(set(built) - set(stored))
+    if missing:
+        raise SystemExit(f"{BUDGETS.name} has no budget of {', '.join(missing)}")
+    time = max(built[n].processor / sympy.processor / stored[n]["imports"] for n in built)
+    memory = max(built[n].memory / stored[n]["memory"] for n in built)
+    return [
+        Required("time of a scene over its budget", time, SLACK, at_least=False),
+        Required("memory of a scene over its budget", memory, SLACK, at_least=False),
+    ]
+
+
+def row(name: str, found: Spent, sympy: Spent) -> dict[str, Any]:
+    """Return a line of the table."""
+    return {
+        "what": name,
+        "time [s]": found.seconds,
+        "processor [s]": found.processor,
+        "imports": found.processor / sympy.processor,
+        "memory [MB]": found.memory,
+    }
+
+
+def cold(words: list[str], cache: Path, times: int) -> Spent:
+    """Return the best of several runs of a command, each with an empty cache."""
+    found = []
+    for _ in range(times):
+        shutil.rmtree(cache / "cache", ignore_errors=True)
+        found.append(spent(["-m", "symgen", *words], cache))
+    return least(found)
+
+
+def best(words: list[str], cache: Path, times: int) -> Spent:
+    """Return the best of several runs of Python with these arguments."""
+    return least([spent(words, cache) for _ in range(times)])
+
+
+def least(found: list[Spent]) -> Spent:
+    """Return the least of each: other work on the machine only ever adds."""
+    return Spent(*(min(getattr(f, k) for f in found) for k in ("seconds", "processor", "memory")))
+
+
+def spent(words: list[str], cache: Path) -> Spent:
+    """Run Python in a process of its own and return what it took, compilers included."""
+    begun = perf_counter()
+    nothing = os.open(os.devnull, os.O_WRONLY)
+    process = os.posix_spawn(
+        sys.executable,
+        [sys.executable, *words],
+        {**os.environ, "SYMGEN_CACHE": str(cache / "cache")},
+        file_actions=[(os.POSIX_SPAWN_DUP2, nothing, 1)],
+    )
+    _, status, usage = os.wait4(process, 0)
+    seconds = perf_counter() - begun
+    os.close(nothing)
+    if status:
+        raise SystemExit(f"{' '.join(words)} failed")
+    unit = 1024**2 if sys.platform == "darwin" else 1024
+    return Spent(seconds, usage.ru_utime + usage.ru_stime, usage.ru_maxrss / unit)
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

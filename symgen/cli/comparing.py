@@ -1,0 +1,32 @@
+"""``symgen diff``: what is different in the mathematics of two scenes, or two versions of one."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from symgen.cli.common import JsonOption, SetOption, app, changes, print_json
+
+_SOURCE = "A scene, a Python file that returns a System, or a building block."
+
+
+@app.command()
+def diff(
+    before: Annotated[str, typer.Argument(help=_SOURCE)],
+    after: Annotated[str, typer.Argument(help="Another, or the same: --set is for this one.")],
+    set_: SetOption = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Show what is different in the equations of two models, and in their operations."""
+    from dataclasses import asdict
+
+    from symgen.report.difference import difference_lines
+    from symgen.sources import compare
+
+    old, new, found = compare(before, after, changes(set_))
+    if as_json:
+        print_json({"before": old.name, "after": new.name, **asdict(found)})
+        return
+    print(f"- {old.name}: {old.title}\n+ {new.name}: {new.title}")
+    print(*difference_lines(found), sep="\n")

@@ -1,0 +1,13 @@
+"""A generated file: what emitting gives, and writing, caching and checking take."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True)
+class SourceFile:
+    """A file to write: its name and its text."""
+
+    name: str
+    text: str

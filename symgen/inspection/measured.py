@@ -1,0 +1,171 @@
+"""What running a scene gives for its page: curves, drift, and what speed costs in error."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from symgen.errors import ModelError, SimulationError
+from symgen.report.figures import FigureView, error_figure, run_figure
+from symgen.report.notebook import run_facts, seconds
+from symgen.report.page import Fact, TableView
+from symgen.runtime.elastic_model import ElasticModel
+from symgen.runtime.elastic_result import ElasticResult
+from symgen.runtime.loop_model import LoopModel
+from symgen.runtime.result import Result
+from symgen.runtime.turn import Turn
+from symgen.scene.loading import SceneText, check_scene
+from symgen.study.work_precision import WorkPrecision, work_precision
+
+#: Methods whose speed is measured, of linkages and loops and of elastic links.
+_METHODS = ("dop853", "dopri5", "rk4")
+_OF_ELASTIC = ("gauss", "newmark", "dop853")
+#: A sweep ends with the first run that takes longer [s], of elastic links and else.
+_LONGEST_ELASTIC, _LONGEST = 0.3, 0.05
+#: How often each setting is timed; recorded times; the error over the peak of a turn of elastic links.
+_REPEATS, _SAMPLES, _ELASTIC = 2, 11, 1e-3
+
+
+@dataclass(frozen=True, slots=True)
+class Measured:
+    """A run and its cost; ``result`` is None where it failed at once."""
+
+    result: Result | None
+    headline: tuple[Fact, ...] = ()
+    facts: tuple[Fact, ...] = ()
+    figure: FigureView | None = None
+    notes: tuple[str, ...] = ()
+    final: TableView | None = None
+    speed: TableView | None = None
+    speed_figure: FigureView | None = None
+    speed_caption: str = ""
+
+
+def measure(model: Any, text: SceneText, *, speed: bool, told: Callable[[str], None]) -> Measured:
+    """Run a model over what its scene asks for, and measure speed against error."""
+    told("running")
+    failure: tuple[str, ...] = ()
+    try:
+        result: Result | None = _run(model)
+    except SimulationError as error:
+        failure = (str(error).partition("\n")[0],)
+        result = error.partial if isinstance(error.partial, Result) else None
+    if result is None:
+        return Measured(None, notes=failure)
+    facts = tuple(Fact(*fact) for fact in run_facts(result))
+    table: TableView | None = None
+    figure: FigureView | None = None
+    caption = ""
+    if isinstance(result, Turn):
+        table, caption = _of_turn(result)
+    elif speed:
+        told("measuring speed against error")
+        table, figure, caption = _speed(model, text)
+    return Measured(
+        result,
+        headline=facts[-2:],
+        facts=facts,
+        figure=run_figure(result) if result.variables else None,
+        notes=(*failure, *result.notes),
+        final=_final(result),
+        speed=table,
+        speed_figure=figure,
+        speed_caption=caption,
+    )
+
+
+def _run(model: Any) -> Result:
+    found: Result
+    if isinstance(model, ElasticModel):
+        found = model.run(rtol=_ELASTIC)
+    elif isinstance(model, LoopModel) and model.is_driven:
+        found = model.turn()
+    else:
+        found = model.simulate()
+    return found
+
+
+def _final(result: Result) -> TableView | None:
+    """Return where the points are at the end, of linkages."""
+    if isinstance(result, Turn | ElasticResult) or not result.final:
+        return None
+    rows = tuple(
+        (point, *(f"{x:.6g}" for what in ("position", "velocity") for x in np.atleast_1d(motion[what])))
+        for point, motion in result.final.items()
+        if {"position", "velocity"} <= set(motion)
+    )
+    head = tuple(
+        f"{what} {a} [{unit}]" for what, unit in (("position", "m"), ("velocity", "m/s")) for a in result.axes
+    )
+    return TableView(("point at the end", *head), rows) if rows else None
+
+
+def _of_turn(turn: Turn) -> tuple[TableView, str]:
+    """Return what a pose of a driven loop costs, beside how well it is closed."""
+    row = (
+        turn.provenance["backend"],
+        str(len(turn.time)),
+        seconds(turn.statistics["wall_s"] / max(1, len(turn.time))),
+        f"{turn.closure:.1e}",
+    )
+    caption = (
+        "A driven loop is not integrated: every pose is closed by Newton's method from the one before, "
+        "with all rates, accelerations and forces. The defect is the largest over all poses, of turns in "
+        "radians, of shifts over the size of the loop."
+    )
+    return TableView(("backend", "poses", "time of a pose", "largest defect"), (row,)), caption
+
+
+def _speed(model: Any, text: SceneText) -> tuple[TableView | None, FigureView | None, str]:
+    methods, longest = (
+        (_OF_ELASTIC, _LONGEST_ELASTIC) if isinstance(model, ElasticModel) else (_METHODS, _LONGEST)
+    )
+    try:
+        found = work_precision(
+            check_scene(text), methods=methods, samples=_SAMPLES, repeats=_REPEATS, longest=longest
+        )
+    except (ModelError, SimulationError) as error:
+        return TableView(("not measured",), ((str(error).partition("\n")[0],),)), None, ""
+    return _speed_table(found), _speed_figure(found), _speed_caption(found)
+
+
+def _speed_table(found: WorkPrecision) -> TableView:
+    """Return for each method its loosest, a middle and its tightest setting."""
+    rows = []
+    for method in dict.fromkeys(p.method for p in found.points):
+        own = [p for p in found.points if p.method == method]
+        picked = sorted({0, len(own) // 2, len(own) - 1})
+        rows += [
+            (
+                f"{p.method}, {p.setting}",
+                f"{'' if p.told else '~'}{p.along:.1e}",
+                seconds(p.best),
+                str(p.steps),
+            )
+            for p in (own[i] for i in picked)
+        ]
+    return TableView(("method", f"error [{found.unit}]", "time", "steps"), tuple(rows))
+
+
+def _speed_figure(found: WorkPrecision) -> FigureView:
+    curves = [
+        (method, [(p.along, p.best) for p in found.points if p.method == method])
+        for method in dict.fromkeys(p.method for p in found.points)
+    ]
+    return error_figure(curves, f"{found.measured} [{found.unit}]")
+
+
+def _speed_caption(found: WorkPrecision) -> str:
+    marked = (
+        " ~ marks errors that are not told from that of the reference."
+        if any(not p.told for p in found.points)
+        else ""
+    )
+    return (
+        f"To t = {found.t_end:g} s; error is the {found.measured}, against {found.reference}, which "
+        f"differs by {found.uncertainty:.1e} from a looser one. Times are of the whole call from Python, "
+        f"on the machine that wrote this page.{marked}"
+    )

@@ -1,0 +1,143 @@
+"""Values of every argument of a model: at its start, at a time of its motion, at a value of its input."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symgen.errors import ModelError, SceneError, nearest
+from symgen.runs import at_values
+from symgen.runtime.elastic_model import ElasticModel
+from symgen.runtime.loop_model import LoopModel
+from symgen.runtime.loop_turn import moving
+from symgen.runtime.model import Model
+from symgen.runtime.state import State
+from symgen.scene.units import NUMBER, TIME, parse_quantity
+from symgen.symbolic.system import System
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Values:
+    """Values [SI] of arguments by group and place, and what the state is called."""
+
+    label: str
+    arrays: Mapping[str, Sequence[float]]
+
+    def of(self, system: System, given: Mapping[str, float]) -> dict[str, float]:
+        """Return the value of each argument of a system by name; ``given`` come before the state's own.
+
+        Raises
+        ------
+        ModelError
+            When the system has no argument of a given name.
+        """
+        known = {x.name for group in system.groups for x in group.quantities}
+        for name in given:
+            if name not in known:
+                raise ModelError(f"{system.name} has no argument {name!r}. {nearest(name, sorted(known))}")
+        found = {
+            x.name: float(value)
+            for group in system.groups
+            for x, value in zip(group.quantities, self.arrays.get(group.name, ()), strict=False)
+        }
+        return found | dict(given)
+
+
+#: Of what has no state: a building block.
+NOWHERE = Values("", {})
+
+
+def state_of(model: Any, at: str | None) -> Values:
+    """Return the arguments of a model at a state.
+
+    Parameters
+    ----------
+    model
+        What :func:`symgen.build` gives.
+    at
+        Time of the motion [s] with or without its unit; of a driven loop a value of its input, in degrees or
+        the scene's unit of length; the start when absent.
+
+    Raises
+    ------
+    ModelError, SimulationError
+        When it cannot be read, or not be reached.
+    """
+    if isinstance(model, LoopModel):
+        return _of_loop(model, at)
+    return _of_linkage(model.rigid if isinstance(model, ElasticModel) else model, at)
+
+
+def _of_linkage(model: Model, at: str | None) -> Values:
+    t = _seconds(at)
+    state: State = model.initial_state()
+    if t > 0:
+        final = model.simulate(t, samples=2).final
+        places, rates = ({p: m[k] for p, m in final.items()} for k in ("position", "velocity"))
+        free = model.description.free
+        state = model.state({p: places[p] for p in free}, {p: rates[p] for p in free}, t)
+    found = model.accelerations(state)
+    work = [x for p in model.description.free for x in found.points[p].tolist()]
+    arrays = {
+        "t": [state.t],
+        "q": state.q.tolist(),
+        "u": state.u.tolist(),
+        "p": list(model.parameters.values()),
+        "work": work + list(found.multipliers.values()),
+    }
+    return Values(f"at t = {t:g} s" if t > 0 else "at the start", arrays)
+
+
+def _seconds(at: str | None) -> float:
+    """Return a time as written, with or without its unit; 0 where none is."""
+    if at is None:
+        return 0.0
+    try:
+        number, dimension = parse_quantity(at)
+        t = float(number) if dimension in (TIME, NUMBER) else math.nan
+    except SceneError:
+        t = math.nan
+    if not 0.0 <= t < math.inf:
+        raise ModelError(f'expected a time of the motion behind --at, such as "0.3 s", got {at!r}')
+    return t
+
+
+def _of_loop(model: LoopModel, at: str | None) -> Values:
+    d = model.description
+    begin = model.closed_start()
+    parameters = list(model.parameters.values())
+    if not model.is_driven:
+        if at is not None:
+            raise ModelError(f"{d.name} moves freely: its matrices are shown at its start, without --at")
+        u = _rates(model, begin.t, begin.q)
+        arrays = {"t": [begin.t], "q": begin.q.tolist(), "u": u.tolist(), "p": parameters}
+        return Values("at the start", arrays)
+    value = model.kernels.lead_at(begin.t)[0] if at is None else at_values(model, [at])[0]
+    t, states = moving(model.kernels, begin, float(value))
+    n = d.coordinates
+    arrays = {
+        "t": [t],
+        "q": states[:n].tolist(),
+        "u": states[n : 2 * n].tolist(),
+        "p": parameters,
+        "work": states[2 * n : 3 * n + 6].tolist(),
+    }
+    return Values(f"at {model.kernels.value_at(t)}", arrays)
+
+
+def _rates(model: LoopModel, t: float, q: Array) -> Array:
+    """Return rates of all variables at the start of a free motion, which keep the loop closed."""
+    d = model.description
+    u = np.array([v.start_rate for v in d.variables])
+    u[model.kernels.inputs] = model.kernels.prescribed(t)[:, 1]
+    given, solved = d.having("input", "free"), d.having("dependent")
+    screws = model.kernels("motion", t, q, u)["screws"]
+    u[solved] = np.linalg.lstsq(screws[:, solved], -screws[:, given] @ u[given], rcond=None)[0]
+    return u

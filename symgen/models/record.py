@@ -1,0 +1,247 @@
+"""The derivation of a model step by step, in the order of its source, with the source's equation numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+from symgen.errors import DerivationError
+from symgen.symbolic.system import NamedMatrix, System
+
+if TYPE_CHECKING:
+    from symgen.scene.linkage import Linkage
+    from symgen.scene.loop import Loop
+
+
+@dataclass(frozen=True, slots=True)
+class Step:
+    """One step: what is done, where the source has it, and the matrices of ``system`` that it gives."""
+
+    title: str
+    about: str
+    source: str
+    system: System
+    names: tuple[str, ...] = ()
+
+    @property
+    def matrices(self) -> tuple[NamedMatrix, ...]:
+        """What the step gives."""
+        return tuple(self.system[name] for name in self.names)
+
+
+def record(resolved: Linkage | Loop, system: System) -> tuple[Step, ...]:
+    """Return the record of a scene whose System is ``system``; elastic links have their own behind it."""
+    from symgen.scene.loop import Loop
+
+    if isinstance(resolved, Loop):
+        return tuple(_of_loop(system))
+    rigid = tuple(_of_linkage(resolved, system))
+    return (*rigid, *elastic_record()) if resolved.elastic else rigid
+
+
+def _of_linkage(linkage: Linkage, system: System) -> Iterator[Step]:
+    """Particles, energies, constraints, rows."""
+    masses = _masses(linkage)
+    with_masses = replace(system, matrices=(*system.matrices, *masses))
+    yield Step(
+        "Coordinates",
+        "Every point of the linkage by the Cartesian coordinates of the free ones; ground points are known.",
+        "Attia, section 2.1",
+        system,
+        ("positions", "velocities"),
+    )
+    if masses:
+        yield Step(
+            "Particles",
+            "Each link is replaced by particles at its start, middle and end with the same mass, first and "
+            "second moment; the middle one moves with the mean of the ends, which leaves a constant mass "
+            "matrix of the end velocities.",
+            "Attia, section 2.1",
+            with_masses,
+            tuple(m.name for m in masses),
+        )
+    power = ("power",) if "power" in system else ()
+    yield Step(
+        "Energies",
+        "Kinetic energy is a constant quadratic form of the velocities; the potential is that of gravity "
+        "and springs.",
+        "from the particles",
+        system,
+        ("kinetic_energy", "potential_energy", *power),
+    )
+    yield Step(
+        "Mass matrix and forces",
+        "The Hessian of the kinetic energy by the velocities, and minus the gradient of the potential with "
+        "what the other loads add.",
+        "from the energies",
+        system,
+        ("mass_matrix", "force"),
+    )
+    if system["constraints"].matrix.rows:
+        yield Step(
+            "Constraints",
+            "One row for each bond: the length of a rod, (d·d − l²)/2 = 0; a point on a line; a prescribed "
+            "direction. Jacobian and right side follow by differentiation.",
+            "Attia, Eqs. (3a) halved and (16b)",
+            system,
+            ("constraints", "constraint_jacobian", "velocity_constraints", "acceleration_rhs"),
+        )
+    yield from _momentum_rows(linkage, system)
+
+
+def _masses(linkage: Linkage) -> list[NamedMatrix]:
+    """Return masses of the particles and end masses of the links that move on two of their points."""
+    from symgen.mechanics.particles import end_mass, particle_masses
+    from symgen.models.matrix import named
+    from symgen.models.rods import RodsModel
+
+    model = RodsModel(linkage)
+    rods = [k for k in model.rods if k.offset == 0]
+    found = []
+    if rods:
+        three = [m for k in rods for m in particle_masses(k.mass, k.length, k.centre, k.inertia)]
+        about = "masses of the particles that stand for each link"
+        names = [k.name for k in rods]
+        particles = ("start", "middle", "end")
+        found.append(named(model, "particle_masses", three, "kg", about, rows=names, columns=particles))
+    if model.rods:
+        ends = [m for k in model.rods for m in end_mass(k.mass, k.length, k.centre, k.inertia, k.offset)]
+        about = "mass matrix of the end velocities of each link: a11, a12, a22, and the coupling of its axes"
+        names = [k.name for k in model.rods]
+        entries = ("a11", "a12", "a22", "cross")
+        found.append(named(model, "end_masses", ends, "kg", about, rows=names, columns=entries))
+    return found
+
+
+def _momentum_rows(linkage: Linkage, system: System) -> Iterator[Step]:
+    from symgen.models.momentum import momentum_system
+
+    try:
+        rows = momentum_system(linkage)
+    except DerivationError as error:
+        yield Step("Momentum rows", f"Not derived: {error}.", "Attia, Eqs. (12)-(16)", system)
+        return
+    names = tuple(m.name for m in rows.matrices if m.name not in ("matrix", "rhs"))
+    yield Step(
+        "Momentum rows",
+        "The source's own form, for comparison: the moment of momentum of all that is outboard of a joint "
+        "about it, the linear momentum, and the bonds twice differentiated; each row is zero along the "
+        "motion.",
+        "Attia, Eqs. (12)-(16)",
+        rows,
+        names,
+    )
+
+
+def _of_loop(system: System) -> Iterator[Step]:
+    """Rows, closure, screws, motion, inertia, equilibrium."""
+
+    def ending(*words: str) -> tuple[str, ...]:
+        return tuple(m.name for m in system.matrices if m.name.endswith(words) and "." not in m.name)
+
+    def known(*names: str) -> tuple[str, ...]:
+        return tuple(name for name in names if name in system)
+
+    joints = tuple(name for name in ending("_wrench") if name.startswith("joint_"))
+
+    for title, about, source, names in (
+        (
+            "Table and row transforms",
+            "Row i places frame {i+1} in frame {i}: T = Z(θ + εS) Y(η) X(α + εa), a dual matrix, real part "
+            "| dual part.",
+            "Rahman, Eqs. (1)-(4)",
+            ("rows", *ending("_transform")),
+        ),
+        (
+            "Closure",
+            "Once round the loop one is back where one began: B = T₁ T₂ ⋯ Tₙ = 1. What is left, B − 1, is "
+            "the defect.",
+            "Rahman, Eqs. (5)-(11), (18)",
+            ("closure_defect",),
+        ),
+        (
+            "Screws",
+            "What a joint variable does to everything behind it is a motion about its own axis: ∂B/∂q = H "
+            "B, where H is the operator of its screw.",
+            "Rahman, Eqs. (12)-(17)",
+            (*ending("_operator"), "closure_jacobian", "screws"),
+        ),
+        (
+            "Velocities and accelerations",
+            "Screws times rates add up to nothing round the loop, and so does their rate; partial sums are "
+            "the motions of the links.",
+            "Rahman, Eqs. (29)-(45), corrected",
+            (*known("inputs"), *ending("_frame", "_motion", "_motion_rate"), "screw_drift"),
+        ),
+        (
+            "Momenta and inertia wrenches",
+            "The inertia binor of a link times its dual velocity is its momentum; the inertia wrench is "
+            "what it takes to change that.",
+            "Rahman, Eqs. (46)-(61), corrected",
+            ending("_binor", "_momentum", "_inertia_wrench"),
+        ),
+        (
+            "Equilibrium",
+            "The loop is cut at the ground; every wrench follows from the closing one and what is "
+            "outboard, and the effort at a variable is its screw's part of the wrench of its joint.",
+            "Rahman, Eqs. (62)-(64)",
+            (*joints, *known("inverse_efforts", "given_efforts")),
+        ),
+        (
+            "Forward dynamics",
+            "The derivative of the efforts by the accelerations, contracted with the motions that closure "
+            "leaves free.",
+            "not in the source",
+            known("mass_matrix"),
+        ),
+    ):
+        if names:
+            yield Step(title, about, source, system, names)
+
+
+def elastic_record() -> tuple[Step, ...]:
+    """Return Hamilton's principle for an elastic link; each matrix names its equation of the source."""
+    from symgen.models.elastic_derivation import elastic_derivation_system
+
+    system = elastic_derivation_system()
+    return tuple(
+        Step(title, about, source, system, names)
+        for title, about, source, names in (
+            (
+                "Elastic link: place and velocity",
+                "A point of the link in axes that turn with it, and its absolute velocity by components in "
+                "them.",
+                "thesis, Eqs. (6.1)-(6.10)",
+                ("place", "velocity", "origin_acceleration"),
+            ),
+            (
+                "Elastic link: energies",
+                "Kinetic energy, strain energy, and the work of gravity and of the axial force, each per "
+                "length.",
+                "thesis, Eqs. (6.12)-(6.15), and what it leaves out",
+                (
+                    "kinetic_energy",
+                    "shear_strain",
+                    "strain_energy",
+                    "axial_force",
+                    "geometric_energy",
+                    "gravity_work",
+                ),
+            ),
+            (
+                "Elastic link: variation",
+                "Hamilton's principle: the factor of the variation of each field, then integrated by parts "
+                "in time.",
+                "thesis, Eqs. (7.8)-(7.23)",
+                ("variation", "weak_form"),
+            ),
+            (
+                "Elastic link: collected terms",
+                "What stands with second rates, with rates, with the fields, and alone: mass, gyroscopic "
+                "and stiffness matrices and loads of any element follow by integration over its shapes.",
+                "thesis, Eqs. (7.24)-(7.27)",
+                ("mass_terms", "gyroscopic_terms", "stiffness_terms", "load_terms"),
+            ),
+        )
+    )

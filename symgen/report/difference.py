@@ -1,0 +1,75 @@
+"""What changed in the mathematics, in words."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from symgen.symbolic.difference import Change, Difference, MatrixDifference
+
+_ALL = "all kernels"
+_KINDS = ("added", "removed", "changed", "rewritten")
+
+
+def difference_lines(found: Difference, shown: int | None = None) -> Iterator[str]:
+    """Yield what changed: every matrix with its entries before and after, shared terms, operations.
+
+    Parameters
+    ----------
+    found
+        The difference.
+    shown
+        How many entries of a matrix, and how many shared terms, to print; all when absent.
+    """
+    if not found:
+        yield "no change in the mathematics"
+        return
+    for matrix in found.matrices:
+        yield f"{matrix.name}{_shape(matrix)}: {_summary(matrix)}"
+        yield from _changes(matrix.changes, shown, "entries")
+    if found.definitions:
+        yield "shared terms:"
+        yield from _changes(found.definitions, shown, "terms")
+    yield from _operations(found)
+
+
+def _shape(matrix: MatrixDifference) -> str:
+    old, new = (f"{rows} x {columns}" for rows, columns in matrix.shapes)
+    if matrix.kind in ("added", "removed"):
+        return f" ({new if matrix.kind == 'added' else old})"
+    return f" ({new})" if old == new else f" ({old}, now {new})"
+
+
+def _summary(matrix: MatrixDifference) -> str:
+    if matrix.kind in ("added", "removed"):
+        return matrix.kind
+    counts = [(matrix.count(kind), kind) for kind in _KINDS]
+    words = ", ".join(f"{n} {kind}" for n, kind in counts if n) or "other shape"
+    return f"{words} (the same values, written otherwise)" if matrix.kind == "rewritten" else words
+
+
+def _changes(changes: tuple[Change, ...], shown: int | None, what: str) -> Iterator[str]:
+    for change in changes[:shown]:
+        yield f"  {change.kind} [{change.place}]"
+        if change.kind == "changed" and change.before == change.after:
+            yield f"    {change.after}  (through shared terms)"
+            continue
+        if change.before:
+            yield f"    - {change.before}"
+        if change.after:
+            yield f"    + {change.after}"
+    if shown is not None and len(changes) > shown:
+        yield f"  ... and {len(changes) - shown} {what} more"
+
+
+def _operations(found: Difference) -> Iterator[str]:
+    if not found.operations:
+        return
+    width = max(map(len, (*found.operations, _ALL)))
+    yield "operations, before and after:"
+    for kernel, (before, after) in found.operations.items():
+        yield f"  {kernel:{width}}  {_count(before)} {_count(after)}"
+    yield f"  {_ALL:{width}}  {found.totals[0]:>6} {found.totals[1]:>6}"
+
+
+def _count(flops: int | None) -> str:
+    return f"{'-' if flops is None else flops:>6}"

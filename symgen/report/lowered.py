@@ -1,0 +1,86 @@
+"""Matrices as the lowering leaves them: over named shared terms, for reading or in C."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import sympy as sp
+
+from symgen.codegen.printers import Printer
+from symgen.errors import ModelError
+from symgen.lowering.kernel import Block, Kernel
+from symgen.lowering.nodes import Node, rename
+from symgen.lowering.program import lower_system
+from symgen.precision import Precision
+from symgen.symbolic.system import Export, NamedMatrix, System
+
+#: Digits of constants in what is made for reading.
+_DIGITS = 12
+
+
+def in_shared_terms(system: System, matrices: Sequence[NamedMatrix]) -> str:
+    """Return matrices after the search for common subexpressions, each entry that is not zero on its line.
+
+    What the derivation names keeps its name; what is found besides is called c0, c1, ...
+    """
+    kernel = _kernel(system, matrices)
+    names = {f"{group.name}[{i}]": x.name for group in system.groups for i, x in enumerate(group.quantities)}
+    prints = Printer({}, literal=_short)
+
+    def text(node: Node) -> str:
+        return prints(rename(node, names))
+
+    lines = [f"{kernel.description}: {kernel.counts}", ""]
+    lines += [f"  {a.target} = {text(a.value)}" for a in kernel.assignments]
+    values = {s.index: text(s.value) for s in kernel.stores}
+    for block in kernel.blocks:
+        lines += ["", f"{block.name}: {block.description} [{block.unit}]"]
+        lines += [
+            f"  [{place}] = {values[index]}" for index, place in _places(block) if values[index] != "0"
+        ] or ["  zero"]
+    return "\n".join(lines)
+
+
+def in_c(system: System, matrix: NamedMatrix) -> str:
+    """Return a matrix as lines of C that write it into ``out``, row by row."""
+    kernel = _kernel(system, [matrix])
+    printer = Printer({})
+    lines = [f"/* {matrix.description} [{matrix.unit}]: {kernel.counts}"]
+    for array, _ in kernel.inputs:
+        lines.append(f" * {array}: {', '.join(x.name for x in system.group(array).quantities)}")
+    lines.append(" */")
+    lines += [f"const double {a.target} = {printer(a.value)};" for a in kernel.assignments]
+    lines += [f"{s.array}[{s.index}] = {printer(s.value)};" for s in kernel.stores]
+    return "\n".join(lines)
+
+
+def _kernel(system: System, matrices: Sequence[NamedMatrix]) -> Kernel:
+    if any(d.expression.has(sp.Piecewise) for d in system.definitions):
+        raise ModelError(
+            f"{matrices[0].name}: its directions are chosen by cases, which straight-line C does not have\n"
+            "  Use --format unicode, latex or numeric."
+        )
+    names = tuple(m.name for m in matrices)
+    about = matrices[0].description if len(matrices) == 1 else ", ".join(names)
+    alone = replace(
+        system, matrices=tuple(matrices), exports=(Export("shown", about, names),), saddle_point=None
+    )
+    return lower_system(alone).kernels[0]
+
+
+def _places(block: Block) -> list[tuple[int, str]]:
+    """Return the place in ``out`` of every entry, and its row and column by name or number."""
+    rows, columns = block.shape
+    found = []
+    for i in range(rows):
+        for j in range(columns):
+            names = [block.rows[i] if block.rows else str(i)]
+            if columns > 1:
+                names.append(block.columns[j] if block.columns else str(j))
+            found.append((block.offset + i * columns + j, ", ".join(names)))
+    return found
+
+
+def _short(text: str, _: Precision) -> str:
+    return f"{float(text):.{_DIGITS}g}"

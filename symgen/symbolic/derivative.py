@@ -1,0 +1,76 @@
+"""Matrices differentiated by one argument, through the shared terms, which keep their names."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import replace
+
+import sympy as sp
+
+from symgen.errors import DerivationError, nearest
+from symgen.symbolic.quantity import quantity
+from symgen.symbolic.system import Definition, NamedMatrix, System
+
+
+def derivative(system: System, matrices: Iterable[NamedMatrix], name: str) -> System:
+    """Return a System of the partial derivatives of matrices by an argument; all other arguments are held.
+
+    Parameters
+    ----------
+    system
+        What the matrices belong to.
+    matrices
+        What to differentiate; ``M`` gives ``M_by_NAME``.
+    name
+        A tunable parameter, or another argument of the kernels.
+
+    Raises
+    ------
+    DerivationError
+        When there is no such argument.
+    """
+    known = {x.name: x for group in system.groups for x in group.quantities}
+    if name not in known:
+        raise DerivationError(
+            f"{system.name} has no argument {name!r} to differentiate by. {nearest(name, known)}\n"
+            "  A parameter is one where the scene says tunable = true; all others are folded."
+        )
+    by = known[name]
+    slopes: dict[sp.Symbol, sp.Expr] = {by.symbol: sp.Integer(1)}
+    made: list[Definition] = []
+    for definition in system.definitions:
+        own = definition.quantity
+        slope = _through(definition.expression, slopes)
+        if not (slope.is_Atom or (-slope).is_Atom):
+            unit, about = _per(own.unit, by.unit), f"derivative by {name}: {own.description}"
+            named = quantity(f"{own.name}_by_{name}", unit, about)
+            made.append(Definition(named, slope))
+            slope = named.symbol
+        if slope != 0:
+            slopes[own.symbol] = slope
+    found = tuple(
+        replace(
+            m,
+            name=f"{m.name}_by_{name}",
+            matrix=m.matrix.applyfunc(lambda e: _through(e, slopes)),
+            unit=_per(m.unit, by.unit),
+            description=f"derivative by {name} of: {m.description}",
+        )
+        for m in matrices
+    )
+    definitions = (*system.definitions, *made)
+    return replace(system, matrices=found, exports=(), definitions=definitions, saddle_point=None)
+
+
+def _through(expression: sp.Expr, slopes: dict[sp.Symbol, sp.Expr]) -> sp.Expr:
+    """Return the derivative of an expression by the chain rule."""
+    there = sorted(expression.free_symbols & slopes.keys(), key=lambda s: str(s.name))
+    return sp.Add(*(sp.diff(expression, s) * slopes[s] for s in there))
+
+
+def _per(unit: str, by: str) -> str:
+    """Return a unit over another one; of units that differ by row, each."""
+    if by == "1":
+        return unit
+    below = f"({by})" if set(by) & set("*/") else by
+    return ", ".join(f"{u}/{below}" for u in unit.split(", "))

@@ -1,0 +1,132 @@
+"""What changed in the mathematics from one record of a model to another."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from fractions import Fraction
+
+from symgen.symbolic.record import Record, RecordedMatrix
+
+#: Values that differ by less, relatively, are of the same mathematics written otherwise.
+_SAME = Fraction(1, 10**15)
+
+
+@dataclass(frozen=True, slots=True)
+class Change:
+    """What became of an entry, a shared subexpression or a unit.
+
+    ``kind`` is ``added`` (it was zero, or not there), ``removed``, ``changed``, or ``rewritten``: another
+    text of the same value. Text that is not there is empty.
+    """
+
+    kind: str
+    place: str
+    before: str = ""
+    after: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class MatrixDifference:
+    """What became of a matrix, where anything did: ``kind`` as of :class:`Change`, and its entries."""
+
+    kind: str
+    name: str
+    shapes: tuple[tuple[int, int], tuple[int, int]]
+    changes: tuple[Change, ...]
+
+    def count(self, kind: str) -> int:
+        """Return how many of its entries became so."""
+        return sum(c.kind == kind for c in self.changes)
+
+
+@dataclass(frozen=True, slots=True)
+class Difference:
+    """What changed from one record to another.
+
+    Attributes
+    ----------
+    matrices
+        Matrices of which anything changed.
+    definitions
+        Shared subexpressions that changed as text.
+    operations
+        Kernels whose operations changed: before and after, None where there is no such kernel.
+    totals
+        Operations of all kernels together, before and after.
+    """
+
+    matrices: tuple[MatrixDifference, ...]
+    definitions: tuple[Change, ...]
+    operations: Mapping[str, tuple[int | None, int | None]]
+    totals: tuple[int, int]
+
+    def __bool__(self) -> bool:
+        return bool(self.matrices or self.definitions or self.operations)
+
+
+def difference(before: Record, after: Record) -> Difference:
+    """Return what changed between two records, everything in the order of the later one."""
+    costs = before.operations, after.operations
+    return Difference(
+        tuple(d for name in _names(before.matrices, after.matrices) if (d := _matrix(name, before, after))),
+        _texts(before.definitions, after.definitions),
+        {k: c for k in _names(*costs) if len(set(c := (costs[0].get(k), costs[1].get(k)))) > 1},
+        (sum(costs[0].values()), sum(costs[1].values())),
+    )
+
+
+def _names(before: Mapping[str, object], after: Mapping[str, object]) -> list[str]:
+    """Return the names of both, those that are gone last."""
+    return list(dict.fromkeys([*after, *before]))
+
+
+_NOTHING = RecordedMatrix("", 0, 0, {}, {})
+
+
+def _matrix(name: str, before: Record, after: Record) -> MatrixDifference | None:
+    old, new = before.matrices.get(name, _NOTHING), after.matrices.get(name, _NOTHING)
+    changes = [_entry(place, old, new) for place in _names(old.entries, new.entries)]
+    found = [c for c in changes if c]
+    if old is not _NOTHING and new is not _NOTHING and old.unit != new.unit:
+        found.insert(0, Change("changed", "unit", old.unit, new.unit))
+    shapes = (old.rows, old.columns), (new.rows, new.columns)
+    if not found and shapes[0] == shapes[1]:
+        return None
+    kind = "added" if old is _NOTHING else "removed" if new is _NOTHING else "changed"
+    if kind == "changed" and shapes[0] == shapes[1] and all(c.kind == "rewritten" for c in found):
+        kind = "rewritten"
+    return MatrixDifference(kind, name, shapes, tuple(found))
+
+
+def _entry(place: str, old: RecordedMatrix, new: RecordedMatrix) -> Change | None:
+    before, after = old.entries.get(place, ""), new.entries.get(place, "")
+    if not before or not after:
+        return Change("removed" if before else "added", place, before, after)
+    values = old.values.get(place), new.values.get(place)
+    if values == (None, None):
+        return None if before == after else Change("changed", place, before, after)
+    if not _equal(*values):
+        return Change("changed", place, before, after)
+    return None if before == after else Change("rewritten", place, before, after)
+
+
+def _equal(before: str | None, after: str | None) -> bool:
+    """Tell whether two values are the same but for what their digits leave."""
+    if before == after or before is None or after is None:
+        return before == after
+    try:
+        a, b = Fraction(before), Fraction(after)
+    except ValueError:  # complex, or not finite
+        return False
+    return abs(a - b) <= _SAME * max(abs(a), abs(b))
+
+
+def _texts(before: Mapping[str, str], after: Mapping[str, str]) -> tuple[Change, ...]:
+    found = []
+    for name in _names(before, after):
+        old, new = before.get(name, ""), after.get(name, "")
+        if old != new:
+            kind = "changed" if old and new else "added" if new else "removed"
+            found.append(Change(kind, name, old, new))
+    return tuple(found)

@@ -1,0 +1,167 @@
+"""How names are written as mathematics: in LaTeX, and in MathML for pages and notebooks.
+
+A name is read as the derivations make it: ``A_vx`` is v with subscripts A and x, ``theta1_rate`` a theta with
+a dot, ``OA_lambda`` a lambda of OA. Anything else is a letter or word with what follows as its subscript.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from html import escape
+from typing import Any
+from xml.dom.minidom import parseString
+
+import sympy as sp
+from sympy.printing.latex import LatexPrinter
+from sympy.printing.mathml import MathMLPresentationPrinter
+
+_LETTERS = """
+alpha beta gamma delta epsilon zeta eta theta iota kappa lambda mu nu xi pi rho sigma tau upsilon
+phi chi psi omega
+Gamma Delta Theta Lambda Xi Pi Sigma Phi Psi Omega
+"""
+_GREEK = dict(zip(_LETTERS.split(), "αβγδεζηθικλμνξπρστυφχψωΓΔΘΛΞΠΣΦΨΩ", strict=True))
+_DOTS = {"_rate": 1, "_acceleration": 2, "_tt": 2, "_t": 1}
+#: What derivations call components of velocities and accelerations of points, and of vectors of links.
+_COMPONENT = re.compile(r"(?P<owner>.+)_(?P<letter>[vad])(?P<axis>[xyz])")
+_NUMBERED = re.compile(r"(?P<word>[^\W\d]+)(?P<number>\d+)(?P<rest>.*)")
+
+
+@dataclass(frozen=True, slots=True)
+class Notation:
+    """A name as a letter or word, the dots above it, and its subscripts."""
+
+    base: str
+    dots: int = 0
+    below: tuple[str, ...] = ()
+
+
+def notation(name: str) -> Notation:
+    """Return how a name is written."""
+    dots = 0
+    for ending, count in _DOTS.items():
+        if name.endswith(ending) and len(name) > len(ending):
+            name, dots = name.removesuffix(ending), count
+            break
+    component = _COMPONENT.fullmatch(name)
+    if component:
+        return Notation(component["letter"], dots, (*component["owner"].split("_"), component["axis"]))
+    head, *rest = [part for part in name.split("_") if part] or [name]
+    if rest and rest[-1] == "lambda":
+        return Notation("lambda", dots, (head, *rest[:-1]))
+    found = _NUMBERED.fullmatch(head)
+    if found and (len(found["word"]) == 1 or found["word"] in _GREEK):
+        return Notation(found["word"], dots, (found["number"], *rest))
+    return Notation(head, dots, tuple(rest))
+
+
+def latex(expression: sp.Basic | sp.MatrixBase) -> str:
+    """Return an expression or a matrix in LaTeX, for mathematics on display."""
+    return str(_Latex().doprint(expression))
+
+
+def mathml(expression: sp.Basic | sp.MatrixBase) -> str:
+    """Return what stands inside a ``<math>`` element, in presentation MathML Core."""
+    printer = _MathML({"mat_delim": "["})
+    text: str = printer._print(expression).toxml()
+    for plain, typeset in _TYPESET:
+        text = text.replace(plain, typeset)
+    return text
+
+
+#: What SymPy's printer writes plainly: signs of minus, and products of words without a space between them.
+_TYPESET = (
+    ("<mo>-</mo>", "<mo>−</mo>"),
+    ("<mn>-", "<mn>−"),
+    ("<mo>&InvisibleTimes;</mo>", '<mo lspace="0" rspace="0.12em">&#8290;</mo>'),
+)
+
+
+def latex_name(name: str) -> str:
+    """Return a name in LaTeX."""
+    n = notation(name)
+    base = rf"\{n.base}" if n.base in _IN_LATEX else _upright(n.base)
+    base = rf"\{'d' * n.dots}ot{{{base}}}" if n.dots else base
+    return base + (rf"_{{{','.join(map(_below, n.below))}}}" if n.below else "")
+
+
+def mathml_name(name: str) -> str:
+    """Return a name in MathML."""
+    n = notation(name)
+    base = _mi(n.base)
+    if n.dots:
+        base = f'<mover accent="true">{base}<mo>{"˙" if n.dots == 1 else "¨"}</mo></mover>'
+    if not n.below:
+        return base
+    below = '<mo separator="true" rspace="0">,</mo>'.join(map(_mi, n.below))
+    return f"<msub>{base}<mrow>{below}</mrow></msub>"
+
+
+_IN_LATEX = frozenset(_GREEK)
+
+
+def _upright(word: str) -> str:
+    return word if len(word) == 1 else rf"\mathrm{{{_plain(word)}}}"
+
+
+def _below(word: str) -> str:
+    found = _NUMBERED.fullmatch(word)
+    if found and found["word"] in _GREEK:
+        return rf"\{found['word']}{found['number']}{_plain(found['rest'])}"
+    return rf"\{word}" if word in _IN_LATEX else _upright(word)
+
+
+def _plain(word: str) -> str:
+    return re.sub(r"([_#$%&{}])", r"\\\1", word)
+
+
+def _mi(word: str) -> str:
+    """Return a word as one identifier, greek where it is a letter's name; a number as a number."""
+    if word.isdecimal():
+        return f"<mn>{word}</mn>"
+    found = _NUMBERED.fullmatch(word)
+    if found and found["word"] in _GREEK:
+        word = _GREEK[found["word"]] + found["number"] + found["rest"]
+    return f"<mi>{escape(_GREEK.get(word, word))}</mi>"
+
+
+class _Latex(LatexPrinter):
+    def _print_Symbol(self, expr: sp.Symbol, style: str = "plain") -> str:
+        return latex_name(expr.name)
+
+
+class _MathML(MathMLPresentationPrinter):
+    """SymPy's printer, with names by their notation and cases by lines."""
+
+    def _print_Symbol(self, sym: sp.Symbol, style: str = "plain") -> Any:
+        return _parsed(mathml_name(sym.name))
+
+    def _print_Pow(self, e: sp.Pow) -> Any:
+        named = notation(e.base.name) if e.base.is_Symbol else None
+        if named is None or not named.below or not e.exp.is_Integer or e.exp < 2:
+            return super()._print_Pow(e)
+        base, below = _parsed(mathml_name(e.base.name)).childNodes
+        whole = self.dom.createElement("msubsup")
+        for part in (base, below, self._print(e.exp)):
+            whole.appendChild(part)
+        return whole
+
+    def _print_Piecewise(self, expr: sp.Piecewise) -> Any:
+        table = self.dom.createElement("mtable")
+        table.setAttribute("columnalign", "left")
+        for value, condition in expr.args:
+            row = self.dom.createElement("mtr")
+            for what in (value, condition):
+                cell = self.dom.createElement("mtd")
+                cell.appendChild(_parsed("<mtext>otherwise</mtext>") if what == True else self._print(what))  # noqa: E712
+                row.appendChild(cell)
+            table.appendChild(row)
+        whole = self.dom.createElement("mrow")
+        whole.appendChild(_parsed("<mo>{</mo>"))
+        whole.appendChild(table)
+        return whole
+
+
+def _parsed(text: str) -> Any:
+    return parseString(text).documentElement  # noqa: S318 - of text made here alone

@@ -1,0 +1,155 @@
+"""The mathematics of a model as text and numbers: what is kept of it, to say later what changed."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Iterable, Mapping
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    import mpmath
+    import sympy as sp
+
+    from symgen.symbolic.system import NamedMatrix, System
+
+#: Digits kept of the value of an entry, and those that it is computed with.
+DIGITS, _WORKING = 20, 40
+#: Functions that mpmath calls otherwise than SymPy.
+_FUNCTIONS = {"Abs": "fabs"}
+
+
+@dataclass(frozen=True, slots=True)
+class RecordedMatrix:
+    """A matrix as derived: its unit and size, and by the names of row and column what is not zero in it.
+
+    ``entries`` holds each entry as text, ``values`` what it is where every argument has a number of its own;
+    nothing where it has no value there.
+    """
+
+    unit: str
+    rows: int
+    columns: int
+    entries: Mapping[str, str]
+    values: Mapping[str, str]
+
+
+@dataclass(frozen=True, slots=True)
+class Record:
+    """The mathematics of one model: shared subexpressions, matrices, and operations of each kernel."""
+
+    name: str
+    title: str
+    definitions: Mapping[str, str]
+    matrices: Mapping[str, RecordedMatrix]
+    operations: Mapping[str, int]
+
+    def to_json(self) -> str:
+        """Return the record as JSON text, an entry a line: what changes shows in a line by itself."""
+        return json.dumps(asdict(self), indent=1, ensure_ascii=False) + "\n"
+
+
+def read_record(text: str) -> Record:
+    """Read what ``to_json`` wrote; any fault raises KeyError, TypeError or ValueError."""
+    data: dict[str, Any] = json.loads(text)
+    matrices = {name: RecordedMatrix(**m) for name, m in data["matrices"].items()}
+    return Record(**{**data, "matrices": matrices})
+
+
+def record(name: str, title: str, systems: Mapping[str, System], operations: Mapping[str, int]) -> Record:
+    """Return the record of a model that is made of these systems.
+
+    Parameters
+    ----------
+    name, title
+        Of the model.
+    systems
+        What was derived, by what comes before the names of its matrices; empty where there is one system.
+    operations
+        Operations of each kernel.
+    """
+    from sympy import sstr
+
+    definitions: dict[str, str] = {}
+    matrices: dict[str, RecordedMatrix] = {}
+    for prefix, system in systems.items():
+        definitions |= {f"{prefix}{d.quantity.name}": sstr(d.expression) for d in system.definitions}
+        values = _values(system)
+        for m in system.matrices:
+            matrices[prefix + m.name] = _recorded(m, values[m.name])
+    return Record(name, title, definitions, matrices, operations)
+
+
+def _recorded(m: NamedMatrix, found: list[str]) -> RecordedMatrix:
+    from sympy import sstr
+
+    there = [(p, e, v) for p, e, v in zip(places(m), m.matrix, found, strict=True) if e != 0]
+    entries, values = {p: sstr(e) for p, e, _ in there}, {p: v for p, _, v in there if v}
+    return RecordedMatrix(m.unit, m.matrix.rows, m.matrix.cols, entries, values)
+
+
+def places(m: NamedMatrix) -> list[str]:
+    """Return what each entry is called, row by row: the names of row and column, else numbers from 0."""
+    rows, columns = (_named(names, n) for names, n in zip((m.rows, m.columns), m.matrix.shape, strict=True))
+    return [", ".join(part for part in (r, c) if part) or "0" for r in rows for c in columns]
+
+
+def _named(names: tuple[str, ...], size: int) -> Iterable[str]:
+    if len(set(names)) == size:
+        return names
+    return [""] if size == 1 else [str(i) for i in range(size)]
+
+
+def _values(system: System) -> dict[str, list[str]]:
+    """Return every entry at arguments between 1/2 and 3/2, each from its name, so that they stay the same."""
+    import mpmath
+
+    known: dict[sp.Basic, Any] = {x.symbol: _argument(x.name) for g in system.groups for x in g.quantities}
+    with mpmath.workdps(_WORKING):
+        for definition in system.definitions:
+            known[definition.quantity.symbol] = _value(definition.expression, known)
+        return {m.name: [_text(_value(e, known)) for e in m.matrix] for m in system.matrices}
+
+
+def _argument(name: str) -> mpmath.mpf:
+    import mpmath
+
+    return mpmath.mpf(0.5 + int.from_bytes(hashlib.sha256(name.encode()).digest()[:4], "big") / 2**32)
+
+
+def _value(expression: sp.Expr, known: dict[sp.Basic, Any]) -> Any:
+    """Return the value of an expression, or nan where it has none; every subexpression is taken once."""
+    import mpmath
+
+    if expression not in known:
+        parts = [_value(x, known) for x in expression.args]
+        try:
+            known[expression] = _combined(expression, parts)
+        except (ArithmeticError, ValueError, TypeError, AttributeError):  # a pole, or no function of numbers
+            known[expression] = mpmath.nan
+    return known[expression]
+
+
+def _combined(expression: sp.Expr, parts: list[Any]) -> Any:
+    import mpmath
+
+    if expression.is_Rational:
+        return mpmath.mpf(expression.p) / expression.q
+    if expression.is_Add:
+        return mpmath.fsum(parts)
+    if expression.is_Mul:
+        return mpmath.fprod(parts)
+    if expression.is_Pow:
+        return mpmath.power(*parts)
+    if expression.is_number and not parts:
+        return mpmath.mpf(expression.evalf(_WORKING)._mpf_)
+    return getattr(mpmath, _FUNCTIONS.get(expression.func.__name__, expression.func.__name__))(*parts)
+
+
+def _text(value: Any) -> str:
+    """Return the digits that are kept of a real number; nothing for what is none."""
+    import mpmath
+
+    real = isinstance(value, mpmath.mpf) and mpmath.isfinite(value)
+    return str(mpmath.nstr(value, DIGITS)) if real else ""

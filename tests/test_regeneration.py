@@ -1,0 +1,194 @@
+"""Regeneration: what each model depends on, what a change derives anew, and what is said of it."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from test_start_up import holds
+
+import symgen
+from symgen import graph
+from symgen.models import BLOCKS, RECURSIONS, SHIPPED_SCENES
+from symgen.regeneration import answer
+from symgen.shipped import UNITS, generated_folder, names, record_name
+from symgen.symbolic.record import read_record
+
+PACKAGE = Path(symgen.__file__).parent
+LOOP_BLOCKS = {"loop_row", "loop_screws", "loop_inertia"}
+#: Files of derivations, and the models that are derived anew when they change: those and no others.
+DEPENDENTS = {
+    "models/rod.py": {"rod", "rod_spatial"},
+    "models/rigid_element.py": {"rigid_element"},
+    "mechanics/rigid_elements.py": {"rigid_element"},
+    "mechanics/recursion.py": {"chain", "chain_spatial"},
+    "mechanics/particles.py": {
+        "rod", "rod_spatial", "chain", "chain_spatial", "rigid_element", "peaucellier",
+    },
+    "mechanics/topology.py": {"peaucellier"},
+    "mechanics/hamilton.py": {"elastic_link"},
+    "models/elastic_blocks.py": {"elastic_link"},
+    **{f"elements/{p.name}": {"elastic_link"} for p in sorted((PACKAGE / "elements").glob("[a-z]*.py"))},
+    "mechanics/dual_rows.py": {"slider_crank", *LOOP_BLOCKS},
+    "models/loop_blocks.py": LOOP_BLOCKS,
+    "models/loop.py": {"slider_crank"},
+    "scenes/slider_crank.toml": {"slider_crank"},
+    "scenes/peaucellier.toml": {"peaucellier"},
+    "joints/ball.py": {"peaucellier", "slider_crank"},
+    "lowering/nodes.py": set(names()),
+    "symbolic/system.py": set(names()),
+    "codegen/printers.py": set(names()),
+    "codegen/loops.py": {"chain", "chain_spatial"},
+    "runtime/model.py": set(),
+    "cli/making.py": set(),
+}  # fmt: skip
+
+
+def test_every_shipped_model_has_a_name():
+    assert set(names()) == {*BLOCKS, *RECURSIONS, *SHIPPED_SCENES}
+    assert len(set(names())) == len(names())
+
+
+def test_a_change_concerns_only_its_own_kernels(made):
+    assert all((PACKAGE / file).is_file() for file in DEPENDENTS)
+    found = {file: {n for n in names() if f"symgen:{file}" in made[n].needs} for file in DEPENDENTS}
+    assert found == DEPENDENTS
+
+
+def test_templates_and_what_symgen_derives_with_concern_all(made):
+    for name in names():
+        assert "symgen.templates:c/kernel.c.j2" in made[name].needs
+        assert {"version:sympy", "version:jinja2", "version:mpmath"} <= set(made[name].needs)
+    assert "version:pint" in made[UNITS].needs
+    assert "symgen.scene:units.txt" in made[UNITS].needs
+
+
+def test_needs_hold_all_that_is_read():
+    """Every file of symgen that a derivation opens, as Python itself reports it, is among its needs."""
+    seen = (
+        "import json, sys\n"
+        "opened = set()\n"
+        "sys.addaudithook(lambda event, a: opened.add(str(a[0])) if event == 'open' else None)\n"
+        "from symgen import graph\n"
+        "from symgen.scene.loading import scene_path\n"
+        "from symgen.codegen.emit import emit\n"
+        "from symgen.codegen.target import Target\n"
+        "from symgen.lowering.program import lower_system\n"
+        "from symgen.pipeline import derive\n"
+        "emit(lower_system(derive('four_bar')), Target(), 'x')\n"
+        "needs = graph.needs(graph.of_file(scene_path('four_bar')))\n"
+        "print(json.dumps([sorted(opened), sorted(needs)]))\n"
+    )
+    done = subprocess.run([sys.executable, "-c", seen], capture_output=True, text=True, check=True)
+    opened, needs = json.loads(done.stdout)
+    known = {name.partition(":")[2].rpartition("/")[2] for name in needs}
+    folders = (PACKAGE, graph._folder("symgen.templates"))
+    data = [Path(p) for p in opened if any(Path(p).is_relative_to(f) for f in folders)]
+    data = [p for p in data if p.is_file() and p.suffix not in (".py", ".pyc", ".so")]
+    assert {p.name for p in data} >= {"four_bar.toml", "units.json", "kernel.c.j2"}
+    assert {p.name for p in data} <= known
+
+
+@pytest.fixture
+def checkout(tmp_path, made, made_in, monkeypatch):
+    """A checkout of its own, with the cache as it is after its kernels were made."""
+    monkeypatch.setenv("SYMGEN_CACHE", str(made_in))
+    root = tmp_path / "checkout"
+    left_out = shutil.ignore_patterns("*.so", "__pycache__", "core")
+    shutil.copytree(PACKAGE, root / "symgen", ignore=left_out)
+    shutil.copytree(generated_folder(), root / "symgen" / "generated", ignore=left_out)
+    shutil.copytree(graph._folder("symgen.templates"), root / "symgen" / "templates", ignore=left_out)
+    (root / "symgen" / "pyproject.toml").write_text("")
+    return root
+
+
+def generate(root):
+    done = subprocess.run(
+        [sys.executable, "-P", "-m", "symgen", "generate"],
+        env={**os.environ, "PYTHONPATH": str(root)},
+        cwd=root,
+        capture_output=True,
+        text=True,
+    )
+    return done.returncode, done.stdout.splitlines(), done.stderr
+
+
+def test_nothing_to_do_takes_no_longer_than_importing_sympy(checkout):
+    """Half a second on a machine that imports SymPy in half a second: it is not imported."""
+    environment = {**os.environ, "PYTHONPATH": str(checkout)}
+    assert holds(["-P", "-m", "symgen", "generate"], environment, 0.5 / 0.5)
+
+
+def content(root):
+    return {p.name: p.read_bytes() for p in (root / "symgen" / "generated").iterdir() if p.is_file()}
+
+
+def test_what_changed_is_derived_anew_and_said(checkout):
+    """Nothing, a change of an equation, its reversal, a comment, an error: in a checkout of its own."""
+    before = content(checkout)
+    assert generate(checkout) == (0, ["generated/ is current"], "")
+    file = checkout / "symgen" / "mechanics" / "rigid_elements.py"
+    original = file.read_text()
+
+    file.write_text(original.replace("moment = first[2] - second[2]", "moment = first[2] - 2 * second[2]"))
+    code, said, _ = generate(checkout)
+    assert code == 0
+    assert [line for line in said if line.startswith("derived")] == [
+        "derived rigid_element: mechanics/rigid_elements.py changed"
+    ]
+    start = said.index("rigid_element:")
+    assert said[start + 1 : start + 5] == [
+        "  nodal_matrix (3 x 6): 1 changed",
+        "    changed [moment, M at k]",
+        "      - -1",
+        "      + -2",
+    ]
+    after = content(checkout)
+    assert {name for name in before if before[name] != after[name]} == {
+        "manifest.json",
+        "rigid_element.md",
+        "rigid_element.pyx",
+        "rigid_element_equations.json",
+        "rigid_element_kernel.c",
+        "rigid_element_kernel.h",
+    }
+
+    file.write_text(original)
+    code, said, _ = generate(checkout)
+    assert code == 0 and content(checkout) == before
+    assert not [line for line in said if line.startswith("derived")], "it is in the cache"
+    assert "      + -1" in said
+
+    file.write_text(original + "# nothing\n")
+    code, said, _ = generate(checkout)
+    assert said == ["derived rigid_element: mechanics/rigid_elements.py changed", "generated/ is current"]
+
+    file.write_text(original + "raise ValueError('out of reach')\n")
+    code, said, error = generate(checkout)
+    assert code == 2 and said == []
+    assert error.startswith("symgen: rigid_element cannot be derived, and nothing was written:")
+    assert "ValueError: out of reach" in error
+    assert content(checkout) == before
+
+
+def test_records_say_what_the_kernels_cost(made):
+    """The committed record holds the operations that the C file tells, and no entry without a value."""
+    for name in names():
+        record = read_record((generated_folder() / record_name(name)).read_text())
+        sources = [f.text for f in made[name].shipped.files if f.name.endswith(".c")]
+        for kernel, flops in record.operations.items():
+            assert any(f"{kernel}" in text and f"{flops} operations" in text for text in sources)
+        assert all(m.entries.keys() == m.values.keys() for m in record.matrices.values())
+
+
+def test_a_process_of_its_own_answers_with_what_this_one_makes(made, capfdbinary):
+    answer("rigid_element")
+    here = json.loads(capfdbinary.readouterr().out)
+    there = made["rigid_element"]
+    assert here["shipped"]["files"] == [{"name": f.name, "text": f.text} for f in there.shipped.files]
+    assert set(there.needs) <= set(here["needs"]), "what else was derived here counts too"
