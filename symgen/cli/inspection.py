@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from itertools import chain
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -166,29 +164,11 @@ def _show_digits(scene: str, matrix: str | None, set_: list[str] | None) -> None
 
 @app.command()
 def explain(scene: SceneArgument, set_: SetOption = None) -> None:
-    """Tell how a scene hangs together: its tree or table, its degrees of freedom, what is redundant."""
-    from symgen.pipeline import build_scene as build_model
-    from symgen.report.summary import freedom_lines
-    from symgen.scene.linkage import Linkage
-    from symgen.scene.loading import load_scene
-    from symgen.scene.resolve import resolve
+    """Tell what was kept of a scene and what left out, what that saves, and how its equations are solved."""
+    from symgen.inspection.explanation import explanation
 
-    asked = changes(set_)
-    resolved = resolve(load_scene(scene, set=asked))
-    if isinstance(resolved, Linkage):
-        from symgen.models.structure import structure
-
-        lines: Iterable[str] = structure(resolved)
-    else:
-        from symgen.models.loop import loop_system
-        from symgen.models.loop_structure import general, loop_structure
-        from symgen.report.saving import saving_lines
-
-        system = loop_system(resolved)
-        saved = saving_lines(system, loop_system(general(resolved)), "general offsets")
-        lines = chain(loop_structure(resolved, system), saved)
-    print(*lines, sep="\n", flush=True)
-    print(*freedom_lines(build_model(scene, set=asked)), sep="\n")
+    for line in explanation(scene, changes(set_)):
+        print(line, flush=True)
 
 
 @app.command()
