@@ -15,7 +15,7 @@ Array = NDArray[np.float64]
 #: Width and least and greatest height of a picture, and the margin around the mechanism [px].
 _WIDTH, _LOW, _HIGH, _MARGIN = 540.0, 220.0, 430.0, 52.0
 #: Height and width of a letter of a label, and how far from its point it stands [px].
-_LETTER, _LETTER_WIDTH, _OFF = 13.0, 7.8, 13.0
+_LETTER, _LETTER_WIDTH, _OFF = 14.0, 8.6, 13.0
 #: Windings of a spring, and its half width [px].
 _WINDINGS, _SPRING = 7, 6.0
 #: Largest number of corners of a path that are drawn.
