@@ -27,7 +27,6 @@ TEMPLATES = (
     ("CMakeLists.txt.j2", "CMakeLists.txt"),
     ("README.md.j2", "README.md"),
 )
-_CORE = Path(__file__).resolve().parent.parent / "runtime" / "core"
 _NAMES = "core/names.h"
 #: What a header of the core declares with a name that programs see.
 _DECLARED = re.compile(
@@ -70,18 +69,21 @@ def files_of(
 ) -> Iterator[SourceFile]:
     """Yield the files of an export."""
     from symgen.codegen.emit import SourceFile, environment
+    from symgen.export.view import CORE_FOLDER
 
     x = exported(scene, set)
     for template, name in TEMPLATES:
         text = environment().get_template(f"export/{template}").render(x=x)
         yield SourceFile(name.format(x.name), text)
     yield from x.kernels
-    names = "".join((_CORE / name).read_text(encoding="utf-8") for name in x.core if name.endswith(".h"))
+    names = "".join(
+        (CORE_FOLDER / name).read_text(encoding="utf-8") for name in x.core if name.endswith(".h")
+    )
     found = sorted({*_DECLARED.findall(names), "explicit_kind"})
     text = environment().get_template("export/names.h.j2").render(x=x, names=found)
     yield SourceFile(_NAMES, text)
     for name in x.core:
-        text = (_CORE / name).read_text(encoding="utf-8")
+        text = (CORE_FOLDER / name).read_text(encoding="utf-8")
         yield SourceFile(f"core/{name}", f'#include "names.h"\n{text}' if name == "real.h" else text)
 
 

@@ -21,6 +21,7 @@ from symgen.export.view import (
     members,
     method_tables,
     number,
+    with_headers,
 )
 from symgen.lowering.kernel import Program, Slot
 from symgen.runtime import _beams
@@ -31,10 +32,7 @@ from symgen.runtime.elastic_motion import ElasticMotion
 from symgen.runtime.elastic_steps import turn
 
 #: What elastic links need besides what runs need.
-CORE = (
-    *RUNS, "bands.c", "bands.h", "beam_basis.c", "beam_motion.c", "beam_steps.c", "beam_steps.h",
-    "beams.c", "beams.h", "rigid_motion.c", "rigid_motion.h",
-)  # fmt: skip
+CORE = (*RUNS, "bands.c", "beam_basis.c", "beam_motion.c", "beam_steps.c", "beams.c", "rigid_motion.c")
 #: The part of a turn that is compared, and the steps for it.
 _PART, _STEPS = 8, 32
 _INDEXED = (
@@ -61,7 +59,7 @@ def elastic(
         references=program.references,
         family="elastic",
         driven=False,
-        core=tuple(sorted(CORE)),
+        core=with_headers(CORE),
         core_headers=("beam_steps.h", "run.h"),
         kernels=sources,
         coordinates=n,

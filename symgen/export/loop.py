@@ -21,6 +21,7 @@ from symgen.export.view import (
     members,
     method_tables,
     number,
+    with_headers,
 )
 from symgen.lowering.kernel import Program
 from symgen.runtime import _core
@@ -29,7 +30,7 @@ from symgen.runtime.loop_run import rates_at_start
 from symgen.runtime.loop_turn import PARTS
 
 #: What closing, following and running a loop needs besides what runs need.
-CORE = (*RUNS, "follow.c", "loop.c", "loop.h", "loop_motion.c", "qr.h")
+CORE = (*RUNS, "follow.c", "loop.c", "loop_motion.c")
 #: Kernels that the core calls of a loop, in the order of its struct.
 KERNELS = ("inputs", "position", "motion", "inverse", "given", "mass_matrix", "outputs", "energy")
 #: Poses of a driven loop that are compared.
@@ -54,7 +55,7 @@ def loop(model: LoopModel, program: Program, sources: tuple[SourceFile, ...]) ->
         references=program.references,
         family="loop",
         driven=driven,
-        core=tuple(sorted(CORE)),
+        core=with_headers(CORE),
         core_headers=("loop.h",),
         kernels=sources,
         coordinates=d.coordinates,

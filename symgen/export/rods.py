@@ -21,6 +21,7 @@ from symgen.export.view import (
     members,
     method_tables,
     number,
+    with_headers,
 )
 from symgen.lowering.kernel import Kernel, Program, Slot
 from symgen.runtime import _core
@@ -29,18 +30,8 @@ from symgen.runtime.integrators import INTEGRATORS
 from symgen.runtime.model import Model
 from symgen.runtime.redundancy import slack
 
-#: What a run needs, and what every other family needs of it.
-CORE = (
-    "equations.c",
-    "equations.h",
-    "events.c",
-    "explicit.c",
-    "rank.c",
-    "real.h",
-    "run.c",
-    "run.h",
-    "samples.c",
-)
+#: What a run needs of the core, and what every other family needs of it.
+CORE = ("equations.c", "events.c", "explicit.c", "rank.c", "run.c", "samples.c")
 #: Kernels that the core calls of a linkage, in the order of its struct.
 KERNELS = (
     "accelerations", "factor", "solve", "constraints", "velocity_constraints", "energy", "residual", "events",
@@ -64,7 +55,7 @@ def rods(model: Model, program: Program, sources: tuple[SourceFile, ...]) -> Exp
         references=program.references,
         family="rods",
         driven=False,
-        core=CORE,
+        core=with_headers(CORE),
         core_headers=("run.h",),
         kernels=sources,
         coordinates=d.coordinates,

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import re
 import textwrap
 from collections.abc import Iterable
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -21,7 +23,11 @@ TOLERANCE = "1e-6"
 #: Tolerances of the run that is compared, and of the example.
 RTOL, ATOL = 1e-9, 1e-12
 
+#: Where the core's own files are.
+CORE_FOLDER = Path(__file__).resolve().parent.parent / "runtime" / "core"
+
 _WIDE = 110
+_INCLUDED = re.compile(r'^#include "(\w+\.h)"$', re.MULTILINE)
 
 
 @dataclass(frozen=True, slots=True)
@@ -128,6 +134,17 @@ class Exported:
     def error_order(self) -> int:
         """That of the method of its runs."""
         return int(INTEGRATORS["dop853"].error_order)
+
+
+def with_headers(sources: Iterable[str]) -> tuple[str, ...]:
+    """Return these files of the core and the headers that they include, in the order of their names."""
+    found: set[str] = set()
+    wanted = {*sources}
+    while wanted:
+        found |= wanted
+        texts = [(CORE_FOLDER / name).read_text(encoding="utf-8") for name in sorted(wanted)]
+        wanted = {name for text in texts for name in _INCLUDED.findall(text)} - found
+    return tuple(sorted(found))
 
 
 def number(value: float) -> str:

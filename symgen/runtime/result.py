@@ -91,8 +91,9 @@ class Result:
     final: Mapping[str, Mapping[str, Any]]
     statistics: Mapping[str, Any]
     provenance: Mapping[str, Any]
-    notes: tuple[str, ...] = ()
-    events: tuple[Event, ...] = ()
+    # No default stands in the class, or what is made later would never be asked for.
+    notes: tuple[str, ...] = field(default_factory=tuple)
+    events: tuple[Event, ...] = field(default_factory=tuple)
     _cache: dict[str, Any] = field(default_factory=dict, repr=False)
 
     @classmethod

@@ -23,7 +23,8 @@ static int along(struct rigid_motion *m, const void *times, long count, void *y,
             return status;
         memcpy((char *)y + k * (ptrdiff_t)sizes[0], m->y, sizes[0]);
         memcpy((char *)motion + k * (ptrdiff_t)sizes[1], m->motion, sizes[1]);
-        memcpy((char *)loads + k * (ptrdiff_t)sizes[2], m->loads, sizes[2]);
+        if (sizes[2])
+            memcpy((char *)loads + k * (ptrdiff_t)sizes[2], m->loads, sizes[2]);
     }
     return DONE;
 }
