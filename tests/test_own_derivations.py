@@ -95,6 +95,17 @@ def test_the_same_accuracy_report(model):
     assert found.worst.beyond < 2
 
 
+def test_a_saddle_point_is_solved(model):
+    model.write_text("from symgen import derive\n\n\ndef system():\n    return derive('four_bar')\n")
+    scene = symgen.build("four_bar")
+    start, truth = scene.initial_state(), scene.accelerations()
+    found = symgen.build(model).evaluate("accelerations", q=start.q, u=start.u)
+    assert found["accelerations"].tolist() == [*truth["A"], *truth["B"]]
+    assert found["multipliers"].tolist() == list(truth.multipliers.values())
+    report = accuracy(model, states=2)
+    assert {"accelerations", "multipliers"} <= {o.output for o in report.outputs}
+
+
 def test_generate_says_what_changed_since(model):
     assert generate(model).change is None
     again = generate(model)

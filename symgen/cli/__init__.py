@@ -6,6 +6,7 @@ import atexit
 import gc
 import sys
 import warnings
+from copy import copy
 from typing import Annotated
 
 import typer
@@ -49,9 +50,8 @@ def main() -> None:
     gc.disable()  # a short process: collecting garbage would only lengthen its start and, thawed, its end
     atexit.register(gc.freeze)
     warnings.showwarning = lambda message, *_, **__: print(f"symgen: {message}", file=sys.stderr)
-    _only(sys.argv[1:2])
     try:
-        app()
+        _only(sys.argv[1:2])()
     except SymgenError as error:
         print(f"symgen: {error}", file=sys.stderr)
         raise SystemExit(2) from None
@@ -63,11 +63,14 @@ def main() -> None:
         raise SystemExit(1) from None
 
 
-def _only(word: list[str]) -> None:
-    """Leave, where a command is named, this one alone: Typer takes its time over the options of each."""
+def _only(word: list[str]) -> typer.Typer:
+    """Return, where a command is named, it alone: Typer takes its time over the options of each."""
     named = [c for c in app.registered_commands if c.callback and [c.callback.__name__] == word]
-    if named:
-        app.registered_commands, app.registered_groups = named, []
+    if not named:
+        return app
+    alone = copy(app)
+    alone.registered_commands, alone.registered_groups = named, []
+    return alone
 
 
 @app.callback(invoke_without_command=True)

@@ -137,7 +137,8 @@ def kernels_of(
     model = build(scene, set=set, precision=precision)
     if isinstance(model, SystemModel):
         system = derive(scene)
-        return system.title, [Kernels("", system, _of_system(model), of_block(system, count, seed))]
+        states = of_block(system, count, seed)
+        return system.title, [Kernels("", system, _of_system(model), states, without=("solve",))]
     system = derive(override(read_scene(scene), set or {}))
     if isinstance(model, LoopModel):
         own = Kernels("", system, _of_loop(model.kernels), of_loop(model, count, seed, run))
@@ -229,7 +230,7 @@ def _of_loop(kernels: LoopKernels) -> Call:
 
 def _of_system(model: SystemModel) -> Call:
     def call(kernel: str, arrays: Mapping[str, Array]) -> Array:
-        given: dict[str, Any] = {k: a for k, a in arrays.items() if k != "t"}
+        given: dict[str, Any] = {k: arrays[k] for k in ("q", "u", "p", "work") if k in arrays}
         found = model.evaluate(kernel, t=float(arrays["t"][0]) if "t" in arrays else 0.0, **given)
         return np.concatenate([block.ravel() for block in found.values()])
 
