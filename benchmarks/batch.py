@@ -26,7 +26,7 @@ Rows = NDArray[Any]
 
 SCENES = ("triple_pendulum", "peaucellier")
 #: No power of two, whose columns would meet in the same sets of the cache; all arrays fit its second level.
-STATES, CALLS, JUDGED, SEED = 4112, 8, 64, 6
+STATES, CALLS, JUDGED, SEED = 16_448, 4, 64, 6
 SHIFT, SPEED = 0.05, 0.3  # of the largest coordinate; m/s
 TYPES = ("float32", "float64")
 RATIO = 1.5

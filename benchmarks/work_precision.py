@@ -5,11 +5,12 @@ Planar chains of 3 and 10 uniform rods of 1 m and 1 kg, pinned at one end, start
 symgen over every integrator it has; every run records the same 21 times. Errors are those of the tip, at the
 end and the largest of all samples, against a reference of another formulation (``chain_reference.py``).
 
-A time is that of the whole call from Python, initial state to recorded samples, warm: of symgen ``simulate``,
-its result included. Settings are run in turn, round by round, and the best round counts: what else the
-machine does only ever adds; ratios are the less of those of wall and of processor time. Settings that came
-nowhere near their program's best in a first run are left out. The time at an error is interpolated between
-the logarithms of a program's best settings. ``--short`` runs symgen alone.
+A time is that of the whole call from Python, initial state to recorded samples, warm: of symgen
+``simulate`` and the places of the tip, of others without these, which are found from their joint angles
+untimed. Settings are run in turn, round by round, and the best round counts: what else the machine does
+only ever adds; ratios are the less of those of wall and of processor time. Settings that came nowhere near
+their program's best in a first run are left out. The time at an error is interpolated between the
+logarithms of a program's best settings. ``--short`` runs symgen alone.
 """
 
 from __future__ import annotations
@@ -18,7 +19,6 @@ import argparse
 import math
 import sys
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from functools import partial
 from time import perf_counter
 from typing import Any
 
@@ -124,10 +124,11 @@ def ours(n: int) -> Iterator[Iterator[Attempt]]:
     model = symgen.build(scene(n), contraction="fast", vector="native")
 
     def attempt(method: str, kind: str, text: str, **given: float) -> Attempt:
-        run = partial(
-            model.simulate, float(reference.T_END), method=method, samples=reference.SAMPLES, **given
-        )
-        return Attempt(OURS, f"{method}{kind}", text, run, lambda result: result.variables[0].values)
+        def run() -> Array:
+            result = model.simulate(reference.T_END, method=method, samples=reference.SAMPLES, **given)
+            return result.variables[0].values
+
+        return Attempt(OURS, f"{method}{kind}", text, run, lambda tips: tips)
 
     between = reference.SAMPLES - 1
     for name, method in INTEGRATORS.items():

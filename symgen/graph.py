@@ -10,6 +10,7 @@ from __future__ import annotations
 import hashlib
 import json
 import sys
+import time
 from collections.abc import Iterator, Mapping
 from functools import cache
 from importlib.util import find_spec
@@ -18,10 +19,11 @@ from pathlib import Path
 from symgen.cache import Cache, Entry, key
 
 _NEEDS = "needs.json"
-#: Parts of symgen that decide what is generated; all else only calls them, or runs what they gave.
-_DECIDING = (
-    "scene", "symbolic", "joints", "elements", "mechanics", "models", "lowering", "codegen",
-    "pipeline", "making", "precision", "describe", "shipped", "own",
+#: Parts of symgen that call what decides what is generated, or run what it gave: all others count.
+_CALLING = (
+    "__main__", "atomic", "cache", "cli", "errors", "export", "generated", "graph", "inspection",
+    "regeneration", "report", "runs", "runtime", "scenes", "sources", "study", "templates", "tuning",
+    "_cython",
 )  # fmt: skip
 #: Modules of the runtime that a description of a scene, its start included, comes from.
 _DESCRIBING = (
@@ -29,7 +31,12 @@ _DESCRIBING = (
 )  # fmt: skip
 #: Files beside the modules of a package that these read.
 _DATA = {"symgen.scene": ("units.txt", "units.json")}
+#: Templates of exported folders, and of pages for a browser: no kernel is made with these.
+_EXPORTED, _OF_PAGES = "export", (".html", ".svg", ".css")
 _PACKAGES = ("sympy", "mpmath", "jinja2")
+
+#: What changed later may have been loaded as it was before.
+_BEGUN = time.time()
 
 Needs = Mapping[str, str]
 
@@ -49,8 +56,18 @@ def needs(further: Needs | None = None) -> Needs:
         names.append(_module(module))
         names += [f"{module}:{file}" for file in _DATA.get(module, ())]
     templates = _folder("symgen.templates")
-    names += [f"symgen.templates:{p.relative_to(templates).as_posix()}" for p in templates.rglob("*.j2")]
-    return {name: content(name) for name in sorted(names)} | dict(further or {})
+    every = (p.relative_to(templates) for p in templates.rglob("*.j2"))
+    printed = (p for p in every if Path(p.stem).suffix not in _OF_PAGES)
+    names += [f"symgen.templates:{p.as_posix()}" for p in printed if p.parts[0] != _EXPORTED]
+    return {name: _as_loaded(name) for name in sorted(names)} | dict(further or {})
+
+
+def _as_loaded(name: str) -> str:
+    """Return the content of a file; none, which is never current, if it changed since this process began."""
+    where, _, rest = name.partition(":")
+    if where != "version" and (_folder(where) / rest).stat().st_mtime > _BEGUN:
+        return ""
+    return content(name)
 
 
 def of_package(package: str, file: str) -> Needs:
@@ -69,7 +86,7 @@ def _decides(module: str) -> bool:
     words = module.split(".")
     if words[0] != "symgen" or len(words) < 2:
         return False
-    return words[1] in _DECIDING or (words[1] == "runtime" and len(words) > 2 and words[2] in _DESCRIBING)
+    return words[1] not in _CALLING or (words[1] == "runtime" and len(words) > 2 and words[2] in _DESCRIBING)
 
 
 def _module(name: str) -> str:

@@ -10,11 +10,11 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from symgen import tuning
 from symgen.compiler import find_compiler
 from symgen.describe import describe, with_start
 from symgen.errors import (
     ModelError,
-    SceneError,
     SlowBackendWarning,
     nearest,
 )
@@ -115,7 +115,7 @@ def _of_scene(
 ) -> Model | LoopModel | ElasticModel:
     tools = _tools(*options)
     text = text_of(scene)
-    tunable, fixed = _split(text, set_ or {})
+    tunable, fixed = tuning.split(text, set_ or {})
     text = override(text, fixed)
     base = tools.in_float64
     description, library = base.cached(text, "", lambda f: compile_scene(text, base, f))
@@ -127,8 +127,8 @@ def _of_scene(
     model = _model(text, tools, description, library)
     if not tunable:
         return model
-    values = _in_si(model, tunable, text.file)
-    _check_values(override(text, tunable))
+    values = tuning.in_si(model, tunable, text.file)
+    tuning.check_values(override(text, tunable))
     return model.with_parameters(**values)
 
 
@@ -345,43 +345,6 @@ def text_of(scene: Any) -> SceneText:
     if isinstance(scene, str | os.PathLike):
         return read_scene(scene)
     return SceneText(scene.name, scene.file, scene.model_dump(exclude_unset=True) | {"symgen": scene.symgen})
-
-
-def _split(text: SceneText, changes: Mapping[str, str]) -> tuple[dict[str, str], dict[str, str]]:
-    """Part the changes into those of tunable parameters and those that change the equations."""
-    parameters = text.data.get("parameters", {})
-    tunable = {}
-    for name, value in changes.items():
-        table = parameters.get(name) if isinstance(parameters, Mapping) else None
-        if isinstance(table, Mapping) and table.get("tunable") is True:
-            from symgen.scene.units import is_quantity
-
-            if is_quantity(str(value)):
-                tunable[name] = str(value)
-    return tunable, {k: v for k, v in changes.items() if k not in tunable}
-
-
-def _check_values(text: SceneText) -> None:
-    """Check a scene with other values of its tunable parameters as if they were written in it."""
-    from symgen.scene.resolve import resolve
-
-    resolve(check_scene(text))
-
-
-def _in_si(model: Model | LoopModel | ElasticModel, values: Mapping[str, str], file: str) -> dict[str, float]:
-    from symgen.scene.units import parse_quantity
-
-    result = {}
-    for info in model.description.parameters:
-        if info.name in values:
-            try:
-                number, dimension = parse_quantity(values[info.name])
-                if dimension.unit != info.unit:
-                    raise SceneError(f"expected a quantity in {info.unit}, got {values[info.name]!r}")
-            except SceneError as error:
-                raise error.located(where=f"parameters.{info.name}", file=file) from None
-            result[info.name] = float(number)
-    return result
 
 
 _GET_A_COMPILER = (

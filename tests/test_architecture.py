@@ -28,6 +28,7 @@ ALLOWED = {
     "lowering": {"symbolic"},
     "codegen": {"lowering", "atomic", "precision"},
     "compiler": set(),
+    "tuning": {"runtime", "scene"},
     "graph": {"cache"},
     "making": {
         "cache", "codegen", "compiler", "graph", "lowering", "precision", "runtime", "scene", "symbolic",
@@ -46,7 +47,7 @@ ALLOWED = {
     },
     "runs": {"runtime", "scene"},
     "pipeline": {
-        "describe", "own", "own_model",
+        "describe", "own", "own_model", "tuning",
         "scene", "symbolic", "mechanics", "models", "making", "compiler", "precision", "runtime", "atomic",
     },
     "study": {

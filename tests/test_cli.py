@@ -185,7 +185,12 @@ def entry(monkeypatch, capfd):
 
     from symgen import cli
 
+    # The entry keeps the command alone that is named, which must last no longer than the call.
+    commands, groups = cli.app.registered_commands, cli.app.registered_groups
+
     def called(*arguments):
+        monkeypatch.setattr(cli.app, "registered_commands", commands)
+        monkeypatch.setattr(cli.app, "registered_groups", groups)
         monkeypatch.setattr(sys, "argv", ["symgen", *map(str, arguments)])
         with pytest.raises(SystemExit) as ended:
             cli.main()

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import pytest
 from test_bodies_in_space import BODY, place
 from test_points_on_links import rich_scene
@@ -10,7 +12,9 @@ from typer.testing import CliRunner
 import symgen
 from symgen.cli import app
 from symgen.models.structure import structure
+from symgen.report.structure import elastic_lines
 from symgen.report.summary import freedom_lines
+from symgen.scene.loading import read_scene
 from symgen.scene.resolve import resolve
 
 
@@ -30,6 +34,49 @@ def test_peaucellier_has_three_loops_and_one_degree_of_freedom():
     assert "redundant: none" in text
 
 
+def counted(text, what):
+    """The first number before some words."""
+    return int(re.search(rf"(\d+) {what}", text)[1])
+
+
+def test_what_a_four_bar_saves_and_how_it_is_solved():
+    """The factor has one entry a pivot and one a nonzero below it, counted by hand on the drawn pattern."""
+    text = said("four_bar")
+    assert "left out, for the scene has none: the third axis, bodies in space, point masses, springs" in text
+    own, whole = map(int, re.search(r"four_bar: (\d+) operations; with any .* (\d+) \(", text).groups())
+    assert own < whole
+    model = symgen.build("four_bar")
+    assert own == sum(x["flops"] for x in model.operations.values())
+    rows = [line.split() for line in text.splitlines() if set(line.split()) <= set("#+.") and line.strip()]
+    assert len(rows) == 7
+    assert all(rows[i][j] == rows[j][i] for i in range(7) for j in range(7))
+    below = sum(rows[i][j] != "." for i in range(7) for j in range(i))
+    assert counted(text, "entries are not zero") + counted(text, "are filled in") == 7 + 2 * below
+    assert f"the factor has {7 + below}, a full one would have 28" in text
+    assert f"memory: {8 * 2 * model.description.coordinates} bytes of state" in text
+
+
+def test_offsets_cost_what_they_bring():
+    """The slider-crank in the plane of its crank, and with an offset of its slider."""
+    pattern = r"slider_crank: (\d+) operations; with general offsets (\d+)"
+    plain, offset = (re.search(pattern, said("slider_crank", *given)) for given in ((), ("--set", "S1=9 in")))
+    assert int(plain[1]) < int(plain[2])
+    assert plain[2] == offset[2]
+
+
+def test_links_that_keep_their_length_have_fewer_unknowns():
+    data = read_scene("elastic_four_bar").data
+    found = []
+    for axial in (True, False):
+        for link in data["links"].values():
+            link["elastic"] = {**link["elastic"], "axial": axial}
+        text = "\n".join([*freedom_lines(model := symgen.build(symgen.Scene(**data))), *elastic_lines(model)])
+        assert ("its length kept" in text) != axial
+        found.append([counted(text, "unknowns in all"), counted(text.replace("at most ", ""), "operations")])
+    (free, cost), (fewer, less) = found
+    assert fewer < free and less < cost
+
+
 def test_a_chain_closes_no_loop():
     text = said("triple_pendulum")
     assert "loops: none" in text
@@ -47,7 +94,7 @@ def test_points_bonds_and_what_is_left_out_are_named():
     assert "  link body, cut between A and B" in lines
     assert "  D after link PD from P" in lines
     assert "  the guide of F along rail" in lines
-    assert lines[-1] == "left out: link rail lies between fixed points"
+    assert "left out: link rail lies between fixed points" in lines
 
 
 def test_a_body_in_space_is_one_link():

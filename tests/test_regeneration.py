@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import json
 import os
 import shutil
@@ -14,6 +15,7 @@ from test_start_up import holds
 
 import symgen
 from symgen import graph
+from symgen.codegen import emit, loops
 from symgen.models import BLOCKS, RECURSIONS, SHIPPED_SCENES
 from symgen.regeneration import answer
 from symgen.shipped import UNITS, generated_folder, names, record_name
@@ -60,9 +62,28 @@ def test_a_change_concerns_only_its_own_kernels(made):
     assert found == DEPENDENTS
 
 
+def test_what_a_description_is_made_by_counts():
+    """The start of a scene is stored with its kernels, and the runtime finds it."""
+    imported = set()
+    for node in ast.walk(ast.parse((PACKAGE / "describe.py").read_text())):
+        if isinstance(node, ast.ImportFrom) and str(node.module).startswith("symgen.runtime."):
+            imported.add(str(node.module).split(".")[2])
+    assert imported - {"library"} <= set(graph._DESCRIBING)
+    assert all((PACKAGE / "runtime" / f"{name}.py").is_file() for name in graph._DESCRIBING)
+
+
+def test_what_changed_after_it_was_loaded_is_never_current(monkeypatch):
+    assert not graph.changed(graph.needs())
+    monkeypatch.setattr(graph, "_BEGUN", 0.0)
+    found = graph.needs()
+    assert set(graph.changed(found)) == {name for name in found if not name.startswith("version:")}
+
+
 def test_templates_and_what_symgen_derives_with_concern_all(made):
+    printed = {t for files in (*emit.TEMPLATES.values(), emit.LANES, loops.TEMPLATES) for t, _ in files}
     for name in names():
-        assert "symgen.templates:c/kernel.c.j2" in made[name].needs
+        read = {n.partition(":")[2] for n in made[name].needs if n.startswith("symgen.templates:")}
+        assert read == printed | {*emit.INCLUDED}, "all that code is printed with, and nothing else"
         assert {"version:sympy", "version:jinja2", "version:mpmath"} <= set(made[name].needs)
     assert "version:pint" in made[UNITS].needs
     assert "symgen.scene:units.txt" in made[UNITS].needs

@@ -12,13 +12,15 @@ from typer.testing import CliRunner
 
 from symgen.cli import app
 from symgen.errors import SceneError, SymgenError
+from symgen.inspection.measured import speed_caption, speed_figure, speed_table
 from symgen.inspection.page import scene_page
 from symgen.report.page import render
 from symgen.scene.loading import read_scene
+from symgen.study.work_precision import Point, WorkPrecision
 
 FOLDER = Path(__file__).parents[1] / "benchmarks"
-#: One of rods, one in space with a body, one loop, one with links that bend.
-SCENES = ("four_bar", "tumbling_body", "slider_crank", "elastic_slider_crank")
+#: One of rods, one of them in space, one loop, one with links that bend.
+SCENES = ("four_bar", "vertical_rods", "slider_crank", "elastic_slider_crank")
 
 
 def _browser():
@@ -126,6 +128,26 @@ def test_report_writes_a_page_or_one_error(tmp_path):
     assert isinstance(done.exception, SceneError) and not file.exists()
     done = call("four_bar", "--out", tmp_path / "page.pdf")
     assert isinstance(done.exception, SymgenError) and ".html" in str(done.exception)
-    done = call("four_bar", "--out", file)
-    assert done.exit_code == 0 and file.read_text().count("<h2>") == 9
-    assert "dop853" in file.read_text() and "Speed and error" in file.read_text()
+    done = call("four_bar", "--out", file, "--no-speed")
+    assert done.exit_code == 0 and file.read_text().count("<h2>") == 8
+    assert "dop853" in file.read_text() and "Speed and error" not in file.read_text()
+
+
+def test_speed_stands_beside_error():
+    """Of each method the loosest, a middle and the tightest setting; errors that say nothing are marked."""
+    points = [
+        Point(method, "float64", f"rtol 1e-{k}", 10.0**-k, 10.0**-k, k * 1e-4, k * 1e-4, 10 * k, None, k < 9)
+        for method in ("dop853", "rk4")
+        for k in range(2, 10)
+    ]
+    found = WorkPrecision("x", 1.0, 11, "m", "error", "reference", 1e-9, tuple(points), (), ())
+    table = speed_table(found)
+    assert [row[0] for row in table.rows[:3]] == [
+        "dop853, rtol 1e-2",
+        "dop853, rtol 1e-6",
+        "dop853, rtol 1e-9",
+    ]
+    assert table.rows[2][1:] == ("~1.0e-09", "900 µs", "90") and len(table.rows) == 6
+    assert "~ marks errors" in speed_caption(found)
+    assert speed_figure(found).uri.startswith("data:image/svg+xml;base64,")
+    assert speed_figure(found) == speed_figure(found)  # the same bytes

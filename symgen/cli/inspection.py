@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from itertools import chain
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -130,15 +128,16 @@ def _show_chosen(
         print(shown(chosen.system, chosen.matrices, form))
         return
     from symgen.inspection.state import NOWHERE, state_of
-    from symgen.pipeline import build as build_model
+    from symgen.pipeline import build_scene as build_model
 
     given = _numbers(with_)
-    if subject.is_block and (at or not given):
+    if not subject.is_scene and (at or not given):
+        what = "a building block" if subject.is_block else "no scene"
         raise ModelError(
-            f"{subject.name} is a building block: it has no state to give numbers at\n"
+            f"{subject.name} is {what}: it has no state to give numbers at\n"
             "  Give its symbols, each with --with NAME=NUMBER, in SI units."
         )
-    state = NOWHERE if subject.is_block else state_of(build_model(subject.text), at)
+    state = state_of(build_model(subject.text), at) if subject.is_scene else NOWHERE
     values = state.of(chosen.system, given)
     print(shown(chosen.system, chosen.matrices, form, values, state.label))
 
@@ -165,29 +164,11 @@ def _show_digits(scene: str, matrix: str | None, set_: list[str] | None) -> None
 
 @app.command()
 def explain(scene: SceneArgument, set_: SetOption = None) -> None:
-    """Tell how a scene hangs together: its tree or table, its degrees of freedom, what is redundant."""
-    from symgen.pipeline import build_scene as build_model
-    from symgen.report.summary import freedom_lines
-    from symgen.scene.linkage import Linkage
-    from symgen.scene.loading import load_scene
-    from symgen.scene.resolve import resolve
+    """Tell what was kept of a scene and what left out, what that saves, and how its equations are solved."""
+    from symgen.inspection.explanation import explanation
 
-    asked = changes(set_)
-    resolved = resolve(load_scene(scene, set=asked))
-    if isinstance(resolved, Linkage):
-        from symgen.models.structure import structure
-
-        lines: Iterable[str] = structure(resolved)
-    else:
-        from symgen.models.loop import loop_system
-        from symgen.models.loop_structure import general, loop_structure
-        from symgen.report.saving import saving_lines
-
-        system = loop_system(resolved)
-        saved = saving_lines(system, loop_system(general(resolved)), "general offsets")
-        lines = chain(loop_structure(resolved, system), saved)
-    print(*lines, sep="\n", flush=True)
-    print(*freedom_lines(build_model(scene, set=asked)), sep="\n")
+    for line in explanation(scene, changes(set_)):
+        print(line, flush=True)
 
 
 @app.command()

@@ -11,6 +11,7 @@ from typing import Annotated
 import typer
 
 from symgen.cli.common import SceneArgument, SetOption, app, changes
+from symgen.errors import ResultError
 
 
 @app.command()
@@ -36,7 +37,10 @@ def report(
     writable(file, (".html",), "page")
     with _status(f"report of {text.name}") as told:
         page = scene_page(text, speed=speed, told=told)
-    write_text(file, render(page))
+    try:
+        write_text(file, render(page))
+    except OSError as error:
+        raise ResultError(f"cannot write the page to {file}: {error.strerror or error}") from None
     print(file)
 
 

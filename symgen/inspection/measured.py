@@ -23,6 +23,8 @@ from symgen.study.work_precision import WorkPrecision, work_precision
 #: Methods whose speed is measured, of linkages and loops and of elastic links.
 _METHODS = ("dop853", "dopri5", "rk4")
 _OF_ELASTIC = ("gauss", "newmark", "dop853")
+#: What of a run stands at the head of the page.
+_TELLING = ("energy drift", "constraint drift", "closed within", "estimated error")
 #: A sweep ends with the first run that takes longer [s], of elastic links and else.
 _LONGEST_ELASTIC, _LONGEST = 0.3, 0.05
 #: How often each setting is timed; recorded times; the error over the peak of a turn of elastic links.
@@ -66,7 +68,7 @@ def measure(model: Any, text: SceneText, *, speed: bool, told: Callable[[str], N
         table, figure, caption = _speed(model, text)
     return Measured(
         result,
-        headline=facts[-2:],
+        headline=tuple(f for f in facts if f.name in _TELLING),
         facts=facts,
         figure=run_figure(result) if result.variables else None,
         notes=(*failure, *result.notes),
@@ -129,10 +131,10 @@ def _speed(model: Any, text: SceneText) -> tuple[TableView | None, FigureView | 
         )
     except (ModelError, SimulationError) as error:
         return TableView(("not measured",), ((str(error).partition("\n")[0],),)), None, ""
-    return _speed_table(found), _speed_figure(found), _speed_caption(found)
+    return speed_table(found), speed_figure(found), speed_caption(found)
 
 
-def _speed_table(found: WorkPrecision) -> TableView:
+def speed_table(found: WorkPrecision) -> TableView:
     """Return for each method its loosest, a middle and its tightest setting."""
     rows = []
     for method in dict.fromkeys(p.method for p in found.points):
@@ -150,7 +152,8 @@ def _speed_table(found: WorkPrecision) -> TableView:
     return TableView(("method", f"error [{found.unit}]", "time", "steps"), tuple(rows))
 
 
-def _speed_figure(found: WorkPrecision) -> FigureView:
+def speed_figure(found: WorkPrecision) -> FigureView:
+    """Return time over error, a curve for each method."""
     curves = [
         (method, [(p.along, p.best) for p in found.points if p.method == method])
         for method in dict.fromkeys(p.method for p in found.points)
@@ -158,7 +161,8 @@ def _speed_figure(found: WorkPrecision) -> FigureView:
     return error_figure(curves, f"{found.measured} [{found.unit}]")
 
 
-def _speed_caption(found: WorkPrecision) -> str:
+def speed_caption(found: WorkPrecision) -> str:
+    """Return what was measured, against what."""
     marked = (
         " ~ marks errors that are not told from that of the reference."
         if any(not p.told for p in found.points)

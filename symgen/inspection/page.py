@@ -13,7 +13,7 @@ from symgen.lowering.kernel import Kernel
 from symgen.lowering.nodes import KINDS
 from symgen.lowering.program import lower_system
 from symgen.models.record import Step, record
-from symgen.pipeline import build, system_of
+from symgen.pipeline import build_scene, system_of
 from symgen.report.drawing import Drawing, drawing
 from symgen.report.page import Fact, KernelRow, Page, StepView, example_in_c
 from symgen.report.views import elimination, matrix_view, shared_terms, symbols
@@ -60,7 +60,7 @@ def scene_page(text: SceneText, *, speed: bool, told: Told) -> Page:
     program = lower_system(system)
     equations = equations_hash(program, Target())
     unit = unit_view(program, Target(), equations)
-    model = build(text)
+    model = build_scene(text)
     found = measure(model, text, speed=speed, told=told)
     told("drawing")
     drawn = drawing(sketch(resolved, model, found.result))

@@ -18,6 +18,8 @@ from symgen.scene.loop import Loop
 Array = NDArray[np.float64]
 #: Length of the axis of a joint as it is drawn, over the size of the loop.
 _AXIS = 0.09
+#: A part of a length that tells a direction and takes no room.
+_LITTLE = 1e-3
 #: Letters of joints in the pictures' legends.
 JOINTS = {"R": "revolute", "P": "prismatic", "C": "cylindric", "H": "helical", "S": "ball", "U": "universal"}
 
@@ -91,7 +93,7 @@ def _bars(linkage: Linkage, places: dict[str, Array]) -> Iterator[Line]:
         along = linkage.link(guide.along)
         d = places[along.end] - places[along.start]
         for point in guide.points:
-            yield Line("slider", "", np.array([places[point], places[point] + d / np.linalg.norm(d)]))
+            yield Line("slider", "", np.array([places[point], places[point] + _LITTLE * d]))
 
 
 def _of_loop(loop: Loop, model: LoopModel) -> Sketch:
@@ -107,7 +109,7 @@ def _of_loop(loop: Loop, model: LoopModel) -> Sketch:
         if abs(entries[1]) > 1e-9 * size:
             lines.append(Line("axis", "", np.array([foot, head])))
         if row.joint == "P":
-            lines.append(Line("slider", "", np.array([foot, foot + k])))
+            lines.append(Line("slider", "", np.array([foot, foot + _LITTLE * size * k])))
         if row.joint != "S":
             lines.append(Line("axis", "", np.array([head - _AXIS * size * k, head + _AXIS * size * k])))
         last = i == len(loop.rows) - 1

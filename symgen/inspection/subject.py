@@ -56,8 +56,8 @@ class Subject:
 
     def __init__(self, name: str, changes: Mapping[str, Any]) -> None:
         self.name = name
-        self.is_block = name in BLOCKS or is_own(name)
-        """Whether there is no scene behind it."""
+        self.is_block = name in BLOCKS
+        self.is_scene = not self.is_block and not is_own(name)
         self._changes = changes
 
     @cached_property
@@ -73,17 +73,18 @@ class Subject:
     @cached_property
     def own(self) -> System:
         """What the model is made of."""
-        if is_own(self.name):
-            return load(Path(self.name)).system
-        return BLOCKS[self.name]() if self.is_block else system_of(self.resolved)
+        if self.is_block:
+            return BLOCKS[self.name]()
+        return system_of(self.resolved) if self.is_scene else load(Path(self.name)).system
 
     @cached_property
     def further(self) -> dict[str, System]:
         """What is derived besides, by what comes before the dot in the names of its matrices."""
         from symgen.models.analyses import elastic_systems
 
-        linkage = not self.is_block and isinstance(self.resolved, Linkage)
-        return elastic_systems(self.resolved) if linkage else {}  # type: ignore[arg-type]
+        if not self.is_scene or not isinstance(self.resolved, Linkage):
+            return {}
+        return elastic_systems(self.resolved)
 
     @cached_property
     def steps(self) -> System | None:
@@ -94,12 +95,12 @@ class Subject:
     @cached_property
     def record(self) -> tuple[Step, ...]:
         """The derivation step by step."""
-        if not self.is_block:
+        if self.is_scene:
             return record(self.resolved, self.own)
         source = "; ".join(self.own.references)
         whole = Step(
             self.own.title,
-            "What the building block is made of.",
+            "What it is made of.",
             source,
             self.own,
             tuple(m.name for m in self.own.matrices),
@@ -124,7 +125,7 @@ class Subject:
             When there is none of this name, which tells the nearest.
         """
         kind, _, rest = name.partition(".")
-        if kind == _MOMENTUM and not self.is_block:
+        if kind == _MOMENTUM and self.is_scene:
             return self._momentum(rest, numbers)
         if self.steps and name in self.steps:
             return Chosen(self.steps, (self.steps[name],))

@@ -8,6 +8,23 @@ from symgen.errors import SceneError
 from symgen.models.rods import RodsModel
 from symgen.scene.linkage import Linkage
 
+#: What a linkage may have, by its field.
+_PARTS = {
+    "bodies": "bodies in space",
+    "gravity": "gravity",
+    "masses": "point masses",
+    "springs": "springs and dampers",
+    "actuators": "forces between points",
+    "torsion_springs": "torsion springs",
+    "forces": "forces",
+    "distributed": "distributed forces",
+    "torques": "torques",
+    "guides": "guides",
+    "drivers": "drives",
+    "elastic": "elastic links",
+    "events": "events",
+}
+
 
 def structure(linkage: Linkage) -> Iterator[str]:
     """Yield the structure of a linkage line by line.
@@ -46,6 +63,12 @@ def structure(linkage: Linkage) -> Iterator[str]:
         yield from (f"  {label}" for label in labels)
     if model.idle:
         yield "left out: " + ", ".join(f"link {name} lies between fixed points" for name in model.idle)
+    absent = [what for field, what in _PARTS.items() if not any(getattr(linkage, field))]
+    if linkage.dimension == 2:
+        absent.insert(0, "the third axis")
+    if not any(x.offset for x in linkage.links) and linkage.links:
+        absent.append("centres of mass off the lines of the links")
+    yield f"left out, for the scene has none: {', '.join(absent)}"
 
 
 def _cut(model: RodsModel, rod: str, bars: dict[str, str]) -> str:

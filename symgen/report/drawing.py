@@ -171,9 +171,9 @@ def _shapes(line: Line, at: Array) -> Iterator[Shape]:
         block = np.array([at[0] + 13 * a * along + 8 * b * across for a, b in sides])
         yield Shape("slider", _text(block), closed=True)
     elif line.kind == "body" and len(at) > 2:
-        corners = _hull(at)
-        flat = len(corners) < 3
-        yield Shape("rod" if flat else "body", _text(corners), closed=not flat)
+        hull = _hull(at)
+        flat = len(hull) < 3
+        yield Shape("rod" if flat else "body", _text(hull), closed=not flat)
     else:
         yield Shape("rod" if line.kind == "body" else line.kind, _text(at))
 
@@ -216,6 +216,8 @@ def _labels(
     taken: list[Box] = [(0.0, height - 46.0, 150.0, height), (_WIDTH - 150.0, height - 34.0, _WIDTH, height)]
     dots = [(m.x - 6, m.y - 6, m.x + 6, m.y + 6) for m in marks]
     dots += [(m.x - 14, m.y + 4, m.x + 14, m.y + 22) for m in marks if m.kind == "ground"]
+    sliders = [lines[id(line)][0] for line in sketch.lines if line.kind == "slider"]
+    dots += [(x - 14, y - 12, x + 14, y + 12) for x, y in sliders]
     strokes = [
         (a, b)
         for line in sketch.lines
@@ -251,7 +253,7 @@ def _place(
     """Return the first place around a point where a name meets no name and no point, best where no line."""
     half = len(name) * _LETTER_WIDTH / 2
     best: tuple[int, Label, Box] | None = None
-    for reach in (1.0, 1.7):
+    for reach in (1.0, 1.7, 2.3):
         for i in range(8):
             angle = -math.pi / 4 + i * math.pi / 4
             cx = x + math.cos(angle) * (_OFF * reach + half * abs(math.cos(angle)))

@@ -80,14 +80,17 @@ def as_latex(system: System, matrices: Sequence[NamedMatrix]) -> str:
     """Return matrices and the shared terms they use as LaTeX, which needs the package amsmath."""
     lines = []
     for m in matrices:
-        lines += [f"% {m.name}: {m.description} [{m.unit}]", *_displayed(m)]
+        lines += [f"% {m.name}: {m.description} [{m.unit}]", *displayed(m)]
+    return "\n".join([*lines, *terms_in_latex(system, matrices)])
+
+
+def terms_in_latex(system: System, matrices: Sequence[NamedMatrix]) -> list[str]:
+    """Return the shared terms that matrices use as lines of LaTeX."""
     shared = used_terms(system, matrices)
-    if shared:
-        lines += ["% with", *_aligned([(latex(s), latex(e)) for s, e in shared.items()])]
-    return "\n".join(lines)
+    return ["% with", *_aligned([(latex(s), latex(e)) for s, e in shared.items()])] if shared else []
 
 
-def _displayed(m: NamedMatrix) -> list[str]:
+def displayed(m: NamedMatrix) -> list[str]:
     """Return a matrix on display; of a large one its entries that are not zero."""
     if max(m.matrix.shape) <= _WHOLE and len(str(m.matrix)) <= _LETTERS:
         alone = m.matrix[0, 0] if m.matrix.shape == (1, 1) else m.matrix

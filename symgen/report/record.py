@@ -7,7 +7,7 @@ from typing import Protocol
 
 import sympy as sp
 
-from symgen.report.equations import as_latex, used_terms
+from symgen.report.equations import displayed, terms_in_latex, used_terms
 from symgen.symbolic.system import NamedMatrix, System
 
 #: Letters of a matrix beyond which its structure is shown in its place.
@@ -91,9 +91,9 @@ def record_in_latex(title: str, steps: Sequence[Step]) -> str:
         for m in step.matrices:
             words = rf"\paragraph{{{_plain(m.name)}}} {_plain(m.description)} [{_plain(m.unit)}]"
             large = len(str(m.matrix)) > _LETTERS
-            lines += [words, rf"({_plain(_structure(m)[0].strip())})." if large else ""]
+            lines += [words, *([rf"({_plain(_structure(m)[0].strip())})."] if large else displayed(m))]
         short = [m for m in step.matrices if len(str(m.matrix)) <= _LETTERS]
-        lines.append(as_latex(step.system, short))
+        lines += terms_in_latex(step.system, short)
     return "\n".join([*lines, r"\end{document}"])
 
 

@@ -12,6 +12,7 @@ from symgen.runtime.compiled import Compiled
 from symgen.runtime.description import Description
 
 if TYPE_CHECKING:
+    from symgen.runtime.beam_layout import Layout
     from symgen.runtime.beams import Beam
     from symgen.runtime.elastic_modes import ElasticModes
     from symgen.runtime.elastic_motion import ElasticMotion
@@ -100,8 +101,12 @@ class ElasticModel(Compiled):
     @property
     def unknowns(self) -> int:
         """Number of unknowns of the elastic motion, those that constraints leave."""
-        layout = self._motion(True).layout
-        return layout.unknowns - layout.constraints
+        return self.layout.unknowns - self.layout.constraints
+
+    @property
+    def layout(self) -> Layout:
+        """Where everything stands in the matrices of the elastic motion."""
+        return self._motion(True).layout
 
     @property
     def crank_speed(self) -> float:

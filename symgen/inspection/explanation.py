@@ -1,0 +1,45 @@
+"""What a scene became, in plain lines: what was kept and left out, what that saves, how it is solved."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from symgen.models.generality import general
+from symgen.models.loop_structure import general as general_loop
+from symgen.models.loop_structure import loop_structure
+from symgen.models.structure import structure
+from symgen.pipeline import build_scene, system_of
+from symgen.report.saving import saving_lines
+from symgen.report.structure import elastic_lines, matrix_lines, memory_lines, solver_lines
+from symgen.report.summary import freedom_lines
+from symgen.runtime.elastic_model import ElasticModel
+from symgen.scene.linkage import Linkage
+from symgen.scene.loading import load_scene
+from symgen.scene.resolve import resolve
+
+
+def explanation(scene: str, changes: Mapping[str, Any]) -> Iterator[str]:
+    """Yield it line by line: cheap lines first, those that need the compiled model last.
+
+    Raises
+    ------
+    SceneError
+        For anything wrong in the scene.
+    """
+    resolved = resolve(load_scene(scene, set=changes))
+    system = system_of(resolved)
+    if isinstance(resolved, Linkage):
+        yield from structure(resolved)
+        whole, what = general(resolved), "any masses, lengths, centres, inertias and gravity"
+        yield from saving_lines(system, system_of(whole), what)
+    else:
+        yield from loop_structure(resolved, system)
+        yield from saving_lines(system, system_of(general_loop(resolved)), "general offsets")
+    yield from matrix_lines(system)
+    yield from solver_lines(system)
+    model = build_scene(scene, set=changes)
+    yield from freedom_lines(model)
+    if isinstance(model, ElasticModel):
+        yield from elastic_lines(model)
+    yield from memory_lines(model.description)

@@ -1,0 +1,44 @@
+"""The same linkage with nothing known of it beforehand: what its numbers save is counted against it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import sympy as sp
+
+from symgen.scene.linkage import Linkage, Parameter, RigidLink
+from symgen.symbolic.quantity import quantity
+
+#: What of a link may be any number, and its unit.
+_OF_LINKS = {"length": "m", "mass": "kg", "centre": "1", "offset": "m", "inertia": "kg*m^2"}
+
+
+def general(linkage: Linkage) -> Linkage:
+    """Return the linkage with masses, lengths, centres, inertias and gravity as tunable parameters."""
+    added: list[Parameter] = []
+
+    def parameter(name: str, unit: str, value: sp.Expr) -> sp.Expr:
+        if value.free_symbols:
+            return value
+        made = quantity(name, unit, f"{name} of the general model")
+        added.append(Parameter(made, value))
+        return made.symbol
+
+    def loosened(link: RigidLink) -> RigidLink:
+        values = {
+            what: parameter(f"{what}_of_{link.name}", unit, getattr(link, what))
+            for what, unit in _OF_LINKS.items()
+            if what != "offset" or linkage.dimension == 2  # in space a rod has no sides
+        }
+        return replace(link, **values)
+
+    links = tuple(map(loosened, linkage.links))
+    masses = tuple(
+        replace(m, mass=parameter(f"mass_{i}_at_{m.point}", "kg", m.mass))
+        for i, m in enumerate(linkage.masses)
+    )
+    gravity = tuple(
+        parameter(f"gravity_{axis}", "m/s^2", g) for axis, g in zip("xyz", linkage.gravity, strict=False)
+    )
+    parameters = (*linkage.parameters, *added)
+    return replace(linkage, links=links, masses=masses, gravity=gravity, parameters=parameters)

@@ -1,0 +1,75 @@
+"""What a model is made of in plain lines: sizes of its matrices, how its equations are solved, its memory."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+from symgen.report.views import Pattern, elimination
+from symgen.symbolic.system import NamedMatrix, System
+
+if TYPE_CHECKING:
+    from symgen.runtime.description import Described
+    from symgen.runtime.elastic_model import ElasticModel
+
+#: Unknowns up to which the pattern of the equations is drawn.
+_DRAWN = 40
+_BYTES = 8
+
+
+def matrix_lines(system: System) -> Iterator[str]:
+    """Yield the size of every matrix, and how many of its entries are not zero."""
+    yield "matrices, with the entries that are not zero:"
+    width = max(len(m.name) for m in system.matrices)
+    for m in system.matrices:
+        yield f"  {m.name:{width}}  {m.matrix.rows} x {m.matrix.cols}: {_filled(m)} of {len(m.matrix)}"
+
+
+def _filled(named: NamedMatrix) -> int:
+    return sum(1 for x in named.matrix if x != 0)
+
+
+def solver_lines(system: System) -> Iterator[str]:
+    """Yield how [M J^T; J 0] is factorised: the order of its unknowns, its entries and its fill, drawn."""
+    point = system.saddle_point
+    if point is None:
+        return
+    coordinates = system[point.mass].rows or tuple(map(str, range(system[point.mass].matrix.rows)))
+    multipliers = system[point.jacobian].rows or tuple(map(str, range(system[point.jacobian].matrix.rows)))
+    names = (*coordinates, *multipliers)
+    pattern, factor = elimination(system, point)
+    yield (
+        f"equations of motion: [M J^T; J 0] of {pattern.rows} unknowns by L D L^T without pivoting, in the "
+        "order of the tree:"
+    )
+    yield f"  {', '.join(names[k] for k in point.order)}"
+    yield (
+        f"  {len(pattern.cells)} entries are not zero and {len(pattern.fill)} are filled in; the factor has "
+        f"{factor}, a full one would have {pattern.rows * (pattern.rows + 1) // 2}"
+    )
+    if pattern.rows <= _DRAWN:
+        yield from _drawn(pattern)
+
+
+def _drawn(pattern: Pattern) -> Iterator[str]:
+    """Draw the entries that are not zero (#) and those filled in (+)."""
+    signs = {**dict.fromkeys(pattern.fill, "+"), **dict.fromkeys(pattern.cells, "#")}
+    for i in range(pattern.rows):
+        yield "  " + " ".join(signs.get((i, j), ".") for j in range(pattern.columns))
+
+
+def memory_lines(description: Described) -> Iterator[str]:
+    """Yield the bytes of a state and of the work memory of the largest kernel."""
+    state, work = 2 * description.coordinates * _BYTES, description.work_size * _BYTES
+    yield f"memory: {state} bytes of state, {work} bytes of work for the largest kernel"
+
+
+def elastic_lines(model: ElasticModel) -> Iterator[str]:
+    """Yield the size and structure of the equations of elastic links, and what a step costs to solve."""
+    layout = model.layout
+    free, bound = layout.unknowns - layout.constraints, layout.constraints
+    band = free - 1 if bound else layout.band
+    kept = f"{len(layout.rows) - 1} entries stored, none beyond {band} from the diagonal"
+    kept = f"full, for {bound} constraints are resolved" if bound else kept
+    yield f"  its matrices: {free} x {free}, {kept}"
+    yield f"  to solve for one stage of a step: at most {2 * free * band * (2 * band + 1)} operations"
