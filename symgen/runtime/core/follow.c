@@ -11,6 +11,10 @@
 /* Longest step of a variable, in radians or sizes of the loop. */
 #define LONGEST R(0.5)
 
+/* After so many tries it is looked whether the way that is left is less than so many times the way since. */
+#define CREEP R(1e4)
+enum { PACE = 4096 };
+
 /* Predict the change over h into l->change; return the largest, in radians or sizes of the loop.
  * By Hermite's quintic through this state and the one before, unless that lies much nearer. */
 static real predict(struct loop *l, real h, const real *q, const real *u, const real *a) {
@@ -68,7 +72,13 @@ static int go(struct loop *l, real *t, real *q, real target, real longest) {
         return DONE;
     if (!real_isfinite(h) || !(longest > 0))
         return NOT_FINITE;
-    for (;;) {
+    real seen = *t;
+    for (long tries = 1;; tries++) {
+        if (tries % PACE == 0) {
+            if (!(real_fabs(target - *t) < CREEP * real_fabs(*t - seen)))
+                return STEP_TOO_SMALL;
+            seen = *t;
+        }
         if (real_fabs(h) > longest)
             h = h > 0 ? longest : -longest;
         real next = *t + h;
