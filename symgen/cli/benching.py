@@ -39,6 +39,9 @@ def bench(
     longest: Annotated[
         float, typer.Option(help="A sweep of settings ends with the first run that takes longer [s].")
     ] = 0.5,
+    peers: Annotated[
+        bool, typer.Option("--peers", help="Other programs too: of open chains of rods in the plane.")
+    ] = False,
     set_: SetOption = None,
     out: Annotated[Path | None, typer.Option(help="Save the numbers: .json.")] = None,
     plot: PlotOption = None,
@@ -67,6 +70,7 @@ def bench(
             repeats=repeats,
             longest=longest,
             backend=backend,
+            peers=peers,
             progress=progress,
         )
     if out:

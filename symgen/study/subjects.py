@@ -7,6 +7,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,8 +22,12 @@ from symgen.runtime.loop_model import LoopModel
 from symgen.runtime.model import Model
 from symgen.runtime.options import TIGHTEST
 from symgen.runtime.result import Result
+from symgen.scene.linkage import Linkage
 from symgen.scene.loading import load_scene
+from symgen.scene.resolve import resolve
 from symgen.scene.schema import Scene
+from symgen.study.peers import PEERS, PeerSetting
+from symgen.study.planar_chain import PlanarChain, planar_chain
 from symgen.study.sweeps import Setting, fixed_steps, tolerances
 
 Array = NDArray[np.float64]
@@ -36,10 +41,13 @@ _ELASTIC, _PEAKS = 8192, 1024
 
 @dataclass(frozen=True, slots=True)
 class Run:
-    """What one run recorded, (times, quantities) in the subject's unit, and what it took."""
+    """What one run recorded, (times, quantities) in the subject's unit, and what it took.
+
+    Some other programs record their end alone at its time.
+    """
 
     along: Array
-    steps: int
+    steps: int | None
     evaluations: int | None
 
 
@@ -82,12 +90,22 @@ class Subject(ABC):
         """Yield the settings that show the order of a method: fixed steps, rising in number."""
 
     @abstractmethod
-    def call(self, setting: Setting) -> Result:
+    def call(self, setting: Setting) -> Any:
         """Run once: what is timed."""
 
     @abstractmethod
-    def read(self, result: Result) -> Run:
+    def read(self, result: Any) -> Run:
         """Return what a run recorded."""
+
+    def peers(self) -> tuple[list[Iterator[Setting]], list[str]]:
+        """Return sweeps of other programs, and which of them could not be run and why.
+
+        Raises
+        ------
+        ModelError
+            When they cannot be given the scene.
+        """
+        raise ModelError(f"other programs are given open chains of rods in the plane, not {self.title}")
 
     @abstractmethod
     def reference(self) -> Reference:
@@ -131,29 +149,32 @@ def subject(
                 f"the inputs of {model.name} move it: nothing is integrated in time\n"
                 "  'symgen run' evaluates it, and tells its closure error."
             )
-        _in_doubles(model.name, precisions)
-        return FreeLoop(model, t_end, samples)
+        models = _and_widest(checked, backend, _in_types(checked, backend, precisions, model))
+        return FreeLoop(models, t_end, samples)
     if isinstance(model, ElasticModel):
-        _in_doubles(model.name, precisions)
-        return Elastic(model, t_end, samples)
+        return Elastic(_in_types(checked, backend, precisions, model), t_end, samples)
     wanted = [f"{p}.position" for p in model.description.free]
     analysis = checked.analysis.model_copy(update={"outputs": wanted})
     watched = checked.model_copy(update={"analysis": analysis})
-    models = {
-        name: build_scene(watched, backend=backend, precision=name) for name in (FLOAT64.name, *precisions)
-    }
-    with suppress(BuildError, ModelError):  # a compiler without it, or none: the reference is in doubles then
-        models["float128"] = build_scene(watched, backend=backend, precision="float128")
-    return Rods(models, t_end, samples)  # type: ignore[arg-type]  # all of the same kind as model
+    models = _and_widest(watched, backend, _in_types(watched, backend, precisions))
+    return Rods(models, t_end, samples, watched)
 
 
-def _in_doubles(name: str, precisions: Sequence[str]) -> None:
-    """Refuse other precisions than double."""
-    others = [p for p in precisions if p != FLOAT64.name]
-    if others:
-        raise ModelError(
-            f"{name} is run in float64 only, not in {', '.join(others)}: it is not made of rods alone"
-        )
+def _in_types(scene: Scene, backend: str, precisions: Sequence[str], plain: Any = None) -> dict[str, Any]:
+    """Return the model in each type, float64 among them."""
+    models = {FLOAT64.name: plain or build_scene(scene, backend=backend)}
+    for name in precisions:
+        if name not in models:
+            models[name] = build_scene(scene, backend=backend, precision=name)
+    return models
+
+
+def _and_widest(scene: Scene, backend: str, models: dict[str, Any]) -> dict[str, Any]:
+    """Add the type that the reference is run in; without a compiler that has it, that is in doubles."""
+    with suppress(BuildError, ModelError):
+        if "float128" not in models:
+            models["float128"] = build_scene(scene, backend=backend, precision="float128")
+    return models
 
 
 class Rods(Subject):
@@ -162,8 +183,15 @@ class Rods(Subject):
     unit = "m"
     measured = "largest distance of a moving point from its place"
 
-    def __init__(self, models: Mapping[str, Model | LoopModel], t_end: float | None, samples: int) -> None:
-        self.models, self.samples = models, samples
+    def __init__(
+        self,
+        models: Mapping[str, Model | LoopModel],
+        t_end: float | None,
+        samples: int,
+        scene: Scene | None = None,
+    ) -> None:
+        self.models, self.samples, self._scene = models, samples, scene
+        self._others: dict[Setting, tuple[PlanarChain, PeerSetting]] = {}
         model = models[FLOAT64.name]
         self.title = model.description.title
         self.t_end = model.description.t_end if t_end is None else float(t_end)
@@ -183,16 +211,54 @@ class Rods(Subject):
             return iter(())
         return (replace(setting, precision=precision) for setting in fixed_steps(method, self.t_end))
 
-    def call(self, setting: Setting) -> Result:
-        """Run the motion."""
+    def peers(self) -> tuple[list[Iterator[Setting]], list[str]]:
+        """Return sweeps of other programs over the same open chain."""
+        linkage, model = self._scene and resolve(self._scene), self.models[FLOAT64.name]
+        if not (isinstance(linkage, Linkage) and isinstance(model, Model)):
+            return super().peers()
+        chain, sweeps, missing = planar_chain(linkage, model, self.t_end, self.samples), [], []
+        for name, (packages, make) in PEERS.items():
+            try:
+                sweeps += [self._of_peer(chain, sweep) for sweep in make(chain)]
+            except ImportError as error:
+                missing.append(
+                    f"{name} could not be run: {error}; 'pip install {packages}' (the extra 'peers')"
+                )
+        return sweeps, missing
+
+    def _of_peer(self, chain: PlanarChain, sweep: Iterator[PeerSetting]) -> Iterator[Setting]:
+        for peer in sweep:
+            setting = Setting(f"{peer.program}: {peer.series}", peer.text)
+            self._others[setting] = chain, peer
+            yield setting
+
+    def call(self, setting: Setting) -> Any:
+        """Run the motion, in symgen or in another program."""
+        if setting in self._others:
+            peer = self._others[setting][1]
+            try:
+                return setting, peer.run()
+            except Exception as error:  # whatever another program may raise
+                raise SimulationError(f"{peer.program}: {error}") from error
         return self.models[setting.precision].simulate(
             self.t_end, method=setting.method, rtol=setting.rtol, step=setting.step, samples=self.samples
         )
 
-    def read(self, result: Result) -> Run:
+    def read(self, result: Any) -> Run:
         """Return the positions of all moving points, (times, points, axes)."""
+        if isinstance(result, tuple):
+            return self._read_peer(*result)
         along = np.stack([v.values for v in result.variables], axis=1)
         return Run(along, result.statistics["steps"], result.statistics["evaluations"])
+
+    def _read_peer(self, setting: Setting, found: Any) -> Run:
+        chain, peer = self._others[setting]
+        places = chain.places(peer.angles(found))
+        if len(places) not in (1, self.samples) or not np.isfinite(places).all():
+            raise SimulationError(f"{peer.program} did not reach the end")
+        model = self.models[FLOAT64.name]
+        order = [chain.names.index(p) for p in model.description.free]  # type: ignore[union-attr]
+        return Run(places[:, order], None, None)
 
     def reference(self) -> Reference:
         """Return a run at a tolerance as tight as can be met, in the widest precision there is."""
@@ -223,8 +289,9 @@ class FreeLoop(Rods):
     unit = "of the largest"
     measured = "largest error of a recorded output over its largest value"
 
-    def __init__(self, model: LoopModel, t_end: float | None, samples: int) -> None:
-        super().__init__({FLOAT64.name: model}, t_end, samples)
+    def __init__(self, models: Mapping[str, LoopModel], t_end: float | None, samples: int) -> None:
+        super().__init__(models, t_end, samples)
+        model = models[FLOAT64.name]
         found = self._outputs(self.call(Setting("dop853", "", rtol=1e-6)))
         if not found.size:
             raise ModelError(f"{model.name} records no outputs to compare: list some under analysis.outputs")
@@ -236,7 +303,7 @@ class FreeLoop(Rods):
         rows = [v.values.reshape(len(result.time), -1) for v in result.variables]
         return np.concatenate([*rows, np.zeros((len(result.time), 0))], axis=1)
 
-    def read(self, result: Result) -> Run:
+    def read(self, result: Any) -> Run:
         """Return all recorded outputs over their largest values, (times, outputs)."""
         along = self._outputs(result) / self._sizes
         return Run(along, result.statistics["steps"], result.statistics["evaluations"])
@@ -248,8 +315,9 @@ class Elastic(Subject):
     unit = "of the peak"
     measured = "largest error of a recorded bending strain over its peak"
 
-    def __init__(self, model: ElasticModel, t_end: float | None, samples: int) -> None:
-        self.model, self.samples = model, samples
+    def __init__(self, models: Mapping[str, ElasticModel], t_end: float | None, samples: int) -> None:
+        self.models, self.samples = models, samples
+        model = models[FLOAT64.name]
         self.title = model.description.title
         motion = model._motion(True)
         turn = motion.period if motion.speed else model.description.t_end
@@ -265,18 +333,20 @@ class Elastic(Subject):
 
     def settings(self, method: str, precision: str) -> Iterator[Setting]:
         """Yield tolerances of dop853, steps a turn of others."""
-        adapts = method == "dop853"
-        return tolerances(method, 1e-11) if adapts else self.order_settings(method, precision)
+        if method != "dop853":
+            return self.order_settings(method, precision)
+        return (replace(setting, precision=precision) for setting in tolerances(method, 1e-11))
 
     def order_settings(self, method: str, precision: str) -> Iterator[Setting]:
         """Yield steps a turn; none of dop853, which adapts its own here."""
         counts = () if method == "dop853" else (round(256 * 2 ** (k / 2)) for k in range(17))
-        return (self._fixed(method, n) for n in counts)
+        return (replace(self._fixed(method, n), precision=precision) for n in counts)
 
     def call(self, setting: Setting) -> Result:
         """Run the elastic motion; with fixed steps a run with half of them is part of it."""
         given = {"steps": setting.steps} if setting.rtol is None else {"rtol": setting.rtol}
-        return self.model.run(setting.method, revolutions=self.revolutions, samples=self.samples, **given)
+        model = self.models[setting.precision]
+        return model.run(setting.method, revolutions=self.revolutions, samples=self.samples, **given)
 
     def _strains(self, setting: Setting) -> Array:
         return self._of(self.call(setting))

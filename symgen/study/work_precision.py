@@ -5,7 +5,7 @@ from __future__ import annotations
 import gc
 import math
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from itertools import chain
 from statistics import median
@@ -38,7 +38,7 @@ class Point:
     along: float
     best: float
     median: float
-    steps: int
+    steps: int | None
     evaluations: int | None
     told: bool
 
@@ -79,6 +79,7 @@ def work_precision(
     repeats: int = 5,
     longest: float = 0.5,
     backend: str = "auto",
+    peers: bool = False,
     progress: Callable[[float], None] | None = None,
 ) -> WorkPrecision:
     """Measure error, wall time, steps and evaluations of every method over its tolerances or steps.
@@ -105,6 +106,8 @@ def work_precision(
         How often each setting is timed.
     longest
         A sweep ends with the first run that takes longer [s].
+    peers
+        Run other programs too, those that are installed: of open chains of rods in the plane.
     progress
         Takes the part that is done.
 
@@ -119,6 +122,7 @@ def work_precision(
         raise ModelError(f"expected repeats >= 1 and longest > 0 s, got {repeats} and {longest:g} s")
     what = subject(scene, set, backend, t_end, samples, precisions)
     asked = what.chosen(methods)
+    others, missing = what.peers() if peers else ([], [])
     try:
         reference = what.reference()
     except SimulationError as error:
@@ -129,7 +133,8 @@ def work_precision(
         ) from None
     measured = _Measured(what, reference, longest)
     pairs = [(m, p) for m in asked for p in dict.fromkeys(precisions)]
-    times = _timed(what, list(chain(*(measured.sweep(m, p) for m, p in pairs))), repeats, progress)
+    sweeps = [*(what.settings(m, p) for m, p in pairs), *others]
+    times = _timed(what, list(chain(*map(measured.worthwhile, sweeps))), repeats, progress)
     points = tuple(measured.point(setting, times[setting]) for setting in times)
     orders = tuple(measured.order(m, p) for m, p in pairs)
     return WorkPrecision(
@@ -142,7 +147,7 @@ def work_precision(
         uncertainty=reference.uncertainty,
         points=points,
         orders=orders,
-        notes=(*measured.failures.values(), *_of_reference(points, reference)),
+        notes=(*missing, *measured.failures.values(), *_of_reference(points, reference)),
     )
 
 
@@ -153,13 +158,12 @@ class _Measured:
         self.what, self.reference, self.longest = what, reference, longest
         self.size = what.size()
         self.goal = max(_NEAR * reference.uncertainty, _ENOUGH * self.size)
-        self.found: dict[Setting, tuple[float, float, int, int | None]] = {}
+        self.found: dict[Setting, tuple[float, float, int | None, int | None]] = {}
         self.walls: dict[Setting, float] = {}
         self.failures: dict[str, str] = {}
 
-    def sweep(self, method: str, precision: str) -> list[Setting]:
-        wanted = self.what.settings(method, precision)
-        return list(worth_running(wanted, self._run, self.goal, self.longest))
+    def worthwhile(self, sweep: Iterator[Setting]) -> list[Setting]:
+        return list(worth_running(sweep, self._run, self.goal, self.longest))
 
     def _run(self, setting: Setting) -> tuple[float, float]:
         """Run a setting once; return its largest error and its wall time [s]."""
@@ -167,15 +171,15 @@ class _Measured:
             begun = perf_counter()
             try:
                 result = self.what.call(setting)
+                self.walls[setting] = perf_counter() - begun
+                run = self.what.read(result)
             except SimulationError as error:
                 first = str(error).partition("\n")[0]
                 self.failures[setting.method] = f"{setting.method} fails with {setting.text}: {first}"
                 self.found[setting] = (math.inf, math.inf, 0, None)
                 self.walls[setting] = perf_counter() - begun
                 return math.inf, self.walls[setting]
-            self.walls[setting] = perf_counter() - begun
-            run = self.what.read(result)
-            gaps = distance(run.along, self.reference.along).tolist()
+            gaps = distance(run.along, self.reference.along[-len(run.along) :]).tolist()
             self.found[setting] = (gaps[-1], max(gaps), run.steps, run.evaluations)
         return self.found[setting][1], self.walls[setting]
 
@@ -196,7 +200,7 @@ class _Measured:
 
     def order(self, method: str, precision: str) -> Order:
         wanted = self.what.order_settings(method, precision)
-        settings = list(worth_running(wanted, self._run, self.goal, self.longest))
+        settings = self.worthwhile(wanted)
         steps, errors = [s.steps or 0 for s in settings], [self.found[s][0] for s in settings]
         floor = max(self.reference.uncertainty, PRECISIONS[precision].epsilon * self.size)
         observed, used = observed_order(steps, errors, floor, self.size)

@@ -40,7 +40,7 @@ def _row(p: Point, found: WorkPrecision) -> tuple[str, ...]:
     mark = "" if p.told else "~"
     errors = (f"{mark}{p.end:.1e}", f"{mark}{p.along:.1e}")
     times = (seconds(p.best), seconds(p.median))
-    counts = (str(p.steps), "" if p.evaluations is None else str(p.evaluations))
+    counts = ("" if n is None else str(n) for n in (p.steps, p.evaluations))
     return (_name(p), p.setting, *errors, *times, *counts)
 
 

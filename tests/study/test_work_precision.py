@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import sys
 from dataclasses import replace
 
 import numpy as np
@@ -15,8 +16,13 @@ import symgen
 from symgen.cli import app
 from symgen.errors import ModelError, SimulationError
 from symgen.runtime.integrators import INTEGRATORS
+from symgen.scene.loading import load_scene
+from symgen.scene.resolve import resolve
+from symgen.study import subjects
 from symgen.study.fronts import front, time_at
 from symgen.study.orders import observed_order
+from symgen.study.peers import PEERS, PeerSetting
+from symgen.study.planar_chain import planar_chain
 from symgen.study.subjects import Rods, distance, subject
 from symgen.study.sweeps import Setting, fixed_steps, tolerances, worth_running
 from symgen.study.work_precision import work_precision
@@ -197,7 +203,67 @@ def test_precisions():
     least = {p: min(x.along for x in found.points if x.precision == p) for p in given["precisions"]}
     assert least["float64"] < 1e-13
     assert 1e-9 < least["float32"] < 1e-6
-    with pytest.raises(ModelError, match="float64 only, not in float32"):
-        work_precision("elastic_four_bar", precisions=["float32"])
+    given |= {"methods": ["gauss"], "t_end": 0.005, "longest": 0.1}
+    found = work_precision("elastic_slider_crank", **given)
+    least = {p: min(x.along for x in found.points if x.precision == p) for p in given["precisions"]}
+    assert least["float64"] < 0.1 * least["float32"]
     with pytest.raises(ModelError, match="there is no precision 'float65'. Did you mean 'float64'"):
         work_precision("peaucellier", precisions=["float65"])
+
+
+def test_other_programs_are_given_the_scene():
+    """The chain puts every point where the scene has it, and its rates move them as the scene does."""
+    model = symgen.build("triple_pendulum")
+    chain = planar_chain(resolve(load_scene("triple_pendulum")), model, 0.5, 3)
+    start, order = model.initial_state(), [model.description.free.index(p) for p in chain.names]
+    places = chain.places(chain.angles[None])[0]
+    assert np.allclose(places, start.q.reshape(-1, 2)[order], atol=1e-15)
+    step = 1e-6
+    moved = [chain.places((chain.angles + s * chain.rates)[None])[0] for s in (-step, step)]
+    assert np.allclose((moved[1] - moved[0]) / (2 * step), start.u.reshape(-1, 2)[order], atol=1e-9)
+    assert chain.rods[1] == pytest.approx((0.5, 0.7, 0.2, 0.01225), rel=1e-15)
+    assert chain.gravity == (0.0, -9.81)
+
+
+@pytest.mark.parametrize(
+    ("scene", "what"),
+    [
+        ("four_bar", "in a row from one ground point"),
+        ("tumbling_body", "bodies in space, .*a third axis"),
+        ("cssp", "not "),
+        ("elastic_slider_crank", "not "),
+    ],
+)
+def test_what_other_programs_are_not_given(scene, what):
+    with pytest.raises(ModelError, match=f"other programs are given open chains of rods.*{what}"):
+        work_precision(scene, methods=["dop853"], peers=True, t_end=0.01)
+
+
+def test_other_programs_that_are_not_there_are_told(monkeypatch):
+    for package in ("mujoco", "pinocchio", "sksundae.cvode", "exudyn"):
+        monkeypatch.setitem(sys.modules, package, None)
+    found = work_precision("triple_pendulum", methods=["rk4"], peers=True, t_end=0.01, repeats=1)
+    assert {note.partition(" could")[0] for note in found.notes} >= set(PEERS)
+    assert {p.method for p in found.points} == {"rk4"}
+
+
+def test_another_program_has_the_errors_of_its_method(monkeypatch):
+    """A first angle off by 1e-6 rad moves the farthest point by that times its distance; one stops early."""
+    farthest = []
+
+    def sweeps(chain):
+        model = symgen.build("triple_pendulum")
+        exact = model.simulate(chain.t_end, rtol=1e-12, samples=chain.samples)
+        rows = np.stack([exact[f"{p}.position"].values for p in chain.names], axis=1)
+        farthest.append(np.max(np.linalg.norm(rows, axis=-1)))
+        steps = np.diff(np.concatenate([np.zeros((chain.samples, 1, 2)), rows], axis=1), axis=1)
+        angles = np.diff(np.arctan2(steps[..., 1], steps[..., 0]), axis=1, prepend=0.0)
+        angles[:, 0] += 1e-6
+        early = PeerSetting("other", "early", "rtol 1e-02", lambda: angles[:-1], np.asarray)
+        return [iter([PeerSetting("other", "off", "rtol 1e-02", lambda: angles, np.asarray)]), iter([early])]
+
+    monkeypatch.setattr(subjects, "PEERS", {"other": ("other", sweeps)})
+    found = work_precision("triple_pendulum", methods=["rk4"], peers=True, t_end=0.1, repeats=1)
+    (point,) = [p for p in found.points if p.method == "other: off"]
+    assert point.along == pytest.approx(1e-6 * farthest[0], rel=1e-4)
+    assert any("other: early fails with rtol 1e-02: other did not reach the end" in n for n in found.notes)
