@@ -28,9 +28,12 @@ def replacing(path: Path) -> Iterator[Path]:
 
 
 def write_text(path: Path, text: str) -> None:
-    """Write UTF-8 text with LF line ends, whole or not at all."""
-    with replacing(path) as temporary:
-        temporary.write_bytes(text.encode("utf-8"))
+    """Write UTF-8 text with LF line ends, whole or not at all; raise ResultError where it cannot be."""
+    try:
+        with replacing(path) as temporary:
+            temporary.write_bytes(text.encode("utf-8"))
+    except OSError as error:
+        raise ResultError(f"cannot write {path}: {error.strerror or error}") from None
 
 
 def _umask() -> int:

@@ -15,6 +15,8 @@ from pathlib import Path
 from symgen.errors import CacheError
 
 _CHECKSUMS = "checksums.json"
+#: How the names of folders in the making begin, and those of locks end: nothing else is cleared.
+_BUILDING, _LOCK = ".symgen-", ".symgen-lock"
 
 
 def cache_root() -> Path:
@@ -67,7 +69,7 @@ class Cache:
         """
         from filelock import FileLock
 
-        path = self.root / f"{name}.lock"
+        path = self.root / f"{name}{_LOCK}"
         with self._reporting():
             self.root.mkdir(parents=True, exist_ok=True)
             lock = FileLock(path)
@@ -87,7 +89,7 @@ class Cache:
         """
         with self._reporting():
             self.root.mkdir(parents=True, exist_ok=True)
-            folder = Path(tempfile.mkdtemp(prefix=f".{name}.", dir=self.root))
+            folder = Path(tempfile.mkdtemp(prefix=f"{_BUILDING}{name}.", dir=self.root))
         try:
             yield folder
             with self._reporting():
@@ -138,9 +140,9 @@ class Cache:
                 shutil.rmtree(self.root / name)
             if self.root.is_dir():
                 for path in self.root.iterdir():
-                    if path.is_dir() and path.name.startswith(".") and not any(path.glob("*/")):
+                    if path.is_dir() and path.name.startswith(_BUILDING):
                         shutil.rmtree(path)
-                    elif path.suffix == ".lock":
+                    elif path.name.endswith(_LOCK):
                         path.unlink(missing_ok=True)
         return len(entries)
 

@@ -147,7 +147,7 @@ class Tools:
         here = Path(__file__).resolve().parent / "runtime" / "core"
         sources = {p.name: p.read_text(encoding="utf-8") for p in sorted(here.glob("*.[ch]"))}
         store = Cache()
-        name = f"core-{self.precision.name}-{key(self.identity, *sources, *sources.values())}"
+        name = f"core-{self.precision.name}-{key(self.identity, *OF_CORE, *sources, *sources.values())}"
         with store.locked(name):
             entry = store.find(name)
             if entry is None:

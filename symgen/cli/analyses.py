@@ -169,7 +169,12 @@ def forces(
     asked = angles(at) if at else None
     model = linkage(scene, set_, backend, "forces")
     found = model.forces(
-        start, stop, at=asked, elements=elements, sections=section or (0.5,), samples=samples or 361
+        start,
+        stop,
+        at=asked,
+        elements=elements,
+        sections=section or (0.5,),
+        samples=361 if samples is None else samples,
     )
     write_files(found, out, plot)
     if as_json:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -148,9 +149,11 @@ def _numbers(options: list[str] | None) -> dict[str, float]:
     for option in options or []:
         name, _, value = option.partition("=")
         try:
-            found[name.strip()] = float(value)
+            found[name.strip()] = number = float(value)
         except ValueError:
-            raise ModelError(f"expected --with NAME=NUMBER, in SI units, got {option!r}") from None
+            number = math.nan
+        if not math.isfinite(number):
+            raise ModelError(f"expected --with NAME=NUMBER, in SI units, got {option!r}")
     return found
 
 

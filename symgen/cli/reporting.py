@@ -11,7 +11,6 @@ from typing import Annotated
 import typer
 
 from symgen.cli.common import SceneArgument, SetOption, app, changes
-from symgen.errors import ResultError
 
 
 @app.command()
@@ -37,10 +36,7 @@ def report(
     writable(file, (".html",), "page")
     with _status(f"report of {text.name}") as told:
         page = scene_page(text, speed=speed, told=told)
-    try:
-        write_text(file, render(page))
-    except OSError as error:
-        raise ResultError(f"cannot write the page to {file}: {error.strerror or error}") from None
+    write_text(file, render(page))
     print(file)
 
 

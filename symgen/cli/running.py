@@ -171,7 +171,9 @@ def run(
             result = driven_run(model, at, samples, through, {"t_end": t_end, **options})
         else:
             with progress_bar(model.description.title, as_json) as progress:
-                result = model.simulate(t_end, **options, **kept, samples=samples or 201, progress=progress)
+                result = model.simulate(
+                    t_end, **options, **kept, samples=201 if samples is None else samples, progress=progress
+                )
     except SimulationError as error:
         if out and error.partial is not None:
             error.partial.save(out)

@@ -202,7 +202,7 @@ def unit_view(program: Program, target: Target, equations: str) -> UnitView:
         precision=target.precision,
         lanes=target.lanes,
         equations=equations,
-        groups=tuple(GroupView(name, text, _plain(slots)) for name, text, slots in program.groups if slots),
+        groups=tuple(GroupView(name, text, plain(slots)) for name, text, slots in program.groups if slots),
         references=program.references,
         kernels=tuple(_kernel(program.name, kernel, target) for kernel in program.kernels),
     )
@@ -219,7 +219,8 @@ def _comment(text: str) -> str:
     )
 
 
-def _plain(slots: tuple[Slot, ...]) -> tuple[Slot, ...]:
+def plain(slots: tuple[Slot, ...]) -> tuple[Slot, ...]:
+    """Return what numbers mean, in words that may stand in a comment."""
     return tuple(Slot(s.name, s.unit, _comment(s.description)) for s in slots)
 
 

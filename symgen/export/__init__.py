@@ -28,6 +28,16 @@ TEMPLATES = (
     ("README.md.j2", "README.md"),
 )
 _NAMES = "core/names.h"
+#: Names that C has, its headers, or the files of an export.
+_TAKEN = {
+    "assert", "auto", "break", "case", "char", "check", "complex", "const", "continue", "core", "ctype",
+    "default", "do", "double", "else", "enum", "equations", "errno", "extern", "fenv", "float", "for",
+    "goto", "if", "inline", "int", "inttypes", "iso646", "kernel", "limits", "locale", "long", "main",
+    "math", "real", "register", "restrict", "return", "run", "setjmp", "short", "signal", "signed",
+    "sizeof", "static", "stdalign", "stdarg", "stdatomic", "stdbool", "stddef", "stdint", "stdio", "stdlib",
+    "stdnoreturn", "string", "struct", "switch", "tgmath", "threads", "time", "typedef", "uchar", "union",
+    "unsigned", "void", "volatile", "wchar", "wctype", "while",
+}  # fmt: skip
 #: What a header of the core declares with a name that programs see.
 _DECLARED = re.compile(
     r"^(?!static|typedef)(?:extern )?(?:const )?(?:struct )?\w+ \**(\w+)(?:\(|;)", re.MULTILINE
@@ -55,11 +65,21 @@ def export_c(
     ------
     SceneError
         For anything wrong in the scene.
+    ModelError
+        When its name is one that C has.
     ResultError
         When the folder holds something else, or cannot be written. Nothing is written then.
     """
+    from symgen.errors import ModelError
     from symgen.export.folder import place, write
+    from symgen.pipeline import text_of
 
+    name = text_of(scene).name
+    if name in _TAKEN:
+        raise ModelError(
+            f"a scene called {name!r} cannot be exported: C, or a file of the export, has that name\n"
+            "  Export a copy of it under another name."
+        )
     files_there = place(Path(folder))
     return write(Path(folder), list(files_of(scene, set)), files_there)
 

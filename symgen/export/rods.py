@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from symgen.codegen.emit import SourceFile
+from symgen.codegen.emit import SourceFile, plain
 from symgen.export.view import (
     ATOL,
     COMPARED,
@@ -182,7 +182,7 @@ def title_of(sources: Sequence[SourceFile]) -> str:
 
 def group(program: Program, name: str) -> tuple[Slot, ...]:
     """Return what the entries of one argument array mean."""
-    return next((slots for own, _, slots in program.groups if own == name), ())
+    return plain(next((slots for own, _, slots in program.groups if own == name), ()))
 
 
 def state_of(program: Program, extra: int) -> tuple[Slot, ...]:
@@ -203,4 +203,4 @@ def outputs_of(program: Program) -> tuple[Slot, ...]:
         if len(names) != count:
             names = [f"[{i}]" for i in range(count)] if count > 1 else [""]
         found += [Slot(f"{block.name}{name}", block.unit, block.description) for name in names]
-    return tuple(found)
+    return plain(tuple(found))

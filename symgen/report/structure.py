@@ -58,10 +58,10 @@ def _drawn(pattern: Pattern) -> Iterator[str]:
         yield "  " + " ".join(signs.get((i, j), ".") for j in range(pattern.columns))
 
 
-def memory_lines(description: Described) -> Iterator[str]:
-    """Yield the bytes of a state and of the work memory of the largest kernel."""
-    state, work = 2 * description.coordinates * _BYTES, description.work_size * _BYTES
-    yield f"memory: {state} bytes of state, {work} bytes of work for the largest kernel"
+def memory_lines(d: Described) -> Iterator[str]:
+    """Yield the bytes of a state in float64, and of the work memory of the largest kernel."""
+    state = 2 * d.coordinates + int(getattr(d, "work_of_loads", False))
+    yield f"memory: {state * _BYTES} bytes of state, {d.work_size * _BYTES} of work for the largest kernel"
 
 
 def elastic_lines(model: ElasticModel) -> Iterator[str]:
@@ -69,7 +69,8 @@ def elastic_lines(model: ElasticModel) -> Iterator[str]:
     layout = model.layout
     free, bound = layout.unknowns - layout.constraints, layout.constraints
     band = free - 1 if bound else layout.band
-    kept = f"{len(layout.rows) - 1} entries stored, none beyond {band} from the diagonal"
+    kept = f"{len(layout.rows)} entries stored, none beyond {band} from the diagonal"
     kept = f"full, for {bound} constraints are resolved" if bound else kept
     yield f"  its matrices: {free} x {free}, {kept}"
+    yield f"  its state: {2 * free * _BYTES} bytes"
     yield f"  to solve for one stage of a step: at most {2 * free * band * (2 * band + 1)} operations"

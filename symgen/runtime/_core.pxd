@@ -73,7 +73,8 @@ cdef extern from "core/core.h" nogil:
     cdef struct report:
         double t, t_end, h, position_drift, velocity_drift, energy_drift
         double kinetic_min, kinetic_max, potential_min, potential_max, t_stiff
-        long steps, rejected, recorded, moved, passages, events, ended_by, worst, stiff
+        long steps, rejected, recorded, moved, passages, events, ended_by, worst, stiff, blind
+        double t_blind
 
     cdef struct passage:
         double t, soundness

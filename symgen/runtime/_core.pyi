@@ -125,6 +125,8 @@ class Run:
     worst: int
     stiff: bool
     t_stiff: float
+    blind: int
+    t_blind: float
     position_drift: float
     velocity_drift: float
     energy_drift: float

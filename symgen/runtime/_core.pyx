@@ -140,6 +140,10 @@ cdef class Core:
         return self.schemes[method]
 
 
+#: Stages of explicit methods that `explicit.c` has room for.
+MOST_STAGES = 32
+
+
 cdef class Scheme:
     """The coefficients of a method, in numbers of a core."""
 
@@ -149,8 +153,8 @@ cdef class Scheme:
         self.filled.kind = core.api.find_kind(method.kind.encode())
         if self.filled.kind == NULL:
             raise ValueError(f"the core knows no kind of method {method.kind!r}")
-        if len(method.counts) > 16:
-            raise ValueError("a method has at most 16 counts")
+        if len(method.counts) > 16 or (method.kind == "explicit" and method.counts[1] > MOST_STAGES):
+            raise ValueError(f"a method has at most 16 counts, an explicit one at most {MOST_STAGES} stages")
         for i, count in enumerate(method.counts):
             self.counts[i] = count
         self.memory = calloc(numbers.shape[0], core.api.real_bytes)
@@ -391,10 +395,12 @@ cdef class Run:
     cdef void *memory
     cdef readonly double t, t_end, h, position_drift, velocity_drift, energy_drift
     cdef readonly double kinetic_min, kinetic_max, potential_min, potential_max, t_stiff
-    cdef readonly long steps, rejected, recorded, moved, ended_by, worst
+    cdef readonly double t_blind
+    cdef readonly long steps, rejected, recorded, moved, ended_by, worst, blind
     cdef readonly bint stiff
     cdef readonly Py_ssize_t dim
     cdef readonly list passages, events
+    cdef tuple ways
 
     def __init__(self, Integrable equations, method, double t0, y0, double t_end, double rtol, double atol,
                  double step, times, *, long stabilisation=0, double max_drift=INFINITY, directions=(), terminal=()):
@@ -403,6 +409,7 @@ cdef class Run:
         cdef const signed char[::1] ways, ends
         cdef const signed char *way = NULL
         cdef const char *end = NULL
+        self.ways = tuple(directions)
         if directions:
             ways, ends = np.array(directions, dtype=np.int8), np.array(terminal, dtype=np.int8)
             way, end = &ways[0], <const char *>&ends[0]
@@ -434,6 +441,7 @@ cdef class Run:
         self.potential_min, self.potential_max = r.potential_min, r.potential_max
         self.steps, self.rejected, self.recorded, self.moved = r.steps, r.rejected, r.recorded, r.moved
         self.ended_by, self.worst, self.stiff, self.t_stiff = r.ended_by, r.worst, r.stiff, r.t_stiff
+        self.blind, self.t_blind = r.blind, r.t_blind
         if r.passages:
             self._take_passages()
         if r.events:
@@ -467,11 +475,16 @@ cdef class Run:
     def restore(self, const unsigned char[::1] equations, const unsigned char[::1] memory):
         """Take over what :meth:`save` gave for the same equations and options."""
         cdef size_t bytes = self.of.api.equations_bytes(&self.equations.core.sizes)
+        cdef report r
         if <size_t>equations.shape[0] != bytes or <size_t>memory.shape[0] != self.core.bytes:
-            raise ValueError("the saved state of a run of other sizes")
+            raise ValueError("it is of a run of other sizes")
         memcpy(self.equations.memory, &equations[0], bytes)
         memcpy(self.memory, &memory[0], self.core.bytes)
         self.of.api.run_bind(self.core, self.equations.core, &self.scheme.filled, &self.asked, self.memory)
+        self.of.api.run_report(self.core, &r)
+        if not (0 <= r.recorded <= self.asked.samples and r.passages == 0 and r.events == 0
+                and -1 <= r.ended_by < len(self.ways)):
+            raise ValueError("its counts are none of a run between two steps")
         self._look()
 
     def begin(self):

@@ -11,6 +11,7 @@ import json
 import os
 import platform
 import time
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -26,7 +27,7 @@ from symgen.runtime.library import Library
 from symgen.runtime.options import Options
 
 Array = NDArray[np.float64]
-FORMAT = 1
+FORMAT = 2
 #: Wall time [s] between two checkpoints when nothing else is asked for.
 EVERY = 10.0
 
@@ -105,7 +106,6 @@ def write(file: Path, run: _core.Run, mark: str, wall: float) -> None:
     ResultError
         When the file cannot be written.
     """
-    header = {"symgen_checkpoint": FORMAT, "mark": mark, "t": run.t, "steps": run.steps, "wall_s": wall}
     equations, memory = run.save()
     arrays: dict[str, Any] = {
         "equations": np.frombuffer(equations, np.uint8),
@@ -113,6 +113,14 @@ def write(file: Path, run: _core.Run, mark: str, wall: float) -> None:
         "passages": np.array(run.passages, dtype=float).reshape(-1, 3),
         "events": np.array([event[:3] for event in run.events], dtype=float).reshape(-1, 3),
         "event_states": np.array([event[3] for event in run.events], dtype=float).reshape(-1, run.dim),
+    }
+    header = {
+        "symgen_checkpoint": FORMAT,
+        "mark": mark,
+        "t": run.t,
+        "steps": run.steps,
+        "wall_s": wall,
+        "digest": _digest(arrays),
     }
     try:
         with replacing(file) as temporary, temporary.open("wb") as stream:
@@ -134,22 +142,36 @@ def resume(file: str | os.PathLike[str], run: _core.Run, mark: str) -> float:
         with path.open("rb") as stream, np.load(stream, allow_pickle=False) as stored:
             header: dict[str, Any] = json.loads(str(stored["header"]))
             found = {name: stored[name] for name in stored.files if name != "header"}
-        known = header["symgen_checkpoint"]
+        known, theirs, stopped, spent = (header[k] for k in ("symgen_checkpoint", "mark", "t", "wall_s"))
+        if known == FORMAT and header["digest"] != _digest(found):
+            raise ValueError("its bytes are not those that were written")
     except FileNotFoundError:
         raise ResultError(f"there is no checkpoint {path}") from None
     except Exception as error:  # any fault inside a foreign or broken file
         raise ResultError(f"{path} is not a checkpoint of symgen, or is broken: {error}") from error
     if known != FORMAT:
         raise ResultError(f"{path} has checkpoint format {known}, this symgen reads {FORMAT}")
-    if header["mark"] != mark:
+    if theirs != mark:
         raise ResultError(
-            f"{path} is the checkpoint of another run, stopped at t = {header['t']:g} s\n"
+            f"{path} is the checkpoint of another run, stopped at t = {stopped:g} s\n"
             "  Resume with the scene, parameters, options, machine and version of symgen it was begun with."
         )
-    run.restore(found["equations"].tobytes(), found["run"].tobytes())
-    run.passages.extend((t, sound, int(k)) for t, sound, k in found["passages"].tolist())
-    run.events.extend(
-        (t, int(i), bool(rising), state)
-        for (t, i, rising), state in zip(found["events"].tolist(), found["event_states"], strict=True)
-    )
-    return float(header["wall_s"])
+    try:
+        run.restore(found["equations"].tobytes(), found["run"].tobytes())
+        run.passages.extend((t, sound, int(k)) for t, sound, k in found["passages"].tolist())
+        run.events.extend(
+            (t, int(i), bool(rising), state)
+            for (t, i, rising), state in zip(found["events"].tolist(), found["event_states"], strict=True)
+        )
+        return float(spent)
+    except (KeyError, TypeError, ValueError) as error:
+        raise ResultError(f"{path} is not a whole checkpoint: {error}") from error
+
+
+def _digest(arrays: Mapping[str, Any]) -> str:
+    """Return a hash of the arrays of a checkpoint."""
+    digest = hashlib.sha256()
+    for name in sorted(arrays):
+        digest.update(name.encode())
+        digest.update(np.ascontiguousarray(arrays[name]).tobytes())
+    return digest.hexdigest()

@@ -390,7 +390,7 @@ class Model(Compiled):
         SimulationError
             When the run cannot go on; it carries the time and what was recorded.
         """
-        end = self.description.t_end if t_end is None else float(t_end)
+        end = self.description.t_end if t_end is None else t_end
         kept = (stabilisation, stabilisation_rate, max_drift)
         chosen = options(end, method, rtol, atol, step, samples, max_steps, *kept, precision=self._type)
         tangent = self.analysis("tangent", stepping=True) if chosen.method.needs_tangent else None

@@ -83,6 +83,11 @@ def _options(
     for name, value in {**numbers, "stabilisation_rate": rate, "max_drift": max_drift}.items():
         if value is not None and not (is_real(value) and value > 0):
             raise ModelError(f"expected {name} to be a finite number above zero, got {value!r}")
+    # Equal numbers of another type would make another run of the same one.
+    t_end = float(t_end)
+    rtol, atol, step, rate, max_drift = (
+        None if x is None else float(x) for x in (rtol, atol, step, rate, max_drift)
+    )
     kept = _kept(chosen, stabilisation, rate, max_drift)
     if not 2 <= samples <= 10_000_000:
         raise ModelError(f"expected between 2 and 10 million samples, got {samples}")

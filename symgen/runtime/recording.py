@@ -107,6 +107,7 @@ class Recording:
             *_of_passages(self.evaluator, self.stepper),
             *_of_stiffness(self.stepper, self.chosen),
             *_of_the_end(self.evaluator, self.stepper),
+            *_of_blind_events(self.evaluator, self.stepper),
         )
 
     def events(self) -> tuple[Event, ...]:
@@ -199,6 +200,16 @@ def _of_the_end(evaluator: Evaluator, stepper: _core.Run) -> Iterator[str]:
     if stepper.ended_by >= 0:
         name = evaluator.description.events[stepper.ended_by].name
         yield f"the event {name!r} ended the run at t = {stepper.t:.9g} s"
+
+
+def _of_blind_events(evaluator: Evaluator, stepper: _core.Run) -> Iterator[str]:
+    """Say that an event may have been missed, since it had no value."""
+    if stepper.blind >= 0:
+        name = evaluator.description.events[stepper.blind].name
+        yield (
+            f"the event {name!r} has no finite value near t = {stepper.t_blind:.6g} s, where its expression "
+            "is not defined: that it passes its value may have been missed"
+        )
 
 
 def _squeezed(values: Array, shape: tuple[int, int]) -> Array:

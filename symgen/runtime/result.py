@@ -94,7 +94,7 @@ class Result:
     # No default stands in the class, or what is made later would never be asked for.
     notes: tuple[str, ...] = field(default_factory=tuple)
     events: tuple[Event, ...] = field(default_factory=tuple)
-    _cache: dict[str, Any] = field(default_factory=dict, repr=False)
+    _cache: dict[str, Any] = field(init=False, default_factory=dict, repr=False)
 
     @classmethod
     def later(cls, source: Any) -> Self:

@@ -29,6 +29,8 @@ Array = NDArray[np.float64]
 Progress = Callable[[float], None]
 
 _CHUNK_SECONDS = 0.05
+#: Times of runs with no more samples are kept for the next run.
+_KEPT = 10_000
 #: Steps after which an adaptive run is ended that would not come to its end at their pace in ``max_steps``.
 _JUDGED = 100_000
 
@@ -54,11 +56,17 @@ def keeping(
     """
     if file is None and resumed is None:
         return None
+    for given in (file, resumed):
+        if given is not None and not isinstance(given, str | os.PathLike):
+            raise ModelError(f"expected the path of a checkpoint, got {given!r}")
     if not (is_real(every) and every >= 0):
         raise ModelError(f"expected checkpoint_every to be a number of seconds, got {every!r}")
     path = None if file is None else Path(file)
     if path is not None and not path.parent.is_dir():
         raise ResultError(f"cannot write the checkpoint {path}: there is no folder {path.parent}")
+    if path is not None and (path.is_dir() or not os.access(path.parent, os.W_OK)):
+        what = "it is a folder" if path.is_dir() else f"nothing can be written into {path.parent}"
+        raise ResultError(f"cannot write the checkpoint {path}: {what}")
     return Keeping(path, every, None if resumed is None else Path(resumed))
 
 
@@ -104,7 +112,7 @@ def run(
         chosen.rtol,
         chosen.atol,
         chosen.step,
-        _times(t0, chosen.t_end, chosen.samples),
+        (_times if chosen.samples <= _KEPT else _times.__wrapped__)(t0, chosen.t_end, chosen.samples),
         stabilisation=_core.STABILISATIONS.index(chosen.stabilisation),
         max_drift=chosen.max_drift,
         directions=[e.direction for e in evaluator.description.events],

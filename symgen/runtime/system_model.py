@@ -91,4 +91,6 @@ class SystemModel:
             info = self.description.arrays.get(name)
             names = f" ({', '.join(info.names)})" if info else ""
             raise ModelError(f"expected {size} numbers for {name}{names}, got the shape {np.shape(values)}")
+        if not np.isfinite(given).all():
+            raise ModelError(f"expected finite numbers for {name}, got {given.tolist()}")
         return np.append(given, 0.0)

@@ -9,7 +9,6 @@ from pathlib import Path
 from rich.console import Console
 
 from symgen.atomic import write_text
-from symgen.errors import ResultError
 from symgen.report.tables import table
 from symgen.study.accuracy import Accuracy
 from symgen.study.cancelling import Cancelling
@@ -160,7 +159,4 @@ def save(found: Sequence[Accuracy], file: Path) -> None:
     else:
         data = [a.summary() for a in found]
         text = json.dumps(data[0] if len(data) == 1 else {"scenes": data}, indent=1, allow_nan=False) + "\n"
-    try:
-        write_text(file, text)
-    except OSError as error:
-        raise ResultError(f"cannot write the report to {file}: {error.strerror or error}") from None
+    write_text(file, text)

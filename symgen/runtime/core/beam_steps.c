@@ -3,6 +3,7 @@
 #include <string.h>
 
 #include "memory.h"
+#include "run.h"
 
 /* Give out the arrays one behind the other, or, where `at` is NULL, only count their bytes. */
 static size_t carve(struct beam_steps *x, char *at) {
@@ -77,7 +78,7 @@ static int finish(struct beam_steps *x, real t) {
     beams_expand(b, 1, x->p, x->pv, x->pa, x->columns, x->v);
     if (!x->scheme.stages)
         beams_expand(b, 2, x->p, x->pv, x->pa, x->columns, x->acc);
-    if (!real_isfinite(x->s[0]))
+    if (!all_finite(x->s, (long)b->layout.unknowns * x->columns))
         return NOT_FINITE;
     if (bound) {
         const int status = beams_choose(b);

@@ -93,6 +93,8 @@ static void run_report(const struct run *run, struct report *report) {
         .ended_by = s->ended_by,
         .worst = s->worst,
         .stiff = s->stiff,
+        .blind = s->blind,
+        .t_blind = (double)s->t_blind,
     };
 }
 

@@ -28,8 +28,8 @@ struct report {
     double t, t_end, h;
     double position_drift, velocity_drift, energy_drift;
     double kinetic_min, kinetic_max, potential_min, potential_max;
-    double t_stiff;
-    long steps, rejected, recorded, moved, passages, events, ended_by, worst, stiff;
+    double t_stiff, t_blind;
+    long steps, rejected, recorded, moved, passages, events, ended_by, worst, stiff, blind;
 };
 
 struct found_event {

@@ -6,8 +6,8 @@
  * before: rods a million million times heavier than their neighbours leave 1e-12. */
 #define NO_MASS 1e-15
 #define REFINEMENTS 2
-/* Iterations of the projection: with the same factor it converges by the step's own error each time. */
-#define PROJECTIONS 10
+/* Iterations of the projection: with the same factor it converges by the step's own error each time. Each halves the error at least, or ends the iterations: enough from any error down to rounding. */
+#define PROJECTIONS 80
 #define RATE_PROJECTIONS 3
 
 const struct behaviour kernel_behaviour = {
@@ -180,15 +180,25 @@ void solve_factored(struct equations *e, real t, const real *y, real *b) {
     e->kernels.solve(&t, y, y + e->n, e->p, e->factors, b);
 }
 
+real size_of(const struct equations *e, const real *y) {
+    real size = 0;
+    for (long i = 0; i < e->n; i++)
+        size = real_fmax(size, real_fabs(y[i]));
+    for (long i = 0; i < e->m; i++)
+        size = real_fmax(size, real_fabs(e->out[e->m + i]));
+    return size;
+}
+
 int project_positions(struct equations *e, real t, real *y) {
     long n = e->n;
     real previous = REAL_INFINITY, size = 0;
-    for (long i = 0; i < n; i++)
-        size = real_fmax(size, real_fabs(y[i]));
-    for (int k = 0; k < PROJECTIONS; k++) {
+    int k = 0;
+    for (; k < PROJECTIONS; k++) {
         real worst = position_error(e, t, y);
         if (!real_isfinite(worst))
             return NOT_FINITE;
+        if (k == 0)
+            size = size_of(e, y);
         if (worst <= REAL_EPSILON * size)
             break;
         if (k && worst > R(0.5) * previous) {
@@ -206,6 +216,8 @@ int project_positions(struct equations *e, real t, real *y) {
         for (long i = 0; i < n; i++)
             y[i] += e->rhs[i];
     }
+    if (k == PROJECTIONS)
+        return PROJECTION_FAILED;
     return e->sizes.redundant && !(e->account->missed <= e->sizes.slack) ? CONTRADICTED : DONE;
 }
 

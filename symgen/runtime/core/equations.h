@@ -120,6 +120,10 @@ void derivative(struct equations *e, real t, const real *y, real *dy);
 /* Return the largest error of an independent constraint over its scale [m]; leave (0, -Phi) in e->rhs. */
 real position_error(struct equations *e, real t, const real *y);
 
+/* Return what errors of positions are compared with [m]: coordinates, and the scales of constraints as the last
+ * position_error left them. */
+real size_of(const struct equations *e, const real *y);
+
 /* Return the largest constraint rate over its scale [m/s]; leave (0, -dPhi/dt) in e->rhs.
  * The scales are those that position_error left in e->out the call before. */
 real velocity_error(struct equations *e, real t, const real *y);

@@ -125,6 +125,11 @@ void locate_events(struct run *run, real t_new, real h, int *prepared) {
     look_at_events(run->e, t_new, run->y_new);
     memcpy(run->gaps + LOOKS * events, run->e->gaps, (size_t)events * sizeof(real));
     look(run, h, 0);
+    for (long i = 0; i < (LOOKS + 1) * events && s->blind < 0; i++)
+        if (!real_isfinite(run->gaps[i])) {
+            s->blind = i % events;
+            s->t_blind = s->t;
+        }
     if (!any_passes(run))
         return;
     if (!*prepared)

@@ -132,10 +132,10 @@ static int met(real worst, real size, int stalled) {
 /* Go on with Newton's iterations from `y`: the Jacobian anew at every iterate, steps that lead away halved. */
 static int meet_by_newton(struct run *run, const struct rattle *x, real h, real t_1, real *y) {
     struct equations *e = run->e;
-    real *dq = run->error, size = largest(y, e->n), previous = REAL_INFINITY, part = 1;
+    real *dq = run->error, previous = REAL_INFINITY, part = 1;
     for (int k = 0; k < RELINEARISED; k++) {
         real worst = e->of->position_error(e, t_1, y);
-        if (met(worst, size, !(worst <= R(0.5) * previous)))
+        if (met(worst, size_of(e, y), !(worst <= R(0.5) * previous)))
             return DONE;
         if (k > 0 && !(worst < previous)) {
             shift(e, dq, -part / 2, h, y);

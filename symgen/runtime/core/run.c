@@ -61,7 +61,7 @@ void run_reset(struct run *run) {
     memset(s, 0, sizeof *s);
     s->t = s->t_old = s->t_look = s->t_before = R(run->task.t0);
     s->h = R(run->task.step);
-    s->ended_by = s->worst = -1;
+    s->ended_by = s->worst = s->blind = -1;
     s->sound = s->at_look = s->at_before = INFINITY;
     s->kinetic_min = s->potential_min = s->energy_start = REAL_INFINITY;
     s->kinetic_max = s->potential_max = -REAL_INFINITY;
@@ -128,10 +128,15 @@ static int monitor(struct run *run) {
             s->position_drift = error;
             s->worst = e->account->worst;
         }
-        s->velocity_drift = real_fmax(s->velocity_drift, e->of->velocity_error(e, s->t, y));
+        real rate = e->of->velocity_error(e, s->t, y);
+        if (!(real_isfinite(error) && real_isfinite(rate)))
+            return NOT_FINITE;
+        s->velocity_drift = real_fmax(s->velocity_drift, rate);
     }
     e->of->measure_energy(e, s->t, y);
     real total = energies[0] + energies[1] - (e->extra ? y[2 * e->n] : R(0));
+    if (!real_isfinite(total))
+        return NOT_FINITE;
     if (s->energy_start == REAL_INFINITY)
         s->energy_start = total;
     s->energy_drift = real_fmax(s->energy_drift, real_fabs(total - s->energy_start));
@@ -230,7 +235,7 @@ static int accepted_step(struct run *run, real *t_new, real *length) {
         h = part * s->h;
         if (!(h > R(10) * REAL_EPSILON * real_fmax(real_fabs(s->t), REAL_EPSILON * t_end)))
             return STEP_TOO_SMALL;
-        *t_new = s->t + h;
+        *t_new = s->t + (h + s->t_left);
         if (*t_new >= t_end || t_end - *t_new < R(1e-9) * h) {
             *t_new = t_end;
             h = t_end - s->t;
@@ -303,7 +308,9 @@ static int one_step(struct run *run) {
     s->t_old = s->t, s->sound = sound;
     memcpy(run->y, run->y_new, bytes);
     kind->accept(run);
-    s->t = t_new, s->h_last = h;
+    if (!run->scheme.adaptive)
+        s->t_left = (h + s->t_left) - (t_new - s->t);
+    s->t = t_new;
     s->steps++;
     status = monitor(run);
     return status == MORE && s->ended_by >= 0 ? ENDED : status;

@@ -77,7 +77,7 @@ struct state {
     real norm, shrink;
     long settled;                   /* y_new is on the constraints already */
     real correction;                /* what bringing it there changed, over the tolerance as norm is */
-    real h_last;                    /* length of the last accepted step */
+    real t_left;                    /* what rounding left of the time of fixed steps, which else would add up */
     /* rank */
     real t_old, t_look, t_before;
     double sound, at_look, at_before;
@@ -88,6 +88,9 @@ struct state {
     /* stiffness seen: steps that were near the edge of stability in a row, and whether it was called stiff */
     long stiff_row, easy_row, stiff;
     real t_stiff;
+    /* the first event that had no finite value, -1: none, and when */
+    long blind;
+    real t_blind;
 };
 
 /* Where the constraints came nearest to losing rank. */
@@ -123,7 +126,6 @@ struct run {
     char *terminal;
     /* set by the kind's bind */
     real *f, *f_new;
-    void *plan;                  /* what else the kind keeps, inside `own` or constant */
 };
 
 /* Bytes of memory for a run, without the struct itself. */
