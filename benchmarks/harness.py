@@ -121,12 +121,22 @@ def _cpu() -> str:
     return next(named, platform.processor() or platform.machine())
 
 
-def arguments(description: str | None, *, short: bool = False) -> argparse.Namespace:
-    """Read the command line that all benchmarks share; with ``short``, whether only a part is asked for."""
+def arguments(description: str | None, *, short: bool = False, slack: bool = False) -> argparse.Namespace:
+    """Read the command line that all benchmarks share.
+
+    With ``short``, whether only a part is asked for; with ``slack``, by what ratios of times may fall short.
+    """
     parser = argparse.ArgumentParser(description=(description or "").partition("\n")[0])
     parser.add_argument("--json", action="store_true", help="print one JSON object and nothing else")
     if short:
         parser.add_argument("--short", action="store_true", help="measure a part only")
+    if slack:
+        parser.add_argument(
+            "--slack",
+            type=float,
+            default=1.0,
+            help="divide required ratios of times by this: shared machines",
+        )
     return parser.parse_args()
 
 

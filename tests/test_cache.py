@@ -148,6 +148,17 @@ def test_a_full_disk_is_a_clear_error_and_leaves_nothing(cache, monkeypatch, ful
     assert entries(cache) == []
 
 
+def test_clearing_leaves_what_is_not_symgens(cache):
+    """A folder that is no cache is named as one by mistake: nothing of it goes."""
+    symgen.build("four_bar")
+    (cache / ".ssh").mkdir()
+    (cache / ".ssh" / "key").write_text("")
+    (cache / "package.lock").write_text("")
+    assert Cache().clear() == 1
+    assert sorted(p.name for p in cache.iterdir()) == [".ssh", "package.lock"]
+    assert (cache / ".ssh" / "key").is_file()
+
+
 def test_a_read_only_cache_that_holds_the_scene_is_enough(cache):
     expected = symgen.build("four_bar").accelerations().as_dict()
     for path in [*cache.rglob("*"), cache]:
@@ -190,8 +201,8 @@ def test_without_a_compiler_shipped_kernels_or_numpy_run_and_say_so(cache, monke
 
 def test_info_and_clear(cache):
     symgen.build("four_bar")
-    (cache / ".killed.abc").mkdir()
-    (cache / "killed.lock").write_text("")
+    (cache / ".symgen-killed.abc").mkdir()
+    (cache / "killed.symgen-lock").write_text("")
     store = Cache()
     ((name, size),) = store.entries()
     assert name.startswith("four_bar-") and size > 1000

@@ -13,8 +13,9 @@ from typer.testing import CliRunner
 
 import symgen
 from symgen.cli import app
-from symgen.errors import ResultError
+from symgen.errors import ModelError, ResultError
 from symgen.export import export_c
+from symgen.scene.loading import scene_path
 
 STRICT = ("-std=c11", "-Wall", "-Wextra", "-Werror", "-O0", "-ffp-contract=off")
 SANITIZED = ("-fsanitize=address,undefined", "-fno-sanitize-recover=all")
@@ -208,3 +209,27 @@ def test_every_number_of_a_state_is_told(folders):
         count = int(re.search(r"_n_states = (\d+)", header)[1])
         told = re.findall(r"^ \*     y\[(\d+)\]  \S+  \[\S.*\]  \S", header, re.M)
         assert np.array_equal(np.array(told, dtype=int), np.arange(count)), name
+
+
+def test_words_of_a_scene_stay_words(tmp_path):
+    """A description cannot end the comment that it stands in."""
+    wicked = "*/ int injected(void) { return 1; } /*"
+    scene = symgen.Scene(
+        parameters={"rho": {"value": "1 kg", "tunable": True, "about": wicked}},
+        points={"O": {"at": ["0 m", "0 m"], "ground": True}, "A": {"at": ["1 m", "0 m"]}},
+        links={"OA": {"points": ["O", "A"], "mass": "rho"}},
+        analysis={"t_end": "1 s", "outputs": ["A.position"]},
+    )
+    export_c(scene, tmp_path / "out")
+    for file in (tmp_path / "out").rglob("*.[ch]"):
+        code = re.sub(r"/\*.*?\*/", "", file.read_text(), flags=re.DOTALL)
+        assert "injected" not in code, file
+
+
+@pytest.mark.parametrize("name", ["main", "double", "math"])
+def test_names_that_c_has_are_refused(tmp_path, name):
+    file = tmp_path / f"{name}.toml"
+    file.write_text(scene_path("four_bar").read_text())
+    with pytest.raises(ModelError, match=f"a scene called '{name}' cannot be exported"):
+        export_c(file, tmp_path / "out")
+    assert not (tmp_path / "out").exists()

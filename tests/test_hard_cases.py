@@ -299,3 +299,23 @@ def test_a_tolerance_below_round_off_ends_by_name():
     """Coordinates of a million metres have no digits for it: steps would fall to 1e-11 s, without end."""
     with pytest.raises(SimulationError, match="became too small to go on"):
         symgen.build("far_origin").simulate(1.0, method="dopri5", rtol=1e-9)
+
+
+@pytest.mark.parametrize("method", [{"rtol": 1e-9}, {"method": "rattle", "step": 1e-3}], ids=str)
+@pytest.mark.parametrize("height", [0.9, 0.7])
+def test_a_point_that_starts_at_the_origin(method, height):
+    """Round-off goes with lengths and ground, not with the coordinates of the one point that moves."""
+    scene = symgen.Scene(
+        points={"O": {"at": ["0.3 m", f"{height} m"], "ground": True}, "A": {"at": ["0 m", "0 m"]}},
+        links={"OA": {"points": ["O", "A"], "mass": "1 kg"}},
+        gravity={"acceleration": ["0 m/s^2", "-9.81 m/s^2"]},
+        analysis={"t_end": "1 s", "outputs": ["A.position"]},
+    )
+    run = symgen.build(scene).simulate(1.0, **method)
+    assert run.drift.constraint < 1e-15
+
+
+def test_projection_goes_on_until_it_is_there():
+    """Steps so long that the first guess is far off: on the constraints all the same."""
+    run = symgen.build("triple_pendulum").simulate(2.0, method="rk4", step=0.1)
+    assert run.drift.constraint < 1e-14

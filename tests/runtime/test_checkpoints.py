@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+
 import numpy as np
 import pytest
 
@@ -135,3 +137,25 @@ def test_bad_files_are_refused(model, tmp_path):
     file.write_bytes(file.read_bytes()[:-200])
     with pytest.raises(ResultError, match="broken"):
         model.simulate(2.0, resume=file)
+
+
+@pytest.mark.parametrize("fault", ["bytes", "mark", "short", "missing"])
+def test_a_broken_checkpoint_is_told(tmp_path, fault):
+    model, file = symgen.build("four_bar"), tmp_path / "c.npz"
+    model.simulate(0.2, method="rk4", step=1e-4, checkpoint=file, checkpoint_every=0.0)
+    with np.load(file) as stored:
+        arrays = dict(stored)
+    header = json.loads(str(arrays["header"]))
+    if fault == "bytes":
+        arrays["run"] = arrays["run"].copy()
+        arrays["run"][100] ^= 255
+    elif fault == "mark":
+        del header["mark"]
+    elif fault == "short":
+        arrays["run"] = arrays["run"][:-8]
+    else:
+        del arrays["events"]
+    arrays["header"] = np.array(json.dumps(header))
+    np.savez(file, **arrays)
+    with pytest.raises(ResultError, match="is not a checkpoint of symgen, or is broken"):
+        model.simulate(0.2, method="rk4", step=1e-4, resume=file)

@@ -140,3 +140,11 @@ def test_events_are_saved_and_summed_up(tmp_path):
     assert again.events == result.events and len(again.events) == 1
     summary = json.loads(json.dumps(result.summary()))
     assert summary["events"] == [{"name": "e", "time": result.events[0].time, "rising": False}]
+
+
+def test_an_event_without_a_value_is_told():
+    """An expression that is not defined everywhere may pass unseen: the result says so."""
+    never = {"name": "never", "of": "asin(2 + (A.position.x/unit)**2)", "value": "0 rad"}
+    run = pendulum(never, parameters={"unit": "1 m"}).simulate(0.1)
+    assert not run.events
+    assert any("the event 'never' has no finite value near t = 0 s" in note for note in run.notes)

@@ -1,12 +1,30 @@
-/* Banded systems by Gauss's elimination with partial pivoting, in the storage of LAPACK.
+/* Banded systems by Gauss's elimination with partial pivoting.
  *
- * The matrix has n columns of 3*band + 1 entries, its diagonal at 2*band. Wide bands of doubles go to LAPACK where
- * it is given: for narrow ones it calls BLAS at every column, which takes twice as long as the arithmetic.
+ * Wide bands of doubles go to LAPACK where it is given: for narrow ones it calls BLAS at every column, which takes
+ * twice as long as the arithmetic.
  */
 #ifndef SYMGEN_BANDS_H
 #define SYMGEN_BANDS_H
 
+#include <stddef.h>
+
 #include "real.h"
+
+/* Bands from which on LAPACK works in blocks and is faster. */
+enum { WIDE = 64 };
+
+/* Where a band matrix keeps its entries: (i, j) at `first` + i + j * `lead`, `size` numbers in all. */
+struct band_store {
+    ptrdiff_t first, lead, size;
+};
+
+/* LAPACK's band storage, with room for what pivoting fills in; or all columns in full where that is less. */
+static inline struct band_store band_store(ptrdiff_t n, ptrdiff_t band) {
+    const ptrdiff_t width = 3 * band + 1;
+    if (band < WIDE && n < width)
+        return (struct band_store){0, n, n * n};
+    return (struct band_store){2 * band, width - 1, n * width};
+}
 
 /* LAPACK's dgbtrf and dgbtrs, or NULL. */
 struct lapack {

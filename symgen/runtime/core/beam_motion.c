@@ -4,10 +4,10 @@
 #include <string.h>
 
 int beams_factor_mass(struct beams *b) {
-    const ptrdiff_t width = 3 * b->band + 1;
-    memset(b->banded, 0, (size_t)(b->free * width) * sizeof(real));
+    const struct band_store at = band_store(b->free, b->band);
+    memset(b->banded, 0, (size_t)at.size * sizeof(real));
     for (ptrdiff_t e = 0; e < b->entries; e++)
-        b->banded[b->columns[e] * width + 2 * b->band + b->rows[e] - b->columns[e]] = b->mass[e];
+        b->banded[at.first + b->rows[e] + b->columns[e] * at.lead] = b->mass[e];
     return factor_band(&b->lapack, (int)b->free, (int)b->band, b->banded, b->pivots) == 0;
 }
 

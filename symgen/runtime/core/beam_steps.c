@@ -116,8 +116,9 @@ static int solve(struct beam_steps *x, ptrdiff_t size) {
 static void collocation_system(struct beam_steps *x, real h) {
     const struct beams *b = x->b;
     const long k = x->stages, columns = x->columns;
-    const ptrdiff_t size = b->free * k, width = 3 * x->band + 1;
-    memset(x->banded, 0, (size_t)(width * size) * sizeof(real));
+    const ptrdiff_t size = b->free * k;
+    const struct band_store at = band_store(size, x->band);
+    memset(x->banded, 0, (size_t)at.size * sizeof(real));
     memset(x->rhs, 0, (size_t)(size * columns) * sizeof(real));
     for (long i = 0; i < k; i++) {
         const real *mass = x->mass + i * (b->entries + 1), *damping = x->damping + i * (b->entries + 1);
@@ -131,7 +132,7 @@ static void collocation_system(struct beam_steps *x, real h) {
                 real value = h * x->a[k * i + j] * damping[e] + h * h * x->aa[k * i + j] * stiffness[e];
                 if (i == j)
                     value += mass[e];
-                x->banded[column * width + 2 * x->band + row - column] = value;
+                x->banded[at.first + row + column * at.lead] = value;
             }
             for (long c = 0; c < columns; c++) {
                 const real p = x->p[q * columns + c], v = x->pv[q * columns + c];
@@ -172,7 +173,8 @@ static int step_once(struct beam_steps *x, real t, real h) {
     const struct beams *b = x->b;
     const struct beam_scheme *s = &x->scheme;
     const long columns = x->columns;
-    const ptrdiff_t free = b->free, width = 3 * x->band + 1;
+    const ptrdiff_t free = b->free;
+    const struct band_store in = band_store(free, x->band);
     const real at = R(s->at), gamma = R(s->gamma), beta = R(s->beta), half = R(0.5);
     const real inertia[] = {R(s->inertia[0]), R(s->inertia[1])};
     const real rate[] = {h * R(s->rate[0]), h * R(s->rate[1])};
@@ -180,13 +182,13 @@ static int step_once(struct beam_steps *x, real t, real h) {
     int status = keep_stage(x, 0, t + at * h);
     if (status != DONE)
         return status;
-    memset(x->banded, 0, (size_t)(width * free) * sizeof(real));
+    memset(x->banded, 0, (size_t)in.size * sizeof(real));
     memset(x->rhs, 0, (size_t)(free * columns) * sizeof(real));
     memcpy(x->rhs, x->load, (size_t)free * sizeof(real));
     for (ptrdiff_t e = 0; e < b->entries; e++) {
         const ptrdiff_t r = b->rows[e], q = b->columns[e];
         const real mass = x->mass[e], damping = x->damping[e], stiffness = x->stiffness[e];
-        x->banded[q * width + 2 * x->band + r - q] = inertia[1] * mass + rate[1] * damping + place[1] * stiffness;
+        x->banded[in.first + r + q * in.lead] = inertia[1] * mass + rate[1] * damping + place[1] * stiffness;
         for (long c = 0; c < columns; c++) {
             const real p = x->p[q * columns + c], v = x->pv[q * columns + c], old = x->pa[q * columns + c];
             x->rhs[c * free + r] -= inertia[0] * mass * old + damping * (v + rate[0] * old) +
