@@ -240,9 +240,17 @@ class Rods(Subject):
                 return setting, peer.run()
             except Exception as error:  # whatever another program may raise
                 raise SimulationError(f"{peer.program}: {error}") from error
-        return self.models[setting.precision].simulate(
+        result = self.models[setting.precision].simulate(
             self.t_end, method=setting.method, rtol=setting.rtol, step=setting.step, samples=self.samples
         )
+        if result.statistics["t"] < self.t_end:
+            last = result.events[-1]
+            raise SimulationError(
+                f"the event {last.name!r} ends the run at t = {last.time:.9g} s",
+                time=last.time,
+                partial=result,
+            )
+        return result
 
     def read(self, result: Any) -> Run:
         """Return the positions of all moving points, (times, points, axes)."""

@@ -185,6 +185,24 @@ def test_a_horizon_that_the_motion_does_not_reach():
         work_precision(stuck, t_end=5.0)
 
 
+def test_an_event_that_ends_the_run():
+    """Runs that end at an event have no common end to compare: a horizon before it has."""
+    rod = symgen.Scene(
+        points={"O": {"at": ["0 m", "0 m"], "ground": True}, "A": {"at": ["1 m", "0 m"]}},
+        links={"OA": {"points": ["O", "A"], "mass": "1 kg"}},
+        gravity={"acceleration": ["0 m/s^2", "-10 m/s^2"]},
+        events=[{"name": "low", "of": "A.position.y", "value": "-0.5 m", "ends_run": True}],
+    )
+    given = {"methods": ["rk4"], "repeats": 1, "longest": 0.02}
+    with pytest.raises(
+        SimulationError, match=r"t_end = 1 s: the event 'low' ends the run at t = 0\.26\d+ s\n"
+    ):
+        work_precision(rod, **given)
+    with pytest.raises(ModelError, match="other programs are given .* an event that ends the run"):
+        work_precision(rod, peers=True, **given)
+    assert work_precision(rod, t_end=0.2, **given).points
+
+
 def test_elastic_links():
     found = work_precision("elastic_four_bar", methods=["newmark"], t_end=0.02, repeats=1, longest=0.2)
     assert found.unit == "of the peak" and found.points[-1].along < found.points[0].along < 1.0
