@@ -132,10 +132,16 @@ def _checked(path: Path, made: Any) -> System:
 #: The argument arrays that every kernel reads.
 _ARRAYS = ("t", "q", "u", "p", "work")
 
+#: Packages whose objects a System holds: loaded once, wherever they lie.
+_KEPT = ("symgen", "sympy", "mpmath", "numpy")
+
 
 @contextmanager
 def _importing_beside(folder: Path) -> Iterator[list[Path]]:
-    """Let a file import its neighbours; give the list of those it did, and forget them afterwards."""
+    """Let a file import its neighbours, as they are now; give the list of those it did, and forget them."""
+    away = {name: sys.modules[name] for name in sorted(sys.modules) if _is_beside(folder, name)}
+    for name in away:  # imported earlier, perhaps as they were before
+        del sys.modules[name]
     before, found = set(sys.modules), list[Path]()
     sys.path.insert(0, str(folder))
     try:
@@ -148,6 +154,15 @@ def _importing_beside(folder: Path) -> Iterator[list[Path]]:
             if file and name.partition(".")[0] != "symgen" and _is_users(Path(file).resolve()):
                 found.append(Path(file))
                 del sys.modules[name]  # so that the next time its file is read again
+        sys.modules.update(away)
+
+
+def _is_beside(folder: Path, name: str) -> bool:
+    """Tell whether a module that is loaded is Python in that folder, and nothing that symgen works with."""
+    file = Path(getattr(sys.modules[name], "__file__", None) or "")
+    if name == "__main__" or name.partition(".")[0] in _KEPT or file.suffix != ".py":
+        return False
+    return file.resolve().is_relative_to(folder) and _is_users(file.resolve())
 
 
 def _is_users(file: Path) -> bool:

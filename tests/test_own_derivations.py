@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import json
 import os
 import re
@@ -123,6 +124,20 @@ def test_generate_says_what_changed_since(model):
     (model.parent / "constants.py").write_text("POWER = 2\n")
     back = generate(model)
     assert {m.name for m in back.change.matrices} == {"inertia", "energy"}, "since the last, not the first"
+
+
+def test_a_neighbour_that_was_imported_before_counts_too(model, monkeypatch):
+    """As in a notebook: it is read as it is now, and what the user imported stays as it is."""
+    monkeypatch.syspath_prepend(str(model.parent))
+    constants = importlib.import_module("constants")
+    at = {"q": [0.0], "u": [0.0], "p": [1.0, 2.0, 9.81]}
+    try:
+        assert symgen.build(model).evaluate("motion", **at)["inertia"] == 4.0
+        (model.parent / "constants.py").write_text("POWER = 3  # now\n")
+        assert symgen.build(model).evaluate("motion", **at)["inertia"] == 8.0
+        assert sys.modules["constants"] is constants and constants.POWER == 2
+    finally:
+        del sys.modules["constants"]
 
 
 def test_commands(model):
