@@ -17,6 +17,7 @@ import symgen
 from symgen.cli import app
 from symgen.errors import DerivationError, ModelError, SceneError
 from symgen.own import load
+from symgen.report.difference import difference_lines
 from symgen.sources import compare, generate
 from symgen.study.accuracy import accuracy
 
@@ -208,6 +209,12 @@ def test_two_versions_of_a_scene():
     assert {m.name for m in found.matrices} >= {"mass_matrix", "kinetic_energy"}
     with pytest.raises(ModelError, match="values are set of scenes"):
         compare("rod", "rod", {"m": "1 kg"})
+
+
+def test_other_values_of_arguments_are_told_and_are_no_change_in_the_mathematics():
+    _, _, found = compare("slider_crank", "slider_crank", {"S1": "9 in"})
+    assert not found
+    assert list(difference_lines(found))[2:] == ["  changed [S1]", "    - 0 m", "    + 0.2286 m"]
 
 
 def test_blocks_are_compared_too():

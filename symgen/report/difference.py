@@ -11,7 +11,7 @@ _KINDS = ("added", "removed", "changed", "rewritten")
 
 
 def difference_lines(found: Difference, shown: int | None = None) -> Iterator[str]:
-    """Yield what changed: every matrix with its entries before and after, shared terms, operations.
+    """Yield what changed: every matrix with its entries before and after, shared terms, operations, values.
 
     Parameters
     ----------
@@ -22,7 +22,6 @@ def difference_lines(found: Difference, shown: int | None = None) -> Iterator[st
     """
     if not found:
         yield "no change in the mathematics"
-        return
     for matrix in found.matrices:
         yield f"{matrix.name}{_shape(matrix)}: {_summary(matrix)}"
         yield from _changes(matrix.changes, shown, "entries")
@@ -30,6 +29,9 @@ def difference_lines(found: Difference, shown: int | None = None) -> Iterator[st
         yield "shared terms:"
         yield from _changes(found.definitions, shown, "terms")
     yield from _operations(found)
+    if found.values:
+        yield "tunable parameters, which are arguments of the kernels:"
+        yield from _changes(found.values, shown, "parameters")
 
 
 def _shape(matrix: MatrixDifference) -> str:
