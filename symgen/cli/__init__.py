@@ -11,7 +11,6 @@ from typing import Annotated
 
 import typer
 
-# In the order in which --help lists the commands.
 from symgen.cli import (
     accuracy,
     analyses,
@@ -43,6 +42,11 @@ __all__ = [
     "stability",
     "sweeping",
 ]
+
+#: The commands as --help lists them: a mechanism, its equations, analyses, measurements.
+_ORDER = ["run", "scenes", "schema", "build", "show", "explain", "report", "export", "generate", "diff"]
+_ORDER += ["kinematics", "equilibrium", "modes", "forces", "sweep", "bench", "accuracy", "stability"]
+app.registered_commands.sort(key=lambda command: _ORDER.index(getattr(command.callback, "__name__", "")))
 
 
 def main() -> None:

@@ -18,7 +18,10 @@ def diff(
     set_: SetOption = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Show what is different in the equations of two models, and in their operations."""
+    """Show what is different in the equations of two models.
+
+    The operations of their kernels are compared as well.
+    """
     from dataclasses import asdict
 
     from symgen.report.difference import difference_lines

@@ -42,7 +42,10 @@ def generate(
     ] = False,
     every: Annotated[bool, typer.Option("--all", help="Print every entry that changed.")] = False,
 ) -> None:
-    """Derive anew what changed, and say what changed in the mathematics."""
+    """Derive anew what changed, and say what it changed.
+
+    Of the mathematics, every entry of a matrix is shown before and after.
+    """
     from symgen.errors import GenerationError, ModelError
     from symgen.report.regeneration import generated_lines, regenerated_lines
 
@@ -79,7 +82,7 @@ def build(
     contraction: ContractionOption = "off",
     vector: VectorOption = "none",
 ) -> None:
-    """Derive, emit and compile a scene, or a user's own derivation, into the cache."""
+    """Compile a scene, or a derivation of your own, into the cache."""
     from symgen.pipeline import build as build_model
     from symgen.report.summary import model_lines
 

@@ -121,7 +121,10 @@ def run(
     contraction: ContractionOption = "off",
     vector: VectorOption = "none",
 ) -> None:
-    """Run a scene and print where it ended; a driven loop is evaluated over the range of its input."""
+    """Run a scene, and print where it ended.
+
+    A driven loop is evaluated over the range of its input.
+    """
     if study:
         given: dict[str, Any] = {"--t-end": t_end, "--method": method, "--rtol": rtol, "--atol": atol}
         given |= {"--step": step, "--samples": samples, "--at": at, "--out": out, "--plot": plot}
