@@ -25,6 +25,11 @@ class Change:
     before: str = ""
     after: str = ""
 
+    @property
+    def through_shared_terms(self) -> bool:
+        """Whether the text stayed, and what it stands for did not."""
+        return self.kind == "changed" and self.before == self.after
+
 
 @dataclass(frozen=True, slots=True)
 class MatrixDifference:
