@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import json
+import os
 import re
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -327,3 +329,24 @@ def test_tables_hold_no_minus_zero():
     assert _text(-0.0) == "0" and _text(-1e-300) == "-1e-300"
     rates = call("run", "slider_crank", "--at", "45")
     assert not re.search(r" -0 ", rates)
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full, a device that is always full")
+@pytest.mark.parametrize("arguments, unbuffered", [("scenes", ""), ("schema", "1"), ("--help", "")])
+def test_output_that_does_not_fit_is_one_clear_line(arguments, unbuffered):
+    with Path("/dev/full").open("w") as full:
+        done = subprocess.run(
+            [sys.executable, "-m", "symgen", arguments],
+            stdout=full,
+            stderr=subprocess.PIPE,
+            text=True,
+            env={**os.environ, "PYTHONUNBUFFERED": unbuffered},
+        )
+    assert done.returncode == 1
+    assert done.stderr == "symgen: cannot write the output: No space left on device\n"
+
+
+def test_a_number_of_sums_below_zero_is_refused(entry):
+    code, out, err = entry("accuracy", "rod", "--top", "-3")
+    assert (code, out) == (2, "")
+    assert err == "symgen: expected a number of sums from 0 on for top, got -3\n"
