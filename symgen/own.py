@@ -12,6 +12,7 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from importlib.machinery import EXTENSION_SUFFIXES
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -92,13 +93,14 @@ def _located(path: Path, error: DerivationError) -> DerivationError:
 
 def _failed(path: Path, error: BaseException) -> DerivationError:
     """Return one message that names the line of the user's file, and the error there."""
-    if isinstance(error, SyntaxError):
-        return DerivationError(f"{error.filename}, line {error.lineno}: this is not Python: {error.msg}")
     import traceback
 
     frames = traceback.extract_tb(error.__traceback__)
     lines = [f.lineno for f in frames if Path(f.filename).resolve() == path.resolve()]
     place = f"{path}, line {lines[-1]}" if lines else str(path)
+    if isinstance(error, SyntaxError):
+        place = f"{error.filename}, line {error.lineno}" if error.filename else place
+        return DerivationError(f"{place}: this is not Python: {error.msg}")
     return DerivationError(
         f"{place}: {type(error).__name__}: {error}\n  The derivation failed; mend it there."
     )
@@ -129,6 +131,8 @@ def _checked(path: Path, made: Any) -> System:
     return made
 
 
+#: Where installers put packages: of an environment, of the system, of the user.
+_INSTALLED = {"site-packages", "dist-packages"}
 #: The argument arrays that every kernel reads.
 _ARRAYS = ("t", "q", "u", "p", "work")
 
@@ -153,7 +157,8 @@ def _importing_beside(folder: Path) -> Iterator[list[Path]]:
             file = getattr(sys.modules[name], "__file__", None)
             if file and name.partition(".")[0] != "symgen" and _is_users(Path(file).resolve()):
                 found.append(Path(file))
-                del sys.modules[name]  # so that the next time its file is read again
+                if not file.endswith(tuple(EXTENSION_SUFFIXES)):  # these can be loaded once
+                    del sys.modules[name]  # so that the next time its file is read again
         sys.modules.update(away)
 
 
@@ -166,8 +171,8 @@ def _is_beside(folder: Path, name: str) -> bool:
 
 
 def _is_users(file: Path) -> bool:
-    """Tell whether a module is neither Python's nor installed."""
+    """Tell whether a module is neither Python's nor installed, in this environment or another."""
     import sysconfig
 
-    places = [Path(sysconfig.get_path(p)).resolve() for p in ("stdlib", "platstdlib", "purelib", "platlib")]
-    return not any(file.is_relative_to(place) for place in places)
+    places = [Path(sysconfig.get_path(p)).resolve() for p in ("stdlib", "platstdlib")]
+    return _INSTALLED.isdisjoint(file.parts) and not any(file.is_relative_to(place) for place in places)

@@ -45,7 +45,10 @@ def kinematics(
     as_json: JsonOption = False,
     backend: BackendOption = "auto",
 ) -> None:
-    """Follow a driven linkage: positions, velocities, accelerations, dead centres."""
+    """Follow a driven linkage, and find its dead centres.
+
+    Positions, velocities and accelerations are shown.
+    """
     from symgen.errors import ModelError
 
     model = linkage(scene, set_, backend, "kinematics")
@@ -69,7 +72,7 @@ def kinematics(
 def equilibrium(
     scene: SceneArgument, set_: SetOption = None, as_json: JsonOption = False, backend: BackendOption = "auto"
 ) -> None:
-    """Find the static equilibrium downhill from the start of a scene."""
+    """Find the static equilibrium downhill from the start."""
     model = linkage(scene, set_, backend, "equilibrium")
     found = model.equilibrium()
     if as_json:
@@ -98,7 +101,10 @@ def modes(
     as_json: JsonOption = False,
     backend: BackendOption = "auto",
 ) -> None:
-    """Find frequencies and shapes of small oscillations: about equilibrium, or of elastic links in a pose."""
+    """Find frequencies and shapes of small oscillations.
+
+    They are those about equilibrium, or of elastic links in a pose.
+    """
     from symgen.errors import ModelError
     from symgen.pipeline import build_scene as build_model
     from symgen.runtime.elastic_model import ElasticModel
@@ -159,7 +165,10 @@ def forces(
     as_json: JsonOption = False,
     backend: BackendOption = "auto",
 ) -> None:
-    """Find joint, section and driving forces of a driven linkage, all its links taken as rigid."""
+    """Find joint, section and driving forces of a driven linkage.
+
+    All its links are taken as rigid.
+    """
     from symgen.errors import ModelError
     from symgen.runs import angles
 
