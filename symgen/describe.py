@@ -115,8 +115,7 @@ def _of_loop(loop: Loop, program: Program, equations: str) -> LoopDescription:
 
 
 def _of_linkage(linkage: Linkage, program: Program, equations: str) -> Description:
-    from symgen.runtime.description import Description, EventInfo, kernel_infos
-    from symgen.symbolic.quantity import AXES
+    from symgen.runtime.description import Description, EventInfo, PlaneInfo, kernel_infos
 
     kernels = {k.name: k for k in program.kernels}
     solution = {b.name: b for b in kernels["accelerations"].blocks}
@@ -126,7 +125,7 @@ def _of_linkage(linkage: Linkage, program: Program, equations: str) -> Descripti
         file=linkage.file,
         title=program.title,
         equations=equations,
-        axes=tuple(AXES[: linkage.dimension]),
+        axes=linkage.axes,
         points=tuple(p.name for p in linkage.points),
         free=tuple(dict.fromkeys(r.rpartition("_")[0] for r in solution["accelerations"].rows)),
         ground=tuple(p.name for p in linkage.points if p.ground),
@@ -146,6 +145,7 @@ def _of_linkage(linkage: Linkage, program: Program, equations: str) -> Descripti
         rank_tolerance=float(program.rank_tolerance),
         references=program.references,
         left_out=program.left_out,
+        plane=PlaneInfo(linkage.plane.across, float(linkage.plane.level)) if linkage.plane else None,
         elastic=_elastic(linkage) if linkage.elastic else None,
         events=tuple(EventInfo(e.name, e.unit, e.direction, e.ends_run, e.about) for e in linkage.events),
     )

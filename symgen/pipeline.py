@@ -195,6 +195,13 @@ def _model(
         return _analysis(text, made, description, kind, lambda: _linkage(text), of)
 
     analyses = cache(analysis)
+    if description.plane is not None:
+        from symgen.runtime.in_its_plane import ModelInItsPlane
+
+        in_space = cache(lambda: _made_of(text, base, "in-space", lambda: _linkage(text).as_written))
+        return ModelInItsPlane(
+            description, library, equations, analyses=analyses, typed=typed, in_space=in_space
+        )
     model = Model(description, library, equations, analyses=analyses, typed=typed)
     if description.elastic is None:
         return model
@@ -228,10 +235,16 @@ def _typed(text: SceneText, tools: Tools, base: Described, lanes: bool) -> Libra
 def compile_scene(text: SceneText, tools: Tools, folder: Path) -> tuple[Any, Library]:
     """Run the whole pipeline into a folder: sources, library and description."""
     with no_collection():
-        from symgen.models.system import with_redundancy
         from symgen.scene.resolve import resolve
 
         resolved = resolve(check_scene(text))  # SceneText -> Scene -> Linkage | Loop
+    return _of_resolved(resolved, tools, folder)
+
+
+def _of_resolved(resolved: Linkage | Loop, tools: Tools, folder: Path) -> tuple[Any, Library]:
+    with no_collection():
+        from symgen.models.system import with_redundancy
+
         system = system_of(resolved)  # Linkage | Loop -> System
     description, library = _compiled(resolved, system, tools, folder)
     # That constraints are redundant shows at the start only: then the factorisation must expect it.
@@ -304,7 +317,6 @@ def _analysis(
 
 def _in_segments(text: SceneText, tools: Tools, base: Description, count: int) -> Model:
     """Return the linkage of a scene with its elastic links as rods with springs between them."""
-    from symgen.runtime.model import Model
 
     def linkage() -> Linkage:
         from symgen.scene.segments import segmented
@@ -313,17 +325,17 @@ def _in_segments(text: SceneText, tools: Tools, base: Description, count: int) -
         places = {p: base.start[size * i : size * (i + 1)] for i, p in enumerate(base.free)}
         return segmented(_linkage(text), count, places)
 
+    return _made_of(text, tools, f"segments-{count}", linkage)
+
+
+def _made_of(text: SceneText, tools: Tools, name: str, linkage: Callable[[], Linkage]) -> Model:
+    """Return the model of a linkage that was made of that of a scene; ``name`` says how."""
+    from symgen.runtime.model import Model
+
     def equations() -> Any:
         return system_of(linkage()).by_name()
 
-    def make(folder: Path) -> tuple[Description, Library]:
-        with no_collection():
-            made = linkage()
-            system = system_of(made)
-        return _compiled(made, system, tools, folder)
-
-    name = f"segments-{count}"
-    description, library = tools.cached(text, name, make)
+    description, library = tools.cached(text, name, lambda folder: _of_resolved(linkage(), tools, folder))
     analyses = cache(lambda kind, _: _analysis(text, tools, description, kind, linkage, name))
     return Model(description, library, equations, analyses=analyses)
 

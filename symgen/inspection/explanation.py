@@ -33,6 +33,8 @@ def explanation(scene: str, changes: Mapping[str, Any]) -> Iterator[str]:
         yield from structure(resolved)
         whole, what = general(resolved), "any masses, lengths, centres, inertias and gravity"
         yield from saving_lines(system, system_of(whole), what)
+        if resolved.plane:
+            yield from saving_lines(system, system_of(resolved.as_written), "motion across its plane")
     else:
         yield from loop_structure(resolved, system)
         yield from saving_lines(system, system_of(general_loop(resolved)), "general offsets")

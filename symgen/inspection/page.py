@@ -142,7 +142,7 @@ def _of_linkage(linkage: Linkage, model: Any) -> tuple[Fact, ...]:
     d = model.description
     redundant = len(model.redundant)
     facts = [
-        Fact("linkage", "in the plane" if linkage.dimension == 2 else "in space"),
+        Fact("linkage", _where(linkage)),
         Fact("points and links", f"{len(d.points)} and {len(linkage.links) + len(linkage.bodies)}"),
         Fact("coordinates", str(d.coordinates)),
         Fact("constraints", f"{len(d.constraints)}" + (f", {redundant} redundant" if redundant else "")),
@@ -152,6 +152,13 @@ def _of_linkage(linkage: Linkage, model: Any) -> tuple[Fact, ...]:
         facts.append(Fact("elastic links", ", ".join(b.info.link for b in model.beams)))
         facts.append(Fact("elastic unknowns", str(model.unknowns)))
     return tuple(facts)
+
+
+def _where(linkage: Linkage) -> str:
+    """Return in what the linkage moves."""
+    if linkage.plane:
+        return f"in space, stays in the plane {linkage.plane}"
+    return "in the plane" if linkage.dimension == 2 else "in space"
 
 
 def _main(kernels: tuple[Kernel, ...]) -> str:

@@ -63,8 +63,15 @@ def structure(linkage: Linkage) -> Iterator[str]:
         yield from (f"  {label}" for label in labels)
     if model.idle:
         yield "left out: " + ", ".join(f"link {name} lies between fixed points" for name in model.idle)
+    if linkage.plane:
+        yield (
+            f"left out: motion across the plane {linkage.plane}, for all points, loads and starts lie in it; "
+            "equilibria and modes have it"
+        )
+    elif linkage.leaves_plane:
+        yield f"derived in space: {linkage.leaves_plane}"
     absent = [what for field, what in _PARTS.items() if not any(getattr(linkage, field))]
-    if linkage.dimension == 2:
+    if linkage.as_written.dimension == 2:
         absent.insert(0, "the third axis")
     if not any(x.offset for x in linkage.links) and linkage.links:
         absent.append("centres of mass off the lines of the links")

@@ -69,9 +69,12 @@ def _assemble(model: RodsModel) -> System:
             _rank_tolerance(linkage),
         ),
         references=(REFERENCE,),
-        left_out=tuple(
-            f"link {name}: both ends are ground, so it neither moves nor loads anything"
-            for name in model.idle
+        left_out=(
+            *(
+                f"link {name}: both ends are ground, so it neither moves nor loads anything"
+                for name in model.idle
+            ),
+            *((f"motion across the plane {linkage.plane}",) if linkage.plane else ()),
         ),
     )
 
@@ -216,12 +219,12 @@ def _points(model: RodsModel) -> list[NamedMatrix]:
             unit,
             f"{name.replace('point_', '')} of all points",
             rows=points,
-            columns=model.axes,
+            columns=model.shown_axes,
         )
         for name, of_point, unit in (
-            ("positions", model.position, "m"),
-            ("velocities", model.velocity, "m/s"),
-            ("point_accelerations", model.acceleration, "m/s^2"),
+            ("positions", model.shown_position, "m"),
+            ("velocities", lambda p: model.shown(model.velocity(p)), "m/s"),
+            ("point_accelerations", lambda p: model.shown(model.acceleration(p)), "m/s^2"),
         )
     ]
     if model.loads.divided:
@@ -233,11 +236,11 @@ def _points(model: RodsModel) -> list[NamedMatrix]:
             named(
                 model,
                 "reactions",
-                [component for p in model.ground for component in model.residual(p)],
+                [component for p in model.ground for component in model.shown(model.residual(p))],
                 "N",
                 "force of the ground on the linkage at each ground point",
                 rows=model.ground,
-                columns=model.axes,
+                columns=model.shown_axes,
             )
         )
     return made

@@ -46,6 +46,14 @@ class EventInfo:
 
 
 @dataclass(frozen=True, slots=True)
+class PlaneInfo:
+    """Where a linkage written in space stays: its coordinate [m] on the axis of this number is constant."""
+
+    across: int
+    level: float
+
+
+@dataclass(frozen=True, slots=True)
 class KernelInfo:
     """Sizes, results and cost of a kernel."""
 
@@ -97,6 +105,7 @@ class Described(ABC):
 class Description(Described):
     """What the runtime needs to know of a linkage of points and links.
 
+    ``axes`` are those of coordinates, in ``plane`` where a linkage written in space stays in one.
     ``free`` are the points that have coordinates; ``links`` holds the points of each link; ``labels`` say
     what each constraint is called in messages. ``start`` holds the coordinates and then the velocities at
     the scene's own parameters, ``first_pivot`` is where the kernel 'factor' leaves its pivots in ``work``.
@@ -116,6 +125,7 @@ class Description(Described):
     t_end: float
     assembly_tolerance: float
     rank_tolerance: float
+    plane: PlaneInfo | None = None
     elastic: ElasticInfo | None = None
     events: tuple[EventInfo, ...] = ()
 
@@ -123,6 +133,11 @@ class Description(Described):
     def coordinates(self) -> int:
         """Number of coordinates."""
         return len(self.free) * len(self.axes)
+
+    @property
+    def shown_axes(self) -> tuple[str, ...]:
+        """Names of the axes that the scene is written in, and that results have."""
+        return ("x", "y", "z") if self.plane else self.axes
 
     def unknown(self, index: int) -> str:
         """Return what an unknown of the equations of motion is called in messages."""
@@ -244,7 +259,10 @@ def read_description(text: str) -> Description | LoopDescription | SystemDescrip
         return SystemDescription(**{**data, "arrays": arrays})
     if "variables" not in data:
         events = tuple(EventInfo(**e) for e in data["events"])
-        return Description(**{**data, "elastic": read_elastic(data["elastic"]), "events": events})
+        plane = data["plane"] and PlaneInfo(**data["plane"])
+        return Description(
+            **{**data, "elastic": read_elastic(data["elastic"]), "events": events, "plane": plane}
+        )
     data["variables"] = tuple(VariableInfo(**v) for v in data["variables"])
     return LoopDescription(**data)
 

@@ -160,8 +160,7 @@ class Model(Compiled):
         reactions = {}
         if self._evaluator.has("reactions"):
             found = self._evaluator.blocks("reactions", state.t, state.q, state.u, work)
-            rows = found["reactions"].reshape(len(d.ground), len(d.axes))
-            reactions = dict(zip(d.ground, rows, strict=True))
+            reactions = dict(zip(d.ground, found["reactions"], strict=True))
         open_rows = not_unique(self._evaluator, state.t, state.q, len(redundant))
         multipliers = dict(zip(d.constraints, work[n:-1].tolist(), strict=True))
         return Accelerations(points, multipliers, reactions, tuple(d.constraints[i] for i in open_rows))

@@ -206,6 +206,10 @@ class Analysis(Table):
     assembly_tolerance: Value | None = Field(
         default=None, description="By how much redundant constraints may contradict the others."
     )
+    motion: Literal["space"] | None = Field(
+        default=None,
+        description="space: derive a linkage with three coordinates in space though it stays in a plane.",
+    )
     outputs: list[str] | None = Field(
         default=None, description="What a run records, such as C.position, OA.tension, O.reaction, energy."
     )
@@ -258,6 +262,8 @@ class Scene(Table):
 
     def _check_kind(self) -> None:
         """Raise SceneError unless it is made of points and links, or of a loop."""
+        if self.loop is not None and self.analysis.motion:
+            raise SceneError("a loop moves as its joints let it", where="analysis.motion")
         if self.loop is None:
             for key in ("points", "links"):
                 if key not in self.model_fields_set:
