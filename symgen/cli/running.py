@@ -24,6 +24,7 @@ from symgen.cli.common import (
     console,
     print_json,
     progress_bar,
+    show_motion,
     write_files,
 )
 
@@ -132,8 +133,9 @@ def run(
         _studies(scene, study, others, set_, as_json, backend)
         return
     from symgen.errors import ModelError, SimulationError
-    from symgen.pipeline import build_scene as build_model
+    from symgen.pipeline import build_asked as build_model
     from symgen.runtime.elastic_model import ElasticModel
+    from symgen.runtime.kinematic_model import KinematicModel
     from symgen.runtime.loop_model import LoopModel
 
     check_files(out, plot)
@@ -165,6 +167,11 @@ def run(
             asked = {"t_end": t_end, **options, "through": through or None, **of_elastic}
             with progress_bar(model.description.title, as_json) as progress:
                 result = elastic_run(model, at, samples, asked, progress)
+        elif isinstance(model, KinematicModel):
+            from symgen.runs import kinematic_run
+
+            asked = {"at": at or None, **options}
+            result = kinematic_run(model, t_end, samples, through, asked)
         elif model.is_driven or at or through:
             from symgen.runs import driven_run
 
@@ -202,9 +209,12 @@ def _of_linkages(model: Any, driven: bool, **given: Any) -> dict[str, Any]:
 def _show(result: Result, of_loop: bool, as_json: bool) -> None:
     """Print a result: as one JSON object, or as tables."""
     from symgen.runtime.elastic_result import ElasticResult
+    from symgen.runtime.motion import Motion
     from symgen.runtime.turn import Turn
 
-    if as_json:
+    if isinstance(result, Motion):
+        show_motion(result, as_json)
+    elif as_json:
         print_json(result.summary())
     elif isinstance(result, ElasticResult):
         from symgen.report.elastic import print_elastic_result

@@ -50,17 +50,17 @@ def scene_page(text: SceneText, *, speed: bool, told: Told) -> Page:
     SceneError, BuildError, CacheError
         As when the scene is built.
     """
-    told("deriving")
     checked = check_scene(text)
+    told("building")
+    model = build_scene(text)
+    told("deriving")
     resolved = resolve(checked)
     system = system_of(resolved)
     derivation = record(resolved, system)
     systems = _distinct([system, *(step.system for step in derivation)])
-    told("building")
     program = lower_system(system)
     equations = equations_hash(program, Target())
     unit = unit_view(program, Target(), equations)
-    model = build_scene(text)
     found = measure(model, text, speed=speed, told=told)
     told("drawing")
     drawn = drawing(sketch(resolved, model, found.result))

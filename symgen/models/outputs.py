@@ -127,6 +127,8 @@ OF_THE_WHOLE: dict[str, Callable[[RodsModel], Entries]] = {
     "momentum": _momentum,
     "angular_momentum": _angular_momentum,
 }
+#: Outputs that take no masses and no forces.
+KINEMATIC = ("position", "velocity", "acceleration", "angle", "angular_velocity")
 #: Outputs of a point of a link.
 OF_JOINTS: dict[str, Callable[[RodsModel, str, str], Entries]] = {"force": _force}
 
@@ -142,7 +144,7 @@ def asked(model: RodsModel) -> list[NamedMatrix]:
                 if p not in model.ground and not model.linkage.point(p).hidden
                 for word in ("position", "velocity")
             ),
-            "energy",
+            *(() if model.linkage.kinematic else ("energy",)),
         )
     found = []
     for i, name in enumerate(names):
@@ -159,6 +161,11 @@ def asked(model: RodsModel) -> list[NamedMatrix]:
 
 def _entries(model: RodsModel, name: str) -> Entries:
     owner, _, word = name.rpartition(".")
+    if model.linkage.kinematic and word not in KINEMATIC:
+        raise SceneError(
+            f"{name!r} is no output of kinematics: those are {', '.join(KINEMATIC)}",
+            hint='For forces and energies write kind = "dynamics" under [analysis].',
+        )
     if not owner:
         if word in OF_THE_WHOLE:
             return OF_THE_WHOLE[word](model)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from symgen.errors import SceneError
+from symgen.models.driven import LEFT_OUT
 from symgen.models.rods import RodsModel
 from symgen.scene.linkage import Linkage
 
@@ -36,7 +37,8 @@ def structure(linkage: Linkage) -> Iterator[str]:
     """
     try:
         model = RodsModel(linkage)
-        model.check_masses()
+        if not linkage.kinematic:
+            model.check_masses()
     except SceneError as error:
         raise error.located(file=linkage.file) from None
     yield f"ground: {', '.join(model.ground) or 'none, the linkage floats'}"
@@ -63,6 +65,8 @@ def structure(linkage: Linkage) -> Iterator[str]:
         yield from (f"  {label}" for label in labels)
     if model.idle:
         yield "left out: " + ", ".join(f"link {name} lies between fixed points" for name in model.idle)
+    if linkage.kinematic:
+        yield f"left out: {LEFT_OUT}"
     if linkage.plane:
         yield (
             f"left out: motion across the plane {linkage.plane}, for all points, loads and starts lie in it; "

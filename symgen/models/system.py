@@ -134,13 +134,7 @@ def _order(model: RodsModel) -> tuple[int, ...]:
 
 def _equations(model: RodsModel) -> list[NamedMatrix]:
     q = [x.symbol for x in model.coordinates]
-    names, rows = [s.name for s in q], [c.name for c in model.constraints]
-    rate = model.calculus.rate
-    units = {c.unit for c in model.constraints}
-    unit = units.pop() if len(units) == 1 else "m^2, m"
-    rate_unit, rhs_unit, slope_unit = (
-        ", ".join(_OF_CONSTRAINT[x][i] for x in unit.split(", ")) for i in range(3)
-    )
+    names = [s.name for s in q]
     energies = [
         named(model, "kinetic_energy", [model.kinetic_energy], "J", "kinetic energy"),
         named(model, "potential_energy", [model.potential_energy], "J", "potential of gravity and springs"),
@@ -160,6 +154,22 @@ def _equations(model: RodsModel) -> list[NamedMatrix]:
             symmetric=True,
         ),
         named(model, "force", model.applied, "N", "applied forces, f", rows=names),
+        *bonds(model),
+        *energies,
+    ]
+
+
+def bonds(model: RodsModel) -> list[NamedMatrix]:
+    """Return the constraints with their derivatives."""
+    q = [x.symbol for x in model.coordinates]
+    names, rows = [s.name for s in q], [c.name for c in model.constraints]
+    rate = model.calculus.rate
+    units = {c.unit for c in model.constraints}
+    unit = units.pop() if len(units) == 1 else "m^2, m"
+    rate_unit, rhs_unit, slope_unit = (
+        ", ".join(_OF_CONSTRAINT[x][i] for x in unit.split(", ")) for i in range(3)
+    )
+    return [
         named(
             model,
             "constraints",
@@ -201,7 +211,6 @@ def _equations(model: RodsModel) -> list[NamedMatrix]:
             "right-hand side gamma of J a = gamma",
             rows=rows,
         ),
-        *energies,
     ]
 
 
@@ -209,9 +218,10 @@ def _equations(model: RodsModel) -> list[NamedMatrix]:
 _OF_CONSTRAINT = {"m^2": ("m^2/s", "m^2/s^2", "m"), "m": ("m/s", "m/s^2", "1")}
 
 
-def _points(model: RodsModel) -> list[NamedMatrix]:
+def places(model: RodsModel) -> list[NamedMatrix]:
+    """Return positions, velocities and accelerations of all points."""
     points = [p.name for p in model.linkage.points]
-    made = [
+    return [
         named(
             model,
             name,
@@ -227,6 +237,10 @@ def _points(model: RodsModel) -> list[NamedMatrix]:
             ("point_accelerations", lambda p: model.shown(model.acceleration(p)), "m/s^2"),
         )
     ]
+
+
+def _points(model: RodsModel) -> list[NamedMatrix]:
+    made = places(model)
     if model.loads.divided:
         rows, lengths = zip(*model.loads.divided, strict=True)
         about = "length of every spring and actuator whose force has a direction"
@@ -260,8 +274,18 @@ def _events(model: RodsModel) -> list[NamedMatrix]:
 
 def _exports(model: RodsModel) -> list[Export]:
     energies = ("kinetic_energy", "potential_energy") + (("power",) if model.power != 0 else ())
+    exports = [Export("energy", "kinetic and potential energy", energies), *kinematic_exports(model)]
+    if model.loads.divided:
+        about = "lengths of springs and actuators, by which their forces are divided"
+        exports.append(Export("line_lengths", about, ("line_lengths",)))
+    if model.ground:
+        exports.append(Export("reactions", "reactions at the ground points", ("reactions",)))
+    return exports
+
+
+def kinematic_exports(model: RodsModel) -> list[Export]:
+    """Return the kernels of places and of constraints."""
     exports = [
-        Export("energy", "kinetic and potential energy", energies),
         Export("points", "position and velocity of all points", ("positions", "velocities")),
         Export("point_accelerations", "acceleration of all points", ("point_accelerations",)),
     ]
@@ -271,9 +295,4 @@ def _exports(model: RodsModel) -> list[Export]:
             Export("velocity_constraints", "rate of the constraints", ("velocity_constraints",)),
             Export("constraint_jacobian", "constraint Jacobian", ("constraint_jacobian",)),
         ]
-    if model.loads.divided:
-        about = "lengths of springs and actuators, by which their forces are divided"
-        exports.append(Export("line_lengths", about, ("line_lengths",)))
-    if model.ground:
-        exports.append(Export("reactions", "reactions at the ground points", ("reactions",)))
     return exports

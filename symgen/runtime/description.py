@@ -105,10 +105,11 @@ class Described(ABC):
 class Description(Described):
     """What the runtime needs to know of a linkage of points and links.
 
-    ``axes`` are those of coordinates, in ``plane`` where a linkage written in space stays in one.
-    ``free`` are the points that have coordinates; ``links`` holds the points of each link; ``labels`` say
-    what each constraint is called in messages. ``start`` holds the coordinates and then the velocities at
-    the scene's own parameters, ``first_pivot`` is where the kernel 'factor' leaves its pivots in ``work``.
+    ``free`` are the points that have coordinates, along ``axes``: those of ``plane`` where a linkage written
+    in space stays in one. ``links`` holds the points of each link; ``labels`` say what each constraint is
+    called in messages. ``kinematic`` tells that there is no dynamics. ``start`` holds the coordinates and
+    then the velocities at the scene's own parameters, ``first_pivot`` is where the kernel 'factor' leaves its
+    pivots in ``work``.
     """
 
     axes: tuple[str, ...]
@@ -126,6 +127,7 @@ class Description(Described):
     assembly_tolerance: float
     rank_tolerance: float
     plane: PlaneInfo | None = None
+    kinematic: bool = False
     elastic: ElasticInfo | None = None
     events: tuple[EventInfo, ...] = ()
 

@@ -286,7 +286,8 @@ class Linkage:
     """A linkage, resolved: exact expressions over the tunable parameters and time, in SI units.
 
     ``plane`` is where a linkage written in space stays: all else is by components in it then.
-    ``leaves_plane`` says by what a linkage in space leaves every coordinate plane.
+    ``leaves_plane`` says by what a linkage in space leaves every coordinate plane; ``kinematic`` that nothing
+    is asked but the motion that the drives prescribe.
     """
 
     name: str
@@ -317,6 +318,7 @@ class Linkage:
     events: tuple[Event, ...] = ()
     plane: Plane | None = None
     leaves_plane: str = ""
+    kinematic: bool = False
 
     @property
     def axes(self) -> tuple[str, ...]:

@@ -95,12 +95,15 @@ def _linkage(scene: Scene) -> Linkage:
         stations=tuple(stations(read, links, elastic)),
         distributed=tuple(loads.distributed(read)),
         events=tuple(events(read)),
+        kinematic=scene.analysis.kind == "kinematics",
     )
     _check_every_point_used(scene, linkage)
     if scene.analysis.motion == "space":
         if read.dimension == 2:
             raise SceneError("points with two coordinates do not move in space", where="analysis.motion")
         return replace(linkage, leaves_plane='analysis.motion = "space"')
+    if linkage.kinematic and read.dimension == 3:
+        return replace(linkage, leaves_plane="kinematics knows no loads that keep it in a plane")
     return in_its_plane(linkage)
 
 

@@ -199,7 +199,10 @@ class Start(Table):
 class Analysis(Table):
     """What is asked of the mechanism."""
 
-    kind: Literal["dynamics"] = "dynamics"
+    kind: Literal["dynamics", "kinematics"] = Field(
+        default="dynamics",
+        description="kinematics: positions, velocities and accelerations of a driven linkage, and no forces.",
+    )
     t_end: Value = Field(
         default="1 s", description="If absent one turn of the crank where links are elastic."
     )
@@ -262,8 +265,10 @@ class Scene(Table):
 
     def _check_kind(self) -> None:
         """Raise SceneError unless it is made of points and links, or of a loop."""
-        if self.loop is not None and self.analysis.motion:
-            raise SceneError("a loop moves as its joints let it", where="analysis.motion")
+        asked = self.analysis
+        for key, given in (("motion", asked.motion), ("kind", asked.kind != "dynamics")):
+            if self.loop is not None and given:
+                raise SceneError("of a loop, its outputs say what is derived", where=f"analysis.{key}")
         if self.loop is None:
             for key in ("points", "links"):
                 if key not in self.model_fields_set:
