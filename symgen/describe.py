@@ -49,10 +49,14 @@ def _with_state(description: Description, library: Library) -> Description:
 
     from symgen.runtime.evaluate import Evaluator
     from symgen.runtime.initial import start
-    from symgen.runtime.kinematic_model import posed
 
     evaluator = Evaluator(description, library, np.array([p.default for p in description.parameters]))
-    found = posed(evaluator) if description.kinematic else start(evaluator)
+    if description.kinematic:
+        from symgen.runtime.kinematic_model import posed
+
+        found = posed(evaluator)
+    else:
+        found = start(evaluator)
     return replace(description, start=(*found.q.tolist(), *found.u.tolist()), redundant=found.redundant)
 
 

@@ -101,14 +101,17 @@ def build_scene(scene: Scene | SceneText | str | os.PathLike[str], **options: An
 
 def with_forces(made: _Mechanism) -> _WithForces:
     """Return a model as one that has forces; raise ModelError where its scene asks for kinematics alone."""
-    from symgen.runtime.kinematic_model import KinematicModel
-
-    if isinstance(made, KinematicModel):
+    if is_kinematic(made):
         raise ModelError(
             f"{made.name} asks for kinematics, so that it has no forces\n"
             '  Write kind = "dynamics" under [analysis], or give --set analysis.kind=dynamics.'
         )
-    return made
+    return cast("_WithForces", made)
+
+
+def is_kinematic(made: _Mechanism) -> bool:
+    """Tell whether a model has no forces, without loading what such models need."""
+    return bool(getattr(made.description, "kinematic", False))
 
 
 def build_asked(

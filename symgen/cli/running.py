@@ -134,14 +134,14 @@ def run(
         return
     from symgen.errors import ModelError, SimulationError
     from symgen.pipeline import build_asked as build_model
+    from symgen.pipeline import is_kinematic
     from symgen.runtime.elastic_model import ElasticModel
-    from symgen.runtime.kinematic_model import KinematicModel
     from symgen.runtime.loop_model import LoopModel
 
     check_files(out, plot)
     types: dict[str, Any] = {"precision": precision, "digits": digits}
     types |= {"contraction": contraction, "vector": vector}
-    model = build_model(scene, set=changes(set_), backend=backend, **types)
+    model: Any = build_model(scene, set=changes(set_), backend=backend, **types)
     options: dict[str, Any] = {"method": method, "rtol": rtol, "atol": atol, "step": step}
     of_elastic = {"revolutions": revolutions, "steps": steps, "segments": segments, "form": form}
     of_elastic["geometric_stiffness"] = geometric_stiffness
@@ -167,7 +167,7 @@ def run(
             asked = {"t_end": t_end, **options, "through": through or None, **of_elastic}
             with progress_bar(model.description.title, as_json) as progress:
                 result = elastic_run(model, at, samples, asked, progress)
-        elif isinstance(model, KinematicModel):
+        elif is_kinematic(model):
             from symgen.runs import kinematic_run
 
             asked = {"at": at or None, **options}
