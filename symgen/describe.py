@@ -50,7 +50,13 @@ def _with_state(description: Description, library: Library) -> Description:
     from symgen.runtime.evaluate import Evaluator
     from symgen.runtime.initial import start
 
-    found = start(Evaluator(description, library, np.array([p.default for p in description.parameters])))
+    evaluator = Evaluator(description, library, np.array([p.default for p in description.parameters]))
+    if description.kinematic:
+        from symgen.runtime.kinematic_model import posed
+
+        found = posed(evaluator)
+    else:
+        found = start(evaluator)
     return replace(description, start=(*found.q.tolist(), *found.u.tolist()), redundant=found.redundant)
 
 
@@ -115,27 +121,24 @@ def _of_loop(loop: Loop, program: Program, equations: str) -> LoopDescription:
 
 
 def _of_linkage(linkage: Linkage, program: Program, equations: str) -> Description:
-    from symgen.runtime.description import Description, EventInfo, kernel_infos
-    from symgen.symbolic.quantity import AXES
+    from symgen.runtime.description import Description, EventInfo, PlaneInfo, kernel_infos
 
     kernels = {k.name: k for k in program.kernels}
-    solution = {b.name: b for b in kernels["accelerations"].blocks}
-    work = next(slots for name, _, slots in program.groups if name == "work")
+    slots = {name: slots for name, _, slots in program.groups}
+    multipliers = [s for s in slots["work"] if s.name.endswith("_lambda")]
     return Description(
         name=program.name,
         file=linkage.file,
         title=program.title,
         equations=equations,
-        axes=tuple(AXES[: linkage.dimension]),
+        axes=linkage.axes,
         points=tuple(p.name for p in linkage.points),
-        free=tuple(dict.fromkeys(r.rpartition("_")[0] for r in solution["accelerations"].rows)),
+        free=tuple(dict.fromkeys(s.name.rpartition("_")[0] for s in slots["q"])),
         ground=tuple(p.name for p in linkage.points if p.ground),
         links={k.name: [k.start, k.end, *(p.name for p in k.carried)] for k in linkage.links},
-        constraints=tuple(r.removesuffix("_lambda") for r in solution["multipliers"].rows),
-        labels=tuple(
-            s.description.removeprefix("multiplier of ") for s in work if s.name.endswith("_lambda")
-        ),
-        work_of_loads=any(b.name == "power" for b in kernels["energy"].blocks),
+        constraints=tuple(s.name.removesuffix("_lambda") for s in multipliers),
+        labels=tuple(s.description.removeprefix("multiplier of ") for s in multipliers),
+        work_of_loads="energy" in kernels and any(b.name == "power" for b in kernels["energy"].blocks),
         parameters=_parameters(linkage.parameters),
         kernels=kernel_infos(program.kernels),
         first_pivot=program.pivots,
@@ -146,8 +149,14 @@ def _of_linkage(linkage: Linkage, program: Program, equations: str) -> Descripti
         rank_tolerance=float(program.rank_tolerance),
         references=program.references,
         left_out=program.left_out,
-        elastic=_elastic(linkage) if linkage.elastic else None,
-        events=tuple(EventInfo(e.name, e.unit, e.direction, e.ends_run, e.about) for e in linkage.events),
+        plane=PlaneInfo(linkage.plane.across, float(linkage.plane.level)) if linkage.plane else None,
+        kinematic=linkage.kinematic,
+        elastic=_elastic(linkage) if linkage.elastic and not linkage.kinematic else None,
+        events=tuple(
+            EventInfo(e.name, e.unit, e.direction, e.ends_run, e.about)
+            for e in linkage.events
+            if not linkage.kinematic
+        ),
     )
 
 

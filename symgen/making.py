@@ -11,9 +11,10 @@ from typing import TYPE_CHECKING, Any
 
 from symgen import graph
 from symgen.cache import Cache, Entry, key
-from symgen.compiler import DEFAULT, OF_CORE, OF_FUNCTIONS, OF_LANES, Compilation, Compiler
-from symgen.errors import BuildError, CacheError
+from symgen.compiler import DEFAULT, OF_CORE, OF_FUNCTIONS, OF_LANES, Compilation, Compiler, find_compiler
+from symgen.errors import BuildError, CacheError, ModelError, nearest
 from symgen.precision import FLOAT64, Precision
+from symgen.precision import precision as precision_named
 
 if TYPE_CHECKING:
     from symgen.codegen.source import SourceFile
@@ -24,6 +25,13 @@ if TYPE_CHECKING:
     from symgen.scene.loading import SceneText
     from symgen.symbolic.system import System
 
+BACKENDS = ("auto", "c", "numpy", "mpmath")
+#: Digits of the backend mpmath where none are asked for.
+DIGITS = 40
+GET_A_COMPILER = (
+    "Install one: 'apt install gcc' or 'dnf install gcc' on Linux, 'xcode-select --install' on macOS; "
+    "or name it in CC."
+)
 _DESCRIPTION, _LIBRARY = "description.json", "kernels.so"
 #: Digits of constants beyond those that mpmath works with.
 _GUARD = 10
@@ -219,3 +227,30 @@ def no_collection() -> Iterator[None]:
     finally:
         if enabled:
             gc.enable()
+
+
+def tools_for(backend: str, precision: str, digits: int | None, contraction: str, vector: str) -> Tools:
+    """Return the tools that options ask for; raise ModelError where they do not go together."""
+    if backend not in BACKENDS:
+        raise ModelError(f"there is no backend {backend!r}. {nearest(backend, BACKENDS)}")
+    wanted = precision_named(precision)
+    compiler = None if backend == "numpy" else find_compiler()
+    if compiler is None and backend == "c":
+        raise ModelError(f"the backend 'c' needs a C compiler, and there is none. {GET_A_COMPILER}")
+    if compiler is None and wanted.low:
+        raise ModelError(f"{wanted.name} needs a C compiler: NumPy has no such type. {GET_A_COMPILER}")
+    if backend != "mpmath" and digits is not None:
+        raise ModelError(f"digits = {digits!r} goes with the backend 'mpmath', not {backend!r}")
+    if backend == "mpmath":
+        from symgen.runtime.arguments import count
+
+        digits = count(DIGITS if digits is None else digits, "digits")
+        if not 15 <= digits <= 10_000:
+            raise ModelError(f"expected between 15 and 10000 digits, got {digits}")
+        if wanted != FLOAT64:
+            raise ModelError(f"the backend 'mpmath' has digits, not a precision, got {precision!r}")
+    if compiler is None and (contraction, vector) != ("off", "none"):
+        raise ModelError("contraction and vector are options of a C compiler, and none is used")
+    if compiler:
+        compiler = compiler.with_options(contraction, vector)
+    return Tools(compiler, wanted, digits or 0, contraction, vector)

@@ -8,25 +8,20 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 from symgen import tuning
-from symgen.compiler import find_compiler
 from symgen.describe import describe, with_start
-from symgen.errors import (
-    ModelError,
-    SlowBackendWarning,
-    nearest,
-)
-from symgen.making import Tools, no_collection
+from symgen.errors import ModelError, SlowBackendWarning
+from symgen.making import GET_A_COMPILER, Tools, no_collection, tools_for
 from symgen.own import is_own, load
 from symgen.precision import FLOAT64
-from symgen.precision import precision as precision_named
 from symgen.scene.loading import SceneText, check_scene, override, read_scene
 
 if TYPE_CHECKING:
     from symgen.runtime.description import Described, Description
     from symgen.runtime.elastic_model import ElasticModel
+    from symgen.runtime.kinematic_model import KinematicModel
     from symgen.runtime.library import Library
     from symgen.runtime.loop_model import LoopModel
     from symgen.runtime.model import Model
@@ -36,9 +31,8 @@ if TYPE_CHECKING:
     from symgen.scene.schema import Scene
     from symgen.symbolic.system import System
 
-BACKENDS = ("auto", "c", "numpy", "mpmath")
-#: Digits of the backend mpmath where none are asked for.
-DIGITS = 40
+    _WithForces = Model | LoopModel | ElasticModel
+    _Mechanism = _WithForces | KinematicModel
 
 
 def build(
@@ -50,11 +44,12 @@ def build(
     digits: int | None = None,
     contraction: str = "off",
     vector: str = "none",
-) -> Model | LoopModel | ElasticModel | SystemModel:
+) -> _Mechanism | SystemModel:
     """Derive, lower, emit and compile a scene or a user's own derivation, or take it from the cache.
 
     Returns a :class:`~symgen.runtime.model.Model`; of a scene with a link-joint table a
-    :class:`~symgen.runtime.loop_model.LoopModel`, of one with elastic links an
+    :class:`~symgen.runtime.loop_model.LoopModel`, of one that asks for kinematics a
+    :class:`~symgen.runtime.kinematic_model.KinematicModel`, of one with elastic links an
     :class:`~symgen.runtime.elastic_model.ElasticModel`; of a Python file that returns a System a
     :class:`~symgen.runtime.system_model.SystemModel`.
 
@@ -93,7 +88,33 @@ def build(
     return _own(str(scene), options, set) if is_own(scene) else _of_scene(scene, options, set)
 
 
-def build_scene(
+def build_scene(scene: Scene | SceneText | str | os.PathLike[str], **options: Any) -> _WithForces:
+    """Do the same as :func:`build` for a scene alone: for what asks for a mechanism and its forces.
+
+    Raises
+    ------
+    ModelError
+        When the scene asks for kinematics alone.
+    """
+    return with_forces(build_asked(scene, **options))
+
+
+def with_forces(made: _Mechanism) -> _WithForces:
+    """Return a model as one that has forces; raise ModelError where its scene asks for kinematics alone."""
+    if is_kinematic(made):
+        raise ModelError(
+            f"{made.name} asks for kinematics, so that it has no forces\n"
+            '  Write kind = "dynamics" under [analysis], or give --set analysis.kind=dynamics.'
+        )
+    return cast("_WithForces", made)
+
+
+def is_kinematic(made: _Mechanism) -> bool:
+    """Tell whether a model has no forces, without loading what such models need."""
+    return bool(getattr(made.description, "kinematic", False))
+
+
+def build_asked(
     scene: Scene | SceneText | str | os.PathLike[str],
     *,
     set: Mapping[str, Any] | None = None,
@@ -102,18 +123,43 @@ def build_scene(
     digits: int | None = None,
     contraction: str = "off",
     vector: str = "none",
-) -> Model | LoopModel | ElasticModel:
-    """Do the same as :func:`build` for a scene alone: for what asks for a mechanism."""
+) -> _Mechanism:
+    """Do the same as :func:`build` for a scene alone: for what evaluates what it asks for."""
     return _of_scene(scene, (backend, precision, digits, contraction, vector), set)
+
+
+def build_kinematics(
+    scene: Scene | SceneText | str | os.PathLike[str],
+    *,
+    set: Mapping[str, Any] | None = None,
+    backend: str = "auto",
+) -> KinematicModel:
+    """Build what the kinematics of a scene needs, whatever else it asks for.
+
+    Raises
+    ------
+    ModelError
+        For a link-joint table.
+    """
+    text = text_of(scene)
+    if "loop" in text.data:
+        raise ModelError(
+            f"kinematics is for linkages of points and links, and {text.name} is a link-joint table\n"
+            f"  'symgen run {text.name}' evaluates it."
+        )
+    changes, analysis = dict(set or {}), text.data.get("analysis", {})
+    if isinstance(analysis, dict) and changes.pop("analysis.kind", analysis.get("kind")) != "kinematics":
+        alone = {"kind": "kinematics", "outputs": []}
+        text = replace(text, data={**text.data, "analysis": {**analysis, **alone}})
+    made = _of_scene(text, (backend, FLOAT64.name, None, "off", "none"), changes)
+    return cast("KinematicModel", made)
 
 
 _Options = tuple[str, str, int | None, str, str]
 
 
-def _of_scene(
-    scene: Any, options: _Options, set_: Mapping[str, Any] | None
-) -> Model | LoopModel | ElasticModel:
-    tools = _tools(*options)
+def _of_scene(scene: Any, options: _Options, set_: Mapping[str, Any] | None) -> _Mechanism:
+    tools = tools_for(*options)
     text = text_of(scene)
     tunable, fixed = tuning.split(text, set_ or {})
     text = override(text, fixed)
@@ -135,41 +181,13 @@ def _of_scene(
 def _own(path: str, options: _Options, set_: Mapping[str, Any] | None) -> SystemModel:
     from symgen.own_model import build_own
 
-    tools = _tools(*options)
+    tools = tools_for(*options)
     if set_ or tools.digits or tools.precision != FLOAT64:
         raise ModelError(f"{path} is no scene: it has no values to set, and is in {FLOAT64.name}")
     return build_own(Path(path), tools)
 
 
-def _tools(backend: str, precision: str, digits: int | None, contraction: str, vector: str) -> Tools:
-    if backend not in BACKENDS:
-        raise ModelError(f"there is no backend {backend!r}. {nearest(backend, BACKENDS)}")
-    wanted = precision_named(precision)
-    compiler = None if backend == "numpy" else find_compiler()
-    if compiler is None and backend == "c":
-        raise ModelError(f"the backend 'c' needs a C compiler, and there is none. {_GET_A_COMPILER}")
-    if compiler is None and wanted.low:
-        raise ModelError(f"{wanted.name} needs a C compiler: NumPy has no such type. {_GET_A_COMPILER}")
-    if backend != "mpmath" and digits is not None:
-        raise ModelError(f"digits = {digits!r} goes with the backend 'mpmath', not {backend!r}")
-    if backend == "mpmath":
-        from symgen.runtime.arguments import count
-
-        digits = count(DIGITS if digits is None else digits, "digits")
-        if not 15 <= digits <= 10_000:
-            raise ModelError(f"expected between 15 and 10000 digits, got {digits}")
-        if wanted != FLOAT64:
-            raise ModelError(f"the backend 'mpmath' has digits, not a precision, got {precision!r}")
-    if compiler is None and (contraction, vector) != ("off", "none"):
-        raise ModelError("contraction and vector are options of a C compiler, and none is used")
-    if compiler:
-        compiler = compiler.with_options(contraction, vector)
-    return Tools(compiler, wanted, digits or 0, contraction, vector)
-
-
-def _model(
-    text: SceneText, tools: Tools, description: Any, library: Library
-) -> Model | LoopModel | ElasticModel:
+def _model(text: SceneText, tools: Tools, description: Any, library: Library) -> _Mechanism:
     from symgen.runtime.description import LoopDescription
     from symgen.runtime.typed import Typed
 
@@ -184,6 +202,10 @@ def _model(
         from symgen.runtime.loop_model import LoopModel
 
         return LoopModel(description, library, equations, typed=typed)
+    if description.kinematic:
+        from symgen.runtime.kinematic_model import KinematicModel
+
+        return KinematicModel(description, library, equations, typed=typed)
     from symgen.runtime.model import Model
 
     base = tools.in_float64
@@ -195,6 +217,13 @@ def _model(
         return _analysis(text, made, description, kind, lambda: _linkage(text), of)
 
     analyses = cache(analysis)
+    if description.plane is not None:
+        from symgen.runtime.in_its_plane import ModelInItsPlane
+
+        in_space = cache(lambda: _made_of(text, base, "in-space", lambda: _linkage(text).as_written))
+        return ModelInItsPlane(
+            description, library, equations, analyses=analyses, typed=typed, in_space=in_space
+        )
     model = Model(description, library, equations, analyses=analyses, typed=typed)
     if description.elastic is None:
         return model
@@ -228,10 +257,16 @@ def _typed(text: SceneText, tools: Tools, base: Described, lanes: bool) -> Libra
 def compile_scene(text: SceneText, tools: Tools, folder: Path) -> tuple[Any, Library]:
     """Run the whole pipeline into a folder: sources, library and description."""
     with no_collection():
-        from symgen.models.system import with_redundancy
         from symgen.scene.resolve import resolve
 
         resolved = resolve(check_scene(text))  # SceneText -> Scene -> Linkage | Loop
+    return _of_resolved(resolved, tools, folder)
+
+
+def _of_resolved(resolved: Linkage | Loop, tools: Tools, folder: Path) -> tuple[Any, Library]:
+    with no_collection():
+        from symgen.models.system import with_redundancy
+
         system = system_of(resolved)  # Linkage | Loop -> System
     description, library = _compiled(resolved, system, tools, folder)
     # That constraints are redundant shows at the start only: then the factorisation must expect it.
@@ -255,6 +290,10 @@ def system_of(resolved: Linkage | Loop) -> System:
         from symgen.models.loop import loop_system
 
         return loop_system(resolved)
+    if resolved.kinematic:
+        from symgen.models.driven import driven_system
+
+        return driven_system(resolved)
     from symgen.models.system import linkage_system
 
     return linkage_system(resolved)
@@ -304,7 +343,6 @@ def _analysis(
 
 def _in_segments(text: SceneText, tools: Tools, base: Description, count: int) -> Model:
     """Return the linkage of a scene with its elastic links as rods with springs between them."""
-    from symgen.runtime.model import Model
 
     def linkage() -> Linkage:
         from symgen.scene.segments import segmented
@@ -313,17 +351,17 @@ def _in_segments(text: SceneText, tools: Tools, base: Description, count: int) -
         places = {p: base.start[size * i : size * (i + 1)] for i, p in enumerate(base.free)}
         return segmented(_linkage(text), count, places)
 
+    return _made_of(text, tools, f"segments-{count}", linkage)
+
+
+def _made_of(text: SceneText, tools: Tools, name: str, linkage: Callable[[], Linkage]) -> Model:
+    """Return the model of a linkage that was made of that of a scene; ``name`` says how."""
+    from symgen.runtime.model import Model
+
     def equations() -> Any:
         return system_of(linkage()).by_name()
 
-    def make(folder: Path) -> tuple[Description, Library]:
-        with no_collection():
-            made = linkage()
-            system = system_of(made)
-        return _compiled(made, system, tools, folder)
-
-    name = f"segments-{count}"
-    description, library = tools.cached(text, name, make)
+    description, library = tools.cached(text, name, lambda folder: _of_resolved(linkage(), tools, folder))
     analyses = cache(lambda kind, _: _analysis(text, tools, description, kind, linkage, name))
     return Model(description, library, equations, analyses=analyses)
 
@@ -347,16 +385,10 @@ def text_of(scene: Any) -> SceneText:
     return SceneText(scene.name, scene.file, scene.model_dump(exclude_unset=True) | {"symgen": scene.symgen})
 
 
-_GET_A_COMPILER = (
-    "Install one: 'apt install gcc' or 'dnf install gcc' on Linux, 'xcode-select --install' on macOS; "
-    "or name it in CC."
-)
-
-
 def _warn(library: Library) -> None:
     what = (
         "the kernels that came with symgen are used"
         if library.backend == "shipped"
         else "the NumPy backend is used, some hundred times slower than compiled kernels"
     )
-    warnings.warn(f"no C compiler was found: {what}. {_GET_A_COMPILER}", SlowBackendWarning, stacklevel=3)
+    warnings.warn(f"no C compiler was found: {what}. {GET_A_COMPILER}", SlowBackendWarning, stacklevel=3)

@@ -15,6 +15,8 @@ from symgen.runtime.turn import Turn
 if TYPE_CHECKING:
     from symgen.runtime.elastic_model import ElasticModel
     from symgen.runtime.elastic_result import ElasticResult
+    from symgen.runtime.kinematic_model import KinematicModel
+    from symgen.runtime.motion import Motion
 
 
 def driven_run(
@@ -36,16 +38,37 @@ def driven_run(
             "--at and --through are for driven loops (scenes with a link-joint table)\n"
             "  'symgen kinematics' follows the drives of a linkage of points and links."
         )
-    given = [f"--{name.replace('_', '-')}" for name, value in options.items() if value is not None]
-    if given:
-        raise ModelError(
-            f"{', '.join(given)} does not go with a driven loop: it is evaluated over its input, not in time"
-        )
+    refuse("a driven loop: it is evaluated over its input, not in time", options)
     if not at:
         return model.turn(samples=361 if samples is None else samples, through=through)
     if samples is not None or through:
         raise ModelError(f"give --at or {'--through' if through else '--samples'}, not both")
     return model.at(at_values(model, at))
+
+
+def refuse(what: str, options: Mapping[str, Any]) -> None:
+    """Refuse options that were given where they mean nothing."""
+    given = [f"--{name.replace('_', '-')}" for name, value in options.items() if value is not None]
+    if given:
+        raise ModelError(f"{', '.join(given)} does not go with {what}")
+
+
+def kinematic_run(
+    model: KinematicModel,
+    t_end: float | None,
+    samples: int | None,
+    through: bool,
+    options: Mapping[str, Any],
+) -> Motion:
+    """Return the outputs of a scene that asks for kinematics, over its time.
+
+    Raises
+    ------
+    ModelError
+        When an option of the integration is given: nothing is integrated.
+    """
+    refuse("kinematics: its poses follow from the drives at each time", options)
+    return model.kinematics(0.0, t_end, samples=201 if samples is None else samples, through=through)
 
 
 def at_values(model: LoopModel, at: Sequence[str]) -> list[float]:

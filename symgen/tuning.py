@@ -9,9 +9,8 @@ from symgen.errors import SceneError
 from symgen.scene.loading import SceneText, check_scene
 
 if TYPE_CHECKING:
+    from symgen.runtime.compiled import Compiled
     from symgen.runtime.elastic_model import ElasticModel
-    from symgen.runtime.loop_model import LoopModel
-    from symgen.runtime.model import Model
 
 
 def split(text: SceneText, changes: Mapping[str, str]) -> tuple[dict[str, str], dict[str, str]]:
@@ -35,7 +34,7 @@ def check_values(text: SceneText) -> None:
     resolve(check_scene(text))
 
 
-def in_si(model: Model | LoopModel | ElasticModel, values: Mapping[str, str], file: str) -> dict[str, float]:
+def in_si(model: Compiled | ElasticModel, values: Mapping[str, str], file: str) -> dict[str, float]:
     """Return values of tunable parameters in SI units; raise SceneError naming one of another unit."""
     from symgen.scene.units import parse_quantity
 

@@ -70,6 +70,7 @@ def test_in_space():
             points={"O": ground(0, 0, 0), "A": at(1, 0, 0)},
             links={"OA": rod("O", "A")},
             events=[{"name": "e", "of": "A.position.z + A.y", "value": "1 m"}],
+            analysis={"motion": "space"},
         )
     )
     assert gaps(model, [0, 2, 3], [0, 0, 0]) == pytest.approx([4.0])

@@ -19,6 +19,7 @@ from symgen.cli.common import (
     console,
     linkage,
     print_json,
+    show_motion,
     write_files,
 )
 
@@ -50,8 +51,9 @@ def kinematics(
     Positions, velocities and accelerations are shown.
     """
     from symgen.errors import ModelError
+    from symgen.pipeline import build_kinematics
 
-    model = linkage(scene, set_, backend, "kinematics")
+    model = build_kinematics(scene, set=changes(set_), backend=backend)
     state = None
     if branch != 1:
         states = model.assemblies()
@@ -60,12 +62,7 @@ def kinematics(
         state = states[branch - 1]
     motion = model.kinematics(start, stop, samples=samples, of=of, state=state, through=through)
     write_files(motion, out, plot)
-    if as_json:
-        print_json(motion.summary())
-    else:
-        from symgen.report.analyses import print_motion
-
-        print_motion(motion, console())
+    show_motion(motion, as_json)
 
 
 @app.command()

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from symgen.runtime.model import Model
+    from symgen.runtime.motion import Motion
     from symgen.runtime.result import Result
 
 app = typer.Typer(
@@ -129,6 +130,16 @@ def linkage(scene: str, options: list[str] | None, backend: str, command: str) -
             f"  'symgen run {scene}' evaluates it."
         )
     return model
+
+
+def show_motion(motion: Motion, as_json: bool) -> None:
+    """Print a kinematic analysis: as one JSON object, or as tables."""
+    if as_json:
+        print_json(motion.summary())
+        return
+    from symgen.report.analyses import print_motion
+
+    print_motion(motion, console())
 
 
 def print_json(data: dict[str, Any]) -> None:

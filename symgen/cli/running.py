@@ -27,6 +27,7 @@ from symgen.cli.common import (
     console,
     print_json,
     progress_bar,
+    show_motion,
     write_files,
 )
 from symgen.errors import ModelError, SimulationError
@@ -136,10 +137,10 @@ def run(
         others: _Options = {"samples": samples, "at": at, "out": out, "plot": plot}
         _studies(scene, study, asked | others | _unusual(types), set_, as_json, backend)
         return
-    from symgen.pipeline import build_scene
+    from symgen.pipeline import build_asked
 
     check_files(out, plot)
-    model: Any = build_scene(scene, set=changes(set_), backend=backend, **types)
+    model: Any = build_asked(scene, set=changes(set_), backend=backend, **types)
     of_elastic: _Options = {"revolutions": revolutions, "steps": steps, "segments": segments, "form": form}
     of_elastic["geometric_stiffness"] = geometric_stiffness
     of_linkages: _Options = {"stabilisation": stabilisation, "stabilisation_rate": stabilisation_rate}
@@ -174,13 +175,18 @@ class _Asked:
 
 def _result(model: Any, asked: _Asked, as_json: bool) -> Result:
     """Run a model as its kind is run."""
-    from symgen.runs import driven_run, elastic_run
+    from symgen.pipeline import is_kinematic
+    from symgen.runs import driven_run, elastic_run, kinematic_run
     from symgen.runtime.elastic_model import ElasticModel
 
     elastic, on_values = isinstance(model, ElasticModel), bool(asked.at or asked.through)
     if not elastic:
         _refuse(asked.of_elastic, f": for elastic links only, and {model.name} has none")
     kept = _of_linkages(model, on_values, asked.of_linkages)
+    if is_kinematic(model):
+        steps = {name: value for name, value in asked.steps.items() if name != "t_end"}
+        on = {"at": asked.at or None, **steps}
+        return kinematic_run(model, asked.steps["t_end"], asked.samples, asked.through, on)
     if not elastic and (model.is_driven or on_values):
         return driven_run(model, asked.at, asked.samples, asked.through, asked.steps)
     with progress_bar(model.description.title, as_json) as progress:
@@ -229,9 +235,12 @@ def _show(result: Result, model: Any, as_json: bool) -> None:
     """Print a result: as one JSON object, or as tables."""
     from symgen.runtime.elastic_result import ElasticResult
     from symgen.runtime.loop_model import LoopModel
+    from symgen.runtime.motion import Motion
     from symgen.runtime.turn import Turn
 
-    if as_json:
+    if isinstance(result, Motion):
+        show_motion(result, as_json)
+    elif as_json:
         print_json(result.summary())
     elif isinstance(result, ElasticResult):
         from symgen.report.elastic import print_elastic_result

@@ -9,7 +9,7 @@ from symgen.models.generality import general
 from symgen.models.loop_structure import general as general_loop
 from symgen.models.loop_structure import loop_structure
 from symgen.models.structure import structure
-from symgen.pipeline import build_scene, system_of
+from symgen.pipeline import build_asked, system_of
 from symgen.report.saving import saving_lines
 from symgen.report.structure import elastic_lines, matrix_lines, memory_lines, solver_lines
 from symgen.report.summary import freedom_lines
@@ -33,12 +33,14 @@ def explanation(scene: str, changes: Mapping[str, Any]) -> Iterator[str]:
         yield from structure(resolved)
         whole, what = general(resolved), "any masses, lengths, centres, inertias and gravity"
         yield from saving_lines(system, system_of(whole), what)
+        if resolved.plane:
+            yield from saving_lines(system, system_of(resolved.as_written), "motion across its plane")
     else:
         yield from loop_structure(resolved, system)
         yield from saving_lines(system, system_of(general_loop(resolved)), "general offsets")
     yield from matrix_lines(system)
     yield from solver_lines(system)
-    model = build_scene(scene, set=changes)
+    model = build_asked(scene, set=changes)
     yield from freedom_lines(model)
     if isinstance(model, ElasticModel):
         yield from elastic_lines(model)

@@ -50,17 +50,17 @@ def scene_page(text: SceneText, *, speed: bool, told: Told) -> Page:
     SceneError, BuildError, CacheError
         As when the scene is built.
     """
-    told("deriving")
     checked = check_scene(text)
+    told("building")
+    model = build_scene(text)
+    told("deriving")
     resolved = resolve(checked)
     system = system_of(resolved)
     derivation = record(resolved, system)
     systems = _distinct([system, *(step.system for step in derivation)])
-    told("building")
     program = lower_system(system)
     equations = equations_hash(program, Target())
     unit = unit_view(program, Target(), equations)
-    model = build_scene(text)
     found = measure(model, text, speed=speed, told=told)
     told("drawing")
     drawn = drawing(sketch(resolved, model, found.result))
@@ -142,7 +142,7 @@ def _of_linkage(linkage: Linkage, model: Any) -> tuple[Fact, ...]:
     d = model.description
     redundant = len(model.redundant)
     facts = [
-        Fact("linkage", "in the plane" if linkage.dimension == 2 else "in space"),
+        Fact("linkage", _where(linkage)),
         Fact("points and links", f"{len(d.points)} and {len(linkage.links) + len(linkage.bodies)}"),
         Fact("coordinates", str(d.coordinates)),
         Fact("constraints", f"{len(d.constraints)}" + (f", {redundant} redundant" if redundant else "")),
@@ -152,6 +152,13 @@ def _of_linkage(linkage: Linkage, model: Any) -> tuple[Fact, ...]:
         facts.append(Fact("elastic links", ", ".join(b.info.link for b in model.beams)))
         facts.append(Fact("elastic unknowns", str(model.unknowns)))
     return tuple(facts)
+
+
+def _where(linkage: Linkage) -> str:
+    """Return in what the linkage moves."""
+    if linkage.plane:
+        return f"in space, stays in the plane {linkage.plane}"
+    return "in the plane" if linkage.dimension == 2 else "in space"
 
 
 def _main(kernels: tuple[Kernel, ...]) -> str:

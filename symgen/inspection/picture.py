@@ -43,6 +43,7 @@ def sketch(resolved: Linkage | Loop, model: Any, result: Result | None) -> Sketc
 
 
 def _of_linkage(linkage: Linkage, places: dict[str, Array], result: Result | None) -> Sketch:
+    linkage = linkage.as_written
     hidden = {p.name for p in linkage.points if p.hidden}
     joints = [name for k in linkage.links for name in (k.start, k.end, *(p.name for p in k.carried))]
     joints += [name for body in linkage.bodies for name in (*body.base, *(p.name for p in body.carried))]

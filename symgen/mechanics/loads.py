@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import sympy as sp
 
 from symgen.mechanics.particles import Vector, dot
 from symgen.symbolic.calculus import Calculus
-from symgen.symbolic.quantity import AXES
 
 
 def weight_potential(mass: sp.Expr, gravity: Vector, position: Vector) -> sp.Expr:
@@ -14,11 +15,11 @@ def weight_potential(mass: sp.Expr, gravity: Vector, position: Vector) -> sp.Exp
     return -mass * dot(gravity, position)
 
 
-def vector_between(calculus: Calculus, name: str, start: Vector, end: Vector) -> Vector:
+def vector_between(calculus: Calculus, name: str, start: Vector, end: Vector, axes: Sequence[str]) -> Vector:
     """Name the components of the vector [m] from one position to another, and return them."""
     return tuple(
-        calculus.define(f"{name}_d{AXES[i]}", b - a, "m", f"{AXES[i]} component from start to end of {name}")
-        for i, (a, b) in enumerate(zip(start, end, strict=True))
+        calculus.define(f"{name}_d{axis}", b - a, "m", f"{axis} component from start to end of {name}")
+        for axis, a, b in zip(axes, start, end, strict=True)
     )
 
 

@@ -30,11 +30,10 @@ from dataclasses import dataclass
 import sympy as sp
 
 from symgen.errors import DerivationError
-from symgen.mechanics.loads import AXES
 from symgen.mechanics.particles import dot, end_mass, kinetic_energy, length_constraint
 from symgen.symbolic.calculus import Calculus
 from symgen.symbolic.names import Names
-from symgen.symbolic.quantity import Quantity, quantity
+from symgen.symbolic.quantity import AXES, Quantity, quantity
 from symgen.symbolic.system import Definition, Group, NamedMatrix, System
 
 REFERENCE = (

@@ -57,9 +57,9 @@ def _shapes(model: RodsModel) -> Iterator[Constraint]:
     """(d.d - l^2)/2 between the base points of a body in space."""
     for body in model.linkage.bodies:
         for bar in body.bars:
-            ends = (model.position(p) for p in (bar.start, bar.end))
+            start, end = (model.position(p) for p in (bar.start, bar.end))
             name, label = bar_name(body, bar.start, bar.end), f"the shape of link {body.name}"
-            along = vector_between(model.calculus, name, *ends)
+            along = vector_between(model.calculus, name, start, end, model.axes)
             yield Constraint(name, label, length_constraint(along, bar.length), bar.length, "m^2", name)
 
 

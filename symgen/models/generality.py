@@ -28,7 +28,7 @@ def general(linkage: Linkage) -> Linkage:
         values = {
             what: parameter(f"{what}_of_{link.name}", unit, getattr(link, what))
             for what, unit in _OF_LINKS.items()
-            if what != "offset" or linkage.dimension == 2  # in space a rod has no sides
+            if what != "offset" or linkage.as_written.dimension == 2  # in space a rod has no sides
         }
         return replace(link, **values)
 
@@ -38,7 +38,8 @@ def general(linkage: Linkage) -> Linkage:
         for i, m in enumerate(linkage.masses)
     )
     gravity = tuple(
-        parameter(f"gravity_{axis}", "m/s^2", g) for axis, g in zip("xyz", linkage.gravity, strict=False)
+        parameter(f"gravity_{axis}", "m/s^2", g)
+        for axis, g in zip(linkage.axes, linkage.gravity, strict=True)
     )
     parameters = (*linkage.parameters, *added)
     return replace(linkage, links=links, masses=masses, gravity=gravity, parameters=parameters)

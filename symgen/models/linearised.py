@@ -31,7 +31,7 @@ def kinematics_system(linkage: Linkage) -> System:
     ``POINT.x`` [m], by the time.
     """
     model = RodsModel(linkage)
-    exports, matrices = [], list(_drives(model))
+    exports, matrices = [], list(drives(model))
     if matrices:
         about = "prescribed angles, lengths and places"
         exports.append(Export("drives", about, tuple(m.name for m in matrices)))
@@ -101,7 +101,8 @@ def analysis_of(
     )
 
 
-def _drives(model: RodsModel) -> Iterator[NamedMatrix]:
+def drives(model: RodsModel) -> Iterator[NamedMatrix]:
+    """Yield the prescribed angles, lengths and places by the time."""
     for driver in model.linkage.drivers:
         yield named(model, f"{driver.link}.angle", [driver.angle], "rad", f"driven angle of {driver.link}")
     for rod in model.rods:

@@ -39,8 +39,8 @@ class Loads:
     def line(self, name: str, start: str, end: str) -> Vector:
         """Return the vector from one end of a spring or an actuator to the other [m]."""
         if name not in self._lines:
-            places = (self.model.position(p) for p in (start, end))
-            self._lines[name] = loads.vector_between(self.calculus, name, *places)
+            a, b = (self.model.position(p) for p in (start, end))
+            self._lines[name] = loads.vector_between(self.calculus, name, a, b, self.model.axes)
         return self._lines[name]
 
     def length(self, name: str, start: str, end: str) -> sp.Expr:
@@ -256,7 +256,7 @@ class Loads:
         owner, _, word = name.partition(".")
         if owner in self.model.points:
             values = self.model.velocity(owner) if word.startswith("v") else self.model.position(owner)
-            return values["xyz".index(word[-1])]
+            return values[self.model.axes.index(word[-1])]
         for actuator in self.linkage.actuators:
             if actuator.name == owner:
                 length = self.length(owner, actuator.start, actuator.end)

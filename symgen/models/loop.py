@@ -263,6 +263,9 @@ def _steps(model: LoopModel, mass: bool) -> list[NamedMatrix]:
 
 
 def _left_out(model: LoopModel, needs: Iterable[str]) -> Iterable[str]:
+    if model.has_dynamics and "forces" not in needs:
+        masses = "masses enter, but no loads" if "mass" in needs else "masses and loads"
+        yield f"dynamics: no output asks for a force or a power ({masses})"
     for k, link in enumerate(model.links, 1):
         body = model.loop.body(k - 1)
         if body is not None and body.idle:

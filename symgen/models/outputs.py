@@ -11,6 +11,7 @@ from symgen.errors import SceneError, nearest
 from symgen.mechanics.particles import cross
 from symgen.models.loads import product
 from symgen.models.matrix import named
+from symgen.symbolic.calculus import ZERO
 from symgen.symbolic.system import NamedMatrix
 
 if TYPE_CHECKING:
@@ -20,15 +21,15 @@ Entries = tuple[Sequence[sp.Expr], str, str]
 
 
 def _position(model: RodsModel, name: str) -> Entries:
-    return model.position(name), "m", f"position of {name}"
+    return model.shown_position(name), "m", f"position of {name}"
 
 
 def _velocity(model: RodsModel, name: str) -> Entries:
-    return model.velocity(name), "m/s", f"velocity of {name}"
+    return model.shown(model.velocity(name)), "m/s", f"velocity of {name}"
 
 
 def _acceleration(model: RodsModel, name: str) -> Entries:
-    return model.acceleration(name), "m/s^2", f"acceleration of {name}"
+    return model.shown(model.acceleration(name)), "m/s^2", f"acceleration of {name}"
 
 
 def _reaction(model: RodsModel, name: str) -> Entries:
@@ -36,7 +37,7 @@ def _reaction(model: RodsModel, name: str) -> Entries:
         raise SceneError(
             f"{name} is not a ground point, so it has no reaction", hint=f"Ground: {', '.join(model.ground)}."
         )
-    return model.residual(name), "N", f"force of the ground on the linkage at {name}"
+    return model.shown(model.residual(name)), "N", f"force of the ground on the linkage at {name}"
 
 
 def _tension(model: RodsModel, name: str) -> Entries:
@@ -65,21 +66,21 @@ def _potential_energy(model: RodsModel) -> Entries:
 
 
 def _momentum(model: RodsModel) -> Entries:
-    momenta = [p for _, p in model.momenta]
+    momenta = [model.shown(p) for _, p in model.momenta]
     return [sp.Add(*c) for c in zip(*momenta, strict=True)], "kg*m/s", "linear momentum"
 
 
 def _angular_momentum(model: RodsModel) -> Entries:
     about = "angular momentum about the origin"
-    pairs = [(model.position(point), p) for point, p in model.momenta]
-    if len(model.axes) == 2:
+    pairs = [(model.shown_position(point), model.shown(p)) for point, p in model.momenta]
+    if len(model.shown_axes) == 2:
         return [sp.Add(*(cross(r, p) for r, p in pairs))], "kg*m^2/s", about
     moments = [product(r, p) for r, p in pairs]
     return [sp.Add(*c) for c in zip(*moments, strict=True)], "kg*m^2/s", about
 
 
 def _angle(model: RodsModel, name: str) -> Entries:
-    if len(model.axes) == 3:
+    if len(model.shown_axes) == 3:
         raise SceneError("a link has one angle only in the plane")
     d = model.along[name]
     return [sp.atan2(d[1], d[0])], "rad", f"direction of {name}, between -pi and pi"
@@ -87,12 +88,15 @@ def _angle(model: RodsModel, name: str) -> Entries:
 
 def _angular_velocity(model: RodsModel, name: str) -> Entries:
     if len(model.axes) == 2:
-        return [model.turning(name)[1]], "rad/s", f"angular velocity of {name}"
+        rate = model.turning(name)[1]
+        turning = model.shown((ZERO, ZERO), rate) if model.linkage.plane else [rate]
+        return turning, "rad/s", f"angular velocity of {name}"
     return model.angular_velocity(name), "rad/s", f"angular velocity of {name}"
 
 
 def _force(model: RodsModel, link: str, point: str) -> Entries:
-    return model.joint_forces.on(link, point), "N", f"force on {link} at {point} by what it meets there"
+    force = model.shown(model.joint_forces.on(link, point))
+    return force, "N", f"force on {link} at {point} by what it meets there"
 
 
 def _torque(model: RodsModel, name: str) -> Entries:
@@ -123,6 +127,8 @@ OF_THE_WHOLE: dict[str, Callable[[RodsModel], Entries]] = {
     "momentum": _momentum,
     "angular_momentum": _angular_momentum,
 }
+#: Outputs that take no masses and no forces.
+KINEMATIC = ("position", "velocity", "acceleration", "angle", "angular_velocity")
 #: Outputs of a point of a link.
 OF_JOINTS: dict[str, Callable[[RodsModel, str, str], Entries]] = {"force": _force}
 
@@ -138,7 +144,7 @@ def asked(model: RodsModel) -> list[NamedMatrix]:
                 if p not in model.ground and not model.linkage.point(p).hidden
                 for word in ("position", "velocity")
             ),
-            "energy",
+            *(() if model.linkage.kinematic else ("energy",)),
         )
     found = []
     for i, name in enumerate(names):
@@ -148,13 +154,18 @@ def asked(model: RodsModel) -> list[NamedMatrix]:
             entries, unit, description = _entries(model, name)
         except SceneError as error:
             raise error.located(where=f"analysis.outputs.{i}") from None
-        rows = model.axes if len(entries) > 1 else ()
+        rows = model.shown_axes if len(entries) > 1 else ()
         found.append(named(model, name, entries, unit, description, rows=rows))
     return found
 
 
 def _entries(model: RodsModel, name: str) -> Entries:
     owner, _, word = name.rpartition(".")
+    if model.linkage.kinematic and word not in KINEMATIC:
+        raise SceneError(
+            f"{name!r} is no output of kinematics: those are {', '.join(KINEMATIC)}",
+            hint='For forces and energies write kind = "dynamics" under [analysis].',
+        )
     if not owner:
         if word in OF_THE_WHOLE:
             return OF_THE_WHOLE[word](model)

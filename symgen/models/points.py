@@ -12,7 +12,7 @@ from symgen.mechanics.particles import Vector
 from symgen.mechanics.topology import Tree, spanning_tree
 from symgen.scene.linkage import TIME, CarriedPoint, Linkage, RigidLink, SpatialBody, WeightedPoint
 from symgen.symbolic.calculus import ZERO, Calculus
-from symgen.symbolic.quantity import AXES, Quantity, quantity
+from symgen.symbolic.quantity import Quantity, quantity
 
 Part = RigidLink | SpatialBody
 Place = CarriedPoint | WeightedPoint
@@ -30,7 +30,7 @@ class Points:
 
     def __init__(self, linkage: Linkage) -> None:
         self.linkage = linkage
-        self.axes = AXES[: linkage.dimension]
+        self.axes, self.shown_axes = linkage.axes, linkage.shown_axes
         self.parts: tuple[Part, ...] = (*linkage.links, *linkage.bodies)
         self.ground = [p.name for p in linkage.points if p.ground]
         self.carrier, self.shared = _carriers(self.parts, self.ground)
@@ -108,9 +108,19 @@ class Points:
     def vector_along(self, link: str) -> Vector:
         """Return the vector along one link, which other links may need before theirs [m]."""
         if link not in self._along:
-            ends = (self.position(p) for p in self.linkage.link(link).base)
-            self._along[link] = loads.vector_between(self.calculus, link, *ends)
+            start, end = (self.position(p) for p in self.linkage.link(link).base)
+            self._along[link] = loads.vector_between(self.calculus, link, start, end, self.axes)
         return self._along[link]
+
+    def shown(self, vector: Vector, across: sp.Expr = ZERO) -> Vector:
+        """Return a vector by the axes that the scene is written in; ``across`` its plane it has this."""
+        plane = self.linkage.plane
+        return plane.lifted(vector, across) if plane else vector
+
+    def shown_position(self, point: str) -> Vector:
+        """Return the position of any point [m] by the axes that the scene is written in."""
+        plane = self.linkage.plane
+        return self.shown(self.position(point), plane.level if plane else ZERO)
 
     def position(self, point: str) -> Vector:
         """Return the position of any point [m], linear in the coordinates."""

@@ -27,9 +27,8 @@ def rod_system(dimension: int) -> System:
     calculus = Calculus(q, u, sp.Symbol("t", real=True))
     ends = end_mass(*symbols)
     start, end = (tuple(x.symbol for x in u[k : k + dimension]) for k in (0, dimension))
-    along = vector_between(
-        calculus, "rod", *(tuple(x.symbol for x in q[k : k + dimension]) for k in (0, dimension))
-    )
+    inner, outer = (tuple(x.symbol for x in q[k : k + dimension]) for k in (0, dimension))
+    along = vector_between(calculus, "rod", inner, outer, axes)
     phi = length_constraint(along, length.symbol)
     block = sp.kronecker_product(sp.Matrix([[ends.a11, ends.a12], [ends.a12, ends.a22]]), sp.eye(dimension))
     names = _names(q)

@@ -24,6 +24,20 @@ def start_exports(model: RodsModel) -> tuple[list[NamedMatrix], list[Export]]:
     ``start_velocity`` when rates or velocities are given: rows K u = k; ``mass_matrix`` when the velocities
     are not zero as a matter of course.
     """
+    matrices, exports = assembly_exports(model)
+    start = model.linkage.start
+    names = [x.name for x in model.coordinates]
+    if start.rates or start.velocities:
+        matrices += _velocity(model, names)
+        about = "rows K u = k of the start's velocities"
+        exports.append(Export("start_velocity", about, ("start_rates", "start_jacobian")))
+    if start.rates or start.velocities or _driven(model):
+        exports.append(Export("mass_matrix", "mass matrix", ("mass_matrix",)))
+    return matrices, exports
+
+
+def assembly_exports(model: RodsModel) -> tuple[list[NamedMatrix], list[Export]]:
+    """Return the matrices and kernels of the pose at the start: ``drawn`` and ``assembly``."""
     linkage = model.linkage
     drawn = [c for p in model.free for c in linkage.point(p).at]
     names = [x.name for x in model.coordinates]
@@ -35,12 +49,6 @@ def start_exports(model: RodsModel) -> tuple[list[NamedMatrix], list[Export]]:
         matrices += _assembly(model, names)
         about = "residual and Jacobian of the start's positions; u[0] goes from 0 (drawn) to 1 (start)"
         exports.append(Export("assembly", about, ("assembly_residual", "assembly_jacobian")))
-    if start.rates or start.velocities:
-        matrices += _velocity(model, names)
-        about = "rows K u = k of the start's velocities"
-        exports.append(Export("start_velocity", about, ("start_rates", "start_jacobian")))
-    if start.rates or start.velocities or _driven(model):
-        exports.append(Export("mass_matrix", "mass matrix", ("mass_matrix",)))
     return matrices, exports
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from symgen.errors import SceneError
+from symgen.models.driven import LEFT_OUT
 from symgen.models.rods import RodsModel
 from symgen.scene.linkage import Linkage
 
@@ -36,7 +37,8 @@ def structure(linkage: Linkage) -> Iterator[str]:
     """
     try:
         model = RodsModel(linkage)
-        model.check_masses()
+        if not linkage.kinematic:
+            model.check_masses()
     except SceneError as error:
         raise error.located(file=linkage.file) from None
     yield f"ground: {', '.join(model.ground) or 'none, the linkage floats'}"
@@ -63,8 +65,17 @@ def structure(linkage: Linkage) -> Iterator[str]:
         yield from (f"  {label}" for label in labels)
     if model.idle:
         yield "left out: " + ", ".join(f"link {name} lies between fixed points" for name in model.idle)
+    if linkage.kinematic:
+        yield f"left out: {LEFT_OUT}"
+    if linkage.plane:
+        yield (
+            f"left out: motion across the plane {linkage.plane}, for all points, loads and starts lie in it; "
+            "equilibria and modes have it"
+        )
+    elif linkage.leaves_plane:
+        yield f"derived in space: {linkage.leaves_plane}"
     absent = [what for field, what in _PARTS.items() if not any(getattr(linkage, field))]
-    if linkage.dimension == 2:
+    if linkage.as_written.dimension == 2:
         absent.insert(0, "the third axis")
     if not any(x.offset for x in linkage.links) and linkage.links:
         absent.append("centres of mass off the lines of the links")

@@ -69,9 +69,12 @@ def _assemble(model: RodsModel) -> System:
             _rank_tolerance(linkage),
         ),
         references=(REFERENCE,),
-        left_out=tuple(
-            f"link {name}: both ends are ground, so it neither moves nor loads anything"
-            for name in model.idle
+        left_out=(
+            *(
+                f"link {name}: both ends are ground, so it neither moves nor loads anything"
+                for name in model.idle
+            ),
+            *((f"motion across the plane {linkage.plane}",) if linkage.plane else ()),
         ),
     )
 
@@ -131,13 +134,7 @@ def _order(model: RodsModel) -> tuple[int, ...]:
 
 def _equations(model: RodsModel) -> list[NamedMatrix]:
     q = [x.symbol for x in model.coordinates]
-    names, rows = [s.name for s in q], [c.name for c in model.constraints]
-    rate = model.calculus.rate
-    units = {c.unit for c in model.constraints}
-    unit = units.pop() if len(units) == 1 else "m^2, m"
-    rate_unit, rhs_unit, slope_unit = (
-        ", ".join(_OF_CONSTRAINT[x][i] for x in unit.split(", ")) for i in range(3)
-    )
+    names = [s.name for s in q]
     energies = [
         named(model, "kinetic_energy", [model.kinetic_energy], "J", "kinetic energy"),
         named(model, "potential_energy", [model.potential_energy], "J", "potential of gravity and springs"),
@@ -157,6 +154,22 @@ def _equations(model: RodsModel) -> list[NamedMatrix]:
             symmetric=True,
         ),
         named(model, "force", model.applied, "N", "applied forces, f", rows=names),
+        *bonds(model),
+        *energies,
+    ]
+
+
+def bonds(model: RodsModel) -> list[NamedMatrix]:
+    """Return the constraints with their derivatives."""
+    q = [x.symbol for x in model.coordinates]
+    names, rows = [s.name for s in q], [c.name for c in model.constraints]
+    rate = model.calculus.rate
+    units = {c.unit for c in model.constraints}
+    unit = units.pop() if len(units) == 1 else "m^2, m"
+    rate_unit, rhs_unit, slope_unit = (
+        ", ".join(_OF_CONSTRAINT[x][i] for x in unit.split(", ")) for i in range(3)
+    )
+    return [
         named(
             model,
             "constraints",
@@ -198,7 +211,6 @@ def _equations(model: RodsModel) -> list[NamedMatrix]:
             "right-hand side gamma of J a = gamma",
             rows=rows,
         ),
-        *energies,
     ]
 
 
@@ -206,9 +218,10 @@ def _equations(model: RodsModel) -> list[NamedMatrix]:
 _OF_CONSTRAINT = {"m^2": ("m^2/s", "m^2/s^2", "m"), "m": ("m/s", "m/s^2", "1")}
 
 
-def _points(model: RodsModel) -> list[NamedMatrix]:
+def places(model: RodsModel) -> list[NamedMatrix]:
+    """Return positions, velocities and accelerations of all points."""
     points = [p.name for p in model.linkage.points]
-    made = [
+    return [
         named(
             model,
             name,
@@ -216,14 +229,18 @@ def _points(model: RodsModel) -> list[NamedMatrix]:
             unit,
             f"{name.replace('point_', '')} of all points",
             rows=points,
-            columns=model.axes,
+            columns=model.shown_axes,
         )
         for name, of_point, unit in (
-            ("positions", model.position, "m"),
-            ("velocities", model.velocity, "m/s"),
-            ("point_accelerations", model.acceleration, "m/s^2"),
+            ("positions", model.shown_position, "m"),
+            ("velocities", lambda p: model.shown(model.velocity(p)), "m/s"),
+            ("point_accelerations", lambda p: model.shown(model.acceleration(p)), "m/s^2"),
         )
     ]
+
+
+def _points(model: RodsModel) -> list[NamedMatrix]:
+    made = places(model)
     if model.loads.divided:
         rows, lengths = zip(*model.loads.divided, strict=True)
         about = "length of every spring and actuator whose force has a direction"
@@ -233,11 +250,11 @@ def _points(model: RodsModel) -> list[NamedMatrix]:
             named(
                 model,
                 "reactions",
-                [component for p in model.ground for component in model.residual(p)],
+                [component for p in model.ground for component in model.shown(model.residual(p))],
                 "N",
                 "force of the ground on the linkage at each ground point",
                 rows=model.ground,
-                columns=model.axes,
+                columns=model.shown_axes,
             )
         )
     return made
@@ -257,8 +274,18 @@ def _events(model: RodsModel) -> list[NamedMatrix]:
 
 def _exports(model: RodsModel) -> list[Export]:
     energies = ("kinetic_energy", "potential_energy") + (("power",) if model.power != 0 else ())
+    exports = [Export("energy", "kinetic and potential energy", energies), *kinematic_exports(model)]
+    if model.loads.divided:
+        about = "lengths of springs and actuators, by which their forces are divided"
+        exports.append(Export("line_lengths", about, ("line_lengths",)))
+    if model.ground:
+        exports.append(Export("reactions", "reactions at the ground points", ("reactions",)))
+    return exports
+
+
+def kinematic_exports(model: RodsModel) -> list[Export]:
+    """Return the kernels of places and of constraints."""
     exports = [
-        Export("energy", "kinetic and potential energy", energies),
         Export("points", "position and velocity of all points", ("positions", "velocities")),
         Export("point_accelerations", "acceleration of all points", ("point_accelerations",)),
     ]
@@ -268,9 +295,4 @@ def _exports(model: RodsModel) -> list[Export]:
             Export("velocity_constraints", "rate of the constraints", ("velocity_constraints",)),
             Export("constraint_jacobian", "constraint Jacobian", ("constraint_jacobian",)),
         ]
-    if model.loads.divided:
-        about = "lengths of springs and actuators, by which their forces are divided"
-        exports.append(Export("line_lengths", about, ("line_lengths",)))
-    if model.ground:
-        exports.append(Export("reactions", "reactions at the ground points", ("reactions",)))
     return exports

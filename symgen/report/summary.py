@@ -10,11 +10,12 @@ from symgen.runtime.system_model import SystemModel
 
 if TYPE_CHECKING:
     from symgen.runtime.elastic_model import ElasticModel
+    from symgen.runtime.kinematic_model import KinematicModel
     from symgen.runtime.loop_model import LoopModel
     from symgen.runtime.model import Model
 
 
-def model_lines(model: Model | LoopModel | ElasticModel | SystemModel) -> Iterator[str]:
+def model_lines(model: Model | KinematicModel | LoopModel | ElasticModel | SystemModel) -> Iterator[str]:
     """Yield the kernels of a model with their cost, its parameters, and what was left out."""
     d = model.description
     if isinstance(d, SystemDescription):
@@ -35,11 +36,16 @@ def model_lines(model: Model | LoopModel | ElasticModel | SystemModel) -> Iterat
         yield f"  left out: {what}"
 
 
-def freedom_lines(model: Model | LoopModel | ElasticModel) -> Iterator[str]:
+def freedom_lines(model: Model | KinematicModel | LoopModel | ElasticModel) -> Iterator[str]:
     """Yield the degrees of freedom at the start, and the constraints that others imply there."""
     d = model.description
     if isinstance(d, LoopDescription):
         yield from _of_loop(d)
+        return
+    from symgen.runtime.kinematic_model import KinematicModel
+
+    if isinstance(model, KinematicModel):
+        yield f"{d.coordinates} coordinates, {len(d.constraints)} constraints: the drives say how it moves"
         return
     redundant = model.redundant
     freedom = d.coordinates - len(d.constraints) + len(redundant)

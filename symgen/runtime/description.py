@@ -46,6 +46,14 @@ class EventInfo:
 
 
 @dataclass(frozen=True, slots=True)
+class PlaneInfo:
+    """Where a linkage written in space stays: its coordinate [m] on the axis of this number is constant."""
+
+    across: int
+    level: float
+
+
+@dataclass(frozen=True, slots=True)
 class KernelInfo:
     """Sizes, results and cost of a kernel."""
 
@@ -97,9 +105,11 @@ class Described(ABC):
 class Description(Described):
     """What the runtime needs to know of a linkage of points and links.
 
-    ``free`` are the points that have coordinates; ``links`` holds the points of each link; ``labels`` say
-    what each constraint is called in messages. ``start`` holds the coordinates and then the velocities at
-    the scene's own parameters, ``first_pivot`` is where the kernel 'factor' leaves its pivots in ``work``.
+    ``free`` are the points that have coordinates, along ``axes``: those of ``plane`` where a linkage written
+    in space stays in one. ``links`` holds the points of each link; ``labels`` say what each constraint is
+    called in messages. ``kinematic`` tells that there is no dynamics. ``start`` holds the coordinates and
+    then the velocities at the scene's own parameters, ``first_pivot`` is where the kernel 'factor' leaves its
+    pivots in ``work``.
     """
 
     axes: tuple[str, ...]
@@ -116,6 +126,8 @@ class Description(Described):
     t_end: float
     assembly_tolerance: float
     rank_tolerance: float
+    plane: PlaneInfo | None = None
+    kinematic: bool = False
     elastic: ElasticInfo | None = None
     events: tuple[EventInfo, ...] = ()
 
@@ -123,6 +135,11 @@ class Description(Described):
     def coordinates(self) -> int:
         """Number of coordinates."""
         return len(self.free) * len(self.axes)
+
+    @property
+    def shown_axes(self) -> tuple[str, ...]:
+        """Names of the axes that the scene is written in, and that results have."""
+        return ("x", "y", "z") if self.plane else self.axes
 
     def unknown(self, index: int) -> str:
         """Return what an unknown of the equations of motion is called in messages."""
@@ -244,7 +261,10 @@ def read_description(text: str) -> Description | LoopDescription | SystemDescrip
         return SystemDescription(**{**data, "arrays": arrays})
     if "variables" not in data:
         events = tuple(EventInfo(**e) for e in data["events"])
-        return Description(**{**data, "elastic": read_elastic(data["elastic"]), "events": events})
+        plane = data["plane"] and PlaneInfo(**data["plane"])
+        return Description(
+            **{**data, "elastic": read_elastic(data["elastic"]), "events": events, "plane": plane}
+        )
     data["variables"] = tuple(VariableInfo(**v) for v in data["variables"])
     return LoopDescription(**data)
 

@@ -42,17 +42,29 @@ def start(evaluator: Evaluator) -> Start:
         When the linkage cannot be assembled, is singular, or the velocities asked for contradict the
         constraints.
     """
+    q = pose(evaluator)
+    redundant = redundant_constraints(evaluator, q)
+    u = _velocities(evaluator, q, redundant) if evaluator.has("mass_matrix") else np.zeros(len(q))
+    line = without_direction(evaluator, 0.0, q, u)
+    if line:
+        raise InitialStateError(f"{line}\n  Draw its points apart.", where="springs")
+    return Start(q, u, redundant)
+
+
+def pose(evaluator: Evaluator) -> Array:
+    """Return the coordinates at the start [m].
+
+    Raises
+    ------
+    InitialStateError
+        When the linkage cannot be assembled.
+    """
     n = evaluator.description.coordinates
     q = evaluator("drawn", 0.0, np.zeros(n), np.zeros(n))
     if evaluator.has("assembly"):
         q = _assemble(evaluator, q)
     _check_scales(evaluator, q)
-    redundant = redundant_constraints(evaluator, q)
-    u = _velocities(evaluator, q, redundant) if evaluator.has("mass_matrix") else np.zeros(n)
-    line = without_direction(evaluator, 0.0, q, u)
-    if line:
-        raise InitialStateError(f"{line}\n  Draw its points apart.", where="springs")
-    return Start(q, u, redundant)
+    return q
 
 
 def _check_scales(evaluator: Evaluator, q: Array) -> None:

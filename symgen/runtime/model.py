@@ -3,88 +3,43 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from symgen.errors import ModelError
 from symgen.runtime import _core
 from symgen.runtime.causes import without_direction
-from symgen.runtime.compiled import Compiled
-from symgen.runtime.description import Description
-from symgen.runtime.evaluate import Evaluator
 from symgen.runtime.initial import Start, start
-from symgen.runtime.library import Library
+from symgen.runtime.linkage_model import LinkageModel
 from symgen.runtime.options import options
 from symgen.runtime.redundancy import least_norm, not_unique
 from symgen.runtime.result import Result
 from symgen.runtime.simulate import keeping, run
-from symgen.runtime.state import Accelerations, State, coordinates, finite
-from symgen.runtime.typed import Typed
+from symgen.runtime.state import Accelerations, State, finite
 
 if TYPE_CHECKING:
     from symgen.runtime._rhs import Rhs
-    from symgen.runtime.bonds import Bonds
     from symgen.runtime.equilibrium import Equilibrium
     from symgen.runtime.forces import Forces
     from symgen.runtime.modes import Modes
-    from symgen.runtime.motion import Motion
 
 Array = NDArray[np.float64]
-#: Gives the kernels of one kind of analysis, made when first asked for.
-Analyses = Callable[[str, bool], tuple[Description, Library]]
 
 
-class Model(Compiled):
+class Model(LinkageModel):
     """Compiled equations of one scene.
 
     Made by :func:`symgen.build`. Parameters that the scene declares tunable can be changed with
     :meth:`with_parameters` without compiling again.
     """
 
-    description: Description
-
-    def __init__(
-        self,
-        description: Description,
-        library: Library,
-        derive: Callable[[], Any],
-        parameters: Mapping[str, float] | None = None,
-        analyses: Analyses | None = None,
-        typed: Typed | None = None,
-    ) -> None:
-        super().__init__(description, library, derive, parameters, typed)
-        self._analyses = analyses
-        self._evaluator = Evaluator(description, library, np.array(list(self.parameters.values())))
-        self._start: Start | None = None
-
-    def __repr__(self) -> str:
-        d = self.description
-        return (
-            f"<Model {d.name!r}: {len(d.free)} moving points, {len(d.constraints)} constraints, "
-            f"{self.backend} backend>"
-        )
-
-    #: Whether its inputs alone move it; a linkage's motion is followed in time.
-    is_driven = False
-
     def with_parameters(self, **values: float) -> Model:
         """Return the same model with other values of its tunable parameters, in SI units."""
         changed = {**self.parameters, **values}
         return Model(self.description, self._library, self._derive, changed, self._analyses, self._typed)
-
-    def initial_state(self) -> State:
-        """Return the state in which a run starts.
-
-        Raises
-        ------
-        InitialStateError
-            When it cannot be assembled, is contradictory, or is singular.
-        """
-        found = self._found()
-        return self._state(0.0, found.q, found.u)
 
     def _found(self) -> Start:
         """Return the start: the one stored with the scene, unless a parameter was changed."""
@@ -100,30 +55,6 @@ class Model(Compiled):
     def redundant(self) -> tuple[str, ...]:
         """Constraints that follow from the others wherever the linkage goes, as messages call them."""
         return tuple(self.description.labels[i] for i in self._found().redundant)
-
-    def _state(self, t: float, q: Array, u: Array) -> State:
-        if not np.isfinite(t):
-            raise ModelError(f"expected a finite time of the state, got {t!r}")
-        parts = self._evaluator.blocks("points", t, q, u)
-        named = [
-            dict(zip(self.description.points, parts[k], strict=True)) for k in ("positions", "velocities")
-        ]
-        return State(t, q.copy(), u.copy(), *named)
-
-    def state(
-        self,
-        positions: Mapping[str, ArrayLike],
-        velocities: Mapping[str, ArrayLike] | None = None,
-        t: float = 0.0,
-    ) -> State:
-        """Return a state from the positions [m] and velocities [m/s] of the moving points, by name.
-
-        Points left out of ``velocities`` are at rest; ground points may be given and are ignored. The state
-        is taken as it is: :meth:`simulate` projects it onto the constraints, :meth:`accelerations` does not.
-        """
-        d = self.description
-        q, u = coordinates(d, positions, "positions"), coordinates(d, velocities or {}, "velocities", 0.0)
-        return self._state(t, q, u)
 
     def accelerations(self, state: State | None = None) -> Accelerations:
         """Return accelerations by point, multipliers and ground reactions by name, at a state.
@@ -160,16 +91,10 @@ class Model(Compiled):
         reactions = {}
         if self._evaluator.has("reactions"):
             found = self._evaluator.blocks("reactions", state.t, state.q, state.u, work)
-            rows = found["reactions"].reshape(len(d.ground), len(d.axes))
-            reactions = dict(zip(d.ground, rows, strict=True))
+            reactions = dict(zip(d.ground, found["reactions"], strict=True))
         open_rows = not_unique(self._evaluator, state.t, state.q, len(redundant))
         multipliers = dict(zip(d.constraints, work[n:-1].tolist(), strict=True))
         return Accelerations(points, multipliers, reactions, tuple(d.constraints[i] for i in open_rows))
-
-    def _kinematics(self) -> Bonds:
-        from symgen.runtime.bonds import Bonds
-
-        return Bonds(self._evaluator, self.analysis("kinematics"))
 
     @property
     def rhs(self) -> Rhs:
@@ -177,70 +102,6 @@ class Model(Compiled):
         from symgen.runtime.rhs import right_hand_side
 
         return right_hand_side(self)
-
-    @property
-    def evaluator(self) -> Evaluator:
-        """Its kernels as functions of arrays."""
-        return self._evaluator
-
-    def analysis(self, kind: str, stepping: bool = False) -> Evaluator:
-        """Return the kernels of a kind of analysis; for ``stepping`` in the type of runs, else in doubles."""
-        if self._analyses is None:
-            raise ModelError(
-                f"{self.name} was made without the kernels of {kind}: build it with symgen.build"
-            )
-        return Evaluator(*self._analyses(kind, stepping), self._evaluator.parameters[:-1])
-
-    def assemblies(self, t: float = 0.0) -> tuple[State, ...]:
-        """Return the ways in which the driven linkage goes together at a time, the drawn one (at 0 s) first.
-
-        They are looked for from many starting poses, the same ones every time; velocities are zero.
-        """
-        from symgen.runtime.assemblies import assemblies
-
-        q = self.initial_state().q
-        found = assemblies(self._kinematics(), q, t)
-        return tuple(self._state(t, pose, np.zeros_like(pose)) for pose in found)
-
-    def kinematics(
-        self,
-        start: float = 0.0,
-        stop: float | None = None,
-        *,
-        samples: int = 181,
-        of: Sequence[str] | None = None,
-        state: State | None = None,
-        through: bool = False,
-    ) -> Motion:
-        """Follow the driven linkage over a range of time, without forces: see ``docs/analyses.md``.
-
-        Parameters
-        ----------
-        start, stop
-            The range [s], 0 to the scene's ``t_end`` when absent. The drives are functions of the time.
-        samples
-            Number of equally spaced times at which poses are recorded.
-        of
-            Points and links (plane) to record; all that move when absent.
-        state
-            The assembly to follow, one of :meth:`assemblies`; the scene's own when absent.
-        through
-            Go on through dead centres, on the other branch and back in time, until the range is left or the
-            curve closes; otherwise a branch ends at its dead centre.
-
-        Raises
-        ------
-        ModelError
-            When freedoms are not driven (it says how many), or for a wrong range or name.
-        SimulationError
-            When no pose of the range can be reached, or a drive is not smooth.
-        """
-        from symgen.runtime.kinematics import Task, analyse
-
-        begin = self.initial_state() if state is None else state
-        end = self.description.t_end if stop is None else float(stop)
-        asked = Task(float(start), end, samples, through)
-        return analyse(self._kinematics(), begin.q, begin.t, asked, of)
 
     def forces(
         self,

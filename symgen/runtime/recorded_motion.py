@@ -26,6 +26,8 @@ def chosen_names(bonds: Bonds, of: Sequence[str] | None) -> list[str]:
         p for p in d.points if p not in d.ground or any(n.startswith(f"{p}.") for n in bonds.drives(0.0))
     ]
     turning = [k for k, points in d.links.items() if not set(points[:2]) <= set(d.ground)]
+    if of is None and d.kinematic and d.kernel("outputs"):
+        return []  # what the scene asks for
     if of is None:
         return [*moving, *(turning if len(d.axes) == 2 else [])]
     known = [*d.points, *(turning if len(d.axes) == 2 else [])]
@@ -64,6 +66,8 @@ def recorded(
         for name, unit in bonds.units().items()
     ]
     taken = {x.name for x in variables}
+    if not chosen and d.kinematic:
+        variables += [x for x in _asked(bonds, rows) if x.name not in taken]
     for name in chosen:
         made = (
             _of_point(d.points.index(name), name, d.axes, r, v, a)
@@ -99,6 +103,19 @@ def recorded(
             },
         },
     )
+
+
+def _asked(bonds: Bonds, rows: Samples) -> list[Variable]:
+    """Return the outputs of the scene."""
+    found = [
+        bonds.evaluator.blocks("outputs", t, q, u, np.concatenate([a, np.zeros(bonds.m + 1)]))
+        for t, q, u, a in rows
+    ]
+    info = bonds.evaluator.info("outputs")
+    return [
+        Variable(b.name, b.unit, b.about, b.rows, np.array([np.squeeze(x[b.name]) for x in found]))
+        for b in info.blocks
+    ]
 
 
 def _of_point(i: int, name: str, axes: tuple[str, ...], r: Array, v: Array, a: Array) -> list[Variable]:

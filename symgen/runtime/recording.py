@@ -48,7 +48,7 @@ class Recording:
 
     def axes(self) -> tuple[str, ...]:
         """Return the names of the axes."""
-        return self.evaluator.description.axes
+        return self.evaluator.description.shown_axes
 
     def time(self) -> Array:
         """Return the recorded times [s]."""

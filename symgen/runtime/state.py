@@ -90,10 +90,24 @@ def coordinates(
     for point in d.free:
         if point not in values and default is None:
             raise ModelError(f"{what}: the point {point} is missing")
-        component = np.asarray(values.get(point, np.full(len(d.axes), default)), dtype=float)
-        if component.shape != (len(d.axes),) or not np.all(np.isfinite(component)):
-            raise ModelError(
-                f"{what}: expected {len(d.axes)} finite numbers for {point}, got {values[point]!r}"
-            )
+        size = len(d.shown_axes)
+        component = np.asarray(values.get(point, np.full(size, default)), dtype=float)
+        if component.shape != (size,) or not np.all(np.isfinite(component)):
+            raise ModelError(f"{what}: expected {size} finite numbers for {point}, got {values[point]!r}")
+        if d.plane:
+            level = d.plane.level if default is None else default
+            component = _in_plane(d, d.plane.across, level, component, f"{what}: {point}")
         parts.append(component)
     return np.concatenate(parts)
+
+
+def _in_plane(d: Description, across: int, level: float, vector: Array, what: str) -> Array:
+    """Return the components of a vector in the plane in which a linkage stays; raise where it leaves it."""
+    if vector[across] != level:
+        axis = d.shown_axes[across]
+        raise ModelError(
+            f"{what}: expected {level:g} along {axis}, got {vector[across]:g}: "
+            f"the equations of {d.name} are those of its motion in that plane\n"
+            '  Write motion = "space" under [analysis] of the scene to let it leave.'
+        )
+    return np.array([vector[d.shown_axes.index(axis)] for axis in d.axes])

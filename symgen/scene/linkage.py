@@ -3,20 +3,22 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TypeVar
 
 import sympy as sp
 
 from symgen.errors import SceneError
 from symgen.scene.elastic import Crank, ElasticLink, Station
-from symgen.symbolic.quantity import Quantity, quantity
+from symgen.symbolic.quantity import AXES, Quantity, quantity
 
 TIME = quantity("t", "s", "time")
 _DIGITS = 30
 
 Vector = tuple[sp.Expr, ...]
+_T = TypeVar("_T")
 
 
 @dataclass(frozen=True, slots=True)
@@ -254,9 +256,39 @@ class StartConditions:
     velocities: tuple[tuple[str, Vector], ...]
 
 
+@dataclass(frozen=True, slots=True)
+class Plane:
+    """The plane across a coordinate axis in which a linkage stays that is written in space.
+
+    ``across`` is the number of that axis, ``level`` the coordinate on it [m], ``whole`` the linkage in space.
+    """
+
+    across: int
+    level: sp.Expr
+    whole: Linkage
+
+    def __str__(self) -> str:
+        """Return its equation."""
+        return f"{AXES[self.across]} = {float(self.level):g} m" if self.level else f"{AXES[self.across]} = 0"
+
+    def within(self, vector: Sequence[_T]) -> tuple[_T, _T]:
+        """Return the components in the plane, in the order in which a left turn is positive."""
+        return vector[self.across - 2], vector[self.across - 1]
+
+    def lifted(self, vector: Vector, across: sp.Expr) -> Vector:
+        """Return the vector in space with these components in the plane and this one across it."""
+        components = {self.across: across, (self.across - 2) % 3: vector[0], (self.across - 1) % 3: vector[1]}
+        return tuple(components[i] for i in range(3))
+
+
 @dataclass(frozen=True)
 class Linkage:
-    """A linkage, resolved: exact expressions over the tunable parameters and time, in SI units."""
+    """A linkage, resolved: exact expressions over the tunable parameters and time, in SI units.
+
+    ``plane`` is where a linkage written in space stays: all else is by components in it then.
+    ``leaves_plane`` says by what a linkage in space leaves every coordinate plane; ``kinematic`` that nothing
+    is asked but the motion that the drives prescribe.
+    """
 
     name: str
     file: str
@@ -284,6 +316,24 @@ class Linkage:
     stations: tuple[Station, ...] = ()
     distributed: tuple[DistributedForce, ...] = ()
     events: tuple[Event, ...] = ()
+    plane: Plane | None = None
+    leaves_plane: str = ""
+    kinematic: bool = False
+
+    @property
+    def axes(self) -> tuple[str, ...]:
+        """Names of the axes of its coordinates."""
+        return self.plane.within(AXES) if self.plane else tuple(AXES[: self.dimension])
+
+    @property
+    def shown_axes(self) -> tuple[str, ...]:
+        """Names of the axes that it is written in, and that results have."""
+        return tuple(AXES) if self.plane else self.axes
+
+    @property
+    def as_written(self) -> Linkage:
+        """The linkage with all the axes it is written in."""
+        return self.plane.whole if self.plane else self
 
     @cached_property
     def defaults(self) -> Mapping[sp.Symbol, sp.Expr]:

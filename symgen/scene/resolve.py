@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import sympy as sp
 
 from symgen.errors import SceneError
@@ -14,13 +16,14 @@ from symgen.scene.linkage import Linkage
 from symgen.scene.loop import Loop
 from symgen.scene.loops import loop_of
 from symgen.scene.names import check_names
+from symgen.scene.planar import in_its_plane
 from symgen.scene.reading import Reader
 from symgen.scene.schema import Scene
 from symgen.scene.spatial import spatial_bodies
 
 
 def resolve(scene: Scene) -> Linkage | Loop:
-    """Return the linkage, or the loop, that a scene describes.
+    """Return the linkage, or the loop, that a scene describes; a linkage in the plane in which it stays.
 
     Raises
     ------
@@ -92,9 +95,16 @@ def _linkage(scene: Scene) -> Linkage:
         stations=tuple(stations(read, links, elastic)),
         distributed=tuple(loads.distributed(read)),
         events=tuple(events(read)),
+        kinematic=scene.analysis.kind == "kinematics",
     )
     _check_every_point_used(scene, linkage)
-    return linkage
+    if scene.analysis.motion == "space":
+        if read.dimension == 2:
+            raise SceneError("points with two coordinates do not move in space", where="analysis.motion")
+        return replace(linkage, leaves_plane='analysis.motion = "space"')
+    if linkage.kinematic and read.dimension == 3:
+        return replace(linkage, leaves_plane="kinematics knows no loads that keep it in a plane")
+    return in_its_plane(linkage)
 
 
 def _end(read: Reader, crank: Crank | None) -> sp.Expr:

@@ -199,12 +199,19 @@ class Start(Table):
 class Analysis(Table):
     """What is asked of the mechanism."""
 
-    kind: Literal["dynamics"] = "dynamics"
+    kind: Literal["dynamics", "kinematics"] = Field(
+        default="dynamics",
+        description="kinematics: positions, velocities and accelerations of a driven linkage, and no forces.",
+    )
     t_end: Value = Field(
         default="1 s", description="If absent one turn of the crank where links are elastic."
     )
     assembly_tolerance: Value | None = Field(
         default=None, description="By how much redundant constraints may contradict the others."
+    )
+    motion: Literal["space"] | None = Field(
+        default=None,
+        description="space: derive a linkage with three coordinates in space though it stays in a plane.",
     )
     outputs: list[str] | None = Field(
         default=None, description="What a run records, such as C.position, OA.tension, O.reaction, energy."
@@ -258,6 +265,10 @@ class Scene(Table):
 
     def _check_kind(self) -> None:
         """Raise SceneError unless it is made of points and links, or of a loop."""
+        asked = self.analysis
+        for key, given in (("motion", asked.motion), ("kind", asked.kind != "dynamics")):
+            if self.loop is not None and given:
+                raise SceneError("of a loop, its outputs say what is derived", where=f"analysis.{key}")
         if self.loop is None:
             for key in ("points", "links"):
                 if key not in self.model_fields_set:

@@ -19,7 +19,7 @@ from symgen.lowering.tape import Tape
 from symgen.models import BLOCKS
 from symgen.models.analyses import elastic_systems
 from symgen.models.system import with_redundancy
-from symgen.pipeline import build, derive
+from symgen.pipeline import build, derive, with_forces
 from symgen.precision import FLOAT64, Precision
 from symgen.precision import precision as precision_named
 from symgen.runtime import _core
@@ -139,6 +139,7 @@ def kernels_of(
         system = derive(scene)
         states = of_block(system, count, seed)
         return system.title, [Kernels("", system, _of_system(model), states, without=("solve",))]
+    model = with_forces(model)
     system = derive(override(read_scene(scene), set or {}))
     if isinstance(model, LoopModel):
         own = Kernels("", system, _of_loop(model.kernels), of_loop(model, count, seed, run))

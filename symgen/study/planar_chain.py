@@ -111,7 +111,7 @@ def planar_chain(linkage: Linkage, model: Model, t_end: float, samples: int) -> 
 def _in_a_row(linkage: Linkage) -> list[tuple[RigidLink, str, str]]:
     """Return the links from the ground outward, each with its inner and outer end."""
     has = [what for field, what in _NOT.items() if getattr(linkage, field)]
-    if linkage.dimension != 2:
+    if linkage.as_written.dimension != 2:
         has.append("a third axis")
     if any(link.carried or link.offset != 0 or link.mass == 0 for link in linkage.links):
         has.append("links that are no plain rods with mass")

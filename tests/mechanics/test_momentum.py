@@ -492,6 +492,8 @@ O = { at = ["0 m", "0 m", "0 m"], ground = true }
 A = { at = ["1 m", "0 m", "0 m"] }
 [links]
 p = { points = ["O", "A"], mass = "1 kg" }
+[analysis]
+motion = "space"
 """
 
 

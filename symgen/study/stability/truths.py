@@ -96,7 +96,7 @@ def peaucellier_arm(end: float) -> Callable[[Array], Array]:
 
 def accelerations_error(scene: str, model: Model, result: Result) -> float:
     """Return the relative error of accelerations at the start and at the end of a run, by 40 digits."""
-    linkage = resolve_linkage(load_scene(scene))
+    linkage = resolve_linkage(load_scene(scene)).as_written
     last = {p: result.final[p] for p in model.description.free}
     end = model.state(
         {p: found["position"] for p, found in last.items()},
