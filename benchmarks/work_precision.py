@@ -7,10 +7,11 @@ end and the largest of all samples, against a reference of another formulation (
 
 A time is that of the whole call from Python, initial state to recorded samples, warm: of symgen
 ``simulate`` and the places of the tip, of others without these, which are found from their joint angles
-untimed. Settings are run in turn, round by round, and the best round counts: what else the machine does
-only ever adds; ratios are the less of those of wall and of processor time. Settings that came nowhere near
-their program's best in a first run are left out. The time at an error is interpolated between the
-logarithms of a program's best settings. ``--short`` runs symgen alone.
+untimed. Settings are run in turn, round by round, each for a millisecond (once at least) before the call that
+is timed, and the best round counts: what else the machine does only ever adds; ratios are the less of those
+of wall and of processor time. Settings that came nowhere near their program's best in a first run are left
+out. The time at an error is interpolated between the logarithms of a program's best settings. ``--short``
+runs symgen alone.
 """
 
 from __future__ import annotations
@@ -61,7 +62,7 @@ def main() -> int:
             tried.update(swept(n, sweep, truth))
     errors = contenders(tried)
     cases = {key: Case(key[1].run, 1) for key in errors}
-    timings = measure(cases, SHORT_ROUNDS if options.short else ROUNDS, 1)
+    timings = measure(cases, SHORT_ROUNDS if options.short else ROUNDS, 1, primed=True)
     if options.plot:
         draw(errors, timings, options.plot)
     notes = [

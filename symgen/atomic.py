@@ -1,10 +1,11 @@
-"""Files that are there whole or not at all."""
+"""Files and folders that are there whole or not at all."""
 
 from __future__ import annotations
 
 import os
+import shutil
 import tempfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
@@ -34,6 +35,37 @@ def write_text(path: Path, text: str) -> None:
             temporary.write_bytes(text.encode("utf-8"))
     except OSError as error:
         raise ResultError(f"cannot write {path}: {error.strerror or error}") from None
+
+
+def write_folder(folder: Path, files: Mapping[str, bytes], gone: Iterable[str] = ()) -> None:
+    """Write files by their names in a folder, aside first: what cannot be written leaves all as it was.
+
+    A folder that is not there appears complete. In one that is, ``gone`` are removed, and each file takes the
+    place of its predecessor, in the order given; what else it holds is left alone.
+
+    Raises
+    ------
+    OSError
+        When it cannot be written.
+    """
+    there = folder.is_dir()
+    home = folder if there else folder.absolute().parent
+    made = Path(tempfile.mkdtemp(prefix=f".{folder.name}.", dir=home))
+    try:
+        for name, content in files.items():
+            (made / name).parent.mkdir(exist_ok=True)
+            (made / name).write_bytes(content)
+        if not there:
+            made.chmod(0o777 & ~_umask())
+            made.replace(folder)
+            return
+        for name in gone:
+            (folder / name).unlink(missing_ok=True)
+        for name in files:
+            (folder / name).parent.mkdir(exist_ok=True)
+            (made / name).replace(folder / name)
+    finally:
+        shutil.rmtree(made, ignore_errors=True)
 
 
 def _umask() -> int:

@@ -12,6 +12,7 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from importlib.machinery import EXTENSION_SUFFIXES
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -92,13 +93,14 @@ def _located(path: Path, error: DerivationError) -> DerivationError:
 
 def _failed(path: Path, error: BaseException) -> DerivationError:
     """Return one message that names the line of the user's file, and the error there."""
-    if isinstance(error, SyntaxError):
-        return DerivationError(f"{error.filename}, line {error.lineno}: this is not Python: {error.msg}")
     import traceback
 
     frames = traceback.extract_tb(error.__traceback__)
     lines = [f.lineno for f in frames if Path(f.filename).resolve() == path.resolve()]
     place = f"{path}, line {lines[-1]}" if lines else str(path)
+    if isinstance(error, SyntaxError):
+        place = f"{error.filename}, line {error.lineno}" if error.filename else place
+        return DerivationError(f"{place}: this is not Python: {error.msg}")
     return DerivationError(
         f"{place}: {type(error).__name__}: {error}\n  The derivation failed; mend it there."
     )
@@ -129,13 +131,21 @@ def _checked(path: Path, made: Any) -> System:
     return made
 
 
+#: Where installers put packages: of an environment, of the system, of the user.
+_INSTALLED = {"site-packages", "dist-packages"}
 #: The argument arrays that every kernel reads.
 _ARRAYS = ("t", "q", "u", "p", "work")
+
+#: Packages whose objects a System holds: loaded once, wherever they lie.
+_KEPT = ("symgen", "sympy", "mpmath", "numpy")
 
 
 @contextmanager
 def _importing_beside(folder: Path) -> Iterator[list[Path]]:
-    """Let a file import its neighbours; give the list of those it did, and forget them afterwards."""
+    """Let a file import its neighbours, as they are now; give the list of those it did, and forget them."""
+    away = {name: sys.modules[name] for name in sorted(sys.modules) if _is_beside(folder, name)}
+    for name in away:  # imported earlier, perhaps as they were before
+        del sys.modules[name]
     before, found = set(sys.modules), list[Path]()
     sys.path.insert(0, str(folder))
     try:
@@ -147,12 +157,22 @@ def _importing_beside(folder: Path) -> Iterator[list[Path]]:
             file = getattr(sys.modules[name], "__file__", None)
             if file and name.partition(".")[0] != "symgen" and _is_users(Path(file).resolve()):
                 found.append(Path(file))
-                del sys.modules[name]  # so that the next time its file is read again
+                if not file.endswith(tuple(EXTENSION_SUFFIXES)):  # these can be loaded once
+                    del sys.modules[name]  # so that the next time its file is read again
+        sys.modules.update(away)
+
+
+def _is_beside(folder: Path, name: str) -> bool:
+    """Tell whether a module that is loaded is Python in that folder, and nothing that symgen works with."""
+    file = Path(getattr(sys.modules[name], "__file__", None) or "")
+    if name == "__main__" or name.partition(".")[0] in _KEPT or file.suffix != ".py":
+        return False
+    return file.resolve().is_relative_to(folder) and _is_users(file.resolve())
 
 
 def _is_users(file: Path) -> bool:
-    """Tell whether a module is neither Python's nor installed."""
+    """Tell whether a module is neither Python's nor installed, in this environment or another."""
     import sysconfig
 
-    places = [Path(sysconfig.get_path(p)).resolve() for p in ("stdlib", "platstdlib", "purelib", "platlib")]
-    return not any(file.is_relative_to(place) for place in places)
+    places = [Path(sysconfig.get_path(p)).resolve() for p in ("stdlib", "platstdlib")]
+    return _INSTALLED.isdisjoint(file.parts) and not any(file.is_relative_to(place) for place in places)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from symgen.errors import ModelError, nearest
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class Precision:
     """A floating-point type of the C compiler.
 

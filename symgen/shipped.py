@@ -93,11 +93,6 @@ def _recorded(made: Record) -> SourceFile:
     return SourceFile(record_name(made.name), made.to_json())
 
 
-def shipped_sources() -> list[SourceFile]:
-    """Derive everything that belongs under ``generated/`` in this process, one after the other."""
-    return sources({name: make(name).shipped for name in names()})
-
-
 def sources(models: dict[str, Shipped]) -> list[SourceFile]:
     """Return the files of these models, and the manifest that lists them."""
     return [*(f for model in models.values() for f in model.files), manifest(models)]

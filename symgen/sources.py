@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,7 +14,7 @@ from symgen.cache import Cache, key
 from symgen.errors import ModelError
 from symgen.own import is_own, load
 from symgen.scene.loading import override, read_scene, scene_path
-from symgen.symbolic.difference import Difference, difference
+from symgen.symbolic.difference import Difference, difference, texts
 from symgen.symbolic.record import Record, read_record
 
 if TYPE_CHECKING:
@@ -35,12 +35,15 @@ class Systems:
         Its Systems, by what comes before the names of their matrices: none for those of its motion.
     needs
         The files it came from, besides those of symgen.
+    values
+        Those of the tunable parameters of a scene, in SI units.
     """
 
     name: str
     title: str
     all: Mapping[str, System]
     needs: graph.Needs
+    values: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,7 +107,8 @@ def _of_scene(source: str | os.PathLike[str], set_: Mapping[str, Any]) -> System
     resolved = resolve(check_scene(override(read_scene(source), set_)))
     own = system_of(resolved)
     further = elastic_systems(resolved) if isinstance(resolved, Linkage) else {}
-    return Systems(own.name, own.title, {"": own, **{f"{k}.": s for k, s in further.items()}}, read)
+    values = {p.quantity.name: f"{float(p.default):.12g} {p.quantity.unit}" for p in resolved.parameters}
+    return Systems(own.name, own.title, {"": own, **{f"{k}.": s for k, s in further.items()}}, read, values)
 
 
 def record_of(derived: Systems) -> Record:
@@ -134,8 +138,9 @@ def compare(
     set
         Values to replace in the second.
     """
-    old, new = record_of(systems(before)), record_of(systems(after, set))
-    return old, new, difference(old, new)
+    sources = systems(before), systems(after, set)
+    old, new = map(record_of, sources)
+    return old, new, replace(difference(old, new), values=texts(*(s.values for s in sources)))
 
 
 def generate(source: str | os.PathLike[str]) -> Generated:

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import json
+import os
 import re
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -297,3 +299,54 @@ def test_set_whole_numbers_and_choices():
     said = " ".join(call("explain", "elastic_four_bar", *changed).split())
     assert "link coupler, 3 elements beam8" in said
     assert "link output, 1 element beam8, its length kept" in said
+
+
+def test_help_lists_every_command_with_a_whole_sentence():
+    listed = call("--help").partition("Commands:")[2].strip().splitlines()
+    assert len(listed) == len(app.registered_commands) + len(app.registered_groups)
+    assert all(line.rstrip().endswith(".") and not line.rstrip().endswith("..") for line in listed), listed
+
+
+def test_a_run_prints_the_outputs_that_were_asked_for():
+    printed = call("run", "peaucellier")
+    ended = symgen.build("peaucellier").simulate()
+    row = next(line for line in printed.splitlines() if "E.reaction" in line)
+    for number in ended.variable("E.reaction").values[-1]:
+        assert f"{number:.9e}" in row
+    assert "C.position" not in printed
+
+
+def test_a_scene_file_named_without_its_ending(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "mine.toml").write_text("symgen = 1\n")
+    done = runner.invoke(app, ["run", "mine"])
+    assert "Did you mean 'mine.toml'?" in str(done.exception)
+
+
+def test_tables_hold_no_minus_zero():
+    from symgen.report.tables import _text
+
+    assert _text(-0.0) == "0" and _text(-1e-300) == "-1e-300"
+    rates = call("run", "slider_crank", "--at", "45")
+    assert not re.search(r" -0 ", rates)
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full, a device that is always full")
+@pytest.mark.parametrize("arguments, unbuffered", [("scenes", ""), ("schema", "1"), ("--help", "")])
+def test_output_that_does_not_fit_is_one_clear_line(arguments, unbuffered):
+    with Path("/dev/full").open("w") as full:
+        done = subprocess.run(
+            [sys.executable, "-m", "symgen", arguments],
+            stdout=full,
+            stderr=subprocess.PIPE,
+            text=True,
+            env={**os.environ, "PYTHONUNBUFFERED": unbuffered},
+        )
+    assert done.returncode == 1
+    assert done.stderr == "symgen: cannot write the output: No space left on device\n"
+
+
+def test_a_number_of_sums_below_zero_is_refused(entry):
+    code, out, err = entry("accuracy", "rod", "--top", "-3")
+    assert (code, out) == (2, "")
+    assert err == "symgen: expected a number of sums from 0 on for top, got -3\n"

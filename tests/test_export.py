@@ -226,7 +226,9 @@ def test_words_of_a_scene_stay_words(tmp_path):
         assert "injected" not in code, file
 
 
-@pytest.mark.parametrize("name", ["main", "double", "math"])
+@pytest.mark.parametrize(
+    "name", ["main", "double", "math", "class", "unix", "state", "loop", "motion", "real_fmax"]
+)
 def test_names_that_c_has_are_refused(tmp_path, name):
     file = tmp_path / f"{name}.toml"
     file.write_text(scene_path("four_bar").read_text())

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import json
 import os
 import re
@@ -17,6 +18,7 @@ import symgen
 from symgen.cli import app
 from symgen.errors import DerivationError, ModelError, SceneError
 from symgen.own import load
+from symgen.report.difference import difference_lines
 from symgen.sources import compare, generate
 from symgen.study.accuracy import accuracy
 
@@ -125,6 +127,20 @@ def test_generate_says_what_changed_since(model):
     assert {m.name for m in back.change.matrices} == {"inertia", "energy"}, "since the last, not the first"
 
 
+def test_a_neighbour_that_was_imported_before_counts_too(model, monkeypatch):
+    """As in a notebook: it is read as it is now, and what the user imported stays as it is."""
+    monkeypatch.syspath_prepend(str(model.parent))
+    constants = importlib.import_module("constants")
+    at = {"q": [0.0], "u": [0.0], "p": [1.0, 2.0, 9.81]}
+    try:
+        assert symgen.build(model).evaluate("motion", **at)["inertia"] == 4.0
+        (model.parent / "constants.py").write_text("POWER = 3  # now\n")
+        assert symgen.build(model).evaluate("motion", **at)["inertia"] == 8.0
+        assert sys.modules["constants"] is constants and constants.POWER == 2
+    finally:
+        del sys.modules["constants"]
+
+
 def test_commands(model):
     assert "made for the first time" in run("generate", model)
     assert "nothing changed" in run("generate", model)
@@ -202,12 +218,41 @@ def test_from_a_shell(model):
     assert "Traceback" not in done.stderr
 
 
+def test_a_file_with_a_null_byte(model):
+    model.write_bytes(model.read_bytes() + b"\0")
+    with pytest.raises(DerivationError) as refused:
+        load(model)
+    assert str(refused.value).startswith(f"{model}") and "this is not Python: " in str(refused.value)
+    assert "None" not in str(refused.value) and "null bytes" in str(refused.value)
+
+
+def test_what_another_environment_holds_is_no_file_of_the_user(model, tmp_path, monkeypatch):
+    packages = tmp_path / "usr" / "lib" / "dist-packages"
+    packages.mkdir(parents=True)
+    (packages / "installed_elsewhere.py").write_text("POWER = 2\n")
+    monkeypatch.syspath_prepend(packages)
+    model.write_text("import installed_elsewhere\n" + model.read_text())
+    try:
+        needs = load(model).needs
+        assert "installed_elsewhere" in sys.modules  # it is not loaded again and again
+        assert not any("installed_elsewhere" in name for name in needs)
+        assert any("constants.py" in name for name in needs) and "constants" not in sys.modules
+    finally:
+        sys.modules.pop("installed_elsewhere", None)
+
+
 def test_two_versions_of_a_scene():
     old, new, found = compare("crank_rocker", "crank_rocker", {"links.crank.mass_per_length": "3 kg/m"})
     assert old.name == new.name == "crank_rocker"
     assert {m.name for m in found.matrices} >= {"mass_matrix", "kinetic_energy"}
     with pytest.raises(ModelError, match="values are set of scenes"):
         compare("rod", "rod", {"m": "1 kg"})
+
+
+def test_other_values_of_arguments_are_told_and_are_no_change_in_the_mathematics():
+    _, _, found = compare("slider_crank", "slider_crank", {"S1": "9 in"})
+    assert not found
+    assert list(difference_lines(found))[2:] == ["  changed [S1]", "    - 0 m", "    + 0.2286 m"]
 
 
 def test_blocks_are_compared_too():

@@ -15,7 +15,7 @@ from test_oracle import random_values
 
 import symgen
 from symgen.compiler import find_compiler
-from symgen.errors import ModelError
+from symgen.errors import ModelError, SimulationError
 from symgen.precision import PRECISIONS
 
 pytestmark = pytest.mark.skipif(find_compiler() is None, reason="no C compiler")
@@ -216,6 +216,21 @@ def test_what_is_computed_in_doubles_only_says_so():
     model = symgen.build("elastic_four_bar", backend="mpmath", digits=30)
     with pytest.raises(ModelError, match=r"computed in types of C only, and .* was built for 30 digits\n"):
         model.run()
+
+
+def test_tolerances_of_a_loop_follow_the_type():
+    model = symgen.build("cssp", precision="float32")
+    assert model.simulate(0.1).provenance["rtol"] == pytest.approx(1.2e-4, rel=0.01)
+    with pytest.raises(ModelError, match="below 1.2e-05, the tightest that float32 can meet"):
+        model.simulate(0.1, rtol=1e-6)
+
+
+def test_more_steps_that_only_add_round_off_end_an_elastic_run():
+    """With a tolerance beyond float32, at the first sign of it and not after a quarter of a million steps."""
+    model = symgen.build("elastic_slider_crank", precision="float32")
+    with pytest.raises(SimulationError, match=r"in float32: .* round-off, and \d\.\de-0[5-8] is the best\n"):
+        model.run(rtol=1e-9)
+    assert model.run(rtol=1e-4).statistics["error"] < 1e-4
 
 
 @pytest.mark.parametrize(

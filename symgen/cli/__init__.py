@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import atexit
+import errno
 import gc
+import os
 import sys
 import warnings
 from copy import copy
@@ -11,7 +13,6 @@ from typing import Annotated
 
 import typer
 
-# In the order in which --help lists the commands.
 from symgen.cli import (
     accuracy,
     analyses,
@@ -44,6 +45,15 @@ __all__ = [
     "sweeping",
 ]
 
+#: The commands as --help lists them: a mechanism, its equations, analyses, measurements.
+_ORDER = ["run", "scenes", "schema", "build", "show", "explain", "report", "export", "generate", "diff"]
+_ORDER += ["kinematics", "equilibrium", "modes", "forces", "sweep", "bench", "accuracy", "stability"]
+app.registered_commands.sort(key=lambda command: _ORDER.index(getattr(command.callback, "__name__", "")))
+
+
+#: Errors of a device or a quota that holds no more.
+_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)
+
 
 def main() -> None:
     """Run the command line: every error that symgen raises on purpose becomes one message and exit code 2."""
@@ -51,7 +61,10 @@ def main() -> None:
     atexit.register(gc.freeze)
     warnings.showwarning = lambda message, *_, **__: print(f"symgen: {message}", file=sys.stderr)
     try:
-        _only(sys.argv[1:2])()
+        try:
+            _only(sys.argv[1:2])()
+        finally:
+            sys.stdout.flush()  # what does not fit is told here, not after the end
     except SymgenError as error:
         print(f"symgen: {error}", file=sys.stderr)
         raise SystemExit(2) from None
@@ -60,6 +73,12 @@ def main() -> None:
         raise SystemExit(130) from None
     except BrokenPipeError:
         sys.stderr.close()
+        raise SystemExit(1) from None
+    except OSError as error:
+        if error.errno not in _FULL:
+            raise
+        print(f"symgen: cannot write the output: {error.strerror}", file=sys.stderr)
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # for what is left in its buffer
         raise SystemExit(1) from None
 
 

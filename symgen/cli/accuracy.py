@@ -34,7 +34,10 @@ def accuracy(
     ] = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Compare every kernel with its original matrices at 40 digits; show condition and cancellation."""
+    """Compare every kernel with its matrices at 40 digits.
+
+    Condition and cancellation are shown beside the error.
+    """
     from symgen.atomic import writable
     from symgen.errors import ModelError
     from symgen.study import accuracy as study

@@ -46,7 +46,10 @@ def kinematics(
     as_json: JsonOption = False,
     backend: BackendOption = "auto",
 ) -> None:
-    """Follow a driven linkage: positions, velocities, accelerations, dead centres."""
+    """Follow a driven linkage, and find its dead centres.
+
+    Positions, velocities and accelerations are shown.
+    """
     from symgen.errors import ModelError
     from symgen.pipeline import build_kinematics
 
@@ -66,7 +69,7 @@ def kinematics(
 def equilibrium(
     scene: SceneArgument, set_: SetOption = None, as_json: JsonOption = False, backend: BackendOption = "auto"
 ) -> None:
-    """Find the static equilibrium downhill from the start of a scene."""
+    """Find the static equilibrium downhill from the start."""
     model = linkage(scene, set_, backend, "equilibrium")
     found = model.equilibrium()
     if as_json:
@@ -95,7 +98,10 @@ def modes(
     as_json: JsonOption = False,
     backend: BackendOption = "auto",
 ) -> None:
-    """Find frequencies and shapes of small oscillations: about equilibrium, or of elastic links in a pose."""
+    """Find frequencies and shapes of small oscillations.
+
+    They are those about equilibrium, or of elastic links in a pose.
+    """
     from symgen.errors import ModelError
     from symgen.pipeline import build_scene as build_model
     from symgen.runtime.elastic_model import ElasticModel
@@ -156,7 +162,10 @@ def forces(
     as_json: JsonOption = False,
     backend: BackendOption = "auto",
 ) -> None:
-    """Find joint, section and driving forces of a driven linkage, all its links taken as rigid."""
+    """Find joint, section and driving forces of a driven linkage.
+
+    All its links are taken as rigid.
+    """
     from symgen.errors import ModelError
     from symgen.runs import angles
 

@@ -48,7 +48,10 @@ def bench(
     as_json: JsonOption = False,
     backend: BackendOption = "auto",
 ) -> None:
-    """Measure error, wall time, steps and order of every integrator against a tight reference."""
+    """Measure error, time and order of every integrator.
+
+    The errors are those against a tight reference.
+    """
     import json
 
     from symgen.atomic import writable, write_text

@@ -50,6 +50,9 @@ VectorOption = Annotated[
     str, typer.Option(help="none (runs on any processor of this kind), or native: for this one.")
 ]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")]
+DifferenceOption = Annotated[
+    str, typer.Option("--format", help="text, or latex (amsmath): how entries before and after are written.")
+]
 OutOption = Annotated[Path | None, typer.Option(help="Save the result: .nc or .npz.")]
 PlotOption = Annotated[Path | None, typer.Option(help="Save a plot: .png, .svg or .pdf.")]
 

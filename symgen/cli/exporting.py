@@ -19,7 +19,10 @@ def export(
     ],
     set_: SetOption = None,
 ) -> None:
-    """Write a scene as C: kernels, the core that runs them, an example, and a test of the numbers."""
+    """Write a scene as C, for other programs.
+
+    The folder holds kernels, the core that runs them, an example, and a test of the numbers.
+    """
     from symgen.export import export_c
 
     for name in export_c(scene, c, set=changes(set_)):

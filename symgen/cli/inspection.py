@@ -71,7 +71,10 @@ def show(
     ] = False,
     set_: SetOption = None,
 ) -> None:
-    """Show the derived equations: all matrices, one of them, or a part of it, in any form."""
+    """Show the derived equations, in any form.
+
+    All matrices are listed; one is shown, or a part of it, where it is named.
+    """
     from symgen.report.equations import check_form
 
     check_form(form)
@@ -167,7 +170,10 @@ def _show_digits(scene: str, matrix: str | None, set_: list[str] | None) -> None
 
 @app.command()
 def explain(scene: SceneArgument, set_: SetOption = None) -> None:
-    """Tell what was kept of a scene and what left out, what that saves, and how its equations are solved."""
+    """Tell what became of a scene, and what its equations cost.
+
+    What was kept and what left out, what that saves, and how the equations are solved.
+    """
     from symgen.inspection.explanation import explanation
 
     for line in explanation(scene, changes(set_)):

@@ -9,6 +9,7 @@ import typer
 from symgen.cli.common import (
     BackendOption,
     ContractionOption,
+    DifferenceOption,
     DigitsOption,
     PrecisionOption,
     SetOption,
@@ -41,25 +42,31 @@ def generate(
         typer.Option("--check", help="Derive all of generated/ anew, change nothing; fail if it differs."),
     ] = False,
     every: Annotated[bool, typer.Option("--all", help="Print every entry that changed.")] = False,
+    form: DifferenceOption = "text",
 ) -> None:
-    """Derive anew what changed, and say what changed in the mathematics."""
+    """Derive anew what changed, and say what it changed.
+
+    Of the mathematics, every entry of a matrix is shown before and after.
+    """
     from symgen.errors import GenerationError, ModelError
+    from symgen.report.difference import check_form
     from symgen.report.regeneration import generated_lines, regenerated_lines
 
+    check_form(form)
     shown = None if every else _SHOWN
     if source is not None:
         if check:
             raise ModelError("--check is for generated/: it does not go with a scene or a file")
         from symgen.sources import generate as generate_source
 
-        print(*generated_lines(generate_source(source), shown), sep="\n")
+        print(*generated_lines(generate_source(source), shown, form), sep="\n")
         return
     from symgen.regeneration import not_current, regenerate
 
     if not check:
         with progress_bar("generated/", as_json=False) as progress:
             found = regenerate(progress)
-        print(*regenerated_lines(found, shown), sep="\n")
+        print(*regenerated_lines(found, shown, form), sep="\n")
         return
     with progress_bar("generated/", as_json=False) as progress:
         differing = not_current(progress)
@@ -79,7 +86,7 @@ def build(
     contraction: ContractionOption = "off",
     vector: VectorOption = "none",
 ) -> None:
-    """Derive, emit and compile a scene, or a user's own derivation, into the cache."""
+    """Compile a scene, or a derivation of your own, into the cache."""
     from symgen.pipeline import build as build_model
     from symgen.report.summary import model_lines
 

@@ -25,7 +25,10 @@ def report(
     ] = True,
     set_: SetOption = None,
 ) -> None:
-    """Write one HTML page on a scene: picture, derivation, kernels, a run with its errors; no network."""
+    """Write one HTML page on a scene.
+
+    It shows a picture, the derivation, kernels, and a run with its errors, and needs no network.
+    """
     from symgen.atomic import writable, write_text
     from symgen.inspection.page import scene_page
     from symgen.report.page import render

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -27,6 +30,7 @@ from symgen.cli.common import (
     show_motion,
     write_files,
 )
+from symgen.errors import ModelError, SimulationError
 
 if TYPE_CHECKING:
     from symgen.runtime.result import Result
@@ -122,83 +126,92 @@ def run(
     contraction: ContractionOption = "off",
     vector: VectorOption = "none",
 ) -> None:
-    """Run a scene and print where it ended; a driven loop is evaluated over the range of its input."""
+    """Run a scene, and print where it ended.
+
+    A driven loop is evaluated over the range of its input.
+    """
+    asked: _Options = {"t_end": t_end, "method": method, "rtol": rtol, "atol": atol, "step": step}
+    types: _Options = {"precision": precision, "digits": digits}
+    types |= {"contraction": contraction, "vector": vector}
     if study:
-        given: dict[str, Any] = {"--t-end": t_end, "--method": method, "--rtol": rtol, "--atol": atol}
-        given |= {"--step": step, "--samples": samples, "--at": at, "--out": out, "--plot": plot}
-        given |= {"--precision": None if precision == "float64" else precision, "--digits": digits}
-        given |= {"--contraction": None if contraction == "off" else contraction}
-        given |= {"--vector": None if vector == "none" else vector}
-        others = [name for name, value in given.items() if value is not None]
-        _studies(scene, study, others, set_, as_json, backend)
+        others: _Options = {"samples": samples, "at": at, "out": out, "plot": plot}
+        _studies(scene, study, asked | others | _unusual(types), set_, as_json, backend)
         return
-    from symgen.errors import ModelError, SimulationError
-    from symgen.pipeline import build_asked as build_model
-    from symgen.pipeline import is_kinematic
-    from symgen.runtime.elastic_model import ElasticModel
-    from symgen.runtime.loop_model import LoopModel
+    from symgen.pipeline import build_asked
 
     check_files(out, plot)
-    types: dict[str, Any] = {"precision": precision, "digits": digits}
-    types |= {"contraction": contraction, "vector": vector}
-    model: Any = build_model(scene, set=changes(set_), backend=backend, **types)
-    options: dict[str, Any] = {"method": method, "rtol": rtol, "atol": atol, "step": step}
-    of_elastic = {"revolutions": revolutions, "steps": steps, "segments": segments, "form": form}
+    model: Any = build_asked(scene, set=changes(set_), backend=backend, **types)
+    of_elastic: _Options = {"revolutions": revolutions, "steps": steps, "segments": segments, "form": form}
     of_elastic["geometric_stiffness"] = geometric_stiffness
-    if not isinstance(model, ElasticModel):
-        refused = [f"--{name.replace('_', '-')}" for name, value in of_elastic.items() if value is not None]
-        if refused:
-            raise ModelError(f"{', '.join(refused)}: for elastic links only, and {model.name} has none")
-    kept = _of_linkages(
-        model,
-        bool(at or through),
-        stabilisation=stabilisation,
-        stabilisation_rate=stabilisation_rate,
-        max_drift=max_drift,
-        checkpoint=checkpoint,
-        every=every,
-        resume=resume,
-    )
-    result: Result
-    try:
-        if isinstance(model, ElasticModel):
-            from symgen.runs import elastic_run
-
-            asked = {"t_end": t_end, **options, "through": through or None, **of_elastic}
-            with progress_bar(model.description.title, as_json) as progress:
-                result = elastic_run(model, at, samples, asked, progress)
-        elif is_kinematic(model):
-            from symgen.runs import kinematic_run
-
-            asked = {"at": at or None, **options}
-            result = kinematic_run(model, t_end, samples, through, asked)
-        elif model.is_driven or at or through:
-            from symgen.runs import driven_run
-
-            result = driven_run(model, at, samples, through, {"t_end": t_end, **options})
-        else:
-            with progress_bar(model.description.title, as_json) as progress:
-                result = model.simulate(
-                    t_end, **options, **kept, samples=201 if samples is None else samples, progress=progress
-                )
-    except SimulationError as error:
-        if out and error.partial is not None:
-            error.partial.save(out)
-            print(f"symgen: what was recorded until then is in {out}", file=sys.stderr)
-        raise
+    of_linkages: _Options = {"stabilisation": stabilisation, "stabilisation_rate": stabilisation_rate}
+    of_linkages |= {"max_drift": max_drift, "checkpoint": checkpoint, "every": every, "resume": resume}
+    with _kept_of_a_failure(out):
+        result = _result(model, _Asked(asked, at, samples, through, of_elastic, of_linkages), as_json)
     write_files(result, out, plot)
-    _show(result, isinstance(model, LoopModel), as_json)
+    _show(result, model, as_json)
 
 
-def _of_linkages(model: Any, driven: bool, **given: Any) -> dict[str, Any]:
+_Options = dict[str, Any]
+#: What types are where nothing is asked for.
+_USUAL = {"precision": "float64", "contraction": "off", "vector": "none"}
+
+
+def _unusual(types: _Options) -> _Options:
+    """Return what is asked for of types, and is not what they are anyway."""
+    return {name: None if _USUAL.get(name) == value else value for name, value in types.items()}
+
+
+@dataclass(frozen=True, slots=True)
+class _Asked:
+    """What is asked for of a run, by option: of any, and of the two kinds that have options of their own."""
+
+    steps: _Options
+    at: list[str] | None
+    samples: int | None
+    through: bool
+    of_elastic: _Options
+    of_linkages: _Options
+
+
+def _result(model: Any, asked: _Asked, as_json: bool) -> Result:
+    """Run a model as its kind is run."""
+    from symgen.pipeline import is_kinematic
+    from symgen.runs import driven_run, elastic_run, kinematic_run
+    from symgen.runtime.elastic_model import ElasticModel
+
+    elastic, on_values = isinstance(model, ElasticModel), bool(asked.at or asked.through)
+    if not elastic:
+        _refuse(asked.of_elastic, f": for elastic links only, and {model.name} has none")
+    kept = _of_linkages(model, on_values, asked.of_linkages)
+    if is_kinematic(model):
+        t_end = asked.steps["t_end"]
+        options = {"at": asked.at or None, **asked.steps, "t_end": None}
+        return kinematic_run(model, t_end, asked.samples, asked.through, options)
+    if not elastic and (model.is_driven or on_values):
+        return driven_run(model, asked.at, asked.samples, asked.through, asked.steps)
+    with progress_bar(model.description.title, as_json) as progress:
+        if elastic:
+            options = {**asked.steps, "through": asked.through or None, **asked.of_elastic}
+            return elastic_run(model, asked.at, asked.samples, options, progress)
+        samples = 201 if asked.samples is None else asked.samples
+        result: Result = model.simulate(**asked.steps, **kept, samples=samples, progress=progress)
+        return result
+
+
+def _refuse(options: _Options, why: str) -> None:
+    """Raise ModelError, which names them and then says why, where any of these options is given."""
+    given = [f"--{name.replace('_', '-')}" for name, value in options.items() if value is not None]
+    if given:
+        raise ModelError(f"{', '.join(given)}{why}")
+
+
+def _of_linkages(model: Any, driven: bool, given: _Options) -> _Options:
     """Return the options, of those given, that only the motion of linkages of points and links has."""
-    from symgen.errors import ModelError
     from symgen.runtime.model import Model
 
+    if not isinstance(model, Model) or driven:
+        _refuse(given, ": for the motion of linkages of points and links only")
     kept = {name: value for name, value in given.items() if value is not None}
-    if kept and (not isinstance(model, Model) or driven):
-        refused = ", ".join(f"--{name.replace('_', '-')}" for name in kept)
-        raise ModelError(f"{refused}: for the motion of linkages of points and links only")
     if "every" in kept:
         if "checkpoint" not in kept:
             raise ModelError("--every says how often a checkpoint is written: say where, with --checkpoint")
@@ -206,9 +219,22 @@ def _of_linkages(model: Any, driven: bool, **given: Any) -> dict[str, Any]:
     return kept
 
 
-def _show(result: Result, of_loop: bool, as_json: bool) -> None:
+@contextmanager
+def _kept_of_a_failure(out: Path | None) -> Iterator[None]:
+    """Save what was recorded until a run failed, where its result was to be saved."""
+    try:
+        yield
+    except SimulationError as error:
+        if out and error.partial is not None:
+            error.partial.save(out)
+            print(f"symgen: what was recorded until then is in {out}", file=sys.stderr)
+        raise
+
+
+def _show(result: Result, model: Any, as_json: bool) -> None:
     """Print a result: as one JSON object, or as tables."""
     from symgen.runtime.elastic_result import ElasticResult
+    from symgen.runtime.loop_model import LoopModel
     from symgen.runtime.motion import Motion
     from symgen.runtime.turn import Turn
 
@@ -224,7 +250,7 @@ def _show(result: Result, of_loop: bool, as_json: bool) -> None:
         from symgen.report.loops import print_turn
 
         print_turn(result, console())
-    elif of_loop:
+    elif isinstance(model, LoopModel):
         from symgen.report.loops import print_motion_of_loop
 
         print_motion_of_loop(result, console())
@@ -235,14 +261,17 @@ def _show(result: Result, of_loop: bool, as_json: bool) -> None:
 
 
 def _studies(
-    scene: str, folder: Path, others: list[str], set_: list[str] | None, as_json: bool, backend: str
+    scene: str,
+    folder: Path,
+    others: _Options,
+    set_: list[str] | None,
+    as_json: bool,
+    backend: str,
 ) -> None:
-    """Run the studies of a scene, and print what they gave."""
-    from symgen.errors import ModelError
+    """Run the studies of a scene, and print what they gave; no other option goes with that."""
     from symgen.study import run_studies
 
-    if others:
-        raise ModelError(f"{', '.join(others)} does not go with --study: the scene says what is studied")
+    _refuse(others, " does not go with --study: the scene says what is studied")
     with progress_bar(f"studies of {Path(scene).stem}", as_json) as progress:
         report = run_studies(scene, folder, set=changes(set_), backend=backend, progress=progress)
     if as_json:

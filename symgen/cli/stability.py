@@ -21,7 +21,10 @@ def stability(
     as_json: JsonOption = False,
     out: Annotated[Path | None, typer.Option(help="Write the page of the documentation: .md.")] = None,
 ) -> None:
-    """Run the hard cases by every method; exit code 1 where something that must hold does not."""
+    """Run the hard cases by every method.
+
+    The exit code is 1 where something that must hold does not.
+    """
     from symgen.atomic import replacing, writable
     from symgen.study.stability import chosen, run_suite
     from symgen.study.stability.page import page, print_suite

@@ -39,7 +39,10 @@ def sweep(
     as_json: JsonOption = False,
     backend: BackendOption = "auto",
 ) -> None:
-    """Find the steady state of elastic links at many crank speeds: peaks, critical speeds, stability."""
+    """Find steady states of elastic links at many crank speeds.
+
+    Peaks, critical speeds and stability are shown.
+    """
     from symgen.errors import ModelError
     from symgen.pipeline import build_scene as build_model
     from symgen.runs import crank_speeds

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from itertools import groupby
 from typing import Any
 
 from symgen.codegen.printers import C_FUNCTIONS, Printer, printer
 from symgen.codegen.source import SourceFile
 from symgen.codegen.target import Target
 from symgen.lowering.kernel import ARRAYS, Assignment, Block, Kernel, Program, Slot
-from symgen.lowering.nodes import GUARDED_INVERSE, calls
+from symgen.lowering.nodes import GUARDED_INVERSE, Constant, calls
 from symgen.precision import Precision
 
 
@@ -146,6 +148,9 @@ INCLUDED = ("numpy/functions.py.j2",)
 #: Statements in one C file, beyond which the next kernels go to another one: the files of a model compile
 #: side by side.
 STATEMENTS = 400
+#: Zeros in a row from which on they are stored by a loop.
+ZEROS = 32
+_ZERO = Constant("0")
 
 
 def equations_hash(program: Program, target: Target) -> str:
@@ -238,7 +243,7 @@ def _kernel(model: str, kernel: Kernel, target: Target) -> KernelView:
         first=tuple(k.name for k in kernel.first),
         then=tuple(k.name for k in kernel.then),
         assignments=tuple(_assignment(a, prints) for a in kernel.assignments),
-        stores=tuple(TextAssignment(f"{s.array}[{s.index}]", prints(s.value)) for s in kernel.stores),
+        stores=tuple(_stores(kernel, prints, target)),
         calls=_calls(kernel, target.precision),
         blocks=tuple(map(_block, kernel.blocks)),
         reads=tuple(ArrayView(a, sizes[a]) for a in ARRAYS if a in sizes),
@@ -248,6 +253,20 @@ def _kernel(model: str, kernel: Kernel, target: Target) -> KernelView:
         work_size=kernel.work_size,
         out_size=kernel.out_size,
     )
+
+
+def _stores(kernel: Kernel, prints: Printer, target: Target) -> Iterator[TextAssignment]:
+    """Yield the results; many zeros in a row are a loop in C: a Jacobian of n rods has n squared of them."""
+    following = groupby(
+        enumerate(kernel.stores), lambda x: (x[1].array, x[1].value == _ZERO, x[1].index - x[0])
+    )
+    for (array, is_zero, _), run in following:
+        stores = [store for _, store in run]
+        if target.language == "c" and is_zero and len(stores) >= ZEROS:
+            each = f"for (int i = {stores[0].index}; i <= {stores[-1].index}; i++) {array}[i]"
+            yield TextAssignment(each, prints(_ZERO))
+        else:
+            yield from (TextAssignment(f"{array}[{s.index}]", prints(s.value)) for s in stores)
 
 
 def _assignment(assignment: Assignment, prints: Printer) -> TextAssignment:

@@ -28,19 +28,31 @@ TEMPLATES = (
     ("README.md.j2", "README.md"),
 )
 _NAMES = "core/names.h"
-#: Names that C has, its headers, or the files of an export.
+#: Names that C has, C++ besides it, their headers and compilers, or the files of an export.
 _TAKEN = {
-    "assert", "auto", "break", "case", "char", "check", "complex", "const", "continue", "core", "ctype",
-    "default", "do", "double", "else", "enum", "equations", "errno", "extern", "fenv", "float", "for",
-    "goto", "if", "inline", "int", "inttypes", "iso646", "kernel", "limits", "locale", "long", "main",
-    "math", "real", "register", "restrict", "return", "run", "setjmp", "short", "signal", "signed",
-    "sizeof", "static", "stdalign", "stdarg", "stdatomic", "stdbool", "stddef", "stdint", "stdio", "stdlib",
-    "stdnoreturn", "string", "struct", "switch", "tgmath", "threads", "time", "typedef", "uchar", "union",
-    "unsigned", "void", "volatile", "wchar", "wctype", "while",
+    "alignas", "alignof", "and", "and_eq", "asm", "assert", "auto", "bitand", "bitor", "bool", "break",
+    "case", "catch", "char", "char16_t", "char32_t", "char8_t", "check", "class", "co_await", "co_return",
+    "co_yield", "compl", "complex", "concept", "const", "const_cast", "consteval", "constexpr", "constinit",
+    "continue", "core", "ctype", "decltype", "default", "delete", "do", "double", "dynamic_cast", "else",
+    "enum", "EOF", "equations", "errno", "explicit", "export", "extern", "false", "fenv", "float", "for",
+    "friend", "goto", "i386", "if", "INFINITY", "inline", "int", "inttypes", "iso646", "kernel", "limits",
+    "linux", "locale", "long", "main", "math", "mutable", "namespace", "NAN", "new", "noexcept", "not",
+    "not_eq", "NULL", "nullptr", "operator", "or", "or_eq", "private", "protected", "public", "real",
+    "register", "reinterpret_cast", "requires", "restrict", "return", "run", "setjmp", "short", "signal",
+    "signed", "size_t", "sizeof", "static", "static_assert", "static_cast", "stdalign", "stdarg", "stdatomic",
+    "stdbool", "stddef", "stdint", "stdio", "stdlib", "stdnoreturn", "string", "struct", "switch", "template",
+    "tgmath", "this", "thread_local", "threads", "throw", "time", "true", "try", "typedef", "typeid",
+    "typename", "typeof", "typeof_unqual", "uchar", "union", "unix", "unsigned", "using", "virtual", "void",
+    "volatile", "wchar", "wchar_t", "wctype", "while", "xor", "xor_eq",
 }  # fmt: skip
 #: What a header of the core declares with a name that programs see.
 _DECLARED = re.compile(
     r"^(?!static|typedef)(?:extern )?(?:const )?(?:struct )?\w+ \**(\w+)(?:\(|;)", re.MULTILINE
+)
+#: What it calls by names of its own: tags, macros, types; and functions as an export calls its own.
+_MEANT = re.compile(
+    r"^(?:#define|struct|enum|union) (\w+)|^typedef \w+ (\w+)|^\w[\w *]*?\b(\w+)_(?:bytes|start)\(",
+    re.MULTILINE,
 )
 
 
@@ -66,7 +78,7 @@ def export_c(
     SceneError
         For anything wrong in the scene.
     ModelError
-        When its name is one that C has.
+        When its name is one that C has, or the core.
     ResultError
         When the folder holds something else, or cannot be written. Nothing is written then.
     """
@@ -75,13 +87,21 @@ def export_c(
     from symgen.pipeline import text_of
 
     name = text_of(scene).name
-    if name in _TAKEN:
+    if name in _TAKEN or name in _of_core():
         raise ModelError(
-            f"a scene called {name!r} cannot be exported: C, or a file of the export, has that name\n"
+            f"a scene called {name!r} cannot be exported: C, C++ or a file of the export has that name\n"
             "  Export a copy of it under another name."
         )
     files_there = place(Path(folder))
     return write(Path(folder), list(files_of(scene, set)), files_there)
+
+
+def _of_core() -> set[str]:
+    """Return the names that the headers of the core give a meaning, whichever of them an export has."""
+    from symgen.export.view import CORE_FOLDER
+
+    headers = "".join(path.read_text(encoding="utf-8") for path in CORE_FOLDER.glob("*.h"))
+    return {name for found in _MEANT.findall(headers) for name in found if name}
 
 
 def files_of(

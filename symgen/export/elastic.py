@@ -8,8 +8,9 @@ import numpy as np
 
 from symgen.codegen.emit import SourceFile
 from symgen.elements.element import INNER_DOFS, NODE_DOFS
+from symgen.export.program import exported
 from symgen.export.rods import CORE as RUNS
-from symgen.export.rods import equations_of, title_of
+from symgen.export.rods import equations_of
 from symgen.export.view import (
     Exported,
     Record,
@@ -21,7 +22,6 @@ from symgen.export.view import (
     members,
     method_tables,
     number,
-    with_headers,
 )
 from symgen.lowering.kernel import Program, Slot
 from symgen.runtime import _beams
@@ -52,24 +52,17 @@ def elastic(
     extra = int(d.work_of_loads)
     rigid = model.rigid.initial_state()
     kernels, sizes = equations_of(model.rigid, np.inf)
-    return Exported(
-        name=d.name,
-        title=title_of(sources),
-        equations=d.equations,
-        references=program.references,
+    return exported(
+        d,
+        program,
+        sources,
+        CORE,
         family="elastic",
-        driven=False,
-        core=with_headers(CORE),
         core_headers=("beam_steps.h", "run.h"),
-        kernels=sources,
         coordinates=n,
         state=_state(x),
-        parameters=(),
-        outputs=(),
         start=braces(np.zeros(2 * n), 1),
-        t_start="0.0",
         t_end=number(turn(motion)),
-        defaults="",
         tables=(
             *(indices(name.upper(), [*np.ravel(getattr(x, name)), -1]) for name in _INDEXED),
             doubles("CONSTANTS", x.constants),

@@ -4,13 +4,10 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
-import shutil
-import tempfile
 from collections.abc import Mapping, Sequence
-from contextlib import suppress
 from pathlib import Path
 
+from symgen.atomic import write_folder
 from symgen.codegen.emit import SourceFile
 from symgen.errors import ResultError
 
@@ -52,53 +49,27 @@ def place(folder: Path) -> dict[str, str]:
 def write(folder: Path, files: Sequence[SourceFile], before: Mapping[str, str]) -> list[str]:
     """Write the files, remove those of ``before`` that are no longer among them; return the names written.
 
-    All are written beside the folder first: when that fails the folder is as it was.
+    When that fails the folder is as it was.
 
     Raises
     ------
     ResultError
         When the folder cannot be written, or holds a file of its own by the name of one of the export.
     """
-    texts = {f.name: f.text.encode("utf-8") for f in files}
-    hashes = {name: hashlib.sha256(text).hexdigest() for name, text in sorted(texts.items())}
-    texts[LISTED] = (json.dumps({"exported_by": "symgen", "files": hashes}, indent=1) + "\n").encode()
-    foreign = [n for n in sorted(texts) if n not in before and n != LISTED and (folder / n).exists()]
+    texts = {f.name: f.text.encode("utf-8") for f in sorted(files, key=lambda f: f.name)}
+    hashes = {name: hashlib.sha256(text).hexdigest() for name, text in texts.items()}
+    listed = (json.dumps({"exported_by": "symgen", "files": hashes}, indent=1) + "\n").encode()
+    foreign = [n for n in texts if n not in before and (folder / n).exists()]
     if foreign:
         raise ResultError(
             f"{folder / foreign[0]} is there and not of the export\n  Export to another folder."
         )
     try:
-        temporary = Path(tempfile.mkdtemp(prefix=f".{folder.name}.", dir=folder.parent))
-        try:
-            _fill(temporary, texts)
-            _move(temporary, folder, texts, before)
-        finally:
-            shutil.rmtree(temporary, ignore_errors=True)
+        # The list comes last: until then it is that of what was there.
+        write_folder(folder, {**texts, LISTED: listed}, sorted(set(before) - set(texts)))
     except OSError as error:
         raise _failed(folder, error) from None
-    return sorted(texts)
-
-
-def _fill(folder: Path, texts: Mapping[str, bytes]) -> None:
-    for name, text in texts.items():
-        path = folder / name
-        path.parent.mkdir(exist_ok=True)
-        path.write_bytes(text)
-
-
-def _move(temporary: Path, folder: Path, texts: Mapping[str, bytes], before: Mapping[str, str]) -> None:
-    """Put what was written in its place: the whole folder at once where there is none."""
-    if not before:
-        with suppress(FileNotFoundError):
-            folder.rmdir()  # an empty one
-        temporary.chmod(0o777 & ~_umask())
-        temporary.replace(folder)
-        return
-    for name in sorted(set(before) - set(texts)):
-        (folder / name).unlink(missing_ok=True)
-    for name in sorted(texts, key=lambda n: (n == LISTED, n)):  # the list last
-        (folder / name).parent.mkdir(exist_ok=True)
-        (temporary / name).replace(folder / name)
+    return sorted([*texts, LISTED])
 
 
 def _listed(folder: Path) -> dict[str, str] | None:
@@ -121,9 +92,3 @@ def _hash(path: Path) -> str:
 
 def _failed(folder: Path, error: OSError) -> ResultError:
     return ResultError(f"cannot write the export to {folder}: {error.strerror or error}")
-
-
-def _umask() -> int:
-    mask = os.umask(0)
-    os.umask(mask)
-    return mask

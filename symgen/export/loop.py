@@ -7,8 +7,9 @@ from typing import Any
 import numpy as np
 
 from symgen.codegen.emit import SourceFile
+from symgen.export.program import arguments, exported, group, state_of
 from symgen.export.rods import CORE as RUNS
-from symgen.export.rods import expected_of_run, group, outputs_of, state_of, title_of
+from symgen.export.rods import expected_of_run
 from symgen.export.view import (
     COMPARED,
     Exported,
@@ -21,7 +22,6 @@ from symgen.export.view import (
     members,
     method_tables,
     number,
-    with_headers,
 )
 from symgen.lowering.kernel import Program
 from symgen.runtime import _core
@@ -45,33 +45,28 @@ def loop(model: LoopModel, program: Program, sources: tuple[SourceFile, ...]) ->
     equations = kernels.equations(solved, begin.rank)
     start = begin.q if driven else np.concatenate([begin.q, rates_at_start(kernels, begin), [0.0]])
     t_end = kernels.time_of(d.span[1]) if driven else d.t_end
-    outputs = outputs_of(program)
     expected = _of_poses(model, equations, t_end) if driven else _of_run(model, equations, begin.t, start)
     until = "" if driven else number(min(d.t_end, COMPARED))
-    return Exported(
-        name=d.name,
-        title=title_of(sources),
-        equations=d.equations,
-        references=program.references,
+    return exported(
+        d,
+        program,
+        sources,
+        CORE,
         family="loop",
-        driven=driven,
-        core=with_headers(CORE),
         core_headers=("loop.h",),
-        kernels=sources,
+        driven=driven,
         coordinates=d.coordinates,
         state=group(program, "q") if driven else state_of(program, 1),
-        parameters=group(program, "p"),
-        outputs=outputs,
+        **arguments(d, program),
         start=braces(start, 1),
         t_start=number(begin.t),
         t_end=number(t_end),
-        defaults=braces(p.default for p in d.parameters),
         tables=_tables(model, solved, driven),
         records=_records(model, solved, begin.rank),
         expected=expected,
         parts=PARTS,
         until=until,
-        compares_outputs=bool(outputs),
+        compares_outputs=d.kernel("outputs") is not None,
     )
 
 

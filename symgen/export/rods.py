@@ -7,7 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from symgen.codegen.emit import SourceFile, plain
+from symgen.codegen.emit import SourceFile
+from symgen.export.program import arguments, exported, state_of
 from symgen.export.view import (
     ATOL,
     COMPARED,
@@ -21,9 +22,8 @@ from symgen.export.view import (
     members,
     method_tables,
     number,
-    with_headers,
 )
-from symgen.lowering.kernel import Kernel, Program, Slot
+from symgen.lowering.kernel import Program
 from symgen.runtime import _core
 from symgen.runtime.description import Description
 from symgen.runtime.integrators import INTEGRATORS
@@ -48,24 +48,18 @@ def rods(model: Model, program: Program, sources: tuple[SourceFile, ...]) -> Exp
     start = np.concatenate([state.q, state.u, np.zeros(extra)])
     kernels, sizes = equations_of(model, slack(model.evaluator, state.q) if d.redundant else np.inf)
     expected, until = _expected(model, start)
-    return Exported(
-        name=d.name,
-        title=title_of(sources),
-        equations=d.equations,
-        references=program.references,
+    return exported(
+        d,
+        program,
+        sources,
+        CORE,
         family="rods",
-        driven=False,
-        core=with_headers(CORE),
         core_headers=("run.h",),
-        kernels=sources,
         coordinates=d.coordinates,
         state=state_of(program, extra),
-        parameters=group(program, "p"),
-        outputs=outputs_of(program),
+        **arguments(d, program),
         start=braces(start, 1),
-        t_start="0.0",
         t_end=number(d.t_end),
-        defaults=braces(p.default for p in d.parameters),
         tables=(*_event_tables(d), *method_tables()),
         records=(Record("kernels", "KERNELS", kernels), Record("sizes", "SIZES", sizes)),
         expected=expected,
@@ -172,35 +166,3 @@ def _notes(d: Description) -> tuple[str, ...]:
             "A run ends at an event that the scene declares as its end: that is a status of its own."
         )
     return tuple(found)
-
-
-def title_of(sources: Sequence[SourceFile]) -> str:
-    """Return the title as the kernels' header has it, safe in a comment."""
-    header = next(f for f in sources if f.name.endswith(".h"))
-    return header.text.splitlines()[0].removeprefix("/* ")
-
-
-def group(program: Program, name: str) -> tuple[Slot, ...]:
-    """Return what the entries of one argument array mean."""
-    return plain(next((slots for own, _, slots in program.groups if own == name), ()))
-
-
-def state_of(program: Program, extra: int) -> tuple[Slot, ...]:
-    """Return what the numbers of a state mean."""
-    work = (Slot("work", "J", "work of loads without potential since the start"),) if extra else ()
-    return (*group(program, "q"), *group(program, "u"), *work)
-
-
-def outputs_of(program: Program) -> tuple[Slot, ...]:
-    """Return what the scene records, a slot for each number."""
-    kernel: Kernel | None = next((k for k in program.kernels if k.name == "outputs"), None)
-    if kernel is None:
-        return ()
-    found = []
-    for block in kernel.blocks:
-        count = block.shape[0] * block.shape[1]
-        names = [f" {r} {c}".rstrip() for r in block.rows or ("",) for c in block.columns or ("",)]
-        if len(names) != count:
-            names = [f"[{i}]" for i in range(count)] if count > 1 else [""]
-        found += [Slot(f"{block.name}{name}", block.unit, block.description) for name in names]
-    return plain(tuple(found))

@@ -83,21 +83,21 @@ class Exported:
     equations: str
     references: tuple[str, ...]
     family: str
-    driven: bool
     core: tuple[str, ...]
     core_headers: tuple[str, ...]
     kernels: tuple[SourceFile, ...]
     coordinates: int
     state: tuple[Slot, ...]
-    parameters: tuple[Slot, ...]
-    outputs: tuple[Slot, ...]
     start: str
-    t_start: str
     t_end: str
-    defaults: str
     tables: tuple[Table, ...]
     records: tuple[Record, ...]
     expected: tuple[Table, ...]
+    driven: bool = False
+    parameters: tuple[Slot, ...] = ()
+    outputs: tuple[Slot, ...] = ()
+    t_start: str = "0.0"
+    defaults: str = ""
     notes: tuple[str, ...] = ()
     events: int = 0
     found: int = 0

@@ -61,12 +61,15 @@ def print_modes(found: Modes, title: str, console: Console) -> None:
     stability = found.equilibrium.stability
     console.print(table(f"{title}: {len(found)} modes about a {stability} equilibrium", head, rows))
     moving = [p for p in found[0].shape if any(np.any(m.shape[p]) for m in found.modes)]
-    shapes = [
-        (p, *(_numbers(np.where(np.abs(m.shape[p]) < 1e-12, 0, m.shape[p]), ".4g") for m in found.modes[:8]))
-        for p in moving
-    ]
+    shapes = [(p, *(_numbers(_rounded(m.shape[p]), ".4g") for m in found.modes[:8])) for p in moving]
     numbers = [str(i + 1) for i in range(min(8, len(found)))]
     console.print(table("Shapes in m/sqrt(kg), for unit modal mass", ("point", *numbers), shapes))
+
+
+def _rounded(shape: np.ndarray) -> np.ndarray:
+    """Return a shape without what rounding left: its parts of next to nothing are zero."""
+    real, imaginary = (np.where(np.abs(part) < 1e-12, 0.0, part) for part in (shape.real, shape.imag))
+    return real + 1j * imaginary if np.iscomplexobj(shape) else real
 
 
 def _numbers(values: np.ndarray, form: str = ".9g") -> str:

@@ -1,17 +1,25 @@
-"""What changed in the mathematics, in words."""
+"""What changed in the mathematics, in words or in LaTeX."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 
+from symgen.errors import ModelError, nearest
 from symgen.symbolic.difference import Change, Difference, MatrixDifference
 
+FORMATS = ("text", "latex")
 _ALL = "all kernels"
 _KINDS = ("added", "removed", "changed", "rewritten")
 
 
-def difference_lines(found: Difference, shown: int | None = None) -> Iterator[str]:
-    """Yield what changed: every matrix with its entries before and after, shared terms, operations.
+def check_form(form: str) -> None:
+    """Raise ModelError where there is no such form."""
+    if form not in FORMATS:
+        raise ModelError(f"there is no format {form!r}. {nearest(form, FORMATS)}")
+
+
+def difference_lines(found: Difference, shown: int | None = None, form: str = "text") -> Iterator[str]:
+    """Yield what changed: every matrix with its entries before and after, shared terms, operations, values.
 
     Parameters
     ----------
@@ -19,17 +27,23 @@ def difference_lines(found: Difference, shown: int | None = None) -> Iterator[st
         The difference.
     shown
         How many entries of a matrix, and how many shared terms, to print; all when absent.
+    form
+        One of ``FORMATS``. In LaTeX, which needs the package amsmath, words are comments, and what changed
+        stands on display.
     """
+    words = "% " if form == "latex" else ""
     if not found:
-        yield "no change in the mathematics"
-        return
+        yield f"{words}no change in the mathematics"
     for matrix in found.matrices:
-        yield f"{matrix.name}{_shape(matrix)}: {_summary(matrix)}"
-        yield from _changes(matrix.changes, shown, "entries")
+        yield f"{words}{matrix.name}{_shape(matrix)}: {_summary(matrix)}"
+        yield from _changes(matrix.changes, shown, "entries", form)
     if found.definitions:
-        yield "shared terms:"
-        yield from _changes(found.definitions, shown, "terms")
-    yield from _operations(found)
+        yield f"{words}shared terms:"
+        yield from _changes(found.definitions, shown, "terms", form)
+    yield from (words + line for line in _operations(found))
+    if found.values:
+        yield f"{words}tunable parameters, which are arguments of the kernels:"
+        yield from _changes(found.values, shown, "parameters", form)
 
 
 def _shape(matrix: MatrixDifference) -> str:
@@ -47,18 +61,26 @@ def _summary(matrix: MatrixDifference) -> str:
     return f"{words} (the same values, written otherwise)" if matrix.kind == "rewritten" else words
 
 
-def _changes(changes: tuple[Change, ...], shown: int | None, what: str) -> Iterator[str]:
-    for change in changes[:shown]:
-        yield f"  {change.kind} [{change.place}]"
-        if change.kind == "changed" and change.before == change.after:
-            yield f"    {change.after}  (through shared terms)"
-            continue
-        if change.before:
-            yield f"    - {change.before}"
-        if change.after:
-            yield f"    + {change.after}"
+def _changes(changes: tuple[Change, ...], shown: int | None, what: str, form: str) -> Iterator[str]:
+    if form == "latex":
+        from symgen.report.difference_latex import changes_in_latex
+
+        yield from changes_in_latex(changes[:shown])
+    else:
+        yield from (line for change in changes[:shown] for line in _in_text(change))
     if shown is not None and len(changes) > shown:
-        yield f"  ... and {len(changes) - shown} {what} more"
+        yield f"{'%' if form == 'latex' else ' '} ... and {len(changes) - shown} {what} more"
+
+
+def _in_text(change: Change) -> Iterator[str]:
+    yield f"  {change.kind} [{change.place}]"
+    if change.through_shared_terms:
+        yield f"    {change.after}  (through shared terms)"
+        return
+    if change.before:
+        yield f"    - {change.before}"
+    if change.after:
+        yield f"    + {change.after}"
 
 
 def _operations(found: Difference) -> Iterator[str]:

@@ -87,7 +87,7 @@ def as_latex(system: System, matrices: Sequence[NamedMatrix]) -> str:
 def terms_in_latex(system: System, matrices: Sequence[NamedMatrix]) -> list[str]:
     """Return the shared terms that matrices use as lines of LaTeX."""
     shared = used_terms(system, matrices)
-    return ["% with", *_aligned([(latex(s), latex(e)) for s, e in shared.items()])] if shared else []
+    return ["% with", *aligned([(latex(s), latex(e)) for s, e in shared.items()])] if shared else []
 
 
 def displayed(m: NamedMatrix) -> list[str]:
@@ -103,10 +103,11 @@ def displayed(m: NamedMatrix) -> list[str]:
                 if m.matrix.cols > 1:
                     places.append(latex_name(m.columns[j]) if m.columns else str(j + 1))
                 entries.append((rf"\left({', '.join(places)}\right)", latex(m.matrix[i, j])))
-    return _aligned(entries)
+    return aligned(entries)
 
 
-def _aligned(pairs: Sequence[tuple[str, str]]) -> list[str]:
+def aligned(pairs: Sequence[tuple[str, str]]) -> list[str]:
+    """Return pairs of a left and a right side as lines of one display."""
     if not pairs:
         return []
     rows = [f"{left} &= {right}" for left, right in pairs]

@@ -59,4 +59,4 @@ def print_motion_of_loop(result: Result, console: Console) -> None:
 
 
 def _number(value: float) -> str:
-    return "pole" if np.isnan(value) else f"{value:.9g}"
+    return "pole" if np.isnan(value) else f"{value + 0.0:.9g}"  # no -0

@@ -7,12 +7,18 @@ from contextlib import contextmanager
 
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
+from rich.table import Column
+
+#: Letters of a title beside the bar; the rest would leave it no room.
+_TITLE = 40
 
 
 @contextmanager
 def bar(title: str) -> Iterator[Callable[[float], None]]:
     """Show a bar on standard error; give a function that takes the part that is done."""
-    columns = (TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), TimeRemainingColumn())
+    title_column = Column(max_width=_TITLE, no_wrap=True, overflow="ellipsis")
+    text = TextColumn("{task.description}", table_column=title_column)
+    columns = (text, BarColumn(), TaskProgressColumn(), TimeRemainingColumn())
     with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
         task = progress.add_task(title, total=1.0)
         yield lambda done: progress.update(task, completed=done)

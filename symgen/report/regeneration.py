@@ -13,34 +13,40 @@ if TYPE_CHECKING:
 
 #: Files named as the reason of a derivation; more are counted.
 _REASONS = 3
+#: What stands before words, and before mathematics, in each form.
+_WORDS = {"text": ("", "  "), "latex": ("% ", "")}
 
 
-def regenerated_lines(found: Regenerated, shown: int | None) -> Iterator[str]:
-    """Yield what was derived anew and why, what changed in the mathematics of each model, and the files."""
+def regenerated_lines(found: Regenerated, shown: int | None, form: str = "text") -> Iterator[str]:
+    """Yield what was derived anew and why, what changed in the mathematics of each model, and the files.
+
+    ``form`` is that of the mathematics, as of ``difference_lines``; in LaTeX all else is a comment.
+    """
+    words, indent = _WORDS[form]
     for name, because in found.derived.items():
-        yield f"derived {name}: {_reason(because)}"
+        yield f"{words}derived {name}: {_reason(because)}"
     for name, change in found.changes.items():
         if change is None:
-            yield f"{name}: no record of its mathematics before"
+            yield f"{words}{name}: no record of its mathematics before"
             continue
-        yield f"{name}:"
-        yield from (f"  {line}" for line in difference_lines(change, shown))
-    yield from (f"generated/{name}" for name in found.written)
+        yield f"{words}{name}:"
+        yield from (f"{indent}{line}" for line in difference_lines(change, shown, form))
+    yield from (f"{words}generated/{name}" for name in found.written)
     if not found.written:
-        yield "generated/ is current"
+        yield f"{words}generated/ is current"
 
 
-def generated_lines(found: Generated, shown: int | None) -> Iterator[str]:
+def generated_lines(found: Generated, shown: int | None, form: str = "text") -> Iterator[str]:
     """Yield why the kernels of a scene or file were made, and what changed in the mathematics."""
-    head = f"{found.name}: {found.title}"
+    words, indent = _WORDS[form]
+    yield f"{words}{found.name}: {found.title}"
     if found.change is None:
-        yield f"{head}\n  made for the first time"
-        return
-    if not found.because:
-        yield f"{head}\n  nothing changed"
-        return
-    yield f"{head}\n  made anew: {_reason(found.because)}"
-    yield from (f"  {line}" for line in difference_lines(found.change, shown))
+        yield f"{words}  made for the first time"
+    elif not found.because:
+        yield f"{words}  nothing changed"
+    else:
+        yield f"{words}  made anew: {_reason(found.because)}"
+        yield from (f"{indent}{line}" for line in difference_lines(found.change, shown, form))
 
 
 def _reason(because: tuple[str, ...]) -> str:

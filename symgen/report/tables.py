@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from typing import Any
 
+import numpy as np
 from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
@@ -14,7 +15,7 @@ from symgen.runtime.result import Result
 
 def table(title: str, columns: Sequence[str], rows: Iterable[Sequence[Any]]) -> Table:
     """Return a table of plain text; the first column is the name, numbers stand to the right."""
-    made = Table(title=escape(title), title_justify="left", header_style="bold")
+    made = Table(title=escape(title), title_justify="left", header_style="bold", show_header=any(columns))
     for i, column in enumerate(columns):
         made.add_column(escape(column), justify="left" if i == 0 else "right", overflow="fold")
     for row in rows:
@@ -23,14 +24,14 @@ def table(title: str, columns: Sequence[str], rows: Iterable[Sequence[Any]]) -> 
 
 
 def _text(value: Any) -> str:
-    return f"{value:.6g}" if isinstance(value, float) else str(value)
+    return f"{value + 0.0:.6g}" if isinstance(value, float) else str(value)  # no -0
 
 
 def print_result(result: Result, console: Console) -> None:
     """Print where the points ended, and how well the run kept what it must keep."""
     rows = []
     for point, motion in result.final.items():
-        numbers = ["  ".join(f"{x: .9e}" for x in motion[what]) for what in ("position", "velocity")]
+        numbers = ["  ".join(f"{x + 0.0: .9e}" for x in motion[what]) for what in ("position", "velocity")]
         rows.append((point, *numbers))
     t = result.statistics["t"]
     axes = ", ".join(result.axes)
@@ -41,11 +42,28 @@ def print_result(result: Result, console: Console) -> None:
             rows,
         )
     )
+    recorded = recorded_table(result)
+    if recorded:
+        console.print(recorded)
     console.print(run_table(result))
     if result.events:
         console.print(events_table(result))
     for note in result.notes:
         console.print(f"Note: {note}.")
+
+
+#: What the table of the points says already.
+_OF_POINTS = (".position", ".velocity")
+
+
+def recorded_table(result: Result) -> Table | None:
+    """Return a table of where all else that was recorded ended; None where there is nothing else."""
+    rows = [
+        (v.name, v.unit, "  ".join(f"{x + 0.0: .9e}" for x in np.atleast_1d(v.values[-1]).tolist()))
+        for v in result.variables
+        if not v.name.endswith(_OF_POINTS)
+    ]
+    return table("Recorded, at the end", ("output", "unit", "value"), rows) if rows else None
 
 
 #: Events listed on the terminal.

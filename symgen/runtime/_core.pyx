@@ -337,12 +337,11 @@ cdef class Equations(Integrable):
         Rate [1/s] of Baumgarte's terms in derivatives; 0 for none.
     """
 
-    def __init__(self, addresses, Py_ssize_t n, Py_ssize_t m, Py_ssize_t extra, p, Py_ssize_t work_size,
-                 Py_ssize_t first_pivot, double rank_tolerance, Py_ssize_t redundant, double slack, *,
-                 Core core=DOUBLE, long events=0, tangent=(), double stabilisation=0.0):
+    def __init__(self, dict addresses, Py_ssize_t n, Py_ssize_t m, Py_ssize_t extra, const double[::1] p,
+                 Py_ssize_t work_size, Py_ssize_t first_pivot, double rank_tolerance, Py_ssize_t redundant,
+                 double slack, *, Core core=DOUBLE, long events=0, tangent=(), double stabilisation=0.0):
         cdef kernels given
         cdef sizes wanted
-        cdef const double[::1] parameters = np.ascontiguousarray(p, dtype=float)
         if not (addresses.get("accelerations") and addresses.get("energy")):
             raise ValueError("a model without the kernels 'accelerations' and 'energy' cannot be stepped")
         given.accelerations = kernel_of(addresses, "accelerations")
@@ -351,7 +350,7 @@ cdef class Equations(Integrable):
         given.velocity_constraints = kernel_of(addresses, "velocity_constraints")
         given.energy, given.residual = kernel_of(addresses, "energy"), kernel_of(addresses, "residual")
         given.events, given.tangent = kernel_of(addresses, "events"), kernel_of(addresses, "tangent")
-        wanted.n, wanted.m, wanted.extra, wanted.parameters = n, m, extra, parameters.shape[0]
+        wanted.n, wanted.m, wanted.extra, wanted.parameters = n, m, extra, p.shape[0]
         wanted.work, wanted.first_pivot, wanted.redundant = work_size, first_pivot, redundant
         wanted.events = events if given.events != NULL else 0
         self.places = np.array(tangent, dtype="l").ravel() if len(tangent) else NO_PLACES
@@ -359,7 +358,7 @@ cdef class Equations(Integrable):
         wanted.rank_tolerance, wanted.slack, wanted.stabilisation = rank_tolerance, slack, stabilisation
         self.of = core
         self.make(&wanted, &given)
-        self.bound(parameters)
+        self.bound(p)
 
 
 cdef class Run:
@@ -402,10 +401,8 @@ cdef class Run:
     cdef readonly list passages, events
     cdef tuple ways
 
-    def __init__(self, Integrable equations, method, double t0, y0, double t_end, double rtol, double atol,
-                 double step, times, *, long stabilisation=0, double max_drift=INFINITY, directions=(), terminal=()):
-        cdef const double[::1] start = np.ascontiguousarray(y0, dtype=float)
-        cdef const double[::1] wanted = np.ascontiguousarray(times, dtype=float)
+    def __init__(self, Integrable equations, method, double t0, const double[::1] y0, double t_end, double rtol,
+                 double atol, double step, const double[::1] times, *, long stabilisation=0, double max_drift=INFINITY, directions=(), terminal=()):
         cdef const signed char[::1] ways, ends
         cdef const signed char *way = NULL
         cdef const char *end = NULL
@@ -417,14 +414,14 @@ cdef class Run:
         self.scheme = self.of.scheme(method)
         self.asked.t0, self.asked.t_end, self.asked.rtol, self.asked.atol = t0, t_end, rtol, atol
         self.asked.step, self.asked.max_drift, self.asked.stabilisation = step, max_drift, stabilisation
-        self.asked.samples, self.asked.found = wanted.shape[0], REMEMBERED * len(directions)
+        self.asked.samples, self.asked.found = times.shape[0], REMEMBERED * len(directions)
         self.core = <run *>calloc(1, self.of.api.run_struct)
         self.memory = calloc(1, self.of.api.run_bytes(equations.core, &self.scheme.filled, &self.asked))
         if self.core == NULL or self.memory == NULL:
             raise MemoryError
         self.of.api.run_bind(self.core, equations.core, &self.scheme.filled, &self.asked, self.memory)
-        self.dim = start.shape[0]
-        self.of.api.run_start(self.core, &start[0], NULL, &wanted[0], way, end)
+        self.dim = y0.shape[0]
+        self.of.api.run_start(self.core, &y0[0], NULL, &times[0], way, end)
         self.passages, self.events = [], []
         self._look()
 
@@ -517,6 +514,17 @@ cdef class Run:
     def sampled(self):
         """The times of the recorded states."""
         return self._doubles(self.of.api.run_times(self.core), 1, self.recorded)[0]
+
+    def called(self, uintptr_t address, const double[::1] p, Py_ssize_t size):
+        """Call a kernel of doubles that needs no work memory at every recorded state of a run in doubles; return
+        what it writes, ``size`` numbers a row."""
+        found = np.empty((self.recorded, size))
+        cdef double[:, ::1] out = found
+        cdef double none = 0.0
+        self.of.api.call_rows(<kernel_t>address, self.recorded, self.of.api.run_times(self.core),
+                              self.of.api.run_samples(self.core), self.dim, self.equations.n, &p[0], &none, 0,
+                              &out[0, 0], size)
+        return found
 
     @property
     def state(self):

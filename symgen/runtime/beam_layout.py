@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -83,13 +84,57 @@ def layout(
     flywheel
         Moment of inertia on the shaft of an elastic crank [kg m^2].
     """
-    count = len(description.free) * len(description.axes)
+    joint = {p: 2 * i for i, p in enumerate(description.free)}
+    names, of_links, shaft = _unknowns(description, info, beams)
+    block = joints.get("jacobian")
+    constraints = block.shape[0] if block else 0
+    pairs = _pairs(beams, of_links, joints, joint, shaft)
+    n = len(names)
+    order = np.arange(n) if constraints else _by_least_band(n, pairs)
+    new = np.empty(n + 1, dtype=np.intp)
+    new[order], new[-1] = np.arange(n), -1
+    pairs = np.unique(new[pairs], axis=0)
+    slot = {(int(i), int(j)): k for k, (i, j) in enumerate(pairs)}
+    renumbered = tuple(new[np.array(places, dtype=np.intp)] for places in of_links)
+    shaft = int(new[shaft])
+    entries = {
+        name: _spare([slot[int(new[i]), int(new[j])] for i, j in _of_joints(joints, name, joint)])
+        for name in ("mass_matrix", "damping", "stiffness")
+    }
+    return Layout(
+        unknowns=n,
+        constraints=constraints,
+        names=tuple(names[i] for i in order),
+        of_links=renumbered,
+        rows=np.ascontiguousarray(pairs[:, 0]),
+        columns=np.ascontiguousarray(pairs[:, 1]),
+        band=int(np.max(np.abs(pairs[:, 0] - pairs[:, 1]), initial=0)),
+        **_of_pieces(beams, renumbered, slot),
+        joint_places=_spare(new[: len(description.free) * len(description.axes)].tolist()),
+        joint_at=np.array([joints[b].offset if b in joints else 0 for b in _BLOCKS], dtype=np.intp),
+        mass_slots=entries["mass_matrix"],
+        damping_slots=entries["damping"],
+        stiffness_slots=entries["stiffness"],
+        loads_at=_starts([*(info.loads.count(b.info.link) for b in beams), 0]),
+        shaft=shaft,
+        shaft_slot=slot.get((shaft, shaft), -1),
+        flywheel=flywheel,
+    )
+
+
+def _unknowns(
+    description: Description, info: ElasticInfo, beams: Sequence[Beam]
+) -> tuple[list[str], list[list[int]], int]:
+    """Return what the unknowns are called, where those of each link are among them, and where the shaft is.
+
+    Those of the joints come first. -1 stands for what is held, and for a shaft that is.
+    """
     joint = {p: 2 * i for i, p in enumerate(description.free)}
     names = [f"{p}.{axis}" for p in description.free for axis in description.axes]
     of_links: list[list[int]] = []
     shaft = -1
     for beam in beams:
-        held = set(beam.fixed)
+        held, turn = set(beam.fixed), -1
         if beam.info.link == info.crank:
             turn = beam.dofs.index("theta@0")
             if info.mode == "held":
@@ -108,61 +153,32 @@ def layout(
                 places.append(-1)
             else:
                 places.append(len(names))
-                if beam.info.link == info.crank and k == turn:
+                if k == turn:
                     shaft = len(names)
                 names.append(f"{beam.info.link}.{dof}")
         of_links.append(places)
-    n = len(names)
-    block = joints.get("jacobian")
-    constraints = block.shape[0] if block else 0
+    return names, of_links, shaft
 
-    pairs = _pairs(beams, of_links, joints, joint, shaft)
-    order = np.arange(n)
-    if not constraints:
-        order = _by_least_band(n, pairs)
-    new = np.empty(n + 1, dtype=np.intp)
-    new[order], new[-1] = np.arange(n), -1
-    pairs = np.unique(new[pairs], axis=0)
-    slot = {(int(i), int(j)): k for k, (i, j) in enumerate(pairs)}
-    renumbered = tuple(new[np.array(places, dtype=np.intp)] for places in of_links)
+
+def _of_pieces(
+    beams: Sequence[Beam], of_links: Sequence[Indices], slot: Mapping[tuple[int, int], int]
+) -> dict[str, Any]:
+    """Return what the layout says of the pieces of all links, one behind the other."""
     pieces = [(k, piece) for k, beam in enumerate(beams) for piece in beam.pieces]
-    of_pieces = [renumbered[k][list(piece.at)] for k, piece in pieces]
-    slots = [
-        np.array([slot.get((int(i), int(j)), -1) for i in p for j in p], dtype=np.intp) for p in of_pieces
-    ]
+    places = [of_links[k][list(piece.at)] for k, piece in pieces]
+    slots = [np.array([slot.get((int(i), int(j)), -1) for i in p for j in p], dtype=np.intp) for p in places]
     constants = [np.concatenate([np.ravel(a) for a in _constants(piece)]) for _, piece in pieces]
-    shaft = int(new[shaft])
-    entries = {
-        name: _spare([slot[int(new[i]), int(new[j])] for i, j in _of_joints(joints, name, joint)])
-        for name in ("mass_matrix", "damping", "stiffness")
+    return {
+        "sizes": np.array([len(p) for p in places], dtype=np.intp),
+        "constants_at": _starts([len(c) for c in constants]),
+        "constants": np.concatenate([*constants, np.zeros(1)]),
+        "link_of": np.array([k for k, _ in pieces], dtype=np.intp),
+        "ends": np.array([_ends(beams[k], piece.at) for k, piece in pieces], dtype=np.intp),
+        "places": np.concatenate([*places, np.array([-1])]).astype(np.intp),
+        "places_at": _starts([len(p) for p in places]),
+        "slots": np.concatenate([*slots, np.array([-1])]).astype(np.intp),
+        "slots_at": _starts([len(s) for s in slots]),
     }
-    return Layout(
-        unknowns=n,
-        constraints=constraints,
-        names=tuple(names[i] for i in order),
-        of_links=renumbered,
-        rows=np.ascontiguousarray(pairs[:, 0]),
-        columns=np.ascontiguousarray(pairs[:, 1]),
-        band=int(np.max(np.abs(pairs[:, 0] - pairs[:, 1]), initial=0)),
-        sizes=np.array([len(p) for p in of_pieces], dtype=np.intp),
-        constants_at=_starts([len(c) for c in constants]),
-        constants=np.concatenate([*constants, np.zeros(1)]),
-        link_of=np.array([k for k, _ in pieces], dtype=np.intp),
-        ends=np.array([_ends(beams[k], piece.at) for k, piece in pieces], dtype=np.intp),
-        places=np.concatenate([*of_pieces, np.array([-1])]).astype(np.intp),
-        places_at=_starts([len(p) for p in of_pieces]),
-        slots=np.concatenate([*slots, np.array([-1])]).astype(np.intp),
-        slots_at=_starts([len(s) for s in slots]),
-        joint_places=_spare(new[:count].tolist()),
-        joint_at=np.array([joints[b].offset if b in joints else 0 for b in _BLOCKS], dtype=np.intp),
-        mass_slots=entries["mass_matrix"],
-        damping_slots=entries["damping"],
-        stiffness_slots=entries["stiffness"],
-        loads_at=_starts([*(info.loads.count(b.info.link) for b in beams), 0]),
-        shaft=shaft,
-        shaft_slot=slot.get((shaft, shaft), -1),
-        flywheel=flywheel,
-    )
 
 
 def _pairs(

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symgen.errors import ModelError, SimulationError
+from symgen.precision import FLOAT64
 from symgen.runtime import _beams, _core
 from symgen.runtime.beam_methods import BEAM_METHODS, BeamMethod
 from symgen.runtime.elastic_motion import ElasticMotion
@@ -26,6 +27,8 @@ _NOISE = 1e-9
 #: By what doubling the steps divides an error: the least that is trusted of a first doubling, and the part
 #: of an error that is left beyond which nothing is said to converge.
 _UNSEEN, _STALLED = 0.25, 0.9
+#: Doublings in a row after which differences that grow are round-off, in types coarser than doubles.
+_ROUNDED = 2
 
 
 @dataclass(frozen=True, slots=True)
@@ -175,6 +178,7 @@ def doubled(
         error = errors.of(coarse, fine)
         if error <= task.rtol:
             return Found(fine, rates, int(np.sum(counts)), error)
+        _check_round_off(motion, task, errors)
         coarse = fine
     raise SimulationError(
         f"{motion.rigid.name}: {task.method} does not come within {task.rtol:g} of the peak stress "
@@ -182,6 +186,17 @@ def doubled(
         "  A turn may have too many vibrations to follow from rest: take method periodic or quasi-static, or "
         "fewer revolutions."
     )
+
+
+def _check_round_off(motion: ElasticMotion, task: Task, errors: Errors) -> None:
+    """Raise SimulationError where more steps only add round-off."""
+    typed = motion.rigid.typed
+    if typed and typed.precision.epsilon > FLOAT64.epsilon and errors.grown >= _ROUNDED:
+        raise SimulationError(
+            f"{motion.rigid.name}: {task.method} does not come within {task.rtol:g} of the peak stress in "
+            f"{typed.precision.name}: shorter steps only add round-off, and {errors.least:.1e} is the best\n"
+            "  Give a larger --rtol, or take float64."
+        )
 
 
 class Errors:
@@ -197,6 +212,8 @@ class Errors:
         self._motion, self._links = motion, motion.rigid_motion(equations, times)[1]
         self._best = 0.5**order
         self._before: float | None = None
+        #: Differences that grew in a row, and the least error so far.
+        self.grown, self.least = 0, math.inf
 
     def of(self, coarse: Array, fine: Array) -> float:
         """Return the error of the finer of two runs, each after the other (times, unknowns)."""
@@ -204,8 +221,11 @@ class Errors:
         rate = _UNSEEN
         if self._before:
             rate = min(max(difference / self._before, self._best), _STALLED)
+        self.grown = self.grown + 1 if self._before and difference > self._before else 0
         self._before = difference if math.isfinite(difference) else None
-        return difference * rate / (1 - rate)
+        error = difference * rate / (1 - rate)
+        self.least = min(self.least, error)
+        return error
 
     def _difference(self, coarse: Array, fine: Array) -> float:
         if not (np.all(np.isfinite(coarse)) and np.all(np.isfinite(fine))):
@@ -244,7 +264,10 @@ def explicit(
     end = float(np.max(times))
     fixed = task.method == "rk4"
     step = turn(motion) / (task.steps or 2048) if fixed else None
-    chosen = options(end, task.method, None if fixed else task.rtol, None, step, 2, 1_000_000_000)
+    typed = motion.rigid.typed
+    kind = typed.precision if typed else FLOAT64
+    rtol = None if fixed else task.rtol
+    chosen = options(end, task.method, rtol, None, step, 2, 1_000_000_000, precision=kind)
     order = np.argsort(times, kind="stable")
     stepper = _core.Run(
         equations,

@@ -28,9 +28,13 @@ class Evaluator:
         """Tell whether the model has this kernel."""
         return kernel in self.library.addresses
 
+    def find(self, kernel: str) -> KernelInfo | None:
+        """Return what is known of a kernel, None when the model has none of that name."""
+        return self._infos.get(kernel)
+
     def info(self, kernel: str) -> KernelInfo:
         """Return what is known of a kernel; raise ModelError when the model has none of that name."""
-        info = self._infos.get(kernel)
+        info = self.find(kernel)
         if info is None:
             raise ModelError(f"{self.description.name} has no kernel {kernel!r}")
         return info

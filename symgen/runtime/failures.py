@@ -25,69 +25,92 @@ def problem(
     description = evaluator.description
     free, axes = description.free, description.axes
     at = f"at t = {stepper.t:.9g} s after {stepper.steps} steps"
-    where = ", ".join(
+    points = ", ".join(
         f"{p} ({', '.join(f'{x:.6g}' for x in stepper.state[i * len(axes) : (i + 1) * len(axes)])}) m"
         for i, p in enumerate(free[:8])
     )
+    where = f"State: {points}."
     if status == _core.DRIFTED:
         return (
             f"{description.labels[stepper.worst]} strayed by {stepper.position_drift:.2g} m, more than "
             f"max_drift = {chosen.max_drift:g} m, {at}\n  Use the stabilisation 'projection', tighter "
-            f"tolerances or a smaller step. State: {where}."
+            f"tolerances or a smaller step. {where}"
         )
+    if status in (_core.CONTRADICTED, _core.SINGULAR):
+        return _of_constraints(status, equations, description, at, where)
+    lost_rank = _near_singular(stepper, equations, description)
+    failed = status in (_core.PROJECTION_FAILED, _core.UNSOLVED)
+    if failed and not lost_rank:
+        return _of_the_step(status, chosen, at, where)
+    if failed or (status == _core.STEP_TOO_SMALL and lost_rank):
+        return _of_a_dead_centre(description, f"{at}{lost_rank}", where)
+    return _of_the_loads(status, stepper, evaluator, lost_rank, at, where)
+
+
+def _of_constraints(
+    status: int, equations: _core.Equations, description: Description, at: str, where: str
+) -> str:
+    """Say which constraint contradicts the others, or no longer stands by itself."""
     if status == _core.CONTRADICTED:
         return (
             f"a redundant constraint contradicts the others by {equations.missed:.2g} m {at}: the linkage "
-            "cannot be in two places\n  Make the lengths, drives and motions of the ground agree. "
-            f"State: {where}."
+            f"cannot be in two places\n  Make the lengths, drives and motions of the ground agree. {where}"
         )
-    if status == _core.SINGULAR and equations.lost < equations.redundant:
+    if equations.lost < equations.redundant:
         return (
             f"a constraint that was redundant at the start is no longer so {at}: the linkage contradicts "
-            f"itself by more than can be told from a free motion\n  State: {where}."
+            f"itself by more than can be told from a free motion\n  {where}"
         )
-    if status == _core.SINGULAR:
-        name = description.unknown(equations.weakest)
-        if equations.weakest < description.coordinates:
-            return f"the mass matrix lost its positive definiteness {at}: {name} carries no mass"
-        return (
-            f"the constraints lost rank {at}: {name} is no longer independent of the others (a dead centre "
-            f"of the linkage, or a redundant link)\n  State: {where}."
-        )
-    near_lost_rank = _near_singular(stepper, equations, description)
-    if status == _core.UNSOLVED and not near_lost_rank:
+    name = description.unknown(equations.weakest)
+    if equations.weakest < description.coordinates:
+        return f"the mass matrix lost its positive definiteness {at}: {name} carries no mass"
+    return (
+        f"the constraints lost rank {at}: {name} is no longer independent of the others (a dead centre "
+        f"of the linkage, or a redundant link)\n  {where}"
+    )
+
+
+def _of_the_step(status: int, chosen: Options, at: str, where: str) -> str:
+    """Say that a step was too large: its equations could not be solved, or it left the constraints."""
+    if status == _core.UNSOLVED:
         return (
             f"the implicit equations of a step of {chosen.method.name} could not be solved {at}: the step is "
-            f"too large for the motion\n  Use a smaller step. State: {where}."
+            f"too large for the motion\n  Use a smaller step. {where}"
         )
-    if status == _core.PROJECTION_FAILED and not near_lost_rank:
-        return (
-            f"the state could not be brought back onto the constraints {at}: the step is too large for the "
-            f"motion, or the start is off the constraints\n  Use a smaller step or tighter tolerances. "
-            f"State: {where}."
-        )
-    failed = status in (_core.PROJECTION_FAILED, _core.UNSOLVED)
-    if failed or (status == _core.STEP_TOO_SMALL and near_lost_rank):
-        cause = "the linkage comes to a dead centre, which it cannot be taken through"
-        hint = "Start elsewhere, or change the lengths."
-        if description.drives:
-            cause = "the linkage comes to a dead centre, beyond which its drives cannot take it"
-            hint = "'symgen kinematics SCENE' shows how far the drives go."
-        return f"the run cannot go on {at}{near_lost_rank}: {cause}\n  {hint} State: {where}."
-    q, u, _ = np.split(stepper.state, [description.coordinates, 2 * description.coordinates])
+    return (
+        f"the state could not be brought back onto the constraints {at}: the step is too large for the "
+        f"motion, or the start is off the constraints\n  Use a smaller step or tighter tolerances. {where}"
+    )
+
+
+def _of_a_dead_centre(description: Description, at: str, where: str) -> str:
+    """Say that constraints nearly lose rank there, and what that means with drives and without."""
+    cause = "the linkage comes to a dead centre, which it cannot be taken through"
+    hint = "Start elsewhere, or change the lengths."
+    if description.drives:
+        cause = "the linkage comes to a dead centre, beyond which its drives cannot take it"
+        hint = "'symgen kinematics SCENE' shows how far the drives go."
+    return f"the run cannot go on {at}: {cause}\n  {hint} {where}"
+
+
+def _of_the_loads(
+    status: int, stepper: _core.Run, evaluator: Evaluator, lost_rank: str, at: str, where: str
+) -> str:
+    """Say what made forces or accelerations too large for any step, as far as it can be told."""
+    n = evaluator.description.coordinates
+    q, u, _ = np.split(stepper.state, [n, 2 * n])
     reached = 2 * stepper.h * float(np.max(np.abs(u), initial=0.0))
     line = without_direction(evaluator, stepper.t, q, u, reached)
-    near = f"; {line}" if line else near_lost_rank
+    near = f"; {line}" if line else lost_rank
     if status == _core.NOT_FINITE:
         return (
             f"a number that is not finite appeared in the step {at}{near}\n"
-            f"  Use a smaller step. Last good state: {where}."
+            f"  Use a smaller step. Last good state: {where.removeprefix('State: ')}"
         )
     if status == _core.STEP_TOO_SMALL:
         return (
             f"the step became too small to go on {at}: the tolerance cannot be met there"
-            f"{near or _stiff(stepper)}"
-            f"\n  Loosen rtol and atol. State: {where}."
+            f"{near or _stiff(stepper)}\n  Loosen rtol and atol. {where}"
         )
     return f"the run was not finished within max_steps, {at}\n  Raise max_steps or shorten the run."
 

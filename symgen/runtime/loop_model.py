@@ -208,7 +208,7 @@ class LoopModel(Compiled):
                 "loop.free."
             )
         end = d.t_end if t_end is None else real(t_end, "t_end")
-        chosen = options(end, method, rtol, atol, step, samples, max_steps)
+        chosen = options(end, method, rtol, atol, step, samples, max_steps, precision=self._type)
         if chosen.method.kind != "explicit":
             raise ModelError(
                 f"{chosen.method.name} is for linkages of points and links, not for loops of joints"

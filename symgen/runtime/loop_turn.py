@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +18,7 @@ from symgen.runtime.loop_curve import walk
 from symgen.runtime.loop_kernels import LoopKernels, in_words
 from symgen.runtime.loop_poles import PoleAt, beside_pole, poles, undetermined
 from symgen.runtime.loop_start import Closed, distance, scaled_screws
-from symgen.runtime.result import Drift
+from symgen.runtime.result import Drift, Variable
 from symgen.runtime.turn import Pole, Turn, converters, variables
 from symgen.runtime.typed import made_with
 
@@ -200,54 +201,32 @@ def _recorded(
 ) -> Turn:
     d = kernels.description
     equations = kernels.equations(d.having("dependent"), begin.rank)
-    found = poles(kernels, equations, times, states, diagnosis)
-    met = diagnosis[:, _loop.STATUS] == _loop.POLE
-    for k in np.flatnonzero(met):
-        out[k] = beside_pole(kernels, equations, float(times[k]), states[k, : d.coordinates], out[k])
-    made = variables(d, out)
-    told = [_pole(kernels, p) for p in found]
-    for v in made:
-        columns = v.values.reshape(len(times), -1)
-        for i, c in enumerate(v.components or ("",)):
-            if any((f"{v.name}.{c}" if c else v.name) in p.residues for p in told):
-                columns[met, i] = np.nan
+    told = [_pole(kernels, p) for p in poles(kernels, equations, times, states, diagnosis)]
+    made = _known(kernels, equations, times, states, out, diagnosis, told)
     blind = diagnosis[:, _loop.STATUS] == _loop.BLIND
-    placed = {x.name for x in d.variables}
-    for v in made:
-        if v.name not in placed:
-            v.values[blind] = np.nan
-    sound = ~blind
-    open_ = undetermined(kernels, equations, times[sound], states[sound])
-    indeterminate = [
-        v.name + (f".{c}" if c else "")
-        for v in made
-        if v.name in open_
-        for c, is_open in zip(v.components or ("",), np.atleast_1d(open_[v.name]).ravel(), strict=True)
-        if is_open
-    ]
+    open_ = undetermined(kernels, equations, times[~blind], states[~blind])
+    indeterminate = _components(made, open_)
     first = kernels.lead
     unit, size = converters(d)[first.unit]
     last = {v.name: np.atleast_1d(v.values[-1]).tolist() if len(times) else [] for v in made}
+    end = float(times[-1]) if len(times) else begin.t
+    closure = float(np.max(diagnosis[:, _loop.CLOSURE], initial=0.0))
+    rates = float(np.max(diagnosis[:, _loop.RATES], initial=0.0))
     return Turn(
         name=d.name,
         title=d.title,
         axes=("x", "y", "z"),
         time=times,
-        variables=tuple(made),
-        drift=Drift(
-            float(np.max(diagnosis[:, _loop.CLOSURE], initial=0.0)) * d.size,
-            float(np.max(diagnosis[:, _loop.RATES], initial=0.0)),
-            math.nan,
-            math.nan,
-        ),
+        variables=made,
+        drift=Drift(closure * d.size, rates, math.nan, math.nan),
         final={name: {"value": v[0] if len(v) == 1 else v} for name, v in last.items()},
         statistics={
             "input": first.name,
             "unit": unit,
             "values": (values / size).tolist(),
-            "t": float(times[-1]) if len(times) else begin.t,
+            "t": end,
             "steps": len(times),
-            "closure": float(np.max(diagnosis[:, _loop.CLOSURE], initial=0.0)),
+            "closure": closure,
             "least_singular": float(np.min(diagnosis[:, _loop.SOUNDNESS], initial=1.0)),
             "rank": begin.rank,
             "poles": [asdict(p) for p in told],
@@ -257,7 +236,7 @@ def _recorded(
         provenance={
             "equations": d.equations,
             "method": "closure",
-            "t_end": float(times[-1]) if len(times) else begin.t,
+            "t_end": end,
             **made_with(kernels.library, kernels.typed),
             "parameters": {
                 p.name: x for p, x in zip(d.parameters, kernels.parameters.tolist(), strict=False)
@@ -265,6 +244,48 @@ def _recorded(
         },
         notes=(*_of_blind(kernels, times[blind]), *_notes(kernels, times, states, told, indeterminate)),
     )
+
+
+def _known(
+    kernels: LoopKernels,
+    equations: _loop.LoopEquations,
+    times: Array,
+    states: Array,
+    out: Array,
+    diagnosis: Array,
+    told: Sequence[Pole],
+) -> tuple[Variable, ...]:
+    """Return the outputs, not a number where a pole stands or forces cannot be found."""
+    d = kernels.description
+    met = diagnosis[:, _loop.STATUS] == _loop.POLE
+    for k in np.flatnonzero(met):
+        out[k] = beside_pole(kernels, equations, float(times[k]), states[k, : d.coordinates], out[k])
+    made = tuple(variables(d, out))
+    blind = diagnosis[:, _loop.STATUS] == _loop.BLIND
+    placed = {x.name for x in d.variables}
+    for v in made:
+        columns = v.values.reshape(len(times), -1)
+        for i, name in enumerate(_component_names(v)):
+            if any(name in p.residues for p in told):
+                columns[met, i] = np.nan
+        if v.name not in placed:
+            v.values[blind] = np.nan
+    return made
+
+
+def _component_names(v: Variable) -> list[str]:
+    return [f"{v.name}.{c}" if c else v.name for c in v.components or ("",)]
+
+
+def _components(made: Sequence[Variable], open_: Mapping[str, Any]) -> list[str]:
+    """Return the components of outputs that are marked."""
+    return [
+        name
+        for v in made
+        if v.name in open_
+        for name, is_open in zip(_component_names(v), np.atleast_1d(open_[v.name]).ravel(), strict=True)
+        if is_open
+    ]
 
 
 def _pole(kernels: LoopKernels, pole: PoleAt) -> Pole:

@@ -18,7 +18,7 @@ from symgen.runtime.options import options
 from symgen.runtime.redundancy import least_norm, not_unique
 from symgen.runtime.result import Result
 from symgen.runtime.simulate import keeping, run
-from symgen.runtime.state import Accelerations, State
+from symgen.runtime.state import Accelerations, State, finite
 
 if TYPE_CHECKING:
     from symgen.runtime._rhs import Rhs
@@ -257,5 +257,5 @@ class Model(LinkageModel):
         tangent = self.analysis("tangent", stepping=True) if chosen.method.needs_tangent else None
         kept_in = keeping(checkpoint, checkpoint_every, resume)
         found = self._found()
-        t, q, u = (0.0, found.q, found.u) if state is None else (state.t, state.q, state.u)
+        t, q, u = (0.0, found.q, found.u) if state is None else finite(state)
         return run(self._evaluator, t, q, u, found.redundant, chosen, progress, self._typed, kept_in, tangent)

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symgen.runtime import _core
+from symgen.runtime.description import KernelInfo
 from symgen.runtime.evaluate import Evaluator, part
 from symgen.runtime.library import Library
 from symgen.runtime.options import Options
@@ -22,7 +23,7 @@ Array = NDArray[np.float64]
 _SHOWN = 6
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class Recording:
     """A run that has ended, whatever the cause; its methods give the fields of its :class:`Result`.
 
@@ -55,11 +56,17 @@ class Recording:
 
     def variables(self) -> tuple[Variable, ...]:
         """Return the scene's outputs at those times."""
-        solver, lost = self.equations, len(self.redundant)
-        if solver.core_type is not _core.DOUBLE:
-            # States are recorded as doubles, and outputs follow from them.
-            solver = self.evaluator.equations(lost)
-        return outputs(self.evaluator, solver, self.stepper.sampled, self.stepper.result, lost)
+        run, evaluator, lost = self.stepper, self.evaluator, len(self.redundant)
+        info = evaluator.find("outputs")
+        if info is None or not run.recorded:
+            return ()
+        in_doubles = self.equations.core_type is _core.DOUBLE
+        if in_doubles and not info.work_size:
+            out = run.called(evaluator.library.addresses["outputs"], evaluator.parameters, info.out_size)
+            return _shaped(info, out)
+        # States are recorded as doubles, and outputs follow from them.
+        solver = self.equations if in_doubles else evaluator.equations(lost)
+        return outputs(evaluator, solver, run.sampled, run.result, lost)
 
     def drift(self) -> Drift:
         """Return how far the run strayed."""
@@ -134,7 +141,7 @@ def outputs(
     evaluator: Evaluator, equations: _core.Equations, times: Array, states: Array, redundant: int
 ) -> tuple[Variable, ...]:
     """Return what the scene asks to record, at these times and states (q, u, ...), a row each."""
-    info = evaluator.description.kernel("outputs")
+    info = evaluator.find("outputs")
     if info is None or not len(times):
         return ()
     n = evaluator.description.coordinates
@@ -152,6 +159,11 @@ def outputs(
     out = np.zeros((len(times), info.out_size + 1))
     address = evaluator.library.addresses["outputs"]
     _core.call_many(address, times, rows, n, evaluator.parameters, work, out)
+    return _shaped(info, out)
+
+
+def _shaped(info: KernelInfo, out: Array) -> tuple[Variable, ...]:
+    """Return rows of a kernel's results as named variables."""
     return tuple(
         Variable(b.name, b.unit, b.about, b.rows, _squeezed(part(out, b), b.shape)) for b in info.blocks
     )

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import os
 import time
 from collections.abc import Callable
@@ -31,6 +30,8 @@ Progress = Callable[[float], None]
 _CHUNK_SECONDS = 0.05
 #: Times of runs with no more samples are kept for the next run.
 _KEPT = 10_000
+#: Work of loads without potential at the start of a run.
+_NO_WORK = np.zeros(1)
 #: Steps after which an adaptive run is ended that would not come to its end at their pace in ``max_steps``.
 _JUDGED = 100_000
 
@@ -100,9 +101,7 @@ def run(
     equations = evaluator.equations(
         len(redundant), allowed, stabilisation=chosen.rate, typed=typed, tangent=tangent
     )
-    y0 = np.array([*q.tolist(), *u.tolist(), *(0.0,) * equations.extra])
-    if not all(map(math.isfinite, y0.tolist())):
-        raise ModelError("the start state holds a number that is not finite")
+    y0 = np.concatenate((q, u, _NO_WORK[: equations.extra]))
     stepper = _core.Run(
         equations,
         chosen.method,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -27,6 +28,13 @@ class State:
     u: Array
     positions: dict[str, Array]
     velocities: dict[str, Array]
+
+
+def finite(state: State) -> tuple[float, Array, Array]:
+    """Return time, coordinates and velocities to start from; raise ModelError when a number is not finite."""
+    if not all(map(math.isfinite, (state.t, *state.q.tolist(), *state.u.tolist()))):
+        raise ModelError("the start state holds a number that is not finite")
+    return state.t, state.q, state.u
 
 
 @dataclass(frozen=True, slots=True)

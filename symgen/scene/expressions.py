@@ -148,7 +148,8 @@ class _Reader:
         except (SyntaxError, ValueError, RecursionError, MemoryError):
             raise SceneError(
                 f"cannot read {self.shown}",
-                hint='Write a quantity with a unit ("2 cm") or an expression over parameters ("2*a + b").',
+                hint='Write a quantity with a unit ("2 cm") or an expression over parameters ("2*a + b"); '
+                "a quantity in an expression is a parameter of its own.",
             ) from None
         expression, dim = self.node(tree.body, 0)
         return self.finite(expression), dim

@@ -35,6 +35,8 @@ def scene_error(error: ValidationError) -> SceneError:
             problem = f"expected a table of keys, got {got}"
         case "list_type":
             problem = f"expected a list in square brackets, got {got}"
+            if isinstance(fault["input"], dict):
+                hint = f"A list of tables has double brackets: [[{where}]]."
         case "too_short" | "too_long" as kind:
             limit, bound = ("least", "min_length") if kind == "too_short" else ("most", "max_length")
             problem = f"expected at {limit} {fault['ctx'][bound]} of these, got {got}"

@@ -65,9 +65,10 @@ def read_scene(source: str | os.PathLike[str]) -> SceneText:
         with path.open("rb") as stream:
             content = stream.read(_LARGEST + 1)
     except (FileNotFoundError, NotADirectoryError):
+        beside = [f"{text}.toml"] if Path(f"{text}.toml").is_file() else shipped_scenes()
         raise SceneError(
             f"there is no scene and no file called {text!r}",
-            hint=f"{nearest(text, shipped_scenes())} 'symgen scenes' lists the shipped ones.",
+            hint=f"{nearest(text, beside)} 'symgen scenes' lists the shipped ones.",
         ) from None
     except (OSError, ValueError) as error:
         raise SceneError(f"cannot read the scene: {error}", file=text) from None

@@ -109,6 +109,8 @@ def accuracy(
     """
     if states < 1 or seed < 0:
         raise ModelError(f"expected at least 1 state and a seed from 0 on, got {states} and {seed}")
+    if top < 0:
+        raise ModelError(f"expected a number of sums from 0 on for top, got {top}")
     title, parts = kernels_of(scene, set=set, count=states, seed=seed, run=run, precision=precision)
     return report(str(scene), title, parts, seed=seed, precision=precision, top=top, progress=progress)
 

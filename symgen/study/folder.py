@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import os
-import shutil
-import tempfile
 from collections.abc import Mapping
 from pathlib import Path
 
-from symgen.atomic import replacing
+from symgen.atomic import write_folder
 from symgen.errors import ResultError
 
 
@@ -31,22 +29,9 @@ def write(folder: Path, files: Mapping[str, bytes]) -> None:
     Raises
     ------
     ResultError
-        When it cannot be written; a new folder is not there then.
+        When it cannot be written; it is as it was then.
     """
     try:
-        if folder.is_dir():
-            for name, content in files.items():
-                with replacing(folder / name) as temporary:
-                    temporary.write_bytes(content)
-            return
-        made = Path(tempfile.mkdtemp(prefix=f".{folder.name}.", dir=folder.absolute().parent))
-        try:
-            for name, content in files.items():
-                (made / name).write_bytes(content)
-            made.chmod(0o755)
-            made.rename(folder)
-        except BaseException:
-            shutil.rmtree(made, ignore_errors=True)
-            raise
+        write_folder(folder, files)
     except OSError as error:
         raise ResultError(f"cannot write the studies to {folder}: {error.strerror or error}") from None

@@ -130,6 +130,8 @@ def _in_a_row(linkage: Linkage) -> list[tuple[RigidLink, str, str]]:
         outer = next(p for p in link.base if p != end)
         row.append((link, end, outer))
         end = outer
+    if any(event.ends_run for event in linkage.events):
+        has.append("an event that ends the run")
     if left or not row:
         has.append("links that are not in a row from one ground point")
     if has:

@@ -26,6 +26,7 @@ from symgen.scene.linkage import Linkage
 from symgen.scene.loading import load_scene
 from symgen.scene.resolve import resolve
 from symgen.scene.schema import Scene
+from symgen.study.measures import distance, sizes
 from symgen.study.peers import PEERS, PeerSetting
 from symgen.study.planar_chain import PlanarChain, planar_chain
 from symgen.study.sweeps import Setting, fixed_steps, tolerances
@@ -240,9 +241,17 @@ class Rods(Subject):
                 return setting, peer.run()
             except Exception as error:  # whatever another program may raise
                 raise SimulationError(f"{peer.program}: {error}") from error
-        return self.models[setting.precision].simulate(
+        result = self.models[setting.precision].simulate(
             self.t_end, method=setting.method, rtol=setting.rtol, step=setting.step, samples=self.samples
         )
+        if result.statistics["t"] < self.t_end:
+            last = result.events[-1]
+            raise SimulationError(
+                f"the event {last.name!r} ends the run at t = {last.time:.9g} s",
+                time=last.time,
+                partial=result,
+            )
+        return result
 
     def read(self, result: Any) -> Run:
         """Return the positions of all moving points, (times, points, axes)."""
@@ -291,12 +300,14 @@ class FreeLoop(Rods):
 
     def __init__(self, models: Mapping[str, LoopModel], t_end: float | None, samples: int) -> None:
         super().__init__(models, t_end, samples)
+        self.orders = {name: m.order for name, m in INTEGRATORS.items() if m.kind == "explicit"}
         model = models[FLOAT64.name]
-        found = self._outputs(self.call(Setting("dop853", "", rtol=1e-6)))
+        result = self.call(Setting("dop853", "", rtol=1e-6))
+        found = self._outputs(result)
         if not found.size:
             raise ModelError(f"{model.name} records no outputs to compare: list some under analysis.outputs")
-        largest = np.max(np.abs(found), axis=0)
-        self._sizes = np.where(largest > 0, largest, 1.0)
+        units = [v.unit for v in result.variables for _ in range(v.values.size // len(result.time))]
+        self._sizes = sizes(np.max(np.abs(found), axis=0), units)
 
     @staticmethod
     def _outputs(result: Result) -> Array:
@@ -325,7 +336,8 @@ class Elastic(Subject):
         self.revolutions = self.t_end / turn
         self.orders = {name: m.order for name, m in BEAM_METHODS.items()}
         self.orders |= {name: INTEGRATORS[name].order for name in ("dop853", "rk4")}
-        self._peaks = np.max(np.abs(self._strains(self._fixed("gauss", _PEAKS))), axis=0)
+        peaks = np.max(np.abs(self._strains(self._fixed("gauss", _PEAKS))), axis=0)
+        self._peaks = sizes(peaks, [""] * len(peaks))
 
     @staticmethod
     def _fixed(method: str, steps: int) -> Setting:
@@ -370,11 +382,3 @@ class Elastic(Subject):
     def size(self) -> float:
         """Return 1: errors are parts of peaks."""
         return 1.0
-
-
-def distance(a: Array, b: Array) -> Array:
-    """Return the largest difference at each time: of points (times, points, axes) their distance."""
-    gap = np.asarray(a - b)
-    amounts = np.linalg.norm(gap, axis=-1) if gap.ndim == 3 else np.abs(gap)
-    largest: Array = amounts.max(axis=1)
-    return largest

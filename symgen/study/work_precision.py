@@ -15,8 +15,9 @@ from typing import Any
 from symgen.errors import ModelError, SimulationError
 from symgen.precision import PRECISIONS
 from symgen.scene.schema import Scene
+from symgen.study.measures import distance
 from symgen.study.orders import Order, observed_order
-from symgen.study.subjects import Reference, Subject, distance, subject
+from symgen.study.subjects import Reference, Subject, subject
 from symgen.study.sweeps import Setting, worth_running
 
 #: A sweep ends within this many times the uncertainty of the reference, and never needs to go below this

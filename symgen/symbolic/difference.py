@@ -25,6 +25,11 @@ class Change:
     before: str = ""
     after: str = ""
 
+    @property
+    def through_shared_terms(self) -> bool:
+        """Whether the text stayed, and what it stands for did not."""
+        return self.kind == "changed" and self.before == self.after
+
 
 @dataclass(frozen=True, slots=True)
 class MatrixDifference:
@@ -54,12 +59,15 @@ class Difference:
         Kernels whose operations changed: before and after, None where there is no such kernel.
     totals
         Operations of all kernels together, before and after.
+    values
+        Values of arguments that differ, where both sources give them: no part of the mathematics.
     """
 
     matrices: tuple[MatrixDifference, ...]
     definitions: tuple[Change, ...]
     operations: Mapping[str, tuple[int | None, int | None]]
     totals: tuple[int, int]
+    values: tuple[Change, ...] = ()
 
     def __bool__(self) -> bool:
         return bool(self.matrices or self.definitions or self.operations)
@@ -70,7 +78,7 @@ def difference(before: Record, after: Record) -> Difference:
     costs = before.operations, after.operations
     return Difference(
         tuple(d for name in _names(before.matrices, after.matrices) if (d := _matrix(name, before, after))),
-        _texts(before.definitions, after.definitions),
+        texts(before.definitions, after.definitions),
         {k: c for k in _names(*costs) if len(set(c := (costs[0].get(k), costs[1].get(k)))) > 1},
         (sum(costs[0].values()), sum(costs[1].values())),
     )
@@ -122,7 +130,8 @@ def _equal(before: str | None, after: str | None) -> bool:
     return abs(a - b) <= _SAME * max(abs(a), abs(b))
 
 
-def _texts(before: Mapping[str, str], after: Mapping[str, str]) -> tuple[Change, ...]:
+def texts(before: Mapping[str, str], after: Mapping[str, str]) -> tuple[Change, ...]:
+    """Return what was added, removed or changed among named texts, in the order of the later ones."""
     found = []
     for name in _names(before, after):
         old, new = before.get(name, ""), after.get(name, "")

@@ -8,7 +8,6 @@ from typing import Any
 import mpmath
 import numpy as np
 import sympy as sp
-from numpy.typing import NDArray
 
 from symgen.errors import DerivationError
 from symgen.symbolic.system import System
@@ -136,14 +135,6 @@ def _refined(matrix: mpmath.matrix, rhs: mpmath.matrix, kept: list[int]) -> list
             return None
         last = change
     return None
-
-
-def relative_error(found: NDArray[np.float64], exact: Iterable[mpmath.mpf]) -> float:
-    """Return the largest error over the largest entry (over one when all are zero)."""
-    with mpmath.workdps(DIGITS):
-        entries = list(exact)
-        size = max((abs(x) for x in entries), default=mpmath.mpf(0)) or mpmath.mpf(1)
-        return float(max((abs(number(f) - x) / size for f, x in zip(found, entries, strict=True)), default=0))
 
 
 def number(value: Any) -> mpmath.mpf:

@@ -86,6 +86,11 @@ def latex_name(name: str) -> str:
     return base + (rf"_{{{','.join(map(_below, n.below))}}}" if n.below else "")
 
 
+def latex_text(text: str) -> str:
+    """Return words, as they stand, for a place where LaTeX has mathematics."""
+    return rf"\text{{{_plain(text)}}}"
+
+
 def mathml_name(name: str) -> str:
     """Return a name in MathML."""
     n = notation(name)
@@ -113,7 +118,11 @@ def _below(word: str) -> str:
 
 
 def _plain(word: str) -> str:
-    return re.sub(r"([_#$%&{}])", r"\\\1", word)
+    return "".join(_ESCAPED.get(letter, letter) for letter in word)
+
+
+_ESCAPED = {letter: rf"\{letter}" for letter in "_#$%&{}"}
+_ESCAPED |= {"\\": r"\textbackslash{}", "^": r"\textasciicircum{}", "~": r"\textasciitilde{}"}
 
 
 def _mi(word: str) -> str:

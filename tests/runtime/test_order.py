@@ -56,7 +56,7 @@ def fixed(model, name, steps, times):
 def test_order_of_convergence(name, model):
     order = INTEGRATORS[name].order
     truth = exact(T_END)
-    errors = [np.max(np.abs(fixed(model, name, n, [0.0]).state[:4] - truth)) for n in STEPS[order]]
+    errors = [np.max(np.abs(fixed(model, name, n, np.array([0.0])).state[:4] - truth)) for n in STEPS[order]]
     observed = -np.polyfit(np.log(STEPS[order]), np.log(errors), 1)[0]
     assert abs(observed - order) < 0.2, (errors, observed)
 

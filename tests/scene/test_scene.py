@@ -133,3 +133,9 @@ def test_a_mutated_scene_is_a_scene_or_a_scene_error(data):
         assert str(error).startswith("mutated.toml: ")
         return
     assert found.rows if "loop" in tables else found.points
+
+
+def test_a_list_of_tables_written_as_one_table_is_told_its_brackets():
+    springs = {"between": ["O", "A"], "stiffness": "1 N/m", "length": "1 m"}
+    with pytest.raises(SceneError, match=r"expected a list.*\n  .*double brackets: \[\[springs\]\]\."):
+        symgen.Scene(springs=springs)

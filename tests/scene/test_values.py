@@ -108,6 +108,7 @@ def test_every_function_is_readable():
         ("-" * 200 + "1", "nested too deeply"),
         ("2 cm + a", "cannot read|not a unit"),
         ("", "cannot read"),
+        ("a + 2 cm", "cannot read .*\n.*a quantity in an expression is a parameter of its own"),
         ("1" * 3000, "fits in double|at most|quantity such as"),
     ],
 )

@@ -20,10 +20,11 @@ from symgen.scene.loading import load_scene
 from symgen.scene.resolve import resolve
 from symgen.study import subjects
 from symgen.study.fronts import front, time_at
+from symgen.study.measures import distance, sizes
 from symgen.study.orders import observed_order
 from symgen.study.peers import PEERS, PeerSetting
 from symgen.study.planar_chain import planar_chain
-from symgen.study.subjects import Rods, distance, subject
+from symgen.study.subjects import Rods, subject
 from symgen.study.sweeps import Setting, fixed_steps, tolerances, worth_running
 from symgen.study.work_precision import work_precision
 
@@ -183,6 +184,40 @@ def test_a_horizon_that_the_motion_does_not_reach():
     stuck = four_bar(2.0, 1.0, 1.5, 2.0, 0.4)
     with pytest.raises(SimulationError, match=r"the reference does not reach t_end = 5 s"):
         work_precision(stuck, t_end=5.0)
+
+
+def test_what_errors_are_measured_over():
+    """A quantity over its largest value; one that is only rounding over the largest in its unit."""
+    found = sizes(np.array([2.0, 3e-12, 4e-3, 0.0]), ["N", "N", "m", "s"])
+    assert found.tolist() == [2.0, 2.0, 4e-3, 1.0]
+
+
+def test_a_loop():
+    """Forces that are zero but for rounding do not hide the errors of others."""
+    found = work_precision("cssp", methods=["dopri5"], t_end=0.05, repeats=1, longest=0.02)
+    assert found.reference == "dop853 at rtol 1e-17, float128" and found.uncertainty < 1e-12
+    assert min(x.along for x in found.points) < 1e-11
+    assert found.orders[0].agrees
+    with pytest.raises(ModelError, match="there is no integrator 'rattle'"):
+        work_precision("cssp", methods=["rattle"])
+
+
+def test_an_event_that_ends_the_run():
+    """Runs that end at an event have no common end to compare: a horizon before it has."""
+    rod = symgen.Scene(
+        points={"O": {"at": ["0 m", "0 m"], "ground": True}, "A": {"at": ["1 m", "0 m"]}},
+        links={"OA": {"points": ["O", "A"], "mass": "1 kg"}},
+        gravity={"acceleration": ["0 m/s^2", "-10 m/s^2"]},
+        events=[{"name": "low", "of": "A.position.y", "value": "-0.5 m", "ends_run": True}],
+    )
+    given = {"methods": ["rk4"], "repeats": 1, "longest": 0.02}
+    with pytest.raises(
+        SimulationError, match=r"t_end = 1 s: the event 'low' ends the run at t = 0\.26\d+ s\n"
+    ):
+        work_precision(rod, **given)
+    with pytest.raises(ModelError, match="other programs are given .* an event that ends the run"):
+        work_precision(rod, peers=True, **given)
+    assert work_precision(rod, t_end=0.2, **given).points
 
 
 def test_elastic_links():

@@ -1,5 +1,7 @@
 #include "equations.h"
 
+#include "lanes.h"
+
 #include <string.h>
 
 /* A coordinate's pivot that keeps no more than this of its own-signed terms has no mass. Much may cancel
@@ -88,12 +90,11 @@ static void pull_back(struct equations *e, real t, const real *y) {
 }
 
 void derivative(struct equations *e, real t, const real *y, real *dy) {
-    size_t half = (size_t)e->n * sizeof(real);
+    copy(y + e->n, e->n, dy);
     accelerate(e, t, y);
     if (e->sizes.stabilisation > 0.0 && e->m > 0)
         pull_back(e, t, y);
-    memcpy(dy, y + e->n, half);
-    memcpy(dy + e->n, e->out, half);
+    copy(e->out, e->n, dy + e->n);
     if (e->extra) {
         e->kernels.energy(&t, y, y + e->n, e->p, e->out, e->energies);
         dy[2 * e->n] = e->energies[2];

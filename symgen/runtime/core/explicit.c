@@ -28,7 +28,7 @@ static struct tableau tableau_of(const struct run *run) {
     return x;
 }
 
-/* `own` holds the derivatives of all stages, a row each. */
+/* `own` holds the derivatives of all stages, a row each, and a row of scratch. */
 static size_t reals(const struct equations *e, const long *counts) {
     return (size_t)(counts[1] + 1) * (size_t)e->dim;
 }
@@ -120,18 +120,20 @@ static real estimate(struct run *run, const struct tableau *x, real t_new, real 
     struct equations *e = run->e;
     long dim = run->dim;
     real atol = R(run->task.atol), rtol = R(run->task.rtol), totals[2] = {0, 0};
+    real *errors[2] = {run->error, run->own + x->all * dim};
     if (magnified(run))
         e->of->factorise(e, t_new, run->y_new);
     for (long r = 0; r < x->rows; r++) {
-        add_stages(run, x->e + r * (x->stages + 1), x->stages + x->same_as_last, h, NULL, run->error);
+        add_stages(run, x->e + r * (x->stages + 1), x->stages + x->same_as_last, h, NULL, errors[r]);
         if (magnified(run)) {
-            e->of->make_tangent(e, t_new, run->y_new, run->error);
-            e->of->make_tangent(e, t_new, run->y_new, run->error + e->n);
+            e->of->make_tangent(e, t_new, run->y_new, errors[r]);
+            e->of->make_tangent(e, t_new, run->y_new, errors[r] + e->n);
         }
-        for (long i = 0; i < dim; i++) {
-            real part = run->error[i] / (atol + rtol * real_fmax(real_fabs(run->y[i]), real_fabs(run->y_new[i])));
-            totals[r] += part * part;
-        }
+    }
+    for (long i = 0; i < dim; i++) {
+        real scale = R(1) / (atol + rtol * real_fmax(real_fabs(run->y[i]), real_fabs(run->y_new[i])));
+        for (long r = 0; r < x->rows; r++)
+            totals[r] += (errors[r][i] * scale) * (errors[r][i] * scale);
     }
     if (x->rows == 1)
         return real_sqrt(totals[0] / R(dim));
@@ -211,7 +213,7 @@ static void interpolate(struct run *run, real h, real theta, real *y) {
 }
 
 static void accept(struct run *run) {
-    memcpy(run->f, run->f_new, (size_t)run->dim * sizeof(real));
+    copy(run->f_new, run->dim, run->f);
 }
 
 const struct kind explicit_kind = {

@@ -23,4 +23,16 @@ typedef real block;
 #define LANES
 #endif
 
+/* Copy so many numbers, few as a rule: calls of memcpy would take longer. The last block may overlap. */
+static inline void copy(const real *from, long count, real *to) {
+    long at = 0;
+    for (; at + BLOCK <= count; at += BLOCK)
+        *(block *)(to + at) = *(const block *)(from + at);
+    if (at < count && count >= BLOCK)
+        *(block *)(to + count - BLOCK) = *(const block *)(from + count - BLOCK);
+    else
+        for (; at < count; at++)
+            to[at] = from[at];
+}
+
 #endif

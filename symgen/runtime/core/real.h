@@ -12,8 +12,6 @@ typedef float real;
 #define real_sqrt sqrtf
 #define real_fabs fabsf
 #define real_pow powf
-#define real_fmax fmaxf
-#define real_fmin fminf
 #define real_isfinite isfinite
 #elif defined(SYMGEN_REAL_LONGDOUBLE)
 typedef long double real;
@@ -22,8 +20,6 @@ typedef long double real;
 #define real_sqrt sqrtl
 #define real_fabs fabsl
 #define real_pow powl
-#define real_fmax fmaxl
-#define real_fmin fminl
 #define real_isfinite isfinite
 #elif defined(SYMGEN_REAL_FLOAT128)
 #include <quadmath.h>
@@ -33,8 +29,6 @@ typedef __float128 real;
 #define real_sqrt sqrtq
 #define real_fabs fabsq
 #define real_pow powq
-#define real_fmax fmaxq
-#define real_fmin fminq
 #define real_isfinite finiteq
 #else
 typedef double real;
@@ -43,13 +37,20 @@ typedef double real;
 #define real_sqrt sqrt
 #define real_fabs fabs
 #define real_pow pow
-#define real_fmax fmax
-#define real_fmin fmin
 #define real_isfinite isfinite
 #endif
 
 /* A constant of the core; infinity, which every type has. */
 #define R(x) ((real)(x))
 #define REAL_INFINITY ((real)INFINITY)
+
+/* The larger and the smaller of two; what is not a number as the second one does not count. */
+static inline real real_fmax(real a, real b) {
+    return b > a ? b : a;
+}
+
+static inline real real_fmin(real a, real b) {
+    return b < a ? b : a;
+}
 
 #endif

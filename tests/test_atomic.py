@@ -1,0 +1,34 @@
+"""Files and folders that are there whole or not at all."""
+
+from __future__ import annotations
+
+import errno
+import os
+from pathlib import Path
+
+import pytest
+
+from symgen.atomic import write_folder
+
+
+@pytest.mark.parametrize("there", [True, False])
+def test_a_folder_is_as_it_was_where_files_cannot_be_written(there, tmp_path, monkeypatch):
+    folder, whole = tmp_path / "out", Path.write_bytes
+    if there:
+        write_folder(folder, {"a": b"1", "core/b": b"1", "old": b"1"})
+
+    def full(path, content):
+        if path.name == "z":
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        return whole(path, content)
+
+    monkeypatch.setattr(Path, "write_bytes", full)
+    with pytest.raises(OSError, match="space"):
+        write_folder(folder, {"a": b"2", "core/b": b"2", "z": b"2"}, gone=["old"])
+    monkeypatch.undo()
+    assert [p.name for p in tmp_path.iterdir()] == (["out"] if there else [])
+    if there:
+        kept = {str(p.relative_to(folder)): p.read_bytes() for p in folder.rglob("*") if p.is_file()}
+        assert kept == {"a": b"1", "core/b": b"1", "old": b"1"}
+        write_folder(folder, {"a": b"2"}, gone=["old"])
+        assert sorted(p.name for p in folder.rglob("*") if p.is_file()) == ["a", "b"]
