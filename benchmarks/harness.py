@@ -110,7 +110,7 @@ def measure(
 
 def machine() -> dict[str, Any]:
     """Return what a figure depends on besides the code measured."""
-    from symgen.pipeline import find_compiler
+    from symgen.compiler import find_compiler
 
     compiler = find_compiler()
     return {

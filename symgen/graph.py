@@ -27,7 +27,8 @@ _CALLING = (
 )  # fmt: skip
 #: Modules of the runtime that a description of a scene, its start included, comes from.
 _DESCRIBING = (
-    "description", "elastic_description", "beam_data", "evaluate", "initial", "loop_kernels", "loop_start",
+    "description", "elastic_description", "beam_data", "evaluate", "initial", "kinematic_model", "bonds",
+    "loop_kernels", "loop_start",
 )  # fmt: skip
 #: Files beside the modules of a package that these read.
 _DATA = {"symgen.scene": ("units.txt", "units.json")}
