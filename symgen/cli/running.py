@@ -184,15 +184,9 @@ def _result(model: Any, asked: _Asked, as_json: bool) -> Result:
         _refuse(asked.of_elastic, f": for elastic links only, and {model.name} has none")
     kept = _of_linkages(model, on_values, asked.of_linkages)
     if is_kinematic(model):
-<<<<<<< HEAD
-        steps = {name: value for name, value in asked.steps.items() if name != "t_end"}
-        on = {"at": asked.at or None, **steps}
-        return kinematic_run(model, asked.steps["t_end"], asked.samples, asked.through, on)
-=======
         t_end = asked.steps["t_end"]
         options = {"at": asked.at or None, **asked.steps, "t_end": None}
         return kinematic_run(model, t_end, asked.samples, asked.through, options)
->>>>>>> l8-derive
     if not elastic and (model.is_driven or on_values):
         return driven_run(model, asked.at, asked.samples, asked.through, asked.steps)
     with progress_bar(model.description.title, as_json) as progress:

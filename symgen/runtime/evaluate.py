@@ -22,6 +22,7 @@ class Evaluator:
         self.description, self.library = description, library
         self.parameters = np.array([*parameters, 0.0])
         self.work_size = description.work_size
+        self._given = self.parameters[:-1]
         self._infos = {k.name: k for k in description.kernels}
 
     def has(self, kernel: str) -> bool:
@@ -80,7 +81,7 @@ class Evaluator:
             d.coordinates,
             len(d.constraints),
             int(d.work_of_loads and work_of_loads),
-            self.parameters[:-1],
+            self._given,
             self.work_size,
             d.first_pivot,
             own.precision.coarsened(d.rank_tolerance) if own else d.rank_tolerance,
@@ -97,5 +98,4 @@ def part(out: Array, block: BlockInfo) -> Array:
     """Return one block of an ``out`` array (or of rows of them), shaped; single columns lose that axis."""
     rows, columns = block.shape
     flat = out[..., block.offset : block.offset + rows * columns]
-    shape = (rows,) if columns == 1 else (rows, columns)
-    return flat.reshape(out.shape[:-1] + shape)
+    return flat if columns == 1 else flat.reshape((*out.shape[:-1], rows, columns))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,11 +22,18 @@ _MOST = 1e-5
 
 @dataclass(frozen=True, slots=True)
 class Start:
-    """Coordinates [m] and velocities [m/s] at the start, and the numbers of the redundant constraints."""
+    """Coordinates [m] and velocities [m/s] at the start, and the numbers of the redundant constraints.
+
+    ``y`` holds both, one behind the other.
+    """
 
     q: Array
     u: Array
     redundant: tuple[int, ...]
+    y: Array = field(init=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "y", np.concatenate((self.q, self.u)))
 
 
 def start(evaluator: Evaluator) -> Start:

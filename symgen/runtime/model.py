@@ -257,5 +257,5 @@ class Model(LinkageModel):
         tangent = self.analysis("tangent", stepping=True) if chosen.method.needs_tangent else None
         kept_in = keeping(checkpoint, checkpoint_every, resume)
         found = self._found()
-        t, q, u = (0.0, found.q, found.u) if state is None else finite(state)
-        return run(self._evaluator, t, q, u, found.redundant, chosen, progress, self._typed, kept_in, tangent)
+        t, y = (0.0, found.y) if state is None else finite(state)
+        return run(self._evaluator, t, y, found.redundant, chosen, progress, self._typed, kept_in, tangent)

@@ -163,9 +163,10 @@ def outputs(
 
 
 def _shaped(info: KernelInfo, out: Array) -> tuple[Variable, ...]:
-    """Return rows of a kernel's results as named variables."""
+    """Return rows of a kernel's results as named variables; single numbers lose the axis of components."""
     return tuple(
-        Variable(b.name, b.unit, b.about, b.rows, _squeezed(part(out, b), b.shape)) for b in info.blocks
+        Variable(b.name, b.unit, b.about, b.rows, out[:, b.offset] if b.shape == (1, 1) else part(out, b))
+        for b in info.blocks
     )
 
 
@@ -222,7 +223,3 @@ def _of_blind_events(evaluator: Evaluator, stepper: _core.Run) -> Iterator[str]:
             f"the event {name!r} has no finite value near t = {stepper.t_blind:.6g} s, where its expression "
             "is not defined: that it passes its value may have been missed"
         )
-
-
-def _squeezed(values: Array, shape: tuple[int, int]) -> Array:
-    return values[..., 0] if shape == (1, 1) else values

@@ -30,8 +30,6 @@ Progress = Callable[[float], None]
 _CHUNK_SECONDS = 0.05
 #: Times of runs with no more samples are kept for the next run.
 _KEPT = 10_000
-#: Work of loads without potential at the start of a run.
-_NO_WORK = np.zeros(1)
 #: Steps after which an adaptive run is ended that would not come to its end at their pace in ``max_steps``.
 _JUDGED = 100_000
 
@@ -74,8 +72,7 @@ def keeping(
 def run(
     evaluator: Evaluator,
     t0: float,
-    q: Array,
-    u: Array,
+    y: Array,
     redundant: tuple[int, ...],
     chosen: Options,
     progress: Progress | None,
@@ -83,7 +80,7 @@ def run(
     keeping: Keeping | None = None,
     tangent: Evaluator | None = None,
 ) -> Result:
-    """Integrate from a state and return the result; ``redundant`` constraints follow from the others.
+    """Integrate from y = (q, u) and return the result; ``redundant`` constraints follow from the others.
 
     ``typed`` are kernels in the type to integrate in, those of the evaluator when absent; ``tangent`` the
     kernels of the analysis of that name, for methods that need it.
@@ -95,13 +92,14 @@ def run(
     """
     if chosen.t_end <= t0:
         raise ModelError(f"expected t_end after the start at t = {t0:g} s, got {chosen.t_end:g} s")
-    allowed = slack(evaluator, q) if redundant else np.inf
+    allowed = slack(evaluator, y[: len(y) // 2]) if redundant else np.inf
     if redundant and typed is not None:
         allowed = typed.precision.coarsened(allowed)
     equations = evaluator.equations(
         len(redundant), allowed, stabilisation=chosen.rate, typed=typed, tangent=tangent
     )
-    y0 = np.concatenate((q, u, _NO_WORK[: equations.extra]))
+    y0 = np.append(y, 0.0) if equations.extra else y
+    events = evaluator.description.events
     stepper = _core.Run(
         equations,
         chosen.method,
@@ -114,8 +112,8 @@ def run(
         (_times if chosen.samples <= _KEPT else _times.__wrapped__)(t0, chosen.t_end, chosen.samples),
         stabilisation=_core.STABILISATIONS.index(chosen.stabilisation),
         max_drift=chosen.max_drift,
-        directions=[e.direction for e in evaluator.description.events],
-        terminal=[e.ends_run for e in evaluator.description.events],
+        directions=[e.direction for e in events] if events else (),
+        terminal=[e.ends_run for e in events] if events else (),
     )
     library = typed.kernels(False) if typed and not typed.is_plain else evaluator.library
     checkpoints = None

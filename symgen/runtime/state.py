@@ -30,11 +30,12 @@ class State:
     velocities: dict[str, Array]
 
 
-def finite(state: State) -> tuple[float, Array, Array]:
-    """Return time, coordinates and velocities to start from; raise ModelError when a number is not finite."""
-    if not all(map(math.isfinite, (state.t, *state.q.tolist(), *state.u.tolist()))):
+def finite(state: State) -> tuple[float, Array]:
+    """Return a time and (q, u) to start from; raise ModelError when a number is not finite."""
+    y = np.concatenate((state.q, state.u))
+    if not (math.isfinite(state.t) and np.isfinite(y).all()):
         raise ModelError("the start state holds a number that is not finite")
-    return state.t, state.q, state.u
+    return state.t, y
 
 
 @dataclass(frozen=True, slots=True)
