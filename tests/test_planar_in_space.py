@@ -233,3 +233,9 @@ def test_explain_names_what_was_left_out(tmp_path):
         assert done.exit_code == 0, done
         assert said in done.stdout
         assert ("with motion across its plane" in done.stdout) == (not extra)
+
+
+def test_a_state_that_rounding_took_off_the_plane_is_in_it():
+    model = symgen.build(symgen.Scene(**lifted(chain(1))))
+    near = {"P1": [0.8, -0.6, 1e-17]}
+    assert model.state(near).q == pytest.approx([0.8, -0.6], abs=1e-16)

@@ -15,6 +15,9 @@ from symgen.runtime.description import Description
 
 Array = NDArray[np.float64]
 
+#: Part of a vector that may lead out of a plane, as what rounding left of an analysis in space.
+_ROUNDING = 1e-12
+
 
 @dataclass(frozen=True, slots=True)
 class State:
@@ -103,8 +106,8 @@ def coordinates(
 
 
 def _in_plane(d: Description, across: int, level: float, vector: Array, what: str) -> Array:
-    """Return the components of a vector in the plane in which a linkage stays; raise where it leaves it."""
-    if vector[across] != level:
+    """Return the components of a vector in the plane in which a linkage stays; raise where it leaves that."""
+    if abs(vector[across] - level) > _ROUNDING * max(float(np.max(np.abs(vector))), abs(level)):
         axis = d.shown_axes[across]
         raise ModelError(
             f"{what}: expected {level:g} along {axis}, got {vector[across]:g}: "

@@ -2,11 +2,14 @@
 
 #include <string.h>
 
-/* Least and greatest change of the step, and what it is kept below the step that would just do: accelerations of
- * linkages change much from step to step, and at 0.9 a quarter of the steps would be taken twice. */
+/* Least and greatest change of the step, and what it is kept below the step that would just do. Accelerations of
+ * linkages change much from step to step: if a step grew by more than GROW_FREELY without being kept CAREFUL, a
+ * quarter of all steps would be taken twice. */
 #define SHRINK 0.2
 #define GROW 10.0
-#define SAFETY 0.75
+#define GROW_FREELY 1.2
+#define SAFETY 0.9
+#define CAREFUL 0.75
 
 /* -- memory ------------------------------------------------------------------------------------------------ */
 
@@ -207,7 +210,7 @@ int settle(struct run *run, real t_new) {
 static real shortened(const struct run *run, real h, real norm) {
     if (!real_isfinite(norm))
         return R(SHRINK) * h;
-    return h * real_fmax(R(SHRINK), R(SAFETY) * real_pow(norm, exponent(run)));
+    return h * real_fmax(R(SHRINK), R(CAREFUL) * real_pow(norm, exponent(run)));
 }
 
 /* Take one step and settle its end: DONE; AGAIN with the next length in state->h; or what went wrong. */
@@ -242,6 +245,13 @@ static int try_step(struct run *run, real h, real t_new) {
     return status;
 }
 
+/* How long the next step is over the one just taken. */
+static real next_over_last(const struct run *run, real largest) {
+    real best = real_pow(run->state->norm, exponent(run));
+    real grown = real_fmin(R(SAFETY) * best, real_fmax(R(GROW_FREELY), R(CAREFUL) * best));
+    return real_fmin(largest, real_fmax(R(SHRINK), grown));
+}
+
 /* Take a step that is within the tolerance: leave its end, settled, in y_new, and its time and length. */
 static int accepted_step(struct run *run, real *t_new, real *length) {
     struct state *s = run->state;
@@ -272,8 +282,7 @@ static int accepted_step(struct run *run, real *t_new, real *length) {
         }
     }
     if (run->scheme.adaptive) {
-        real factor = s->norm == 0 ? largest
-                                   : real_fmin(largest, real_fmax(R(SHRINK), R(SAFETY) * real_pow(s->norm, exponent(run))));
+        real factor = s->norm == 0 ? largest : next_over_last(run, largest);
         if (h == s->h || factor < 1)
             s->h = h * factor;
     }
