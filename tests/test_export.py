@@ -227,7 +227,7 @@ def test_words_of_a_scene_stay_words(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "name", ["main", "double", "math", "class", "unix", "state", "loop", "motion", "real_fmax"]
+    "name", ["main", "double", "math", "class", "unix", "state", "loop", "motion", "real_fabs"]
 )
 def test_names_that_c_has_are_refused(tmp_path, name):
     file = tmp_path / f"{name}.toml"

@@ -83,7 +83,9 @@ def test_peaucellier_final_state_and_drift(tight_run):
     assert np.allclose(tight_run.final["C"]["position"], (0.06, 0.0012604868770946), rtol=0, atol=1e-11)
     assert tight_run.drift.constraint < 1e-13
     assert tight_run.drift.energy < 1e-12 * tight_run.drift.energy_exchanged
-    assert tight_run.drift.energy_exchanged == pytest.approx(4.039793e-4, rel=1e-4)
+    # The extremes of the energies are those at the ends of steps, and short ones come near them.
+    exchanged = symgen.build("peaucellier").simulate(1.0, step=1e-4).drift.energy_exchanged
+    assert exchanged == pytest.approx(4.039793e-4, rel=1e-6)
 
 
 def test_straight_horizontal_chain_released_from_rest():
@@ -115,7 +117,11 @@ def test_spatial_double_pendulum():
             }
         gravity = {"acceleration": [f"{g} m/s^2" for g in numbers["gravity"]]}
         scene = symgen.Scene(
-            parameters={"unit": {"value": "1 kg*m^2"}}, points=points, links=links, gravity=gravity
+            parameters={"unit": {"value": "1 kg*m^2"}},
+            points=points,
+            links=links,
+            gravity=gravity,
+            analysis={"motion": "space"},
         )
         model = symgen.build(scene)
         state = model.state(

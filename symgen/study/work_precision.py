@@ -162,6 +162,7 @@ class _Measured:
         self.found: dict[Setting, tuple[float, float, int | None, int | None]] = {}
         self.walls: dict[Setting, float] = {}
         self.failures: dict[str, str] = {}
+        self.warm: set[tuple[str, str]] = set()
 
     def worthwhile(self, sweep: Iterator[Setting]) -> list[Setting]:
         return list(worth_running(sweep, self._run, self.goal, self.longest))
@@ -171,6 +172,11 @@ class _Measured:
         if setting not in self.found:
             begun = perf_counter()
             try:
+                if (kind := (setting.method, setting.precision)) not in self.warm:
+                    # What is made at the first call must not end the sweep as too long a run.
+                    self.what.call(setting)
+                    self.warm.add(kind)
+                    begun = perf_counter()
                 result = self.what.call(setting)
                 self.walls[setting] = perf_counter() - begun
                 run = self.what.read(result)

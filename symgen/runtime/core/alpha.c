@@ -105,18 +105,11 @@ static void move(struct run *run, const struct alpha *x, real h) {
     }
 }
 
-static real largest(const real *v, long count) {
-    real size = 0;
-    for (long i = 0; i < count; i++)
-        size = real_fmax(size, real_fabs(v[i]));
-    return size;
-}
-
 /* Iterate to a_new with the matrix there is; returns 0 where that does not converge. */
 static int solve_step(struct run *run, const struct alpha *x, real h, real t_new, int how) {
     const real *of = run->scheme.numbers;
     long n = run->e->n;
-    real previous = REAL_INFINITY, slowest = real_fmax(largest(run->y + n, n), h * largest(x->a, n));
+    real previous = REAL_INFINITY, slowest = real_fmax(largest_of(run->y + n, n), h * largest_of(x->a, n));
     memcpy(x->a_new, x->a, (size_t)n * sizeof(real));
     for (int k = 0; k < ITERATIONS; k++) {
         move(run, x, h);
@@ -132,12 +125,12 @@ static int solve_step(struct run *run, const struct alpha *x, real h, real t_new
         solve_dense(n, x->matrix, x->swaps, x->change);
         for (long i = 0; i < n; i++)
             x->a_new[i] += x->change[i];
-        real rates = h * largest(x->change, n), size = real_fmax(slowest, h * largest(x->a_new, n));
+        real rates = h * largest_of(x->change, n), size = real_fmax(slowest, h * largest_of(x->a_new, n));
         if (!real_isfinite(rates))
             return 0;
         int stalled = k > 0 && rates > R(0.5) * previous;
         /* where positions are large against a step's change, their rounding comes back in the velocities */
-        real rounding = REAL_EPSILON * real_fmax(size, largest(run->y, n) / h);
+        real rounding = REAL_EPSILON * real_fmax(size, largest_of(run->y, n) / h);
         real enough = how == ALONG ? real_sqrt(REAL_EPSILON) * size : R(ROUND_OFF) * rounding;
         if (rates <= R(4) * REAL_EPSILON * size || (stalled && rates <= enough)) {
             memcpy(x->motion_new, x->f_new + n, (size_t)n * sizeof(real));

@@ -73,13 +73,6 @@ static int begin(struct run *run) {
     return DONE;
 }
 
-static real largest(const real *v, long count) {
-    real size = 0;
-    for (long i = 0; i < count; i++)
-        size = real_fmax(size, real_fabs(v[i]));
-    return size;
-}
-
 /* Leave in x->motions, a column each, how q moves along M^-1 J^T when one constraint changes by one, with the last
  * factor; and nothing for those that follow from others. */
 static void find_motions(struct equations *e, const struct rattle *x, real t, const real *y) {
@@ -159,7 +152,7 @@ static int meet_by_newton(struct run *run, const struct rattle *x, real h, real 
 static int meet_positions(struct run *run, const struct rattle *x, real t, const real *start, real h, real t_1,
                           real *y) {
     struct equations *e = run->e;
-    real size = largest(y, e->n), previous = REAL_INFINITY;
+    real size = largest_of(y, e->n), previous = REAL_INFINITY;
     memcpy(x->begun, y, (size_t)run->dim * sizeof(real));
     for (int k = 0; k < SIMPLE; k++) {
         real worst = e->of->position_error(e, t_1, y);
@@ -214,7 +207,7 @@ static int meet_velocities(struct run *run, const struct rattle *x, real h, real
             return status;
         if (!e->extra) /* no force depends on velocities, or its work would be integrated */
             return DONE;
-        real change = 0, size = real_fmax(largest(y + n, n), h * largest(x->rate + n, n));
+        real change = 0, size = real_fmax(largest_of(y + n, n), h * largest_of(x->rate + n, n));
         for (long i = 0; i < n; i++)
             change = real_fmax(change, real_fabs(y[n + i] - last[i]));
         if (!real_isfinite(change))

@@ -93,7 +93,7 @@ static real exponent(const struct run *run) {
     return R(-1) / R(run->scheme.error_order + 1);
 }
 
-static real largest(const real *v, long count) {
+real largest_of(const real *v, long count) {
     real size = 0;
     for (long i = 0; i < count; i++)
         size = real_fmax(size, real_fabs(v[i]));
@@ -104,7 +104,7 @@ static real largest(const real *v, long count) {
  * rates, and by half of that from rest with their accelerations; where they are next to nothing, a little of the run. */
 static real short_time(const struct run *run) {
     long n = run->e->n;
-    real size = largest(run->y, n), rate = largest(run->f, n), acceleration = largest(run->f + n, n);
+    real size = largest_of(run->y, n), rate = largest_of(run->f, n), acceleration = largest_of(run->f + n, n);
     real left = R(run->task.t_end) - run->state->t, time = left;
     if (size > 0 && rate > 0)
         time = real_fmin(time, R(0.01) * size / rate);

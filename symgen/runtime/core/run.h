@@ -155,6 +155,9 @@ real error_norm(const struct run *run, const real *error);
 
 int all_finite(const real *v, long count);
 
+/* The largest magnitude, 0 of none. */
+real largest_of(const real *v, long count);
+
 /* -- parts of the loop, a file each ------------------------------------------------------------------------ */
 
 /* Constraints nearer to a loss of rank than these: passed one; magnify errors across them too much. */
