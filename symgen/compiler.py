@@ -28,7 +28,7 @@ OF_CORE = ("-O2",)
 CONTRACTIONS = {"off": "-ffp-contract=off", "fast": "-ffp-contract=fast"}
 VECTORS = {"none": (), "native": ("-march=native",)}
 #: Instead of ``-Og`` for one processor: what is meant to run fast there is worth compiling longer.
-_OF_NATIVE = ("-O2", "-fno-semantic-interposition")
+_OF_NATIVE = ("-O2", "-fno-semantic-interposition", "-finline-functions", "-finline-limit=10000")
 _TIMEOUT = 600
 
 

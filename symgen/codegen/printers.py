@@ -83,15 +83,19 @@ class Printer:
         text, own = self._text(node)
         return f"({text})" if own < tightness else text
 
+    def _added(self, term: Node) -> str:
+        if isinstance(term, Negative):
+            return f" - {self._print(term.value, _PRODUCT)}"
+        return f" + {self._print(term, _SIGN)}"
+
     def _text(self, node: Node) -> tuple[str, int]:
         match node:
             case Constant(text):
                 return self.literal(text, self.precision), _SIGN if text.startswith("-") else _ATOM
             case Reference(name):
                 return name, _ATOM
-            case Sum(plus, minus):
-                text = " + ".join(self._print(term, _SIGN) for term in plus)
-                return text + "".join(f" - {self._print(term, _PRODUCT)}" for term in minus), _SUM
+            case Sum((first, *others)):
+                return self._print(first, _SIGN) + "".join(map(self._added, others)), _SUM
             case Product(factors):
                 return "*".join(self._print(factor, _ATOM) for factor in factors), _PRODUCT
             case Quotient(numerator, denominator):

@@ -56,10 +56,9 @@ class Reference:
 
 @dataclass(frozen=True, slots=True)
 class Sum:
-    """Sum of ``plus`` minus all of ``minus``, from left to right."""
+    """Sum of two or more terms, from left to right; a :class:`Negative` behind the first is subtracted."""
 
-    plus: tuple[Node, ...]
-    minus: tuple[Node, ...]
+    terms: tuple[Node, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -140,9 +139,8 @@ def _sum(expression: sp.Expr) -> Node:
         else:
             plus.append(lower(term))
     if not plus:
-        first, *minus = minus
-        return Negative(Sum((first, *minus), ())) if minus else Negative(first)
-    return Sum(tuple(plus), tuple(minus))
+        return Negative(Sum(tuple(minus)) if len(minus) > 1 else minus[0])
+    return Sum((*plus, *map(Negative, minus)))
 
 
 def _product(expression: sp.Expr) -> Node:
@@ -200,7 +198,20 @@ def add(plus: Iterable[Node], minus: Iterable[Node] = ()) -> Node:
         )
     if not above:
         return negative(add(below)) if below else ZERO
-    return above[0] if len(above) == 1 and not below else Sum(tuple(above), tuple(below))
+    return above[0] if len(above) == 1 and not below else Sum((*above, *map(Negative, below)))
+
+
+def less(start: Node, terms: Iterable[Node]) -> Node:
+    """Return ``start`` less all terms, in their order: those that are ready last are best taken last."""
+    signed = [negative(term) for term in terms]
+    if start != ZERO:
+        signed.insert(0, start)
+    first, *others = signed or [ZERO]
+    if not others:
+        return first
+    if isinstance(first, Negative):
+        return Negative(Sum((first.value, *map(negative, others))))
+    return Sum((first, *others))
 
 
 def multiply(a: Node, b: Node) -> Node:
@@ -252,6 +263,11 @@ def _decimal(value: Decimal) -> Constant:
     )
 
 
+def signs(node: Sum) -> tuple[int, ...]:
+    """Return with which sign each part of a sum stands in it: -1 of what is subtracted."""
+    return (1, *(-1 if isinstance(term, Negative) else 1 for term in node.terms[1:]))
+
+
 KINDS = ("add", "mul", "div", "neg", "call")
 
 
@@ -281,8 +297,8 @@ class OperationCount:
 def children(node: Node) -> tuple[Node, ...]:
     """Return the parts of a node, in the order in which they are printed."""
     match node:
-        case Sum(plus, minus):
-            return plus + minus
+        case Sum((first, *others)):
+            return (first, *(term.value if isinstance(term, Negative) else term for term in others))
         case Product(factors):
             return factors
         case Quotient(numerator, denominator):
@@ -311,8 +327,8 @@ def _mapped(node: Node, read: Callable[[str], Node]) -> Node:
     match node:
         case Reference(name):
             return read(name)
-        case Sum(plus, minus):
-            return Sum(all_of(plus), all_of(minus))
+        case Sum(terms):
+            return Sum(all_of(terms))
         case Product(factors):
             return Product(all_of(factors))
         case Quotient(numerator, denominator):

@@ -59,7 +59,8 @@ class _Lowering:
 
         line = StraightLine(self.shared.values)
         named = {ij: line.name(value, f"k{ij[0]}_{ij[1]}") for ij, value in entries.items()}
-        factors = factor(line, named, point.order, n, labels, Constant(point.rank_tolerance))
+        tolerance = None if point.independent else Constant(point.rank_tolerance)
+        factors = factor(line, named, point.order, n, labels, tolerance)
         stored = _stored(factors)
         health = [e for k in range(n + m) for e in (factors.pivot[k], factors.sound[k])]
         description = "factors of [M J^T; J 0] into work, for 'solve'; behind them the pivots"

@@ -1,9 +1,9 @@
 """Sparse L D L^T of a symmetric matrix as straight-line code, in an order fixed when it is generated.
 
-For [M J^T; J 0] in spanning-tree order the pivots vanish only where J loses rank, so no pivoting is
-needed. The factorisation reports, for every unknown, its pivot and the part of it that cannot cancel:
-their ratio tells how near to losing rank the configuration is. A multiplier whose pivot cancelled is set
-to zero: its row follows from those before it.
+For [M J^T; J 0] in spanning-tree order, or all coordinates first, the pivots vanish only where J loses rank,
+so no pivoting is needed. The factorisation reports, for every unknown, its pivot and the part of it that
+cannot cancel: their ratio tells how near to losing rank the configuration is. A multiplier whose pivot
+cancelled is set to zero: its row follows from those before it.
 """
 
 from __future__ import annotations
@@ -12,7 +12,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from symgen.errors import DerivationError
-from symgen.lowering.nodes import ZERO, Node, add, guarded_reciprocal, multiply, reciprocal
+from symgen.lowering.like_terms import fewest
+from symgen.lowering.nodes import ZERO, Node, add, guarded_reciprocal, less, multiply, reciprocal
 from symgen.lowering.straight_line import StraightLine
 
 _Taken = dict[tuple[int, int], list[tuple[int, Node]]]
@@ -22,7 +23,8 @@ _Taken = dict[tuple[int, int], list[tuple[int, Node]]]
 class Factor:
     """The factors, as atoms: ``inverse[k]`` is 1/D_k, ``lower[i, k]`` the nonzero L_ik below the diagonal.
 
-    ``pivot[k]`` is D_k, ``sound[k]`` the sum of its terms that have its own sign.
+    ``pivot[k]`` is D_k, ``sound[k]`` the sum of its terms that have its own sign; ``watched`` tells whether some
+    pivot may vanish.
     """
 
     order: tuple[int, ...]
@@ -30,6 +32,7 @@ class Factor:
     lower: Mapping[tuple[int, int], Node]
     pivot: Mapping[int, Node]
     sound: Mapping[int, Node]
+    watched: bool
 
 
 def factor(
@@ -38,7 +41,7 @@ def factor(
     order: Sequence[int],
     primal: int,
     labels: Sequence[str],
-    tolerance: Node,
+    tolerance: Node | None,
 ) -> Factor:
     """Factorise, adding the assignments to ``line``.
 
@@ -53,7 +56,8 @@ def factor(
     labels
         Names of the unknowns, for the error.
     tolerance
-        A multiplier whose pivot keeps no more of its sound part is zero.
+        A multiplier whose pivot keeps no more of its sound part is zero. None where no multiplier's pivot can
+        vanish: all of it is sound.
 
     Raises
     ------
@@ -76,28 +80,34 @@ def factor(
     sound: dict[int, Node] = {}
     for k in order:
         # Terms from unknowns of the other kind have the sign of this pivot; those of its own kind cancel.
-        of_sign = add(kept.get((k, k), ()), _of_kind(taken, k, primal, same=False))
+        of_sign = fewest(line, kept.get((k, k), ()), _of_kind(taken, k, primal, same=False))
         if of_sign == ZERO:
             raise DerivationError(f"nothing determines {labels[k]}: its pivot is zero whatever the state")
-        sound[k] = line.name(of_sign, f"s{k}")
         cancelling = _of_kind(taken, k, primal, same=True)
+        if k >= primal and tolerance is None:
+            of_sign, cancelling = add([of_sign], cancelling), []
+        sound[k] = line.name(of_sign, f"s{k}")
         pivot[k] = line.name(add([sound[k]], cancelling), f"d{k}")
-        guarded = cancelling and k >= primal
-        one_over = guarded_reciprocal(pivot[k], sound[k], tolerance) if guarded else reciprocal(pivot[k])
+        if cancelling and k >= primal and tolerance is not None:
+            one_over = guarded_reciprocal(pivot[k], sound[k], tolerance)
+        else:
+            one_over = reciprocal(pivot[k])
         inverse[k] = line.name(one_over, f"r{k}")
         rows = sorted(below[k], key=place.__getitem__)
         column = {
-            i: line.name(add(kept.get((i, k), ()), (x for _, x in taken.get((i, k), ()))), f"a{i}_{k}")
+            i: line.name(
+                fewest(line, kept.get((i, k), ()), (x for _, x in taken.get((i, k), ()))), f"a{i}_{k}"
+            )
             for i in rows
         }
         rows = [i for i in rows if column[i] != ZERO]
         for n, i in enumerate(rows):
-            lower[i, k] = line.name(multiply(column[i], inverse[k]), f"l{i}_{k}")
+            lower[i, k] = line.name(fewest(line, [multiply(column[i], inverse[k])]), f"l{i}_{k}")
             for j in rows[: n + 1]:
                 taken.setdefault((i, j), []).append((k, multiply(lower[i, k], column[j])))
                 if i != j:
                     below[j].add(i)
-    return Factor(tuple(order), inverse, lower, pivot, sound)
+    return Factor(tuple(order), inverse, lower, pivot, sound, tolerance is not None)
 
 
 def _of_kind(taken: _Taken, k: int, primal: int, *, same: bool) -> list[Node]:
@@ -105,7 +115,11 @@ def _of_kind(taken: _Taken, k: int, primal: int, *, same: bool) -> list[Node]:
 
 
 def solve(line: StraightLine, factors: Factor, rhs: Sequence[Node]) -> list[Node]:
-    """Solve with the factors, adding the assignments to ``line``; return the solution as atoms."""
+    """Solve with the factors, adding the assignments to ``line``; return the solution as atoms.
+
+    What is ready last is taken last, so that nothing waits. Not so where pivots may nearly vanish: large terms
+    cancel there, and with those of one sign first runs come nearer to a loss of rank.
+    """
     rows: dict[int, list[int]] = {k: [] for k in factors.order}
     columns: dict[int, list[int]] = {k: [] for k in factors.order}
     for i, k in factors.lower:
@@ -113,9 +127,11 @@ def solve(line: StraightLine, factors: Factor, rhs: Sequence[Node]) -> list[Node
         columns[k].append(i)
     y: dict[int, Node] = {}
     for i in factors.order:
-        y[i] = line.name(add([rhs[i]], (multiply(factors.lower[i, k], y[k]) for k in rows[i])), f"y{i}")
+        earlier = [multiply(factors.lower[i, k], y[k]) for k in rows[i]]
+        y[i] = line.name(add([rhs[i]], earlier) if factors.watched else less(rhs[i], earlier), f"y{i}")
     x: dict[int, Node] = {}
     for k in reversed(factors.order):
         scaled = multiply(y[k], factors.inverse[k])
-        x[k] = line.name(add([scaled], (multiply(factors.lower[i, k], x[i]) for i in columns[k])), f"x{k}")
+        later = [multiply(factors.lower[i, k], x[i]) for i in columns[k]]
+        x[k] = line.name(add([scaled], later) if factors.watched else less(scaled, later[::-1]), f"x{k}")
     return [x[i] for i in range(len(rhs))]

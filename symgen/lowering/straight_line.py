@@ -12,6 +12,7 @@ from symgen.lowering.nodes import (
     Constant,
     Negative,
     Node,
+    Product,
     Reference,
     digits,
     lower,
@@ -90,6 +91,20 @@ class StraightLine:
             known = self._names[node] = Reference(name)
             self._values[name] = node
         return known
+
+    def looked_through(self, node: Node) -> Node:
+        """Return what a name stands for where that is another name or a multiple of one; else the node."""
+        while isinstance(node, Reference) and node.name in self._values:
+            value = self._values[node.name]
+            bare = value.value if isinstance(value, Negative) else value
+            if isinstance(bare, Product) and not all(
+                isinstance(f, Constant | Reference) for f in bare.factors
+            ):
+                break
+            if not isinstance(bare, Reference | Product):
+                break
+            node = value
+        return node
 
     def assignments(self, results: Iterable[Node]) -> tuple[Assignment, ...]:
         """Return the assignments that the results need, each after those it reads."""

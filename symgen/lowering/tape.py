@@ -23,6 +23,7 @@ from symgen.lowering.nodes import (
     Reference,
     Sum,
     children,
+    signs,
 )
 from symgen.symbolic.exact import number
 
@@ -136,8 +137,8 @@ class Tape:
         operation = self.operations[place]
         x = [values[i] for i in operation.operands]
         match operation.node:
-            case Sum(plus, minus):
-                return (1.0,) * len(plus) + (-1.0,) * len(minus)
+            case Sum():
+                return tuple(map(float, signs(operation.node)))
             case Negative():
                 return (-1.0,)
             case Product():
@@ -153,8 +154,8 @@ def _value(node: Node, x: list[Number]) -> Number:
     match node:
         case Constant(text):
             return mpmath.mpf(text)
-        case Sum(plus, _):
-            return mpmath.fsum(x[: len(plus)]) - mpmath.fsum(x[len(plus) :])
+        case Sum():
+            return mpmath.fsum(sign * value for sign, value in zip(signs(node), x, strict=True))
         case Negative():
             return -x[0]
         case Product():

@@ -6,8 +6,8 @@ import math
 from dataclasses import replace
 
 from symgen.errors import SceneError
-from symgen.mechanics.topology import elimination_order
 from symgen.models import outputs
+from symgen.models.elimination import is_open, order_of
 from symgen.models.matrix import named
 from symgen.models.refinement import refinement
 from symgen.models.rods import REFERENCE, RodsModel
@@ -65,8 +65,11 @@ def _assemble(model: RodsModel) -> System:
             "constraint_jacobian",
             "force",
             "acceleration_rhs",
-            _order(model),
+            order_of(
+                model, *(m.matrix for m in equations if m.name in ("mass_matrix", "constraint_jacobian"))
+            ),
             _rank_tolerance(linkage),
+            is_open(model),
         ),
         references=(REFERENCE,),
         left_out=(
@@ -123,13 +126,6 @@ def _rank_tolerance(linkage: Linkage) -> str:
     drawn = [[float(linkage.number(c)) for c in p.at] for p in linkage.points]
     size = max(max(axis) - min(axis) for axis in zip(*drawn, strict=True))
     return f"1e-{max(1, min(_REDUNDANT, math.floor(-2 * math.log10(_MARGIN * tolerance / size))))}"
-
-
-def _order(model: RodsModel) -> tuple[int, ...]:
-    d, n = len(model.axes), len(model.coordinates)
-    at = {p: range(i * d, i * d + d) for i, p in enumerate(model.free)}
-    lengths = {c.link: n + i for i, c in enumerate(model.constraints) if c.link}
-    return elimination_order(model.tree, at, lengths, n + len(model.constraints))
 
 
 def _equations(model: RodsModel) -> list[NamedMatrix]:

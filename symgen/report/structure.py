@@ -38,9 +38,10 @@ def solver_lines(system: System) -> Iterator[str]:
     multipliers = system[point.jacobian].rows or tuple(map(str, range(system[point.jacobian].matrix.rows)))
     names = (*coordinates, *multipliers)
     pattern, factor = elimination(system, point)
+    first = max(point.order[: len(coordinates)]) < len(coordinates) < len(names)
+    how = "all coordinates first, whose pivots are numbers" if first else "in the order of the tree"
     yield (
-        f"equations of motion: [M J^T; J 0] of {pattern.rows} unknowns by L D L^T without pivoting, in the "
-        "order of the tree:"
+        f"equations of motion: [M J^T; J 0] of {pattern.rows} unknowns by L D L^T without pivoting, {how}:"
     )
     yield f"  {', '.join(names[k] for k in point.order)}"
     yield (

@@ -100,7 +100,8 @@ class SaddlePoint:
 
     ``order`` lists unknowns: below the number of coordinates a coordinate, from there on a multiplier. A
     multiplier whose pivot keeps no more than ``rank_tolerance`` of its terms of its own sign follows from
-    those before it and is set to zero.
+    those before it and is set to zero; no pivot is looked at so where the rows of J are ``independent`` in
+    every configuration.
     """
 
     mass: str
@@ -109,6 +110,7 @@ class SaddlePoint:
     rhs: str
     order: tuple[int, ...]
     rank_tolerance: str
+    independent: bool = False
 
 
 @dataclass(frozen=True, slots=True)

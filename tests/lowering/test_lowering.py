@@ -73,13 +73,14 @@ def test_unknown_functions_are_refused():
 def test_node_arithmetic_folds_constants_and_signs():
     a, b = Reference("a"), Reference("b")
     assert nodes.add([Constant("1"), a], [Constant("1")]) == a
-    assert nodes.add([a], [nodes.Negative(b)]) == nodes.Sum((a, b), ())
+    assert nodes.add([a], [nodes.Negative(b)]) == nodes.Sum((a, b))
+    assert nodes.less(a, [nodes.Negative(b), a]) == nodes.Sum((a, b, nodes.Negative(a)))
     assert nodes.multiply(nodes.Negative(a), nodes.Negative(b)) == nodes.Product((a, b))
     assert nodes.multiply(a, nodes.ZERO) == nodes.ZERO
     assert nodes.multiply(nodes.ONE, a) == a
     assert nodes.multiply(Constant("-1"), a) == nodes.Negative(a)
     assert nodes.reciprocal(Constant("4")) == Constant("0.25")
-    assert nodes.add([], [a, b]) == nodes.Negative(nodes.Sum((a, b), ()))
+    assert nodes.add([], [a, b]) == nodes.Negative(nodes.Sum((a, b)))
     assert nodes.add([], [Constant("2")]) == Constant("-2")
 
 
