@@ -23,8 +23,8 @@ _Taken = dict[tuple[int, int], list[tuple[int, Node]]]
 class Factor:
     """The factors, as atoms: ``inverse[k]`` is 1/D_k, ``lower[i, k]`` the nonzero L_ik below the diagonal.
 
-    ``pivot[k]`` is D_k, ``sound[k]`` the sum of its terms that have its own sign; ``watched`` tells whether some
-    pivot may vanish.
+    ``pivot[k]`` is D_k, ``sound[k]`` the sum of its terms that have its own sign; ``watched`` tells whether
+    some pivot may vanish.
     """
 
     order: tuple[int, ...]
@@ -117,8 +117,8 @@ def _of_kind(taken: _Taken, k: int, primal: int, *, same: bool) -> list[Node]:
 def solve(line: StraightLine, factors: Factor, rhs: Sequence[Node]) -> list[Node]:
     """Solve with the factors, adding the assignments to ``line``; return the solution as atoms.
 
-    What is ready last is taken last, so that nothing waits. Not so where pivots may nearly vanish: large terms
-    cancel there, and with those of one sign first runs come nearer to a loss of rank.
+    What is ready last is taken last, so that nothing waits. Not so where pivots may nearly vanish: large
+    terms cancel there, and with those of one sign first runs come nearer to a loss of rank.
     """
     rows: dict[int, list[int]] = {k: [] for k in factors.order}
     columns: dict[int, list[int]] = {k: [] for k in factors.order}
