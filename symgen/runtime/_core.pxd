@@ -65,7 +65,7 @@ cdef extern from "core/core.h" nogil:
 
     cdef struct task:
         double t0, t_end, rtol, atol, step, max_drift
-        long stabilisation, samples, found
+        long stabilisation, samples, places_only, found
 
     cdef struct run:
         size_t bytes

@@ -150,6 +150,7 @@ class Run:
         *,
         stabilisation: int = 0,
         max_drift: float = ...,
+        places_only: bool = ...,
         directions: Sequence[int] = (),
         terminal: Sequence[int] = (),
     ) -> None: ...

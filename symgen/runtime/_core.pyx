@@ -382,6 +382,8 @@ cdef class Run:
         A number of :data:`STABILISATIONS`.
     max_drift
         Error of a constraint [m] beyond which the run ends.
+    places_only
+        Velocities of recorded states are not asked for: they may be off the constraints by what interpolation errs.
     directions, terminal
         Of each event: 1 rising, -1 falling, 0 both; and whether it ends the run.
     """
@@ -402,7 +404,8 @@ cdef class Run:
     cdef tuple ways
 
     def __init__(self, Integrable equations, method, double t0, const double[::1] y0, double t_end, double rtol,
-                 double atol, double step, const double[::1] times, *, long stabilisation=0, double max_drift=INFINITY, directions=(), terminal=()):
+                 double atol, double step, const double[::1] times, *, long stabilisation=0, double max_drift=INFINITY,
+                 bint places_only=False, directions=(), terminal=()):
         cdef const signed char[::1] ways, ends
         cdef const signed char *way = NULL
         cdef const char *end = NULL
@@ -415,6 +418,7 @@ cdef class Run:
         self.asked.t0, self.asked.t_end, self.asked.rtol, self.asked.atol = t0, t_end, rtol, atol
         self.asked.step, self.asked.max_drift, self.asked.stabilisation = step, max_drift, stabilisation
         self.asked.samples, self.asked.found = times.shape[0], REMEMBERED * len(directions)
+        self.asked.places_only = places_only
         self.core = <run *>calloc(1, self.of.api.run_struct)
         self.memory = calloc(1, self.of.api.run_bytes(equations.core, &self.scheme.filled, &self.asked))
         if self.core == NULL or self.memory == NULL:

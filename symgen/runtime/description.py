@@ -55,10 +55,11 @@ class PlaneInfo:
 
 @dataclass(frozen=True, slots=True)
 class KernelInfo:
-    """Sizes, results and cost of a kernel."""
+    """Sizes, results and cost of a kernel, and whether it reads velocities."""
 
     name: str
     work_size: int
+    reads_rates: bool
     out_size: int
     operations: dict[str, int]
     blocks: tuple[BlockInfo, ...]
@@ -284,6 +285,7 @@ def kernel_infos(kernels: Iterable[Any]) -> tuple[KernelInfo, ...]:
         KernelInfo(
             k.name,
             k.work_size,
+            "u" in k.reads,
             k.out_size,
             {kind: getattr(k.counts, kind) for kind in ("add", "mul", "div", "neg", "call", "flops")},
             tuple(

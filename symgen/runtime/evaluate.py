@@ -24,6 +24,9 @@ class Evaluator:
         self.work_size = description.work_size
         self._given = self.parameters[:-1]
         self._infos = {k.name: k for k in description.kernels}
+        outputs = self._infos.get("outputs")
+        #: Whether the places of the points are all that the scene's outputs depend on.
+        self.outputs_by_places = outputs is not None and not (outputs.reads_rates or outputs.work_size)
 
     def has(self, kernel: str) -> bool:
         """Tell whether the model has this kernel."""

@@ -112,6 +112,7 @@ def run(
         (_times if chosen.samples <= _KEPT else _times.__wrapped__)(t0, chosen.t_end, chosen.samples),
         stabilisation=_core.STABILISATIONS.index(chosen.stabilisation),
         max_drift=chosen.max_drift,
+        places_only=evaluator.outputs_by_places,
         directions=[e.direction for e in events] if events else (),
         terminal=[e.ends_run for e in events] if events else (),
     )

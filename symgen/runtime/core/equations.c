@@ -11,9 +11,12 @@
 /* Iterations of the projection: with the same factor it converges by the step's own error each time. Each halves the error at least, or ends the iterations: enough from any error down to rounding. */
 #define PROJECTIONS 80
 #define RATE_PROJECTIONS 3
+/* Part of the tolerance that may be left of rates. */
+#define LEFT 1e-3
 
 const struct behaviour kernel_behaviour = {
-    accelerate, derivative, position_error, velocity_error, factorise, project, make_tangent, measure_energy,
+    accelerate, derivative, position_error, velocity_error, factorise,
+    project, project_places, make_tangent, measure_energy,
 };
 
 /* Enough for the account, and for any type behind it. */
@@ -38,6 +41,7 @@ void equations_bind(struct equations *e, const struct sizes *sizes, const struct
     e->owner = NULL;
     e->kernels = *kernels;
     e->sizes = *sizes;
+    e->finest = 0;
     e->n = n, e->m = m, e->extra = sizes->extra, e->dim = 2 * n + sizes->extra;
     e->bytes = equations_bytes(sizes);
     e->account = memory;
@@ -222,14 +226,23 @@ int project_positions(struct equations *e, real t, real *y) {
     return e->sizes.redundant && !(e->account->missed <= e->sizes.slack) ? CONTRADICTED : DONE;
 }
 
+/* Rates that rounding leaves, where the run's tolerance is far above them; else what is left of a rate counts as error
+ * of the next step, and all that can be taken off is. */
+static real rounding_of_rates(const struct equations *e, const real *y) {
+    real speed = 0;
+    for (long i = e->n; i < 2 * e->n; i++)
+        speed = real_fmax(speed, real_fabs(y[i]));
+    return REAL_EPSILON * speed < R(LEFT) * R(e->finest) ? REAL_EPSILON * speed : 0;
+}
+
 int project_velocities(struct equations *e, real t, real *y) {
     long n = e->n;
-    real previous = REAL_INFINITY;
+    real previous = REAL_INFINITY, rounding = rounding_of_rates(e, y);
     for (int k = 0; k < RATE_PROJECTIONS; k++) {
         real worst = velocity_error(e, t, y);
         if (!real_isfinite(worst))
             return NOT_FINITE;
-        if (worst == 0 || worst > R(0.5) * previous)
+        if (worst <= rounding || worst > R(0.5) * previous)
             break;
         previous = worst;
         solve_factored(e, t, y, e->rhs);
@@ -239,13 +252,16 @@ int project_velocities(struct equations *e, real t, real *y) {
     return DONE;
 }
 
-int project(struct equations *e, real t, real *y) {
+int project_places(struct equations *e, real t, real *y) {
     if (e->m == 0)
         return DONE;
     int status = factorise(e, t, y);
-    if (status == DONE)
-        status = project_positions(e, t, y);
-    return status == DONE ? project_velocities(e, t, y) : status;
+    return status == DONE ? project_positions(e, t, y) : status;
+}
+
+int project(struct equations *e, real t, real *y) {
+    int status = project_places(e, t, y);
+    return status == DONE && e->m ? project_velocities(e, t, y) : status;
 }
 
 void make_tangent(struct equations *e, real t, const real *y, real *change) {

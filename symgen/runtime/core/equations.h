@@ -79,6 +79,7 @@ struct behaviour {
     real (*velocity_error)(struct equations *e, real t, const real *y);
     int (*factorise)(struct equations *e, real t, const real *y);
     int (*project)(struct equations *e, real t, real *y);
+    int (*project_places)(struct equations *e, real t, real *y); /* NULL where places and velocities go together */
     void (*make_tangent)(struct equations *e, real t, const real *y, real *change);
     void (*measure_energy)(struct equations *e, real t, const real *y);
 };
@@ -91,6 +92,7 @@ struct equations {
     struct kernels kernels;
     struct sizes sizes;
     long n, m, extra, dim;
+    double finest;           /* the absolute tolerance of the run; 0 where none judges what is left of errors */
     size_t bytes;            /* of the memory below */
     struct account *account; /* first in that memory; everything behind it holds no pointers either */
     real *p;                 /* parameters */
@@ -137,6 +139,7 @@ void solve_factored(struct equations *e, real t, const real *y, real *b);
 /* Bring positions and velocities back onto the constraints, by mass-weighted steps of one factor; the halves
  * do one of the two with the last factor, velocities at positions on the constraints. */
 int project(struct equations *e, real t, real *y);
+int project_places(struct equations *e, real t, real *y);
 int project_positions(struct equations *e, real t, real *y);
 int project_velocities(struct equations *e, real t, real *y);
 

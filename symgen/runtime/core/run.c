@@ -56,6 +56,7 @@ void run_bind(struct run *run, struct equations *e, const struct scheme *scheme,
     run->e = e, run->scheme = *scheme, run->task = *task, run->dim = e->dim;
     /* without a tolerance there is nothing to adapt a step by */
     run->scheme.adaptive = scheme->adaptive && (task->rtol > 0.0 || task->atol > 0.0);
+    e->finest = run->scheme.adaptive ? task->atol : 0.0;
     run->bytes = place(run, memory);
     run->scheme.kind->bind(run);
 }

@@ -25,6 +25,7 @@ struct task {
     double max_drift;    /* a constraint error [m] beyond this ends the run; infinite: none does */
     long stabilisation;  /* enum stabilisation */
     long samples;        /* times at which the state is recorded */
+    long places_only;    /* velocities of samples are not asked for: they may stay as they are interpolated */
     long found;          /* events remembered until they are taken away; at least LOOKS of each kind */
 };
 

@@ -11,7 +11,8 @@ static int sampled(struct run *run, real t, real h, real *sample) {
     run->scheme.kind->interpolate(run, h, (t - run->state->t) / h, sample);
     if (run->task.stabilisation != PROJECTION)
         return DONE;
-    int status = e->of->project(e, t, sample);
+    int places_only = run->task.places_only && e->of->project_places;
+    int status = places_only ? e->of->project_places(e, t, sample) : e->of->project(e, t, sample);
     return status == DONE && e->account->soundness < PASSAGE ? SINGULAR : status;
 }
 
