@@ -14,9 +14,10 @@ import pytest
 from test_start_up import holds
 
 import symgen
-from symgen import graph
+from symgen import graph, regeneration
 from symgen.codegen import emit, loops
 from symgen.elements import ELEMENTS
+from symgen.errors import GenerationError
 from symgen.models import BLOCKS, RECURSIONS, SHIPPED_SCENES
 from symgen.regeneration import answer
 from symgen.shipped import UNITS, generated_folder, names, record_name
@@ -263,9 +264,19 @@ def test_records_say_what_the_kernels_cost(made):
         assert all(m.entries.keys() == m.values.keys() for m in record.matrices.values())
 
 
-def test_a_process_of_its_own_answers_with_what_this_one_makes(made, capfdbinary):
-    answer("rigid_element")
-    here = json.loads(capfdbinary.readouterr().out)
+def test_all_that_derivations_say_is_told(monkeypatch):
+    """Where one ends without a word of Python's, and where the process that they part from ends."""
+    dying = "import os, symgen.regeneration as r; r.make = lambda name: os.kill(os.getpid(), 9); "
+    monkeypatch.setattr(regeneration, "_PARENT", dying + regeneration._PARENT)
+    with pytest.raises(GenerationError, match="^rod cannot be derived, and nothing was written:"):
+        regeneration.derive_all(["rod"])
+    monkeypatch.setattr(regeneration, "_PARENT", "raise SystemExit('out of memory')")
+    with pytest.raises(GenerationError, match="^what is left cannot be derived.*:\nout of memory$"):
+        regeneration.derive_all(["rod"])
+
+
+def test_a_process_of_its_own_answers_with_what_this_one_makes(made):
+    here = json.loads(answer("rigid_element"))
     there = made["rigid_element"]
     assert here["shipped"]["files"] == [{"name": f.name, "text": f.text} for f in there.shipped.files]
     assert set(there.needs) <= set(here["needs"]), "what else was derived here counts too"
