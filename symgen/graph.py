@@ -35,6 +35,8 @@ _DATA = {"symgen.scene": ("units.txt", "units.json")}
 #: Templates of exported folders, and of pages for a browser: no kernel is made with these.
 _EXPORTED, _OF_PAGES = "export", (".html", ".svg", ".css")
 _PACKAGES = ("sympy", "mpmath", "jinja2")
+#: Which elements there are decides nothing of what is made of one.
+_REGISTRY = "symgen.elements"
 
 #: What changed later may have been loaded as it was before.
 _BEGUN = time.time()
@@ -85,7 +87,7 @@ def of_file(path: Path) -> Needs:
 
 def _decides(module: str) -> bool:
     words = module.split(".")
-    if words[0] != "symgen" or len(words) < 2:
+    if words[0] != "symgen" or len(words) < 2 or module == _REGISTRY:
         return False
     return words[1] not in _CALLING or (words[1] == "runtime" and len(words) > 2 and words[2] in _DESCRIBING)
 

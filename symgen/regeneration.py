@@ -1,7 +1,7 @@
 """``symgen generate``: what changed is derived anew, each model in a process of its own; all else is kept.
 
-A process of its own loads what one derivation needs and nothing else, so that what it had loaded is exactly
-what its kernels depend on.
+A process of its own loads what one derivation needs and nothing else of symgen, so that what it had loaded is
+exactly what its kernels depend on. All of them part from one that has loaded SymPy.
 """
 
 from __future__ import annotations
@@ -10,12 +10,13 @@ import json
 import os
 import subprocess
 import sys
-from collections.abc import Callable, Iterable, Mapping
-from concurrent.futures import ThreadPoolExecutor, as_completed
+import traceback
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING, Any, NoReturn
 
 from symgen import graph
 from symgen.cache import Cache, Entry
@@ -31,6 +32,8 @@ if TYPE_CHECKING:
 Progress = Callable[[float], None]
 
 _MADE = "made.json"
+#: How the name of a file ends that holds what a derivation said.
+_SAID = ".said"
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,45 +108,90 @@ def derive_all(models: Iterable[str], progress: Progress | None = None) -> dict[
     """
     asked = list(models)
     made: dict[str, Made] = {}
-    with ThreadPoolExecutor(os.cpu_count()) as pool:
-        running = {pool.submit(_in_process, name): name for name in asked}
-        try:
-            for done in as_completed(running):
-                made[running[done]] = done.result()
-                if progress:
-                    progress(len(made) / len(asked))
-        except BaseException:
-            pool.shutdown(wait=False, cancel_futures=True)
-            raise
+    with TemporaryDirectory(ignore_cleanup_errors=True) as place:
+        for name in _as_derived(asked, Path(place)) if asked else ():
+            made[name] = _made(json.loads((Path(place) / name).read_bytes()))
+            if progress:
+                progress(len(made) / len(asked))
     return {name: made[name] for name in asked}
 
 
-_CHILD = "import sys; from symgen.regeneration import answer; answer(sys.argv[1])"
+_PARENT = "import sys; from symgen.regeneration import answer_all; answer_all(*sys.argv[1:])"
 
 
-def _in_process(name: str) -> Made:
-    """Derive one model in a process of its own, which imports symgen from where this one does."""
+def _as_derived(names: Iterable[str], folder: Path) -> Iterator[str]:
+    """Yield models when their files are in a folder; symgen is imported from where this process does."""
     home = str(Path(__file__).resolve().parent.parent)
     path = os.pathsep.join(p for p in (home, os.environ.get("PYTHONPATH", "")) if p)
-    done = subprocess.run(
-        [sys.executable, "-P", "-c", _CHILD, name],
-        env={**os.environ, "PYTHONPATH": path},
-        stdin=subprocess.DEVNULL,
-        capture_output=True,
-        check=False,
-    )
-    if done.returncode:
-        said = done.stderr.decode("utf-8", "replace").strip()
-        raise GenerationError(f"{name} cannot be derived, and nothing was written:\n{said}")
-    return _made(json.loads(done.stdout))
+    with (
+        (folder / _SAID).open("wb") as said,
+        subprocess.Popen(
+            [sys.executable, "-P", "-c", _PARENT, str(folder), *names],
+            env={**os.environ, "PYTHONPATH": path},
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=said,
+            text=True,
+        ) as process,
+    ):
+        failed = []
+        for line in process.stdout or ():
+            name, status = line.split()
+            if status == "0":
+                yield name
+            else:
+                failed.append(name)
+    if failed:
+        raise _failed(failed[0], folder / f"{failed[0]}{_SAID}")
+    if process.returncode:
+        raise _failed("what is left", folder / _SAID)
 
 
-def answer(name: str) -> None:
-    """Derive one model and print it as JSON: what a process of its own does."""
+def _failed(what: str, said: Path) -> GenerationError:
+    words = said.read_text(encoding="utf-8", errors="replace").strip()
+    return GenerationError(f"{what} cannot be derived, and nothing was written:\n{words}")
+
+
+def answer_all(folder: str, *names: str) -> None:
+    """Derive models, each in a process that parts from this one, and print which is done, with its status.
+
+    What is loaded before they part is no part of symgen: all derivations use it, and it takes long.
+    """
     import gc
 
+    import jinja2  # noqa: F401
+    import sympy.tensor.tensor  # noqa: F401 - loaded at the first sum
+
     gc.disable()  # all that a derivation makes lives until its end
-    sys.stdout.buffer.write(json.dumps(asdict(make(name))).encode())
+    waiting, running = [*reversed(names)], dict[int, str]()
+    while waiting or running:
+        while waiting and len(running) < (os.cpu_count() or 1):
+            name = waiting.pop()
+            child = os.fork()
+            if not child:
+                _answer_in(Path(folder), name)
+            running[child] = name
+        child, status = os.wait()
+        if status:
+            waiting.clear()
+        print(running.pop(child), status, flush=True)
+
+
+def _answer_in(folder: Path, name: str) -> NoReturn:
+    """Write a model into a folder, or what is said where it cannot be derived, and end this process."""
+    with (folder / f"{name}{_SAID}").open("wb") as said:
+        os.dup2(said.fileno(), 2)
+    try:
+        (folder / name).write_bytes(answer(name))
+    except BaseException:
+        traceback.print_exc()
+        os._exit(1)
+    os._exit(0)  # what a derivation made need not be taken apart
+
+
+def answer(name: str) -> bytes:
+    """Derive one model and return it as JSON."""
+    return json.dumps(asdict(make(name))).encode()
 
 
 def _made(data: dict[str, Any]) -> Made:

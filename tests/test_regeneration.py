@@ -14,8 +14,10 @@ import pytest
 from test_start_up import holds
 
 import symgen
-from symgen import graph
+from symgen import graph, regeneration
 from symgen.codegen import emit, loops
+from symgen.elements import ELEMENTS
+from symgen.errors import GenerationError
 from symgen.models import BLOCKS, RECURSIONS, SHIPPED_SCENES
 from symgen.regeneration import answer
 from symgen.shipped import UNITS, generated_folder, names, record_name
@@ -23,6 +25,7 @@ from symgen.symbolic.record import read_record
 
 PACKAGE = Path(symgen.__file__).parent
 LOOP_BLOCKS = {"loop_row", "loop_screws", "loop_inertia"}
+OF_ELEMENTS = {f"element_{name}" for name in ELEMENTS}
 #: Files of derivations, and the models that are derived anew when they change: those and no others.
 DEPENDENTS = {
     "models/rod.py": {"rod", "rod_spatial"},
@@ -33,9 +36,14 @@ DEPENDENTS = {
         "rod", "rod_spatial", "chain", "chain_spatial", "rigid_element", "peaucellier",
     },
     "mechanics/topology.py": {"peaucellier"},
-    "mechanics/hamilton.py": {"elastic_link"},
-    "models/elastic_blocks.py": {"elastic_link"},
-    **{f"elements/{p.name}": {"elastic_link"} for p in sorted((PACKAGE / "elements").glob("[a-z]*.py"))},
+    **{f"elements/{name}.py": {f"element_{name}"} for name in ELEMENTS},
+    "elements/element.py": OF_ELEMENTS,
+    "elements/__init__.py": set(),
+    "mechanics/hamilton.py": OF_ELEMENTS,
+    "mechanics/beam_matrices.py": OF_ELEMENTS,
+    "models/elastic_element.py": OF_ELEMENTS,
+    "mechanics/turning_axes.py": {"element_beam8"},
+    "models/fixed_axes.py": {"element_beam8"},
     "mechanics/dual_rows.py": {"slider_crank", *LOOP_BLOCKS},
     "models/loop_blocks.py": LOOP_BLOCKS,
     "models/loop.py": {"slider_crank"},
@@ -197,6 +205,55 @@ def test_what_changed_is_derived_anew_and_said(checkout):
     assert content(checkout) == before
 
 
+def test_a_new_element_is_a_file_and_a_name(checkout):
+    """It gets a model of its own beside that of the element that changed; no other is derived."""
+    before = content(checkout)
+    elements = checkout / "symgen" / "elements"
+    cubic = (elements / "cubic.py").read_text()
+    (elements / "hermite.py").write_text(cubic.replace('"cubic"', '"hermite"'))
+    (elements / "cubic.py").write_text(cubic + "# nothing\n")
+    registry = (elements / "__init__.py").read_text()
+    (elements / "__init__.py").write_text(
+        registry.replace('    "cubic",\n', '    "cubic",\n    "hermite",\n')
+    )
+    code, said, _ = generate(checkout)
+    assert code == 0
+    assert sorted(line for line in said if line.startswith("derived")) == [
+        "derived element_cubic: elements/cubic.py changed",
+        "derived element_hermite: not in the cache",
+    ]
+    after = content(checkout)
+    assert {name for name in after if after[name] != before.get(name)} == {
+        "manifest.json",
+        "element_hermite.md",
+        "element_hermite.pyx",
+        "element_hermite_equations.json",
+        "element_hermite_kernel.c",
+        "element_hermite_kernel.h",
+        "element_hermite_kernel_2.c",
+    }
+
+
+def test_an_elastic_scene_loads_its_own_element_alone(tmp_path):
+    """To derive it, and the kernels of that to run it."""
+    run = (
+        "import sys, symgen\n"
+        "symgen.build('rotating_cantilever').run('quasi-static', samples=3)\n"
+        "parts = 'symgen.elements', 'symgen.generated.'\n"
+        "print(*sorted(m for m in sys.modules if m.startswith(parts)))\n"
+    )
+    environment = {**os.environ, "SYMGEN_CACHE": str(tmp_path)}
+    derived, again = (
+        subprocess.run(
+            [sys.executable, "-c", run], env=environment, capture_output=True, text=True, check=True
+        ).stdout.split()
+        for _ in range(2)
+    )
+    kernels = "symgen.generated.element_beam8"
+    assert derived == ["symgen.elements", "symgen.elements.beam8", "symgen.elements.element", kernels]
+    assert again == [kernels]
+
+
 def test_records_say_what_the_kernels_cost(made):
     """The committed record holds the operations that the C file tells, and no entry without a value."""
     for name in names():
@@ -207,9 +264,19 @@ def test_records_say_what_the_kernels_cost(made):
         assert all(m.entries.keys() == m.values.keys() for m in record.matrices.values())
 
 
-def test_a_process_of_its_own_answers_with_what_this_one_makes(made, capfdbinary):
-    answer("rigid_element")
-    here = json.loads(capfdbinary.readouterr().out)
+def test_all_that_derivations_say_is_told(monkeypatch):
+    """Where one ends without a word of Python's, and where the process that they part from ends."""
+    dying = "import os, symgen.regeneration as r; r.make = lambda name: os.kill(os.getpid(), 9); "
+    monkeypatch.setattr(regeneration, "_PARENT", dying + regeneration._PARENT)
+    with pytest.raises(GenerationError, match="^rod cannot be derived, and nothing was written:"):
+        regeneration.derive_all(["rod"])
+    monkeypatch.setattr(regeneration, "_PARENT", "raise SystemExit('out of memory')")
+    with pytest.raises(GenerationError, match="^what is left cannot be derived.*:\nout of memory$"):
+        regeneration.derive_all(["rod"])
+
+
+def test_a_process_of_its_own_answers_with_what_this_one_makes(made):
+    here = json.loads(answer("rigid_element"))
     there = made["rigid_element"]
     assert here["shipped"]["files"] == [{"name": f.name, "text": f.text} for f in there.shipped.files]
     assert set(there.needs) <= set(here["needs"]), "what else was derived here counts too"

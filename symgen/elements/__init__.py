@@ -1,14 +1,39 @@
-"""The finite elements of an elastic link, one file each; a new one is a file and a line in ``ELEMENTS``."""
+"""The finite elements of an elastic link, one file each; a new one is a file and its name in ``ELEMENTS``."""
 
 from __future__ import annotations
 
-from symgen.elements import beam8, beam9, cubic, rayleigh, timoshenko
-from symgen.elements.element import Element
+from collections.abc import Iterator, Mapping
+from importlib import import_module
+from typing import TYPE_CHECKING
 
-ELEMENTS: dict[str, Element] = {
-    "beam8": beam8.ELEMENT,
-    "cubic": cubic.ELEMENT,
-    "timoshenko": timoshenko.ELEMENT,
-    "rayleigh": rayleigh.ELEMENT,
-    "beam9": beam9.ELEMENT,
-}
+if TYPE_CHECKING:
+    from symgen.elements.element import Element
+
+
+class _Files(Mapping[str, "Element"]):
+    """Elements by the names of their files, of which only those that are asked for are loaded."""
+
+    def __init__(self, *names: str) -> None:
+        self._names = names
+
+    def __getitem__(self, name: str) -> Element:
+        if name not in self._names:
+            raise KeyError(name)
+        element: Element = import_module(f"symgen.elements.{name}").ELEMENT
+        return element
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._names)
+
+    def __len__(self) -> int:
+        return len(self._names)
+
+
+#: Each has its own kernels, the block ``element_NAME``, which depend on no other element.
+ELEMENTS = _Files(
+    "beam8",
+    "cubic",
+    "timoshenko",
+    "rayleigh",
+    "beam9",
+)

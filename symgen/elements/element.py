@@ -88,6 +88,11 @@ class Element:
         return (*nodes, *(INNER_DOFS[d] for d in self.inner_dofs))
 
 
+def entry_unit(unit: str) -> str:
+    """Return the unit of entries between displacements, and what those of angles and curvatures have more."""
+    return f"{unit}; *m per angle, *m^2 per curvature"
+
+
 @dataclass(frozen=True, slots=True)
 class Shape:
     """Shape functions of u, w and phi over xi: one entry for each unknown of the element."""

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from functools import lru_cache
 
 import sympy as sp
 from sympy.polys.rings import PolyElement, ring
@@ -105,6 +106,7 @@ def _factored(polynomial: PolyElement) -> sp.Expr:
 _SCALE = 2
 
 
+@lru_cache(maxsize=8)
 def _rows(element: Element) -> dict[str, tuple[PolyElement, ...]]:
     """Return the fields of Hamilton's principle over the element's unknowns, times L**_SCALE."""
     shape = shape_functions(element)

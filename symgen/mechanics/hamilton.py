@@ -11,7 +11,7 @@ second degree.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -71,6 +71,12 @@ def _fields() -> dict[str, Quantity]:
 
 #: u, w, phi, their rates ``_t`` and ``_tt``, and the strains, as the derivation names them.
 FIELDS = _fields()
+_F = {name: q.symbol for name, q in FIELDS.items()}
+#: Rates of v_x and v_y, which are components in turning axes: not those of the acceleration.
+_ORIGIN = {
+    VX.symbol: AX.symbol + GX.symbol + OMEGA.symbol * VY.symbol,
+    VY.symbol: AY.symbol + GY.symbol - OMEGA.symbol * VX.symbol,
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -130,90 +136,119 @@ class Derivation:
         return tuple(t for t in self.terms if not t.trial and t.motion == motion)
 
 
+@dataclass(frozen=True, slots=True)
+class _Link:
+    """Place and velocity of a point of the link, the axial force there, and the energies per length at it."""
+
+    place: tuple[sp.Expr, sp.Expr]
+    velocity: tuple[sp.Expr, sp.Expr]
+    force: sp.Expr
+    kinetic: sp.Expr
+    strain: sp.Expr
+    stretching: sp.Expr
+    gravity: sp.Expr
+
+
 @lru_cache(maxsize=1)
 def derive() -> Derivation:
     """Derive the weak form of the equation of motion of a link, step by step."""
-    f = {name: q.symbol for name, q in FIELDS.items()}
-    omega, rate, x, mu = OMEGA.symbol, OMEGA_RATE.symbol, X.symbol, MU.symbol
-    place = (x + f["u"], f["w"])
-    velocity = (
-        VX.symbol + f["u_t"] - omega * place[1],
-        VY.symbol + f["w_t"] + omega * place[0],
-    )
-    kinetic = mu * (velocity[0] ** 2 + velocity[1] ** 2) / 2 + ROTARY.symbol * (omega + f["phi_t"]) ** 2 / 2
-    strain = (
-        AXIAL.symbol * f["u_x"] ** 2 + BENDING.symbol * f["phi_x"] ** 2 + SHEAR.symbol * f["gamma"] ** 2
-    ) / 2
-    gravity = mu * (GX.symbol * place[0] + GY.symbol * place[1])
-    force = N0.symbol + AX.symbol * MASS_BEFORE.symbol - omega**2 * MOMENT_BEFORE.symbol
-    stretching = force * f["w_x"] ** 2 / 2
-    variation = {
-        name: sp.diff(kinetic + gravity - strain - stretching, symbol)
-        for name, symbol in f.items()
-        if not name.endswith("_tt")
-    }
-    # d/dt of the momenta: by the rates of all that moves, where v_x and v_y are components in turning axes.
-    rates = {f[k]: f[f"{k}_t"] for k in _KINDS} | {f[f"{k}_t"]: f[f"{k}_tt"] for k in _KINDS}
-    rates |= {
-        omega: rate,
-        VX.symbol: AX.symbol + GX.symbol + omega * VY.symbol,
-        VY.symbol: AY.symbol + GY.symbol - omega * VX.symbol,
-    }
-    inertia = {}
-    for k in _KINDS:
-        momentum = sp.diff(kinetic, f[f"{k}_t"])
-        moved = sp.Add(*(sp.diff(momentum, s) * r for s, r in rates.items()))
-        inertia[k] = sp.expand(moved - sp.diff(kinetic + gravity, f[k]))
+    link = _link()
     parts = {
-        "inertia": inertia,
-        "elastic": {k: sp.diff(strain, f[k]) for k in ("u_x", "phi_x", "gamma")},
-        "geometric": {"w_x": sp.diff(stretching, f["w_x"])},
+        "inertia": _inertia(link),
+        "elastic": {k: sp.diff(link.strain, _F[k]) for k in ("u_x", "phi_x", "gamma")},
+        "geometric": {"w_x": sp.diff(link.stretching, _F["w_x"])},
     }
-    collected = {k: e for part in parts.values() for k, e in part.items()}
-    steps = (
-        Step("place", ("x", "y"), place, "m", "place of a point in the link's axes", "(6.1)"),
-        Step("velocity", ("x", "y"), velocity, "m/s", "its absolute velocity in the link's axes", "(6.7)"),
-        Step(
-            "origin_acceleration", ("x", "y"), (rates[VX.symbol], rates[VY.symbol]), "m/s^2",
-            "derivatives of the components v_x, v_y: not those of the acceleration", "after (6.8), (6.10)",
-        ),
-        Step(
-            "kinetic_energy", ("T",), (kinetic,), "J/m", "kinetic energy per length",
-            "(6.12); rotary inertia added",
-        ),
-        Step(
-            "shear_strain", ("gamma",), (f["w_x"] - f["phi"],), "1",
-            "shear strain; its variation is that of w' - phi", "not in the thesis",
-        ),
-        Step(
-            "strain_energy", ("V",), (strain,), "J/m", "strain energy per length",
-            "(6.14); shear added",
-        ),
-        Step(
-            "axial_force", ("N",), (force,), "N", "axial force of the rigid motion at x",
-            "not in the thesis",
-        ),
-        Step(
-            "geometric_energy", ("V_N",), (stretching,), "J/m",
-            "work of the axial force on the shortening w'^2/2", "not in the thesis",
-        ),
-        Step(
-            "gravity_work", ("W",), (gravity,), "J/m", "work of gravity per length",
-            "(6.15), with the displacements, which the thesis leaves out",
-        ),
-        Step(
-            "variation", tuple(variation), tuple(variation.values()), _PER,
-            "factor of the variation of each field in dT + dW - dV", "(7.8), (7.9)",
-        ),
-        Step(
-            "weak_form", tuple(collected), tuple(collected.values()), _PER,
-            "integrated by parts in time: the integral of row * variation is zero", "(7.10)-(7.23)",
-        ),
-    )  # fmt: skip
     terms = tuple(
         term for part, rows in parts.items() for test, e in rows.items() for term in _collect(part, test, e)
     )
-    return Derivation((*steps, *_collected(terms)), terms)
+    weak_form = {k: e for part in parts.values() for k, e in part.items()}
+    return Derivation((*_energies(link), *_variation(link, weak_form), *_collected(terms)), terms)
+
+
+def _link() -> _Link:
+    """Return place, velocity and energies, to the second degree in the fields."""
+    omega, mu = OMEGA.symbol, MU.symbol
+    place = (X.symbol + _F["u"], _F["w"])
+    velocity = (
+        VX.symbol + _F["u_t"] - omega * place[1],
+        VY.symbol + _F["w_t"] + omega * place[0],
+    )
+    turning = ROTARY.symbol * (omega + _F["phi_t"]) ** 2 / 2
+    stiff = ((AXIAL, "u_x"), (BENDING, "phi_x"), (SHEAR, "gamma"))
+    force = N0.symbol + AX.symbol * MASS_BEFORE.symbol - omega**2 * MOMENT_BEFORE.symbol
+    return _Link(
+        place,
+        velocity,
+        force,
+        kinetic=mu * (velocity[0] ** 2 + velocity[1] ** 2) / 2 + turning,
+        strain=sp.Add(*(stiffness.symbol * _F[strain] ** 2 for stiffness, strain in stiff)) / 2,
+        stretching=force * _F["w_x"] ** 2 / 2,
+        gravity=mu * (GX.symbol * place[0] + GY.symbol * place[1]),
+    )
+
+
+def _inertia(link: _Link) -> dict[str, sp.Expr]:
+    """Return by field d/dt of its momentum, by the rates of all that moves, less its force."""
+    rates = {_F[k]: _F[f"{k}_t"] for k in _KINDS} | {_F[f"{k}_t"]: _F[f"{k}_tt"] for k in _KINDS}
+    rates |= {OMEGA.symbol: OMEGA_RATE.symbol, **_ORIGIN}
+    found = {}
+    for k in _KINDS:
+        momentum = sp.diff(link.kinetic, _F[f"{k}_t"])
+        moved = sp.Add(*(sp.diff(momentum, s) * r for s, r in rates.items()))
+        found[k] = sp.expand(moved - sp.diff(link.kinetic + link.gravity, _F[k]))
+    return found
+
+
+def _energies(link: _Link) -> tuple[Step, ...]:
+    """Return the steps from the place of a point to the energies: Eqs. (6.1)-(6.15)."""
+    return (
+        Step("place", ("x", "y"), link.place, "m", "place of a point in the link's axes", "(6.1)"),
+        Step(
+            "velocity", ("x", "y"), link.velocity, "m/s", "its absolute velocity in the link's axes", "(6.7)",
+        ),
+        Step(
+            "origin_acceleration", ("x", "y"), tuple(_ORIGIN.values()), "m/s^2",
+            "derivatives of the components v_x, v_y: not those of the acceleration", "after (6.8), (6.10)",
+        ),
+        Step(
+            "kinetic_energy", ("T",), (link.kinetic,), "J/m", "kinetic energy per length",
+            "(6.12); rotary inertia added",
+        ),
+        Step(
+            "shear_strain", ("gamma",), (_F["w_x"] - _F["phi"],), "1",
+            "shear strain; its variation is that of w' - phi", "not in the thesis",
+        ),
+        Step(
+            "strain_energy", ("V",), (link.strain,), "J/m", "strain energy per length",
+            "(6.14); shear added",
+        ),
+        Step(
+            "axial_force", ("N",), (link.force,), "N", "axial force of the rigid motion at x",
+            "not in the thesis",
+        ),
+        Step(
+            "geometric_energy", ("V_N",), (link.stretching,), "J/m",
+            "work of the axial force on the shortening w'^2/2", "not in the thesis",
+        ),
+        Step(
+            "gravity_work", ("W",), (link.gravity,), "J/m", "work of gravity per length",
+            "(6.15), with the displacements, which the thesis leaves out",
+        ),
+    )  # fmt: skip
+
+
+def _variation(link: _Link, weak_form: Mapping[str, sp.Expr]) -> Iterator[Step]:
+    """Yield Hamilton's principle: the variation of the energies, and its weak form, Eqs. (7.8)-(7.23)."""
+    energy = link.kinetic + link.gravity - link.strain - link.stretching
+    varied = {name: sp.diff(energy, symbol) for name, symbol in _F.items() if not name.endswith("_tt")}
+    yield Step(
+        "variation", tuple(varied), tuple(varied.values()), _PER,
+        "factor of the variation of each field in dT + dW - dV", "(7.8), (7.9)",
+    )  # fmt: skip
+    yield Step(
+        "weak_form", tuple(weak_form), tuple(weak_form.values()), _PER,
+        "integrated by parts in time: the integral of row * variation is zero", "(7.10)-(7.23)",
+    )  # fmt: skip
 
 
 def _collected(terms: Sequence[Term]) -> Iterator[Step]:

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from typing import TYPE_CHECKING
+
+from symgen.elements import ELEMENTS
 
 if TYPE_CHECKING:
     from symgen.mechanics.recursion import Recursion
@@ -37,10 +40,10 @@ def _of_loop(name: str) -> System:
     return made
 
 
-def _elastic_link() -> System:
-    from symgen.models.elastic_blocks import elastic_link_system
+def _element(name: str) -> System:
+    from symgen.models.elastic_element import elastic_element_system
 
-    return elastic_link_system()
+    return elastic_element_system(ELEMENTS[name])
 
 
 def _elastic_derivation() -> System:
@@ -49,19 +52,19 @@ def _elastic_derivation() -> System:
     return elastic_derivation_system()
 
 
-#: Building blocks whose kernels are shipped, by name: one line each.
+#: Building blocks whose kernels are shipped, by name: one line each, and one for each element.
 BLOCKS: dict[str, Callable[[], System]] = {
+    **{f"element_{name}": partial(_element, name) for name in ELEMENTS},
     "rod": lambda: _rod(2),
     "rod_spatial": lambda: _rod(3),
     "rigid_element": _rigid_element,
     "loop_row": lambda: _of_loop("loop_row"),
     "loop_screws": lambda: _of_loop("loop_screws"),
     "loop_inertia": lambda: _of_loop("loop_inertia"),
-    "elastic_link": _elastic_link,
 }
 
 #: Steps of the derivation of a building block, for inspection, by the block's name.
-DERIVATIONS: dict[str, Callable[[], System]] = {"elastic_link": _elastic_derivation}
+DERIVATIONS: dict[str, Callable[[], System]] = {f"element_{name}": _elastic_derivation for name in ELEMENTS}
 
 #: Recursions over rods, shipped as loops with the number of rods as an argument, by name.
 RECURSIONS: dict[str, Callable[[], Recursion]] = {

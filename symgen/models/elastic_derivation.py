@@ -1,4 +1,4 @@
-"""The steps by which the matrices of elastic links are derived, as a system to show: no kernels."""
+"""The steps that all elements of elastic links are derived by, as a system to show: no kernels."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The finite elements along a link: arguments and results of the kernels ``elastic_link``."""
+"""The finite elements along a link: arguments and results of the kernels ``element_NAME``."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from symgen.runtime.library import shipped_module
 
 Array = NDArray[np.float64]
 
-#: Rows that the kernels ``NAME_shape`` give, in their order.
+#: Rows that the kernels ``shape`` give, in their order.
 SHAPES = ("u", "w", "slope", "rotation", "axial_strain", "curvature")
 
 
 @cache
-def kernels() -> Any:
-    """Return the compiled module of the elements."""
-    return shipped_module("elastic_link")
+def kernels(element: str) -> Any:
+    """Return the compiled module of an element."""
+    return shipped_module(f"element_{element}")
 
 
 def shifted(polynomial: Sequence[float], by: float) -> list[float]:
@@ -83,7 +83,7 @@ class Segment:
         return self._call("shape", self.arguments, np.array([x])).reshape(len(SHAPES), len(self.dofs))
 
     def _call(self, name: str, arguments: Array, x: Array | None = None) -> Array:
-        found: Array = getattr(kernels(), f"{self.element}_{name}")(q=arguments, u=x)
+        found: Array = getattr(kernels(self.element), name)(q=arguments, u=x)
         return found
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -170,8 +170,9 @@ def _of_elastic(
 ) -> Iterator[Kernels]:
     for kind, made in elastic_systems(resolve_linkage(load_scene(scene, set_))).items():
         yield Kernels(f"{kind}.", made, _of_evaluator(model.rigid.analysis(kind)), states)
-    block = _of_elements({b.info.element for b in model.beams})
-    yield Kernels("elastic_link.", block, _shipped("elastic_link"), of_beams(model, block, count, seed))
+    for element in sorted({b.info.element for b in model.beams}):
+        name, block = f"element_{element}", _of_element(element)
+        yield Kernels(f"{name}.", block, _shipped(name), of_beams(model, element, block, count, seed))
 
 
 def _in_type(own: Kernels, model: Model | LoopModel, typed: Precision) -> Kernels:
@@ -196,11 +197,10 @@ def _in_type(own: Kernels, model: Model | LoopModel, typed: Precision) -> Kernel
     return Kernels(own.prefix, own.system, call, states, own.redundant, ("solve",))
 
 
-def _of_elements(elements: Collection[str]) -> System:
-    """Return the building block of elastic links with the kernels of some elements that a run calls."""
-    block = BLOCKS["elastic_link"]()
-    called = (e for e in block.exports if e.kernel.partition("_")[0] in elements)
-    return replace(block, exports=tuple(e for e in called if "_global_" not in e.kernel))
+def _of_element(element: str) -> System:
+    """Return the building block of an element with the kernels that a run calls."""
+    block = BLOCKS[f"element_{element}"]()
+    return replace(block, exports=tuple(e for e in block.exports if not e.kernel.startswith("global_")))
 
 
 def _of_evaluator(evaluator: Evaluator) -> Call:

@@ -60,10 +60,12 @@ def of_block(system: System, count: int, seed: int) -> States:
     return States(tuple(At("open", f"random {i + 1}", _between(system, random)) for i in range(count)))
 
 
-def of_beams(model: ElasticModel, system: System, count: int, seed: int) -> States:
-    """Return the arguments of the elements of elastic links, at random stations."""
+def of_beams(model: ElasticModel, element: str, system: System, count: int, seed: int) -> States:
+    """Return the arguments of the elements of one kind along elastic links, at random stations."""
     random = np.random.default_rng(seed)
-    segments = [(b.info.link, i, s) for b in model.beams for i, s in enumerate(b.segments, 1)]
+    segments = [
+        (b.info.link, i, s) for b in model.beams for i, s in enumerate(b.segments, 1) if s.element == element
+    ]
     found = []
     for k in range(max(count, len(segments))):
         link, i, segment = segments[k % len(segments)]

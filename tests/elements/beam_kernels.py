@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from math import comb
 
 import numpy as np
-from symgen.generated import elastic_link
 
 from symgen.elements import ELEMENTS
+from symgen.runtime.library import shipped_module
 
 #: Coefficients of the section by name, in the order of the kernels.
 SIZES = {"mass": 3, "rotary": 5, "axial": 3, "bending": 5, "shear": 3}
@@ -36,12 +36,12 @@ def moved(q: np.ndarray, start: float, length: float) -> np.ndarray:
 
 def matrix(name: str, kernel: str, q: np.ndarray) -> np.ndarray:
     n = len(ELEMENTS[name].dofs)
-    found = getattr(elastic_link, f"{name}_{kernel}")(q=q)
+    found = getattr(shipped_module(f"element_{name}"), kernel)(q=q)
     return found.reshape(-1, n) if kernel == "load" else found.reshape(-1, n, n).squeeze()
 
 
 def shape(name: str, q: np.ndarray, x: float) -> dict[str, np.ndarray]:
-    found = getattr(elastic_link, f"{name}_shape")(q=q, u=np.array([x]))
+    found = shipped_module(f"element_{name}").shape(q=q, u=np.array([x]))
     return dict(zip(ROWS, found.reshape(len(ROWS), -1), strict=True))
 
 

@@ -9,7 +9,7 @@ from random import Random
 import numpy as np
 import pytest
 import sympy as sp
-from symgen.generated import elastic_link
+from symgen.generated import element_beam8
 
 from symgen.elements import ELEMENTS
 from symgen.elements.element import LENGTH, PLACE, shape_functions
@@ -286,7 +286,7 @@ MOVING = {"omega": 3.1, "omega_rate": -7.0, "ax": 4.0, "ay": -2.5, "N0": 6.0}
 
 def kernel(name, q, angle, motion=MOVING):
     p = np.array([np.cos(angle), np.sin(angle), *motion.values()])
-    found = getattr(elastic_link, f"beam8_{name}")(q=q, p=p)
+    found = getattr(element_beam8, name)(q=q, p=p)
     return found.reshape(8, -1) if found.size > 8 else found
 
 
@@ -300,11 +300,9 @@ def test_the_compiled_exact_form_has_no_inertia_force_in_a_uniform_shift():
 def test_the_compiled_exact_form_by_the_generator_of_the_turn():
     """The same by matrices: with J = T^T dT/dtheta, as the method writes it."""
     q, angle, (w, w_t, a, b, force) = arguments(), 0.7, MOVING.values()
-    M, A, K = (
-        getattr(elastic_link, f"beam8_{n}")(q=q).reshape(8, 8) for n in ("mass", "gyroscopic", "stiffness")
-    )
-    G0, G1, G2 = elastic_link.beam8_geometric(q=q).reshape(3, 8, 8)
-    loads = elastic_link.beam8_load(q=q).reshape(4, 8)
+    M, A, K = (getattr(element_beam8, n)(q=q).reshape(8, 8) for n in ("mass", "gyroscopic", "stiffness"))
+    G0, G1, G2 = element_beam8.geometric(q=q).reshape(3, 8, 8)
+    loads = element_beam8.load(q=q).reshape(4, 8)
     T, J = np.eye(8), np.zeros((8, 8))
     for i in (0, 4):
         T[i : i + 2, i : i + 2] = [[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]]

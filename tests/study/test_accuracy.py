@@ -174,7 +174,7 @@ def test_random_states_on_the_constraints_are_on_them():
 
 def test_elastic_scenes_show_all_their_kernels():
     kernels = {o.kernel.partition(".")[0] for o in accuracy("rotating_cantilever", states=1).outputs}
-    assert {"accelerations", "elastic_motion", "elastic_joints", "elastic_link"} <= kernels
+    assert {"accelerations", "elastic_motion", "elastic_joints", "element_beam8"} <= kernels
 
 
 @pytest.mark.parametrize("precision", ["float32", "longdouble", "float128"])
