@@ -165,8 +165,10 @@ def outputs(
 def _shaped(info: KernelInfo, out: Array) -> tuple[Variable, ...]:
     """Return rows of a kernel's results as named variables; single numbers lose the axis of components."""
     return tuple(
-        Variable(b.name, b.unit, b.about, b.rows, out[:, b.offset] if b.shape == (1, 1) else part(out, b))
-        for b in info.blocks
+        [
+            Variable(b.name, b.unit, b.about, b.rows, out[:, b.offset] if b.shape == (1, 1) else part(out, b))
+            for b in info.blocks
+        ]
     )
 
 

@@ -91,7 +91,6 @@ class Result:
     final: Mapping[str, Mapping[str, Any]]
     statistics: Mapping[str, Any]
     provenance: Mapping[str, Any]
-    # No default stands in the class, or what is made later would never be asked for.
     notes: tuple[str, ...] = field(default_factory=tuple)
     events: tuple[Event, ...] = field(default_factory=tuple)
     _cache: dict[str, Any] = field(init=False, default_factory=dict, repr=False)
@@ -105,12 +104,6 @@ class Result:
         made = object.__new__(cls)
         made.__dict__.update(_source=source, _cache={})
         return made
-
-    def __getattr__(self, name: str) -> Any:
-        if name not in _FIELDS or "_source" not in self.__dict__:
-            raise AttributeError(f"a {type(self).__name__} has no attribute {name!r}")
-        self.__dict__[name] = value = getattr(self.__dict__["_source"], name)()
-        return value
 
     def __getstate__(self) -> dict[str, Any]:
         if "_source" in self.__dict__:
@@ -263,8 +256,28 @@ def _write_npz(result: Result, path: Path) -> None:
 
 _WRITERS = {".nc": _write_netcdf, ".npz": _write_npz}
 #: Endings of files that a result can be saved to.
-_FIELDS = tuple(f.name for f in fields(Result) if f.name != "_cache")
 SAVED_AS = tuple(_WRITERS)
+
+
+class _WhenAsked:
+    """A field that a result's source makes when it is first asked for; the result keeps it in its place."""
+
+    def __init__(self, name: str) -> None:
+        self.name = name
+
+    def __get__(self, made: Result | None, owner: type[Result]) -> Any:
+        if made is None:
+            return self
+        source = made.__dict__.get("_source")
+        if source is None:
+            raise AttributeError(f"a {owner.__name__} without {self.name!r}")
+        value = made.__dict__[self.name] = getattr(source, self.name)()
+        return value
+
+
+_FIELDS = tuple(f.name for f in fields(Result) if f.name != "_cache")
+for _name in _FIELDS:
+    setattr(Result, _name, _WhenAsked(_name))
 
 
 def load_result(file: str | os.PathLike[str]) -> Result:

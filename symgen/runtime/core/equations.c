@@ -98,7 +98,7 @@ void derivative(struct equations *e, real t, const real *y, real *dy) {
     accelerate(e, t, y);
     if (e->sizes.stabilisation > 0.0 && e->m > 0)
         pull_back(e, t, y);
-    copy(e->out, e->n, dy + e->n);
+    copy_fresh(e->out, e->n, dy + e->n);
     if (e->extra) {
         e->kernels.energy(&t, y, y + e->n, e->p, e->out, e->energies);
         dy[2 * e->n] = e->energies[2];

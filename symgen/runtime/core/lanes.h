@@ -35,4 +35,15 @@ static inline void copy(const real *from, long count, real *to) {
             to[at] = from[at];
 }
 
+/* The same of what was just written number by number: wide loads would wait until all of it is in the cache. */
+static inline void copy_fresh(const real *from, long count, real *to) {
+    for (long i = 0; i < count; i++) {
+        real one = from[i];
+#if defined(__GNUC__) && defined(__x86_64__) && !defined(SYMGEN_REAL_LONGDOUBLE)
+        __asm__("" : "+x"(one)); /* keeps the compiler from making wide ones of them */
+#endif
+        to[i] = one;
+    }
+}
+
 #endif
