@@ -120,6 +120,11 @@ def _of_the_loads(
     reached = 2 * stepper.h * float(np.max(np.abs(u), initial=0.0))
     line = without_direction(evaluator, stepper.t, q, u, reached)
     near = f"; {line}" if line else lost_rank
+    if status == _core.NOT_FINITE and not stepper.recorded:
+        return (
+            f"there are no finite accelerations at the start{near}\n"
+            f"  Change the load that has no value there, or the start. {where}"
+        )
     if status == _core.NOT_FINITE:
         return (
             f"a number that is not finite appeared in the step {at}{near}\n"
