@@ -147,9 +147,9 @@ def written(tmp_path, **analysis):
         "C": '["8 cm", 0], ground = true',
     }
     lines += [f"{name} = {{ at = {at} }}" for name, at in points.items()]
-    lines += ["[links]", 'crank = { points = ["O", "A"], mass = 0 }']
-    lines += ['coupler = { points = ["A", "B"], mass = 0, length = "7 cm" }']
-    lines += ['rocker = { points = ["C", "B"], mass = 0, length = "6 cm" }']
+    lines += ["[links]", 'crank = { points = ["O", "A"] }']
+    lines += ['coupler = { points = ["A", "B"], length = "7 cm" }']
+    lines += ['rocker = { points = ["C", "B"], length = "6 cm" }']
     lines += [
         "[parameters]",
         'T = "1 s"',
@@ -175,15 +175,19 @@ def test_kinematics_needs_no_masses_and_says_what_it_left_out(tmp_path):
     assert (np.hypot(x - 0.02, y), np.hypot(x - 0.08, y)) == pytest.approx((0.07, 0.06))
     told = CliRunner().invoke(app, ["explain", path])
     assert "left out: masses, loads, energies and forces: kinematics is all that is asked" in told.stdout
+    steps = CliRunner().invoke(app, ["show", path, "derivation"])
+    assert steps.exit_code == 0 and "constraint_jacobian" in steps.stdout and "mass" not in steps.stdout
 
 
 @pytest.mark.parametrize(
     ("command", "options", "said"),
     [
         ("run", ["--rtol", "1e-6"], "--rtol does not go with kinematics"),
+        ("run", ["--precision", "float128"], "--precision: kinematics is computed in doubles"),
+        ("show", ["momentum_rows"], "asks for kinematics, so that it has no momentum rows"),
         ("modes", [], "asks for kinematics, so that it has no forces"),
         ("accuracy", [], "asks for kinematics, so that it has no forces"),
-        ("run", ["--set", "analysis.kind=dynamics"], "this point carries no mass"),
+        ("run", ["--set", "analysis.kind=dynamics"], "this link has no mass"),
     ],
 )
 def test_what_kinematics_does_not_have(tmp_path, command, options, said):

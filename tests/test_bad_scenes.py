@@ -95,6 +95,11 @@ CASES = {
         'AB = { points = ["A", "B"], length = "9 m", mass',
         ["[links] AB", "cannot be assembled", "AB by"],
     ),
+    "drives that do not go together": (
+        "[analysis]",
+        "[[drivers]]\nlink = \"OA\"\nangle = \"0.5\"\n[[drivers]]\nlink = \"BC\"\nangle = \"-1.2\"\n[analysis]",
+        ["[drivers]", "cannot be assembled", "angle by"],
+    ),
     "negative inertia": (
         'AB = { points = ["A", "B"], mass',
         'AB = { points = ["A", "B"], inertia = "-1 kg*m^2", mass',

@@ -9,7 +9,7 @@ from test_mechanisms import GRAVITY, at, ground
 from test_points_on_links import outputs_at_start
 
 import symgen
-from symgen.errors import ModelError, SceneError
+from symgen.errors import ModelError, SceneError, SimulationError
 
 SPACE = {"acceleration": ["0 m/s^2", "0 m/s^2", "-9.81 m/s^2"]}
 
@@ -219,6 +219,21 @@ def test_a_spring_without_direction_is_named():
     with pytest.raises(SceneError, match="the spring between M and A is .* m long.*\n.*apart") as caught:
         symgen.build(symgen.Scene(**led))
     assert caught.value.where == "springs"
+
+
+def test_a_load_without_a_value_at_the_start_is_told_from_a_step_that_is_too_large():
+    """Dry friction of a point at rest."""
+    way = "sqrt(A.vx**2 + A.vy**2)"
+    scene = symgen.Scene(
+        parameters={"f": "1 N"},
+        points={"O": ground(0, 0), "A": at(1, 0)},
+        links={"OA": {"points": ["O", "A"], "mass": "1 kg"}},
+        gravity=GRAVITY,
+        forces=[{"point": "A", "force": [f"-f*A.vx/{way}", f"-f*A.vy/{way}"]}],
+    )
+    with pytest.raises(SimulationError, match="no finite accelerations at the start") as error:
+        symgen.build(scene).simulate(1.0)
+    assert "step" not in str(error.value)
 
 
 def test_a_run_that_fails_within_reach_of_a_place_without_direction_names_it():

@@ -146,7 +146,7 @@ def run(
     of_linkages: _Options = {"stabilisation": stabilisation, "stabilisation_rate": stabilisation_rate}
     of_linkages |= {"max_drift": max_drift, "checkpoint": checkpoint, "every": every, "resume": resume}
     with _kept_of_a_failure(out):
-        result = _result(model, _Asked(asked, at, samples, through, of_elastic, of_linkages), as_json)
+        result = _result(model, _Asked(asked, at, samples, through, of_elastic, of_linkages, types), as_json)
     write_files(result, out, plot)
     _show(result, model, as_json)
 
@@ -171,6 +171,7 @@ class _Asked:
     through: bool
     of_elastic: _Options
     of_linkages: _Options
+    types: _Options
 
 
 def _result(model: Any, asked: _Asked, as_json: bool) -> Result:
@@ -185,6 +186,7 @@ def _result(model: Any, asked: _Asked, as_json: bool) -> Result:
     kept = _of_linkages(model, on_values, asked.of_linkages)
     if is_kinematic(model):
         t_end = asked.steps["t_end"]
+        _refuse(_unusual(asked.types), ": kinematics is computed in doubles")
         options = {"at": asked.at or None, **asked.steps, "t_end": None}
         return kinematic_run(model, t_end, asked.samples, asked.through, options)
     if not elastic and (model.is_driven or on_values):

@@ -95,7 +95,7 @@ class Subject:
     @cached_property
     def record(self) -> tuple[Step, ...]:
         """The derivation step by step."""
-        if self.is_scene:
+        if self.is_scene and not self._kinematic:
             return record(self.resolved, self.own)
         source = "; ".join(self.own.references)
         whole = Step(
@@ -106,6 +106,11 @@ class Subject:
             tuple(m.name for m in self.own.matrices),
         )
         return (*elastic_record(), whole) if self.steps else (whole,)
+
+    @property
+    def _kinematic(self) -> bool:
+        """Whether it is a scene that asks for no dynamics."""
+        return self.is_scene and isinstance(self.resolved, Linkage) and self.resolved.kinematic
 
     @property
     def parts(self) -> tuple[tuple[str, System], ...]:
@@ -138,6 +143,11 @@ class Subject:
 
         if not isinstance(self.resolved, Linkage):
             raise DerivationError(f"{self.name} is a loop of joints: momentum rows are of points and links")
+        if self._kinematic:
+            raise DerivationError(
+                f"{self.name} asks for kinematics, so that it has no momentum rows\n"
+                "  Give --set analysis.kind=dynamics."
+            )
         system = momentum_system(self.resolved)
         if row:
             return Chosen(system, (system[row],))

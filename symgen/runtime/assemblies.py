@@ -17,7 +17,8 @@ def assemblies(bonds: Bonds, near: Array, t: float, *, tries: int = 40) -> list[
 
     Starting poses are ``near``, its mirror images and random ones of the same seed every time. What is
     found is a solution to round-off; what is not found may still exist, though for linkages of few loops
-    that is unlikely. Poses in which the drives do not hold the linkage are left out.
+    that is unlikely. Poses in which the drives do not hold the linkage are left out. There must be at least
+    as many constraints, drives among them, as coordinates.
     """
     from scipy.optimize import least_squares
 

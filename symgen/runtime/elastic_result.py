@@ -24,12 +24,6 @@ _ROUND_OFF = 1e-6
 class ElasticResult(Result):
     """A run of a linkage with elastic links; ``result["coupler.bending_strain"]`` is an array over time."""
 
-    def __repr__(self) -> str:
-        return (
-            f"<ElasticResult {self.name!r}: {len(self.time)} times, {len(self.variables)} outputs, "
-            f"{self.provenance['method']}>"
-        )
-
     @property
     def angles(self) -> Array:
         """Direction of the crank at each time [deg], counted on over turns."""

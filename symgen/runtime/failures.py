@@ -42,9 +42,21 @@ def problem(
     failed = status in (_core.PROJECTION_FAILED, _core.UNSOLVED)
     if failed and not lost_rank:
         return _of_the_step(status, chosen, at, where)
-    if failed or (status == _core.STEP_TOO_SMALL and lost_rank):
+    slow = status == _core.STEP_TOO_SMALL or (status == _core.MORE and stepper.steps < chosen.max_steps)
+    if failed or (slow and lost_rank):
         return _of_a_dead_centre(description, f"{at}{lost_rank}", where)
-    return _of_the_loads(status, stepper, evaluator, lost_rank, at, where)
+    return _of_the_loads(status, stepper, evaluator, chosen, lost_rank, at, where)
+
+
+def unfinished(stepper: _core.Run, chosen: Options, at: str, why: str = "") -> str:
+    """Say that a run would have taken more than ``max_steps``, or has, and why, as far as it can be told."""
+    if stepper.steps < chosen.max_steps:
+        return (
+            f"the steps are too short for the run to come to its end {at}: at {stepper.h:.2g} s a step "
+            f"it would take more than max_steps = {chosen.max_steps}{why}\n"
+            "  Shorten the run, loosen rtol and atol, or raise max_steps."
+        )
+    return f"the run was not finished within max_steps, {at}\n  Raise max_steps or shorten the run."
 
 
 def _of_constraints(
@@ -94,7 +106,13 @@ def _of_a_dead_centre(description: Description, at: str, where: str) -> str:
 
 
 def _of_the_loads(
-    status: int, stepper: _core.Run, evaluator: Evaluator, lost_rank: str, at: str, where: str
+    status: int,
+    stepper: _core.Run,
+    evaluator: Evaluator,
+    chosen: Options,
+    lost_rank: str,
+    at: str,
+    where: str,
 ) -> str:
     """Say what made forces or accelerations too large for any step, as far as it can be told."""
     n = evaluator.description.coordinates
@@ -102,6 +120,11 @@ def _of_the_loads(
     reached = 2 * stepper.h * float(np.max(np.abs(u), initial=0.0))
     line = without_direction(evaluator, stepper.t, q, u, reached)
     near = f"; {line}" if line else lost_rank
+    if status == _core.NOT_FINITE and not stepper.recorded:
+        return (
+            f"there are no finite accelerations at the start{near}\n"
+            f"  Change the load that has no value there, or the start. {where}"
+        )
     if status == _core.NOT_FINITE:
         return (
             f"a number that is not finite appeared in the step {at}{near}\n"
@@ -112,7 +135,7 @@ def _of_the_loads(
             f"the step became too small to go on {at}: the tolerance cannot be met there"
             f"{near or _stiff(stepper)}\n  Loosen rtol and atol. {where}"
         )
-    return f"the run was not finished within max_steps, {at}\n  Raise max_steps or shorten the run."
+    return unfinished(stepper, chosen, at, near or (_stiff(stepper) if stepper.stiff else ""))
 
 
 def _stiff(stepper: _core.Run) -> str:

@@ -143,7 +143,7 @@ def _unassembled(evaluator: Evaluator, reached: float, residual: Array) -> Initi
         f"{reached:.0%} of the way; from there it still misses {missing}\n"
         "  Check the lengths of these links and the start angles, or draw it nearer to where it can close. "
         "If a link is redundant and this its error of manufacture, give analysis.assembly_tolerance.",
-        where=_place(rows[order[0]]) if order else "start",
+        where=_place(evaluator, rows[order[0]]) if order else "start",
     )
 
 
@@ -153,7 +153,7 @@ def _label(evaluator: Evaluator, row: str) -> str:
     return d.labels[d.constraints.index(row)] if row in d.constraints else row
 
 
-def _place(row: str) -> str:
+def _place(evaluator: Evaluator, row: str) -> str:
     """Return the key of the scene that asks for a row of the start."""
     bond, _, link = row.rpartition(" link ")
     if bond.startswith("the "):
@@ -161,6 +161,8 @@ def _place(row: str) -> str:
     if row.startswith("the guide"):
         return "guides"
     name, _, what = row.partition(" ")
+    if what == "angle" and f"{name}_drive" in evaluator.description.constraints:
+        return f"drivers.{name}"
     tables = {"": "links", "angle": "start.angles", "rate": "start.rates", "velocity": "start.velocities"}
     return f"{tables.get(what.partition(' ')[0], 'links')}.{name}"
 
@@ -207,7 +209,7 @@ def _velocities(evaluator: Evaluator, q: Array, redundant: tuple[int, ...]) -> A
         f"the velocities at the start contradict the constraints: {row} is missed by {by:.3g} m/s, "
         f"a constraint by {np.max(of_constraints, initial=0.0):.3g} m/s\n"
         "  Ask for fewer of them: the others follow.",
-        where=_place(row) if asked else "drivers",
+        where=_place(evaluator, row) if asked else "drivers",
     )
 
 

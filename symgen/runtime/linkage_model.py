@@ -117,11 +117,19 @@ class LinkageModel(Compiled):
         """Return the ways in which the driven linkage goes together at a time, the drawn one (at 0 s) first.
 
         They are looked for from many starting poses, the same ones every time; velocities are zero.
+
+        Raises
+        ------
+        ModelError
+            When freedoms are not driven; it says how many.
         """
         from symgen.runtime.assemblies import assemblies
+        from symgen.runtime.kinematics import driven
 
-        q = self.initial_state().q
-        found = assemblies(self._kinematics(), q, t)
+        q, bonds = self.initial_state().q, self._kinematics()
+        if bonds.n > bonds.m:
+            driven(bonds, q, t)
+        found = assemblies(bonds, q, t)
         return tuple(self._state(t, pose, np.zeros_like(pose)) for pose in found)
 
     def kinematics(

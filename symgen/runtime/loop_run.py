@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from symgen.errors import SimulationError
 from symgen.runtime import _core, _loop
+from symgen.runtime.failures import unfinished
 from symgen.runtime.loop_kernels import LoopKernels, in_words
 from symgen.runtime.loop_start import Closed, scaled_screws
 from symgen.runtime.options import Options
@@ -41,9 +42,8 @@ def run(
     result = _recorded(kernels, equations, stepper, chosen, wall)
     if status == _core.DONE:
         return result
-    raise SimulationError(
-        _problem(kernels, stepper, status), time=stepper.t, partial=result if stepper.recorded else None
-    )
+    problem = _problem(kernels, stepper, chosen, status)
+    raise SimulationError(problem, time=stepper.t, partial=result if stepper.recorded else None)
 
 
 def rates_at_start(kernels: LoopKernels, begin: Closed) -> Array:
@@ -121,7 +121,7 @@ def _recorded(
     )
 
 
-def _problem(kernels: LoopKernels, stepper: _core.Run, status: int) -> str:
+def _problem(kernels: LoopKernels, stepper: _core.Run, chosen: Options, status: int) -> str:
     d = kernels.description
     q = stepper.state[: d.coordinates]
     solved = d.having("dependent", "free")
@@ -150,4 +150,4 @@ def _problem(kernels: LoopKernels, stepper: _core.Run, status: int) -> str:
             f"the step became too small to go on {at}: the tolerance cannot be met there\n"
             f"  Loosen rtol and atol. State: {where}."
         )
-    return f"the run was not finished within max_steps, {at}\n  Raise max_steps or shorten the run."
+    return unfinished(stepper, chosen, at)

@@ -110,6 +110,12 @@ class Result:
             return {"_cache": {}, **{name: getattr(self, name) for name in _FIELDS}}
         return {**self.__dict__, "_cache": {}}
 
+    def __repr__(self) -> str:
+        return (
+            f"<{type(self).__name__} {self.name!r}: {len(self.time)} times, {len(self.variables)} outputs, "
+            f"{self.provenance['method']}>"
+        )
+
     def __getitem__(self, name: str) -> xarray.DataArray:
         """Return one output as a labelled array over time, its unit in ``attrs["units"]``."""
         self.variable(name)

@@ -152,7 +152,8 @@ def drive(
 ) -> tuple[int, float]:
     """Step to the end in chunks of time; return the last status and the wall time [s].
 
-    A run that was resumed goes on where it was.
+    The status is MORE where ``max_steps`` were too few, or are too few at the pace of the last steps. A run
+    that was resumed goes on where it was.
     """
     begun = time.perf_counter()
     spent = checkpoints.spent if checkpoints else 0.0
@@ -165,7 +166,6 @@ def drive(
         if stepper.steps - judged[0] >= _JUDGED:
             pace = (stepper.t - judged[1]) / (stepper.steps - judged[0])
             if chosen.rtol and pace * (chosen.max_steps - stepper.steps) < chosen.t_end - stepper.t:
-                status = _core.STEP_TOO_SMALL
                 break
             judged = stepper.steps, stepper.t
         status = stepper.advance(min(chunk, chosen.max_steps - stepper.steps))

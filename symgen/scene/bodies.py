@@ -178,12 +178,13 @@ def body(
 
 
 def link_mass(read: Reader, link: Link, length: sp.Expr, several: bool, where: str) -> sp.Expr:
-    """Return the mass of a link; zero for a rail between ground points."""
+    """Return the mass of a link; zero for a rail between ground points, and where kinematics has none."""
     if several and link.mass_per_length is not None:
         raise SceneError("only a rod has a mass per length", where=f"{where}.mass_per_length")
     match link.mass, link.mass_per_length:
         case None, None:
-            if all(read.known_point(p, where).ground for p in link.points):
+            ground = all(read.known_point(p, where).ground for p in link.points)
+            if ground or read.scene.analysis.kind == "kinematics":
                 return _ZERO
             raise SceneError(
                 "this link has no mass",

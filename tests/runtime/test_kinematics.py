@@ -8,6 +8,7 @@ from linkages import GRAVITY, at, chain, circles, four_bar, ground, rod
 
 import symgen
 from symgen.errors import ModelError, SimulationError
+from symgen.runtime import kinematics
 
 A, B, C, D = 0.1, 0.35, 0.3, 0.4
 
@@ -118,6 +119,17 @@ def test_a_crank_that_cannot_turn_round():
     assert motion.out_of_reach == (pytest.approx((2 * np.pi - limit - 0.3, 2 * np.pi - 0.3), abs=1e-12),)
     assert motion.time.max() < limit - 0.3
     assert "cannot" not in reached.describe() and "coupler and rocker in line" in reached.describe()
+
+
+def test_a_start_next_to_a_dead_centre_is_no_reason_for_short_steps(monkeypatch):
+    """Points are as fast as one likes there, and the drive is not."""
+    monkeypatch.setattr(kinematics, "_STEPS", 2000)
+    a, b, c, d = NON_GRASHOF
+    limit = float(np.arccos((a**2 + d**2 - (b + c) ** 2) / (2 * a * d)))
+    motion = symgen.build(four_bar(*NON_GRASHOF, limit - 1e-9)).kinematics(0, 6.0, samples=11)
+    end, beyond = 1e-9, 2 * np.pi - 2 * limit + 1e-9
+    assert motion.unassemblable == (pytest.approx((end, beyond), abs=1e-12),)
+    assert motion.out_of_reach == (pytest.approx((beyond, 6.0), abs=1e-12),)
 
 
 def test_the_other_branch_is_reached_by_choice_or_through_the_dead_centre():

@@ -180,6 +180,15 @@ def test_max_steps_ends_a_run():
         symgen.build("triple_pendulum").simulate(10.0, max_steps=10)
 
 
+@pytest.mark.parametrize("scene", ["triple_pendulum", "cssp"])
+def test_a_run_that_would_take_more_than_max_steps_is_not_waited_for(scene):
+    """Nothing is wrong with its tolerance: what is said is how long the steps are, and what is too few."""
+    said = r"too short for the run to come to its end at t = .* at [0-9.e-]+ s a step .* max_steps = 200000\b"
+    with pytest.raises(SimulationError, match=said) as error:
+        symgen.build(scene).simulate(1e6, max_steps=200_000)
+    assert "tolerance cannot be met" not in str(error.value)
+
+
 def test_progress_is_reported():
     told = []
     symgen.build("triple_pendulum").simulate(5.0, step=1e-4, progress=told.append)

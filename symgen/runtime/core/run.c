@@ -10,6 +10,8 @@
 #define GROW_FREELY 1.2
 #define SAFETY 0.9
 #define CAREFUL 0.75
+/* The tightest relative tolerance that a number type meets, over its epsilon: TIGHTEST of runtime/options.py. */
+#define ROUNDINGS 100.0
 
 /* -- memory ------------------------------------------------------------------------------------------------ */
 
@@ -189,6 +191,20 @@ int run_begin(struct run *run) {
     return status;
 }
 
+/* What the projection took away, over the tolerance or, where that is less, over ROUNDINGS of the largest coordinate
+ * or rate: so much comes back however short the step is. */
+static real correction(struct run *run) {
+    long n = run->e->n;
+    real total = 0, atol = R(run->task.atol), rtol = R(run->task.rtol);
+    real least[2] = {largest_of(run->y_new, n), largest_of(run->y_new + n, n)};
+    for (long i = 0; i < 2 * n; i++) {
+        real scale = atol + rtol * real_fmax(real_fabs(run->y[i]), real_fabs(run->y_new[i]));
+        real part = (run->error[i] - run->y_new[i]) / real_fmax(scale, R(ROUNDINGS) * REAL_EPSILON * least[i / n]);
+        total += part * part;
+    }
+    return real_sqrt(total / R(run->dim));
+}
+
 int settle(struct run *run, real t_new) {
     struct state *s = run->state;
     struct equations *e = run->e;
@@ -199,11 +215,8 @@ int settle(struct run *run, real t_new) {
         return e->of->factorise(e, t_new, run->y_new);
     memcpy(run->error, run->y_new, (size_t)run->dim * sizeof(real));
     int status = e->of->project(e, t_new, run->y_new);
-    if (status == DONE && run->scheme.adaptive && s->sound >= NEAR) {
-        for (long i = 0; i < run->dim; i++)
-            run->error[i] -= run->y_new[i];
-        s->correction = error_norm(run, run->error);
-    }
+    if (status == DONE && run->scheme.adaptive && s->sound >= NEAR)
+        s->correction = correction(run);
     return status;
 }
 
