@@ -82,6 +82,19 @@ def test_set_changes_tunable_and_folded_values():
     assert other["equations"] != plain["equations"]
 
 
+def test_set_takes_lists_as_they_stand_in_the_file(tmp_path):
+    file = tmp_path / "run.npz"
+    wanted = 'analysis.outputs=["energy", "B.velocity"]'
+    call("run", "four_bar", "--t-end", "0.1", "--set", wanted, "--out", file)
+    assert list(symgen.load_result(file)) == ["energy", "B.velocity"]
+    done = subprocess.run(
+        [sys.executable, "-m", "symgen", "run", "four_bar", "--set", "gravity.acceleration=[0, 1 m/s^2"],
+        capture_output=True,
+        text=True,
+    )
+    assert done.returncode == 2 and "expected a list in square brackets, got '[0, 1 m/s^2'" in done.stderr
+
+
 @pytest.mark.parametrize("ending", [".nc", ".npz"])
 def test_out_saves_what_load_result_reads(tmp_path, ending):
     file = tmp_path / f"run{ending}"

@@ -110,7 +110,7 @@ def test_a_sample_on_the_branching_point_is_moved(options):
     assert result["AB.torque"].values == pytest.approx(weight, abs=5e-5)
     assert np.all(np.diff(result.time) > 0)
     assert 0 < abs(result.time[36] - 0.9) < 0.01
-    assert "1 samples moved in time" in result.notes[-1]
+    assert "1 sample moved in time" in result.notes[-1]
 
 
 def test_a_start_on_the_branching_point_is_refused():
@@ -128,7 +128,7 @@ def test_peaucellier_through_its_limit(options, error):
     for i, point in enumerate("ABCD"):
         assert np.abs(result[f"{point}.position"].values - expected[:, i]).max() < error
     note = result.notes[0]
-    assert "passed 1 losses of rank" in note
+    assert "passed 1 loss of rank" in note
     assert float(note.split("t = ")[1].split(" s")[0]) == pytest.approx(0.169936759, abs=1e-8)
 
 

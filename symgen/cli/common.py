@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import sys
+import tomllib
 from collections.abc import Callable
-from contextlib import AbstractContextManager, nullcontext
+from contextlib import AbstractContextManager, nullcontext, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -97,7 +98,7 @@ def console() -> Console:
 
 
 def changes(options: list[str] | None) -> dict[str, Any]:
-    """Return what --set asks for, by key: whole numbers, true and false as such, all else as text."""
+    """Return what --set asks for, by key: whole numbers, true, false, lists as in TOML; all else as text."""
     result: dict[str, Any] = {}
     for change in options or []:
         name, equals, value = change.partition("=")
@@ -105,9 +106,15 @@ def changes(options: list[str] | None) -> dict[str, Any]:
             raise SceneError(f"expected --set KEY=VALUE, got {change!r}")
         bare = value.strip()
         quoted = len(bare) > 1 and bare[0] == bare[-1] and bare[0] in "\"'"
-        plain = {"true": True, "false": False}.get(bare, int(bare) if _is_whole(bare) else bare)
-        result[name.strip()] = bare[1:-1] if quoted else plain
+        result[name.strip()] = bare[1:-1] if quoted else _plain(bare)
     return result
+
+
+def _plain(text: str) -> Any:
+    if text.startswith("["):
+        with suppress(tomllib.TOMLDecodeError):
+            return tomllib.loads(f"value = {text}")["value"]
+    return {"true": True, "false": False}.get(text, int(text) if _is_whole(text) else text)
 
 
 def _is_whole(text: str) -> bool:

@@ -193,12 +193,14 @@ def _of_passages(evaluator: Evaluator, stepper: _core.Run) -> Iterator[str]:
         times = ", ".join(f"{t:.9g}" for t, _, _ in stepper.passages[:_SHOWN])
         more = ", ..." if len(stepper.passages) > _SHOWN else ""
         names = ", ".join(dict.fromkeys(d.unknown(index) for _, _, index in stepper.passages))
+        losses = "1 loss" if len(stepper.passages) == 1 else f"{len(stepper.passages)} losses"
         yield (
-            f"passed {len(stepper.passages)} losses of rank of the constraints ({names}), at "
+            f"passed {losses} of rank of the constraints ({names}), at "
             f"t = {times}{more} s: the motion may branch there, and went on smoothly"
         )
     if stepper.moved:
-        yield f"{stepper.moved} samples moved in time from where rank is lost and forces are not determined"
+        samples = "1 sample" if stepper.moved == 1 else f"{stepper.moved} samples"
+        yield f"{samples} moved in time from where rank is lost and forces are not determined"
 
 
 def _of_stiffness(stepper: _core.Run, chosen: Options) -> Iterator[str]:

@@ -102,6 +102,10 @@ def load_scene(source: str | os.PathLike[str], set: Mapping[str, Any] | None = N
     return check_scene(override(read_scene(source), set or {}))
 
 
+#: Tables of single keys that a scene may leave out.
+_TABLES = ("analysis", "gravity")
+
+
 def override(text: SceneText, changes: Mapping[str, Any]) -> SceneText:
     """Return the scene with the values at these parameters or dotted keys replaced."""
     if not changes:
@@ -117,6 +121,8 @@ def override(text: SceneText, changes: Mapping[str, Any]) -> SceneText:
             continue
         *path, last = key.split(".")
         table: Any = data
+        if len(path) == 1 and path[0] in _TABLES:  # which a scene may leave out
+            data.setdefault(path[0], {})
         for part in path:
             table = _inside(table, part)
         if isinstance(table, list) and _inside(table, last) is not None:
