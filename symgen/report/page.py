@@ -142,7 +142,7 @@ def example_in_c(unit: UnitView, kernel: str) -> str:
     if view.after_setup and unit.tuned:
         n = len(unit.tuned.slots)
         lines.append(
-            f"{unit.name}_setup(NULL, NULL, NULL, p, NULL, p + {n}); /* whenever p[0..{n - 1}] were set */"
+            f"{unit.name}_setup(NULL, NULL, NULL, p, NULL, p + {n}); /* whenever parameters were set */"
         )
     lines.append(f"{unit.name}_{kernel}({passed});")
     lines += [
