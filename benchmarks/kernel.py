@@ -49,7 +49,7 @@ def main() -> int:
     by_numpy = NumpyAssembly(exact, scene, model)
 
     address = model._library.addresses["accelerations"]
-    parameters = np.array([*model.parameters.values(), 0.0])
+    parameters = model.evaluator.parameters
     work = np.zeros(max(k.work_size for k in model.description.kernels) + 1)
     out = np.zeros((STATES, n + len(model.description.constraints)))
     one_by_one = np.zeros_like(out)

@@ -93,9 +93,8 @@ def call_kernel(address: int, sizes: Sequence[int], rng: np.random.Generator) ->
 
 def kernels_of(description: Any, library: Any, rng: np.random.Generator) -> int:
     """Call all kernels of a model; return how often."""
-    n, p = description.coordinates, len(description.parameters)
     return sum(
-        call_kernel(library.addresses[k.name], (1, n, n, p, k.work_size, k.out_size), rng)
+        call_kernel(library.addresses[k.name], (*description.sizes, k.work_size, k.out_size), rng)
         for k in description.kernels
     )
 

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import ctypes
 import re
 
+import numpy as np
 import pytest
+from linkages import at, ground, rod
 from test_bodies_in_space import BODY, place
 from test_points_on_links import rich_scene
 from typer.testing import CliRunner
@@ -12,8 +15,13 @@ from typer.testing import CliRunner
 import symgen
 from symgen.cli import app
 from symgen.models.structure import structure
+from symgen.report.saving import ASKED, RUN, STAGE, STEP, binding_times
 from symgen.report.structure import elastic_lines
 from symgen.report.summary import freedom_lines
+from symgen.runtime import _core
+from symgen.runtime.evaluate import Evaluator
+from symgen.runtime.integrators import INTEGRATORS
+from symgen.runtime.library import _KERNEL, Library
 from symgen.scene.loading import read_scene
 from symgen.scene.resolve import resolve
 
@@ -122,3 +130,69 @@ def test_a_floating_part_is_named():
 def test_explain_of_nothing(scene):
     done = CliRunner().invoke(app, ["explain", scene])
     assert done.exit_code != 0
+
+
+def counting(library, calls):
+    """The same kernels, each counted when it is called."""
+
+    def counted(name, address):
+        function = _KERNEL(address)
+
+        def kernel(*arguments):
+            calls[name] = calls.get(name, 0) + 1
+            function(*arguments)
+
+        return _KERNEL(kernel)
+
+    owner = {name: counted(name, address) for name, address in library.addresses.items()}
+    addresses = {name: ctypes.cast(f, ctypes.c_void_p).value for name, f in owner.items()}
+    return Library(library.backend, addresses, (library.owner, owner))
+
+
+def damped():
+    """A linkage with tunable numbers and a damper, the work of which is integrated along."""
+    return symgen.Scene(
+        parameters={"k": {"value": "90 N/m", "tunable": True}, "c": {"value": "3 N*s/m", "tunable": True}},
+        points={"O": ground(0, 0), "A": at(0.4, 0.7), "B": at(1.1, 0.9), "C": ground(1.6, 0.1)},
+        links={"crank": rod("O", "A"), "coupler": rod("A", "B"), "rocker": rod("B", "C")},
+        springs=[{"between": ["A", "C"], "stiffness": "k/2", "length": "0.4 m", "damping": "2*c"}],
+    )
+
+
+@pytest.mark.parametrize("scene", [damped(), "double_four_bar"], ids=["damped", "double_four_bar"])
+def test_kernels_are_called_when_it_says(scene):
+    calls, steps, stages = {}, 25, 4
+    model = symgen.build(scene)
+    when = binding_times(symgen.derive(scene), model.operations)
+    counted = Evaluator(model.description, counting(model._library, calls), [*model.parameters.values()])
+    equations = counted.equations(len(model.redundant))
+    start = [*model.description.start, *([0.0] * equations.extra)]
+    assert calls.pop("setup") == 1 and when["setup"] == RUN and not calls
+    run = _core.Run(
+        equations, INTEGRATORS["rk4"], 0.0, np.array(start), 0.25, 0.0, 0.0, 0.25 / steps, np.array([0.25])
+    )
+    assert run.begin() == _core.MORE
+    calls.clear()
+    assert run.advance(steps + 1) == _core.DONE and run.steps == steps
+    inside = ("factor", "solve")  # 'accelerations' has its own copies
+    for name, time in when.items():
+        if time == STAGE:
+            assert stages * steps <= calls[name] <= (stages + 2) * steps, name
+        elif time == STEP:
+            most = 8 if name not in inside else 16  # of the projection
+            assert steps <= calls[name] <= most * steps, name
+        else:
+            assert name not in calls
+    assert {STAGE, STEP, ASKED, RUN} == {*when.values()}
+
+
+def test_each_kernel_has_a_time():
+    text = said("peaucellier")
+    assert re.search(r"^  setup +17; +\d+  once a run$", text, re.M)
+    assert re.search(r"^  accelerations +766; +\d+  each stage$", text, re.M)
+    assert re.search(r"^  constraints +52; +\d+  each step$", text, re.M)
+    assert re.search(r"^  outputs +72; +\d+  where asked$", text, re.M)
+    assert re.search(r"^  position +\d+; +\d+  each pose$", said("slider_crank"), re.M)
+    assert "once a run" in said("four_bar")  # of the general model
+    total = sum(map(int, re.findall(r"^  \w+ +(\d+); +\d+  (?!once a run)", text, re.M)))
+    assert f"peaucellier: {total} operations" in text

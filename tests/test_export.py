@@ -149,6 +149,48 @@ def test_parameters_may_be_changed_in_c(tmp_path):
     assert "peaucellier_defaults[] = {3.0}" in (tmp_path / "peaucellier" / "peaucellier.c").read_text()
 
 
+#: Derivative with other parameters; then a kernel called by itself, as its header says.
+OWN = r"""
+#include "double_four_bar.h"
+#include "double_four_bar_kernel.h"
+#include <stdio.h>
+#include <stdlib.h>
+
+int main(void)
+{
+    const double excess = 0.01;
+    double dy[double_four_bar_n_states], p[PARAMETERS] = {excess}, out[2];
+    struct double_four_bar *model = double_four_bar_make(malloc(double_four_bar_bytes()), &excess);
+    double_four_bar_derivative(model, 0, double_four_bar_start, dy);
+    for (int i = 0; i < double_four_bar_n_states; i++)
+        printf("%.17g\n", dy[i]);
+    double_four_bar_setup(NULL, NULL, NULL, p, NULL, p + 1);
+    const double t = 0, *q = double_four_bar_start;
+    double_four_bar_energy(&t, q, q + double_four_bar_n_coordinates, p, NULL, out);
+    printf("%.17g\n%.17g\n", out[0], out[1]);
+    free(model);
+    return 0;
+}
+"""
+
+
+@needs("gcc")
+def test_what_depends_on_parameters_alone_is_computed_in_c(tmp_path):
+    folder, name = tmp_path / "double_four_bar", "double_four_bar"
+    export_c(name, folder)
+    assert "`double_four_bar_setup`" in (folder / "README.md").read_text()
+    size = re.search(r"^ \*   p\[(\d+)\]:", (folder / f"{name}_kernel.h").read_text(), re.M)[1]
+    (folder / "own.c").write_text(OWN.replace("PARAMETERS", size))
+    found = [float(x) for x in run(compiled(folder, name, "gcc", "own", *SANITIZED)).split()]
+    start = symgen.build(name).description.start
+    evaluator = symgen.build(name).with_parameters(excess=0.01).evaluator
+    n = len(start) // 2
+    redundant = len(symgen.build(name).description.redundant)
+    dy = evaluator.equations(redundant).derivative(0.0, np.array([*start, 0.0]))
+    energies = evaluator("energy", 0.0, np.array(start[:n]), np.array(start[n:]))
+    assert found == [*dy.tolist(), *energies[:2].tolist()]
+
+
 def test_a_second_export_replaces_the_first_and_nothing_else(tmp_path):
     folder = tmp_path / "out"
     first = export_c("screw_jack", folder)

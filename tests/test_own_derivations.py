@@ -79,6 +79,24 @@ def test_kernels_are_called_with_arrays(model, backend):
     assert str(made.equations["moment"][0, 0]) == "-g*l*m*sin(theta)"
 
 
+@pytest.mark.parametrize("backend", ["auto", "numpy"])
+def test_parameters_of_a_run_have_a_set_up(model, backend):
+    """The caller hands over the parameters alone, and the numbers are the same."""
+    arguments = {"q": [0.3], "u": [0.7], "p": [2.0, 0.5, 9.81]}
+    plain = symgen.build(model, backend=backend)
+    before = {kernel: plain.evaluate(kernel, **arguments) for kernel in ("motion", "energy")}
+    model.write_text(MODEL.replace("(*p,))", "(*p,), per_run=True)"))
+    made = symgen.build(model, backend=backend)
+    assert set(made.operations) == {"setup", "motion", "energy"}
+    assert made.operations["energy"]["flops"] < plain.operations["energy"]["flops"]
+    for kernel, results in before.items():
+        found = made.evaluate(kernel, **arguments)
+        assert {name: pytest.approx(x, rel=1e-15) for name, x in results.items()} == found
+    assert accuracy(model, states=3).worst.beyond < 2
+    with pytest.raises(ModelError, match="expected 3 numbers for p"):
+        made.evaluate("motion", q=[0.0], u=[0.0], p=[1.0] * (3 + made.description.derived))
+
+
 def test_wrong_arrays_are_refused(model):
     made = symgen.build(model)
     with pytest.raises(ModelError, match=r"expected 3 numbers for p \(m, l, g\), got the shape \(2,\)"):

@@ -50,11 +50,17 @@ class ArrayView:
 
 @dataclass(frozen=True, slots=True)
 class GroupView:
-    """One argument array and the meaning of its entries."""
+    """One argument array and the meaning of its entries; ``behind`` counts those that 'setup' leaves."""
 
     name: str
     description: str
     slots: tuple[Slot, ...]
+    behind: int = 0
+
+    @property
+    def size(self) -> int:
+        """Number of entries."""
+        return len(self.slots) + self.behind
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,6 +93,7 @@ class KernelView:
     sizes: tuple[int, int, int, int]
     work_size: int
     out_size: int
+    after_setup: bool
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,6 +111,11 @@ class UnitView:
     references: tuple[str, ...]
     kernels: tuple[KernelView, ...]
     first: bool = True
+
+    @property
+    def tuned(self) -> GroupView | None:
+        """The array that 'setup' completes, None where there is no such kernel."""
+        return next((g for g in self.groups if g.behind), None)
 
     @property
     def calls(self) -> tuple[CallView, ...]:
@@ -199,6 +211,8 @@ def _parts(whole: UnitView) -> list[UnitView]:
 
 def unit_view(program: Program, target: Target, equations: str) -> UnitView:
     """Return a program as the templates see it: names, sizes and finished text of every kernel."""
+    setup = program.setup
+    behind = {array: setup.out_size for array, _ in setup.inputs} if setup else {}
     return UnitView(
         name=program.name,
         title=_comment(program.title),
@@ -207,9 +221,13 @@ def unit_view(program: Program, target: Target, equations: str) -> UnitView:
         precision=target.precision,
         lanes=target.lanes,
         equations=equations,
-        groups=tuple(GroupView(name, text, plain(slots)) for name, text, slots in program.groups if slots),
+        groups=tuple(
+            GroupView(name, text, plain(slots), behind.get(name, 0))
+            for name, text, slots in program.groups
+            if slots
+        ),
         references=program.references,
-        kernels=tuple(_kernel(program.name, kernel, target) for kernel in program.kernels),
+        kernels=tuple(_kernel(program, kernel, target) for kernel in program.kernels),
     )
 
 
@@ -229,7 +247,7 @@ def plain(slots: tuple[Slot, ...]) -> tuple[Slot, ...]:
     return tuple(Slot(s.name, s.unit, _comment(s.description)) for s in slots)
 
 
-def _kernel(model: str, kernel: Kernel, target: Target) -> KernelView:
+def _kernel(program: Program, kernel: Kernel, target: Target) -> KernelView:
     prints = printer(target)
     own = dict(kernel.inputs)
     written = {s.array for s in kernel.stores}
@@ -238,7 +256,7 @@ def _kernel(model: str, kernel: Kernel, target: Target) -> KernelView:
         name=kernel.name,
         description=kernel.description,
         counts=str(kernel.counts),
-        prototype=_prototype(model, kernel.name, _type(target)),
+        prototype=_prototype(program.name, kernel.name, _type(target)),
         unused=() if kernel.first else tuple(a for a in ARRAYS if a not in own and a not in written),
         first=tuple(k.name for k in kernel.first),
         then=tuple(k.name for k in kernel.then),
@@ -252,6 +270,7 @@ def _kernel(model: str, kernel: Kernel, target: Target) -> KernelView:
         sizes=(sizes.get("t", 0), sizes.get("q", 0), sizes.get("u", 0), sizes.get("p", 0)),
         work_size=kernel.work_size,
         out_size=kernel.out_size,
+        after_setup=program.setup is not None and sizes.get("p", 0) > dict(program.setup.inputs)["p"],
     )
 
 

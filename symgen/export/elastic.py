@@ -121,10 +121,13 @@ def _gauss() -> np.ndarray:
 
 
 def _motion_kernels(motion: ElasticMotion, prefixes: dict[str, str]) -> dict[str, str]:
-    there = [k.name for k in motion.kernels_of_motion]
+    there, of_joints = (
+        [k.name for k in known] for known in (motion.kernels_of_motion, motion.kernels_of_joints)
+    )
+    joints = functions(prefixes["elastic_joints"], ("joints", "setup"), of_joints)
     return {
-        **functions(prefixes["elastic_motion"], ("links", "torque", "loads"), there),
-        "joints": f"{prefixes['elastic_joints']}_joints",
+        **functions(prefixes["elastic_motion"], ("links", "torque", "loads", "setup"), there),
+        **{"joints_setup" if name == "setup" else name: text for name, text in joints.items()},
     }
 
 

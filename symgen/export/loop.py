@@ -32,7 +32,9 @@ from symgen.runtime.loop_turn import PARTS
 #: What closing, following and running a loop needs besides what runs need.
 CORE = (*RUNS, "follow.c", "loop.c", "loop_motion.c")
 #: Kernels that the core calls of a loop, in the order of its struct.
-KERNELS = ("inputs", "position", "motion", "inverse", "given", "mass_matrix", "outputs", "energy")
+KERNELS = (
+    "inputs", "position", "motion", "inverse", "given", "mass_matrix", "outputs", "energy", "setup",
+)  # fmt: skip
 #: Poses of a driven loop that are compared.
 POSES = 13
 
@@ -95,6 +97,7 @@ def _records(model: LoopModel, solved: list[int], rank: int) -> tuple[Record, ..
     sizes = members(
         n=d.coordinates,
         parameters=len(d.parameters),
+        derived=d.derived,
         work=model.kernels.work_size,
         told=outputs.out_size if outputs else 0,
         solved=len(solved),

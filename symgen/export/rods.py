@@ -35,6 +35,7 @@ CORE = ("equations.c", "events.c", "explicit.c", "rank.c", "run.c", "samples.c")
 #: Kernels that the core calls of a linkage, in the order of its struct.
 KERNELS = (
     "accelerations", "factor", "solve", "constraints", "velocity_constraints", "energy", "residual", "events",
+    "setup",
 )  # fmt: skip
 #: Events that the core remembers of each kind.
 REMEMBERED = 64
@@ -80,6 +81,7 @@ def equations_of(model: Model, allowed: float) -> tuple[Any, Any]:
         m=len(d.constraints),
         extra=int(d.work_of_loads),
         parameters=len(d.parameters),
+        derived=d.derived,
         work=model.evaluator.work_size,
         first_pivot=d.first_pivot,
         redundant=len(d.redundant),

@@ -120,6 +120,16 @@ class Exported:
         return tuple(f.name for f in self.kernels if f.name.endswith(".h"))
 
     @property
+    def setups(self) -> tuple[str, ...]:
+        """Kernels that are called once, to compute what depends on the parameters alone."""
+        return tuple(
+            f"{name}_setup"
+            for f in self.kernels
+            for name in (f.name.removesuffix("_kernel.h"),)
+            if f.name.endswith("_kernel.h") and f"void {name}_setup(" in f.text
+        )
+
+    @property
     def sources(self) -> tuple[str, ...]:
         """Everything that must be compiled besides what has a main."""
         own = [f.name for f in self.kernels if f.name.endswith(".c")]

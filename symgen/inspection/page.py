@@ -9,7 +9,7 @@ from symgen.codegen.emit import UnitView, equations_hash, unit_view
 from symgen.codegen.target import Target
 from symgen.inspection.measured import measure
 from symgen.inspection.picture import JOINTS, sketch
-from symgen.lowering.kernel import Kernel
+from symgen.lowering.kernel import SETUP, Kernel, Program
 from symgen.lowering.nodes import KINDS
 from symgen.lowering.program import lower_system
 from symgen.models.record import Step, record
@@ -73,7 +73,7 @@ def scene_page(text: SceneText, *, speed: bool, told: Told) -> Page:
         about=checked.about.strip(),
         facts=(
             *_facts(resolved, model),
-            Fact("operations", f"{_per_step(program.kernels)}"),
+            Fact("operations", _operations(program)),
             *found.headline,
         ),
         drawing=drawn,
@@ -163,14 +163,14 @@ def _where(linkage: Linkage) -> str:
 
 def _main(kernels: tuple[Kernel, ...]) -> str:
     """Return the kernel that a run evaluates most: the accelerations, or the motion of a loop."""
-    names = [k.name for k in kernels]
+    names = [k.name for k in kernels if k.name != SETUP]
     return next(name for name in ("accelerations", "motion", *names) if name in names)
 
 
-def _per_step(kernels: tuple[Kernel, ...]) -> str:
-    main = _main(kernels)
-    flops = next(k.counts.flops for k in kernels if k.name == main)
-    return f"{flops} for the {main}"
+def _operations(program: Program) -> str:
+    main = _main(program.kernels)
+    once = f", {program.setup.counts.flops} once a run" if program.setup else ""
+    return f"{program.kernel(main).counts.flops} for the {main}{once}"
 
 
 def _caption(resolved: Linkage | Loop, drawn: Drawing) -> str:

@@ -9,6 +9,9 @@ from symgen.lowering.nodes import Node, OperationCount, count
 #: The argument arrays of every kernel, in their fixed order.
 ARRAYS = ("t", "q", "u", "p", "work", "out")
 
+#: Name of the kernel that is called once a run, before all others: see :mod:`symgen.lowering.binding_times`.
+SETUP = "setup"
+
 
 @dataclass(frozen=True, slots=True)
 class Slot:
@@ -111,6 +114,11 @@ class Program:
     rank_tolerance: str
     references: tuple[str, ...]
     left_out: tuple[str, ...]
+
+    @property
+    def setup(self) -> Kernel | None:
+        """The kernel that computes what depends on parameters alone, None where there is nothing to."""
+        return next((k for k in self.kernels if k.name == SETUP), None)
 
     @property
     def calls_functions(self) -> bool:

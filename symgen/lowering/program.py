@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
+from symgen.lowering.binding_times import with_setup
 from symgen.lowering.kernel import Block, Kernel, Program, Slot, Store
 from symgen.lowering.nodes import Constant, Node, Reference, references, rename
 from symgen.lowering.sparse_ldlt import Factor, factor, solve
@@ -29,7 +30,7 @@ def lower_system(system: System) -> Program:
         name=system.name,
         title=system.title,
         groups=groups,
-        kernels=tuple(kernels),
+        kernels=with_setup(kernels, system.group("p")),
         pivots=lowering.pivots,
         rank_tolerance=point.rank_tolerance if point else "0",
         references=system.references,

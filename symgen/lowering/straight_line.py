@@ -36,6 +36,16 @@ def fold(expression: sp.Expr) -> sp.Expr:
     return expression if all(a is b for a, b in zip(old, new, strict=True)) else expression.func(*new)
 
 
+def _definitions(system: System) -> tuple[dict[sp.Symbol, sp.Expr], dict[sp.Symbol, sp.Expr]]:
+    """Return what definitions stand for: those that the arguments decide, and those that are numbers."""
+    found: dict[sp.Symbol, sp.Expr] = {}
+    numbers: dict[sp.Symbol, sp.Expr] = {}
+    for definition in system.definitions:
+        value = fold(definition.expression.xreplace(numbers))
+        (numbers if value.is_number else found)[definition.quantity.symbol] = value
+    return found, numbers
+
+
 class Shared:
     """All matrices of a system over one set of named subexpressions.
 
@@ -43,19 +53,19 @@ class Shared:
     """
 
     def __init__(self, system: System, names: Sequence[str]) -> None:
-        expressions = {name: [fold(e) for e in system[name].matrix] for name in names}
-        definitions = [(d.quantity.symbol, fold(d.expression)) for d in system.definitions]
+        definitions, numbers = _definitions(system)
+        expressions = {name: [fold(e.xreplace(numbers)) for e in system[name].matrix] for name in names}
         # Whole subtrees only: the search for common parts of sums and products takes longer than the rest
         # of the lowering, and finds next to nothing where the derivation already names what it shares.
         found, shared = tree_cse(
-            [e for _, e in definitions] + [e for entries in expressions.values() for e in entries],
+            [*definitions.values()] + [e for entries in expressions.values() for e in entries],
             sp.numbered_symbols("c", real=True),
             order="none",
         )
         # A shared subexpression that is a definition as a whole goes by the definition's name.
         own: dict[sp.Symbol, str] = {}
         temporaries = {s for s, _ in found}
-        for (symbol, _), value in zip(definitions, shared, strict=False):
+        for symbol, value in zip(definitions, shared, strict=False):
             if value in temporaries and value not in own:
                 own[value] = symbol.name
         titles = {s.name: name for s, name in own.items()}
@@ -66,7 +76,7 @@ class Shared:
         self.values: dict[str, Node] = {}
         for s, e in found:
             self.values[titles.get(s.name, s.name)] = rename(lower(e), titles)
-        for symbol, _ in definitions:
+        for symbol in definitions:
             value = next(nodes)
             if value != Reference(symbol.name):
                 self.values[symbol.name] = value

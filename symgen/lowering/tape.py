@@ -46,16 +46,22 @@ class Operation:
 
 
 class Tape:
-    """All operations of a kernel and of those that it calls, in order.
+    """All operations of a kernel and of those that it calls, in order; ``setup`` is called before them.
 
     ``out`` gives the place of every entry of ``out``; ``inputs`` the place of every entry that is read
     before anything is written to it, by array and index.
     """
 
-    def __init__(self, kernel: Kernel) -> None:
+    def __init__(self, kernel: Kernel, setup: Kernel | None = None) -> None:
         self.operations: list[Operation] = []
         self.inputs: dict[tuple[str, int], int] = {}
         self._arrays: dict[str, int] = {}
+        if setup:
+            self._append(setup)
+            ((array, given),) = setup.inputs
+            self._arrays |= {
+                f"{array}[{given + i}]": self._arrays.pop(f"out[{i}]") for i in range(setup.out_size)
+            }
         self._append(kernel)
         self.out = {int(name[4:-1]): place for name, place in self._arrays.items() if name.startswith("out[")}
 

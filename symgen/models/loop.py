@@ -80,7 +80,7 @@ def groups(model: LoopModel) -> tuple[Group, ...]:
         Group("t", "time", (TIME,)),
         Group("q", "joint variables", tuple(v.quantity for v in model.variables)),
         Group("u", "rates of the joint variables", tuple(v.rate for v in model.variables)),
-        Group("p", "tunable parameters", tuple(p.quantity for p in model.loop.parameters)),
+        Group("p", "tunable parameters", tuple(p.quantity for p in model.loop.parameters), per_run=True),
         Group(
             "work",
             "accelerations of the joint variables, then the closing wrench",

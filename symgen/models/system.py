@@ -89,7 +89,7 @@ def groups(model: RodsModel) -> tuple[Group, ...]:
         Group("t", "time", (TIME,)),
         Group("q", "coordinates of the free points", tuple(model.coordinates)),
         Group("u", "velocities of the free points", tuple(u for p in model.free for u in model.u[p])),
-        Group("p", "tunable parameters", tuple(p.quantity for p in model.linkage.parameters)),
+        Group("p", "tunable parameters", tuple(p.quantity for p in model.linkage.parameters), per_run=True),
         Group(
             "work",
             "accelerations and multipliers, as the kernel 'accelerations' wrote them",

@@ -63,9 +63,10 @@ def _kernel(system: System, matrices: Sequence[NamedMatrix]) -> Kernel:
         )
     names = tuple(m.name for m in matrices)
     about = matrices[0].description if len(matrices) == 1 else ", ".join(names)
-    alone = replace(
-        system, matrices=tuple(matrices), exports=(Export("shown", about, names),), saddle_point=None
-    )
+    # All of it in one piece, whatever would be computed once a run.
+    groups = tuple(replace(group, per_run=False) for group in system.groups)
+    exports = (Export("shown", about, names),)
+    alone = replace(system, groups=groups, matrices=tuple(matrices), exports=exports, saddle_point=None)
     return lower_system(alone).kernels[0]
 
 

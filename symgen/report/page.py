@@ -139,6 +139,11 @@ def example_in_c(unit: UnitView, kernel: str) -> str:
     for name, text in given.items():
         start = " = {0}" if name in ("t", "q", "u", "p") else ""
         lines.append(f"{text}{start};")
+    if view.after_setup and unit.tuned:
+        n = len(unit.tuned.slots)
+        lines.append(
+            f"{unit.name}_setup(NULL, NULL, NULL, p, NULL, p + {n}); /* whenever parameters were set */"
+        )
     lines.append(f"{unit.name}_{kernel}({passed});")
     lines += [
         f"/* out[{b.first}]..out[{b.last}]: {b.name} [{b.unit}] */"

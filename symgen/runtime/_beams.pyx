@@ -13,12 +13,13 @@ from symgen.runtime._core cimport Core, Integrable, Reals, _DONE, equations, ker
 cdef extern from "core/elastic.h" nogil:
     enum:
         MOTION
+        WRITTEN
 
     cdef struct rigid_motion:
         pass
 
     cdef struct motion_kernels:
-        kernel_t links, joints, torque, loads
+        kernel_t links, joints, torque, loads, setup, joints_setup
 
     cdef struct motion_view:
         double t
@@ -144,7 +145,7 @@ cdef class RigidMotion:
     motion, joints
         Addresses of the kernels of ``elastic_motion`` and of ``elastic_joints``.
     sizes
-        Sizes of what the kernels links, joints, torque and loads write.
+        Sizes of what the kernels links, joints, torque and loads write, and the set-up kernels of both.
     t, y
         A time and the state there.
     stride
@@ -159,7 +160,7 @@ cdef class RigidMotion:
 
     def __init__(self, Integrable equations, motion, joints, sizes, double t, y, double stride):
         cdef motion_kernels given
-        cdef long[4] counts
+        cdef long[WRITTEN] counts
         cdef Reals state = Reals(equations.of, [*y, *np.zeros(equations.extra)])
         if state.count != equations.dim:
             raise ValueError(f"expected a state of {2 * equations.n} numbers, got {len(y)}")
@@ -167,7 +168,8 @@ cdef class RigidMotion:
         self.api = <const elastic_table *>equations.of.api.elastic
         given.links, given.joints = kernel_of(motion, "links"), kernel_of(joints, "joints")
         given.torque, given.loads = kernel_of(motion, "torque"), kernel_of(motion, "loads")
-        for i in range(4):
+        given.setup, given.joints_setup = kernel_of(motion, "setup"), kernel_of(joints, "setup")
+        for i in range(WRITTEN):
             counts[i] = sizes[i]
         self.core = <rigid_motion *>calloc(1, self.api.motion_struct)
         self.memory = calloc(1, self.api.motion_bytes(equations.core, counts))
@@ -193,7 +195,7 @@ cdef class RigidMotion:
         cdef int status = self.api.motion_at(self.core, t)
         cdef Core of = self.equations.of
         self.api.motion_view(self.core, &seen)
-        links, joints, torque, loads = self.sizes
+        links, joints, torque, loads = self.sizes[:4]
         return (status, _doubles(of, seen.y, 2 * self.equations.n), _doubles(of, seen.motion, links),
                 _doubles(of, seen.joined, joints), _doubles(of, seen.turning, torque), _doubles(of, seen.loads, loads))
 

@@ -25,9 +25,11 @@ cdef extern from "core/core.h" nogil:
         kernel_t residual
         kernel_t events
         kernel_t tangent
+        kernel_t setup
+        kernel_t tangent_setup
 
     cdef struct sizes:
-        long n, m, extra, parameters, work, first_pivot, redundant, events, tangent
+        long n, m, extra, parameters, derived, tangent_derived, work, first_pivot, redundant, events, tangent
         const long *tangent_places
         double rank_tolerance, slack, stabilisation
 
@@ -125,6 +127,8 @@ cdef extern from "core/core.h" nogil:
         const void *(*run_samples)(const run *) noexcept nogil
         long (*take_events)(run *, found_event *, void *) noexcept nogil
         long (*take_passages)(run *, passage *) noexcept nogil
+
+    void set_up_with(kernel_t, long, double *) noexcept nogil
 
     cdef const core_api symgen_core
 

@@ -23,6 +23,7 @@ STABILISATIONS: tuple[str, ...]
 DOUBLE: Core
 
 def call(address: int, t: Array, q: Array, u: Array, p: Array, work: Array, out: Array) -> None: ...
+def set_up(address: int, p: Array, parameters: int) -> None: ...
 def evaluate(
     address: int, t: float, q: Array, u: Array, p: Array, work: Array | None, work_size: int, out_size: int
 ) -> Array: ...
@@ -110,6 +111,8 @@ class Equations(Integrable):
         events: int = 0,
         tangent: ArrayLike = (),
         stabilisation: float = 0.0,
+        derived: int = 0,
+        tangent_derived: int = 0,
     ) -> None: ...
 
 class Run:

@@ -32,6 +32,11 @@ def call(uintptr_t address, const double[::1] t, const double[::1] q, const doub
     (<kernel_t>address)(&t[0], &q[0], &u[0], &p[0], &work[0], &out[0])
 
 
+def set_up(uintptr_t address, double[::1] p, Py_ssize_t parameters):
+    """Leave behind so many parameters what a set-up kernel makes of them."""
+    set_up_with(<kernel_t>address, parameters, &p[0])
+
+
 def evaluate(uintptr_t address, double t, const double[::1] q, const double[::1] u, const double[::1] p, work,
              Py_ssize_t work_size, Py_ssize_t out_size):
     """Return what one kernel writes; ``work`` is None or holds the accelerations that it reads."""
@@ -221,7 +226,7 @@ cdef class Integrable:
         return 0
 
     cdef int bound(self, const double[::1] parameters) except -1:
-        """Set the parameters of equations just bound, and note their sizes."""
+        """Set the parameters of equations just bound and what depends on them alone, and note their sizes."""
         self.of.api.set_parameters(self.core, &parameters[0], NULL)
         self.n, self.m, self.extra = self.core.sizes.n, self.core.sizes.m, self.core.sizes.extra
         self.dim = 2 * self.n + self.extra
@@ -333,13 +338,16 @@ cdef class Equations(Integrable):
         Number of values that the kernel of that name writes.
     tangent
         Row, column and place of each value that the kernel of that name writes, column by column.
+    derived, tangent_derived
+        Numbers that the kernels 'setup' and 'tangent_setup' make of the parameters.
     stabilisation
         Rate [1/s] of Baumgarte's terms in derivatives; 0 for none.
     """
 
     def __init__(self, dict addresses, Py_ssize_t n, Py_ssize_t m, Py_ssize_t extra, const double[::1] p,
                  Py_ssize_t work_size, Py_ssize_t first_pivot, double rank_tolerance, Py_ssize_t redundant,
-                 double slack, *, Core core=DOUBLE, long events=0, tangent=(), double stabilisation=0.0):
+                 double slack, *, Core core=DOUBLE, long events=0, tangent=(), double stabilisation=0.0,
+                 long derived=0, long tangent_derived=0):
         cdef kernels given
         cdef sizes wanted
         if not (addresses.get("accelerations") and addresses.get("energy")):
@@ -350,7 +358,9 @@ cdef class Equations(Integrable):
         given.velocity_constraints = kernel_of(addresses, "velocity_constraints")
         given.energy, given.residual = kernel_of(addresses, "energy"), kernel_of(addresses, "residual")
         given.events, given.tangent = kernel_of(addresses, "events"), kernel_of(addresses, "tangent")
+        given.setup, given.tangent_setup = kernel_of(addresses, "setup"), kernel_of(addresses, "tangent_setup")
         wanted.n, wanted.m, wanted.extra, wanted.parameters = n, m, extra, p.shape[0]
+        wanted.derived, wanted.tangent_derived = derived, tangent_derived
         wanted.work, wanted.first_pivot, wanted.redundant = work_size, first_pivot, redundant
         wanted.events = events if given.events != NULL else 0
         self.places = np.array(tangent, dtype="l").ravel() if len(tangent) else NO_PLACES

@@ -28,10 +28,10 @@ cdef extern from "core/loops.h" nogil:
         pass
 
     cdef struct loop_kernels:
-        kernel_t inputs, position, motion, inverse, given, mass_matrix, outputs, energy
+        kernel_t inputs, position, motion, inverse, given, mass_matrix, outputs, energy, setup
 
     cdef struct loop_sizes:
-        long n, parameters, work, told, solved, inputs, unknown, known, rank
+        long n, parameters, derived, work, told, solved, inputs, unknown, known, rank
         double size
 
     cdef struct loop_account:
@@ -78,6 +78,8 @@ cdef class LoopEquations(Integrable):
         Rank of the screws of ``solved`` in general.
     core
         The core that the kernels were compiled for; that of doubles when absent.
+    derived
+        Numbers that the kernel 'setup' makes of the parameters.
     """
 
     cdef const loops_table *api
@@ -88,7 +90,7 @@ cdef class LoopEquations(Integrable):
     cdef readonly Py_ssize_t rank
 
     def __init__(self, addresses, p, Py_ssize_t work_size, Py_ssize_t out_size, lengths, solved, inputs, unknown,
-                 double size, Py_ssize_t rank, *, Core core=DOUBLE):
+                 double size, Py_ssize_t rank, *, Core core=DOUBLE, long derived=0):
         cdef loop_sizes wanted
         cdef loop_kernels given
         cdef const double[::1] parameters = np.array([*p, 0.0])
@@ -104,7 +106,8 @@ cdef class LoopEquations(Integrable):
         given.motion, given.inverse = kernel_of(addresses, "motion"), kernel_of(addresses, "inverse")
         given.given, given.mass_matrix = kernel_of(addresses, "given"), kernel_of(addresses, "mass_matrix")
         given.outputs, given.energy = kernel_of(addresses, "outputs"), kernel_of(addresses, "energy")
-        wanted.n, wanted.parameters = len(lengths), parameters.shape[0] - 1
+        given.setup = kernel_of(addresses, "setup")
+        wanted.n, wanted.parameters, wanted.derived = len(lengths), parameters.shape[0] - 1, derived
         wanted.work, wanted.told, wanted.solved, wanted.inputs = work_size, out_size, len(solved), len(inputs)
         wanted.unknown, wanted.known, wanted.rank, wanted.size = len(found), len(known), rank, size
         self.of, self.size, self.rank = core, size, rank

@@ -24,6 +24,8 @@ Rows = NDArray[Any]
 
 #: Kernels that use their work memory by themselves; all others find results of 'accelerations' there.
 _OWN_WORK = ("accelerations", "factor", "solve")
+#: Kernels that have no results for each state.
+_WITHIN = ("solve", "setup")
 _CACHE_LINE = 64
 
 
@@ -57,7 +59,9 @@ class Batch:
         self.dtype = np.dtype(object if typed.digits else typed.precision.dtype)
         self._parameters = np.array([*parameters.values()], np.float64).astype(self.dtype)
         self._evaluate = self._in_python
-        if not self.library.functions:
+        if self.library.functions:
+            self._parameters = self._with_derived(self._parameters[:, None])
+        else:
             self._evaluate = self._in_c
             owner, name = self.library.owner, description.name
             self._lanes, self._size = (ctypes.c_int * 2).in_dll(owner, f"{name}_lanes")
@@ -82,7 +86,7 @@ class Batch:
 
     def _kernel(self, what: str) -> KernelInfo:
         """Return the kernel of this name, or the one that has such a result."""
-        kernels = [k for k in self.description.kernels if k.blocks and k.name != "solve"]
+        kernels = [k for k in self.description.kernels if k.blocks and k.name not in _WITHIN]
         for k in kernels:
             if k.name == what:
                 return k
@@ -140,7 +144,7 @@ class Batch:
             _given(self._parameters[None, :], None),
             _given(states.work, states.rest, info.work_size),
         )
-        memory_size = self._size * (sum(g.size for g in given) + info.out_size)
+        memory_size = self._size * (sum(g.size for g in given) + self.description.derived + info.out_size)
         results = info.out_size, high.strides[0] // high.itemsize, _pointer(high), _pointer(low)
         address = self.library.addresses[info.name]
 
@@ -159,11 +163,18 @@ class Batch:
             list(pool.map(lambda ends: run(*ends), parts))
         return high.T, None if low is None else low.T
 
+    def _with_derived(self, given: Rows) -> Rows:
+        """Return parameters as functions in Python take them; generated C does the same by itself."""
+        taken = np.concatenate([given, np.zeros((self.description.derived, 1), self.dtype)])
+        if self.description.derived:
+            self.library.functions["setup"](None, None, None, taken, None, taken[len(given) :])
+        return taken
+
     def _in_python(self, info: KernelInfo, states: _States, threads: int) -> tuple[Rows, Rows | None]:
         count, work = len(states.q), states.work
         memory = np.zeros((info.work_size, count), self.dtype) if work is None else work.T.copy()
         out = np.zeros((info.out_size, count), self.dtype)
-        arrays = states.t[None, :], states.q.T, states.u.T, self._parameters[:, None], memory, out
+        arrays = states.t[None, :], states.q.T, states.u.T, self._parameters, memory, out
         self.library.functions[info.name](*arrays)
         return out.T, None
 

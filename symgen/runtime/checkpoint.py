@@ -56,7 +56,7 @@ def mark_of(
         library.backend,
         sorted(library.provenance.items()),
         equations.core_type.name,
-        evaluator.parameters.tobytes().hex(),
+        evaluator.given.tobytes().hex(),
         method.name,
         method.kind,
         method.counts,

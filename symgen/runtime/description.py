@@ -84,9 +84,15 @@ class Described(ABC):
         """Number of coordinates."""
 
     @property
+    def derived(self) -> int:
+        """Number of doubles that the kernel 'setup' leaves behind the parameters; 0 where there is none."""
+        setup = self.kernel("setup")
+        return setup.out_size if setup else 0
+
+    @property
     def sizes(self) -> tuple[int, int, int, int]:
         """Number of doubles in the arrays t, q, u and p of every kernel."""
-        return 1, self.coordinates, self.coordinates, len(self.parameters)
+        return 1, self.coordinates, self.coordinates, len(self.parameters) + self.derived
 
     def kernel(self, name: str) -> KernelInfo | None:
         """Return what is known of a kernel; None when the model has none of that name."""
@@ -246,7 +252,7 @@ class SystemDescription(Described):
     @property
     def sizes(self) -> tuple[int, int, int, int]:
         """Number of doubles in the arrays t, q, u and p of every kernel."""
-        return 1, self.size("q"), self.size("u"), self.size("p")
+        return 1, self.size("q"), self.size("u"), self.size("p") + self.derived
 
 
 def read_description(text: str) -> Description | LoopDescription | SystemDescription:

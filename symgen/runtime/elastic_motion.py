@@ -135,11 +135,20 @@ class ElasticMotion:
         return self._motion.description.kernels
 
     @property
+    def kernels_of_joints(self) -> tuple[KernelInfo, ...]:
+        """What is known of the kernels of what joins elastic links."""
+        return self._joints.description.kernels
+
+    @property
     def kernel_sizes(self) -> list[int]:
-        """Sizes of what the kernels links, joints, torque and loads write; 0 of those that are not there."""
+        """Sizes of what the kernels of the motion write; 0 of those that are not there.
+
+        They are links, joints, torque and loads, then the set-up of these and that of joints.
+        """
         of_motion = {k.name: k.out_size for k in self.kernels_of_motion}
         joints = self._joints.info("joints").out_size
-        return [of_motion["links"], joints, of_motion.get("torque", 0), of_motion.get("loads", 0)]
+        written = [of_motion["links"], joints, of_motion.get("torque", 0), of_motion.get("loads", 0)]
+        return [*written, self._motion.description.derived, self._joints.description.derived]
 
     @property
     def stride(self) -> float:

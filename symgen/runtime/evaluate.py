@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from functools import cached_property
+
 import numpy as np
 from numpy.typing import NDArray
 
 from symgen.errors import ModelError
 from symgen.runtime import _core
-from symgen.runtime.description import BlockInfo, Description, KernelInfo
+from symgen.runtime.description import BlockInfo, Described, Description, KernelInfo
 from symgen.runtime.library import Library
 from symgen.runtime.tangent import places
 from symgen.runtime.typed import Typed
@@ -20,13 +23,17 @@ class Evaluator:
 
     def __init__(self, description: Description, library: Library, parameters: Array) -> None:
         self.description, self.library = description, library
-        self.parameters = np.array([*parameters, 0.0])
+        self.given = np.array(parameters, dtype=float)
         self.work_size = description.work_size
-        self._given = self.parameters[:-1]
         self._infos = {k.name: k for k in description.kernels}
         outputs = self._infos.get("outputs")
         #: Whether the places of the points are all that the scene's outputs depend on.
         self.outputs_by_places = outputs is not None and not (outputs.reads_rates or outputs.work_size)
+
+    @cached_property
+    def parameters(self) -> Array:
+        """The parameters as the kernels take them: see :func:`as_taken`."""
+        return as_taken(self.library, self.description, self.given)
 
     def has(self, kernel: str) -> bool:
         """Tell whether the model has this kernel."""
@@ -77,14 +84,16 @@ class Evaluator:
         addresses = own.kernels(False).addresses if own else self.library.addresses
         entries = None
         if tangent is not None:
-            addresses = {**addresses, **tangent.library.addresses}
+            # Its kernels are of other equations, with a set-up of their own.
+            own_setup = tangent.library.addresses.get("setup", 0)
+            addresses = {**tangent.library.addresses, **addresses, "tangent_setup": own_setup}
             entries = places(d, tangent.description)
         return _core.Equations(
             addresses,
             d.coordinates,
             len(d.constraints),
             int(d.work_of_loads and work_of_loads),
-            self._given,
+            self.given,
             self.work_size,
             d.first_pivot,
             own.precision.coarsened(d.rank_tolerance) if own else d.rank_tolerance,
@@ -94,7 +103,21 @@ class Evaluator:
             core=own.stepping if own else _core.DOUBLE,
             stabilisation=stabilisation,
             tangent=() if entries is None else entries,
+            derived=d.derived,
+            tangent_derived=tangent.description.derived if tangent else 0,
         )
+
+
+def as_taken(library: Library, description: Described, values: Sequence[float] | Array) -> Array:
+    """Return parameters in double precision as the kernels of a library take them.
+
+    They are those given, then what the kernel 'setup' makes of them, and a zero, so that none is empty. Runs
+    do the same in their own type, in ``set_up`` of the core, and batches in the generated C.
+    """
+    taken = np.array([*values, *np.zeros(description.derived + 1)])
+    if description.derived:
+        _core.set_up(library.addresses["setup"], taken, len(values))
+    return taken
 
 
 def part(out: Array, block: BlockInfo) -> Array:

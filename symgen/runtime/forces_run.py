@@ -323,7 +323,7 @@ def _recorded(
     t, q, u, _ = rows[-1]
     last = bonds.evaluator.blocks("points", t, q, u)
     worst = int(np.argmax(solution.condition))
-    parameters = zip(d.parameters, bonds.evaluator.parameters.tolist(), strict=False)
+    parameters = zip(d.parameters, bonds.evaluator.given.tolist(), strict=True)
     return Forces(
         name=d.name,
         title=d.title,

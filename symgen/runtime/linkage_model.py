@@ -106,7 +106,7 @@ class LinkageModel(Compiled):
             raise ModelError(
                 f"{self.name} was made without the kernels of {kind}: build it with symgen.build"
             )
-        return Evaluator(*self._analyses(kind, stepping), self._evaluator.parameters[:-1])
+        return Evaluator(*self._analyses(kind, stepping), self._evaluator.given)
 
     def _kinematics(self) -> Bonds:
         from symgen.runtime.bonds import Bonds

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from symgen.errors import ModelError
 from symgen.runtime import _core, _loop
 from symgen.runtime.description import LoopDescription, VariableInfo
-from symgen.runtime.evaluate import part
+from symgen.runtime.evaluate import as_taken, part
 from symgen.runtime.library import Library
 from symgen.runtime.typed import Typed
 
@@ -35,7 +35,8 @@ class LoopKernels:
     ) -> None:
         self.description, self.library = description, library
         self.typed = None if typed is None or typed.is_plain else typed
-        self.parameters = np.array([*parameters, 0.0])
+        self.given = np.array(parameters, dtype=float)
+        self.parameters = as_taken(library, description, self.given)
         self.work_size = max(description.work_size, description.coordinates + 6)
         self.inputs = description.having("input")
         names = [description.variables[i].name for i in self.inputs]
@@ -63,20 +64,22 @@ class LoopKernels:
 
     def equations(self, solved: Sequence[int], rank: int) -> _loop.LoopEquations:
         """Return the compiled view of the kernels in double precision: solves for these variables."""
-        return _loop.LoopEquations(self.library.addresses, *self._arguments(solved, rank))
+        derived = self.description.derived
+        return _loop.LoopEquations(self.library.addresses, *self._arguments(solved, rank), derived=derived)
 
     def stepping(self, solved: Sequence[int], rank: int) -> _loop.LoopEquations:
         """Return the same in the type that was asked for: what follows inputs and runs."""
         if self.typed is None:
             return self.equations(solved, rank)
         addresses = self.typed.kernels(False).addresses
-        return _loop.LoopEquations(addresses, *self._arguments(solved, rank), core=self.typed.stepping)
+        arguments, derived = self._arguments(solved, rank), self.description.derived
+        return _loop.LoopEquations(addresses, *arguments, core=self.typed.stepping, derived=derived)
 
     def _arguments(self, solved: Sequence[int], rank: int) -> tuple[Any, ...]:
         d = self.description
         outputs = d.kernel("outputs")
         return (
-            self.parameters[:-1],
+            self.given,
             self.work_size,
             outputs.out_size if outputs else 0,
             [v.is_length for v in d.variables],

@@ -114,9 +114,7 @@ def _recorded(
             "step": chosen.step,
             "t_end": chosen.t_end,
             **made_with(kernels.library, kernels.typed),
-            "parameters": {
-                p.name: x for p, x in zip(d.parameters, kernels.parameters.tolist(), strict=False)
-            },
+            "parameters": {p.name: x for p, x in zip(d.parameters, kernels.given.tolist(), strict=True)},
         },
     )
 

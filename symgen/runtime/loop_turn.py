@@ -238,9 +238,7 @@ def _recorded(
             "method": "closure",
             "t_end": end,
             **made_with(kernels.library, kernels.typed),
-            "parameters": {
-                p.name: x for p, x in zip(d.parameters, kernels.parameters.tolist(), strict=False)
-            },
+            "parameters": {p.name: x for p, x in zip(d.parameters, kernels.given.tolist(), strict=True)},
         },
         notes=(*_of_blind(kernels, times[blind]), *_notes(kernels, times, states, told, indeterminate)),
     )

@@ -98,9 +98,7 @@ def recorded(
             "method": "continuation",
             "t_end": stop,
             "backend": evaluator.library.backend,
-            "parameters": {
-                p.name: x for p, x in zip(d.parameters, evaluator.parameters.tolist(), strict=False)
-            },
+            "parameters": {p.name: x for p, x in zip(d.parameters, evaluator.given.tolist(), strict=True)},
         },
     )
 

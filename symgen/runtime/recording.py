@@ -92,7 +92,7 @@ class Recording:
     def provenance(self) -> dict[str, Any]:
         """Return what the numbers come from."""
         d, chosen = self.evaluator.description, self.chosen
-        parameters = zip(d.parameters, self.evaluator.parameters.tolist(), strict=False)
+        parameters = zip(d.parameters, self.evaluator.given.tolist(), strict=True)
         return {
             "equations": d.equations,
             "method": chosen.method.name,

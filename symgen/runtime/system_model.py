@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from symgen.errors import ModelError, nearest
 from symgen.runtime import _core
 from symgen.runtime.description import SystemDescription
-from symgen.runtime.evaluate import part
+from symgen.runtime.evaluate import as_taken, part
 from symgen.runtime.library import Library
 
 Array = NDArray[np.float64]
@@ -63,7 +63,8 @@ class SystemModel:
         kernel
             One of :attr:`operations`.
         t, q, u, p, work
-            The argument arrays, in the units that the System declares.
+            The argument arrays, in the units that the System declares. What depends on ``p`` alone is
+            computed anew at every call, also where the System says that ``p`` is of a run.
 
         Raises
         ------
@@ -77,7 +78,8 @@ class SystemModel:
         if np.size(work):
             memory[: self.description.size("work")] = self._array("work", work)[:-1]
         out = np.zeros(info.out_size + 1)
-        given = self._array("q", q), self._array("u", u), self._array("p", p)
+        parameters = as_taken(self._library, self.description, self._array("p", p)[:-1])
+        given = self._array("q", q), self._array("u", u), parameters
         _core.call(self._library.addresses[kernel], np.array([float(t)]), *given, memory, out)
         return {b.name: part(out, b) for b in info.blocks}
 

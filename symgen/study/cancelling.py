@@ -86,6 +86,10 @@ class _Words:
         self._arguments = {
             f"{g.name}[{i}]": x.name for g in part.system.groups for i, x in enumerate(g.quantities)
         }
+        setup = part.program.setup
+        for array, given in setup.inputs if setup else ():
+            behind = range(setup.out_size if setup else 0)
+            self._arguments |= {f"{array}[{given + i}]": f"setup[{i}]" for i in behind}
         self._print = Printer({})
         #: What 'factor' leaves in ``work``, and 'solve' reads, has no names.
         self._named = {k: v for k, v in self._arguments.items() if not k.startswith("work")}

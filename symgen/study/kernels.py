@@ -80,8 +80,10 @@ class Kernels:
 
     @cached_property
     def tapes(self) -> dict[str, Tape]:
-        """The operations of every kernel that has results, by name."""
-        return {k.name: Tape(k) for k in self.program.kernels if k.out_size and k.name not in self.without}
+        """The operations of every kernel that has results, from the parameters on, by name."""
+        setup, without = self.program.setup, self.without
+        results = (k for k in self.program.kernels if k.out_size and k is not setup)
+        return {k.name: Tape(k, setup) for k in results if k.name not in without}
 
     @cached_property
     def exports(self) -> dict[str, tuple[str, ...]]:

@@ -78,11 +78,16 @@ class Definition:
 
 @dataclass(frozen=True, slots=True)
 class Group:
-    """One argument array of the kernels (``t``, ``q``, ``u``, ``p``, ``work``) and its entries' meaning."""
+    """One argument array of the kernels (``t``, ``q``, ``u``, ``p``, ``work``) and its entries' meaning.
+
+    ``per_run`` tells that the entries stay as they are from call to call: what depends on them alone is then
+    computed once, before the first call (:mod:`symgen.lowering.binding_times`).
+    """
 
     name: str
     description: str
     quantities: tuple[Quantity, ...]
+    per_run: bool = False
 
 
 @dataclass(frozen=True, slots=True)

@@ -26,6 +26,7 @@ static void call_rows(kernel function, long rows, const void *t, const void *y, 
 
 static void set_parameters(struct equations *e, const double *high, const double *low) {
     widen(e->sizes.parameters, high, low, e->p);
+    set_up(e);
 }
 
 static void solve_rows(struct equations *e, long rows, const void *t, const void *y, long y_stride, void *out,

@@ -21,7 +21,7 @@
 #endif
 
 /* Of another number than this, a compiled core does not belong to the binding. */
-#define CORE_VERSION 2L
+#define CORE_VERSION 3L
 
 /* A run in doubles. */
 struct report {
@@ -58,6 +58,7 @@ struct core_api {
     size_t (*equations_bytes)(const struct sizes *sizes);
     void (*equations_bind)(struct equations *e, const struct sizes *sizes, const struct kernels *kernels,
                            void *memory);
+    /* Set them, and what depends on them alone. */
     void (*set_parameters)(struct equations *e, const double *high, const double *low);
     /* Accelerations and multipliers at rows of y: n + m reals a row of `out`. */
     void (*solve_rows)(struct equations *e, long rows, const void *t, const void *y, long y_stride, void *out,

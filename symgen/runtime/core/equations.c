@@ -26,7 +26,7 @@ static size_t account_bytes(void) {
 
 static size_t real_count(const struct sizes *s) {
     long n = s->n, m = s->m, whole = n + m + 1;
-    return (size_t)(s->parameters + 1 + 2 * (s->work + 1) + 2 * whole + m + 1 + whole + 3 + 2 * (n + 1) + 2 * m + 1 + s->events + 1);
+    return (size_t)(2 * (s->parameters + 1) + s->derived + s->tangent_derived + 2 * (s->work + 1) + 2 * whole + m + 1 + whole + 3 + 2 * (n + 1) + 2 * m + 1 + s->events + 1);
 }
 
 size_t equations_bytes(const struct sizes *sizes) {
@@ -47,7 +47,8 @@ void equations_bind(struct equations *e, const struct sizes *sizes, const struct
     e->account = memory;
     e->account->weakest = e->account->worst = -1;
     e->account->soundness = INFINITY;
-    e->p = at, at += sizes->parameters + 1;
+    e->p = at, at += sizes->parameters + sizes->derived + 1;
+    e->tangent_p = at, at += sizes->parameters + sizes->tangent_derived + 1;
     e->work = at, at += sizes->work + 1;
     e->factors = at, at += sizes->work + 1;
     e->out = at, at += 2 * whole;
@@ -59,6 +60,17 @@ void equations_bind(struct equations *e, const struct sizes *sizes, const struct
     e->errors = at, at += 2 * m + 1;
     e->gaps = at;
     e->dropped = (char *)memory + e->bytes - ((size_t)m + 16) / 16 * 16;
+}
+
+void set_up_with(kernel setup, long parameters, real *p) {
+    if (setup != NULL)
+        setup(NULL, NULL, NULL, p, NULL, p + parameters);
+}
+
+void set_up(struct equations *e) {
+    copy(e->p, e->sizes.parameters, e->tangent_p);
+    set_up_with(e->kernels.setup, e->sizes.parameters, e->p);
+    set_up_with(e->kernels.tangent_setup, e->sizes.parameters, e->tangent_p);
 }
 
 void accelerate(struct equations *e, real t, const real *y) {

@@ -40,6 +40,8 @@ struct kernels {
     kernel residual;             /* of (q'', lambda) in work, into out */
     kernel events;               /* out = g, one value an event */
     kernel tangent;              /* slopes of the residual by (q, u), with (q'', lambda) in work, for implicit methods */
+    kernel setup;                /* what depends on parameters alone: p + parameters = out, for all of them but tangent */
+    kernel tangent_setup;        /* the same for tangent, which is of other equations */
 };
 
 /* Sizes and limits of a model. */
@@ -47,6 +49,7 @@ struct sizes {
     long n, m;             /* coordinates, constraints */
     long extra;            /* 1 when the work of loads without potential is integrated along */
     long parameters;
+    long derived, tangent_derived; /* reals that `setup` and `tangent_setup` write */
     long work;             /* reals of work memory that the largest kernel needs */
     long first_pivot;      /* where `factor` leaves the pivots in its work: pairs (pivot, sum of own-signed terms) */
     long redundant;        /* constraints that follow from the others everywhere: so many pivots must be lost */
@@ -95,7 +98,8 @@ struct equations {
     double finest;           /* the absolute tolerance of the run; 0 where none judges what is left of errors */
     size_t bytes;            /* of the memory below */
     struct account *account; /* first in that memory; everything behind it holds no pointers either */
-    real *p;                 /* parameters */
+    real *p;                 /* parameters, and behind them what `setup` makes of them */
+    real *tangent_p;         /* the same as `tangent` takes them */
     real *work, *factors;    /* work of `accelerations`, and of `factor` */
     real *out;               /* (q'', lambda) after accelerate; (Phi, scales) after position_error */
     real *rates;             /* dPhi/dt after velocity_error */
@@ -110,8 +114,15 @@ struct equations {
 /* Bytes of memory for equations of these sizes, without the struct itself. */
 size_t equations_bytes(const struct sizes *sizes);
 
-/* Fill in `e` over zeroed memory of that size, aligned for every type. Parameters are set by the caller in e->p. */
+/* Fill in `e` over zeroed memory of that size, aligned for every type. The caller then sets the parameters in e->p and
+ * calls set_up. */
 void equations_bind(struct equations *e, const struct sizes *sizes, const struct kernels *kernels, void *memory);
+
+/* Compute what depends on parameters alone: whenever e->p was set, before anything else. */
+void set_up(struct equations *e);
+
+/* Call a set-up kernel, if there is one, on so many parameters. */
+void set_up_with(kernel setup, long parameters, real *p);
 
 /* Leave accelerations and multipliers in e->out, refined where the model has a residual. */
 void accelerate(struct equations *e, real t, const real *y);

@@ -32,6 +32,7 @@ static struct sizes as_equations(const struct loop_sizes *s) {
     made.m = ROWS;
     made.extra = 1;
     made.parameters = s->parameters;
+    made.derived = s->derived;
     made.work = s->work;
     made.rank_tolerance = (double)RANK;
     return made;
@@ -68,6 +69,7 @@ void loop_bind(struct loop *l, const struct loop_sizes *sizes, const struct loop
     struct kernels none = {0};
     char *at = memory;
     none.energy = kernels->energy;
+    none.setup = kernels->setup;
     equations_bind(&l->base, &plain, &none, memory);
     l->base.of = &loop_behaviour;
     l->base.owner = l;

@@ -24,12 +24,14 @@ struct loop_kernels {
     kernel mass_matrix; /* out = inertia (n x n) */
     kernel outputs;
     kernel energy;      /* out = (kinetic, potential, power of what has no potential) */
+    kernel setup;       /* what depends on parameters alone, behind them */
 };
 
 /* Sizes of a loop, and which of its variables are what. */
 struct loop_sizes {
     long n;                      /* variables */
     long parameters, work, told; /* reals of parameters, of the largest work, and written by `outputs` */
+    long derived;                /* reals that `setup` writes */
     long solved, inputs, unknown, known; /* how many; their numbers stand in this order in `numbers` */
     long rank;                   /* of the screws of the solved variables, in general */
     double size;                 /* the length that displacements and moments are compared by [m] */

@@ -2,6 +2,7 @@
 
 #include <string.h>
 
+#include "lanes.h"
 #include "memory.h"
 
 /* Strides that are gone at once at most: tens of thousands of turns. */
@@ -9,14 +10,16 @@
 
 size_t motion_bytes(const struct equations *e, const long *sizes) {
     size_t reals = 1 + 2 * (size_t)(e->dim + 1) + (size_t)(e->dim + e->n + e->m + 1);
-    for (int i = 0; i < 4; i++)
+    for (int i = 0; i < WRITTEN; i++)
         reals += (size_t)sizes[i] + 1;
+    reals += 2 * (size_t)e->sizes.parameters;
     return rounded(sizeof(long)) + reals * sizeof(real);
 }
 
 void motion_bind(struct rigid_motion *m, struct equations *e, const struct motion_kernels *kernels, const long *sizes,
                  double stride, void *memory) {
-    real **written[] = {&m->motion, &m->joined, &m->turning, &m->loads};
+    real **written[] = {&m->motion, &m->joined, &m->turning, &m->loads, &m->p, &m->joints_p};
+    const long parameters = e->sizes.parameters;
     real *at = (real *)(void *)((char *)memory + rounded(sizeof(long)));
     m->e = e;
     m->kernels = *kernels;
@@ -27,10 +30,14 @@ void motion_bind(struct rigid_motion *m, struct equations *e, const struct motio
     m->y = at, at += e->dim + 1;
     m->began = at, at += e->dim + 1;
     m->still = at, at += e->dim + e->n + e->m + 1;
-    for (int i = 0; i < 4; i++) {
+    for (int i = 0; i < WRITTEN; i++) {
         *written[i] = at;
-        at += sizes[i] + 1;
+        at += sizes[i] + 1 + (i < OF_SETUP ? 0 : parameters);
     }
+    copy(e->p, parameters, m->p);
+    copy(e->p, parameters, m->joints_p);
+    set_up_with(kernels->setup, parameters, m->p);
+    set_up_with(kernels->joints_setup, parameters, m->joints_p);
 }
 
 void motion_start(struct rigid_motion *m, real t, const real *y) {
@@ -86,12 +93,12 @@ int motion_at(struct rigid_motion *m, real t) {
     const int status = moved(m, t);
     if (status != DONE)
         return status;
-    m->kernels.links(m->t, q, u, e->p, e->out, m->motion);
-    m->kernels.joints(m->t, q, u, e->p, e->out, m->joined);
+    m->kernels.links(m->t, q, u, m->p, e->out, m->motion);
+    m->kernels.joints(m->t, q, u, m->joints_p, e->out, m->joined);
     if (m->kernels.torque)
-        m->kernels.torque(m->t, q, u, e->p, e->out, m->turning);
+        m->kernels.torque(m->t, q, u, m->p, e->out, m->turning);
     if (m->kernels.loads)
-        m->kernels.loads(m->t, q, u, e->p, e->out, m->loads);
+        m->kernels.loads(m->t, q, u, m->p, e->out, m->loads);
     return DONE;
 }
 
@@ -99,10 +106,10 @@ int motion_at_rest(struct rigid_motion *m, real t) {
     const int status = motion_at(m, t);
     if (status != DONE)
         return status;
-    for (long k = 0; k < m->sizes[0] / MOTION; k++)
+    for (long k = 0; k < m->sizes[OF_LINKS] / MOTION; k++)
         for (int i = 2; i < MOTION; i++)
             m->motion[MOTION * k + i] = 0;
-    memset(m->loads, 0, (size_t)m->sizes[3] * sizeof(real));
-    m->kernels.joints(m->t, m->y, m->still, m->e->p, m->still, m->joined);
+    memset(m->loads, 0, (size_t)m->sizes[OF_LOADS] * sizeof(real));
+    m->kernels.joints(m->t, m->y, m->still, m->joints_p, m->still, m->joined);
     return DONE;
 }

@@ -13,7 +13,7 @@ int find_slopes(struct equations *e, real t, const real *y, real *values, real *
     if (entries == 0)
         return DONE;
     accelerate(e, t, y);
-    e->kernels.tangent(&t, y, u, e->p, e->out, values);
+    e->kernels.tangent(&t, y, u, e->tangent_p, e->out, values);
     /* The entries come column by column: each column of the residual's slopes is a right-hand side. */
     for (long k = 0; k < entries;) {
         long column = places[3 * k + 1];
