@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import argparse
 import ctypes
-import functools
 import os
 import re
 import subprocess
@@ -28,7 +27,7 @@ import symgen
 from symgen.compiler import find_compiler
 from symgen.errors import SymgenError
 from symgen.making import Tools
-from symgen.runtime import _beams, _core, _loop
+from symgen.runtime import _beams, _core
 from symgen.runtime.beam_methods import BEAM_METHODS
 from symgen.runtime.elastic_model import ElasticModel
 from symgen.runtime.elastic_motion import ElasticMotion
@@ -291,7 +290,6 @@ def inside(names: Sequence[str]) -> None:
     """Go through these scenes in a process that the sanitizer's library was loaded into."""
     core = Tools(find_compiler()).core()
     _core.DOUBLE = core
-    _loop.LoopEquations = functools.partial(_loop.LoopEquations, core=core)
     np.seterr(all="ignore")
     for name in names:
         try:

@@ -234,7 +234,7 @@ def _model(text: SceneText, tools: Tools, description: Any, library: Library) ->
 
 def _typed(text: SceneText, tools: Tools, base: Described, lanes: bool) -> Library:
     """Return the kernels of a scene in the type that was asked for, for one state a call or for many."""
-    from symgen.runtime.description import Description
+    from symgen.runtime.description import Description, kernel_infos
 
     made = replace(tools, compiler=None) if tools.digits else tools
 
@@ -247,7 +247,8 @@ def _typed(text: SceneText, tools: Tools, base: Described, lanes: bool) -> Libra
                 system = with_redundancy(system)
             program, equations, sources = made.lowered(system, lanes)
         compilation = made.written(program, sources, folder, lanes)
-        description = replace(base, equations=equations)
+        # Of more digits, other constants may be equal.
+        description = replace(base, equations=equations, kernels=kernel_infos(program.kernels))
         return description, made.opened(folder, description, compilation)
 
     name = f"{made.digits}-digits" if made.digits else made.precision.name

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -21,7 +22,7 @@ from symgen.report.summary import freedom_lines
 from symgen.runtime import _core
 from symgen.runtime.evaluate import Evaluator
 from symgen.runtime.integrators import INTEGRATORS
-from symgen.runtime.library import _KERNEL, Library
+from symgen.runtime.library import _KERNEL
 from symgen.scene.loading import read_scene
 from symgen.scene.resolve import resolve
 
@@ -146,7 +147,7 @@ def counting(library, calls):
 
     owner = {name: counted(name, address) for name, address in library.addresses.items()}
     addresses = {name: ctypes.cast(f, ctypes.c_void_p).value for name, f in owner.items()}
-    return Library(library.backend, addresses, (library.owner, owner))
+    return replace(library, addresses=addresses, owner=(library.owner, owner))
 
 
 def damped():

@@ -144,7 +144,7 @@ class Batch:
             _given(self._parameters[None, :], None),
             _given(states.work, states.rest, info.work_size),
         )
-        memory_size = self._size * (sum(g.size for g in given) + self.description.derived + info.out_size)
+        memory_size = self._size * (sum(g.size for g in given) + self.library.derived + info.out_size)
         results = info.out_size, high.strides[0] // high.itemsize, _pointer(high), _pointer(low)
         address = self.library.addresses[info.name]
 
@@ -165,8 +165,8 @@ class Batch:
 
     def _with_derived(self, given: Rows) -> Rows:
         """Return parameters as functions in Python take them; generated C does the same by itself."""
-        taken = np.concatenate([given, np.zeros((self.description.derived, 1), self.dtype)])
-        if self.description.derived:
+        taken = np.concatenate([given, np.zeros((self.library.derived, 1), self.dtype)])
+        if self.library.derived:
             self.library.functions["setup"](None, None, None, taken, None, taken[len(given) :])
         return taken
 

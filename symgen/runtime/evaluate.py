@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from symgen.errors import ModelError
 from symgen.runtime import _core
-from symgen.runtime.description import BlockInfo, Described, Description, KernelInfo
+from symgen.runtime.description import BlockInfo, Description, KernelInfo
 from symgen.runtime.library import Library
 from symgen.runtime.tangent import places
 from symgen.runtime.typed import Typed
@@ -33,7 +33,7 @@ class Evaluator:
     @cached_property
     def parameters(self) -> Array:
         """The parameters as the kernels take them: see :func:`as_taken`."""
-        return as_taken(self.library, self.description, self.given)
+        return as_taken(self.library, self.given)
 
     def has(self, kernel: str) -> bool:
         """Tell whether the model has this kernel."""
@@ -81,7 +81,8 @@ class Evaluator:
         """
         d = self.description
         own = typed if typed and not typed.is_plain else None
-        addresses = own.kernels(False).addresses if own else self.library.addresses
+        library = own.kernels(False) if own else self.library
+        addresses = library.addresses
         entries = None
         if tangent is not None:
             # Its kernels are of other equations, with a set-up of their own.
@@ -103,19 +104,19 @@ class Evaluator:
             core=own.stepping if own else _core.DOUBLE,
             stabilisation=stabilisation,
             tangent=() if entries is None else entries,
-            derived=d.derived,
-            tangent_derived=tangent.description.derived if tangent else 0,
+            derived=library.derived,
+            tangent_derived=tangent.library.derived if tangent else 0,
         )
 
 
-def as_taken(library: Library, description: Described, values: Sequence[float] | Array) -> Array:
+def as_taken(library: Library, values: Sequence[float] | Array) -> Array:
     """Return parameters in double precision as the kernels of a library take them.
 
     They are those given, then what the kernel 'setup' makes of them, and a zero, so that none is empty. Runs
     do the same in their own type, in ``set_up`` of the core, and batches in the generated C.
     """
-    taken = np.array([*values, *np.zeros(description.derived + 1)])
-    if description.derived:
+    taken = np.array([*values, *np.zeros(library.derived + 1)])
+    if library.derived:
         _core.set_up(library.addresses["setup"], taken, len(values))
     return taken
 

@@ -35,6 +35,8 @@ class Library:
         Address of each by name.
     owner
         Keeps them alive.
+    derived
+        How many numbers the kernel 'setup' leaves behind the parameters; 0 where there is none.
     functions
         Those in Python, each taking arrays (entries, states); empty for all others.
     provenance
@@ -44,6 +46,7 @@ class Library:
     backend: str
     addresses: Mapping[str, int]
     owner: Any
+    derived: int = 0
     functions: Mapping[str, Callable[..., None]] = field(default_factory=dict)
     provenance: Mapping[str, str] = field(default_factory=dict)
 
@@ -68,7 +71,7 @@ def open_library(path: Path, description: Described) -> Library:
         raise StaleBinaryError(f"cannot use the compiled kernels {path}: {error}") from None
     _check_tag(tag, description.equations, str(path))
     addresses = {name: ctypes.cast(f, ctypes.c_void_p).value or 0 for name, f in functions.items()}
-    return Library("c", addresses, library)
+    return Library("c", addresses, library, description.derived)
 
 
 def open_core(path: Path) -> Core:
@@ -97,7 +100,7 @@ def open_shipped(description: Described) -> Library | None:
         return None
     if description.equations != module.EQUATIONS:
         return None
-    return Library("shipped", module.ADDRESSES, module)
+    return Library("shipped", module.ADDRESSES, module, description.derived)
 
 
 def shipped_module(name: str) -> ModuleType:
@@ -195,7 +198,7 @@ def _in_python(
         sizes = tuple(dtype.itemsize * k for k in entries)
         callbacks[kernel.name] = _KERNEL(_over_pointers(functions[kernel.name], sizes, dtype))
     addresses = {name: ctypes.cast(c, ctypes.c_void_p).value or 0 for name, c in callbacks.items()}
-    return Library(backend, addresses, callbacks, functions)
+    return Library(backend, addresses, callbacks, description.derived, functions)
 
 
 def _over_pointers(function: Callable[..., None], sizes: tuple[int, ...], dtype: Any) -> Callable[..., None]:

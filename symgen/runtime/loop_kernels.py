@@ -36,7 +36,7 @@ class LoopKernels:
         self.description, self.library = description, library
         self.typed = None if typed is None or typed.is_plain else typed
         self.given = np.array(parameters, dtype=float)
-        self.parameters = as_taken(library, description, self.given)
+        self.parameters = as_taken(library, self.given)
         self.work_size = max(description.work_size, description.coordinates + 6)
         self.inputs = description.having("input")
         names = [description.variables[i].name for i in self.inputs]
@@ -64,16 +64,19 @@ class LoopKernels:
 
     def equations(self, solved: Sequence[int], rank: int) -> _loop.LoopEquations:
         """Return the compiled view of the kernels in double precision: solves for these variables."""
-        derived = self.description.derived
-        return _loop.LoopEquations(self.library.addresses, *self._arguments(solved, rank), derived=derived)
+        return self._made_of(self.library, _core.DOUBLE, solved, rank)
 
     def stepping(self, solved: Sequence[int], rank: int) -> _loop.LoopEquations:
         """Return the same in the type that was asked for: what follows inputs and runs."""
         if self.typed is None:
             return self.equations(solved, rank)
-        addresses = self.typed.kernels(False).addresses
-        arguments, derived = self._arguments(solved, rank), self.description.derived
-        return _loop.LoopEquations(addresses, *arguments, core=self.typed.stepping, derived=derived)
+        return self._made_of(self.typed.kernels(False), self.typed.stepping, solved, rank)
+
+    def _made_of(
+        self, library: Library, core: _core.Core, solved: Sequence[int], rank: int
+    ) -> _loop.LoopEquations:
+        arguments = self._arguments(solved, rank)
+        return _loop.LoopEquations(library.addresses, *arguments, core=core, derived=library.derived)
 
     def _arguments(self, solved: Sequence[int], rank: int) -> tuple[Any, ...]:
         d = self.description

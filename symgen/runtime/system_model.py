@@ -78,7 +78,7 @@ class SystemModel:
         if np.size(work):
             memory[: self.description.size("work")] = self._array("work", work)[:-1]
         out = np.zeros(info.out_size + 1)
-        parameters = as_taken(self._library, self.description, self._array("p", p)[:-1])
+        parameters = as_taken(self._library, self._array("p", p)[:-1])
         given = self._array("q", q), self._array("u", u), parameters
         _core.call(self._library.addresses[kernel], np.array([float(t)]), *given, memory, out)
         return {b.name: part(out, b) for b in info.blocks}
