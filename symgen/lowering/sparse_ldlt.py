@@ -8,7 +8,7 @@ cancelled is set to zero: its row follows from those before it.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 from symgen.errors import DerivationError
@@ -78,13 +78,19 @@ def factor(
     lower: dict[tuple[int, int], Node] = {}
     pivot: dict[int, Node] = {}
     sound: dict[int, Node] = {}
+    watched = tolerance is not None
+
+    def total(plus: Iterable[Node], minus: Iterable[Node] = ()) -> Node:
+        # Where pivots may nearly vanish what cancels is left as it stands: see `solve`.
+        return add(plus, minus) if watched else fewest(line, plus, minus)
+
     for k in order:
         # Terms from unknowns of the other kind have the sign of this pivot; those of its own kind cancel.
-        of_sign = fewest(line, kept.get((k, k), ()), _of_kind(taken, k, primal, same=False))
+        of_sign = total(kept.get((k, k), ()), _of_kind(taken, k, primal, same=False))
         if of_sign == ZERO:
             raise DerivationError(f"nothing determines {labels[k]}: its pivot is zero whatever the state")
         cancelling = _of_kind(taken, k, primal, same=True)
-        if k >= primal and tolerance is None:
+        if k >= primal and not watched:
             of_sign, cancelling = add([of_sign], cancelling), []
         sound[k] = line.name(of_sign, f"s{k}")
         pivot[k] = line.name(add([sound[k]], cancelling), f"d{k}")
@@ -95,19 +101,17 @@ def factor(
         inverse[k] = line.name(one_over, f"r{k}")
         rows = sorted(below[k], key=place.__getitem__)
         column = {
-            i: line.name(
-                fewest(line, kept.get((i, k), ()), (x for _, x in taken.get((i, k), ()))), f"a{i}_{k}"
-            )
+            i: line.name(total(kept.get((i, k), ()), (x for _, x in taken.get((i, k), ()))), f"a{i}_{k}")
             for i in rows
         }
         rows = [i for i in rows if column[i] != ZERO]
         for n, i in enumerate(rows):
-            lower[i, k] = line.name(fewest(line, [multiply(column[i], inverse[k])]), f"l{i}_{k}")
+            lower[i, k] = line.name(total([multiply(column[i], inverse[k])]), f"l{i}_{k}")
             for j in rows[: n + 1]:
                 taken.setdefault((i, j), []).append((k, multiply(lower[i, k], column[j])))
                 if i != j:
                     below[j].add(i)
-    return Factor(tuple(order), inverse, lower, pivot, sound, tolerance is not None)
+    return Factor(tuple(order), inverse, lower, pivot, sound, watched)
 
 
 def _of_kind(taken: _Taken, k: int, primal: int, *, same: bool) -> list[Node]:
