@@ -10,7 +10,7 @@ import pytest
 from rich.console import Console
 
 import symgen
-from symgen.errors import ModelError
+from symgen.errors import ModelError, SimulationError
 from symgen.report.elastic import print_elastic_result
 from symgen.runtime.elastic_result import is_stable
 from symgen.scene.loading import read_scene
@@ -154,3 +154,9 @@ def test_stress_without_that_of_the_axial_force_is_told():
     assert not any(
         "constant length" in n for n in symgen.build("elastic_slider_crank").run("quasi-static").notes
     )
+
+
+def test_links_too_stiff_for_an_explicit_method_are_said_to_be():
+    stiff = symgen.build("elastic_four_bar", set={"E": "1e24 Pa"})
+    with pytest.raises(SimulationError, match="too stiff for this method.*\n.*gauss"):
+        stiff.run("dop853")

@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.lib.npyio import NpzFile
 from numpy.typing import NDArray
 
 from symgen.atomic import replacing
@@ -139,7 +140,7 @@ def resume(file: str | os.PathLike[str], run: _core.Run, mark: str) -> float:
     """
     path = Path(file)
     try:
-        with path.open("rb") as stream, np.load(stream, allow_pickle=False) as stored:
+        with path.open("rb") as stream, NpzFile(stream, allow_pickle=False) as stored:
             header: dict[str, Any] = json.loads(str(stored["header"]))
             found = {name: stored[name] for name in stored.files if name != "header"}
         known, theirs, stopped, spent = (header[k] for k in ("symgen_checkpoint", "mark", "t", "wall_s"))

@@ -222,6 +222,12 @@ class ElasticMotion:
                 "cannot be assembled beyond\n"
                 "  Change the lengths so that it closes at every angle of the crank."
             )
+        elif status in (_core.STEP_TOO_SMALL, _core.MORE):
+            problem = (
+                f"the steps are too short for the run to come to its end at crank angle {at}: the links are "
+                "too stiff for this method, or the tolerance cannot be met\n"
+                "  Take method gauss, or a larger rtol."
+            )
         else:
             problem = f"a number that is not finite appeared at crank angle {at}"
         raise SimulationError(f"{d.file or d.title}: {problem}", time=t)

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
+from numpy.lib.npyio import NpzFile
 from numpy.typing import NDArray
 
 from symgen.errors import ResultError, nearest
@@ -341,5 +342,5 @@ def _read_netcdf(path: Path) -> tuple[dict[str, Array], str]:
 
 
 def _read_npz(path: Path) -> tuple[dict[str, Array], str]:
-    with np.load(path, allow_pickle=False) as stored:
+    with path.open("rb") as stream, NpzFile(stream, allow_pickle=False) as stored:
         return {n: stored[n] for n in stored.files if n != "symgen"}, str(stored["symgen"])

@@ -125,6 +125,9 @@ def test_bad_files_are_refused(model, tmp_path):
     broken.write_bytes(b"PK\x03\x04 not a checkpoint")
     with pytest.raises(ResultError, match="broken"):
         model.simulate(1.0, resume=broken)
+    broken.write_bytes(b"not even an archive")  # for which NumPy would propose to trust it
+    with pytest.raises(ResultError, match="broken: File is not a zip file"):
+        model.simulate(1.0, resume=broken)
     with pytest.raises(ResultError, match="there is no checkpoint"):
         model.simulate(1.0, resume=tmp_path / "none")
     with pytest.raises(ResultError, match="there is no folder"):
