@@ -238,10 +238,12 @@ int project_positions(struct equations *e, real t, real *y) {
     return e->sizes.redundant && !(e->account->missed <= e->sizes.slack) ? CONTRADICTED : DONE;
 }
 
-/* Rates that rounding leaves, where the run's tolerance is far above them; else what is left of a rate counts as error
- * of the next step, and all that can be taken off is. */
+/* Rates that rounding leaves, where the run's tolerance is far above them. Without one, and near a loss of rank, which
+ * magnifies them, all that can be taken off is. */
 static real rounding_of_rates(const struct equations *e, const real *y) {
     real speed = 0;
+    if (e->account->soundness < NEAR)
+        return 0;
     for (long i = e->n; i < 2 * e->n; i++)
         speed = real_fmax(speed, real_fabs(y[i]));
     return REAL_EPSILON * speed < R(LEFT) * R(e->finest) ? REAL_EPSILON * speed : 0;

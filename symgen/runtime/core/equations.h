@@ -71,6 +71,9 @@ struct account {
     long evaluations, factorisations;
 };
 
+/* Constraints nearer to a loss of rank than this magnify errors across them too much. */
+#define NEAR 1e-2
+
 struct equations;
 
 /* What a run asks of equations. Models of rods use `kernel_behaviour`; equations written elsewhere (loops and

@@ -161,9 +161,8 @@ real largest_of(const real *v, long count);
 
 /* -- parts of the loop, a file each ------------------------------------------------------------------------ */
 
-/* Constraints nearer to a loss of rank than these: passed one; magnify errors across them too much. */
+/* Constraints nearer to a loss of rank than this passed one. */
 #define PASSAGE 1e-6
-#define NEAR 1e-2
 
 void watch_rank(struct run *run, real t_new, double sound);
 int record_samples(struct run *run, real t_new, real until, real h, double sound, int *prepared);
