@@ -1,6 +1,6 @@
 """Run by a test: kills runs at random moments and resumes each; prints what came of it as JSON.
 
-Arguments: a folder, and how often. Each run is a process of its own, forked from this one.
+Arguments: a scene, a folder, and how often. Each run is a process of its own, forked from this one.
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ def bits(result):
 
 
 def main():
-    folder, times = Path(sys.argv[1]), int(sys.argv[2])
-    model = symgen.build("parallelogram")
+    folder, times = Path(sys.argv[2]), int(sys.argv[3])
+    model = symgen.build(sys.argv[1])
     begun = time.perf_counter()
     whole = bits(model.simulate(**OPTIONS))
     lasts = time.perf_counter() - begun

@@ -28,8 +28,9 @@ def said(command, **more):
     return done.returncode, done.stdout, done.stderr
 
 
-def test_killed_at_a_random_moment_and_resumed_twenty_times_of_twenty(tmp_path):
-    code, out, err = said([sys.executable, str(HERE / "killed_runs.py"), str(tmp_path), "20"])
+@pytest.mark.parametrize("scene", ["parallelogram", "cssp"])
+def test_killed_at_a_random_moment_and_resumed_twenty_times_of_twenty(scene, tmp_path):
+    code, out, err = said([sys.executable, str(HERE / "killed_runs.py"), scene, str(tmp_path), "20"])
     assert code == 0, err
     found = json.loads(out)
     assert found["same"] == 20
@@ -71,8 +72,17 @@ def test_on_the_command_line(tmp_path):
         (["parallelogram", "--resume", "none"], "there is no checkpoint none"),
         (["parallelogram", "--checkpoint", "none/file"], "there is no folder none"),
         (["parallelogram", "--checkpoint", "file", "--every", "-1"], "number of seconds"),
-        (["bennett", "--checkpoint", "file"], "--checkpoint: for the motion of linkages"),
-        (["elastic_four_bar", "--resume", "file"], "--resume: for the motion of linkages"),
+        (
+            ["bennett", "--checkpoint", "file"],
+            "--checkpoint: for linkages of points and links, and free loops",
+        ),
+        (["cssp", "--every", "1"], "say where, with --checkpoint"),
+        (["cssp", "--resume", "none"], "there is no checkpoint none"),
+        (["cssp", "--stabilisation-rate", "5"], "for linkages of points and links only"),
+        (
+            ["elastic_four_bar", "--resume", "file"],
+            "--resume: for linkages of points and links, and free loops",
+        ),
     ],
 )
 def test_what_makes_no_sense_is_refused(options, words, tmp_path):

@@ -63,13 +63,16 @@ def run(
     ] = None,
     stabilisation: Annotated[
         str | None,
-        typer.Option(help="How constraints are kept: projection; for comparison only baumgarte, raw."),
+        typer.Option(
+            help="How constraints are kept: projection; for comparison only baumgarte (not of loops), raw."
+        ),
     ] = None,
     stabilisation_rate: Annotated[
         float | None, typer.Option(help="Rate of Baumgarte's terms [1/s] (10).")
     ] = None,
     max_drift: Annotated[
-        float | None, typer.Option(help="Error of a constraint [m] that ends the run; none when absent.")
+        float | None,
+        typer.Option(help="Error of a constraint or of closure [m] that ends the run; none when absent."),
     ] = None,
     checkpoint: Annotated[
         Path | None, typer.Option(help="A file that is given the run's state now and then.")
@@ -143,10 +146,10 @@ def run(
     model: Any = build_asked(scene, set=changes(set_), backend=backend, **types)
     of_elastic: _Options = {"revolutions": revolutions, "steps": steps, "segments": segments, "form": form}
     of_elastic["geometric_stiffness"] = geometric_stiffness
-    of_linkages: _Options = {"stabilisation": stabilisation, "stabilisation_rate": stabilisation_rate}
-    of_linkages |= {"max_drift": max_drift, "checkpoint": checkpoint, "every": every, "resume": resume}
+    in_time: _Options = {"stabilisation": stabilisation, "stabilisation_rate": stabilisation_rate}
+    in_time |= {"max_drift": max_drift, "checkpoint": checkpoint, "every": every, "resume": resume}
     with _kept_of_a_failure(out):
-        result = _result(model, _Asked(asked, at, samples, through, of_elastic, of_linkages), as_json)
+        result = _result(model, _Asked(asked, at, samples, through, of_elastic, in_time), as_json)
     write_files(result, out, plot)
     _show(result, model, as_json)
 
@@ -163,14 +166,14 @@ def _unusual(types: _Options) -> _Options:
 
 @dataclass(frozen=True, slots=True)
 class _Asked:
-    """What is asked for of a run, by option: of any, and of the two kinds that have options of their own."""
+    """What is asked for of a run, by option: of any, of elastic links, and of motions found in time."""
 
     steps: _Options
     at: list[str] | None
     samples: int | None
     through: bool
     of_elastic: _Options
-    of_linkages: _Options
+    in_time: _Options
 
 
 def _result(model: Any, asked: _Asked, as_json: bool) -> Result:
@@ -182,7 +185,7 @@ def _result(model: Any, asked: _Asked, as_json: bool) -> Result:
     elastic, on_values = isinstance(model, ElasticModel), bool(asked.at or asked.through)
     if not elastic:
         _refuse(asked.of_elastic, f": for elastic links only, and {model.name} has none")
-    kept = _of_linkages(model, on_values, asked.of_linkages)
+    kept = _in_time(model, on_values, asked.in_time)
     if is_kinematic(model):
         t_end = asked.steps["t_end"]
         options = {"at": asked.at or None, **asked.steps, "t_end": None}
@@ -205,12 +208,17 @@ def _refuse(options: _Options, why: str) -> None:
         raise ModelError(f"{', '.join(given)}{why}")
 
 
-def _of_linkages(model: Any, driven: bool, given: _Options) -> _Options:
-    """Return the options, of those given, that only the motion of linkages of points and links has."""
+def _in_time(model: Any, driven: bool, given: _Options) -> _Options:
+    """Return the options, of those given, that only motions found in time have."""
+    from symgen.runtime.loop_model import LoopModel
     from symgen.runtime.model import Model
 
-    if not isinstance(model, Model) or driven:
-        _refuse(given, ": for the motion of linkages of points and links only")
+    if not isinstance(model, Model | LoopModel) or model.is_driven or driven:
+        _refuse(given, ": for linkages of points and links, and free loops, whose motion is found in time")
+    if isinstance(model, LoopModel):
+        _refuse(
+            {"stabilisation_rate": given["stabilisation_rate"]}, ": for linkages of points and links only"
+        )
     kept = {name: value for name, value in given.items() if value is not None}
     if "every" in kept:
         if "checkpoint" not in kept:

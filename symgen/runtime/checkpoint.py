@@ -14,15 +14,16 @@ import time
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from symgen.atomic import replacing
-from symgen.errors import ResultError
+from symgen.errors import ModelError, ResultError
 from symgen.runtime import _core
-from symgen.runtime.evaluate import Evaluator
+from symgen.runtime.arguments import is_real
+from symgen.runtime.description import Described
 from symgen.runtime.library import Library
 from symgen.runtime.options import Options
 
@@ -32,17 +33,30 @@ FORMAT = 2
 EVERY = 10.0
 
 
+class Kernels(Protocol):
+    """Kernels of a model at one set of parameters."""
+
+    @property
+    def description(self) -> Described:
+        """What is known of the model."""
+
+    @property
+    def parameters(self) -> Array:
+        """Its parameters, in SI units."""
+
+
 def mark_of(
-    evaluator: Evaluator,
+    kernels: Kernels,
     library: Library,
-    equations: _core.Equations,
+    equations: _core.Integrable,
     chosen: Options,
     t0: float,
     y0: Array,
+    *more: object,
 ) -> str:
     """Return what tells one run from another: a hash of all that its numbers depend on.
 
-    ``library`` are the kernels that it goes through.
+    ``library`` are the kernels that it goes through, ``more`` what else its numbers depend on.
     """
     from symgen import __version__
 
@@ -52,11 +66,11 @@ def mark_of(
         __version__,
         platform.machine(),
         platform.system(),
-        evaluator.description.equations,
+        kernels.description.equations,
         library.backend,
         sorted(library.provenance.items()),
         equations.core_type.name,
-        evaluator.parameters.tobytes().hex(),
+        kernels.parameters.tobytes().hex(),
         method.name,
         method.kind,
         method.counts,
@@ -64,6 +78,7 @@ def mark_of(
         options,
         t0,
         y0.tobytes().hex(),
+        *more,
     )
     return hashlib.sha256(repr(told).encode()).hexdigest()
 
@@ -96,6 +111,52 @@ class Checkpoints:
         if self.file is not None and now - self.written >= self.every:
             write(self.file, run, self.mark, self.spent + wall)
             self.written = now
+
+
+@dataclass(frozen=True, slots=True)
+class Keeping:
+    """Where a run leaves checkpoints, how often [s of wall time], and the one it goes on from."""
+
+    file: Path | None
+    every: float
+    resume: Path | None
+
+    def of(self, run: _core.Run, mark: str) -> Checkpoints:
+        """Return what keeps a run that has not begun, which goes on from where it was left, if from anywhere.
+
+        Raises
+        ------
+        ResultError
+            When the checkpoint to go on from is missing, broken, or of another run.
+        """
+        spent = 0.0 if self.resume is None else resume(self.resume, run, mark)
+        return Checkpoints(mark, self.file, self.every, spent)
+
+
+def keeping(
+    file: str | os.PathLike[str] | None, every: float, resumed: str | os.PathLike[str] | None
+) -> Keeping | None:
+    """Check what is asked for checkpoints; None when nothing is.
+
+    Raises
+    ------
+    ModelError, ResultError
+        When the time is none, or the file cannot be written.
+    """
+    if file is None and resumed is None:
+        return None
+    for given in (file, resumed):
+        if given is not None and not isinstance(given, str | os.PathLike):
+            raise ModelError(f"expected the path of a checkpoint, got {given!r}")
+    if not (is_real(every) and every >= 0):
+        raise ModelError(f"expected checkpoint_every to be a number of seconds, got {every!r}")
+    path = None if file is None else Path(file)
+    if path is not None and not path.parent.is_dir():
+        raise ResultError(f"cannot write the checkpoint {path}: there is no folder {path.parent}")
+    if path is not None and (path.is_dir() or not os.access(path.parent, os.W_OK)):
+        what = "it is a folder" if path.is_dir() else f"nothing can be written into {path.parent}"
+        raise ResultError(f"cannot write the checkpoint {path}: {what}")
+    return Keeping(path, every, None if resumed is None else Path(resumed))
 
 
 def write(file: Path, run: _core.Run, mark: str, wall: float) -> None:
