@@ -194,7 +194,7 @@ def _result(model: Any, asked: _Asked, as_json: bool) -> Result:
         return driven_run(model, asked.at, asked.samples, asked.through, asked.steps)
     with progress_bar(model.description.title, as_json) as progress:
         if elastic:
-            options = {**asked.steps, "through": asked.through or None, **asked.of_elastic}
+            options = {**asked.steps, "through": asked.through or None, **asked.of_elastic, **kept}
             return elastic_run(model, asked.at, asked.samples, options, progress)
         samples = 201 if asked.samples is None else asked.samples
         result: Result = model.simulate(**asked.steps, **kept, samples=samples, progress=progress)
@@ -210,11 +210,16 @@ def _refuse(options: _Options, why: str) -> None:
 
 def _in_time(model: Any, driven: bool, given: _Options) -> _Options:
     """Return the options, of those given, that only motions found in time have."""
+    from symgen.pipeline import is_kinematic
+    from symgen.runtime.elastic_model import ElasticModel
     from symgen.runtime.loop_model import LoopModel
-    from symgen.runtime.model import Model
 
-    if not isinstance(model, Model | LoopModel) or model.is_driven or driven:
-        _refuse(given, ": for linkages of points and links, and free loops, whose motion is found in time")
+    elastic = isinstance(model, ElasticModel)
+    if is_kinematic(model) or model.is_driven or (driven and not elastic):
+        _refuse(given, ": for motions that are found step by step in time")
+    if elastic:
+        of_constraints = ("stabilisation", "stabilisation_rate", "max_drift")
+        _refuse({name: given[name] for name in of_constraints}, " does not go with elastic links")
     if isinstance(model, LoopModel):
         _refuse(
             {"stabilisation_rate": given["stabilisation_rate"]}, ": for linkages of points and links only"

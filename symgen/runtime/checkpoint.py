@@ -54,14 +54,24 @@ def mark_of(
     y0: Array,
     *more: object,
 ) -> str:
-    """Return what tells one run from another: a hash of all that its numbers depend on.
+    """Return what tells one run of the step loop from another; see :func:`mark_of_kernels`.
 
-    ``library`` are the kernels that it goes through, ``more`` what else its numbers depend on.
+    ``more`` is what its numbers depend on besides.
+    """
+    method = chosen.method
+    options = [getattr(chosen, name) for name in chosen.__slots__ if name not in ("method", "max_steps")]
+    numbers = np.asarray(method.numbers).tobytes().hex()
+    how = (method.name, method.kind, method.counts, numbers, options, t0, y0.tobytes().hex())
+    return mark_of_kernels(kernels, library, equations, *how, *more)
+
+
+def mark_of_kernels(kernels: Kernels, library: Library, equations: _core.Integrable, *more: object) -> str:
+    """Return a hash of all that a run's numbers depend on: symgen, machine, kernels, parameters, and more.
+
+    ``library`` are the kernels that it goes through.
     """
     from symgen import __version__
 
-    method = chosen.method
-    options = [getattr(chosen, name) for name in chosen.__slots__ if name not in ("method", "max_steps")]
     told = (
         __version__,
         platform.machine(),
@@ -71,13 +81,6 @@ def mark_of(
         sorted(library.provenance.items()),
         equations.core_type.name,
         kernels.parameters.tobytes().hex(),
-        method.name,
-        method.kind,
-        method.counts,
-        np.asarray(method.numbers).tobytes().hex(),
-        options,
-        t0,
-        y0.tobytes().hex(),
         *more,
     )
     return hashlib.sha256(repr(told).encode()).hexdigest()
@@ -107,10 +110,17 @@ class Checkpoints:
 
     def look(self, run: _core.Run, wall: float) -> None:
         """Write a checkpoint if it is time; ``wall`` is the time of this part of the run [s]."""
+        file = self.due()
+        if file is not None:
+            write(file, run, self.mark, self.spent + wall)
+
+    def due(self) -> Path | None:
+        """Return the file if it is time to write it, and count from now."""
         now = time.perf_counter()
-        if self.file is not None and now - self.written >= self.every:
-            write(self.file, run, self.mark, self.spent + wall)
-            self.written = now
+        if self.file is None or now - self.written < self.every:
+            return None
+        self.written = now
+        return self.file
 
 
 @dataclass(frozen=True, slots=True)
@@ -168,18 +178,28 @@ def write(file: Path, run: _core.Run, mark: str, wall: float) -> None:
         When the file cannot be written.
     """
     equations, memory = run.save()
-    arrays: dict[str, Any] = {
+    arrays = {
         "equations": np.frombuffer(equations, np.uint8),
         "run": np.frombuffer(memory, np.uint8),
         "passages": np.array(run.passages, dtype=float).reshape(-1, 3),
         "events": np.array([event[:3] for event in run.events], dtype=float).reshape(-1, 3),
         "event_states": np.array([event[3] for event in run.events], dtype=float).reshape(-1, run.dim),
     }
+    store(file, mark, run.t, wall, arrays)
+
+
+def store(file: Path, mark: str, t: float, wall: float, arrays: Mapping[str, Any]) -> None:
+    """Write a checkpoint at a time [s] of the motion, after so much wall time [s], whole or not at all.
+
+    Raises
+    ------
+    ResultError
+        When the file cannot be written.
+    """
     header = {
         "symgen_checkpoint": FORMAT,
         "mark": mark,
-        "t": run.t,
-        "steps": run.steps,
+        "t": t,
         "wall_s": wall,
         "digest": _digest(arrays),
     }
@@ -198,12 +218,34 @@ def resume(file: str | os.PathLike[str], run: _core.Run, mark: str) -> float:
     ResultError
         When the file is missing, broken, or of another run.
     """
+    found, spent = stored(file, mark)
+    try:
+        run.restore(found["equations"].tobytes(), found["run"].tobytes())
+        run.passages.extend((t, sound, int(k)) for t, sound, k in found["passages"].tolist())
+        run.events.extend(
+            (t, int(i), bool(rising), state)
+            for (t, i, rising), state in zip(found["events"].tolist(), found["event_states"], strict=True)
+        )
+        return spent
+    except (KeyError, TypeError, ValueError) as error:
+        raise ResultError(f"{file} is not a whole checkpoint: {error}") from error
+
+
+def stored(file: str | os.PathLike[str], mark: str) -> tuple[dict[str, Any], float]:
+    """Return the arrays of a checkpoint, and the wall time spent till then [s].
+
+    Raises
+    ------
+    ResultError
+        When the file is missing, broken, or of another run.
+    """
     path = Path(file)
     try:
-        with path.open("rb") as stream, np.load(stream, allow_pickle=False) as stored:
-            header: dict[str, Any] = json.loads(str(stored["header"]))
-            found = {name: stored[name] for name in stored.files if name != "header"}
-        known, theirs, stopped, spent = (header[k] for k in ("symgen_checkpoint", "mark", "t", "wall_s"))
+        with path.open("rb") as stream, np.load(stream, allow_pickle=False) as archive:
+            header: dict[str, Any] = json.loads(str(archive["header"]))
+            found = {name: archive[name] for name in archive.files if name != "header"}
+        known, theirs = header["symgen_checkpoint"], header["mark"]
+        stopped, spent = float(header["t"]), float(header["wall_s"])
         if known == FORMAT and header["digest"] != _digest(found):
             raise ValueError("its bytes are not those that were written")
     except FileNotFoundError:
@@ -217,16 +259,7 @@ def resume(file: str | os.PathLike[str], run: _core.Run, mark: str) -> float:
             f"{path} is the checkpoint of another run, stopped at t = {stopped:g} s\n"
             "  Resume with the scene, parameters, options, machine and version of symgen it was begun with."
         )
-    try:
-        run.restore(found["equations"].tobytes(), found["run"].tobytes())
-        run.passages.extend((t, sound, int(k)) for t, sound, k in found["passages"].tolist())
-        run.events.extend(
-            (t, int(i), bool(rising), state)
-            for (t, i, rising), state in zip(found["events"].tolist(), found["event_states"], strict=True)
-        )
-        return float(spent)
-    except (KeyError, TypeError, ValueError) as error:
-        raise ResultError(f"{path} is not a whole checkpoint: {error}") from error
+    return found, spent
 
 
 def _digest(arrays: Mapping[str, Any]) -> str:

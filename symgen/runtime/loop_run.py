@@ -16,7 +16,7 @@ from symgen.runtime.options import Options
 from symgen.runtime.result import Drift, Result
 from symgen.runtime.simulate import drive
 from symgen.runtime.turn import converters, variables
-from symgen.runtime.typed import made_with
+from symgen.runtime.typed import library_of_runs, made_with
 
 Array = NDArray[np.float64]
 
@@ -58,7 +58,7 @@ def run(
     )
     checkpoints = None
     if keeping is not None:
-        library = kernels.typed.kernels(False) if kernels.typed else kernels.library
+        library = library_of_runs(kernels.library, kernels.typed)
         checkpoints = keeping.of(stepper, mark_of(kernels, library, equations, chosen, begin.t, y0))
     status, wall = drive(stepper, begin.t, chosen, progress, checkpoints)
     result = _recorded(kernels, equations, stepper, chosen, wall)

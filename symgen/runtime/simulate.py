@@ -18,7 +18,7 @@ from symgen.runtime.options import Options
 from symgen.runtime.recording import Recording
 from symgen.runtime.redundancy import slack
 from symgen.runtime.result import Result
-from symgen.runtime.typed import Typed
+from symgen.runtime.typed import Typed, library_of_runs
 
 Array = NDArray[np.float64]
 Progress = Callable[[float], None]
@@ -77,7 +77,7 @@ def run(
         directions=[e.direction for e in events] if events else (),
         terminal=[e.ends_run for e in events] if events else (),
     )
-    library = typed.kernels(False) if typed and not typed.is_plain else evaluator.library
+    library = library_of_runs(evaluator.library, typed)
     checkpoints = None
     if keeping is not None:
         checkpoints = keeping.of(stepper, mark_of(evaluator, library, equations, chosen, t0, y0))
