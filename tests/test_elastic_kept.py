@@ -69,6 +69,24 @@ def test_a_resumed_run_is_the_same_to_the_bit_wherever_it_was_stopped(
         assert bits(model.run(method, **asked, resume=file)) == bits(whole)
 
 
+def test_a_run_may_be_stopped_again_and_again(models, tmp_path, monkeypatch):
+    """Each time from the last checkpoint, which holds all that was found before, and the time that it took."""
+    model, file, asked = models["elastic_slider_crank"], tmp_path / "kept", {"rtol": 1e-6, "samples": 40}
+    whole = model.run("gauss", **asked)
+    kept, stops = {"checkpoint": file, "checkpoint_every": 0}, 0
+    while True:
+        try:
+            with monkeypatch.context() as patch:
+                stopped_after(29, patch)
+                found = model.run("gauss", **asked, **kept)
+            break
+        except Stopped:
+            kept["resume"] = file
+            stops += 1
+    assert stops > 3
+    assert bits(found) == bits(whole)
+
+
 @pytest.mark.parametrize("asked", [{"method": "rk4", "steps": 20000}, {"method": "dop853", "rtol": 1e-8}])
 @pytest.mark.parametrize("name", ["elastic_four_bar", "elastic_slider_crank"])
 def test_explicit_runs_resume(name, asked, models, tmp_path, monkeypatch):

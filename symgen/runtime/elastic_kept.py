@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from symgen.errors import ResultError
 from symgen.runtime.checkpoint import Checkpoints, Keeping, store, stored
 
 if TYPE_CHECKING:
@@ -43,7 +42,6 @@ class Stages:
         self._left: dict[str, Array] | None = None
         spent = 0.0
         if keeping.resume is not None:
-            self._file = keeping.resume
             self._left, spent = stored(keeping.resume, mark)
         self._checkpoints = Checkpoints(mark, keeping.file, keeping.every, spent)
         self._begun = time.perf_counter()
@@ -63,26 +61,23 @@ class Stages:
         return self._finished[-1]
 
     def resumed(self, steps: BeamSteps, found: Array, rates: Array) -> tuple[int, int]:
-        """Bring a run that has begun to where it was left, if it was; return times reached, and steps behind.
+        """Bring a run that has begun to where it was left, if it was.
 
-        Raises
-        ------
-        ResultError
-            When the checkpoint is not one of such runs.
+        Returns
+        -------
+        tuple
+            How many times were reached by then, and how many steps taken from the last of them.
         """
         if self._left is None:
             return 0, 0
-        try:
-            steps.restore(self._left["steps"].tobytes())
-            found[:], rates[:] = self._left["now"]
-            reached, behind = (int(k) for k in self._left["place"])
-        except (KeyError, TypeError, ValueError) as error:
-            raise ResultError(f"{self._file} is not a whole checkpoint: {error}") from error
+        steps.restore(self._left["steps"].tobytes())
+        found[:], rates[:] = self._left["now"]
+        reached, taken = (int(k) for k in self._left["place"])
         self._left = None
-        return reached, behind
+        return reached, taken
 
     def look(self, t: float, steps: BeamSteps, found: Array, rates: Array, place: tuple[int, int]) -> None:
-        """Write a checkpoint if it is time, at a time [s] of the motion."""
+        """Write a checkpoint if it is time, at a time [s] of the motion; ``place`` is as from ``resumed``."""
         file = self._checkpoints.due()
         if file is None:
             return

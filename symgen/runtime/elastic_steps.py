@@ -143,24 +143,24 @@ def stepped(
     motion.check(equations, steps.start(0.0, s, v), 0.0)
     order = np.argsort(times, kind="stable")
     found, rates = np.zeros((len(times), n)), np.zeros((len(times), n))
-    reached, behind = stages.resumed(steps, found, rates) if stages else (0, 0)
+    reached, taken = stages.resumed(steps, found, rates) if stages else (0, 0)
     now = float(times[order[reached - 1]]) if reached else 0.0
     for place in range(reached, len(times)):
         k, count = order[place], int(counts[place])
         t = float(times[k])
-        while behind < count:
-            to = min(behind + _CHUNK, count)
-            status = steps.advance(now, t, count, behind, to)
+        while taken < count:
+            to = min(taken + _CHUNK, count)
+            status = steps.advance(now, t, count, taken, to)
             if status == _core.NOT_FINITE:
                 found[:] = np.nan
                 return stages.finished(found, rates) if stages else (found, rates)
             motion.check(equations, status, t)
-            behind = to
+            taken = to
             if stages:
-                stages.look(now + (t - now) * behind / count, steps, found, rates, (place, behind))
+                stages.look(now + (t - now) * taken / count, steps, found, rates, (place, taken))
             if progress:
-                progress((now + (t - now) * behind / count) / float(times[order[-1]]))
-        now, behind = t, 0
+                progress((now + (t - now) * taken / count) / float(times[order[-1]]))
+        now, taken = t, 0
         found[k], rates[k] = steps.displacements[:, 0], steps.rates[:, 0]
     return stages.finished(found, rates) if stages else (found, rates)
 
