@@ -130,9 +130,8 @@ def _exact_run(
     given: Mapping[str, Any],
     progress: Callable[[float], None] | None,
 ) -> ElasticResult:
-    others = [
-        f"--{name.replace('_', '-')}" for name in given if name not in ("segments", "revolutions", "rtol")
-    ]
+    own = ("segments", "revolutions", "rtol", "checkpoint", "checkpoint_every", "resume")
+    others = [f"--{name.replace('_', '-')}" for name in given if name not in own]
     others += ["--at"] if at else []
     if others:
         raise ModelError(

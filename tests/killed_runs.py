@@ -1,6 +1,6 @@
 """Run by a test: kills runs at random moments and resumes each; prints what came of it as JSON.
 
-Arguments: a folder, and how often. Each run is a process of its own, forked from this one.
+Arguments: a scene, a folder, and how often. Each run is a process of its own, forked from this one.
 """
 
 from __future__ import annotations
@@ -14,8 +14,10 @@ import time
 from pathlib import Path
 
 import symgen
+from symgen.runtime.elastic_model import ElasticModel
 
 OPTIONS = {"t_end": 4.0, "method": "rk4", "step": 1e-4, "samples": 3001}
+OF_ELASTIC_LINKS = {"method": "gauss", "steps": 8000, "samples": 21}
 
 
 def bits(result):
@@ -25,10 +27,12 @@ def bits(result):
 
 
 def main():
-    folder, times = Path(sys.argv[1]), int(sys.argv[2])
-    model = symgen.build("parallelogram")
+    folder, times = Path(sys.argv[2]), int(sys.argv[3])
+    model = symgen.build(sys.argv[1])
+    elastic = isinstance(model, ElasticModel)
+    run, options = (model.run, OF_ELASTIC_LINKS) if elastic else (model.simulate, OPTIONS)
     begun = time.perf_counter()
-    whole = bits(model.simulate(**OPTIONS))
+    whole = bits(run(**options))
     lasts = time.perf_counter() - begun
     chance = random.Random(6)
     same, steps, half_written = 0, [], 0
@@ -36,7 +40,7 @@ def main():
         file = folder / f"run{k}"
         child = os.fork()
         if not child:
-            model.simulate(**OPTIONS, checkpoint=file, checkpoint_every=0.0)
+            run(**options, checkpoint=file, checkpoint_every=0.0)
             os._exit(0)
         while not file.exists():
             time.sleep(0.001)
@@ -44,7 +48,7 @@ def main():
         os.kill(child, signal.SIGKILL)
         killed = os.WIFSIGNALED(os.waitpid(child, 0)[1])
         half_written += len(list(folder.glob(".run*")))
-        resumed = model.simulate(**OPTIONS, resume=file)
+        resumed = run(**options, resume=file)
         same += killed and bits(resumed) == whole
         steps.append(resumed.statistics["steps"])
         for left in folder.glob(".run*"):

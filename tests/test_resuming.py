@@ -28,12 +28,15 @@ def said(command, **more):
     return done.returncode, done.stdout, done.stderr
 
 
-def test_killed_at_a_random_moment_and_resumed_twenty_times_of_twenty(tmp_path):
-    code, out, err = said([sys.executable, str(HERE / "killed_runs.py"), str(tmp_path), "20"])
+@pytest.mark.parametrize(
+    ("scene", "steps"), [("parallelogram", 40000), ("cssp", 40000), ("elastic_slider_crank", 8000)]
+)
+def test_killed_at_a_random_moment_and_resumed_twenty_times_of_twenty(scene, steps, tmp_path):
+    code, out, err = said([sys.executable, str(HERE / "killed_runs.py"), scene, str(tmp_path), "20"])
     assert code == 0, err
     found = json.loads(out)
     assert found["same"] == 20
-    assert set(found["steps"]) == {40000}
+    assert set(found["steps"]) == {steps}
 
 
 def without_wall_time(text):
@@ -71,8 +74,14 @@ def test_on_the_command_line(tmp_path):
         (["parallelogram", "--resume", "none"], "there is no checkpoint none"),
         (["parallelogram", "--checkpoint", "none/file"], "there is no folder none"),
         (["parallelogram", "--checkpoint", "file", "--every", "-1"], "number of seconds"),
-        (["bennett", "--checkpoint", "file"], "--checkpoint: for the motion of linkages"),
-        (["elastic_four_bar", "--resume", "file"], "--resume: for the motion of linkages"),
+        (["bennett", "--checkpoint", "file"], "--checkpoint: for motions that are found step by step"),
+        (["cssp", "--every", "1"], "say where, with --checkpoint"),
+        (["cssp", "--resume", "none"], "there is no checkpoint none"),
+        (["cssp", "--stabilisation-rate", "5"], "for linkages of points and links only"),
+        (["elastic_four_bar", "--resume", "none"], "there is no checkpoint none"),
+        (["elastic_four_bar", "--max-drift", "1"], "--max-drift does not go with elastic links"),
+        (["elastic_four_bar", "--method", "periodic", "--checkpoint", "file"], "no checkpoints of periodic"),
+        (["elastic_four_bar", "--method", "exact", "--resume", "none"], "there is no checkpoint none"),
     ],
 )
 def test_what_makes_no_sense_is_refused(options, words, tmp_path):

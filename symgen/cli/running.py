@@ -63,13 +63,16 @@ def run(
     ] = None,
     stabilisation: Annotated[
         str | None,
-        typer.Option(help="How constraints are kept: projection; for comparison only baumgarte, raw."),
+        typer.Option(
+            help="How constraints are kept: projection; for comparison only baumgarte (not of loops), raw."
+        ),
     ] = None,
     stabilisation_rate: Annotated[
         float | None, typer.Option(help="Rate of Baumgarte's terms [1/s] (10).")
     ] = None,
     max_drift: Annotated[
-        float | None, typer.Option(help="Error of a constraint [m] that ends the run; none when absent.")
+        float | None,
+        typer.Option(help="Error of a constraint or of closure [m] that ends the run; none when absent."),
     ] = None,
     checkpoint: Annotated[
         Path | None, typer.Option(help="A file that is given the run's state now and then.")
@@ -143,10 +146,10 @@ def run(
     model: Any = build_asked(scene, set=changes(set_), backend=backend, **types)
     of_elastic: _Options = {"revolutions": revolutions, "steps": steps, "segments": segments, "form": form}
     of_elastic["geometric_stiffness"] = geometric_stiffness
-    of_linkages: _Options = {"stabilisation": stabilisation, "stabilisation_rate": stabilisation_rate}
-    of_linkages |= {"max_drift": max_drift, "checkpoint": checkpoint, "every": every, "resume": resume}
+    in_time: _Options = {"stabilisation": stabilisation, "stabilisation_rate": stabilisation_rate}
+    in_time |= {"max_drift": max_drift, "checkpoint": checkpoint, "every": every, "resume": resume}
     with _kept_of_a_failure(out):
-        result = _result(model, _Asked(asked, at, samples, through, of_elastic, of_linkages, types), as_json)
+        result = _result(model, _Asked(asked, at, samples, through, of_elastic, in_time, types), as_json)
     write_files(result, out, plot)
     _show(result, model, as_json)
 
@@ -163,14 +166,14 @@ def _unusual(types: _Options) -> _Options:
 
 @dataclass(frozen=True, slots=True)
 class _Asked:
-    """What is asked for of a run, by option: of any, and of the two kinds that have options of their own."""
+    """What is asked for of a run, by option: of any, of elastic links, and of motions found in time."""
 
     steps: _Options
     at: list[str] | None
     samples: int | None
     through: bool
     of_elastic: _Options
-    of_linkages: _Options
+    in_time: _Options
     types: _Options
 
 
@@ -183,7 +186,7 @@ def _result(model: Any, asked: _Asked, as_json: bool) -> Result:
     elastic, on_values = isinstance(model, ElasticModel), bool(asked.at or asked.through)
     if not elastic:
         _refuse(asked.of_elastic, f": for elastic links only, and {model.name} has none")
-    kept = _of_linkages(model, on_values, asked.of_linkages)
+    kept = _in_time(model, on_values, asked.in_time)
     if is_kinematic(model):
         t_end = asked.steps["t_end"]
         _refuse(_unusual(asked.types), ": kinematics is computed in doubles")
@@ -193,7 +196,7 @@ def _result(model: Any, asked: _Asked, as_json: bool) -> Result:
         return driven_run(model, asked.at, asked.samples, asked.through, asked.steps)
     with progress_bar(model.description.title, as_json) as progress:
         if elastic:
-            options = {**asked.steps, "through": asked.through or None, **asked.of_elastic}
+            options = {**asked.steps, "through": asked.through or None, **asked.of_elastic, **kept}
             return elastic_run(model, asked.at, asked.samples, options, progress)
         samples = 201 if asked.samples is None else asked.samples
         result: Result = model.simulate(**asked.steps, **kept, samples=samples, progress=progress)
@@ -207,12 +210,22 @@ def _refuse(options: _Options, why: str) -> None:
         raise ModelError(f"{', '.join(given)}{why}")
 
 
-def _of_linkages(model: Any, driven: bool, given: _Options) -> _Options:
-    """Return the options, of those given, that only the motion of linkages of points and links has."""
-    from symgen.runtime.model import Model
+def _in_time(model: Any, driven: bool, given: _Options) -> _Options:
+    """Return the options, of those given, that only motions found in time have."""
+    from symgen.pipeline import is_kinematic
+    from symgen.runtime.elastic_model import ElasticModel
+    from symgen.runtime.loop_model import LoopModel
 
-    if not isinstance(model, Model) or driven:
-        _refuse(given, ": for the motion of linkages of points and links only")
+    elastic = isinstance(model, ElasticModel)
+    if is_kinematic(model) or model.is_driven or (driven and not elastic):
+        _refuse(given, ": for motions that are found step by step in time")
+    if elastic:
+        of_constraints = ("stabilisation", "stabilisation_rate", "max_drift")
+        _refuse({name: given[name] for name in of_constraints}, " does not go with elastic links")
+    if isinstance(model, LoopModel):
+        _refuse(
+            {"stabilisation_rate": given["stabilisation_rate"]}, ": for linkages of points and links only"
+        )
     kept = {name: value for name, value in given.items() if value is not None}
     if "every" in kept:
         if "checkpoint" not in kept:

@@ -3,8 +3,10 @@
 
 import numpy as np
 
+from cpython.bytes cimport PyBytes_FromStringAndSize
 from cpython.pycapsule cimport PyCapsule_GetName, PyCapsule_GetPointer
 from libc.stdlib cimport calloc, free
+from libc.string cimport memcpy
 
 from scipy.linalg import cython_lapack
 
@@ -102,7 +104,7 @@ cdef extern from "core/elastic.h" nogil:
         size_t (*steps_bytes)(const beams *, const beam_scheme *, long) noexcept nogil
         void (*steps_bind)(beam_steps *, beams *, const beam_scheme *, long, void *) noexcept nogil
         int (*steps_start)(beam_steps *, double) noexcept nogil
-        int (*steps_advance)(beam_steps *, double, double, long, long *) noexcept nogil
+        int (*steps_part)(beam_steps *, double, double, long, long, long, long *) noexcept nogil
         void *(*steps_displacements)(beam_steps *) noexcept nogil
         void *(*steps_rates)(beam_steps *) noexcept nogil
 
@@ -135,6 +137,14 @@ cdef object _indices(const Py_ssize_t *raw, Py_ssize_t count):
     return found
 
 
+cdef int _fill(void *to, size_t bytes, const unsigned char[::1] memory) except -1:
+    """Copy the first bytes of what was saved."""
+    if <size_t>memory.shape[0] < bytes:
+        raise ValueError("it is of a motion of another size")
+    memcpy(to, &memory[0], bytes)
+    return 0
+
+
 cdef class RigidMotion:
     """A linkage whose drives leave nothing free, with the kernels of elastic links along its motion.
 
@@ -156,6 +166,7 @@ cdef class RigidMotion:
     cdef const elastic_table *api
     cdef rigid_motion *core
     cdef void *memory
+    cdef size_t bytes
     cdef tuple sizes
 
     def __init__(self, Integrable equations, motion, joints, sizes, double t, y, double stride):
@@ -172,7 +183,8 @@ cdef class RigidMotion:
         for i in range(WRITTEN):
             counts[i] = sizes[i]
         self.core = <rigid_motion *>calloc(1, self.api.motion_struct)
-        self.memory = calloc(1, self.api.motion_bytes(equations.core, counts))
+        self.bytes = self.api.motion_bytes(equations.core, counts)
+        self.memory = calloc(1, self.bytes)
         if self.core == NULL or self.memory == NULL:
             raise MemoryError
         self.api.motion_bind(self.core, equations.core, &given, counts, stride, self.memory)
@@ -188,6 +200,15 @@ cdef class RigidMotion:
         cdef motion_view seen
         self.api.motion_view(self.core, &seen)
         return seen.t
+
+    def save(self):
+        """Return the bytes of its memory, and of that of its equations."""
+        return PyBytes_FromStringAndSize(<const char *>self.memory, self.bytes) + self.equations.save()
+
+    def restore(self, const unsigned char[::1] memory):
+        """Take over what :meth:`save` gave for the same motion."""
+        _fill(self.memory, self.bytes, memory)
+        self.equations.restore(memory[self.bytes:])
 
     def evaluate(self, double t):
         """Return status, state, motion of links, what the joints kernel wrote, torque and loads at a time."""
@@ -259,13 +280,23 @@ cdef class BeamEquations(Integrable):
         cdef const double[::1] constants = np.ascontiguousarray([*np.ravel(layout.constants), 0.0])
         wanted.constant_count = constants.shape[0] - 1
         self.core = <equations *>calloc(1, self.api.beams_struct)
-        self.memory = calloc(1, self.api.beams_bytes(&wanted))
+        self.bytes = self.api.beams_bytes(&wanted)
+        self.memory = calloc(1, self.bytes)
         if self.core == NULL or self.memory == NULL:
             raise MemoryError
         self.api.beams_bind(<beams *>self.core, motion.core, &wanted, &LAPACK, self.memory)
         self.of.api.widen(wanted.constant_count, &constants[0], NULL, self.api.beams_constants(<beams *>self.core))
         self.bound(np.zeros(1))
         self.whole = layout.unknowns
+
+    def save(self):
+        """Return the bytes of its memory, and of that of the rigid motion."""
+        return PyBytes_FromStringAndSize(<const char *>self.memory, self.bytes) + self.motion.save()
+
+    def restore(self, const unsigned char[::1] memory):
+        """Take over what :meth:`save` gave for the same equations."""
+        _fill(self.memory, self.bytes, memory)
+        self.motion.restore(memory[self.bytes:])
 
     cdef object _array(self, const void *raw, shape):
         return _doubles(self.of, raw, shape)
@@ -339,6 +370,7 @@ cdef class BeamSteps:
     cdef BeamEquations equations
     cdef beam_steps *core
     cdef void *memory
+    cdef size_t bytes
     cdef Py_ssize_t columns
     cdef readonly long steps
 
@@ -353,7 +385,8 @@ cdef class BeamSteps:
             scheme.inertia[i], scheme.rate[i], scheme.place[i] = method.inertia[i], method.rate[i], method.place[i]
         scheme.numbers = &numbers[0]
         self.core = <beam_steps *>calloc(1, equations.api.steps_struct)
-        self.memory = calloc(1, equations.api.steps_bytes(<beams *>equations.core, &scheme, columns))
+        self.bytes = equations.api.steps_bytes(<beams *>equations.core, &scheme, columns)
+        self.memory = calloc(1, self.bytes)
         if self.core == NULL or self.memory == NULL:
             raise MemoryError
         equations.api.steps_bind(self.core, <beams *>equations.core, &scheme, columns, self.memory)
@@ -375,12 +408,22 @@ cdef class BeamSteps:
             self.equations.of.api.widen(given.shape[0], &given[0], NULL, <void *>to)
         return 0
 
-    def advance(self, double t0, double t1, Py_ssize_t steps):
-        """Step from t0 to t1; return a status of the core."""
+    def advance(self, double t0, double t1, Py_ssize_t steps, first=0, last=None):
+        """Step from t0 to t1, or take those steps from number ``first`` to before ``last``; return a status."""
         cdef int status
+        cdef long begin = first, end = steps if last is None else last
         with nogil:
-            status = self.equations.api.steps_advance(self.core, t0, t1, steps, &self.steps)
+            status = self.equations.api.steps_part(self.core, t0, t1, steps, begin, end, &self.steps)
         return status
+
+    def save(self):
+        """Return the bytes of its memory, and of that of its equations."""
+        return PyBytes_FromStringAndSize(<const char *>self.memory, self.bytes) + self.equations.save()
+
+    def restore(self, const unsigned char[::1] memory):
+        """Take over what :meth:`save` gave for the same steps."""
+        _fill(self.memory, self.bytes, memory)
+        self.equations.restore(memory[self.bytes:])
 
     @property
     def displacements(self):

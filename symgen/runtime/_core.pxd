@@ -164,6 +164,7 @@ cdef class Integrable:
     cdef Core of
     cdef equations *core
     cdef void *memory
+    cdef size_t bytes
     cdef readonly Py_ssize_t n, m, extra, dim
 
     cdef int make(self, const sizes *wanted, const kernels *given) except -1

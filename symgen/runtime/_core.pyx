@@ -219,7 +219,8 @@ cdef class Integrable:
 
     cdef int make(self, const sizes *wanted, const kernels *given) except -1:
         self.core = <equations *>calloc(1, self.of.api.equations_struct)
-        self.memory = calloc(1, self.of.api.equations_bytes(wanted))
+        self.bytes = self.of.api.equations_bytes(wanted)
+        self.memory = calloc(1, self.bytes)
         if self.core == NULL or self.memory == NULL:
             raise MemoryError
         self.of.api.equations_bind(self.core, wanted, given, self.memory)
@@ -292,6 +293,16 @@ cdef class Integrable:
         self.of.api.derivative(self.core, t, state.at, into.at)
         into.back()
         return found
+
+    def save(self):
+        """Return the bytes of its memory: all that it remembers from one step to the next."""
+        return PyBytes_FromStringAndSize(<const char *>self.memory, self.bytes)
+
+    def restore(self, const unsigned char[::1] memory):
+        """Take over what :meth:`save` gave for the same equations."""
+        if <size_t>memory.shape[0] != self.bytes:
+            raise ValueError("it is of equations of other sizes")
+        memcpy(self.memory, &memory[0], self.bytes)
 
     def lost_rows(self):
         """Return the numbers of the constraints that the last factorisation found to follow from others."""
@@ -479,17 +490,14 @@ cdef class Run:
 
     def save(self):
         """Return the bytes of equations and run: all of the state between two steps that the core knows."""
-        cdef size_t bytes = self.of.api.equations_bytes(&self.equations.core.sizes)
-        return (PyBytes_FromStringAndSize(<const char *>self.equations.memory, bytes),
-                PyBytes_FromStringAndSize(<const char *>self.memory, self.core.bytes))
+        return self.equations.save(), PyBytes_FromStringAndSize(<const char *>self.memory, self.core.bytes)
 
     def restore(self, const unsigned char[::1] equations, const unsigned char[::1] memory):
         """Take over what :meth:`save` gave for the same equations and options."""
-        cdef size_t bytes = self.of.api.equations_bytes(&self.equations.core.sizes)
         cdef report r
-        if <size_t>equations.shape[0] != bytes or <size_t>memory.shape[0] != self.core.bytes:
+        if <size_t>memory.shape[0] != self.core.bytes:
             raise ValueError("it is of a run of other sizes")
-        memcpy(self.equations.memory, &equations[0], bytes)
+        self.equations.restore(equations)
         memcpy(self.memory, &memory[0], self.core.bytes)
         self.of.api.run_bind(self.core, self.equations.core, &self.scheme.filled, &self.asked, self.memory)
         self.of.api.run_report(self.core, &r)

@@ -113,7 +113,8 @@ cdef class LoopEquations(Integrable):
         self.of, self.size, self.rank = core, size, rank
         self.api = <const loops_table *>core.api.loops
         self.core = <equations *>calloc(1, self.api.loop_struct)
-        self.memory = calloc(1, self.api.bytes(&wanted))
+        self.bytes = self.api.bytes(&wanted)
+        self.memory = calloc(1, self.bytes)
         if self.core == NULL or self.memory == NULL:
             raise MemoryError
         self.api.bind(<loop *>self.core, &wanted, &given, &self.numbers[0], &self.lengths[0], self.memory)

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Mapping, Sequence
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
 from symgen.errors import ModelError, nearest
 from symgen.runtime.arguments import count as whole
+from symgen.runtime.checkpoint import keeping
 from symgen.runtime.compiled import Compiled
 from symgen.runtime.description import Description
 
@@ -154,6 +156,9 @@ class ElasticModel(Compiled):
         at: Sequence[float] | None = None,
         form: str = "exact",
         geometric_stiffness: bool = True,
+        checkpoint: str | os.PathLike[str] | None = None,
+        checkpoint_every: float = 10.0,
+        resume: str | os.PathLike[str] | None = None,
         progress: Callable[[float], None] | None = None,
     ) -> ElasticResult:
         """Find the elastic motion and return strains, displacements and lengths.
@@ -179,11 +184,16 @@ class ElasticModel(Compiled):
             ``exact``, or ``thesis``: rotations of axes taken as constant, for comparison only.
         geometric_stiffness
             Leave it out where false, whatever the scene says.
+        checkpoint, checkpoint_every
+            A file that is given the state of a run through time every so many seconds of wall time.
+        resume
+            Such a file to go on from, to the same bits as if the run had not been stopped.
 
         Raises
         ------
-        ModelError
-            For options out of range, or a method that does not suit the linkage.
+        ModelError, ResultError
+            For options out of range, or a method that does not suit the linkage; for a checkpoint that cannot
+            be written, or is of another run.
         SimulationError
             When the linkage cannot turn, or the motion grows out of all bounds.
         """
@@ -194,7 +204,8 @@ class ElasticModel(Compiled):
             if value not in known:
                 raise ModelError(f"there is no {what} {value!r}. {nearest(value, known)}")
         task = Task(method, revolutions, steps, rtol, samples, None if at is None else tuple(at), form)
-        return run(self._motion(geometric_stiffness), task, progress)
+        kept_in = keeping(checkpoint, checkpoint_every, resume)
+        return run(self._motion(geometric_stiffness), task, progress, kept_in)
 
     def sweep(
         self,
@@ -243,6 +254,9 @@ class ElasticModel(Compiled):
         revolutions: float = 1.0,
         rtol: float = 1e-7,
         samples: int = 361,
+        checkpoint: str | os.PathLike[str] | None = None,
+        checkpoint_every: float = 10.0,
+        resume: str | os.PathLike[str] | None = None,
         progress: Callable[[float], None] | None = None,
     ) -> ElasticResult:
         """Run the linkage with large rotation of its elastic links, in rods with springs between them.
@@ -261,11 +275,13 @@ class ElasticModel(Compiled):
             Relative tolerance of the local error of the steps in time.
         samples
             Number of equally spaced times recorded.
+        checkpoint, checkpoint_every, resume
+            See :meth:`run`.
 
         Raises
         ------
-        ModelError, SceneError
-            For options out of range.
+        ModelError, SceneError, ResultError
+            For options out of range; for a checkpoint that cannot be written, or is of another run.
         SimulationError
             When the run cannot go on.
         """
@@ -273,4 +289,5 @@ class ElasticModel(Compiled):
 
         self._refuse_types("runs in rods with springs are")
         task = ExactTask(segments, revolutions, rtol, samples)
-        return exact_run(self._motion(True), self.in_segments(segments), task, progress)
+        kept = {"checkpoint": checkpoint, "checkpoint_every": checkpoint_every, "resume": resume}
+        return exact_run(self._motion(True), self.in_segments(segments), task, progress, kept)

@@ -155,6 +155,12 @@ class ElasticMotion:
         """The longest time [s] over which a pose is a good guess of the next."""
         return _STRIDE / abs(self.speed) if self.speed else math.inf
 
+    @property
+    def told(self) -> tuple[str, ...]:
+        """What the numbers of a run depend on, besides the rigid linkage and its parameters."""
+        made = self._motion.description.equations, self._joints.description.equations
+        return *made, repr(self.info), repr(self._stiffened), self.layout.constants.tobytes().hex()
+
     def equations(self, thesis: bool = False, stepping: bool = False) -> _beams.BeamEquations:
         """Return the compiled equations, at the start of the motion; for ``stepping`` in the type of runs."""
         d = self.rigid.description

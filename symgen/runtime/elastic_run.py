@@ -15,6 +15,7 @@ from symgen.runtime.beam_checks import warnings
 from symgen.runtime.beam_forces import Motion, forces
 from symgen.runtime.beam_methods import BEAM_METHODS
 from symgen.runtime.beam_recovery import recovered
+from symgen.runtime.checkpoint import Keeping
 from symgen.runtime.elastic_modes import quasi_static
 from symgen.runtime.elastic_motion import ElasticMotion
 from symgen.runtime.elastic_periodic import periodic
@@ -30,7 +31,9 @@ Progress = Callable[[float], None]
 _UNIT = 1e-4
 
 
-def run(motion: ElasticMotion, task: Task, progress: Progress | None) -> ElasticResult:
+def run(
+    motion: ElasticMotion, task: Task, progress: Progress | None, keeping: Keeping | None = None
+) -> ElasticResult:
     """Return the result of a run.
 
     Raises
@@ -39,7 +42,13 @@ def run(motion: ElasticMotion, task: Task, progress: Progress | None) -> Elastic
         For options out of range, or a method that does not suit the linkage.
     SimulationError
         When the linkage cannot turn, or the motion grows out of all bounds.
+    ResultError
+        When a checkpoint cannot be written, or is of another run.
     """
+    if keeping is not None and task.method in ("quasi-static", "periodic"):
+        raise ModelError(
+            f"there are no checkpoints of {task.method} motions: they are not found step by step in time"
+        )
     times = recorded_times(motion, task)
     equations = motion.equations(task.form == "thesis", stepping=True)
     if task.form == "thesis":
@@ -50,10 +59,10 @@ def run(motion: ElasticMotion, task: Task, progress: Progress | None) -> Elastic
     elif task.method == "periodic":
         found = periodic(motion, equations, task, times)
     elif task.method in BEAM_METHODS:
-        found = doubled(motion, equations, task, times, progress)
+        found = doubled(motion, equations, task, times, progress, keeping)
     else:
-        found = explicit(motion, equations, task, times, progress)
-    wall = time.perf_counter() - begun
+        found = explicit(motion, equations, task, times, progress, keeping)
+    wall = found.spent + time.perf_counter() - begun
     if not np.all(np.isfinite(found.displacements)):
         raise SimulationError(
             f"{motion.rigid.name}: the motion grows out of all bounds: the step is too long for "

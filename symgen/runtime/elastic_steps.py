@@ -13,8 +13,11 @@ from symgen.errors import ModelError, SimulationError
 from symgen.precision import FLOAT64
 from symgen.runtime import _beams, _core
 from symgen.runtime.beam_methods import BEAM_METHODS, BeamMethod
+from symgen.runtime.checkpoint import Keeping, mark_of, mark_of_kernels
+from symgen.runtime.elastic_kept import Stages
 from symgen.runtime.elastic_motion import ElasticMotion
 from symgen.runtime.elastic_result import outputs
+from symgen.runtime.typed import library_of_runs
 
 Array = NDArray[np.float64]
 Counts = NDArray[np.intp]
@@ -22,6 +25,8 @@ Progress = Callable[[float], None]
 
 #: Steps a turn that a run begins with, and the most that it is doubled to.
 _FIRST, _MOST = 256, 1 << 18
+#: Steps taken between two looks at the clock.
+_CHUNK = 256
 #: Part of the largest stress below which one is round-off.
 _NOISE = 1e-9
 #: By what doubling the steps divides an error: the least that is trusted of a first doubling, and the part
@@ -49,7 +54,7 @@ class Found:
     """Displacements and their rates (times, unknowns) at the recorded times, and what they cost.
 
     ``rates`` is None where the elastic motion itself adds nothing: quasi-static. ``floquet_error`` is that of
-    the largest multiplier.
+    the largest multiplier, ``spent`` the wall time [s] taken before the run was resumed.
     """
 
     displacements: Array
@@ -58,6 +63,7 @@ class Found:
     error: float | None = None
     floquet: tuple[complex, ...] = ()
     floquet_error: float | None = None
+    spent: float = 0.0
 
 
 def recorded_times(motion: ElasticMotion, task: Task) -> Array:
@@ -106,6 +112,7 @@ def stepped(
     counts: Counts,
     start: tuple[Array, Array] | None = None,
     progress: Progress | None = None,
+    stages: Stages | None = None,
 ) -> tuple[Array, Array]:
     """Return displacements and rates at the times, stepping from time zero.
 
@@ -117,30 +124,45 @@ def stepped(
         See :func:`step_counts`.
     start
         S and S' at time zero, (unknowns, 1) each; at rest and undeformed if absent.
+    stages
+        What keeps this run and those before it.
 
     Raises
     ------
     SimulationError
         When the linkage cannot turn.
+    ResultError
+        When a checkpoint cannot be written, or is of another run.
     """
+    before = stages.next() if stages else None
+    if before:
+        return before
     n = motion.layout.unknowns
     steps = _beams.BeamSteps(equations, method, 1)
     s, v = start or (np.zeros((n, 1)), np.zeros((n, 1)))
     motion.check(equations, steps.start(0.0, s, v), 0.0)
     order = np.argsort(times, kind="stable")
-    found, rates, now = np.zeros((len(times), n)), np.zeros((len(times), n)), 0.0
-    for k, count in zip(order.tolist(), counts.tolist(), strict=True):
+    found, rates = np.zeros((len(times), n)), np.zeros((len(times), n))
+    reached, taken = stages.resumed(steps, found, rates) if stages else (0, 0)
+    now = float(times[order[reached - 1]]) if reached else 0.0
+    for place in range(reached, len(times)):
+        k, count = order[place], int(counts[place])
         t = float(times[k])
-        if count:
-            status = steps.advance(now, t, count)
+        while taken < count:
+            to = min(taken + _CHUNK, count)
+            status = steps.advance(now, t, count, taken, to)
             if status == _core.NOT_FINITE:
-                return np.full_like(found, np.nan), rates
+                found[:] = np.nan
+                return stages.finished(found, rates) if stages else (found, rates)
             motion.check(equations, status, t)
-            now = t
+            taken = to
+            if stages:
+                stages.look(now + (t - now) * taken / count, steps, found, rates, (place, taken))
             if progress:
-                progress(t / float(times[order[-1]]))
+                progress((now + (t - now) * taken / count) / float(times[order[-1]]))
+        now, taken = t, 0
         found[k], rates[k] = steps.displacements[:, 0], steps.rates[:, 0]
-    return found, rates
+    return stages.finished(found, rates) if stages else (found, rates)
 
 
 def doubled(
@@ -149,6 +171,7 @@ def doubled(
     task: Task,
     times: Array,
     progress: Progress | None,
+    keeping: Keeping | None = None,
 ) -> Found:
     """Step with what is asked, or double the steps until two runs agree.
 
@@ -158,26 +181,34 @@ def doubled(
         For options out of range.
     SimulationError
         When the linkage cannot turn, or the most steps do not suffice.
+    ResultError
+        When a checkpoint cannot be written, or is of another run.
     """
     method = BEAM_METHODS[task.method]
+    stages = None
+    if keeping is not None:
+        told = (repr(task), times.tobytes().hex(), *motion.told)
+        library = library_of_runs(motion.rigid.evaluator.library, motion.rigid.typed)
+        stages = Stages(mark_of_kernels(motion.rigid.evaluator, library, equations, *told), keeping)
+    spent = stages.spent if stages else 0.0
     errors = Errors(motion, equations, times, method.order)
     counts = step_counts(motion, times, task.steps or _FIRST)
     if task.steps is not None:
         if task.steps < 1:
             raise ModelError(f"expected 1 step a turn or more, got {task.steps!r}")
         halved = np.where(counts > 0, np.maximum(1, counts // 2), 0)
-        fine, rates = stepped(motion, equations, method, times, counts, progress=progress)
+        fine, rates = stepped(motion, equations, method, times, counts, progress=progress, stages=stages)
         if np.array_equal(halved, counts):
-            return Found(fine, rates, int(np.sum(counts)))
-        coarse, _ = stepped(motion, equations, method, times, halved)
-        return Found(fine, rates, int(np.sum(counts)), errors.of(coarse, fine))
-    coarse, _ = stepped(motion, equations, method, times, counts)
+            return Found(fine, rates, int(np.sum(counts)), spent=spent)
+        coarse, _ = stepped(motion, equations, method, times, halved, stages=stages)
+        return Found(fine, rates, int(np.sum(counts)), errors.of(coarse, fine), spent=spent)
+    coarse, _ = stepped(motion, equations, method, times, counts, stages=stages)
     while np.sum(counts) < _MOST * max(1.0, task.revolutions):
         counts = 2 * counts
-        fine, rates = stepped(motion, equations, method, times, counts, progress=progress)
+        fine, rates = stepped(motion, equations, method, times, counts, progress=progress, stages=stages)
         error = errors.of(coarse, fine)
         if error <= task.rtol:
-            return Found(fine, rates, int(np.sum(counts)), error)
+            return Found(fine, rates, int(np.sum(counts)), error, spent=spent)
         _check_round_off(motion, task, errors)
         coarse = fine
     raise SimulationError(
@@ -249,6 +280,7 @@ def explicit(
     task: Task,
     times: Array,
     progress: Progress | None,
+    keeping: Keeping | None = None,
 ) -> Found:
     """Step by an explicit method of the step loop of rods.
 
@@ -256,6 +288,8 @@ def explicit(
     ------
     SimulationError
         When the linkage cannot turn.
+    ResultError
+        When a checkpoint cannot be written, or is of another run.
     """
     from symgen.runtime.options import options
     from symgen.runtime.simulate import drive
@@ -280,10 +314,17 @@ def explicit(
         chosen.step,
         times[order],
     )
-    status, _ = drive(stepper, 0.0, chosen, progress)
+    checkpoints = None
+    if keeping is not None:
+        told = (repr(task), times.tobytes().hex(), *motion.told)
+        library = library_of_runs(motion.rigid.evaluator.library, typed)
+        mark = mark_of(motion.rigid.evaluator, library, equations, chosen, 0.0, np.zeros(2 * n), *told)
+        checkpoints = keeping.of(stepper, mark)
+    status, _ = drive(stepper, 0.0, chosen, progress, checkpoints)
+    spent = checkpoints.spent if checkpoints else 0.0
     if status == _core.NOT_FINITE:
         return Found(np.full((len(times), n), np.nan), None, stepper.steps)
     motion.check(equations, status, stepper.t)
     found = np.zeros((len(times), 2 * n))
     found[order] = stepper.result[:, : 2 * n]
-    return Found(found[:, :n], found[:, n:], stepper.steps)
+    return Found(found[:, :n], found[:, n:], stepper.steps, spent=spent)

@@ -6,10 +6,10 @@ See ``symgen.scene.segments`` for the rods. A run starts undeformed, moving as t
 from __future__ import annotations
 
 import math
-import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -83,9 +83,11 @@ class Cut:
 
 
 def exact_run(
-    motion: ElasticMotion, rods: Model, task: ExactTask, progress: Progress | None
+    motion: ElasticMotion, rods: Model, task: ExactTask, progress: Progress | None, kept: Mapping[str, Any]
 ) -> ElasticResult:
     """Return strains and displacements of a linkage whose elastic links are the rods of another model.
+
+    ``kept`` are the options of checkpoints of :meth:`symgen.runtime.model.Model.simulate`.
 
     Raises
     ------
@@ -97,13 +99,11 @@ def exact_run(
     if not (task.revolutions > 0 and math.isfinite(task.revolutions)):
         raise ModelError(f"expected revolutions above zero, got {task.revolutions!r}")
     turn = motion.period if motion.speed else motion.rigid.description.t_end
-    begun = time.perf_counter()
     cuts = _cuts(motion, rods)
     state = _state(motion.rigid, rods, cuts)
-    result = rods.simulate(
-        turn * task.revolutions, rtol=task.rtol, samples=task.samples, state=state, progress=progress
-    )
-    return _result(motion, cuts, result, task, time.perf_counter() - begun)
+    end = turn * task.revolutions
+    result = rods.simulate(end, rtol=task.rtol, samples=task.samples, state=state, progress=progress, **kept)
+    return _result(motion, cuts, result, task)
 
 
 def _cuts(motion: ElasticMotion, rods: Model) -> tuple[Cut, ...]:
@@ -132,9 +132,7 @@ def _state(rigid: Model, rods: Model, cuts: tuple[Cut, ...]) -> State:
     return rods.state({p: places[p] for p in free}, {p: velocities[p] for p in free})
 
 
-def _result(
-    motion: ElasticMotion, cuts: tuple[Cut, ...], result: Result, task: ExactTask, wall: float
-) -> ElasticResult:
+def _result(motion: ElasticMotion, cuts: tuple[Cut, ...], result: Result, task: ExactTask) -> ElasticResult:
     d, times = motion.rigid.description, result.time
 
     def of_rods(cut: Cut, word: str) -> Array:
@@ -171,7 +169,7 @@ def _result(
             "steps": result.statistics["steps"],
             "evaluations": result.statistics["evaluations"],
             "error": None,
-            "wall_s": wall,
+            "wall_s": result.statistics["wall_s"],
             "floquet": [],
             "floquet_error": None,
         },

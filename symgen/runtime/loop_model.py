@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
@@ -11,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from symgen.errors import ModelError
 from symgen.runtime import _core
 from symgen.runtime.arguments import count, real, reals
+from symgen.runtime.checkpoint import keeping
 from symgen.runtime.compiled import Compiled
 from symgen.runtime.description import LoopDescription
 from symgen.runtime.library import Library
@@ -185,14 +187,23 @@ class LoopModel(Compiled):
         step: float | None = None,
         samples: int = 201,
         max_steps: int = 1_000_000_000,
+        stabilisation: str = "projection",
+        max_drift: float | None = None,
+        checkpoint: str | os.PathLike[str] | None = None,
+        checkpoint_every: float = 10.0,
+        resume: str | os.PathLike[str] | None = None,
         progress: Callable[[float], None] | None = None,
     ) -> Result:
         """Run the motion of a loop with free variables; arguments and errors as of ``Model.simulate``.
 
+        ``max_drift`` limits the defect of closure [m], of rotations times the size of the loop.
+
         Raises
         ------
         ModelError
-            When nothing is free: :meth:`turn` evaluates a driven loop.
+            When nothing is free: :meth:`turn` evaluates a driven loop. For options out of range.
+        ResultError
+            For a checkpoint that cannot be written, or is of another run.
         SimulationError
             When the run cannot go on; it carries the time and what was recorded.
         InitialStateError
@@ -208,9 +219,13 @@ class LoopModel(Compiled):
                 "loop.free."
             )
         end = d.t_end if t_end is None else real(t_end, "t_end")
-        chosen = options(end, method, rtol, atol, step, samples, max_steps, precision=self._type)
+        kept = (stabilisation, None, max_drift)
+        chosen = options(end, method, rtol, atol, step, samples, max_steps, *kept, precision=self._type)
+        if chosen.stabilisation == "baumgarte":
+            raise ModelError("baumgarte is for linkages of points and links: loops take projection, or raw")
         if chosen.method.kind != "explicit":
             raise ModelError(
                 f"{chosen.method.name} is for linkages of points and links, not for loops of joints"
             )
-        return run(self._kernels, self.closed_start(), chosen, progress)
+        kept_in = keeping(checkpoint, checkpoint_every, resume)
+        return run(self._kernels, self.closed_start(), chosen, progress, kept_in)

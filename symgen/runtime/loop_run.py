@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from symgen.errors import SimulationError
 from symgen.runtime import _core, _loop
+from symgen.runtime.checkpoint import Keeping, mark_of
 from symgen.runtime.failures import unfinished
 from symgen.runtime.loop_kernels import LoopKernels, in_words
 from symgen.runtime.loop_start import Closed, scaled_screws
@@ -16,13 +17,19 @@ from symgen.runtime.options import Options
 from symgen.runtime.result import Drift, Result
 from symgen.runtime.simulate import drive
 from symgen.runtime.turn import converters, variables
-from symgen.runtime.typed import made_with
+from symgen.runtime.typed import library_of_runs, made_with
 
 Array = NDArray[np.float64]
 
+_AXES = ("x", "y", "z")
+
 
 def run(
-    kernels: LoopKernels, begin: Closed, chosen: Options, progress: Callable[[float], None] | None
+    kernels: LoopKernels,
+    begin: Closed,
+    chosen: Options,
+    progress: Callable[[float], None] | None,
+    keeping: Keeping | None = None,
 ) -> Result:
     """Integrate from the closed start and return the result, outputs in the scene's units.
 
@@ -30,15 +37,31 @@ def run(
     ------
     SimulationError
         When the run cannot go on, naming time, row and cause; the error carries what was recorded till then.
+    ResultError
+        When a checkpoint cannot be written, or is of another run.
     """
     d = kernels.description
     equations = kernels.stepping([*d.having("dependent"), *d.having("free")], begin.rank)
     y0 = np.concatenate([begin.q, rates_at_start(kernels, begin), [0.0]])
     times = np.linspace(begin.t, chosen.t_end, chosen.samples)
     stepper = _core.Run(
-        equations, chosen.method, begin.t, y0, chosen.t_end, chosen.rtol, chosen.atol, chosen.step, times
+        equations,
+        chosen.method,
+        begin.t,
+        y0,
+        chosen.t_end,
+        chosen.rtol,
+        chosen.atol,
+        chosen.step,
+        times,
+        stabilisation=_core.STABILISATIONS.index(chosen.stabilisation),
+        max_drift=chosen.max_drift,
     )
-    status, wall = drive(stepper, begin.t, chosen, progress)
+    checkpoints = None
+    if keeping is not None:
+        library = library_of_runs(kernels.library, kernels.typed)
+        checkpoints = keeping.of(stepper, mark_of(kernels, library, equations, chosen, begin.t, y0))
+    status, wall = drive(stepper, begin.t, chosen, progress, checkpoints)
     result = _recorded(kernels, equations, stepper, chosen, wall)
     if status == _core.DONE:
         return result
@@ -83,7 +106,7 @@ def _recorded(
     return Result(
         name=d.name,
         title=d.title,
-        axes=("x", "y", "z"),
+        axes=_AXES,
         time=times,
         variables=tuple(variables(d, out)),
         drift=Drift(
@@ -113,10 +136,21 @@ def _recorded(
             "atol": chosen.atol,
             "step": chosen.step,
             "t_end": chosen.t_end,
+            "stabilisation": chosen.stabilisation,
             **made_with(kernels.library, kernels.typed),
             "parameters": {p.name: x for p, x in zip(d.parameters, kernels.given.tolist(), strict=True)},
         },
     )
+
+
+def _component(entry: int, size: float) -> str:
+    """Return in words an entry of the closure (3 x 4, row by row)."""
+    row, column = divmod(entry, 4)
+    if column == 3:
+        return f"displacement along {_AXES[row]} of frame 1"
+    # a small rotation is seen in the entries off the diagonal, that about an axis in those of the other two
+    about = "" if row == column else f" about {_AXES[3 - row - column]} of frame 1"
+    return f"rotation{about}, times {size:.4g} m"
 
 
 def _problem(kernels: LoopKernels, stepper: _core.Run, chosen: Options, status: int) -> str:
@@ -130,6 +164,12 @@ def _problem(kernels: LoopKernels, stepper: _core.Run, chosen: Options, status: 
     where = ", ".join(
         f"{v.name} {in_words(float(x), v.is_length, d)}" for v, x in zip(d.variables, q, strict=True)
     )
+    if status == _core.DRIFTED:
+        return (
+            f"the closure of the loop strayed by {stepper.position_drift:.2g} m "
+            f"({_component(stepper.worst, d.size)}), more than max_drift = {chosen.max_drift:g} m, {at}\n"
+            f"  Use the stabilisation 'projection', tighter tolerances or a smaller step. State: {where}."
+        )
     near = values[rank - 1] / values[0]
     if status == _core.NOT_FINITE:
         return (

@@ -12,12 +12,13 @@ from numpy.typing import NDArray
 from symgen.errors import ModelError
 from symgen.runtime import _core
 from symgen.runtime.causes import without_direction
+from symgen.runtime.checkpoint import keeping
 from symgen.runtime.initial import Start, start
 from symgen.runtime.linkage_model import LinkageModel
 from symgen.runtime.options import options
 from symgen.runtime.redundancy import least_norm, not_unique
 from symgen.runtime.result import Result
-from symgen.runtime.simulate import keeping, run
+from symgen.runtime.simulate import run
 from symgen.runtime.state import Accelerations, State, finite
 
 if TYPE_CHECKING:

@@ -2,27 +2,23 @@
 
 from __future__ import annotations
 
-import os
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import lru_cache
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from symgen.errors import ModelError, ResultError, SimulationError
+from symgen.errors import ModelError, SimulationError
 from symgen.runtime import _core
-from symgen.runtime.arguments import is_real
-from symgen.runtime.checkpoint import Checkpoints, mark_of, resume
+from symgen.runtime.checkpoint import Checkpoints, Keeping, mark_of
 from symgen.runtime.evaluate import Evaluator
 from symgen.runtime.failures import problem
 from symgen.runtime.options import Options
 from symgen.runtime.recording import Recording
 from symgen.runtime.redundancy import slack
 from symgen.runtime.result import Result
-from symgen.runtime.typed import Typed
+from symgen.runtime.typed import Typed, library_of_runs
 
 Array = NDArray[np.float64]
 Progress = Callable[[float], None]
@@ -32,41 +28,6 @@ _CHUNK_SECONDS = 0.05
 _KEPT = 10_000
 #: Steps after which an adaptive run is ended that would not come to its end at their pace in ``max_steps``.
 _JUDGED = 100_000
-
-
-@dataclass(frozen=True, slots=True)
-class Keeping:
-    """Where a run leaves checkpoints, how often [s of wall time], and the one it goes on from."""
-
-    file: Path | None
-    every: float
-    resume: Path | None
-
-
-def keeping(
-    file: str | os.PathLike[str] | None, every: float, resumed: str | os.PathLike[str] | None
-) -> Keeping | None:
-    """Check what is asked for checkpoints; None when nothing is.
-
-    Raises
-    ------
-    ModelError, ResultError
-        When the time is none, or the file cannot be written.
-    """
-    if file is None and resumed is None:
-        return None
-    for given in (file, resumed):
-        if given is not None and not isinstance(given, str | os.PathLike):
-            raise ModelError(f"expected the path of a checkpoint, got {given!r}")
-    if not (is_real(every) and every >= 0):
-        raise ModelError(f"expected checkpoint_every to be a number of seconds, got {every!r}")
-    path = None if file is None else Path(file)
-    if path is not None and not path.parent.is_dir():
-        raise ResultError(f"cannot write the checkpoint {path}: there is no folder {path.parent}")
-    if path is not None and (path.is_dir() or not os.access(path.parent, os.W_OK)):
-        what = "it is a folder" if path.is_dir() else f"nothing can be written into {path.parent}"
-        raise ResultError(f"cannot write the checkpoint {path}: {what}")
-    return Keeping(path, every, None if resumed is None else Path(resumed))
 
 
 def run(
@@ -116,13 +77,10 @@ def run(
         directions=[e.direction for e in events] if events else (),
         terminal=[e.ends_run for e in events] if events else (),
     )
-    library = typed.kernels(False) if typed and not typed.is_plain else evaluator.library
+    library = library_of_runs(evaluator.library, typed)
     checkpoints = None
     if keeping is not None:
-        mark = mark_of(evaluator, library, equations, chosen, t0, y0)
-        checkpoints = Checkpoints(mark, keeping.file, keeping.every)
-        if keeping.resume is not None:
-            checkpoints.spent = resume(keeping.resume, stepper, mark)
+        checkpoints = keeping.of(stepper, mark_of(evaluator, library, equations, chosen, t0, y0))
     status, wall = drive(stepper, t0, chosen, progress, checkpoints)
     result = Result.later(Recording(evaluator, equations, stepper, redundant, chosen, wall, library))
     if status in (_core.DONE, _core.ENDED):

@@ -42,7 +42,12 @@ class Typed:
         return DOUBLE if self.is_plain or self.digits else self.core()
 
 
+def library_of_runs(library: Library, typed: Typed | None) -> Library:
+    """Return the kernels that runs go through: typed ones, where given."""
+    return typed.kernels(False) if typed and not typed.is_plain else library
+
+
 def made_with(library: Library, typed: Typed | None) -> dict[str, str]:
     """Return what the kernels of runs were made with and where they come from: typed ones, where given."""
-    chosen = typed.kernels(False) if typed and not typed.is_plain else library
+    chosen = library_of_runs(library, typed)
     return {"backend": chosen.backend, **chosen.provenance}

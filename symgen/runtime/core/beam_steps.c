@@ -239,9 +239,9 @@ int beam_steps_start(struct beam_steps *x, real t) {
     return x->scheme.stages ? DONE : start_accelerations(x);
 }
 
-int beam_steps_advance(struct beam_steps *x, real t0, real t1, long count, long *done) {
+int beam_steps_part(struct beam_steps *x, real t0, real t1, long count, long from, long to, long *done) {
     const real h = (t1 - t0) / count;
-    for (long k = 0; k < count; k++) {
+    for (long k = from; k < to; k++) {
         const real t = t0 + k * h;
         const int status = x->scheme.stages ? collocate(x, t, h) : step_once(x, t, h);
         if (status != DONE)
@@ -249,4 +249,8 @@ int beam_steps_advance(struct beam_steps *x, real t0, real t1, long count, long 
         ++*done;
     }
     return DONE;
+}
+
+int beam_steps_advance(struct beam_steps *x, real t0, real t1, long count, long *done) {
+    return beam_steps_part(x, t0, t1, count, 0, count, done);
 }

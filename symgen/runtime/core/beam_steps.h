@@ -42,4 +42,7 @@ int beam_steps_start(struct beam_steps *steps, real t);
 /* Take `count` steps from t0 to t1; *done counts them. DONE or what went wrong. */
 int beam_steps_advance(struct beam_steps *steps, real t0, real t1, long count, long *done);
 
+/* Take those of these steps from number `from` to before number `to`. */
+int beam_steps_part(struct beam_steps *steps, real t0, real t1, long count, long from, long to, long *done);
+
 #endif

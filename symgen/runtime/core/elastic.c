@@ -67,8 +67,8 @@ static int start_steps(struct beam_steps *steps, double t) {
     return beam_steps_start(steps, R(t));
 }
 
-static int advance_steps(struct beam_steps *steps, double t0, double t1, long count, long *done) {
-    return beam_steps_advance(steps, R(t0), R(t1), count, done);
+static int part_of_steps(struct beam_steps *steps, double t0, double t1, long count, long from, long to, long *done) {
+    return beam_steps_part(steps, R(t0), R(t1), count, from, to, done);
 }
 
 static void *displacements_of(struct beam_steps *steps) {
@@ -97,7 +97,7 @@ const struct elastic_api symgen_elastic = {
     .steps_bytes = beam_steps_bytes,
     .steps_bind = beam_steps_bind,
     .steps_start = start_steps,
-    .steps_advance = advance_steps,
+    .steps_part = part_of_steps,
     .steps_displacements = displacements_of,
     .steps_rates = rates_of,
 };

@@ -42,7 +42,7 @@ struct elastic_api {
     void (*steps_bind)(struct beam_steps *steps, struct beams *b, const struct beam_scheme *scheme, long columns,
                        void *memory);
     int (*steps_start)(struct beam_steps *steps, double t);
-    int (*steps_advance)(struct beam_steps *steps, double t0, double t1, long count, long *done);
+    int (*steps_part)(struct beam_steps *steps, double t0, double t1, long count, long from, long to, long *done);
     void *(*steps_displacements)(struct beam_steps *steps); /* rows of `columns` reals, one an unknown */
     void *(*steps_rates)(struct beam_steps *steps);
 };

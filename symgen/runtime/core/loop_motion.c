@@ -145,9 +145,16 @@ static void closing(const struct loop *l, const real *v, real *b) {
     }
 }
 
-/* The defect of closure [m]. */
+/* The defect of closure [m], and in `worst` the entry (of 3 x 4) that is farthest off. */
 static real position_error_loop(struct equations *e, real t, const real *y) {
-    return of(e)->size * loop_look(of(e), t, y);
+    const struct loop *l = of(e);
+    const real defect = loop_look(of(e), t, y);
+    e->account->worst = 0;
+    for (long i = 1; i < 12; i++)
+        if (real_fabs(l->screws[i]) / (i % 4 == 3 ? l->size : 1)
+            > real_fabs(l->screws[e->account->worst]) / (e->account->worst % 4 == 3 ? l->size : 1))
+            e->account->worst = i;
+    return l->size * defect;
 }
 
 /* The largest rate of closure [m/s], with the screws that position_error left. */
