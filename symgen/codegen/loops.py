@@ -13,9 +13,9 @@ from symgen.lowering.kernel import Slot
 from symgen.lowering.loop import Loops, Result, Step
 from symgen.lowering.nodes import references, rename
 
-#: Chains side by side in one group of lanes, by dimension. In space they fill one of the widest vector
-#: registers; in the plane two, of which each hides the latency of the other.
-LANES = {2: 16, 3: 8}
+#: Chains side by side in one group of lanes: they fill two of the widest vector registers, of which each
+#: hides the latency of the other.
+LANES = 16
 
 TEMPLATES = (
     ("c/chain_kernel.h.j2", "{}_kernel.h"),
@@ -69,7 +69,7 @@ class LoopsView:
 
 def loops_hash(loops: Loops) -> str:
     """Return the hash of everything that decides the generated code: steps, lanes and templates."""
-    digest = hashlib.sha256(repr((loops, LANES[loops.dimension])).encode())
+    digest = hashlib.sha256(repr((loops, LANES)).encode())
     for template, _ in TEMPLATES:
         digest.update(environment().loader.get_source(environment(), template)[0].encode())
     return digest.hexdigest()
@@ -92,7 +92,7 @@ def emit_loops(loops: Loops, equations: str) -> tuple[SourceFile, ...]:
         equations=equations,
         references=loops.references,
         dimension=loops.dimension,
-        lanes=LANES[loops.dimension],
+        lanes=LANES,
         factors=loops.size("inward", "factors"),
         gathered=loops.size("gather", "here"),
         flops=loops.per_rod.flops,

@@ -32,7 +32,7 @@ def problem(
     where = f"State: {points}."
     if status == _core.DRIFTED:
         return (
-            f"{description.labels[stepper.worst]} strayed by {stepper.position_drift:.2g} m, more than "
+            f"{description.labels[stepper.worst]} strayed by {stepper.position_drift:.4g} m, more than "
             f"max_drift = {chosen.max_drift:g} m, {at}\n  Use the stabilisation 'projection', tighter "
             f"tolerances or a smaller step. {where}"
         )

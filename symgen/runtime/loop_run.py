@@ -166,7 +166,7 @@ def _problem(kernels: LoopKernels, stepper: _core.Run, chosen: Options, status: 
     )
     if status == _core.DRIFTED:
         return (
-            f"the closure of the loop strayed by {stepper.position_drift:.2g} m "
+            f"the closure of the loop strayed by {stepper.position_drift:.4g} m "
             f"({_component(stepper.worst, d.size)}), more than max_drift = {chosen.max_drift:g} m, {at}\n"
             f"  Use the stabilisation 'projection', tighter tolerances or a smaller step. State: {where}."
         )
