@@ -95,19 +95,13 @@ static void add_stages(const struct run *run, const real *weights, long count, r
     add_rows(base, factors, run->own, count, run->dim, out);
 }
 
-/* Whether errors across the constraints are so much magnified that stages and estimates are projected too:
- * they vanish again when the end of the step is. */
-static int magnified(const struct run *run) {
-    return run->state->sound < NEAR && run->task.stabilisation == PROJECTION;
-}
-
 /* Fill stage s from the stages before it. */
 static void fill_stage(struct run *run, const struct tableau *x, long s, real h) {
     struct equations *e = run->e;
     size_t bytes = (size_t)run->dim * sizeof(real);
     real t = run->state->t + x->c[s] * h;
     add_stages(run, x->a + s * x->all, s, h, run->y, run->stage);
-    if (magnified(run)) {
+    if (is_magnified(run)) {
         memcpy(run->error, run->stage, bytes);
         if (e->of->project(e, t, run->error) == DONE)
             memcpy(run->stage, run->error, bytes);
@@ -121,11 +115,11 @@ static real estimate(struct run *run, const struct tableau *x, real t_new, real 
     long dim = run->dim;
     real atol = R(run->task.atol), rtol = R(run->task.rtol), totals[2] = {0, 0};
     real *errors[2] = {run->error, run->own + x->all * dim};
-    if (magnified(run))
+    if (is_magnified(run))
         e->of->factorise(e, t_new, run->y_new);
     for (long r = 0; r < x->rows; r++) {
         add_stages(run, x->e + r * (x->stages + 1), x->stages + x->same_as_last, h, NULL, errors[r]);
-        if (magnified(run)) {
+        if (is_magnified(run)) {
             e->of->make_tangent(e, t_new, run->y_new, errors[r]);
             e->of->make_tangent(e, t_new, run->y_new, errors[r] + e->n);
         }

@@ -154,6 +154,12 @@ int settle(struct run *run, real t_new);
 /* Root mean square of `error` over the tolerance at y and y_new. */
 real error_norm(const struct run *run, const real *error);
 
+/* Whether errors across the constraints are so much magnified that states are projected before they are looked at:
+ * stages and estimates too, where they vanish again when the end of the step is. */
+static inline int is_magnified(const struct run *run) {
+    return run->state->sound < NEAR && run->task.stabilisation == PROJECTION;
+}
+
 int all_finite(const real *v, long count);
 
 /* The largest magnitude, 0 of none. */

@@ -31,10 +31,6 @@ int find_slopes(struct equations *e, real t, const real *y, real *values, real *
     return DONE;
 }
 
-int is_magnified(const struct run *run) {
-    return run->state->sound < NEAR && run->task.stabilisation == PROJECTION;
-}
-
 void derivative_along(struct run *run, real t, real *y, real *dy) {
     size_t bytes = (size_t)run->dim * sizeof(real);
     memcpy(run->error, y, bytes);

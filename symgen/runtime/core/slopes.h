@@ -8,9 +8,6 @@
  * Returns DONE or NOT_FINITE. */
 int find_slopes(struct equations *e, real t, const real *y, real *values, real *by_q, real *by_u);
 
-/* Whether errors across the constraints are so much magnified that states are projected before they are looked at. */
-int is_magnified(const struct run *run);
-
 /* Write dy/dt at y, which is brought onto the constraints first: so it changes with the motion along them only, and
  * iterations that leave its slopes out still converge, unless the motion is stiff just there. */
 void derivative_along(struct run *run, real t, real *y, real *dy);
