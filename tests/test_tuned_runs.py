@@ -125,6 +125,31 @@ def test_analyses(both):
     close([tuned.rhs(0.2, y), [tuned.rhs.energy(0.2, y)]], [fixed.rhs(0.2, y), [fixed.rhs.energy(0.2, y)]])
 
 
+def test_a_set_up_of_the_tangent_alone_is_none_of_the_equations():
+    """Slopes of cubes have products of parameters where the equations have none: theirs is not called for these."""
+    written = {"c1": "4e5 N*s^3/m^3", "c2": "0 N*s^3/m^3", "c3": "0 N*s^3/m^3"}
+    found = []
+    for tunable in (True, False):
+        scene = symgen.Scene(
+            parameters={n: {"value": v, "tunable": True} if tunable else v for n, v in written.items()},
+            points={"O": ground(0, 0), "A": at(0.4, 0.7), "B": at(1.1, 0.9), "C": ground(1.6, 0.1)},
+            links={
+                "upper": {"points": ["O", "A"], "mass": "1 kg"},
+                "lower": {"points": ["A", "B"], "mass": "2 kg"},
+            },
+            gravity=GRAVITY,
+            actuators=[
+                {"between": ends, "force": f"-{n}*this.rate**3"}
+                for n, ends in zip(written, (["O", "B"], ["C", "B"], ["C", "A"]), strict=True)
+            ],
+        )
+        model = symgen.build(scene)
+        assert (model.description.derived, model.analysis("tangent").description.derived > 2) == (0, tunable)
+        run = model.simulate(0.5, method="radau5")
+        found.append(run.statistics["evaluations"])
+    assert found[0] == pytest.approx(found[1], rel=0.05)
+
+
 def test_parameters_are_taken_from_the_model_not_from_the_one_before(both):
     again = both[1].with_parameters(**{n: float(v.split()[0]) for n, v in WRITTEN.items()})
     first = symgen.build(linkage(True))

@@ -45,11 +45,20 @@ def assembly_exports(model: RodsModel) -> tuple[list[NamedMatrix], list[Export]]
     exports = [Export("drawn", "coordinates as drawn", ("drawn",))]
     start = linkage.start
     bound = linkage.guides or linkage.drivers or model.shared or not all(k.as_drawn for k in model.rods)
-    if start.angles or bound:
+    if start.angles or bound or (model.constraints and _displaced(model)):
         matrices += _assembly(model, names)
         about = "residual and Jacobian of the start's positions; u[0] goes from 0 (drawn) to 1 (start)"
         exports.append(Export("assembly", about, ("assembly_residual", "assembly_jacobian")))
     return matrices, exports
+
+
+def _displaced(model: RodsModel) -> bool:
+    """Tell whether some ground point is not where it is drawn at the start."""
+    return any(
+        there.xreplace({TIME.symbol: ZERO}) != drawn
+        for p in model.ground
+        for there, drawn in zip(model.linkage.point(p).motion, model.linkage.point(p).at, strict=True)
+    )
 
 
 def _driven(model: RodsModel) -> bool:
@@ -96,10 +105,15 @@ def _assembly(model: RodsModel, names: list[str]) -> list[NamedMatrix]:
 
 
 def _as_drawn(model: RodsModel) -> dict[sp.Symbol, sp.Expr]:
-    """Return the value of every coordinate and shared subexpression where the linkage is drawn."""
+    """Return the value of every coordinate and shared subexpression where the linkage is drawn.
+
+    Ground points are where they are at the start.
+    """
     values: dict[sp.Symbol, sp.Expr] = {TIME.symbol: ZERO}
     for point, group in model.q.items():
-        values.update(zip(model.symbols(group), model.linkage.point(point).at, strict=True))
+        place = model.linkage.point(point)
+        there = (c.xreplace(values) for c in place.motion) if point in model.ground else place.at
+        values.update(zip(model.symbols(group), there, strict=True))
     for definition in model.calculus.definitions:
         values[definition.quantity.symbol] = definition.expression.xreplace(values)
     return values

@@ -85,9 +85,13 @@ class Evaluator:
         addresses = library.addresses
         entries = None
         if tangent is not None:
-            # Its kernels are of other equations, with a set-up of their own.
-            own_setup = tangent.library.addresses.get("setup", 0)
-            addresses = {**tangent.library.addresses, **addresses, "tangent_setup": own_setup}
+            # It is of other equations, with a set-up of its own, which is not called for these.
+            theirs = tangent.library.addresses
+            addresses = {
+                **addresses,
+                "tangent": theirs["tangent"],
+                "tangent_setup": theirs.get("setup", 0),
+            }
             entries = places(d, tangent.description)
         return _core.Equations(
             addresses,

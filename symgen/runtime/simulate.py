@@ -80,7 +80,7 @@ def run(
     library = library_of_runs(evaluator.library, typed)
     checkpoints = None
     if keeping is not None:
-        checkpoints = keeping.of(stepper, mark_of(evaluator, library, equations, chosen, t0, y0))
+        checkpoints = keeping.of(stepper, mark_of(evaluator, library, equations, chosen, t0, y0, *events))
     status, wall = drive(stepper, t0, chosen, progress, checkpoints)
     result = Result.later(Recording(evaluator, equations, stepper, redundant, chosen, wall, library))
     if status in (_core.DONE, _core.ENDED):

@@ -105,6 +105,24 @@ def test_events_are_remembered(tmp_path):
     assert bits(again) == bits(whole)
 
 
+@pytest.mark.parametrize("changed", [{"direction": "rising"}, {"ends_run": True}])
+def test_other_events_are_another_run(changed, tmp_path):
+    """They are of the same equations."""
+    from linkages import GRAVITY, at, ground, rod
+
+    def built(**changed):
+        events = [{"name": "low", "of": "A.x", "direction": "falling", **changed}]
+        points = {"O": ground(0, 0), "A": at(1, 0)}
+        return symgen.build(
+            symgen.Scene(points=points, links={"OA": rod("O", "A")}, gravity=GRAVITY, events=events)
+        )
+
+    with pytest.raises(symgen.errors.SimulationError):
+        built().simulate(5.0, max_steps=30, checkpoint=tmp_path / "c", checkpoint_every=0)
+    with pytest.raises(ResultError, match="of another run"):
+        built(**changed).simulate(5.0, resume=tmp_path / "c")
+
+
 @pytest.mark.parametrize(
     "changed",
     [{"rtol": 1e-7}, {"t_end": 3.0}, {"method": "dopri5"}, {"samples": 7}, {"max_drift": 1.0}],

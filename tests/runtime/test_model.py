@@ -97,6 +97,23 @@ def test_tunable_geometry_moves_the_start():
     assert model.initial_state().positions["A"].tolist() == [1.0, 0.0]
 
 
+@pytest.mark.parametrize("height", [0.1, 1.4])
+def test_ground_that_is_not_where_it_is_drawn_takes_the_linkage_along(height):
+    """A rod of 1 m from a ground point that starts so high above where it is drawn."""
+    points = {
+        "O": {"at": ["0 m", "0 m"], "ground": True, "motion": ["0 m", "h*cos(w*t)"]},
+        "A": {"at": ["0.6 m", "0.8 m"]},
+    }
+    parameters = {"h": {"value": f"{height} m", "tunable": True}, "w": "3 rad/s"}
+    model = symgen.build(pendulum(points=points, parameters=parameters, gravity=GRAVITY))
+    start = model.initial_state()
+    reach = start.positions["A"] - start.positions["O"]
+    assert start.positions["O"].tolist() == [0.0, height]
+    assert np.hypot(*reach) == pytest.approx(1.0, rel=1e-14)
+    assert reach[0] > 0
+    assert model.simulate(0.2).drift.constraint < 1e-14
+
+
 def test_parameters_are_checked():
     model = symgen.build("peaucellier")
     with pytest.raises(ModelError, match="no tunable parameter 'roh'. Did you mean 'rho'"):
