@@ -39,7 +39,7 @@ static inline void copy(const real *from, long count, real *to) {
 static inline void copy_fresh(const real *from, long count, real *to) {
     for (long i = 0; i < count; i++) {
         real one = from[i];
-#if defined(__GNUC__) && defined(__x86_64__) && !defined(SYMGEN_REAL_LONGDOUBLE)
+#if defined(__GNUC__) && defined(__x86_64__) && !defined(SYMGEN_REAL_LONGDOUBLE) && !defined(SYMGEN_REAL_FLOAT128)
         __asm__("" : "+x"(one)); /* keeps the compiler from making wide ones of them */
 #endif
         to[i] = one;
