@@ -50,8 +50,10 @@ def _collected(line: StraightLine, terms: Iterable[Node]) -> Node:
 
 
 def _multiple(coefficient: Node, key: _Key) -> Node:
-    if not key or _is_negative(coefficient):
-        return coefficient if not key else negative(_multiple(negative(coefficient), key))
+    if not key:
+        return coefficient
+    if _is_negative(coefficient):
+        return negative(_multiple(negative(coefficient), key))
     factors = key if coefficient == ONE else (coefficient, *key)
     return factors[0] if len(factors) == 1 else Product(factors)
 
