@@ -5,7 +5,8 @@ import os
 from pathlib import Path
 
 from Cython.Build import cythonize
-from setuptools import Extension, setup
+from setuptools import Extension, find_packages, setup
+from setuptools.command.editable_wheel import editable_wheel
 
 MODELS = json.loads(Path("generated/manifest.json").read_text(encoding="utf-8"))["models"]
 
@@ -33,6 +34,7 @@ extensions = [
             f"symgen.runtime.{name}",
             [f"symgen/runtime/{name}.pyx"],
             include_dirs=["symgen/runtime"],
+            depends=["symgen/runtime/_core.pxd", *(str(path) for path in sorted(CORE.glob("*.h")))],
             extra_compile_args=flags(1),
         )
         for name in ("_loop", "_beams", "_rhs")
@@ -48,7 +50,25 @@ extensions = [
     ),
 ]
 
+
+class EditableWheel(editable_wheel):
+    """Puts the checkout on the path, too: a folder named symgen elsewhere is then not taken for the package.
+
+    The import hook of an editable installation comes after the path, on which such a folder is a namespace
+    package; a package that is on the path comes first.
+    """
+
+    def _install_namespaces(self, installation_dir, pth_prefix):
+        super()._install_namespaces(installation_dir, pth_prefix)
+        checkout = Path(__file__).resolve().parent
+        Path(installation_dir, "__editable__.symgen_checkout.pth").write_text(
+            f"{checkout}\n", encoding="utf-8"
+        )
+
+
 setup(
+    packages=[*find_packages(include=["symgen", "symgen.*"]), "symgen.generated", "symgen.templates"],
+    cmdclass={"editable_wheel": EditableWheel},
     ext_modules=cythonize(
         extensions, build_dir="build/cython", language_level=3, shared_utility_qualified_name=SHARED
     ),

@@ -1,4 +1,4 @@
-"""Pages in headless Chromium: what it logs, how wide they come out, what of their mathematics is visible."""
+"""Pages in headless Chromium: console messages, layout width and visibility of equations."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from html import unescape
 from pathlib import Path
 
-#: Runs in a copy of the page alone: tells the frame around it what it finds, which writes it down.
+#: Script added to a copy of the page: it sends its measurements to the enclosing frame, which prints them.
 _MEASURE = """
 <script>
 addEventListener("load", () => {
@@ -43,7 +43,7 @@ addEventListener("load", () => {
 });
 </script>
 """
-#: Holds copies of pages in frames of given widths: a window itself does not become narrower than 500 px.
+#: Document with pages in frames of given widths: a browser window is at least 500 px wide.
 _AROUND = """<!DOCTYPE html><html><body style="margin: 0">
 <script>
 addEventListener("message", (e) => {
@@ -60,20 +60,20 @@ FRAMES
 
 @dataclass(frozen=True, slots=True)
 class Seen:
-    """What a browser makes of a page at one width [px].
+    """Measurements of a rendered page at one width [px].
 
     Attributes
     ----------
     width, page
-        Of the window, and of what stands in it.
+        Widths of the window and of the content.
     wide
-        Elements that stand out of the window, those inside a box that scrolls left out.
+        Elements that extend beyond the window, except those in a scrolling box.
     math, seen, flat
-        Equations; those with a visible size; matrices whose rows are not one below the other.
+        Number of equations; of visible ones; of matrices whose rows are not laid out vertically.
     images, met, height, elsewhere
-        Pictures that do not show; names in the drawing that overlap; height; what the page asked others for.
+        Broken images; overlapping labels in the drawing; height of the page; URLs of requested resources.
     console
-        Lines that the page logged: errors and warnings too.
+        Console messages of the page, including errors and warnings.
     """
 
     width: int
@@ -90,7 +90,7 @@ class Seen:
 
     @property
     def faults(self) -> list[str]:
-        """What is wrong with it, in words."""
+        """Defects of the page as text."""
         found = [f"console: {line}" for line in self.console]
         found += [f"{self.page} px wide in {self.width}"] if self.page > self.width else []
         found += [f"stands out: {what}" for what in self.wide]
@@ -100,16 +100,16 @@ class Seen:
         found += [f"{self.flat} matrices are not laid out"] if self.flat else []
         found += [f"{self.images} pictures do not show"] if self.images else []
         found += [f"{self.met} names in the drawing overlap"] if self.met else []
-        return found + [f"asked for {what}" for what in self.elsewhere]
+        return found + [f"requested {what}" for what in self.elsewhere]
 
 
 def chromium() -> str | None:
-    """Return Chromium's command, if it is installed."""
+    """Return Chromium's command if it is installed."""
     return next((c for c in ("chromium", "chromium-browser", "google-chrome") if shutil.which(c)), None)
 
 
 def look(pages: Sequence[Path], widths: Sequence[int], folder: Path) -> dict[tuple[str, int], Seen]:
-    """Open copies of pages in frames of these widths, all in one browser, and measure them.
+    """Open copies of pages in frames of the given widths, in one browser, and measure them.
 
     Parameters
     ----------
@@ -118,12 +118,12 @@ def look(pages: Sequence[Path], widths: Sequence[int], folder: Path) -> dict[tup
     widths
         Widths [px].
     folder
-        Where the copies and the browser's profile go.
+        Folder for the copies and the browser profile.
 
     Returns
     -------
     dict
-        What was seen, by the page's name and the width.
+        Measurements by page name and width.
     """
     frames = []
     for page in pages:
@@ -149,7 +149,7 @@ def look(pages: Sequence[Path], widths: Sequence[int], folder: Path) -> dict[tup
 
 
 def picture(page: Path, seen: Seen, file: Path, folder: Path) -> None:
-    """Take a picture of a whole page, as wide as it was seen, or of its first 16000 px."""
+    """Save a screenshot of a whole page, or of its first 16000 px."""
     around, height = folder / "around.html", min(seen.height, 16000)
     around.write_text(_AROUND.replace("FRAMES", _frame(page.resolve().as_uri(), seen.width, height)))
     _run(around, max(seen.width, 500), height, folder, f"--screenshot={file}", "--virtual-time-budget=5000")
@@ -160,7 +160,7 @@ def _frame(source: str, width: int, height: int) -> str:
 
 
 def _run(page: Path, width: int, height: int, folder: Path, *options: str) -> tuple[str, list[str]]:
-    """Run Chromium on a page; return what it prints, and what the page logs."""
+    """Run Chromium on a page; return its output and the console messages of the page."""
     command = chromium()
     if command is None:
         raise RuntimeError("there is no Chromium")

@@ -1,4 +1,4 @@
-"""The falling chain of ``work_precision.py`` in other programs: what they return, as positions of the tip."""
+"""The falling chain of ``work_precision.py`` in other programs, with results as positions of the tip."""
 
 from __future__ import annotations
 
@@ -10,17 +10,17 @@ import numpy as np
 from chain_reference import BEND, GRAVITY, SAMPLES, T_END
 from numpy.typing import NDArray
 
-from symgen.study import peers
-from symgen.study.planar_chain import PlanarChain
+from symgen.study.speed import peers
+from symgen.study.speed.planar_chain import PlanarChain
 
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class Attempt:
-    """One setting: ``run`` is timed, ``tips`` makes positions [m] at the sample times of what it returned.
+    """One setting: ``run`` is timed, ``tips`` converts its result to tip positions [m] at the sample times.
 
-    Where only the end is recorded at its time, ``tips`` gives that alone.
+    If only the final state has an exact time, ``tips`` returns that position alone.
     """
 
     program: str
@@ -31,7 +31,7 @@ class Attempt:
 
 
 def falling_chain(n: int) -> PlanarChain:
-    """Return the chain: rods of 1 m and 1 kg, every second one turned a little against the one before."""
+    """Return the chain: rods of 1 m and 1 kg, with alternating small relative angles."""
     return PlanarChain(
         rods=((1.0, 1.0, 0.5, 1 / 12),) * n,
         names=tuple(f"P{k + 1}" for k in range(n)),
@@ -58,7 +58,7 @@ def _tips(chain: PlanarChain, peer: peers.PeerSetting) -> Callable[[Any], Array]
     return lambda found: chain.places(peer.angles(found))[:, -1]
 
 
-#: All of them: how each is installed, and its sweeps for a chain of n rods.
+#: All peers: pip packages, and sweeps for a chain of n rods.
 PEERS: dict[str, tuple[str, Callable[[int], list[Iterator[Attempt]]]]] = {
     name: (packages, lambda n, name=name: _sweeps(name, n))  # type: ignore[misc]
     for name, (packages, _) in peers.PEERS.items()

@@ -1,4 +1,4 @@
-"""The falling chains of ``work_precision.py`` at 30 digits, by a formulation that shares nothing with symgen.
+"""Reference solution of the falling chains of ``work_precision.py`` with 30 digits, independent of symgen.
 
 Lagrange's equations in the rods' absolute angles a_i, of uniform rods of 1 m and 1 kg. With the mass outboard
 of rod i, C_ij = N - max(i, j) + 1/2 (i from 1; N - i + 1/3 on the diagonal) and G_i = N - i + 1/2,
@@ -8,8 +8,8 @@ of rod i, C_ij = N - max(i, j) + 1/2 (i from 1; N - i + 1/3 on the diagonal) and
 solved by Cholesky's method and integrated by extrapolation of Gragg's modified midpoint rule, of order 20, in
 steps that meet a tolerance (Hairer, Norsett, Wanner, *Solving Ordinary Differential Equations I*, II.9).
 
-Run as a program it writes ``chain_reference.json``: the tips at the sample times, and by how much they move
-from one tolerance to the next.
+As a program, it writes ``chain_reference.json``: the tips at the sample times, and their change between
+successive tolerances.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ DIGITS, COLUMNS, TOLERANCES = 30, 10, (1e-16, 1e-19)
 
 
 def start_angles(n: int) -> list[float]:
-    """Return the absolute angles [rad] at the start: those between rods are 0 and 0.1 in turn."""
+    """Return the initial absolute angles [rad]: relative angles alternate between 0 and 0.1."""
     return [round(float(BEND) * ((i + 1) // 2), 12) for i in range(n)]
 
 
@@ -44,12 +44,12 @@ def tips(n: int) -> Array:
 
 
 def uncertainty(n: int) -> float:
-    """Return by how much [m] the stored positions move from one tolerance to the next."""
+    """Return the change [m] of the stored positions between successive tolerances."""
     return float(json.loads(FILE.read_text(encoding="utf-8"))["chains"][str(n)]["moved"])
 
 
 def solve(n: int, tolerance: float, samples: int = SAMPLES, columns: int = COLUMNS) -> list[list[Real]]:
-    """Return the tips at the first sample times, steps of this local error, in the precision in force."""
+    """Return the tips at the first sample times, for this local error, in the current mpmath precision."""
     rates = _rates(n)
     bend = mpmath.mpf(BEND)
     y = [bend * ((i + 1) // 2) for i in range(n)] + [mpmath.mpf(0)] * n
@@ -91,7 +91,7 @@ def _rates(n: int) -> Callable[[list[Real]], list[Real]]:
 
 
 def _cholesky(a: list[list[Real]], b: list[Real]) -> list[Real]:
-    """Solve a x = b in place, a symmetric and positive definite, given by its lower triangle."""
+    """Solve a x = b in place for a symmetric positive definite a, given by its lower triangle."""
     n = len(b)
     for j in range(n):
         a[j][j] = mpmath.sqrt(a[j][j] - sum(x * x for x in a[j][:j]))
@@ -106,7 +106,7 @@ def _cholesky(a: list[list[Real]], b: list[Real]) -> list[Real]:
 def _extrapolated(
     rates: Callable[[list[Real]], list[Real]], y: list[Real], h: Real, columns: int
 ) -> tuple[list[Real], float]:
-    """Return one step of order 2 * columns, of midpoint rules of 2, 4, 6, ... substeps, and its error."""
+    """Return one step of order 2 * columns, from midpoint rules with 2, 4, 6, ... substeps, and its error."""
     first = rates(y)
     table: list[list[Real]] = []
     for k in range(1, columns + 1):

@@ -1,12 +1,12 @@
-"""Methods on the full equations of the elastic four-bar: which survive one turn, their errors and times.
+"""Methods for the full equations of the elastic four-bar: stability over a revolution, errors and times.
 
-The systems are those that the thesis could not integrate: the crank held (10 unknowns) and left to itself
-(11), in the exact form and in the thesis', without geometric stiffness, from rest. The error is the largest
-of any link's bending strain at mid-length over 181 times, relative to that link's peak, against Gauss
-collocation with 8100 steps. A method survives where its numbers are finite and the error is below one.
+The systems are those that the thesis could not integrate: prescribed crank motion (10 unknowns) and free
+crank (11), in the exact and in the constant-transformation form, without geometric stiffness, from rest. The
+error is the largest of any link's bending strain at mid-length over 181 times, relative to that link's peak,
+against Gauss collocation with 8100 steps. A run survives if its values are finite and its error is below one.
 
-Methods of symgen run compiled. SciPy's take the compiled accelerations of symgen as a function of Python,
-which takes minutes; ``--short`` leaves them out.
+Methods of symgen are compiled. SciPy's methods call the compiled accelerations from Python, which takes
+minutes; ``--short`` omits them.
 """
 
 from __future__ import annotations
@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 
 import symgen
 from symgen.errors import SimulationError
+from symgen.inspection.runs import by_method
 
 Array = NDArray[np.float64]
 
@@ -30,13 +31,13 @@ LINKS = ("crank", "coupler", "output")
 SAMPLES = 181
 SYSTEMS = tuple((crank, form) for crank in ("held", "free") for form in ("exact", "thesis"))
 SCENES = {"held": "elastic_four_bar", "free": "elastic_four_bar_free"}
-#: SciPy's methods that are not symgen's too.
+#: SciPy's methods that symgen does not provide.
 SCIPY = ("RK45", "Radau", "BDF", "LSODA")
 
 
 @dataclass(frozen=True)
 class Attempt:
-    """A method with its steps a turn or its tolerance, and whether it is recommended there."""
+    """A method with its number of steps per revolution or its tolerance, and whether it is recommended."""
 
     method: str
     steps: int | None = None
@@ -45,7 +46,7 @@ class Attempt:
 
     @property
     def setting(self) -> str:
-        """Steps or tolerance in words."""
+        """The number of steps or the tolerance as text."""
         return f"{self.steps} steps" if self.steps else f"rtol {self.tolerance:.0e}"
 
 
@@ -64,7 +65,7 @@ def main() -> int:
     options = arguments(__doc__, short=True)
     rows = table(SYSTEMS, [a for a in ATTEMPTS if not (options.short and a.method in SCIPY)])
     return report(
-        "One turn of the elastic four-bar from rest, without geometric stiffness",
+        "One revolution of the elastic four-bar from rest, without geometric stiffness",
         rows,
         required(rows),
         notes=[
@@ -76,7 +77,7 @@ def main() -> int:
 
 
 def required(rows: Iterable[Mapping[str, Any]]) -> list[Required]:
-    """Every recommended method survives, and accurate ones agree with the reference."""
+    """Return the criteria: every recommended method survives, and accurate ones agree with the reference."""
     rows = list(rows)
     lost = sum(row["recommended"] and row["survives"] != "yes" for row in rows)
     tight = [row["error"] for row in rows if row["method"] == "dop853" and row["setting"] == "rtol 1e-08"]
@@ -85,7 +86,7 @@ def required(rows: Iterable[Mapping[str, Any]]) -> list[Required]:
 
 
 def table(systems: Sequence[tuple[str, str]], attempts: Sequence[Attempt]) -> list[dict[str, Any]]:
-    """Return a row for every system and attempt."""
+    """Return one row per system and attempt."""
     rows = []
     for crank, form in systems:
         model = symgen.build(SCENES[crank])
@@ -119,12 +120,14 @@ def _error(found: Array | None, truth: Array) -> float:
 
 
 def _strains(model: Any, form: str, attempt: Attempt) -> Array | None:
-    """Return the strains (links, times); None where the method breaks down."""
+    """Return the strains (links, times); None if the method breaks down."""
     if attempt.method in SCIPY:
         return _by_scipy(model, form, attempt)
     given = {"steps": attempt.steps} if attempt.steps else {"rtol": attempt.tolerance}
     try:
-        found = model.run(attempt.method, samples=SAMPLES, form=form, geometric_stiffness=False, **given)
+        found = by_method(
+            model, attempt.method, samples=SAMPLES, form=form, geometric_stiffness=False, **given
+        )
     except SimulationError:
         return None
     return np.array([found.variable(f"{link}.bending_strain").values for link in LINKS])
@@ -133,7 +136,7 @@ def _strains(model: Any, form: str, attempt: Attempt) -> Array | None:
 def _by_scipy(model: Any, form: str, attempt: Attempt) -> Array | None:
     from scipy.integrate import solve_ivp
 
-    from symgen.runtime.elastic_result import outputs
+    from symgen.runtime.result.elastic import outputs
 
     motion = model._motion(False)
     equations = motion.equations(form == "thesis")

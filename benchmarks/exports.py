@@ -1,8 +1,8 @@
 """Every shipped scene exported to C, compiled by GCC and Clang, and compared to the last bit.
 
-Each export is compiled with ``-std=c11 -Wall -Wextra -Werror -ffp-contract=off`` by every compiler that is
-there; its check must find the bits that Python found, and its example must run. CMake, where it is there,
-builds and tests the first of them.
+Each export is compiled with ``-std=c11 -Wall -Wextra -Werror -ffp-contract=off`` by every available compiler.
+Its test must reproduce symgen's results bit for bit, and its example must run. CMake, if available, builds
+and tests the first export.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ COMPILERS = ("gcc", "clang")
 
 
 def tried(name: str, compilers: tuple[str, ...]) -> list[str]:
-    """Export a scene and try it; return a line for each compiler, beginning with FAILED where it does."""
+    """Export and test a scene; return one line per compiler, starting with FAILED on failure."""
     with tempfile.TemporaryDirectory() as root:
         folder = Path(root) / name
         export_c(name, folder)
@@ -78,17 +78,17 @@ def by_cmake(name: str) -> str:
 
 
 def main() -> int:
-    """Try all scenes asked for."""
+    """Test all selected scenes."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("scenes", nargs="*", help="names of shipped scenes; all when none is given")
-    parser.add_argument("--processes", type=int, default=2, help="side by side (2)")
+    parser.add_argument("scenes", nargs="*", help="names of shipped scenes; default: all")
+    parser.add_argument("--processes", type=int, default=2, help="number of processes (2)")
     given = parser.parse_args()
     names = given.scenes or symgen.shipped_scenes()
     compilers = tuple(c for c in COMPILERS if shutil.which(c))
     for missing in sorted({*COMPILERS, "cmake"} - {*compilers, "cmake" if shutil.which("cmake") else ""}):
-        print(f"{missing} is not installed: left out")
+        print(f"{missing} is not installed: omitted")
     failed = not compilers
     with ProcessPoolExecutor(given.processes) as pool:
         for lines in pool.map(partial(tried, compilers=compilers), names):

@@ -1,16 +1,17 @@
-"""The elastic four-bar of ANCF cables in Exudyn: the optional peer of the benchmark of elastic links.
+"""The elastic four-bar with ANCF cables in Exudyn: the optional peer of the benchmark of elastic links.
 
-Every link is of ``ELEMENTS`` of Exudyn's planar cables (Bernoulli beams of large rotation, cubic positions,
-no rotary inertia), the crank is clamped to a shaft turned at constant speed, the bearings are masses at the
-ends of crank and output link, and the velocities at the start are those of the rigid motion. Strain is half
-the thickness times the curvature at mid-length, the mean of both sides where elements meet. In ft, slug, s
-and lbf.
+Every link consists of ``ELEMENTS`` planar cables of Exudyn (Bernoulli beams in large rotation, cubic
+positions, no rotary inertia). The crank is clamped to a shaft of constant speed, the bearings are point
+masses at the ends of crank and output link, and the initial velocities are those of the rigid motion. Strain
+is half the thickness times the curvature at mid-length, averaged over both sides of a node. Units: ft, slug,
+s and lbf.
 
-At 20 rpm, over an eighth of a turn, the strains of four cables a link differ from linear theory's by 5 % rms
-in the crank and 8 to 9 % in coupler and output link, and from those of symgen's rods of large rotation (16 a
-link, from which linear theory differs as much) by 1.1 % and 4 to 5 %. At 373 rpm the bent linkage magnifies
-whatever is changed: the steps are of second order, and 1e-4 is reached in the first eighth of a turn, but
-over the whole turn 23,040 steps differ from 92,160 by 63 % of the peak, and those from 368,640 by 17 %.
+At 20 rpm, over an eighth of a revolution, the strains with four cables per link differ from linear theory by
+5 % rms in the crank and 8 to 9 % in coupler and output link, and from symgen's rods in large rotation (16 per
+link, which differ as much from linear theory) by 1.1 % and 4 to 5 %. At 373 rpm the deflected linkage
+amplifies any perturbation: the method is of second order and reaches 1e-4 in the first eighth of a
+revolution, but over a whole one 23,040 steps differ from 92,160 by 63 % of the peak, and those from 368,640
+by 17 %.
 """
 
 from __future__ import annotations
@@ -20,19 +21,19 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from elastic_reference import RIG
-from elastic_rigid import FourBar, left, unit
 from numpy.typing import NDArray
+from shared.elastic_reference import RIG
+from shared.elastic_rigid import FourBar, left, unit
 
 Array = NDArray[np.float64]
 
 ELEMENTS, RADIUS, SAMPLES = 2, 0.9, 91
-#: Newton's relative tolerances, of what is timed and of what it is compared with, and the absolute one.
+#: Newton's relative tolerances of the timed run and of its reference, and the absolute tolerance.
 LOOSE, TIGHT, ABSOLUTE = 1e-5, 1e-8, 1e-10
 
 
 def exudyn_or_why() -> tuple[Any, str]:
-    """Return the package, or why there is none."""
+    """Return the package, or None and the reason why it is unavailable."""
     try:
         import exudyn
     except ImportError as error:
@@ -45,9 +46,9 @@ def exudyn_or_why() -> tuple[Any, str]:
 
 
 class Cables:
-    """The linkage, assembled; every solution starts anew.
+    """The assembled linkage; every solution restarts from the initial state.
 
-    ``part`` is that of a turn, ``elements`` the number a link.
+    ``part`` is the fraction of a revolution, ``elements`` the number per link.
     """
 
     def __init__(self, exu: Any, bar: FourBar = RIG, part: float = 1.0, elements: int = ELEMENTS) -> None:
@@ -154,27 +155,27 @@ class Cables:
 
 
 def difference(found: Array, truth: Array) -> float:
-    """Return the largest difference of strains (links, times) over the peak of each link."""
+    """Return the largest difference of strains (links, times) relative to the peak of each link."""
     return float(np.max(np.abs(found - truth).max(axis=1) / np.abs(truth).max(axis=1)))
 
 
 class Peer:
-    """Exudyn over the first part of a turn; its error is that against itself with four times the steps."""
+    """Exudyn over part of a revolution; its error is against its own solution with four times the steps."""
 
     work = 1
 
     def __init__(self, exu: Any, part: float, steps: int) -> None:
         self.cables, self.steps, self.error = Cables(exu, part=part), steps, math.nan
-        self.name, self.setting = f"Exudyn, 1/{round(1 / part)} of a turn", f"alpha, {RADIUS:g}"
+        self.name, self.setting = f"Exudyn, 1/{round(1 / part)} of a revolution", f"alpha, {RADIUS:g}"
 
     def settle(self, error: float) -> None:
-        """Find the least steps that come within an error, from too few; it falls with their square."""
+        """Find the smallest number of steps within an error limit, assuming second order."""
         while not self.measure() <= error:
             more = max(math.sqrt(self.error / error), 1.03)
             self.steps = (SAMPLES - 1) * math.ceil(min(more, 4.0) * self.steps / (SAMPLES - 1))
 
     def measure(self) -> float:
-        """Find the error."""
+        """Measure the error."""
         found = self.cables.strain(self.steps)
         self.error = difference(found, self.cables.strain(4 * self.steps, TIGHT))
         return self.error

@@ -1,4 +1,4 @@
-"""What every benchmark shares: timing with warm-up and medians, one table, one JSON object, one exit code."""
+"""Shared parts of the benchmarks: timing with warm-up and medians, tables, JSON output and exit code."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ from rich.table import Table
 
 import symgen
 
-#: How long a case is called before it is timed, where that is asked for [s].
+#: Duration [s] of the untimed calls of a primed case.
 _PRIMED = 1e-3
 
 
 @dataclass(frozen=True, slots=True)
 class Case:
-    """Something to time: ``run`` does ``work`` units of it each time it is called."""
+    """A case to time: each call of ``run`` does ``work`` units."""
 
     run: Callable[[], Any]
     work: int
@@ -36,9 +36,9 @@ class Case:
 
 @dataclass(frozen=True, slots=True)
 class Timing:
-    """Seconds for one unit of work over the rounds: median, quartiles and the best.
+    """Time per unit of work over the rounds [s]: median, quartiles and best.
 
-    ``processor`` is the least time of the processor that it took: that of a machine that does nothing else.
+    ``processor`` is the least processor time, which other load on the machine hardly affects.
     """
 
     median: float
@@ -50,35 +50,49 @@ class Timing:
 
 @dataclass(frozen=True, slots=True)
 class Required:
-    """A line that must hold: ``value`` at least ``bound``, or at most when ``at_least`` is false."""
+    """A criterion: ``value`` must be at least ``bound``, or at most if ``at_least`` is False.
+
+    ``timed``: whether the value is a time or a ratio of times, which other load on the machine affects.
+    """
 
     name: str
     value: float
     bound: float
     at_least: bool
+    timed: bool = False
 
     @property
     def holds(self) -> bool:
-        """Whether it does; never for a value that is not a number."""
+        """Whether the criterion is met; False for NaN."""
         return self.value >= self.bound if self.at_least else self.value <= self.bound
+
+
+@dataclass(frozen=True, slots=True)
+class Measurement:
+    """One repeat of a benchmark: title, one row (column to value) per case, criteria and notes."""
+
+    title: str
+    rows: Sequence[Mapping[str, Any]]
+    required: Sequence[Required]
+    notes: Sequence[str] = ()
 
 
 def measure(
     cases: Mapping[str, Case], rounds: int = 15, warm_up: int = 2, *, primed: bool = False
 ) -> dict[str, Timing]:
-    """Time all cases in turn, round by round, so that what else the machine does meets them alike.
+    """Time all cases alternately in rounds, so that other load on the machine affects all of them.
 
     Parameters
     ----------
     cases
-        What to time, by name.
+        Cases by name.
     rounds
-        Rounds that count.
+        Number of timed rounds.
     warm_up
-        Rounds before them that do not.
+        Number of untimed rounds before them.
     primed
-        Whether each is called untimed for a millisecond, and once at least, right before it is timed: what is
-        measured is a program at the same work all along, its code and data at hand.
+        Whether each case is called untimed for a millisecond, at least once, just before it is timed, so
+        that its code and data are cached as in continuous use.
     """
     times: dict[str, list[float]] = {name: [] for name in cases}
     least = dict.fromkeys(cases, math.inf)
@@ -109,8 +123,8 @@ def measure(
 
 
 def machine() -> dict[str, Any]:
-    """Return what a figure depends on besides the code measured."""
-    from symgen.compiler import find_compiler
+    """Return the properties of the machine and software that affect the results."""
+    from symgen.toolchain.compiler import find_compiler
 
     compiler = find_compiler()
     return {
@@ -135,22 +149,77 @@ def _cpu() -> str:
 
 
 def arguments(description: str | None, *, short: bool = False, slack: bool = False) -> argparse.Namespace:
-    """Read the command line that all benchmarks share.
+    """Parse the command-line arguments shared by all benchmarks.
 
-    With ``short``, whether only a part is asked for; with ``slack``, by what ratios of times may fall short.
+    ``short`` adds an option for a reduced measurement, ``slack`` one that relaxes ratios of times.
     """
     parser = argparse.ArgumentParser(description=(description or "").partition("\n")[0])
     parser.add_argument("--json", action="store_true", help="print one JSON object and nothing else")
+    parser.add_argument(
+        "--repeats",
+        type=int,
+        default=3,
+        help="maximum number of repeats while a criterion on times is not met",
+    )
     if short:
-        parser.add_argument("--short", action="store_true", help="measure a part only")
+        parser.add_argument("--short", action="store_true", help="reduced measurement")
     if slack:
         parser.add_argument(
             "--slack",
             type=float,
             default=1.0,
-            help="divide required ratios of times by this: shared machines",
+            help="divide required ratios of times by this, for shared machines",
         )
     return parser.parse_args()
+
+
+def report_repeats(measured: Callable[[], Measurement], *, repeats: int = 3, as_json: bool = False) -> int:
+    """Measure, print every repeat, and return the exit code: 1 if a criterion is not met, else 0.
+
+    A criterion on times is met if it is met in one repeat, because other load on the machine only increases
+    times. The measurement is repeated until then. Every other criterion must be met in each repeat.
+
+    Parameters
+    ----------
+    measured
+        Function that performs one measurement.
+    repeats
+        Maximum number of repeats.
+    as_json
+        Print ``{machine, rows, required}`` as one JSON object instead of the tables.
+    """
+    found: list[Measurement] = []
+    while len(found) < repeats:
+        found.append(measured())
+        if not as_json:
+            _print_rows(found[-1], len(found))
+        if all(_holds(lines) for lines in _by_name(found)) or not all(
+            r.holds for r in found[-1].required if not r.timed
+        ):
+            break
+    lines = _by_name(found)
+    if as_json:
+        content = {
+            "machine": machine(),
+            "rows": [
+                {"repeat": k, **{key: _finite(value) for key, value in row.items()}}
+                for k, m in enumerate(found, 1)
+                for row in m.rows
+            ],
+            "required": [
+                {
+                    "name": line[0].name,
+                    "values": [_finite(r.value) for r in line],
+                    "bound": line[0].bound,
+                    "holds": _holds(line),
+                }
+                for line in lines
+            ],
+        }
+        print(json.dumps(content, allow_nan=False))
+    else:
+        _print_required(lines, found[-1].notes)
+    return 0 if all(map(_holds, lines)) else 1
 
 
 def report(
@@ -161,44 +230,48 @@ def report(
     notes: Sequence[str] = (),
     as_json: bool = False,
 ) -> int:
-    """Print what was measured; return the exit code: 1 where a required line does not hold, else 0.
+    """Print one measurement; return the exit code of ``report_repeats``."""
+    return report_repeats(lambda: Measurement(title, rows, required, notes), repeats=1, as_json=as_json)
 
-    Parameters
-    ----------
-    title
-        What was measured.
-    rows
-        One mapping of column to value a case, all with the same columns.
-    required
-        The lines that must hold.
-    notes
-        How it was measured, for whoever reads the table.
-    as_json
-        Print ``{machine, rows, required}`` as one JSON object in place of the table.
-    """
-    about = machine()
-    if as_json:
-        content = {
-            "machine": about,
-            "rows": [{key: _finite(value) for key, value in row.items()} for row in rows],
-            "required": [
-                {"name": r.name, "value": _finite(r.value), "bound": r.bound, "holds": r.holds}
-                for r in required
-            ],
-        }
-        print(json.dumps(content, allow_nan=False))
-    else:
-        console = Console(width=None if sys.stdout.isatty() else 110, highlight=False)
-        console.print(_table(title, list(rows[0]), [list(row.values()) for row in rows]))
-        lines = [
-            [r.name, r.value, f"{'>=' if r.at_least else '<='} {r.bound:g}", "yes" if r.holds else "NO"]
-            for r in required
+
+def _by_name(found: Sequence[Measurement]) -> list[list[Required]]:
+    """Return the criteria, with the values of all repeats of each."""
+    lines: dict[str, list[Required]] = {}
+    for measurement in found:
+        for line in measurement.required:
+            lines.setdefault(line.name, []).append(line)
+    return list(lines.values())
+
+
+def _holds(line: Sequence[Required]) -> bool:
+    return any(r.holds for r in line) if line[0].timed else all(r.holds for r in line)
+
+
+def _console() -> Console:
+    return Console(width=None if sys.stdout.isatty() else 110, highlight=False)
+
+
+def _print_rows(measured: Measurement, repeat: int) -> None:
+    title = measured.title if repeat == 1 else f"{measured.title}, repeat {repeat}"
+    rows = measured.rows
+    _console().print(_table(title, list(rows[0]), [list(row.values()) for row in rows]))
+
+
+def _print_required(lines: Sequence[Sequence[Required]], notes: Sequence[str]) -> None:
+    console = _console()
+    rows = [
+        [
+            line[0].name,
+            ", ".join(f"{r.value:.3g}" for r in line),
+            f"{'>=' if line[0].at_least else '<='} {line[0].bound:g}",
+            "yes" if _holds(line) else "NO",
         ]
-        console.print(_table("Required", ["line", "value", "bound", "holds"], lines))
-        for note in notes:
-            console.print(note)
-        console.print(", ".join(f"{key} {value}" for key, value in about.items() if value is not None))
-    return 0 if all(r.holds for r in required) else 1
+        for line in lines
+    ]
+    console.print(_table("Required", ["line", "value in each repeat", "bound", "holds"], rows))
+    for note in notes:
+        console.print(note)
+    console.print(", ".join(f"{key} {value}" for key, value in machine().items() if value is not None))
 
 
 def _finite(value: Any) -> Any:

@@ -1,8 +1,8 @@
-"""The held four-bar of elastic links by SymPy, ``lambdify`` and SciPy: what symgen is compared with.
+"""The elastic four-bar with prescribed crank motion by SymPy, ``lambdify`` and SciPy, for comparison.
 
-The matrices are those of the element's derivation, assembled to the 10 unknowns of the linkage in the exact
-form, with numbers for all parameters. The rigid motion and its axial forces are in closed form (two circles,
-Newton and Euler), in the same function: one call gives everything at a time.
+The matrices from the derivation of the element are assembled for the 10 unknowns of the linkage in the exact
+form, with numeric parameters. The rigid motion and its axial forces are in closed form (two circles, Newton
+and Euler) in the same function, so one call evaluates everything at a time.
 """
 
 from __future__ import annotations
@@ -17,14 +17,14 @@ from numpy.typing import NDArray
 
 from symgen.elements import ELEMENTS
 from symgen.elements.element import LENGTH
-from symgen.mechanics.beam_matrices import BeamMatrices, Section, beam_matrices
+from symgen.mechanics.elastic.beam_matrices import BeamMatrices, Section, beam_matrices
 
 Array = NDArray[np.float64]
 Vector = tuple[sp.Expr, sp.Expr]
 Pairs = list[tuple[sp.Symbol, sp.Expr]]
 
 TIME = sp.Symbol("t")
-#: Which unknown each dof u, w, theta, kappa of the first and of the second node is; None where it is held.
+#: Index of the unknown for each dof u, w, theta, kappa of both nodes; None if it is fixed.
 UNKNOWNS = 10
 PLACES: dict[str, tuple[int | None, ...]] = {
     "crank": (None, None, None, 4, 0, 1, 5, None),
@@ -35,7 +35,7 @@ PLACES: dict[str, tuple[int | None, ...]] = {
 
 @dataclass(frozen=True)
 class Link:
-    """A link in its rigid motion: direction, rates, acceleration of its first point, axial force there."""
+    """A link in rigid motion: direction, rates, acceleration of its first point, and axial force there."""
 
     name: str
     length: float
@@ -47,13 +47,13 @@ class Link:
 
 
 def plus(*parts: tuple[Any, Vector]) -> Vector:
-    """Return the sum of factors times vectors."""
+    """Return a linear combination of vectors."""
     x, y = (sp.Add(*(f * v[i] for f, v in parts)) for i in range(2))
     return x, y
 
 
 def left(v: Vector) -> Vector:
-    """Return a vector turned left by a quarter."""
+    """Return a vector rotated by 90 degrees counterclockwise."""
     return -v[1], v[0]
 
 
@@ -63,14 +63,14 @@ def dot(v: Vector, w: Vector) -> sp.Expr:
 
 
 def cross(v: Vector, w: Vector) -> sp.Expr:
-    """Return the component of the vector product."""
+    """Return the out-of-plane component of the vector product."""
     return v[0] * w[1] - v[1] * w[0]
 
 
 def rigid_links(bar: Any) -> tuple[list[Link], Pairs]:
-    """Return the links in the rigid motion of the linkage with the numbers of ``bar``, over the time.
+    """Return the links in the rigid motion of the linkage with the parameters of ``bar``, over time.
 
-    Their quantities are symbols; what they stand for comes second, one after the other.
+    Their quantities are symbols; the second value defines these in order.
     """
     named: Pairs = []
 
@@ -116,7 +116,7 @@ def rigid_links(bar: Any) -> tuple[list[Link], Pairs]:
 
 
 def assembled(bar: Any) -> tuple[list[sp.Matrix], Pairs]:
-    """Return M, C, K and Q of the whole linkage, and what their symbols stand for."""
+    """Return M, C, K and Q of the whole linkage, and the definitions of their symbols."""
     section = Section(
         (sp.Float(bar.m),), (sp.Integer(0),), (sp.Float(bar.EA),), (sp.Float(bar.EI),), (sp.Integer(0),)
     )
@@ -162,7 +162,7 @@ def of_link(link: Link, found: BeamMatrices) -> tuple[sp.Matrix, ...]:
 
 
 class Lambdified:
-    """The equations of motion as one lambdified function of the time, and SciPy's DOP853 on them."""
+    """The equations of motion as one lambdified function of time, integrated by SciPy's DOP853."""
 
     def __init__(self, bar: Any, functions: str) -> None:
         self.bar = bar
@@ -170,7 +170,7 @@ class Lambdified:
         entries = [entry for matrix in matrices for entry in matrix]
 
         def shared(expressions: Any) -> tuple[Pairs, Any]:
-            # the same search as with cse=True, and the names of the rigid motion kept, so that it ends soon
+            # the same search as with cse=True, but keeping the names of the rigid motion, which is faster
             own, short = sp.cse(expressions, list=False)
             return [*named, *own], short
 
@@ -193,9 +193,9 @@ class Lambdified:
         return np.concatenate([v, np.linalg.solve(M, Q - C @ v - K @ y[:UNKNOWNS])])
 
     def turn(self, tolerance: float, samples: int, scale: Array) -> Array:
-        """Return S at equally spaced times of one turn from rest, (samples, 10).
+        """Return S at equally spaced times of one revolution from rest, (samples, 10).
 
-        ``scale`` is the size of each of (S, S'), which absolute tolerances are a part of.
+        ``scale`` is the scale of each of (S, S') for the absolute tolerances.
         """
         from scipy.integrate import solve_ivp
 

@@ -1,13 +1,13 @@
-"""A million steps: how energy and lengths drift under each way to keep the constraints.
+"""Drift of energy and lengths over a million steps, for each method of constraint stabilisation.
 
-A planar chain of uniform rods of together 1 m and 1 kg is let go level, its rods bent by 0.1 rad in turn; the
-four-bar linkage of the shipped scene turns on. Steps are fixed. Energy errors are over m g L/2 of the chain,
-and over the energy exchanged of the four-bar; length errors are in metres; both are the worst of all steps.
-The trend is the slope of the energy error over the recorded times, times the run: what is left where it only
-swings to and fro. Without projection the equations of motion keep second rates of lengths only, plus
-Baumgarte's terms. Times are those of the processor, so that other work does not count.
+A planar chain of uniform rods, with a total of 1 m and 1 kg, is released horizontally with alternating joint
+angles of 0.1 rad; the four-bar linkage of the shipped scene keeps rotating. Steps are fixed. Energy errors
+are relative to m g L/2 for the chain and to the exchanged energy for the four-bar; length errors are in
+metres; both are maxima over all steps. The trend is the slope of the energy error over the recorded times,
+times the duration, which excludes oscillations. Without projection, the equations of motion enforce only
+second derivatives of lengths, plus Baumgarte's terms. Times are processor times, unaffected by other load.
 
-``--plots FOLDER`` draws the drift over time; ``--short`` takes a tenth of the steps.
+``--plots FOLDER`` plots the drift over time; ``--short`` runs a tenth of the steps.
 """
 
 from __future__ import annotations
@@ -32,13 +32,13 @@ from symgen.errors import SimulationError
 Array = NDArray[np.float64]
 
 STEPS, SAMPLES, G = 1_000_000, 2001, 9.81
-#: What plots show of errors: round-off, and what is broken down, lie at their edges.
+#: Limits of the plotted errors: round-off and broken-down runs lie on the limits.
 SHOWN = (1e-17, 1e2)
 
 
 @dataclass(frozen=True)
 class Way:
-    """A way to keep the constraints: what it is called, and the options of a run by the step."""
+    """A stabilisation method: its name, and the options of a run as a function of the step."""
 
     name: str
     method: str = "rk4"
@@ -75,7 +75,7 @@ RUNS = (("chain of 2", 1e-3), ("chain of 3", 1e-3), ("chain of 3", 5e-3), ("four
 
 @dataclass(frozen=True)
 class Drift:
-    """Energy error over its scale at the recorded times, length error [m] there, and the worst of each."""
+    """Energy error over its scale and length error [m] at the recorded times, with the maximum of each."""
 
     times: Array
     energy: Array
@@ -88,7 +88,7 @@ class Drift:
 
     @property
     def trend(self) -> float:
-        """What the energy error grows by over the run, as a straight line would."""
+        """The growth of the energy error over the run, from a linear fit."""
         if len(self.times) < 3:
             return math.nan
         return float(np.polyfit(self.times / self.times[-1], self.energy, 1)[0])
@@ -96,7 +96,7 @@ class Drift:
 
 @cache
 def system(name: str) -> tuple[Any, float]:
-    """Return a model and what its energy errors are measured by [J]; 0: by the energy exchanged."""
+    """Return a model and the scale of its energy errors [J]; 0 for the exchanged energy."""
     if name == "four-bar":
         outputs = [*(f"{p}.position" for p in "OABC"), "energy"]
         return symgen.build("four_bar", set={"analysis.outputs": outputs}), 0.0
@@ -121,7 +121,7 @@ def system(name: str) -> tuple[Any, float]:
 
 
 def drift(name: str, step: float, way: Way, steps: int) -> Drift:
-    """Run and return how it drifted; where it breaks down, until then."""
+    """Run and return the drift, up to the breakdown if there is one."""
     model, scale = system(name)
     begun = process_time()
     died = ""
@@ -155,12 +155,12 @@ def _lengths(model: Any, result: Any) -> Array:
 
 
 def rows_of(found: Mapping[tuple[str, float, str], Drift]) -> Iterator[dict[str, Any]]:
-    """Yield a row for every run."""
+    """Yield one row per run."""
     for (name, step, way), d in found.items():
         yield {
             "system": name,
             "h [s]": step,
-            "way": way,
+            "method": way,
             "energy error": d.worst_energy,
             "trend": d.trend,
             "length error [m]": d.worst_length,
@@ -170,7 +170,7 @@ def rows_of(found: Mapping[tuple[str, float, str], Drift]) -> Iterator[dict[str,
 
 
 def required(found: Mapping[tuple[str, float, str], Drift]) -> list[Required]:
-    """Return what is known of each way, from the table of the derivation, in kind."""
+    """Return the criteria of each method, following the table of the derivation."""
 
     def worst(what: str, name: str, *, way: str, step: float = 1e-3) -> float:
         return abs(float(getattr(found[name, step, way], what)))
@@ -196,7 +196,7 @@ def required(found: Mapping[tuple[str, float, str], Drift]) -> list[Required]:
 
 
 def draw(found: Mapping[tuple[str, float, str], Drift], folder: Path) -> list[Path]:
-    """Draw the drift of energy and lengths over time, a plot for each system and step."""
+    """Plot the drift of energy and lengths over time, one figure per system and step."""
     from matplotlib import colormaps
     from matplotlib.figure import Figure
 

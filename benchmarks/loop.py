@@ -1,20 +1,20 @@
-"""Time for each crank angle of a closed spatial loop: motion and all joint forces, by symgen and by NumPy.
+"""Time per crank angle of a closed spatial loop, motion and all joint forces, by symgen and by NumPy.
 
-One evaluation is everything at one value of the input: the closure solved for all joint variables, their
-rates and accelerations, every joint force, and the drive. symgen follows 36,000 angles in one call. The other
-route takes the same SymPy matrices by ``lambdify(cse=True)`` through the first of the same angles, with the
-same steps (a predictor of second order, Newton's method until the loop is closed, ``numpy.linalg`` for every
-system of equations), once with functions of ``numpy`` and once with those of ``math``; the faster of the two
-counts. Rounds are interleaved, and the best of many is compared: what else the machine does only ever adds.
+One evaluation covers one input value: the closure solved for all joint variables, their rates and
+accelerations, every joint force, and the drive. symgen follows 36,000 angles in one call. The other route
+uses the same SymPy matrices through ``lambdify(cse=True)`` for the first of the same angles, with the same
+algorithm (a second-order predictor, Newton's method to closure, ``numpy.linalg`` for every linear system),
+with functions of ``numpy`` and of ``math``; the faster variant is compared. Rounds are interleaved, and the
+best of many is used, because other load only increases times.
 
-Errors are the largest over all outputs and a turn, relative to max(1, |value|) in the scene's units: of the
-slider-crank against the vector model of the tests (closed form, Newton and Euler, extended doubles), of the
-other scenes the difference of the two routes.
+Errors are the largest over all outputs and a revolution, relative to max(1, |value|) in the scene's units:
+for the slider-crank against the vector model of the tests (closed form, Newton and Euler, extended
+precision), for the other scenes the difference between the two routes.
 
-Pinocchio has the slider-crank as a tree (hinge, ball, slider) with the rod's end tied to the slider. Its
-``constraintDynamics`` does only a part of the work: it is given closed positions, consistent rates and the
-torque, and finds accelerations and the force in the tied joint. Closing the loop and the other joints' forces
-are not timed. Its call from Python is timed by one on a model of a single joint, and subtracted.
+In Pinocchio, the slider-crank is a tree (hinge, ball, slider) with the rod's end constrained to the slider.
+Its ``constraintDynamics`` does only part of the work: from closed positions, consistent rates and the torque
+it computes accelerations and the constraint force. Closing the loop and the other joint forces are not timed.
+The call overhead from Python is measured on a model with a single joint, and subtracted.
 """
 
 from __future__ import annotations
@@ -28,15 +28,15 @@ from typing import Any
 
 import numpy as np
 import sympy as sp
-from harness import Case, Required, Timing, arguments, measure, report
+from harness import Case, Measurement, Required, Timing, arguments, measure, report_repeats
 from numpy.typing import NDArray
 
 import symgen
 
 sys.path.append(str(Path(__file__).parents[1] / "tests"))
 
-from crank_vectors import Crank, Motion, driven
-from jets import Real
+from shared.crank_vectors import Crank, Motion, driven
+from shared.jets import Real
 
 Array = NDArray[np.float64]
 
@@ -52,6 +52,11 @@ MICROSECONDS, FASTER, LARGEST_ERROR = 3.0, 30.0, 1e-10
 def main() -> int:
     """Measure, print, and return the exit code."""
     options = arguments(__doc__)
+    return report_repeats(measured, repeats=options.repeats, as_json=options.json)
+
+
+def measured() -> Measurement:
+    """Measure once."""
     loops = {name: Loop(name) for name in SCENES}
     routes = {(name, how): Lambdified(loops[name], how) for name in SCENES for how in ("numpy", "math")}
     errors: dict[Any, float] = {}
@@ -82,22 +87,21 @@ def main() -> int:
     ]
     notes = [
         f"Time of one crank angle, best and median of {ROUNDS} rounds; symgen's in a call of {ANGLES}.",
-        f"Newton steps of the lambdified route an angle: {routes['slider_crank', 'numpy'].steps:.2f}.",
+        f"Newton steps of the lambdified route per angle: {routes['slider_crank', 'numpy'].steps:.2f}.",
     ]
     if pin:
         notes += [
             f"A call of Pinocchio from Python costs at most {overhead * 1e6:.2f} us, which is subtracted. It "
             "is given closed positions, rates and the torque, and finds accelerations and one joint's force.",
-            "RCCC and the planar loop are not made for it; the ties of the latter are redundant in space.",
+            "It does not support RCCC; in the planar loop its constraints are redundant in space.",
         ]
     else:
-        notes.append(f"Pinocchio is left out: {why}")
-    return report(
+        notes.append(f"Pinocchio is omitted: {why}")
+    return Measurement(
         "A crank angle of a closed loop: positions, rates, accelerations, all joint forces",
         rows,
         _required(timings, errors),
-        notes=notes,
-        as_json=options.json,
+        notes,
     )
 
 
@@ -116,15 +120,14 @@ def _row(
 
 
 def _required(timings: Any, errors: dict[Any, float]) -> list[Required]:
-    """Either the time or the ratio must hold, whichever the machine allows; and the errors always."""
+    """Return the criteria: either the time or the ratio, depending on the machine; and the errors."""
     lines = []
     for name in SCENES:
         best = timings[name, "symgen"].best
         slow = min(timings[name, how].best for how in ("numpy", "math"))
-        if best * 1e6 <= MICROSECONDS:
-            lines.append(Required(f"{name}: microseconds an angle", best * 1e6, MICROSECONDS, False))
-        else:
-            lines.append(Required(f"{name}: faster than lambdify", slow / best, FASTER, True))
+        speed = max(MICROSECONDS / (best * 1e6), slow / best / FASTER)
+        line = f"{name}: speed over {MICROSECONDS:g} us per angle, or over {FASTER:g} times lambdify"
+        lines.append(Required(line, speed, 1.0, True, timed=True))
         lines.append(Required(f"{name}: error", errors[name, "symgen"], LARGEST_ERROR, False))
     return lines
 
@@ -139,24 +142,24 @@ class Loop:
             self.model = self.model.with_parameters(a4=a4, S1=S1, alpha4=math.radians(OFFSETS["alpha4"]))
 
     def angles(self, count: int) -> Array:
-        """Return so many values of the input over its range."""
+        """Return ``count`` values of the input over its range."""
         return np.linspace(*self.model.description.span, count)
 
     def run(self) -> None:
         """Evaluate all angles in one call."""
-        self.model.at(self.angles(ANGLES))
+        self.model.inverse_dynamics(at=self.angles(ANGLES))
 
     def outputs(self, angles: Array) -> Array:
-        """Return all outputs side by side, shape (angles, columns), in the scene's units."""
-        run = self.model.at(angles)
+        """Return all outputs as columns, shape (angles, columns), in the scene's units."""
+        run = self.model.inverse_dynamics(at=angles)
         return np.column_stack([v.values.reshape(len(angles), -1) for v in run.variables])
 
 
 class Lambdified:
-    """The same loop with the same matrices, lambdified, and NumPy for every system of equations."""
+    """The same loop with the same matrices, lambdified, and NumPy for every linear system."""
 
     def __init__(self, loop: Loop, functions: str) -> None:
-        from symgen.runtime.turn import converters
+        from symgen.runtime.result.turn import converters
 
         d = loop.model.description
         system = symgen.derive(loop.name)
@@ -168,16 +171,16 @@ class Lambdified:
         self.parameters = list(loop.model.parameters.values())
         self.solved, self.inputs = list(d.having("dependent")), list(d.having("input"))
         self.count, self.size = d.coordinates, d.size
-        # displacements over the size of the loop, so that the rows of the equations are alike
+        # displacements over the size of the loop, to balance the rows of the equations
         self.scale = np.array([d.size if v.is_length else 1.0 for v in d.variables])
         self.rows = np.array([1.0, 1.0, 1.0, d.size, d.size, d.size])
         units, info = converters(d), d.kernel("outputs")
         shapes = [(units[b.unit][1], b.shape[0] * b.shape[1]) for b in info.blocks]
         self.units = np.repeat([size for size, _ in shapes], [n for _, n in shapes])
-        begun = loop.model.at(loop.angles(2)[:1])
+        begun = loop.model.inverse_dynamics(at=loop.angles(2)[:1])
         # the input is linear in time
         low, high = loop.angles(2)
-        first, last = loop.model.at(np.array([low, high])).time
+        first, last = loop.model.inverse_dynamics(at=np.array([low, high])).time
         self.per_angle = (last - first) / (high - low)
         self.offset = first - low * self.per_angle
         self.piece = loop.angles(ANGLES)[:SLOW_ANGLES]
@@ -191,11 +194,11 @@ class Lambdified:
         return np.array(self.functions[kernel](t, *q, *u, *self.parameters, *work), dtype=float)
 
     def run(self) -> None:
-        """Evaluate the first of the angles that symgen is timed at."""
+        """Evaluate the first of the angles timed for symgen."""
         self.follow(self.piece)
 
     def follow(self, angles: Array) -> Array:
-        """Follow the loop over these angles from the first one of its range; return all outputs."""
+        """Follow the loop over these angles from the start of its range; return all outputs."""
         times = angles * self.per_angle + self.offset
         n, q = self.count, self.start.copy()
         u, work, before = np.zeros(n), np.zeros(n + 6), times[0]
@@ -214,7 +217,7 @@ class Lambdified:
         return np.array(found)
 
     def close(self, t: float, q: Array, work: Array) -> tuple[Array, int, Array]:
-        """Solve the closure by Newton's method; return the pose, the steps, and the scaled screws there."""
+        """Solve the closure by Newton's method; return the pose, the steps, and the scaled screws."""
         still = np.zeros(self.count)
         for step in range(TRIES):
             entries = self.call("position", t, q, still, work)
@@ -248,7 +251,7 @@ class Lambdified:
 
 
 def solve(matrix: Array, rhs: Array) -> Array:
-    """Solve equations, in the sense of least squares and least norm where they are not square."""
+    """Solve linear equations; the minimum-norm least-squares solution if they are not square."""
     if matrix.shape[0] == matrix.shape[1]:
         return np.linalg.solve(matrix, rhs)
     return np.linalg.lstsq(matrix, rhs, rcond=1e-10)[0]
@@ -260,7 +263,7 @@ def difference(found: Array, expected: Array) -> float:
 
 
 def turn_of_vectors(count: int) -> Motion:
-    """Return the slider-crank over a turn by the vector model, in inches and pounds."""
+    """Return the slider-crank over a revolution by the vector model, in inches and pounds."""
     crank = Crank(a4=OFFSETS["a4"], alpha4=Real(math.radians(OFFSETS["alpha4"])))
     speed = Real(50) * 8 * np.arctan(Real(1)) / 60
     return crank.motion(*driven(np.linspace(0, 2 * math.pi, count), speed, OFFSETS["S1"], 0))
@@ -268,7 +271,7 @@ def turn_of_vectors(count: int) -> Motion:
 
 def against_vectors(loop: Loop, truth: Motion, count: int) -> float:
     """Return the largest error of motion and forces against the vector model."""
-    run, forces = loop.model.at(loop.angles(count)), truth.forces()
+    run, forces = loop.model.inverse_dynamics(at=loop.angles(count)), truth.forces()
     wrenches = {
         "F1": "crank.joint1.force",
         "T1": "crank.joint1.moment",
@@ -281,7 +284,7 @@ def against_vectors(loop: Loop, truth: Motion, count: int) -> float:
     for ours, variable in truth.variables().items():
         for suffix, part in zip(("", ".rate", ".acceleration"), variable.parts, strict=True):
             found = run.variable(("s1" if ours == "S1" else ours) + suffix).values
-            if not suffix and ours[0] != "S":  # angles are followed through whole turns
+            if not suffix and ours[0] != "S":  # angles are continuous over whole revolutions
                 found = found - 2 * math.pi * np.round((found - part.astype(float)) / (2 * math.pi))
             pairs.append((found, part))
     return max(difference(found, np.asarray(expected, dtype=float)) for found, expected in pairs)
@@ -301,7 +304,7 @@ def _pinocchio() -> tuple[Any, str]:
 
 
 class Peer:
-    """The slider-crank in Pinocchio: a tree of hinge, ball and slider, the rod's end tied to the slider."""
+    """The slider-crank in Pinocchio: a tree of hinge, ball and slider, with the rod's end on the slider."""
 
     def __init__(self, pin: Any, truth: Motion) -> None:
         self.pin, self.truth = pin, truth
@@ -342,7 +345,7 @@ class Peer:
         self.nothing = np.zeros(1)
 
     def _state(self, i: int) -> tuple[Array, Array, Array]:
-        """Return positions, rates and efforts of the tree at an angle; the rod does not spin on its line."""
+        """Return positions, rates and efforts of the tree at an angle; the rod has no axial spin."""
         t, pin = self.truth, self.pin
         crank, rod = (np.array(f.value[i], dtype=float) for f in (t.frame2, t.frame3))
         turn = pin.Quaternion(crank.T @ rod).normalized().coeffs()
@@ -355,30 +358,30 @@ class Peer:
         return q, v, np.array([torque, 0.0, 0.0, 0.0, 0.0])
 
     def accelerations(self, state: tuple[Array, Array, Array]) -> Array:
-        """Return the accelerations of the tied tree."""
+        """Return the accelerations of the constrained tree."""
         found: Array = self.pin.constraintDynamics(
             self.model, self.data, *state, self.ties, self.tie_data, self.settings
         )
         return found
 
     def run(self) -> None:
-        """Evaluate ``CALLS`` times, angle after angle."""
+        """Evaluate ``CALLS`` times at successive angles."""
         for k in range(CALLS):
             self.accelerations(self.states[k % len(self.states)])
 
     def call(self, times: int) -> None:
-        """Call it on a model of a single joint."""
+        """Call the function for a model with a single joint."""
         for _ in range(times):
             self.pin.aba(self.single, self.single_data, self.nothing, self.nothing, self.nothing)
 
     def error(self) -> float:
-        """Return the largest error of the accelerations of crank and slider, and of the tie's force."""
+        """Return the largest error of the accelerations of crank and slider, and of the constraint force."""
         t, forces, worst = self.truth, self.truth.forces(), 0.0
         for i, state in enumerate(self.states):
             found = self.accelerations(state)
             force = np.array(self.tie_data[0].contact_force.linear)
             expected = np.concatenate([[0.0, -t.S4.second[i]], forces["F3"][i]]).astype(float)
-            # its force is that on the rod
+            # the constraint force acts on the rod
             worst = max(worst, difference(np.concatenate([found[[0, 4]], -force]), expected))
         return worst
 

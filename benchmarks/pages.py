@@ -1,8 +1,8 @@
-"""Write the page of every shipped scene and look at it in Chromium at the widths of a phone and of a desk.
+"""Pages of all shipped scenes, checked in Chromium at the widths of a phone and of a desktop screen.
 
-``python benchmarks/pages.py [FOLDER] [SCENE ...]``: writes pages to FOLDER (``pages``), prints a line a page,
-and ends with exit code 1 where one has a fault. ``--speed`` measures speed against error too, ``--pictures``
-takes pictures beside the pages.
+``python benchmarks/pages.py [FOLDER] [SCENE ...]`` writes pages to FOLDER (``pages``), prints a line per
+page, and returns exit code 1 if one has a defect. ``--speed`` includes the measurement of speed against
+error, ``--pictures`` saves screenshots next to the pages.
 """
 
 from __future__ import annotations
@@ -17,16 +17,16 @@ from browser import chromium, look, picture
 
 import symgen
 from symgen.inspection.page import scene_page
-from symgen.report.page import render
+from symgen.report.page.page import render
 from symgen.scene.loading import read_scene
 
 WIDTHS = (390, 1440)
-#: A page stays below this [bytes].
+#: Maximum size of a page [bytes].
 LARGEST = 2_000_000
 
 
 def main() -> int:
-    """Write and look at the pages; return the exit code."""
+    """Write and check the pages; return the exit code."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("folder", nargs="?", default="pages", type=Path)
     parser.add_argument("scenes", nargs="*")

@@ -1,9 +1,9 @@
-"""What float128 says of float64: every shipped scene run in both types, and how far float64 is off.
+"""Errors of float64 runs measured with float128, for every shipped scene.
 
 Linkages run for a tenth of a second, and driven loops through their range; elastic links take the same steps
-in both types. A gap is that of positions over their size, or the largest of any output over its own largest
-value. What float64 claims is its tolerance times what the motion may make of it, or a limit of rounding where
-nothing is integrated. ``SCENE ...`` names some scenes only.
+in both types. A gap is the difference of positions relative to the size, or the largest difference of an
+output relative to its maximum. The claimed error of float64 is its tolerance times the amplification by the
+motion, or a limit of rounding if nothing is integrated. ``SCENE ...`` selects scenes.
 """
 
 from __future__ import annotations
@@ -19,20 +19,20 @@ from rich.console import Console
 from rich.progress import track
 
 import symgen
-from symgen.runtime.elastic_model import ElasticModel
-from symgen.runtime.loop_model import LoopModel
-from symgen.runtime.result import Result
+from symgen.runtime.elastic.model import ElasticModel
+from symgen.runtime.loop.model import LoopModel
+from symgen.runtime.result.result import Result
 
-#: Tolerance of the runs. Where a linkage of decimetres is a thousand kilometres away, or masses and lengths
-#: are in ratios of a million and more, float64 can claim no more than this.
+#: Tolerance of the runs. For a linkage of decimetres a thousand kilometres away, or masses and lengths in
+#: ratios of a million and more, float64 can claim no smaller error than the second value.
 TOLERANCE, HARD = 1e-11, {"far_origin": 1e-7, "length_ratios": 1e-9, "mass_ratios": 1e-9}
-#: Motions so short magnify no error: the local errors add up to a few of the tolerance.
+#: Error amplification of such short motions: local errors add up to a few tolerances.
 GROWTH = 100.0
-#: What rounding may make of outputs of closed loops, some near a dead centre; and a thousand vibrations.
+#: Limits of rounding errors for outputs of closed loops, some near a dead centre; and for vibrations.
 OF_LOOPS, OF_VIBRATIONS = 1e-9, 1e-8
-#: Values below this are round-off themselves: nothing is compared with them.
+#: Values below this are round-off and are not compared.
 NOTHING = 1e-9
-#: Constraints in float128, over the size: nothing of float64 is left in them.
+#: Limit of constraint errors in float128, relative to the size: far below the rounding of float64.
 CLOSED = 1e-28
 
 
@@ -40,7 +40,7 @@ def main() -> int:
     """Run the scenes, print, and return the exit code."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("--json", action="store_true", help="print one JSON object and nothing else")
-    parser.add_argument("scenes", nargs="*", metavar="SCENE", default=[], help="all when none is named")
+    parser.add_argument("scenes", nargs="*", metavar="SCENE", default=[], help="default: all")
     options = parser.parse_args()
     shown = Console(stderr=True, quiet=options.json)
     names = options.scenes or symgen.shipped_scenes()
@@ -49,7 +49,7 @@ def main() -> int:
 
 
 def confirmed(name: str) -> Sequence[dict[str, Any]]:
-    """Return a row for each run of a scene; for elastic links one of the rigid motion too."""
+    """Return one row per run of a scene; for elastic links also one of the rigid motion."""
     wide, plain = (symgen.build(name, precision=p) for p in ("float128", "float64"))
     if isinstance(wide, LoopModel):
         return [_of_loop(name, wide, plain)]
@@ -59,7 +59,7 @@ def confirmed(name: str) -> Sequence[dict[str, Any]]:
 
 
 def required(rows: Sequence[dict[str, Any]]) -> list[Required]:
-    """Return what must hold: every gap within its claim, and float128 closed to its own digits."""
+    """Return the criteria: gaps within the claimed errors, and float128 constraints within their limit."""
     worst = max(rows, key=lambda row: row["gap"] / row["claimed"])
     part = worst["gap"] / worst["claimed"]
     lines = [Required(f"{worst['scene']}, {worst['run']}: gap over the claim", part, 1.0, False)]
@@ -83,7 +83,7 @@ def _of_linkage(name: str, wide: Any, plain: Any) -> dict[str, Any]:
 def _of_loop(name: str, wide: LoopModel, plain: LoopModel) -> dict[str, Any]:
     size = wide.description.size
     if plain.is_driven:
-        exact, found = wide.turn(samples=5), plain.turn(samples=5)
+        exact, found = wide.inverse_dynamics(samples=5), plain.inverse_dynamics(samples=5)
         return _row(name, "its range", largest_gap(found, exact), OF_LOOPS, exact.drift.constraint / size)
     runs = (m.simulate(0.05, rtol=TOLERANCE, samples=3) for m in (wide, plain))
     exact, found = runs
@@ -91,7 +91,7 @@ def _of_loop(name: str, wide: LoopModel, plain: LoopModel) -> dict[str, Any]:
 
 
 def _of_beams(name: str, wide: ElasticModel, plain: ElasticModel) -> dict[str, Any]:
-    exact, found = (m.run(method="newmark", steps=200, samples=3) for m in (wide, plain))
+    exact, found = (m.simulate(method="newmark", steps=200, samples=3) for m in (wide, plain))
     return _row(name, "elastic motion", largest_gap(found, exact), OF_VIBRATIONS, None)
 
 
@@ -100,7 +100,7 @@ def _row(scene: str, run: str, gap: float, claimed: float, closed: float | None)
 
 
 def largest_gap(found: Result, exact: Result) -> float:
-    """Return the largest difference of an output over its own largest value, where that is not round-off."""
+    """Return the largest difference of an output relative to its maximum, except for round-off."""
     gaps = [0.0]
     for a, b in zip(found.variables, exact.variables, strict=True):
         largest = float(np.nanmax(np.abs(b.values)))

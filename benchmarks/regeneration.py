@@ -1,7 +1,7 @@
-"""How long it takes to make kernels anew: nothing to do, all that is shipped, one scene, and each of them.
+"""Time to regenerate kernels: nothing to do, all shipped kernels, one scene, and each scene.
 
-Every command is a process of its own, timed from outside. The budgets of scenes are in ``budgets.json``:
-processor time over that of importing SymPy in the same run, compilers included, and peak memory.
+Every command is a separate process, timed from outside. The budgets of scenes are in ``budgets.json``:
+processor time relative to that of importing SymPy in the same run, including compilers, and peak memory.
 """
 
 from __future__ import annotations
@@ -16,24 +16,24 @@ from pathlib import Path
 from time import perf_counter
 from typing import Any
 
-from harness import Required, arguments, report
+from harness import Measurement, Required, arguments, report_repeats
 
 import symgen
 from symgen.scene.loading import scene_path
 
 BUDGETS = Path(__file__).with_name("budgets.json")
-#: How far a scene may go beyond its stored time and memory.
+#: Permitted ratio of a scene's time and memory to its budget.
 SLACK = 1.5
-#: Seconds in which a machine imports SymPy for which the bounds are; on a slower one they are in proportion.
+#: Time [s] of importing SymPy on the reference machine; bounds are proportional to it on slower machines.
 IMPORT = 0.5
-#: Seconds of whole processes: nothing to do, all of generated/, a cold four-bar, its second start.
+#: Bounds [s] of whole processes: nothing to do, all of generated/, a cold four-bar, its second start.
 IDLE, ALL, COLD, SECOND = 0.5, 60.0, 2.0, 0.7
 STEP = ("--t-end", "1e-3", "--json")
 
 
 @dataclass(frozen=True, slots=True)
 class Spent:
-    """What one process took: seconds by the clock and of processors, and its largest memory [MB]."""
+    """Resources of one process: wall time and processor time [s], and peak memory [MB]."""
 
     seconds: float
     processor: float
@@ -43,39 +43,44 @@ class Spent:
 def main() -> int:
     """Measure, print and check."""
     options = arguments(__doc__, short=True)
-    scenes = ("four_bar", "slider_crank") if options.short else symgen.shipped_scenes()
+    return report_repeats(lambda: measured(options.short), repeats=options.repeats, as_json=options.json)
+
+
+def measured(short: bool) -> Measurement:
+    """Measure once."""
+    scenes = ("four_bar", "slider_crank") if short else symgen.shipped_scenes()
     with tempfile.TemporaryDirectory() as folder:
         cache = Path(folder)
         sympy = best(["-c", "import sympy"], cache, 3)
         rows = [row("import of SymPy", sympy, sympy)]
         required = []
-        whole = commands(cache, options.short)
+        whole = commands(cache, short)
         for name, bound, found in whole:
             rows.append(row(name, found, sympy))
             value = found.seconds * IMPORT / max(IMPORT, sympy.seconds)
-            required.append(Required(f"{name} [s]", value, bound, at_least=False))
+            required.append(Required(f"{name} [s]", value, bound, at_least=False, timed=True))
         built = {name: cold(["build", name], cache, 1) for name in scenes}
     rows += [row(f"build {name}", found, sympy) for name, found in built.items()]
     required += within(built, sympy)
-    if not options.short:
+    if not short:
         busy = (whole[0][2].processor + sum(b.processor for b in built.values())) / 2
         value = busy * IMPORT / max(IMPORT, sympy.processor)
-        every = "generated/ and all scenes anew, on 2 cores [s]"
-        required.append(Required(every, value, ALL, at_least=False))
+        every = "all of generated/ and all scenes, on 2 cores [s]"
+        required.append(Required(every, value, ALL, at_least=False, timed=True))
     notes = (
-        "Times: the best of several, one for long ones; processor: of all processes together.",
+        "Times: best of several, or a single one if long; processor: sum over all processes.",
         f"Seconds required: on a machine that imports SymPy in {IMPORT:g} s; on a slower one in proportion.",
         f"imports: processor time over that of importing SymPy. A scene may take {SLACK:g} times its budget.",
     )
-    return report("Regeneration", rows, required, notes=notes, as_json=options.json)
+    return Measurement("Regeneration", rows, required, notes)
 
 
 def commands(cache: Path, short: bool) -> list[tuple[str, float, Spent]]:
-    """Return what the whole commands took, each with its bound."""
+    """Return the resources of whole commands, each with its bound."""
     generate = ["-m", "symgen", "generate"]
     own = cache / "my_four_bar.toml"
     shutil.copy(scene_path("four_bar"), own)
-    every = [] if short else [("generate, all anew", ALL, cold(["generate"], cache, 1))]
+    every = [] if short else [("generate, everything", ALL, cold(["generate"], cache, 1))]
     if short:
         spent(generate, cache)
     idle = best(generate, cache, 5)
@@ -91,7 +96,7 @@ def commands(cache: Path, short: bool) -> list[tuple[str, float, Spent]]:
 
 
 def within(built: dict[str, Spent], sympy: Spent) -> list[Required]:
-    """Return the lines that hold scenes to their budgets: the worst of each kind, over what is stored."""
+    """Return the criteria for the budgets of scenes: the largest ratio of time and of memory."""
     stored: dict[str, Any] = json.loads(BUDGETS.read_text(encoding="utf-8"))
     missing = sorted(set(built) - set(stored))
     if missing:
@@ -99,13 +104,13 @@ def within(built: dict[str, Spent], sympy: Spent) -> list[Required]:
     time = max(built[n].processor / sympy.processor / stored[n]["imports"] for n in built)
     memory = max(built[n].memory / stored[n]["memory"] for n in built)
     return [
-        Required("time of a scene over its budget", time, SLACK, at_least=False),
+        Required("time of a scene over its budget", time, SLACK, at_least=False, timed=True),
         Required("memory of a scene over its budget", memory, SLACK, at_least=False),
     ]
 
 
 def row(name: str, found: Spent, sympy: Spent) -> dict[str, Any]:
-    """Return a line of the table."""
+    """Return one row of the table."""
     return {
         "what": name,
         "time [s]": found.seconds,
@@ -130,12 +135,12 @@ def best(words: list[str], cache: Path, times: int) -> Spent:
 
 
 def least(found: list[Spent]) -> Spent:
-    """Return the least of each: other work on the machine only ever adds."""
+    """Return the minimum of each quantity: other load on the machine only increases it."""
     return Spent(*(min(getattr(f, k) for f in found) for k in ("seconds", "processor", "memory")))
 
 
 def spent(words: list[str], cache: Path) -> Spent:
-    """Run Python in a process of its own and return what it took, compilers included."""
+    """Run Python in a separate process and return its resources, including compilers."""
     begun = perf_counter()
     nothing = os.open(os.devnull, os.O_WRONLY)
     process = os.posix_spawn(

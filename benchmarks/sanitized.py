@@ -1,10 +1,10 @@
-"""Generated C and the core of runs, compiled with the sanitizers of GCC, at random and extreme states.
+"""Generated C and the core, compiled with GCC's sanitizers and called at random and extreme states.
 
 ``python benchmarks/sanitized.py`` compiles with ``-fsanitize=address,undefined``: the kernels of every
 shipped scene and of its analyses, the committed kernels under ``generated/``, and the core. Every kernel is
-called with arrays of exactly the sizes that its header tells, filled with zeros, small, huge and denormal
-numbers, infinities and what is not a number. The core steps, projects, closes, follows and assembles from
-such states too, by every method, and as usual. The first report of a sanitizer ends it with that report.
+called with arrays of exactly the sizes in its header, filled with zeros, small, huge and denormal numbers,
+infinities and NaN. The core steps, projects, closes, follows and assembles from such states, by every method,
+and also from ordinary ones. It stops at the first report of a sanitizer.
 """
 
 from __future__ import annotations
@@ -24,24 +24,24 @@ from typing import Any
 import numpy as np
 
 import symgen
-from symgen.compiler import find_compiler
 from symgen.errors import SymgenError
-from symgen.making import Tools
 from symgen.runtime import _beams, _core
-from symgen.runtime.beam_methods import BEAM_METHODS
-from symgen.runtime.elastic_model import ElasticModel
-from symgen.runtime.elastic_motion import ElasticMotion
-from symgen.runtime.integrators import INTEGRATORS
-from symgen.runtime.loop_model import LoopModel
-from symgen.runtime.loop_turn import PARTS
-from symgen.runtime.model import Model
+from symgen.runtime.beams.methods import BEAM_METHODS
+from symgen.runtime.elastic.model import ElasticModel
+from symgen.runtime.elastic.motion import ElasticMotion
+from symgen.runtime.integrate.integrators import INTEGRATORS
+from symgen.runtime.loop.driven import PARTS
+from symgen.runtime.loop.model import LoopModel
+from symgen.runtime.model.rods import RodModel
+from symgen.toolchain.compiler import find_compiler
+from symgen.toolchain.kernels import Tools
 
 Array = Any
 SANITIZERS = "-fsanitize=address,undefined,float-cast-overflow -fno-sanitize-recover=all"
 FLAGS = f"-std=c11 -O0 -ffp-contract=off {SANITIZERS}"
 GENERATED = Path(__file__).parents[1] / "generated"
 COMMITTED = "generated/"
-#: Kinds of analysis whose kernels are called besides those of the motion.
+#: Analyses whose kernels are called in addition to those of the motion.
 ANALYSES = ("kinematics", "statics", "tangent")
 ELASTIC = ("elastic_motion", "elastic_joints")
 STEPS = 20
@@ -68,7 +68,7 @@ EXTREMES = np.array(
 
 
 def arrays(count: int, rng: np.random.Generator, times: int) -> Iterator[Array]:
-    """Yield arrays of so many numbers: alike, mixed, ordinary with one that is extreme, and ordinary."""
+    """Yield arrays of ``count`` numbers: equal, mixed, ordinary with one extreme value, and ordinary."""
     for value in EXTREMES:
         yield np.full(count, value)
     for _ in range(times):
@@ -81,7 +81,7 @@ def arrays(count: int, rng: np.random.Generator, times: int) -> Iterator[Array]:
 
 
 def call_kernel(address: int, sizes: Sequence[int], rng: np.random.Generator) -> int:
-    """Call a kernel with arrays of these sizes (t, q, u, p, work, out), whatever is in them."""
+    """Call a kernel with arrays of these sizes (t, q, u, p, work, out) and arbitrary contents."""
     function = ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * 6)(address)
     given = [list(arrays(size, rng, 6)) for size in sizes]
     for row in zip(*given, strict=True):
@@ -91,7 +91,7 @@ def call_kernel(address: int, sizes: Sequence[int], rng: np.random.Generator) ->
 
 
 def kernels_of(description: Any, library: Any, rng: np.random.Generator) -> int:
-    """Call all kernels of a model; return how often."""
+    """Call all kernels of a model; return the number of calls."""
     return sum(
         call_kernel(library.addresses[k.name], (*description.sizes, k.work_size, k.out_size), rng)
         for k in description.kernels
@@ -99,7 +99,7 @@ def kernels_of(description: Any, library: Any, rng: np.random.Generator) -> int:
 
 
 def run_from(equations: Any, starts: Sequence[Array], rng: np.random.Generator, **options: Any) -> int:
-    """Run by every method that goes with the equations, from each of these states; return how many runs."""
+    """Run by every applicable method from each of these states; return the number of runs."""
     count = 0
     tangent, explicit_only = options.pop("tangent", False), options.pop("explicit", False)
     ends = options.pop("ends", (1e-3, 0.1, 1e3, 1e300, np.inf, np.nan))
@@ -120,8 +120,8 @@ def run_from(equations: Any, starts: Sequence[Array], rng: np.random.Generator, 
     return count
 
 
-def rods(model: Model, rng: np.random.Generator) -> int:
-    """Run a linkage, as usual and from extreme states."""
+def rods(model: RodModel, rng: np.random.Generator) -> int:
+    """Run a linkage from ordinary and extreme states."""
     d, state = model.description, model.initial_state()
     tangent = model.analysis("tangent")
     done = 0
@@ -141,7 +141,7 @@ def rods(model: Model, rng: np.random.Generator) -> int:
 
 
 def loop(model: LoopModel, rng: np.random.Generator) -> int:
-    """Close, follow and run a loop, as usual and from extreme states."""
+    """Close, follow and run a loop from ordinary and extreme states."""
     d, begin, kernels = model.description, model.closed_start(), model.kernels
     width = (d.kernel("outputs").out_size if d.kernel("outputs") else 0) + 1
     done = 0
@@ -153,7 +153,7 @@ def loop(model: LoopModel, rng: np.random.Generator) -> int:
             made.closed_screws(t, q.copy())
             for wanted in (np.linspace(begin.t, begin.t + 0.1, 4), *rng.choice(EXTREMES, (2, 4))):
                 rows = np.zeros((4, 3 * d.coordinates + 7)), np.zeros((4, width)), np.zeros((4, 5))
-                times = np.sort(np.abs(wanted))  # what is not a number comes last
+                times = np.sort(np.abs(wanted))  # NaN is sorted last
                 longest = max(abs(times[-1] - begin.t), 1e-12) / PARTS
                 made.follow(begin.t, q.copy(), times, longest, *rows)
                 done += 1
@@ -164,7 +164,7 @@ def loop(model: LoopModel, rng: np.random.Generator) -> int:
 
 
 def elastic(model: ElasticModel, rng: np.random.Generator) -> int:
-    """Assemble and step elastic links, as usual and from extreme states and times."""
+    """Assemble and step elastic links from ordinary and extreme states and times."""
     done = rods(model.rigid, rng)
     motion = ElasticMotion(model.rigid)
     n = motion.layout.unknowns
@@ -176,7 +176,7 @@ def elastic(model: ElasticModel, rng: np.random.Generator) -> int:
         made = motion.equations(thesis)
         for y in arrays(2 * n + 1, rng, 2):
             made.derivative(float(rng.choice([0.0, 0.001, np.nan])), y)
-        # A rigid motion is followed to wherever it is looked at: not far, or it takes its time.
+        # A rigid motion is followed up to the requested time: keep it short.
         starts = [np.zeros(2 * n), *arrays(2 * n, rng, 1)]
         done += run_from(made, starts, rng, explicit=True, ends=(1e-3, 0.01, np.nan))
     for method in BEAM_METHODS.values():
@@ -185,19 +185,19 @@ def elastic(model: ElasticModel, rng: np.random.Generator) -> int:
             if steps.start(0.0, y[:n].reshape(n, 1), y[n:].reshape(n, 1)) == _core.DONE:
                 steps.advance(0.0, float(rng.choice([1e-3, 1e300, np.nan])), 4)
             done += 1
-    model.run("gauss", steps=64, samples=5)
+    model.simulate(method="gauss", steps=64, samples=5)
     return done
 
 
 def scene(name: str) -> str:
-    """Go through one scene; return what was done."""
+    """Test one scene; return a summary."""
     rng = np.random.default_rng(1)
     model = symgen.build(name)
     rigid = model.rigid if isinstance(model, ElasticModel) else model
     calls = kernels_of(model.description, rigid._library, rng)
     if isinstance(model, LoopModel):
         runs = loop(model, rng)
-        model.turn(samples=7) if model.is_driven else model.simulate(0.05)
+        model.inverse_dynamics(samples=7) if model.is_driven else model.simulate(0.05)
     else:
         kinds = (*ANALYSES, *(ELASTIC if isinstance(model, ElasticModel) else ()))
         for kind in kinds:
@@ -209,7 +209,7 @@ def scene(name: str) -> str:
 
 
 def committed() -> str:
-    """Go through the kernels under generated/."""
+    """Test the kernels under generated/."""
     rng = np.random.default_rng(2)
     calls = 0
     compiler = find_compiler()
@@ -239,7 +239,7 @@ def committed() -> str:
 
 
 def of_header(name: str, text: str, library: Any, rng: np.random.Generator) -> int:
-    """Call the kernels that a header declares, with the sizes that it tells."""
+    """Call the kernels declared in a header, with the sizes documented there."""
     if f"{name}_work(ptrdiff_t" in text:
         return chain(name, text, library, rng)
     groups = {array: int(size) for array, size in re.findall(r"^ \*   (\w+)\[(\d+)\]:", text, re.MULTILINE)}
@@ -287,7 +287,7 @@ def chain(name: str, text: str, library: Any, rng: np.random.Generator) -> int:
 
 
 def inside(names: Sequence[str]) -> None:
-    """Go through these scenes in a process that the sanitizer's library was loaded into."""
+    """Test scenes in a process with the sanitizer library preloaded."""
     core = Tools(find_compiler()).core()
     _core.DOUBLE = core
     np.seterr(all="ignore")
@@ -299,7 +299,7 @@ def inside(names: Sequence[str]) -> None:
 
 
 def outside(names: Sequence[str], processes: int) -> int:
-    """Share the scenes out to processes of their own; return 0 when no sanitizer reports anything."""
+    """Distribute the scenes over processes; return 0 if no sanitizer reports an error."""
     compiler = os.environ.get("CC", "gcc")
     library = subprocess.run(
         [compiler, "-print-file-name=libasan.so"], capture_output=True, text=True, check=True
@@ -326,12 +326,12 @@ def outside(names: Sequence[str], processes: int) -> int:
 
 
 def main() -> int:
-    """Go through the scenes asked for, all that are shipped and generated/ when none is."""
+    """Test the selected scenes; by default all shipped ones and generated/."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("scenes", nargs="*", help="names of shipped scenes, or 'generated/'")
-    parser.add_argument("--processes", type=int, default=2, help="side by side (2)")
+    parser.add_argument("--processes", type=int, default=2, help="number of processes (2)")
     parser.add_argument("--inside", action="store_true", help=argparse.SUPPRESS)
     given = parser.parse_args()
     names = given.scenes or [COMMITTED, *symgen.shipped_scenes()]

@@ -1,17 +1,18 @@
-"""Wall time beside error for falling chains: symgen, MuJoCo, Pinocchio with SciPy and with CVODE, and Exudyn.
+"""Wall time and error of falling chains: symgen, MuJoCo, Pinocchio with SciPy and CVODE, and Exudyn.
 
-Planar chains of 3 and 10 uniform rods of 1 m and 1 kg, pinned at one end, started at rest at relative angles
-0 and 0.1 in turn from the horizontal, fall for 2 s. Each program is swept over its steps or tolerances, and
-symgen over every integrator it has; every run records the same 21 times. Errors are those of the tip, at the
-end and the largest of all samples, against a reference of another formulation (``chain_reference.py``).
+Planar chains of 3 and 10 uniform rods of 1 m and 1 kg, pinned at one end and released at rest with relative
+angles alternating between 0 and 0.1 from the horizontal, fall for 2 s. Each program is swept over its steps
+or tolerances, and symgen over all its integrators; every run records the same 21 times. Errors are those of
+the tip, final and maximum over all samples, against a reference by another formulation
+(``chain_reference.py``).
 
-A time is that of the whole call from Python, initial state to recorded samples, warm: of symgen
-``simulate`` and the places of the tip, of others without these, which are found from their joint angles
-untimed. Settings are run in turn, round by round, each for a millisecond (once at least) before the call that
-is timed, and the best round counts: what else the machine does only ever adds; ratios are the less of those
-of wall and of processor time. Settings that came nowhere near their program's best in a first run are left
-out. The time at an error is interpolated between the logarithms of a program's best settings. ``--short``
-runs symgen alone.
+A time is that of the whole Python call, from initial state to recorded samples, after a warm-up: for symgen
+``simulate`` and the tip positions, for other programs without the tip positions, which are computed from
+their joint angles untimed. Settings alternate in rounds, each called untimed for a millisecond (at least
+once) before the timed call, and the best round counts, because other load only increases times; ratios are
+the smaller of those of wall and processor time. Settings that are far from their program's best in a first
+run are omitted. The time at an error is interpolated between the logarithms of a program's best settings.
+``--short`` runs symgen alone.
 """
 
 from __future__ import annotations
@@ -30,21 +31,21 @@ from harness import Case, Required, Timing, measure, report
 
 import symgen
 from symgen.errors import SimulationError
-from symgen.runtime.integrators import INTEGRATORS
-from symgen.study.fronts import time_at
-from symgen.study.sweeps import worth_running
+from symgen.runtime.integrate.integrators import INTEGRATORS
+from symgen.study.speed.fronts import time_at
+from symgen.study.speed.sweeps import worth_running
 
 SIZES, ERRORS = reference.SIZES, (1e-4, 1e-6, 1e-8, 1e-10)
-#: How many times faster than the fastest peer, by the number of rods.
+#: Required speed ratio to the fastest peer, by number of rods.
 FASTER = {3: 10.0, 10: 5.0}
-#: A sweep ends at this error, or with a run as long as this [s].
+#: A sweep ends at this error, or with a run of this duration [s].
 GOAL, LONGEST = 2e-11, {3: 0.1, 10: 0.4}
 ROUNDS, SHORT_ROUNDS = 11, 5
-#: A setting is timed on where its first runs took no more than this many times the best at its error.
+#: Settings are timed further if their first runs took at most this multiple of the best time at their error.
 NEAR = 1.5
 OURS = "symgen"
 
-#: Wall time and time of the processor, as :class:`harness.Timing` calls them.
+#: Wall time and processor time, by the attribute names of :class:`harness.Timing`.
 CLOCKS = ("best", "processor")
 
 Errors = tuple[float, float]
@@ -93,7 +94,7 @@ def _arguments() -> argparse.Namespace:
 
 
 def attempts(n: int, peers: Mapping[str, Any], missing: dict[str, str]) -> Iterator[Iterator[Attempt]]:
-    """Yield the sweeps of all programs that are there; put down why others are not."""
+    """Yield the sweeps of all available programs; record the reasons why others are missing."""
     yield from ours(n)
     for name, (packages, sweeps) in peers.items():
         try:
@@ -103,7 +104,7 @@ def attempts(n: int, peers: Mapping[str, Any], missing: dict[str, str]) -> Itera
 
 
 def scene(n: int) -> symgen.Scene:
-    """Return the chain as a scene, the position of its tip recorded."""
+    """Return the chain as a scene that records the position of its tip."""
     angles = np.array(reference.start_angles(n))
     places = np.cumsum(np.stack([np.cos(angles), np.sin(angles)], axis=1), axis=0)
     points: dict[str, Any] = {"P0": {"at": ["0 m", "0 m"], "ground": True}}
@@ -121,7 +122,7 @@ def scene(n: int) -> symgen.Scene:
 
 
 def ours(n: int) -> Iterator[Iterator[Attempt]]:
-    """Yield a sweep for every integrator: tolerances where it adapts its step, and fixed steps."""
+    """Yield a sweep for every integrator: tolerances if it is adaptive, and fixed steps."""
     model = symgen.build(scene(n), contraction="fast", vector="native")
 
     def attempt(method: str, kind: str, text: str, **given: float) -> Attempt:
@@ -144,7 +145,7 @@ def ours(n: int) -> Iterator[Iterator[Attempt]]:
 
 
 def swept(n: int, sweep: Iterable[Attempt], truth: Array) -> Iterator[tuple[Key, tuple[Errors, float]]]:
-    """Yield the settings of a sweep that gain something: errors at the end and along the run, and a time."""
+    """Yield the settings of a sweep while they improve: final and maximum error, and a time."""
     found: dict[Attempt, tuple[Errors, float]] = {}
 
     def run(attempt: Attempt) -> tuple[float, float]:
@@ -165,7 +166,7 @@ def swept(n: int, sweep: Iterable[Attempt], truth: Array) -> Iterator[tuple[Key,
 
 
 def contenders(tried: Mapping[Key, tuple[Errors, float]]) -> dict[Key, Errors]:
-    """Return the settings, with their errors, that come near the best of their program at either error."""
+    """Return the settings, with their errors, that are close to their program's best at either error."""
     chosen = {}
     for (n, attempt), (errors, spent) in tried.items():
         rivals = [f for (m, a), f in tried.items() if m == n and a.program == attempt.program]
@@ -176,13 +177,13 @@ def contenders(tried: Mapping[Key, tuple[Errors, float]]) -> dict[Key, Errors]:
 
 
 def errors_of(tips: Array, truth: Array) -> Errors:
-    """Return the error at the end and the largest; of a run that recorded its end alone, that twice."""
+    """Return the final and the maximum error; equal if a run recorded only its final state."""
     gaps = np.linalg.norm(tips - truth[-len(tips) :], axis=1)
     return float(gaps[-1]), float(np.max(gaps))
 
 
 def table(errors: Mapping[Key, Errors], timings: Mapping[Key, Timing]) -> list[dict[str, Any]]:
-    """Return a row for every setting."""
+    """Return one row per setting."""
     return [
         {
             "N": n,
@@ -200,10 +201,10 @@ def table(errors: Mapping[Key, Errors], timings: Mapping[Key, Timing]) -> list[d
 
 
 def required(errors: Mapping[Key, Errors], timings: Mapping[Key, Timing]) -> list[Required]:
-    """Return how many times faster than the fastest peer symgen is, at every error.
+    """Return the speed ratio of symgen to the fastest peer, at every error.
 
-    It is the less of two ratios, of wall times and of times of the processor: on a machine that does other
-    work, long runs are interrupted and short ones are not, to the disadvantage of the slower program.
+    It is the smaller of the ratios of wall times and of processor times: on a loaded machine long runs are
+    interrupted and short ones are not, to the disadvantage of the slower program.
     """
     lines = []
     for n in SIZES:
@@ -217,7 +218,7 @@ def required(errors: Mapping[Key, Errors], timings: Mapping[Key, Timing]) -> lis
 
 
 def _ratio(times: dict[str, float | None]) -> tuple[float, str]:
-    """Return by how much symgen is faster than the fastest of the others, and which that is."""
+    """Return the speed ratio of symgen to the fastest other program, and the name of that program."""
     own = times.pop(OURS)
     peers = {name: t for name, t in times.items() if t is not None}
     fastest = min(peers, key=lambda name: peers[name], default="any other, none of which got there")
@@ -234,7 +235,7 @@ def _times(
     timings: Mapping[Key, Timing],
     clock: str,
 ) -> dict[str, float | None]:
-    """Return the time at which every program reaches an error; None where it does not."""
+    """Return the time in which every program reaches an error; None if it does not."""
     points: dict[str, list[tuple[float, float]]] = {OURS: []}
     for (m, attempt), found in errors.items():
         if m == n:
@@ -243,11 +244,11 @@ def _times(
 
 
 def draw(errors: Mapping[Key, Errors], timings: Mapping[Key, Timing], file: str) -> None:
-    """Draw the best settings of every program: error along the run over wall time, a panel for each N."""
+    """Plot the best settings of every program: maximum error over wall time, one panel per N."""
     from matplotlib.figure import Figure
 
-    from symgen.study.fronts import front
-    from symgen.study.work_report import curve, finish, save
+    from symgen.study.speed.fronts import front
+    from symgen.study.speed.report import curve, finish, save
 
     figure = Figure(figsize=(9, 4.6), layout="constrained")
     panels: Sequence[Any] = figure.subplots(1, len(SIZES), sharey=True)

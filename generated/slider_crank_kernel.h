@@ -94,7 +94,7 @@ void slider_crank_position(const double *SYMGEN_RESTRICT t, const double *SYMGEN
 void slider_crank_motion(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out);
 
 /* the link-joint table
- *   0 operations; after slider_crank_setup
+ *   0 operations
  *   out[0..19]  rows (4 x 5), row by row  [rad, m]  link-joint table
  */
 void slider_crank_rows(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out);

@@ -16,27 +16,35 @@ __version__ = "0.1.0"
 
 if TYPE_CHECKING:
     from symgen.errors import SymgenError as SymgenError
-    from symgen.pipeline import build as build
-    from symgen.pipeline import derive as derive
-    from symgen.runtime.chain import Chain as Chain
-    from symgen.runtime.loop_model import LoopModel as LoopModel
-    from symgen.runtime.model import Model as Model
-    from symgen.runtime.result import Result as Result
-    from symgen.runtime.result import load_result as load_result
+    from symgen.pipeline.build import build as build
+    from symgen.pipeline.build import derive as derive
+    from symgen.runtime.chain.chain import Chain as Chain
+    from symgen.runtime.elastic.model import ElasticModel as ElasticModel
+    from symgen.runtime.loop.model import LoopModel as LoopModel
+    from symgen.runtime.model.kinematic import KinematicModel as KinematicModel
+    from symgen.runtime.model.model import Model as Model
+    from symgen.runtime.model.rods import RodModel as RodModel
+    from symgen.runtime.model.system import SystemModel as SystemModel
+    from symgen.runtime.result.files import load_result as load_result
+    from symgen.runtime.result.result import Result as Result
     from symgen.scene.loading import load_scene as load_scene
     from symgen.scene.loading import shipped_scenes as shipped_scenes
     from symgen.scene.schema import Scene as Scene
 
 _HOME = {
-    "Chain": "symgen.runtime.chain",
-    "LoopModel": "symgen.runtime.loop_model",
-    "Model": "symgen.runtime.model",
-    "Result": "symgen.runtime.result",
+    "Chain": "symgen.runtime.chain.chain",
+    "ElasticModel": "symgen.runtime.elastic.model",
+    "KinematicModel": "symgen.runtime.model.kinematic",
+    "LoopModel": "symgen.runtime.loop.model",
+    "Model": "symgen.runtime.model.model",
+    "Result": "symgen.runtime.result.result",
+    "RodModel": "symgen.runtime.model.rods",
     "Scene": "symgen.scene.schema",
     "SymgenError": "symgen.errors",
-    "build": "symgen.pipeline",
-    "derive": "symgen.pipeline",
-    "load_result": "symgen.runtime.result",
+    "SystemModel": "symgen.runtime.model.system",
+    "build": "symgen.pipeline.build",
+    "derive": "symgen.pipeline.build",
+    "load_result": "symgen.runtime.result.files",
     "load_scene": "symgen.scene.loading",
     "shipped_scenes": "symgen.scene.loading",
 }

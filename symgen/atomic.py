@@ -86,4 +86,8 @@ def writable(file: str | os.PathLike[str], endings: Sequence[str], what: str) ->
         )
     if not path.parent.is_dir():
         raise ResultError(f"cannot write the {what} to {path}: there is no folder {path.parent}")
+    if path.is_dir():
+        raise ResultError(f"cannot write the {what} to {path}: it is a folder")
+    if not os.access(path.parent, os.W_OK):
+        raise ResultError(f"cannot write the {what} to {path}: no permission to write in {path.parent}")
     return path

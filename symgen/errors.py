@@ -1,7 +1,7 @@
-"""Every error symgen raises on purpose, one class per stage.
+"""Exceptions of symgen, one class per stage.
 
 All derive from :class:`SymgenError`, so ``except symgen.SymgenError`` catches them and nothing else.
-Each class says who can mend the cause, and how.
+Each docstring states the remedy.
 """
 
 from __future__ import annotations
@@ -9,27 +9,30 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Any
 
-#: Characters of one part of a message about a scene; what a scene says may be of any length.
+#: Maximum number of characters of one part of a message; texts in a scene may be of any length.
 _LONGEST = 1000
 
 
 class SymgenError(Exception):
-    """Base of all errors that symgen raises on purpose."""
+    """Base class of all exceptions of symgen; its text contains printable characters only."""
+
+    def __init__(self, problem: str = "") -> None:
+        super().__init__(_printable(problem))
 
 
 class SceneError(SymgenError):
-    """A scene says something wrong. Whoever wrote the scene mends it at the file, table and key named.
+    """Invalid scene. Correct it at the file, table and key named.
 
     Parameters
     ----------
     problem
-        What was expected and what came, as one sentence.
+        The expected and the given value, as one sentence.
     where
         Table and key inside the scene, such as ``links.OA.mass``; empty for the whole file.
     file
-        The scene file, or a name for a scene made in Python.
+        The scene file, or a name for a scene defined in Python.
     hint
-        What to do next.
+        The remedy.
     """
 
     def __init__(self, problem: str, *, where: str = "", file: str = "", hint: str = "") -> None:
@@ -38,7 +41,7 @@ class SceneError(SymgenError):
         super().__init__(self.problem)
 
     def located(self, *, where: str = "", file: str = "") -> SceneError:
-        """Return the same error with the outer table or the file added in front of its place."""
+        """Return the same error with the outer table or the file in front of its location."""
         place = ".".join(part for part in (where, self.where) if part)
         return SceneError(self.problem, where=place, file=self.file or file, hint=self.hint)
 
@@ -54,20 +57,35 @@ class SceneError(SymgenError):
 
 
 def _readable(text: str) -> str:
-    """Return a text for one look: no character that prints nothing or steers a terminal, and not endless."""
+    """Return a text of limited length, without unprintable characters and terminal control sequences."""
     if len(text) > _LONGEST:
         text = f"{text[: _LONGEST // 2]} ... {text[-_LONGEST // 2 :]}"
+    return _printable(text)
+
+
+def _printable(text: str) -> str:
     if text.replace("\n", "").isprintable():
         return text
-    return "".join(c if c == "\n" or c.isprintable() else ascii(c)[1:-1] for c in text)
+    return "".join(c if c in "\n\t" or c.isprintable() else ascii(c)[1:-1] for c in text)
+
+
+def shown(value: Any, longest: int = 100) -> str:
+    """Return a value as shown in messages: its representation, or its type if that is unreadable."""
+    try:
+        text = repr(value)
+    except Exception:
+        text = ""
+    if not text or "\n" in text or " at 0x" in text:
+        return f"an object of type {type(value).__name__}"
+    return text if len(text) <= longest else f"{text[: longest - 3]}..."
 
 
 class DerivationError(SymgenError):
-    """The equations cannot be derived. The author of the model in ``mechanics/`` or ``models/`` mends it."""
+    """The equations cannot be derived. Correct the model in ``mechanics/`` or ``models/``."""
 
 
 class GenerationError(SymgenError):
-    """Code cannot be generated, or what stands in ``generated/`` is not what the derivation gives.
+    """Code cannot be generated, or ``generated/`` differs from the derivation.
 
     Run ``symgen generate`` in a checkout, read the difference, and commit it.
     """
@@ -82,22 +100,51 @@ class CacheError(SymgenError):
 
 
 class StaleBinaryError(SymgenError):
-    """A compiled module does not belong to the equations beside it. Reinstall symgen to recompile it."""
+    """A compiled module does not belong to the equations next to it. Reinstall symgen to recompile it."""
 
 
 class ModelError(SymgenError):
-    """A compiled model was called with wrong names, shapes or values. The caller mends it."""
+    """A compiled model was called with wrong names, shapes or values. Correct the call."""
+
+
+class ArgumentError(ModelError):
+    """An argument of a call has an unexpected value. Correct the call.
+
+    Parameters
+    ----------
+    argument
+        Name of the argument.
+    before, after
+        The message before and after the name.
+    call
+        The call, which starts the message; empty if there is none.
+    """
+
+    def __init__(self, argument: str, *, before: str, after: str, call: str = "") -> None:
+        self.argument, self._before, self._after = argument, before, after
+        super().__init__(f"{call}{': ' if call else ''}{self.named(argument)}")
+
+    def named(self, argument: str) -> str:
+        """Return the message without the call, with the argument under another name."""
+        return f"{self._before}{argument}{self._after}"
+
+
+class CapabilityError(SymgenError, AttributeError):
+    """A model does not support an analysis. The message has the reason; ``hasattr(model, "modes")`` is False.
+
+    Raised when the analysis is accessed, before any call. ``model.capabilities`` lists those supported.
+    """
 
 
 class InitialStateError(ModelError):
-    """The initial state contradicts the constraints. Mend positions, rates or velocities of the start.
+    """The initial state contradicts the constraints. Correct positions, rates or velocities of the start.
 
     Parameters
     ----------
     problem
-        What is contradictory, and what to do next.
+        The contradiction and its remedy.
     where
-        Table and key of the scene that asks for it.
+        Table and key of the scene that prescribe the state.
     """
 
     def __init__(self, problem: str, *, where: str = "start") -> None:
@@ -110,16 +157,16 @@ class ResultError(SymgenError):
 
 
 class SimulationError(SymgenError):
-    """A run could not go on. ``time`` is where it stopped [s], ``partial`` what it had by then.
+    """A run ended prematurely. ``time`` is the time reached [s], ``partial`` the result up to then.
 
     Parameters
     ----------
     problem
-        The cause, the time and what to do next.
+        The cause, the time and the remedy.
     time
         Time of the last accepted step [s].
     partial
-        The result up to that time, or None when not even the first sample was reached.
+        The result up to that time, or None if not even the first sample was reached.
     """
 
     def __init__(self, problem: str, *, time: float = float("nan"), partial: Any = None) -> None:
@@ -128,7 +175,7 @@ class SimulationError(SymgenError):
 
 
 def nearest(name: str, known: Iterable[str]) -> str:
-    """Return a hint that names the known word nearest to ``name``, or lists what is known."""
+    """Return a hint with the known word nearest to ``name``, or a list of the known words."""
     from difflib import get_close_matches
 
     words = sorted(known)
@@ -141,4 +188,8 @@ def nearest(name: str, known: Iterable[str]) -> str:
 
 
 class SlowBackendWarning(UserWarning):
-    """A model runs without kernels compiled for it. Install a C compiler to make it fast."""
+    """A model runs without kernels compiled for it, or with kernels compiled without optimisation."""
+
+
+class SlowRunWarning(UserWarning):
+    """A run is estimated to take long. Loosen its tolerance, or limit it by ``max_wall``."""

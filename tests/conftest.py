@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 from pathlib import Path
 
@@ -13,8 +12,6 @@ from hypothesis import settings
 settings.register_profile("ci", derandomize=True)
 if os.environ.get("CI"):
     settings.load_profile("ci")
-
-REFERENCE = Path(__file__).parent / "reference"
 
 
 @pytest.fixture(scope="session", autouse=True)
@@ -39,14 +36,9 @@ def made_in(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="session")
 def made(made_in: Path) -> dict:
     """Return all that belongs under generated/, each model derived once in a process of its own."""
-    from symgen.cache import Cache
-    from symgen.regeneration import up_to_date
+    from symgen.regeneration.generate import up_to_date
+    from symgen.toolchain.cache import Cache
 
     store = Cache(made_in)
     with store.locked("all"):
         return up_to_date(store)[0]
-
-
-def reference(name: str) -> dict:
-    """Return reference numbers: 30 digits, each scene agreeing with an independent model."""
-    return json.loads((REFERENCE / f"{name}.json").read_text())

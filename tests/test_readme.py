@@ -1,27 +1,32 @@
-"""What the README shows runs as it stands."""
+"""The code of the README and of the tour runs as it stands."""
 
 from __future__ import annotations
 
 import math
 import re
+import shlex
 import tomllib
 from pathlib import Path
 
 import pytest
+from shared.commands import runner
 
 import symgen
+from symgen.cli import app
 from symgen.scene.loading import read_scene
 
 README = Path(__file__).parent.parent / "README.md"
+TOUR = README.parent / "docs" / "tour.md"
 
 
-@pytest.fixture(scope="module")
-def blocks():
-    return re.findall(r"```(\w+)\n(.*?)```", README.read_text(encoding="utf-8"), re.DOTALL)
+def blocks(page, language):
+    """Return the code blocks of a page in a language."""
+    found = re.findall(r"```(\w+)\n(.*?)```", page.read_text(encoding="utf-8"), re.DOTALL)
+    return [body for word, body in found if word == language]
 
 
-def test_the_scene_runs(blocks, tmp_path):
-    text, loop, bent = (body for language, body in blocks if language == "toml")
+def test_the_scenes_run(tmp_path):
+    (text,), (loop, bent) = blocks(README, "toml"), blocks(TOUR, "toml")
     scene = tmp_path / "slider.toml"
     scene.write_text(text, encoding="utf-8")
     result = symgen.build(scene).simulate()
@@ -40,18 +45,33 @@ def test_the_scene_runs(blocks, tmp_path):
     assert model.unknowns == symgen.build("elastic_four_bar").unknowns + 4
 
 
-def test_the_python_runs(blocks, tmp_path, monkeypatch):
-    (text,) = (body for language, body in blocks if language == "python")
+@pytest.mark.parametrize("page", [README, TOUR], ids=lambda p: p.stem)
+def test_the_python_runs(page, tmp_path, monkeypatch):
+    (text,) = blocks(page, "python")
     monkeypatch.chdir(tmp_path)
     names = {}
     exec(text, names)
-    assert names["run"].drift.constraint < 1e-15
+    assert names["run"].drift.constraint < 1e-14
     assert (tmp_path / "run.nc").exists()
 
 
-def test_every_file_it_names_is_there():
-    text = README.read_text(encoding="utf-8")
+@pytest.mark.full
+def test_the_commands_run(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (lines,) = (block for block in blocks(README, "sh") if block.count("\nsymgen ") > 2)
+    for line in lines.strip().splitlines():
+        done = runner.invoke(app, shlex.split(line, comments=True)[1:])
+        assert done.exit_code == 0, line
+
+
+def test_readme_is_short():
+    assert len(README.read_bytes()) <= 8000
+
+
+@pytest.mark.parametrize("page", [README, TOUR], ids=lambda p: p.stem)
+def test_every_file_it_names_is_there(page):
+    text = page.read_text(encoding="utf-8")
     for name in re.findall(r"\]\((?!http)([^)#]+)\)", text) + re.findall(
         r"`((?:symgen|templates)/[\w./]+)`", text
     ):
-        assert (README.parent / name).exists(), name
+        assert (page.parent / name).exists() or (README.parent / name).exists(), name

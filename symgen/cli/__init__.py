@@ -1,4 +1,4 @@
-"""The command line: arguments in, calls out."""
+"""The command line: parses arguments and calls the Python API."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from symgen.cli import (
     sweeping,
 )
 from symgen.cli.common import app
-from symgen.errors import SymgenError
+from symgen.errors import ArgumentError, SymgenError
 
 __all__ = [
     "accuracy",
@@ -45,26 +45,29 @@ __all__ = [
     "sweeping",
 ]
 
-#: The commands as --help lists them: a mechanism, its equations, analyses, measurements.
+#: The commands in the order of --help: a mechanism, its equations, analyses, measurements.
 _ORDER = ["run", "scenes", "schema", "build", "show", "explain", "report", "export", "generate", "diff"]
 _ORDER += ["kinematics", "equilibrium", "modes", "forces", "sweep", "bench", "accuracy", "stability"]
 app.registered_commands.sort(key=lambda command: _ORDER.index(getattr(command.callback, "__name__", "")))
 
 
-#: Errors of a device or a quota that holds no more.
+#: Errors of a full device or an exhausted quota.
 _FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)
 
 
 def main() -> None:
-    """Run the command line: every error that symgen raises on purpose becomes one message and exit code 2."""
-    gc.disable()  # a short process: collecting garbage would only lengthen its start and, thawed, its end
+    """Run the command line: every SymgenError becomes one message and an exit code."""
+    gc.disable()  # a short process: garbage collection would only delay its start and its end
     atexit.register(gc.freeze)
     warnings.showwarning = lambda message, *_, **__: print(f"symgen: {message}", file=sys.stderr)
     try:
         try:
             _only(sys.argv[1:2])()
         finally:
-            sys.stdout.flush()  # what does not fit is told here, not after the end
+            sys.stdout.flush()  # report a full device here rather than after the exit
+    except ArgumentError as error:
+        print(f"symgen: {error.named(_option(error.argument))}", file=sys.stderr)
+        raise SystemExit(2) from None
     except SymgenError as error:
         print(f"symgen: {error}", file=sys.stderr)
         raise SystemExit(2) from None
@@ -78,12 +81,19 @@ def main() -> None:
         if error.errno not in _FULL:
             raise
         print(f"symgen: cannot write the output: {error.strerror}", file=sys.stderr)
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # for what is left in its buffer
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # discard the rest of the buffer
         raise SystemExit(1) from None
 
 
+def _option(argument: str) -> str:
+    """Return the command-line option of an argument, or the argument's name if no option was given."""
+    option = "--every" if argument == "checkpoint_every" else f"--{argument.replace('_', '-')}"
+    given = any(word.partition("=")[0] == option for word in sys.argv)
+    return option if given else argument
+
+
 def _only(word: list[str]) -> typer.Typer:
-    """Return, where a command is named, it alone: Typer takes its time over the options of each."""
+    """Return only the command that is named, if any: Typer is slow for many options."""
     named = [c for c in app.registered_commands if c.callback and [c.callback.__name__] == word]
     if not named:
         return app

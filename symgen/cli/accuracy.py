@@ -1,4 +1,4 @@
-"""``symgen accuracy``: the error of compiled kernels against 40 digits, and whose fault it is."""
+"""``symgen accuracy``: errors of compiled kernels against 40 digits, and their causes."""
 
 from __future__ import annotations
 
@@ -17,36 +17,36 @@ def accuracy(
         typer.Argument(help="A scene, a Python file that returns a System, or a building block: rod, ..."),
     ] = None,
     every: Annotated[
-        bool, typer.Option("--all", help="All shipped scenes and building blocks, a line each.")
+        bool, typer.Option("--all", help="All shipped scenes and building blocks, one line each.")
     ] = False,
     states: Annotated[
         int, typer.Option(help="States of each kind: along the run, random on and off the constraints.")
     ] = 20,
     seed: Annotated[int, typer.Option(help="Seed of the random states.")] = 0,
     run: Annotated[
-        bool, typer.Option("--run/--no-run", help="Look along a run of the scene, not at its start alone.")
+        bool, typer.Option("--run/--no-run", help="Sample states along a run, or only at the start.")
     ] = True,
     precision: Annotated[str, typer.Option(help="Number type of the kernels.")] = "float64",
-    top: Annotated[int, typer.Option(help="How many sums that cancel to list.")] = 10,
+    top: Annotated[int, typer.Option(help="Number of cancelling sums to list.")] = 10,
     set_: SetOption = None,
     out: Annotated[
-        Path | None, typer.Option(help="Save the report: .json, or .md for its line of the table.")
+        Path | None, typer.Option(help="Save the report: .json, or .md for its row of the table.")
     ] = None,
     as_json: JsonOption = False,
 ) -> None:
     """Compare every kernel with its matrices at 40 digits.
 
-    Condition and cancellation are shown beside the error.
+    The report contains the condition number and the cancellation next to the error.
     """
     from symgen.atomic import writable
     from symgen.errors import ModelError
-    from symgen.study import accuracy as study
-    from symgen.study import accuracy_page as page
+    from symgen.study.accuracy import accuracy as study
+    from symgen.study.accuracy import page
 
     if (scene is None) != every:
         raise ModelError("expected one scene, or --all")
     if every and set_:
-        raise ModelError("--set does not go with --all: it is for one scene")
+        raise ModelError("--set applies to one scene and cannot be combined with --all")
     if out:
         writable(out, page.SAVED_AS, "report")
     names = study.all_names() if scene is None else [scene]

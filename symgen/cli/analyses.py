@@ -1,8 +1,8 @@
-"""``symgen kinematics``, ``equilibrium``, ``modes``, ``forces``: what is asked of linkages besides motion."""
+"""``symgen kinematics``, ``equilibrium``, ``modes``, ``forces``: analyses of linkages."""
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -15,7 +15,6 @@ from symgen.cli.common import (
     SetOption,
     app,
     changes,
-    check_files,
     console,
     linkage,
     print_json,
@@ -29,16 +28,16 @@ def kinematics(
     scene: SceneArgument,
     start: Annotated[float, typer.Option("--from", help="Start of the range [s].")] = 0.0,
     stop: Annotated[
-        float | None, typer.Option("--to", help="End of the range [s]; the scene's own when absent.")
+        float | None, typer.Option("--to", help="End of the range [s]; default: the scene's.")
     ] = None,
     of: Annotated[
         list[str] | None,
-        typer.Option("--of", metavar="NAME", help="A point or link to record; all if absent."),
+        typer.Option("--of", metavar="NAME", help="A point or link to record; default: all."),
     ] = None,
     samples: Annotated[int, typer.Option(help="Number of recorded times.")] = 181,
-    branch: Annotated[int, typer.Option(help="Which assembly at t = 0 to follow; 1 is the drawn one.")] = 1,
+    branch: Annotated[int, typer.Option(help="Assembly mode at t = 0; 1 is the drawn one.")] = 1,
     through: Annotated[
-        bool, typer.Option("--through", help="Go on through dead centres, back in time.")
+        bool, typer.Option("--through", help="Continue past dead centres, back in time.")
     ] = False,
     set_: SetOption = None,
     out: OutOption = None,
@@ -46,21 +45,21 @@ def kinematics(
     as_json: JsonOption = False,
     backend: BackendOption = "auto",
 ) -> None:
-    """Follow a driven linkage, and find its dead centres.
+    """Compute the kinematics of a driven linkage.
 
-    Positions, velocities and accelerations are shown.
+    Positions, velocities and accelerations are printed. Dead centres in the range are located and listed.
     """
     from symgen.errors import ModelError
-    from symgen.pipeline import build_kinematics
+    from symgen.pipeline.build import build_kinematics
 
     model = build_kinematics(scene, set=changes(set_), backend=backend)
-    state = None
+    state: Any = None
     if branch != 1:
         states = model.assemblies()
         if not 1 <= branch <= len(states):
             raise ModelError(f"there is no branch {branch}: {len(states)} assemblies were found at t = 0")
         state = states[branch - 1]
-    motion = model.kinematics(start, stop, samples=samples, of=of, state=state, through=through)
+    motion: Any = model.kinematics(start, stop, samples=samples, of=of, state=state, through=through)
     write_files(motion, out, plot)
     show_motion(motion, as_json)
 
@@ -69,8 +68,15 @@ def kinematics(
 def equilibrium(
     scene: SceneArgument, set_: SetOption = None, as_json: JsonOption = False, backend: BackendOption = "auto"
 ) -> None:
-    """Find the static equilibrium downhill from the start."""
-    model = linkage(scene, set_, backend, "equilibrium")
+    """Find the static equilibrium downhill from the start.
+
+    Elastic links bend; each is divided into 12 rods.
+    """
+    from symgen.pipeline.build import build_scene as build_model
+    from symgen.runtime.elastic.model import ElasticModel
+
+    elastic = build_model(scene, set=changes(set_), backend=backend)
+    model = elastic if isinstance(elastic, ElasticModel) else linkage(scene, set_, backend, "equilibrium")
     found = model.equilibrium()
     if as_json:
         print_json({"scene": model.name, **found.summary()})
@@ -88,11 +94,11 @@ def modes(
         typer.Option(
             "--at",
             metavar="ANGLE[,ANGLE...]",
-            help='Crank angles of a scene with elastic links: "0,60" (degrees), "0.5 rad"; else its start.',
+            help='Crank angles of a scene with elastic links: "0,60" (degrees), "0.5 rad"; default: start.',
         ),
     ] = None,
     moving: Annotated[
-        bool, typer.Option("--moving", help="Of elastic links as they turn, not at rest in their pose.")
+        bool, typer.Option("--moving", help="Elastic links at the crank's speed instead of at rest.")
     ] = False,
     set_: SetOption = None,
     as_json: JsonOption = False,
@@ -100,19 +106,19 @@ def modes(
 ) -> None:
     """Find frequencies and shapes of small oscillations.
 
-    They are those about equilibrium, or of elastic links in a pose.
+    They refer to the static equilibrium, or to a pose of elastic links.
     """
     from symgen.errors import ModelError
-    from symgen.pipeline import build_scene as build_model
-    from symgen.runtime.elastic_model import ElasticModel
+    from symgen.pipeline.build import build_scene as build_model
+    from symgen.runtime.elastic.model import ElasticModel
 
     elastic = build_model(scene, set=changes(set_), backend=backend)
     if isinstance(elastic, ElasticModel):
+        from symgen.inspection.runs import angles
         from symgen.report.elastic import print_elastic_modes
-        from symgen.runs import angles
 
         poses = angles(at) if at else [None]
-        found = [elastic.modes(angle, moving=moving) for angle in poses]
+        found: Any = [elastic.modes(angle, moving=moving) for angle in poses]
         if not as_json:
             print_elastic_modes(found, elastic.description.title, console())
         elif len(found) == 1:
@@ -122,9 +128,9 @@ def modes(
         return
     if at or moving:
         given = "--at" if at else "--moving"
-        raise ModelError(f"{elastic.name} has no elastic links: {given} is for those")
+        raise ModelError(f"{elastic.name} has no elastic links: {given} applies to elastic links only")
     model = linkage(scene, set_, backend, "modes")
-    about = model.modes()
+    about: Any = model.modes()
     if as_json:
         print_json({"scene": model.name, **about.summary()})
     else:
@@ -141,19 +147,19 @@ def forces(
         typer.Option(
             "--at",
             metavar="ANGLE[,ANGLE...]",
-            help='Directions of the driven link, in degrees or as "0.5 rad"; else the range of time.',
+            help='Directions of the driven link, in degrees or as "0.5 rad"; default: the time range.',
         ),
     ] = None,
-    elements: Annotated[int, typer.Option(help="Into how many elements each link is cut.")] = 1,
+    elements: Annotated[int, typer.Option(help="Number of finite elements per link.")] = 1,
     section: Annotated[
         list[float] | None,
         typer.Option(
-            "--section", metavar="PART", help="Part of the links' lengths to cut; the middle if absent."
+            "--section", metavar="PART", help="Position of the section along the link, 0 to 1; default: 0.5."
         ),
     ] = None,
     start: Annotated[float, typer.Option("--from", help="Start of the range [s].")] = 0.0,
     stop: Annotated[
-        float | None, typer.Option("--to", help="End of the range [s]; the scene's own when absent.")
+        float | None, typer.Option("--to", help="End of the range [s]; default: the scene's.")
     ] = None,
     samples: Annotated[int | None, typer.Option(help="Number of times (361).")] = None,
     set_: SetOption = None,
@@ -162,19 +168,18 @@ def forces(
     as_json: JsonOption = False,
     backend: BackendOption = "auto",
 ) -> None:
-    """Find joint, section and driving forces of a driven linkage.
+    """Compute the forces in a driven linkage.
 
-    All its links are taken as rigid.
+    Joint, section and driving forces are printed; all links are treated as rigid.
     """
     from symgen.errors import ModelError
-    from symgen.runs import angles
+    from symgen.inspection.runs import angles
 
-    check_files(out, plot)
     if at and samples is not None:
         raise ModelError("give --at or --samples, not both")
     asked = angles(at) if at else None
     model = linkage(scene, set_, backend, "forces")
-    found = model.forces(
+    found: Any = model.inverse_dynamics(
         start,
         stop,
         at=asked,

@@ -1,4 +1,4 @@
-"""``symgen bench``: speed beside error, every integrator over its tolerances or steps."""
+"""``symgen bench``: work-precision comparison of the integrators over tolerances and steps."""
 
 from __future__ import annotations
 
@@ -25,22 +25,22 @@ from symgen.cli.common import (
 def bench(
     scene: SceneArgument,
     methods: Annotated[
-        str | None, typer.Option(metavar="NAME[,NAME...]", help="Integrators; all when absent.")
+        str | None, typer.Option(metavar="NAME[,NAME...]", help="Integrators; default: all.")
     ] = None,
     precisions: Annotated[
         str, typer.Option(metavar="NAME[,NAME...]", help="float32, float64, longdouble, float128.")
     ] = "float64",
     t_end: Annotated[
         float | None,
-        typer.Option(help="Horizon [s]; the scene's own when absent. Shorten it in chaos."),
+        typer.Option(help="End time [s]; default: the scene's. Shorten it for chaotic motion."),
     ] = None,
-    samples: Annotated[int, typer.Option(help="Recorded times, at which errors are taken.")] = 21,
-    repeats: Annotated[int, typer.Option(help="How often each setting is timed.")] = 5,
+    samples: Annotated[int, typer.Option(help="Recorded times at which errors are evaluated.")] = 21,
+    repeats: Annotated[int, typer.Option(help="Timings per setting.")] = 5,
     longest: Annotated[
         float, typer.Option(help="A sweep of settings ends with the first run that takes longer [s].")
     ] = 0.5,
     peers: Annotated[
-        bool, typer.Option("--peers", help="Other programs too: of open chains of rods in the plane.")
+        bool, typer.Option("--peers", help="Include other programs, for planar open chains of rods.")
     ] = False,
     set_: SetOption = None,
     out: Annotated[Path | None, typer.Option(help="Save the numbers: .json.")] = None,
@@ -50,18 +50,16 @@ def bench(
 ) -> None:
     """Measure error, time and order of every integrator.
 
-    The errors are those against a tight reference.
+    Errors are measured against a reference solution with tight tolerances.
     """
     import json
 
     from symgen.atomic import writable, write_text
-    from symgen.report.plots import DRAWN_AS
-    from symgen.study.work_precision import work_precision
-    from symgen.study.work_report import draw, print_work_precision
+    from symgen.study.speed.report import draw, print_work_precision
+    from symgen.study.speed.work_precision import work_precision
 
-    for file, endings, what in ((out, (".json",), "numbers"), (plot, DRAWN_AS, "plot")):
-        if file:
-            writable(file, endings, what)
+    if out:
+        writable(out, (".json",), "numbers")
     with progress_bar(f"bench of {Path(scene).stem}", as_json) as progress:
         found = work_precision(
             scene,

@@ -1,4 +1,4 @@
-"""``symgen diff``: what is different in the mathematics of two scenes, or two versions of one."""
+"""``symgen diff``: differences in the mathematics of two scenes or of two versions of a scene."""
 
 from __future__ import annotations
 
@@ -14,19 +14,19 @@ _SOURCE = "A scene, a Python file that returns a System, or a building block."
 @app.command()
 def diff(
     before: Annotated[str, typer.Argument(help=_SOURCE)],
-    after: Annotated[str, typer.Argument(help="Another, or the same: --set is for this one.")],
+    after: Annotated[str, typer.Argument(help="Another one, or the same with --set, which applies to it.")],
     set_: SetOption = None,
     form: DifferenceOption = "text",
     as_json: JsonOption = False,
 ) -> None:
-    """Show what is different in the equations of two models.
+    """Show the differences between the equations of two models.
 
-    The operations of their kernels are compared as well.
+    The operation counts of their kernels are compared as well.
     """
     from dataclasses import asdict
 
-    from symgen.report.difference import check_form, difference_lines
-    from symgen.sources import compare
+    from symgen.regeneration.sources import compare
+    from symgen.report.mathematics.difference import check_form, difference_lines
 
     check_form(form)
 

@@ -1,4 +1,4 @@
-"""``symgen export``: a scene as C, for programs that know nothing of Python."""
+"""``symgen export``: a scene as C code without dependency on Python."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ def export(
     scene: SceneArgument,
     c: Annotated[
         Path,
-        typer.Option("--c", metavar="FOLDER", help="Write C there: a folder that is empty or not there."),
+        typer.Option("--c", metavar="FOLDER", help="Destination: an empty or new folder."),
     ],
     set_: SetOption = None,
 ) -> None:
-    """Write a scene as C, for other programs.
+    """Write a scene as C for use in other programs.
 
-    The folder holds kernels, the core that runs them, an example, and a test of the numbers.
+    The folder contains the kernels, the core that runs them, an example, and a test of the results.
     """
     from symgen.export import export_c
 

@@ -1,4 +1,4 @@
-"""``symgen scenes``, ``show``, ``explain`` and ``schema``: what a scene is and what was derived from it."""
+"""``symgen scenes``, ``show``, ``explain`` and ``schema``: scenes and their derived equations."""
 
 from __future__ import annotations
 
@@ -34,48 +34,46 @@ def show(
     matrix: Annotated[
         str | None,
         typer.Argument(
-            help="A matrix, as listed without it; derivation for all steps, momentum_rows for those, "
-            "momentum_rows.NAME for one."
+            help="A matrix (if absent, matrices are listed); derivation for all steps, momentum_rows for all "
+            "momentum rows, momentum_rows.NAME for one."
         ),
     ] = None,
     form: Annotated[
         str,
         typer.Option(
             "--format",
-            help="unicode, latex (amsmath), shared (after the search for common subexpressions), c, or "
+            help="unicode, latex (amsmath), shared (after elimination of common subexpressions), c, or "
             "numeric.",
         ),
     ] = "unicode",
     rows: Annotated[
-        str | None, typer.Option(metavar="NAME[,NAME...]", help="These rows alone, by name or number from 0.")
+        str | None, typer.Option(metavar="NAME[,NAME...]", help="Only these rows, by name or number from 0.")
     ] = None,
-    columns: Annotated[
-        str | None, typer.Option(metavar="NAME[,NAME...]", help="These columns alone.")
-    ] = None,
+    columns: Annotated[str | None, typer.Option(metavar="NAME[,NAME...]", help="Only these columns.")] = None,
     by: Annotated[
-        str | None, typer.Option(metavar="NAME", help="The derivative by a tunable parameter or a symbol.")
+        str | None, typer.Option(metavar="NAME", help="Derivative with respect to a parameter or symbol.")
     ] = None,
     at: Annotated[
         str | None,
         typer.Option(
             metavar="VALUE",
-            help='State of numbers: a time "0.3 s", of a driven loop its input "45"; the start if absent.',
+            help='State for numeric values: a time "0.3 s", or a driven loop\'s input "45"; default: start.',
         ),
     ] = None,
     with_: Annotated[
         list[str] | None,
-        typer.Option("--with", metavar="NAME=NUMBER", help="A symbol's value in numbers, in SI units."),
+        typer.Option("--with", metavar="NAME=NUMBER", help="Numeric value of a symbol, in SI units."),
     ] = None,
     digits: Annotated[
-        bool, typer.Option("--digits", help="Rank the sums of a matrix, or of all, by the digits they lose.")
+        bool, typer.Option("--digits", help="Rank the sums of a matrix, or of all, by cancelled digits.")
     ] = False,
     set_: SetOption = None,
 ) -> None:
-    """Show the derived equations, in any form.
+    """Show the derived equations in a chosen form.
 
-    All matrices are listed; one is shown, or a part of it, where it is named.
+    Without a matrix name, all matrices are listed.
     """
-    from symgen.report.equations import check_form
+    from symgen.report.mathematics.equations import check_form
 
     check_form(form)
     if digits:
@@ -85,9 +83,9 @@ def show(
 
     subject = Subject(model, changes(set_))
     if form != "numeric" and (at or with_):
-        raise ModelError("--at and --with say where numbers are taken: they go with --format numeric")
+        raise ModelError("--at and --with select numeric values: they require --format numeric")
     if matrix in (None, RECORD) and (rows or columns or by):
-        raise ModelError("--rows, --columns and --by are of one matrix: name it")
+        raise ModelError("--rows, --columns and --by apply to one matrix: name it")
     if matrix is None:
         _list(subject)
     elif matrix == RECORD:
@@ -99,8 +97,8 @@ def show(
 
 
 def _list(subject: Subject) -> None:
-    """Print what matrices there are."""
-    from symgen.report.equations import overview
+    """Print the list of matrices."""
+    from symgen.report.mathematics.equations import overview
     from symgen.report.tables import table
 
     for prefix, part in subject.parts:
@@ -112,11 +110,11 @@ def _list(subject: Subject) -> None:
 
 def _show_record(subject: Subject, form: str) -> None:
     """Print the derivation step by step."""
-    from symgen.report.record import record_in_latex, record_in_text
+    from symgen.report.mathematics.record import record_in_latex, record_in_text
 
     if form not in ("unicode", "latex"):
         raise ModelError(
-            f"the derivation is shown as unicode or latex, not as {form}: name a matrix for that"
+            f"the derivation is shown as unicode or latex, not as {form}: name a matrix for this format"
         )
     steps = subject.record
     print(record_in_latex(subject.own.title, steps) if form == "latex" else record_in_text(steps))
@@ -125,21 +123,21 @@ def _show_record(subject: Subject, form: str) -> None:
 def _show_chosen(
     subject: Subject, chosen: Chosen, form: str, at: str | None, with_: list[str] | None
 ) -> None:
-    """Print matrices in one form, as numbers at a state."""
-    from symgen.report.equations import show as shown
+    """Print matrices in one format, with numeric values at a state if selected."""
+    from symgen.report.mathematics.equations import show as shown
 
     if form != "numeric":
         print(shown(chosen.system, chosen.matrices, form))
         return
     from symgen.inspection.state import NOWHERE, state_of
-    from symgen.pipeline import build_scene as build_model
+    from symgen.pipeline.build import build_scene as build_model
 
     given = _numbers(with_)
     if not subject.is_scene and (at or not given):
-        what = "a building block" if subject.is_block else "no scene"
+        what = "a building block" if subject.is_block else "not a scene"
         raise ModelError(
-            f"{subject.name} is {what}: it has no state to give numbers at\n"
-            "  Give its symbols, each with --with NAME=NUMBER, in SI units."
+            f"{subject.name} is {what}: it has no state for numeric values\n"
+            f"  Give a value for each symbol with --with NAME=NUMBER, in SI units."
         )
     state = state_of(build_model(subject.text), at) if subject.is_scene else NOWHERE
     values = state.of(chosen.system, given)
@@ -147,7 +145,7 @@ def _show_chosen(
 
 
 def _numbers(options: list[str] | None) -> dict[str, float]:
-    """Return the values that --with gives, by name."""
+    """Return the values given with --with, by name."""
     found = {}
     for option in options or []:
         name, _, value = option.partition("=")
@@ -161,18 +159,18 @@ def _numbers(options: list[str] | None) -> dict[str, float]:
 
 
 def _show_digits(scene: str, matrix: str | None, set_: list[str] | None) -> None:
-    """Print which sums lose most digits."""
-    from symgen.study import accuracy
-    from symgen.study.accuracy_page import print_cancelling
+    """Print the sums with the largest cancellation."""
+    from symgen.study.accuracy import accuracy
+    from symgen.study.accuracy.page import print_cancelling
 
     print_cancelling(accuracy.digits(scene, matrix, set=changes(set_)), console())
 
 
 @app.command()
 def explain(scene: SceneArgument, set_: SetOption = None) -> None:
-    """Tell what became of a scene, and what its equations cost.
+    """Explain how equations were simplified, and their cost.
 
-    What was kept and what left out, what that saves, and how the equations are solved.
+    The report lists retained and omitted parts, the saving, and the solution method.
     """
     from symgen.inspection.explanation import explanation
 
@@ -182,7 +180,7 @@ def explain(scene: SceneArgument, set_: SetOption = None) -> None:
 
 @app.command()
 def schema() -> None:
-    """Print the JSON Schema of scene files, for editors."""
+    """Print the JSON Schema of scene files, for use in editors."""
     import json
 
     from symgen.scene.schema import Scene

@@ -1,4 +1,4 @@
-"""``symgen build``, ``generate`` and ``cache``: what is compiled, and where it is kept."""
+"""``symgen build``, ``generate`` and ``cache``: compilation and its cache."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from symgen.cli.common import (
     progress_bar,
 )
 
-#: Entries of a matrix that are printed unless all are asked for.
+#: Number of matrix entries printed without --all.
 _SHOWN = 8
 
 cache_app = typer.Typer(help="The folder of compiled scenes.", no_args_is_help=True)
@@ -33,35 +33,35 @@ def generate(
     source: Annotated[
         str | None,
         typer.Argument(
-            help="A scene, or a Python file that returns a System, whose kernels to make; the shipped "
-            "kernels under generated/ when absent."
+            help="A scene, or a Python file that returns a System, whose kernels to generate; default: the "
+            "shipped kernels under generated/."
         ),
     ] = None,
     check: Annotated[
         bool,
-        typer.Option("--check", help="Derive all of generated/ anew, change nothing; fail if it differs."),
+        typer.Option("--check", help="Derive all of generated/ without writing; fail if it differs."),
     ] = False,
-    every: Annotated[bool, typer.Option("--all", help="Print every entry that changed.")] = False,
+    every: Annotated[bool, typer.Option("--all", help="Print every changed entry.")] = False,
     form: DifferenceOption = "text",
 ) -> None:
-    """Derive anew what changed, and say what it changed.
+    """Regenerate outdated kernels and report the changes.
 
-    Of the mathematics, every entry of a matrix is shown before and after.
+    Changed matrix entries are shown before and after.
     """
     from symgen.errors import GenerationError, ModelError
-    from symgen.report.difference import check_form
-    from symgen.report.regeneration import generated_lines, regenerated_lines
+    from symgen.report.mathematics.difference import check_form
+    from symgen.report.mathematics.regeneration import generated_lines, regenerated_lines
 
     check_form(form)
     shown = None if every else _SHOWN
     if source is not None:
         if check:
-            raise ModelError("--check is for generated/: it does not go with a scene or a file")
-        from symgen.sources import generate as generate_source
+            raise ModelError("--check applies to generated/ and cannot be combined with a scene or a file")
+        from symgen.regeneration.sources import generate as generate_source
 
         print(*generated_lines(generate_source(source), shown, form), sep="\n")
         return
-    from symgen.regeneration import not_current, regenerate
+    from symgen.regeneration.generate import not_current, regenerate
 
     if not check:
         with progress_bar("generated/", as_json=False) as progress:
@@ -86,8 +86,8 @@ def build(
     contraction: ContractionOption = "off",
     vector: VectorOption = "none",
 ) -> None:
-    """Compile a scene, or a derivation of your own, into the cache."""
-    from symgen.pipeline import build as build_model
+    """Compile a scene or a user-defined derivation into the cache."""
+    from symgen.pipeline.build import build as build_model
     from symgen.report.summary import model_lines
 
     model = build_model(
@@ -104,9 +104,9 @@ def build(
 
 @cache_app.command("info")
 def cache_info() -> None:
-    """Show where the cache is and what it holds."""
-    from symgen.cache import Cache
+    """Show the location and contents of the cache."""
     from symgen.report.tables import table
+    from symgen.toolchain.cache import Cache
 
     store = Cache()
     entries = store.entries()
@@ -120,7 +120,7 @@ def cache_info() -> None:
 @cache_app.command("clear")
 def cache_clear() -> None:
     """Remove every compiled scene from the cache."""
-    from symgen.cache import Cache
+    from symgen.toolchain.cache import Cache
 
     store = Cache()
     print(f"removed {store.clear()} entries from {store.root}")

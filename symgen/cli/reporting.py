@@ -1,4 +1,4 @@
-"""``symgen report``: one page on a scene."""
+"""``symgen report``: an HTML page on a scene."""
 
 from __future__ import annotations
 
@@ -17,21 +17,21 @@ from symgen.cli.common import SceneArgument, SetOption, app, changes
 def report(
     scene: SceneArgument,
     out: Annotated[
-        Path | None, typer.Option(help="Where to write: .html; SCENE.html in this folder when absent.")
+        Path | None, typer.Option(help="Output file: .html; default: SCENE.html in this folder.")
     ] = None,
     speed: Annotated[
         bool,
-        typer.Option("--speed/--no-speed", help="Measure speed against error, which takes some seconds."),
+        typer.Option("--speed/--no-speed", help="Measure speed against error (some seconds)."),
     ] = True,
     set_: SetOption = None,
 ) -> None:
-    """Write one HTML page on a scene.
+    """Write an HTML page on a scene.
 
-    It shows a picture, the derivation, kernels, and a run with its errors, and needs no network.
+    The page contains a picture, the derivation, the kernels and a run with its errors; it works offline.
     """
     from symgen.atomic import writable, write_text
     from symgen.inspection.page import scene_page
-    from symgen.report.page import render
+    from symgen.report.page.page import render
     from symgen.scene.loading import override, read_scene
 
     text = override(read_scene(scene), changes(set_))
@@ -45,7 +45,7 @@ def report(
 
 @contextmanager
 def _status(title: str) -> Iterator[Callable[[str], None]]:
-    """Show on a terminal what is being done; give a function that takes it."""
+    """Show the current step on a terminal; yield a callback that receives it."""
     if not sys.stderr.isatty():
         yield lambda _: None
         return

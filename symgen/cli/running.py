@@ -1,10 +1,7 @@
-"""``symgen run``: a motion in time, or a driven loop over its input."""
+"""``symgen run``: simulation in time, or evaluation of a driven loop over its input."""
 
 from __future__ import annotations
 
-import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -15,6 +12,7 @@ from symgen.cli.common import (
     BackendOption,
     ContractionOption,
     DigitsOption,
+    MaxWallOption,
     OutOption,
     PlotOption,
     PrecisionOption,
@@ -23,37 +21,35 @@ from symgen.cli.common import (
     VectorOption,
     app,
     changes,
-    check_files,
     console,
+    kept_of_a_failure,
     print_json,
     progress_bar,
     show_motion,
     write_files,
 )
-from symgen.errors import ModelError, SimulationError
+from symgen.errors import ModelError
 
 if TYPE_CHECKING:
-    from symgen.runtime.result import Result
+    from symgen.runtime.result.result import Result
 
 
 @app.command()
 def run(
     scene: SceneArgument,
-    t_end: Annotated[
-        float | None, typer.Option(help="End of the run [s]; the scene's own when absent.")
-    ] = None,
+    t_end: Annotated[float | None, typer.Option(help="End of the run [s]; default: the scene's.")] = None,
     method: Annotated[
         str | None,
         typer.Option(
             help="Adaptive: dop853, dopri5, radau5 (stiff). Fixed step: rk4, rattle, rattle4, rattle6, "
-            "rattle8, generalized-alpha, newmark. Of elastic links dop853, rk4, gauss, gauss4, newmark, "
+            "rattle8, generalized-alpha, newmark. Elastic links: dop853, rk4, gauss, gauss4, newmark, "
             "generalized-alpha, wilson-theta, quasi-static, periodic, exact (large rotation)."
         ),
     ] = None,
     rtol: Annotated[
         float | None,
         typer.Option(
-            help="Relative tolerance of the local error; with elastic links, error over the peak stress."
+            help="Relative tolerance of the local error; with elastic links, relative to the peak stress."
         ),
     ] = None,
     atol: Annotated[float | None, typer.Option(help="Absolute tolerance [m, m/s].")] = None,
@@ -64,24 +60,27 @@ def run(
     stabilisation: Annotated[
         str | None,
         typer.Option(
-            help="How constraints are kept: projection; for comparison only baumgarte (not of loops), raw."
+            help="Constraint stabilisation: projection; for comparison baumgarte (not for loops), raw."
         ),
     ] = None,
     stabilisation_rate: Annotated[
-        float | None, typer.Option(help="Rate of Baumgarte's terms [1/s] (10).")
+        float | None, typer.Option(help="Rate of Baumgarte stabilisation [1/s] (10).")
     ] = None,
     max_drift: Annotated[
         float | None,
-        typer.Option(help="Error of a constraint or of closure [m] that ends the run; none when absent."),
+        typer.Option(help="Limit [m] of the constraint or closure error, which ends the run; default: none."),
     ] = None,
-    checkpoint: Annotated[
-        Path | None, typer.Option(help="A file that is given the run's state now and then.")
+    max_step: Annotated[
+        float | None,
+        typer.Option(
+            help="Largest step [s] of an adaptive method, so that short loads are not stepped over."
+        ),
     ] = None,
-    every: Annotated[
-        float | None, typer.Option(help="Seconds of wall time from one checkpoint to the next (10).")
-    ] = None,
+    max_wall: MaxWallOption = None,
+    checkpoint: Annotated[Path | None, typer.Option(help="File for periodic checkpoints of the run.")] = None,
+    every: Annotated[float | None, typer.Option(help="Wall time [s] between checkpoints (10).")] = None,
     resume: Annotated[
-        Path | None, typer.Option(help="Go on from a checkpoint of the same run, to the same bits.")
+        Path | None, typer.Option(help="Resume from a checkpoint of the same run, bit-identically.")
     ] = None,
     at: Annotated[
         list[str] | None,
@@ -94,26 +93,24 @@ def run(
     ] = None,
     through: Annotated[
         bool,
-        typer.Option(
-            "--through", help="Follow a driven loop on through the values at which its input turns back."
-        ),
+        typer.Option("--through", help="Follow a driven loop past the turning points of its input."),
     ] = False,
     revolutions: Annotated[
-        float | None, typer.Option(help="Turns of the crank of a scene with elastic links (1).")
+        float | None, typer.Option(help="Crank revolutions of a scene with elastic links (1).")
     ] = None,
     steps: Annotated[
         int | None,
-        typer.Option(help="Steps a turn with elastic links; doubled until they suffice when absent."),
+        typer.Option(help="Steps per revolution with elastic links; default: doubled until accurate."),
     ] = None,
     segments: Annotated[
-        int | None, typer.Option(help="Rods of each elastic link, of the method exact (12).")
+        int | None, typer.Option(help="Rods per elastic link in the method exact (12).")
     ] = None,
     form: Annotated[
         str | None, typer.Option(help="Equations of elastic links: exact, or thesis (for comparison only).")
     ] = None,
     geometric_stiffness: Annotated[
         bool | None,
-        typer.Option(help="Whether axial forces stiffen elastic links; as the scene says when absent."),
+        typer.Option(help="Stiffening of elastic links by axial forces; default: as in the scene."),
     ] = None,
     set_: SetOption = None,
     out: OutOption = None,
@@ -129,7 +126,7 @@ def run(
     contraction: ContractionOption = "off",
     vector: VectorOption = "none",
 ) -> None:
-    """Run a scene, and print where it ended.
+    """Simulate a scene and print the results.
 
     A driven loop is evaluated over the range of its input.
     """
@@ -140,33 +137,33 @@ def run(
         others: _Options = {"samples": samples, "at": at, "out": out, "plot": plot}
         _studies(scene, study, asked | others | _unusual(types), set_, as_json, backend)
         return
-    from symgen.pipeline import build_asked
+    from symgen.pipeline.build import build_asked
 
-    check_files(out, plot)
     model: Any = build_asked(scene, set=changes(set_), backend=backend, **types)
     of_elastic: _Options = {"revolutions": revolutions, "steps": steps, "segments": segments, "form": form}
     of_elastic["geometric_stiffness"] = geometric_stiffness
     in_time: _Options = {"stabilisation": stabilisation, "stabilisation_rate": stabilisation_rate}
-    in_time |= {"max_drift": max_drift, "checkpoint": checkpoint, "every": every, "resume": resume}
-    with _kept_of_a_failure(out):
+    in_time |= {"max_drift": max_drift, "max_step": max_step, "max_wall": max_wall}
+    in_time |= {"checkpoint": checkpoint, "every": every, "resume": resume}
+    with kept_of_a_failure(out):
         result = _result(model, _Asked(asked, at, samples, through, of_elastic, in_time, types), as_json)
     write_files(result, out, plot)
     _show(result, model, as_json)
 
 
 _Options = dict[str, Any]
-#: What types are where nothing is asked for.
+#: Default number types and backend.
 _USUAL = {"precision": "float64", "contraction": "off", "vector": "none"}
 
 
 def _unusual(types: _Options) -> _Options:
-    """Return what is asked for of types, and is not what they are anyway."""
+    """Return the type options that differ from the defaults."""
     return {name: None if _USUAL.get(name) == value else value for name, value in types.items()}
 
 
 @dataclass(frozen=True, slots=True)
 class _Asked:
-    """What is asked for of a run, by option: of any, of elastic links, and of motions found in time."""
+    """Options given for a run: general, for elastic links, and for integration in time."""
 
     steps: _Options
     at: list[str] | None
@@ -178,10 +175,10 @@ class _Asked:
 
 
 def _result(model: Any, asked: _Asked, as_json: bool) -> Result:
-    """Run a model as its kind is run."""
-    from symgen.pipeline import is_kinematic
-    from symgen.runs import driven_run, elastic_run, kinematic_run
-    from symgen.runtime.elastic_model import ElasticModel
+    """Run a model with the options that its kind accepts."""
+    from symgen.inspection.runs import driven_run, elastic_run, kinematic_run
+    from symgen.pipeline.build import is_kinematic
+    from symgen.runtime.elastic.model import ElasticModel
 
     elastic, on_values = isinstance(model, ElasticModel), bool(asked.at or asked.through)
     if not elastic:
@@ -189,7 +186,7 @@ def _result(model: Any, asked: _Asked, as_json: bool) -> Result:
     kept = _in_time(model, on_values, asked.in_time)
     if is_kinematic(model):
         t_end = asked.steps["t_end"]
-        _refuse(_unusual(asked.types), ": kinematics is computed in doubles")
+        _refuse(_unusual(asked.types), ": kinematics is computed in double precision")
         options = {"at": asked.at or None, **asked.steps, "t_end": None}
         return kinematic_run(model, t_end, asked.samples, asked.through, options)
     if not elastic and (model.is_driven or on_values):
@@ -204,21 +201,21 @@ def _result(model: Any, asked: _Asked, as_json: bool) -> Result:
 
 
 def _refuse(options: _Options, why: str) -> None:
-    """Raise ModelError, which names them and then says why, where any of these options is given."""
+    """Raise ModelError with the names of the given options and the reason, if any is given."""
     given = [f"--{name.replace('_', '-')}" for name, value in options.items() if value is not None]
     if given:
         raise ModelError(f"{', '.join(given)}{why}")
 
 
 def _in_time(model: Any, driven: bool, given: _Options) -> _Options:
-    """Return the options, of those given, that only motions found in time have."""
-    from symgen.pipeline import is_kinematic
-    from symgen.runtime.elastic_model import ElasticModel
-    from symgen.runtime.loop_model import LoopModel
+    """Return those of the given options that apply to integration in time only."""
+    from symgen.pipeline.build import is_kinematic
+    from symgen.runtime.elastic.model import ElasticModel
+    from symgen.runtime.loop.model import LoopModel
 
     elastic = isinstance(model, ElasticModel)
     if is_kinematic(model) or model.is_driven or (driven and not elastic):
-        _refuse(given, ": for motions that are found step by step in time")
+        _refuse(given, ": applies to integration in time only")
     if elastic:
         of_constraints = ("stabilisation", "stabilisation_rate", "max_drift")
         _refuse({name: given[name] for name in of_constraints}, " does not go with elastic links")
@@ -229,29 +226,17 @@ def _in_time(model: Any, driven: bool, given: _Options) -> _Options:
     kept = {name: value for name, value in given.items() if value is not None}
     if "every" in kept:
         if "checkpoint" not in kept:
-            raise ModelError("--every says how often a checkpoint is written: say where, with --checkpoint")
+            raise ModelError("--every sets the interval of checkpoints: give their file with --checkpoint")
         kept["checkpoint_every"] = kept.pop("every")
     return kept
 
 
-@contextmanager
-def _kept_of_a_failure(out: Path | None) -> Iterator[None]:
-    """Save what was recorded until a run failed, where its result was to be saved."""
-    try:
-        yield
-    except SimulationError as error:
-        if out and error.partial is not None:
-            error.partial.save(out)
-            print(f"symgen: what was recorded until then is in {out}", file=sys.stderr)
-        raise
-
-
 def _show(result: Result, model: Any, as_json: bool) -> None:
-    """Print a result: as one JSON object, or as tables."""
-    from symgen.runtime.elastic_result import ElasticResult
-    from symgen.runtime.loop_model import LoopModel
-    from symgen.runtime.motion import Motion
-    from symgen.runtime.turn import Turn
+    """Print a result as one JSON object or as tables."""
+    from symgen.runtime.loop.model import LoopModel
+    from symgen.runtime.result.elastic import ElasticResult
+    from symgen.runtime.result.motion import Motion
+    from symgen.runtime.result.turn import Turn
 
     if isinstance(result, Motion):
         show_motion(result, as_json)
@@ -270,9 +255,19 @@ def _show(result: Result, model: Any, as_json: bool) -> None:
 
         print_motion_of_loop(result, console())
     else:
-        from symgen.report.tables import print_result
+        from symgen.report.motion import print_result
 
-        print_result(result, console())
+        print_result(result, console(), _at_rest(result, model))
+
+
+def _at_rest(result: Result, model: Any) -> list[str]:
+    """Return the names of ground points that have not moved."""
+    start = model.initial_state().positions
+    return [
+        p
+        for p in model.description.ground
+        if not any(result.final[p]["velocity"]) and list(result.final[p]["position"]) == list(start[p])
+    ]
 
 
 def _studies(
@@ -283,10 +278,10 @@ def _studies(
     as_json: bool,
     backend: str,
 ) -> None:
-    """Run the studies of a scene, and print what they gave; no other option goes with that."""
+    """Run the studies of a scene and print their results; other options are refused."""
     from symgen.study import run_studies
 
-    _refuse(others, " does not go with --study: the scene says what is studied")
+    _refuse(others, " does not go with --study: the scene defines the studies")
     with progress_bar(f"studies of {Path(scene).stem}", as_json) as progress:
         report = run_studies(scene, folder, set=changes(set_), backend=backend, progress=progress)
     if as_json:

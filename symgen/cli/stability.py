@@ -1,4 +1,4 @@
-"""``symgen stability``: the hard cases of every method, and what must hold in them."""
+"""``symgen stability``: demanding test cases for every method, with acceptance criteria."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ def stability(
     cases: Annotated[
         str | None,
         typer.Option(
-            metavar="NAME[,NAME...]", help="Cases or families (rods, loops, elastic links); all if absent."
+            metavar="NAME[,NAME...]", help="Cases or families (rods, loops, elastic links); default: all."
         ),
     ] = None,
     as_json: JsonOption = False,
-    out: Annotated[Path | None, typer.Option(help="Write the page of the documentation: .md.")] = None,
+    out: Annotated[Path | None, typer.Option(help="Write the documentation page: .md.")] = None,
 ) -> None:
-    """Run the hard cases by every method.
+    """Run the demanding test cases with every method.
 
-    The exit code is 1 where something that must hold does not.
+    The exit code is 1 if an acceptance criterion is not met.
     """
     from symgen.atomic import replacing, writable
     from symgen.study.stability import chosen, run_suite

@@ -1,1 +1,1 @@
-"""From a Program to source text, the same to the byte for the same input."""
+"""Source text from a Program; identical input gives byte-identical output."""

@@ -1,4 +1,4 @@
-"""Program -> source files, through the templates."""
+"""Source files from a Program, through templates."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from symgen.codegen.printers import C_FUNCTIONS, Printer, printer
 from symgen.codegen.source import SourceFile
 from symgen.codegen.target import Target
 from symgen.lowering.kernel import ARRAYS, Assignment, Block, Kernel, Program, Slot
-from symgen.lowering.nodes import GUARDED_INVERSE, Constant, calls
+from symgen.lowering.nodes import GUARDED_INVERSE, Constant, calls, references
 from symgen.precision import Precision
 
 
 @dataclass(frozen=True, slots=True)
 class TextAssignment:
-    """An assignment as text."""
+    """An assignment as source text."""
 
     target: str
     value: str
@@ -27,7 +27,7 @@ class TextAssignment:
 
 @dataclass(frozen=True, slots=True)
 class BlockView:
-    """A part of ``out`` as the templates see it."""
+    """A part of ``out``, as used by the templates."""
 
     name: str
     first: int
@@ -50,22 +50,23 @@ class ArrayView:
 
 @dataclass(frozen=True, slots=True)
 class GroupView:
-    """One argument array and the meaning of its entries; ``behind`` counts those that 'setup' leaves."""
+    """An argument array and the meaning of its entries; ``behind`` counts derived entries from 'setup'."""
 
     name: str
     description: str
     slots: tuple[Slot, ...]
     behind: int = 0
+    has_tolerance: bool = False
 
     @property
     def size(self) -> int:
         """Number of entries."""
-        return len(self.slots) + self.behind
+        return len(self.slots) + self.behind + self.has_tolerance
 
 
 @dataclass(frozen=True, slots=True)
 class CallView:
-    """A function that kernels call: its name among nodes, for one number, and how many it takes."""
+    """A function that kernels call: name in the expression tree, name for scalars, number of arguments."""
 
     function: str
     of_one: str
@@ -74,7 +75,7 @@ class CallView:
 
 @dataclass(frozen=True, slots=True)
 class KernelView:
-    """A kernel as the templates see it: every expression is finished text."""
+    """A kernel as used by the templates, with every expression as final text."""
 
     name: str
     description: str
@@ -98,7 +99,7 @@ class KernelView:
 
 @dataclass(frozen=True, slots=True)
 class UnitView:
-    """A model as the templates see it."""
+    """A model as used by the templates."""
 
     name: str
     title: str
@@ -114,23 +115,23 @@ class UnitView:
 
     @property
     def tuned(self) -> GroupView | None:
-        """The array that 'setup' completes, None where there is no such kernel."""
+        """The array completed by 'setup'; None without this kernel."""
         return next((g for g in self.groups if g.behind), None)
 
     @property
     def calls(self) -> tuple[CallView, ...]:
-        """The functions that kernels of this file call, each once."""
+        """The distinct functions called by the kernels of this file."""
         return tuple(sorted({c for k in self.kernels for c in k.calls}, key=lambda c: c.function))
 
     @property
     def guarded(self) -> bool:
-        """Tell whether a kernel of this file calls the function that guards an inverse."""
+        """Return whether a kernel of this file calls the guarded reciprocal."""
         return any(c.function == GUARDED_INVERSE for c in self.calls)
 
 
 @lru_cache(maxsize=1)
 def environment() -> Any:
-    """Return the one Jinja environment of all templates."""
+    """Return the Jinja environment shared by all templates."""
     import jinja2
 
     return jinja2.Environment(
@@ -143,8 +144,8 @@ def environment() -> Any:
     )
 
 
-#: The templates of each language: the template, and the file it makes of a model's name. Those of
-#: ``SPLIT`` make one file for each part of the kernels: ``{}_kernel.c``, ``{}_kernel_2.c``, ...
+#: Templates by language, with the file name they produce from a model's name. Those in ``SPLIT`` produce
+#: one file per group of kernels: ``{}_kernel.c``, ``{}_kernel_2.c``, ...
 TEMPLATES = {
     "c": (("c/kernel.h.j2", "{}_kernel.h"), ("c/kernel.c.j2", "{}_kernel{}.c")),
     "numpy": (("numpy/kernel.py.j2", "{}_numpy.py"),),
@@ -152,21 +153,21 @@ TEMPLATES = {
     "cython": (("cython/module.pyx.j2", "{}.pyx"), ("report/model.md.j2", "{}.md")),
 }
 SPLIT = "c/kernel.c.j2"
-#: What goes with the kernels in C where they evaluate many states.
+#: Additional C templates for kernels that evaluate batches of states.
 LANES = (("c/batch.c.j2", "{}_batch.c"),)
-#: Templates that others include.
+#: Templates included by other templates.
 INCLUDED = ("numpy/functions.py.j2",)
 
-#: Statements in one C file, beyond which the next kernels go to another one: the files of a model compile
-#: side by side.
+#: Number of statements per C file; further kernels go to the next file. The files of a model are compiled
+#: in parallel.
 STATEMENTS = 400
-#: Zeros in a row from which on they are stored by a loop.
+#: Minimum number of consecutive zeros that are stored by a loop.
 ZEROS = 32
 _ZERO = Constant("0")
 
 
 def equations_hash(program: Program, target: Target) -> str:
-    """Return the hash of everything that decides the generated code: program, target and templates."""
+    """Return the hash of everything that determines the generated code: program, target and templates."""
     digest = hashlib.sha256()
     digest.update(repr((program, target.precision, target.lanes, STATEMENTS)).encode())
     for template in sorted({*INCLUDED, *(n for files in (*TEMPLATES.values(), LANES) for n, _ in files)}):
@@ -180,11 +181,11 @@ def emit(program: Program, target: Target, equations: str) -> tuple[SourceFile, 
     Parameters
     ----------
     program
-        What to print.
+        The lowered system.
     target
-        Language, precision, and whether for many states.
+        Language, precision, and scalar or batched evaluation.
     equations
-        The program's :func:`equations_hash`, which the code carries.
+        The program's :func:`equations_hash`, written into the code.
     """
     whole = unit_view(program, target, equations)
     files = []
@@ -210,7 +211,7 @@ def _parts(whole: UnitView) -> list[UnitView]:
 
 
 def unit_view(program: Program, target: Target, equations: str) -> UnitView:
-    """Return a program as the templates see it: names, sizes and finished text of every kernel."""
+    """Return the template data of a program: names, sizes and final text of every kernel."""
     setup = program.setup
     behind = {array: setup.out_size for array, _ in setup.inputs} if setup else {}
     return UnitView(
@@ -222,12 +223,28 @@ def unit_view(program: Program, target: Target, equations: str) -> UnitView:
         lanes=target.lanes,
         equations=equations,
         groups=tuple(
-            GroupView(name, text, plain(slots), behind.get(name, 0))
+            GroupView(
+                name,
+                text + _on_tolerance(program, name),
+                plain(slots),
+                behind.get(name, 0),
+                bool(_on_tolerance(program, name)),
+            )
             for name, text, slots in program.groups
-            if slots
+            if slots or _on_tolerance(program, name)
         ),
         references=program.references,
         kernels=tuple(_kernel(program, kernel, target) for kernel in program.kernels),
+    )
+
+
+def _on_tolerance(program: Program, group: str) -> str:
+    """Return the header's description of the rank tolerance, which follows the parameters."""
+    if group != "p" or program.tolerance_place < 0:
+        return ""
+    return (
+        f"; behind all of them, in p[{program.tolerance_place}], the rank tolerance, "
+        f"{program.rank_tolerance} unless constraints are redundant"
     )
 
 
@@ -236,14 +253,14 @@ def _type(target: Target) -> str:
 
 
 def _comment(text: str) -> str:
-    """Keep a user's words from closing the comment or docstring they stand in."""
+    """Remove character sequences that would close the surrounding comment or docstring."""
     return " ".join(
         text.replace("*/", "* /").replace("/*", "/ *").replace('"""', "'''").replace("\\", "/").split()
     )
 
 
 def plain(slots: tuple[Slot, ...]) -> tuple[Slot, ...]:
-    """Return what numbers mean, in words that may stand in a comment."""
+    """Return the slots with descriptions that are safe in a comment."""
     return tuple(Slot(s.name, s.unit, _comment(s.description)) for s in slots)
 
 
@@ -270,12 +287,23 @@ def _kernel(program: Program, kernel: Kernel, target: Target) -> KernelView:
         sizes=(sizes.get("t", 0), sizes.get("q", 0), sizes.get("u", 0), sizes.get("p", 0)),
         work_size=kernel.work_size,
         out_size=kernel.out_size,
-        after_setup=program.setup is not None and sizes.get("p", 0) > dict(program.setup.inputs)["p"],
+        after_setup=_is_after_setup(program, kernel),
     )
 
 
+def _is_after_setup(program: Program, kernel: Kernel) -> bool:
+    """Return whether a kernel reads the entries that 'setup' appends to the parameters."""
+    if program.setup is None:
+        return False
+    given = dict(program.setup.inputs)["p"]
+    places = {f"p[{given + i}]" for i in range(program.setup.out_size)}
+    values = [a.value for a in kernel.assignments] + [s.value for s in kernel.stores]
+    called = (*kernel.first, *kernel.then)
+    return bool(places & set(references(values))) or any(_is_after_setup(program, k) for k in called)
+
+
 def _stores(kernel: Kernel, prints: Printer, target: Target) -> Iterator[TextAssignment]:
-    """Yield the results; many zeros in a row are a loop in C: a Jacobian of n rods has n squared of them."""
+    """Yield the stores; in C a loop stores consecutive zeros: a Jacobian of n rods has n squared of them."""
     following = groupby(
         enumerate(kernel.stores), lambda x: (x[1].array, x[1].value == _ZERO, x[1].index - x[0])
     )

@@ -1,4 +1,4 @@
-"""Loops over rods -> source files, through the templates."""
+"""Source files from loops over rods, through templates."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from symgen.lowering.kernel import Slot
 from symgen.lowering.loop import Loops, Result, Step
 from symgen.lowering.nodes import references, rename
 
-#: Chains side by side in one group of lanes: they fill two of the widest vector registers, of which each
-#: hides the latency of the other.
+#: Chains per group of SIMD lanes: they fill two of the widest vector registers, so that the latency of
+#: one is hidden behind the other.
 LANES = 16
 
 TEMPLATES = (
@@ -27,7 +27,7 @@ TEMPLATES = (
 
 @dataclass(frozen=True, slots=True)
 class StepGroup:
-    """What a step reads of one rod or point."""
+    """Arrays that a step reads of one rod or point."""
 
     name: str
     description: str
@@ -36,7 +36,7 @@ class StepGroup:
 
 @dataclass(frozen=True, slots=True)
 class StepView:
-    """A step as the templates see it: loads by place, finished expressions, stores by place."""
+    """A step as used by the templates: loads by index, expressions as final text, stores by index."""
 
     name: str
     description: str
@@ -51,7 +51,7 @@ class StepView:
 
 @dataclass(frozen=True, slots=True)
 class LoopsView:
-    """A recursion as the templates see it; ``factors`` and ``gathered`` are doubles for one rod and point."""
+    """A recursion as used by the templates; ``factors`` and ``gathered`` count doubles per rod and point."""
 
     name: str
     title: str
@@ -68,7 +68,7 @@ class LoopsView:
 
 
 def loops_hash(loops: Loops) -> str:
-    """Return the hash of everything that decides the generated code: steps, lanes and templates."""
+    """Return the hash of everything that determines the generated code: steps, lanes and templates."""
     digest = hashlib.sha256(repr((loops, LANES)).encode())
     for template, _ in TEMPLATES:
         digest.update(environment().loader.get_source(environment(), template)[0].encode())
@@ -81,9 +81,9 @@ def emit_loops(loops: Loops, equations: str) -> tuple[SourceFile, ...]:
     Parameters
     ----------
     loops
-        What to print.
+        The lowered recursion.
     equations
-        Their :func:`loops_hash`, which the code carries.
+        Its :func:`loops_hash`, written into the code.
     """
     view = LoopsView(
         name=loops.name,

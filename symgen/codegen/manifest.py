@@ -1,4 +1,4 @@
-"""What lies under ``generated/``: its manifest, writing it, and checking it against the derivation."""
+"""Manifest of ``generated/``: writing, and comparison with the derived files."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ MANIFEST = "manifest.json"
 
 @dataclass(frozen=True, slots=True)
 class Shipped:
-    """The files of one shipped model, the hash of its equations, and how hard to optimise (-O1, -O3)."""
+    """The files of one shipped model, the hash of its equations, and the optimisation level (-O1, -O3)."""
 
     equations: str
     files: Sequence[SourceFile]
@@ -25,7 +25,7 @@ class Shipped:
 
 
 def manifest(models: Mapping[str, Shipped]) -> SourceFile:
-    """Return the manifest of these models: equations hash, optimisation, and the hash of every file."""
+    """Return the manifest of the models: equations hash, optimisation, and the hash of every file."""
     content = {
         "models": {
             name: {
@@ -40,7 +40,7 @@ def manifest(models: Mapping[str, Shipped]) -> SourceFile:
 
 
 def listed(folder: Path) -> set[str]:
-    """Return the files that the manifest in a folder lists; none when it cannot be read."""
+    """Return the files listed in the manifest of a folder; empty if it cannot be read."""
     try:
         models = json.loads((folder / MANIFEST).read_text(encoding="utf-8"))["models"]
         return {file for model in models.values() for file in model["sources"]}
@@ -49,7 +49,7 @@ def listed(folder: Path) -> set[str]:
 
 
 def differences(folder: Path, files: Sequence[SourceFile]) -> list[str]:
-    """Return a unified diff for every file that is not what it should be; empty when all is current."""
+    """Return a unified diff for every outdated file; empty if all are current."""
     found = []
     for file in sorted(files, key=lambda f: f.name):
         path = folder / file.name
@@ -72,7 +72,7 @@ def differences(folder: Path, files: Sequence[SourceFile]) -> list[str]:
 
 
 def write(folder: Path, files: Sequence[SourceFile]) -> list[str]:
-    """Write the files that differ, remove those no longer generated; return the names touched."""
+    """Write the files that differ and remove obsolete ones; return the names of both."""
     touched = []
     for name in sorted(listed(folder) - {f.name for f in files}):
         (folder / name).unlink(missing_ok=True)

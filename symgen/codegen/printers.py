@@ -1,4 +1,4 @@
-"""Nodes to text: one class, and one table a language."""
+"""Conversion of expression nodes to text: one class, with one table per language."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ from symgen.lowering.nodes import (
 )
 from symgen.precision import FLOAT64, Precision
 
-# How tightly each node binds: a looser one stands in parentheses inside a tighter one.
+# Precedence of the nodes: a node of lower precedence inside one of higher precedence needs parentheses.
 _SUM, _SIGN, _PRODUCT, _ATOM = range(4)
-#: Makes a vector of one number, in code for many states.
+#: Broadcasts a number to a vector, in batched code.
 _IN_ALL_LANES = "in_all_lanes"
 
 
 def rounded(text: str, precision: Precision) -> str:
-    """Return a constant in the digits that a precision needs; the fewest where Python's float has them."""
+    """Return a constant rounded to a precision; in double precision with the fewest digits that suffice."""
     if precision.digits <= FLOAT64.digits:
         return repr(float(text))
     digits = str(Context(prec=precision.digits).plus(Decimal(text)))
@@ -51,18 +51,18 @@ def _in_mpmath(text: str, precision: Precision) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Printer:
-    """Prints nodes with infix operators.
+    """Converts nodes to text with infix operators.
 
     Parameters
     ----------
     functions
-        Text for each function that is not called by its C name.
+        Names of functions that differ from their C names.
     precision
-        Rounds and marks the constants.
+        Number type, which determines rounding and suffixes of constants.
     literal
-        Prints a constant.
+        Function that prints a constant.
     lanes
-        Whether values are vectors: what holds no reference must then be made one where it stands alone.
+        Whether values are vectors: a term without references must then be broadcast if it stands alone.
     """
 
     functions: Mapping[str, str]
@@ -76,7 +76,7 @@ class Printer:
         return f"{_IN_ALL_LANES}({text})" if self.lanes and not references([node]) else text
 
     def name(self, function: str) -> str:
-        """Return what a function is called."""
+        """Return the name of a function in the target language."""
         return self.functions.get(function, function + self.precision.function_suffix)
 
     def _print(self, node: Node, tightness: int) -> str:
@@ -107,21 +107,23 @@ class Printer:
         raise TypeError(f"not a node: {node!r}")
 
 
-#: What the templates define goes by one name in every language and precision.
+#: Functions defined by the templates, with one name in every language and precision.
 C_FUNCTIONS = {GUARDED_INVERSE: GUARDED_INVERSE}
-#: Of vectors, each function is defined by the templates, lane by lane.
-LANE_FUNCTIONS = {f: f"{f}_lanes" for f in (*FUNCTIONS.values(), "sqrt", "pow", GUARDED_INVERSE)}
-#: Python spells some functions of the C library differently; all others are called by the same name.
+#: Functions of vectors, which the templates define lane by lane.
+LANE_FUNCTIONS = {f: f"{f}_lanes" for f in (*FUNCTIONS.values(), "sqrt", "pow", "fmax", GUARDED_INVERSE)}
+#: Functions whose names in Python differ from the C library.
 PYTHON_FUNCTIONS = C_FUNCTIONS | {
     name: f"_np.{other}"
     for name, other in (
         ("sin", "sin"), ("cos", "cos"), ("tan", "tan"), ("asin", "arcsin"), ("acos", "arccos"),
         ("atan", "arctan"), ("atan2", "arctan2"), ("sinh", "sinh"), ("cosh", "cosh"), ("tanh", "tanh"),
         ("exp", "exp"), ("log", "log"), ("sqrt", "sqrt"), ("fabs", "abs"), ("pow", "power"),
+        ("fmax", "maximum"),
     )
 }  # fmt: skip
-#: mpmath has them all by their C names, but one.
+#: Functions whose names in mpmath differ from the C library.
 MPMATH_FUNCTIONS = C_FUNCTIONS | {f: f"_mp.{f}" for f in (*FUNCTIONS.values(), "sqrt")} | {"pow": "_mp.power"}
+MPMATH_FUNCTIONS |= {"fmax": "max"}
 
 
 def printer(target: Target) -> Printer:

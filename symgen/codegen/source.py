@@ -1,4 +1,4 @@
-"""A generated file: what emitting gives, and writing, caching and checking take."""
+"""Generated files as values, for writing, caching and checking."""
 
 from __future__ import annotations
 

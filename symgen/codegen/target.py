@@ -1,4 +1,4 @@
-"""What code is generated for: a language, a precision, and one state a call or many side by side."""
+"""Targets of code generation: language, precision, and scalar or batched evaluation."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ class Target:
     language
         ``c``, ``cython``, ``numpy`` or ``mpmath``.
     precision
-        The type of all numbers; ``mpmath`` has any number of digits instead.
+        The number type; ``mpmath`` has an arbitrary number of digits instead.
     lanes
-        In C: whether every number is a vector, one lane of it for each of several states.
+        In C: whether every number is a vector with one lane per state.
     """
 
     language: str = "c"

@@ -1,4 +1,4 @@
-"""The finite elements of an elastic link, one file each; a new one is a file and its name in ``ELEMENTS``."""
+"""Finite elements of an elastic link, one file each; a new one is a file and its name in ``ELEMENTS``."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ if TYPE_CHECKING:
 
 
 class _Files(Mapping[str, "Element"]):
-    """Elements by the names of their files, of which only those that are asked for are loaded."""
+    """Elements by the names of their files, loaded on first access."""
 
     def __init__(self, *names: str) -> None:
         self._names = names

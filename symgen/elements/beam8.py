@@ -1,4 +1,4 @@
-"""The thesis' element: quintic deflection with curvature at the nodes, linear stretch (Chapters V, VI)."""
+"""Element of the thesis: quintic deflection with curvature at the nodes, linear stretch (Chapters V, VI)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The thesis' element with a quadratic stretch: one inner displacement."""
+"""Element of the thesis with a quadratic stretch: one inner displacement."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The common beam element: cubic deflection, linear stretch."""
+"""Usual beam element: cubic deflection, linear stretch."""
 
 from __future__ import annotations
 

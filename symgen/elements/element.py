@@ -1,4 +1,4 @@
-"""What a finite element of a link is, and its shape functions, solved from their boundary conditions."""
+"""Definition of a finite element of a link, and its shape functions from their boundary conditions."""
 
 from __future__ import annotations
 
@@ -30,14 +30,14 @@ class Dof:
     description: str
 
 
-#: What a node of an element may have.
+#: Possible unknowns of a node.
 NODE_DOFS: dict[str, Dof] = {
     "u": Dof("u", 0, "m", "displacement along the link"),
     "w": Dof("w", 0, "m", "displacement across the link"),
     "theta": Dof("phi", 0, "rad", "rotation of the section"),
     "kappa": Dof("w", 2, "1/m", "curvature"),
 }
-#: Unknowns inside of an element, with their place over its length.
+#: Unknowns inside an element, with their position over its length.
 INNER_DOFS: dict[str, tuple[Dof, sp.Expr]] = {
     "mid": (Dof("u", 0, "m", "displacement along the link at mid-length"), sp.Rational(1, 2)),
     "gamma1": (Dof("gamma", 0, "rad", "shear strain at the first node"), sp.Integer(0)),
@@ -52,19 +52,19 @@ class Element:
     Attributes
     ----------
     name, about
-        Its name in scenes and kernels, and one line on it.
+        Name in scenes and kernels, and one line of description.
     node_dofs, inner_dofs
         Unknowns at each of its two nodes, of ``NODE_DOFS``, and inside, of ``INNER_DOFS``. Those of the
         element are in the order first node, second node, inner.
     axial, transverse
         Degree of u and of w as polynomials in x.
-    rotation
-        Degree of the rotation of the section where it is a field of its own; None where it is the slope.
+        Degree of the rotation of the section if it is a separate field; None if it is the slope.
     vanishing
-        What is zero all along the element, of the shear strain, where the boundary conditions alone do not
+        Function of the shear strain that is zero along the element, if the boundary conditions alone do not
+        determine the fields.
         determine the fields.
     rotary
-        Whether the rotary inertia of the section counts.
+        Whether the rotary inertia of the section is included.
     """
 
     name: str
@@ -79,17 +79,17 @@ class Element:
 
     @property
     def dofs(self) -> tuple[str, ...]:
-        """Names of all its unknowns in their order: ``u1``, ``w1``, ... ``u2``, ... and the inner ones."""
+        """Names of all unknowns in their order: ``u1``, ``w1``, ... ``u2``, ... and the inner ones."""
         return (*(f"{d}{node}" for node in "12" for d in self.node_dofs), *self.inner_dofs)
 
     def places(self) -> tuple[tuple[Dof, sp.Expr], ...]:
-        """Return what each unknown is, and where: 0 at the first node, 1 at the second."""
+        """Return each unknown with its position: 0 at the first node, 1 at the second."""
         nodes = tuple((NODE_DOFS[d], sp.Integer(end)) for end in (0, 1) for d in self.node_dofs)
         return (*nodes, *(INNER_DOFS[d] for d in self.inner_dofs))
 
 
 def entry_unit(unit: str) -> str:
-    """Return the unit of entries between displacements, and what those of angles and curvatures have more."""
+    """Return the unit of entries between displacements, and the factors for angles and curvatures."""
     return f"{unit}; *m per angle, *m^2 per curvature"
 
 
@@ -103,7 +103,7 @@ class Shape:
 
 
 def derivative(expression: sp.Expr, order: int = 1) -> sp.Expr:
-    """Differentiate a function of xi by x = L xi."""
+    """Differentiate a function of xi with respect to x = L xi."""
     return sp.diff(expression, PLACE.symbol, order) / LENGTH.symbol**order if order else expression
 
 
@@ -111,13 +111,13 @@ def derivative(expression: sp.Expr, order: int = 1) -> sp.Expr:
 def shape_functions(element: Element) -> Shape:
     """Solve the shape functions from the conditions at the nodes (thesis Eqs. (5.4)-(5.10), (6.17)).
 
-    Each field is a polynomial with unknown coefficients. That every unknown of the element has its value,
-    and that what vanishes does so all along it, are as many linear equations as there are coefficients.
+    Each field is a polynomial with unknown coefficients. The values of all unknowns of the element, and the
+    condition ``vanishing`` along it, give as many linear equations as there are coefficients.
 
     Raises
     ------
     DerivationError
-        When the conditions are not as many as the coefficients, or do not determine them.
+        If the number of conditions differs from that of coefficients, or they do not determine them.
     """
     xi = PLACE.symbol
     fields: dict[str, sp.Expr] = {}

@@ -1,4 +1,4 @@
-"""The thesis' element with the rotary inertia of the section."""
+"""Element of the thesis with the rotary inertia of the section."""
 
 from __future__ import annotations
 

@@ -1,9 +1,9 @@
-"""Beam with shear and rotary inertia: the section turns by itself, and the shear strain is linear.
+"""Beam with shear and rotary inertia: independent rotation of the section, linear shear strain.
 
 With deflection and rotation of equal degree a slender element locks: it can bend only by shearing. Here the
-deflection is one degree above the rotation, so the shear strain w' - phi can be zero all along the element,
-and it is an unknown of its own at both ends, not shared with other elements. Where it is zero the element is
-the cubic one. A uniform beam without load is exact with one element, and nothing is divided by a stiffness.
+deflection is one degree above the rotation, so the shear strain w' - phi can be zero along the whole element.
+The shear strains at both ends are separate unknowns, not shared with other elements; if they are zero, the
+element is the cubic one. One element is exact for a uniform beam without load, and no stiffness divides.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from symgen.elements.element import Element, derivative
 
 
 def second_derivative(gamma: sp.Expr) -> sp.Expr:
-    """Return what is zero where the shear strain is linear."""
+    """Return the second derivative of the shear strain, which is zero if the shear strain is linear."""
     return derivative(gamma, 2)
 
 

@@ -1,4 +1,4 @@
-"""A scene as C for other programs: kernels, the core that runs them, an example, a check of the numbers."""
+"""A scene as C for other programs: kernels, the core that runs them, an example, and a test."""
 
 from __future__ import annotations
 
@@ -8,17 +8,18 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from symgen.calls import checked
 from symgen.errors import GenerationError
+from symgen.methods import further_of, method_of
 
 if TYPE_CHECKING:
     from symgen.codegen.emit import SourceFile
     from symgen.export.view import Exported
     from symgen.lowering.kernel import Program
-    from symgen.scene.loading import SceneText
     from symgen.scene.schema import Scene
     from symgen.symbolic.system import System
 
-#: The templates of an export, and the file each makes of a scene's name.
+#: The templates of an export, and the file names they produce from a scene's name.
 TEMPLATES = (
     ("model.h.j2", "{}.h"),
     ("model.c.j2", "{}.c"),
@@ -28,7 +29,7 @@ TEMPLATES = (
     ("README.md.j2", "README.md"),
 )
 _NAMES = "core/names.h"
-#: Names that C has, C++ besides it, their headers and compilers, or the files of an export.
+#: Reserved names: keywords and functions of C and C++, their headers and compilers, and files of the export.
 _TAKEN = {
     "alignas", "alignof", "and", "and_eq", "asm", "assert", "auto", "bitand", "bitor", "bool", "break",
     "case", "catch", "char", "char16_t", "char32_t", "char8_t", "check", "class", "co_await", "co_return",
@@ -45,17 +46,18 @@ _TAKEN = {
     "typename", "typeof", "typeof_unqual", "uchar", "union", "unix", "unsigned", "using", "virtual", "void",
     "volatile", "wchar", "wchar_t", "wctype", "while", "xor", "xor_eq",
 }  # fmt: skip
-#: What a header of the core declares with a name that programs see.
+#: A declaration in a header of the core with external linkage.
 _DECLARED = re.compile(
     r"^(?!static|typedef)(?:extern )?(?:const )?(?:struct )?\w+ \**(\w+)(?:\(|;)", re.MULTILINE
 )
-#: What it calls by names of its own: tags, macros, types; and functions as an export calls its own.
+#: Other reserved names in the core: tags, macros and types, and the functions of an export.
 _MEANT = re.compile(
     r"^(?:#define|struct|enum|union) (\w+)|^typedef \w+ (\w+)|^\w[\w *]*?\b(\w+)_(?:bytes|start)\(",
     re.MULTILINE,
 )
 
 
+@checked
 def export_c(
     scene: Scene | str | os.PathLike[str],
     folder: str | os.PathLike[str],
@@ -69,35 +71,35 @@ def export_c(
     scene
         A shipped name, the path of a scene file, or a :class:`symgen.Scene`.
     folder
-        A folder that is not there, is empty, or holds an earlier export that nobody changed.
+        A folder that does not exist, is empty, or holds an earlier, unmodified export.
     set
-        Values to replace: parameter names or dotted keys, as in ``symgen.load_scene``.
+        Values to override: parameter names or dotted keys, as in ``symgen.load_scene``.
 
     Raises
     ------
     SceneError
-        For anything wrong in the scene.
+        If the scene is invalid.
     ModelError
-        When its name is one that C has, or the core.
+        If the scene's name is reserved in C, C++ or the core.
     ResultError
-        When the folder holds something else, or cannot be written. Nothing is written then.
+        If the folder has other contents or cannot be written. Nothing is written in this case.
     """
     from symgen.errors import ModelError
     from symgen.export.folder import place, write
-    from symgen.pipeline import text_of
+    from symgen.pipeline.build import text_of
 
     name = text_of(scene).name
     if name in _TAKEN or name in _of_core():
         raise ModelError(
             f"a scene called {name!r} cannot be exported: C, C++ or a file of the export has that name\n"
-            "  Export a copy of it under another name."
+            "  Export a copy of the scene under another name."
         )
     files_there = place(Path(folder))
     return write(Path(folder), list(files_of(scene, set)), files_there)
 
 
 def _of_core() -> set[str]:
-    """Return the names that the headers of the core give a meaning, whichever of them an export has."""
+    """Return the identifiers declared in the headers of the core, whichever of them an export contains."""
     from symgen.export.view import CORE_FOLDER
 
     headers = "".join(path.read_text(encoding="utf-8") for path in CORE_FOLDER.glob("*.h"))
@@ -128,45 +130,20 @@ def files_of(
 
 
 def exported(scene: Scene | str | os.PathLike[str], set: Mapping[str, Any] | None = None) -> Exported:
-    """Return what the templates of an export see of a scene."""
-    from symgen.pipeline import build_scene, text_of
-    from symgen.runtime.elastic_model import ElasticModel
-    from symgen.runtime.loop_model import LoopModel
-    from symgen.scene.loading import override
+    """Return the template data of a scene."""
+    from symgen.pipeline.build import build_scene, derive, text_of
+    from symgen.scene.loading import check_scene, override
+    from symgen.scene.resolve import resolve
 
     text = override(text_of(scene), set or {})
     model = build_scene(text)
-    program, sources = _emitted(_system(text, model), model.description.equations)
-    if isinstance(model, LoopModel):
-        from symgen.export.loop import loop
-
-        return loop(model, program, sources)
-    if isinstance(model, ElasticModel):
-        from symgen.export.elastic import elastic
-
-        parts = {kind: _emitted(system) for kind, system in _elastic_systems(text).items()}
-        more = tuple(f for _, files in parts.values() for f in files)
-        return elastic(model, program, (*sources, *more), {kind: p.name for kind, (p, _) in parts.items()})
-    from symgen.export.rods import rods
-
-    return rods(model, program, sources)
-
-
-def _system(text: SceneText, model: Any) -> System:
-    """Return the equations of motion, as the model was made of them."""
-    from symgen.models.system import with_redundancy
-    from symgen.pipeline import derive
-
-    system = derive(text)
-    return with_redundancy(system) if getattr(model.description, "redundant", ()) else system
-
-
-def _elastic_systems(text: SceneText) -> dict[str, System]:
-    from symgen.models.analyses import elastic_systems
-    from symgen.scene.loading import check_scene
-    from symgen.scene.resolve import resolve_linkage
-
-    return elastic_systems(resolve_linkage(check_scene(text)))
+    program, sources = _emitted(derive(text), model.description.equations)
+    further = further_of(resolve(check_scene(text)))
+    parts = {kind: _emitted(system) for kind, system in further.items()}
+    sources = (*sources, *(f for _, files in parts.values() for f in files))
+    names = ({kind: p.name for kind, (p, _) in parts.items()},) if parts else ()
+    made: Exported = method_of(model).load("export")(model, program, sources, *names)
+    return made
 
 
 def _emitted(system: System, expected: str = "") -> tuple[Program, tuple[SourceFile, ...]]:
@@ -175,18 +152,18 @@ def _emitted(system: System, expected: str = "") -> tuple[Program, tuple[SourceF
     Raises
     ------
     GenerationError
-        When its equations are not those expected.
+        If the equations differ from the expected ones.
     """
     from symgen.codegen.emit import emit, equations_hash
     from symgen.codegen.target import Target
     from symgen.lowering.program import lower_system
-    from symgen.making import no_collection
+    from symgen.toolchain.kernels import no_collection
 
     with no_collection():
         program = lower_system(system)
         equations = equations_hash(program, Target())
     if expected and equations != expected:
         raise GenerationError(
-            f"the kernels of {system.name} in the cache are of other equations\n  Run 'symgen cache clear'."
+            f"the cached kernels of {system.name} belong to other equations\n  Run 'symgen cache clear'."
         )
     return program, emit(program, Target(), equations)

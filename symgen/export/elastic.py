@@ -1,4 +1,4 @@
-"""What an export holds of a linkage with elastic links."""
+"""Exported data of a linkage with elastic links."""
 
 from __future__ import annotations
 
@@ -25,15 +25,18 @@ from symgen.export.view import (
 )
 from symgen.lowering.kernel import Program, Slot
 from symgen.runtime import _beams
-from symgen.runtime.beam_layout import Layout
-from symgen.runtime.beam_methods import GAUSS
-from symgen.runtime.elastic_model import ElasticModel
-from symgen.runtime.elastic_motion import ElasticMotion
-from symgen.runtime.elastic_steps import turn
+from symgen.runtime.beams.layout import Layout
+from symgen.runtime.beams.methods import GAUSS
+from symgen.runtime.elastic.model import ElasticModel
+from symgen.runtime.elastic.motion import ElasticMotion
+from symgen.runtime.elastic.steps import turn
 
-#: What elastic links need besides what runs need.
-CORE = (*RUNS, "bands.c", "beam_basis.c", "beam_motion.c", "beam_steps.c", "beams.c", "rigid_motion.c")
-#: The part of a turn that is compared, and the steps for it.
+#: Core files for elastic links, in addition to those of runs.
+CORE = (
+    *RUNS, "bands.c", "beam_basis.c", "beam_motion.c", "beam_steps.c", "beams.c", "linear.c",
+    "rigid_motion.c",
+)  # fmt: skip
+#: The fraction of a revolution in the comparison run, and its number of steps.
 _PART, _STEPS = 8, 32
 _INDEXED = (
     "sizes", "constants_at", "link_of", "ends", "places", "places_at", "slots", "slots_at",
@@ -45,7 +48,7 @@ _INDEXED = (
 def elastic(
     model: ElasticModel, program: Program, sources: tuple[SourceFile, ...], prefixes: dict[str, str]
 ) -> Exported:
-    """Return what is exported of a linkage with elastic links; ``prefixes`` of its kernels, by analysis."""
+    """Return the exported data of a linkage with elastic links; ``prefixes`` of its kernels, by analysis."""
     d, motion = model.description, ElasticMotion(model.rigid)
     x = motion.layout
     n, free = x.unknowns, x.unknowns - x.constraints
@@ -67,7 +70,7 @@ def elastic(
             *(indices(name.upper(), [*np.ravel(getattr(x, name)), -1]) for name in _INDEXED),
             doubles("CONSTANTS", x.constants),
             Table("double", "RIGID_START", braces([*rigid.q, *rigid.u, *np.zeros(extra)], 1)),
-            Table("double", "RIGID_PARAMETERS", braces(model.rigid.parameters.values())),
+            Table("double", "RIGID_PARAMETERS", braces(model.rigid.given)),
             Table("long", "MOTION_SIZES", braces(motion.kernel_sizes)),
             doubles("GAUSS_NUMBERS", _gauss()),
             *method_tables(),
@@ -93,7 +96,7 @@ def elastic(
 
 
 def _state(x: Layout) -> tuple[Slot, ...]:
-    """Return what the unknowns mean, and their rates."""
+    """Return the descriptions of the unknowns and their rates."""
     known = NODE_DOFS | {name: dof for name, (dof, _) in INNER_DOFS.items()}
     found = []
     for name in x.names:
@@ -105,7 +108,7 @@ def _state(x: Layout) -> tuple[Slot, ...]:
             if dof
             else f"displacement of {owner} along {what}"
             if unit == "m"
-            else "amplitude of a shape"
+            else "modal amplitude"
         )
         found.append(Slot(name, unit, about))
     rates = [
@@ -151,7 +154,7 @@ def _layout(x: Layout) -> tuple[tuple[str, str], ...]:
 
 
 def _expected(motion: ElasticMotion) -> tuple[Table, ...]:
-    """Step a little here; return the numbers to be compared with."""
+    """Integrate a few steps; return reference values for the test of the export."""
     equations, n = motion.equations(), motion.layout.unknowns
     derivative = equations.derivative(0.0, np.zeros(2 * n + 1))
     steps = _beams.BeamSteps(equations, GAUSS, 1)
@@ -164,7 +167,13 @@ def _expected(motion: ElasticMotion) -> tuple[Table, ...]:
 
 
 def _notes(motion: ElasticMotion) -> tuple[str, ...]:
+    constant = (
+        ("The crank rotates at constant speed; its motor is not exported.",) if motion.has_motor else ()
+    )
     return (
-        f"A turn of the crank takes {motion.period:.6g} s." if motion.speed else "The crank stands still.",
-        "Strains, stresses and joint forces follow from the state: `symgen run` gives them.",
+        *constant,
+        f"One revolution of the crank takes {motion.period:.6g} s."
+        if motion.speed
+        else "The crank is at rest.",
+        "Strains, stresses and joint forces follow from the state: `symgen run` computes them.",
     )

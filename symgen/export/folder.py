@@ -1,4 +1,4 @@
-"""The folder of an export: written whole, and never over something else."""
+"""The folder of an export: written atomically, without overwriting other files."""
 
 from __future__ import annotations
 
@@ -11,17 +11,17 @@ from symgen.atomic import write_folder
 from symgen.codegen.emit import SourceFile
 from symgen.errors import ResultError
 
-#: Lists the files of an export with their SHA-256.
+#: File that lists the files of the export with their SHA-256.
 LISTED = "export.json"
 
 
 def place(folder: Path) -> dict[str, str]:
-    """Return the files of the export that a folder holds, with their hashes; none where there is nothing.
+    """Return the files of the export in a folder with their hashes; empty if there is no folder.
 
     Raises
     ------
     ResultError
-        When the folder is none, holds something that is not an export, or an export that was changed.
+        If the path is not a folder, or the folder holds other files or a modified export.
     """
     if not folder.parent.is_dir():
         raise ResultError(f"cannot write the export to {folder}: there is no folder {folder.parent}")
@@ -33,8 +33,8 @@ def place(folder: Path) -> dict[str, str]:
         raise _failed(folder, error) from None
     if there is None:
         raise ResultError(
-            f"{folder} holds something that is not an export of symgen\n"
-            "  Give a folder that is empty or not there yet; it is made."
+            f"{folder} contains files other than an export of symgen\n"
+            "  Give an empty folder or a new one, which is created."
         )
     changed = [name for name, digest in there.items() if _hash(folder / name) not in (digest, "")]
     if changed:
@@ -47,14 +47,14 @@ def place(folder: Path) -> dict[str, str]:
 
 
 def write(folder: Path, files: Sequence[SourceFile], before: Mapping[str, str]) -> list[str]:
-    """Write the files, remove those of ``before`` that are no longer among them; return the names written.
+    """Write the files, remove those of ``before`` that are obsolete; return the names written.
 
-    When that fails the folder is as it was.
+    On failure the folder is restored.
 
     Raises
     ------
     ResultError
-        When the folder cannot be written, or holds a file of its own by the name of one of the export.
+        If the folder cannot be written, or a file of the export would overwrite another file.
     """
     texts = {f.name: f.text.encode("utf-8") for f in sorted(files, key=lambda f: f.name)}
     hashes = {name: hashlib.sha256(text).hexdigest() for name, text in texts.items()}
@@ -62,10 +62,10 @@ def write(folder: Path, files: Sequence[SourceFile], before: Mapping[str, str]) 
     foreign = [n for n in texts if n not in before and (folder / n).exists()]
     if foreign:
         raise ResultError(
-            f"{folder / foreign[0]} is there and not of the export\n  Export to another folder."
+            f"{folder / foreign[0]} exists and does not belong to the export\n  Export to another folder."
         )
     try:
-        # The list comes last: until then it is that of what was there.
+        # The list is written last: until then it describes the previous export.
         write_folder(folder, {**texts, LISTED: listed}, sorted(set(before) - set(texts)))
     except OSError as error:
         raise _failed(folder, error) from None
@@ -73,7 +73,7 @@ def write(folder: Path, files: Sequence[SourceFile], before: Mapping[str, str]) 
 
 
 def _listed(folder: Path) -> dict[str, str] | None:
-    """Return the files that the list in a folder names; None where there is no such list."""
+    """Return the files in the list of a folder with their hashes; None if there is no list."""
     try:
         data = json.loads((folder / LISTED).read_text(encoding="utf-8"))
         files = data["files"] if data.get("exported_by") == "symgen" else None
@@ -86,7 +86,7 @@ def _listed(folder: Path) -> dict[str, str] | None:
 
 
 def _hash(path: Path) -> str:
-    """Return the hash of a file, nothing where it is gone."""
+    """Return the hash of a file; empty if it does not exist."""
     return hashlib.sha256(path.read_bytes()).hexdigest() if path.is_file() else ""
 
 

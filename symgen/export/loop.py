@@ -1,4 +1,4 @@
-"""What an export holds of a closed loop of links."""
+"""Exported data of a closed loop of links."""
 
 from __future__ import annotations
 
@@ -25,22 +25,22 @@ from symgen.export.view import (
 )
 from symgen.lowering.kernel import Program
 from symgen.runtime import _core
-from symgen.runtime.loop_model import LoopModel
-from symgen.runtime.loop_run import rates_at_start
-from symgen.runtime.loop_turn import PARTS
+from symgen.runtime.loop.driven import PARTS
+from symgen.runtime.loop.model import LoopModel
+from symgen.runtime.loop.motion import rates_at_start
 
-#: What closing, following and running a loop needs besides what runs need.
-CORE = (*RUNS, "follow.c", "loop.c", "loop_motion.c")
-#: Kernels that the core calls of a loop, in the order of its struct.
+#: Core files for closing, following and running a loop, in addition to those of runs.
+CORE = (*RUNS, "balls.c", "follow.c", "loop.c", "loop_balls.c", "loop_motion.c")
+#: Kernels that the core calls for a loop, in the order of its struct.
 KERNELS = (
     "inputs", "position", "motion", "inverse", "given", "mass_matrix", "outputs", "energy", "setup",
 )  # fmt: skip
-#: Poses of a driven loop that are compared.
+#: Number of poses of a driven loop in the comparison.
 POSES = 13
 
 
 def loop(model: LoopModel, program: Program, sources: tuple[SourceFile, ...]) -> Exported:
-    """Return what is exported of a closed loop."""
+    """Return the exported data of a closed loop."""
     d, kernels, begin = model.description, model.kernels, model.closed_start()
     driven = model.is_driven
     solved = [*d.having("dependent"), *d.having("free")]
@@ -79,12 +79,23 @@ def _tables(model: LoopModel, solved: list[int], driven: bool) -> tuple[Table, .
     return (
         indices("VARIABLES", [*solved, *inputs, *found, *known, -1]),
         lengths,
+        _balls(model),
         *(() if driven else method_tables()),
     )
 
 
+def _balls(model: LoopModel) -> Table:
+    """Return the ball joints whose angles need the substitution near their poles, followed by a dummy."""
+    none = ([-1] * 6, 0.0)
+    rows = [
+        ", ".join((braces(numbers[:3]), braces(numbers[3:]), number(alpha)))
+        for numbers, alpha in (*model.kernels.balls, none)
+    ]
+    return Table("struct ball", "BALLS", "{" + ", ".join(f"{{{row}}}" for row in rows) + "}")
+
+
 def _efforts(model: LoopModel, solved: list[int]) -> tuple[list[int], list[int]]:
-    """Return the places of unknown efforts among what is solved for, and of known ones among the inputs."""
+    """Return the indices of unknown efforts among the unknowns, and of known efforts among the inputs."""
     unknown = [i for i, v in enumerate(model.description.variables) if v.unknown]
     found = [solved.index(i) for i in unknown if i in solved]
     return found, [k for k, i in enumerate(model.kernels.inputs) if i not in unknown]
@@ -104,15 +115,17 @@ def _records(model: LoopModel, solved: list[int], rank: int) -> tuple[Record, ..
         inputs=len(model.kernels.inputs),
         unknown=len(found),
         known=len(known),
+        balls=len(d.balls),
         rank=rank,
         size=float(d.size),
+        tolerance=d.assembly_tolerance / d.size,
     )
     kernels = members(**functions(d.name, KERNELS, (k.name for k in d.kernels)))
     return Record("loop_kernels", "KERNELS", kernels), Record("loop_sizes", "SIZES", sizes)
 
 
 def _of_poses(model: LoopModel, equations: Any, t_end: float) -> tuple[Table, ...]:
-    """Follow the loop here; return the numbers to be compared with."""
+    """Follow the loop; return reference values for the test of the export."""
     d, begin = model.description, model.closed_start()
     info = d.kernel("outputs")
     width = info.out_size if info else 0
@@ -143,5 +156,5 @@ def _of_run(model: LoopModel, equations: Any, t0: float, start: Any) -> tuple[Ta
     out, work = np.zeros(info.out_size), np.zeros(model.kernels.work_size + 1)
     work[: n + 6] = equations.solutions(np.array([t]), np.append(last, 0.0)[None, :])[0, : n + 6]
     address, p = model.kernels.library.addresses["outputs"], model.kernels.parameters
-    _core.call(address, np.array([t]), last, last[n:].copy(), p, work, out)
+    _core.call(address, d.sizes_of("outputs"), np.array([t]), last, last[n:].copy(), p, work, out)
     return (*tables, doubles("OUTPUTS", out))

@@ -1,4 +1,4 @@
-"""What exports of all families have alike: what follows from description and program."""
+"""Exported data common to all families, from the description and the program."""
 
 from __future__ import annotations
 
@@ -8,22 +8,22 @@ from typing import Any
 from symgen.codegen.emit import SourceFile, plain
 from symgen.export.view import Exported, braces, with_headers
 from symgen.lowering.kernel import Kernel, Program, Slot
-from symgen.runtime.description import Described
+from symgen.runtime.kernels.description import Described
 
 
 def exported(
     d: Described, program: Program, sources: tuple[SourceFile, ...], core: Sequence[str], **own: Any
 ) -> Exported:
-    """Return what is exported of a model.
+    """Return the exported data of a model.
 
     Parameters
     ----------
     d, program, sources
-        Its description, its equations of motion after the lowering, and all its kernels in C.
+        The description, the lowered equations of motion, and all kernels in C.
     core
-        Files of the core that it needs, without their headers.
+        Source files of the core that the model needs.
     own
-        What its family says of it.
+        Data of the model's family.
     """
     return Exported(
         name=d.name,
@@ -37,7 +37,7 @@ def exported(
 
 
 def arguments(d: Described, program: Program) -> dict[str, Any]:
-    """Return parameters with their values in the scene, and outputs, of what takes and gives them."""
+    """Return the parameters with their values in the scene, and the outputs."""
     return {
         "parameters": group(program, "p"),
         "defaults": braces(p.default for p in d.parameters),
@@ -46,24 +46,24 @@ def arguments(d: Described, program: Program) -> dict[str, Any]:
 
 
 def _title_of(sources: Sequence[SourceFile]) -> str:
-    """Return the title as the kernels' header has it, safe in a comment."""
+    """Return the title from the header of the kernels, safe in a comment."""
     header = next(f for f in sources if f.name.endswith(".h"))
     return header.text.splitlines()[0].removeprefix("/* ")
 
 
 def group(program: Program, name: str) -> tuple[Slot, ...]:
-    """Return what the entries of one argument array mean."""
+    """Return the descriptions of the entries of one argument array."""
     return plain(next((slots for own, _, slots in program.groups if own == name), ()))
 
 
 def state_of(program: Program, extra: int) -> tuple[Slot, ...]:
-    """Return what the numbers of a state mean."""
+    """Return the descriptions of the entries of a state."""
     work = (Slot("work", "J", "work of loads without potential since the start"),) if extra else ()
     return (*group(program, "q"), *group(program, "u"), *work)
 
 
 def _outputs_of(program: Program) -> tuple[Slot, ...]:
-    """Return what the scene records, a slot for each number."""
+    """Return the recorded outputs, one slot per number."""
     kernel: Kernel | None = next((k for k in program.kernels if k.name == "outputs"), None)
     if kernel is None:
         return ()

@@ -1,4 +1,4 @@
-"""What an export holds of a linkage of points and links."""
+"""Exported data of a linkage of points and links."""
 
 from __future__ import annotations
 
@@ -25,24 +25,36 @@ from symgen.export.view import (
 )
 from symgen.lowering.kernel import Program
 from symgen.runtime import _core
-from symgen.runtime.description import Description
-from symgen.runtime.integrators import INTEGRATORS
-from symgen.runtime.model import Model
-from symgen.runtime.redundancy import slack
+from symgen.runtime.integrate.integrators import INTEGRATORS
+from symgen.runtime.kernels.description import Description
+from symgen.runtime.kernels.evaluate import Evaluator
+from symgen.runtime.model.rods import RodModel
+from symgen.runtime.rods.redundancy import slack
 
-#: What a run needs of the core, and what every other family needs of it.
-CORE = ("equations.c", "events.c", "explicit.c", "rank.c", "run.c", "samples.c")
-#: Kernels that the core calls of a linkage, in the order of its struct.
+#: Core files of a run; the first ones are common to all families.
+CORE = (
+    "coordinates.c",
+    "equations.c",
+    "events.c",
+    "explicit.c",
+    "rank.c",
+    "run.c",
+    "samples.c",
+    "settle.c",
+    "switches.c",
+    "windings.c",
+)
+#: Kernels that the core calls for a linkage, in the order of its struct.
 KERNELS = (
     "accelerations", "factor", "solve", "constraints", "velocity_constraints", "energy", "residual", "events",
     "setup",
 )  # fmt: skip
-#: Events that the core remembers of each kind.
+#: Maximum number of events of each kind that the core stores.
 REMEMBERED = 64
 
 
-def rods(model: Model, program: Program, sources: tuple[SourceFile, ...]) -> Exported:
-    """Return what is exported of a linkage without elastic links."""
+def rods(model: RodModel, program: Program, sources: tuple[SourceFile, ...]) -> Exported:
+    """Return the exported data of a linkage without elastic links."""
     d = model.description
     state = model.initial_state()
     extra = int(d.work_of_loads)
@@ -72,7 +84,7 @@ def rods(model: Model, program: Program, sources: tuple[SourceFile, ...]) -> Exp
     )
 
 
-def equations_of(model: Model, allowed: float) -> tuple[Any, Any]:
+def equations_of(model: RodModel, allowed: float) -> tuple[Any, Any]:
     """Return the members of the structs ``kernels`` and ``sizes`` of a linkage."""
     d = model.description
     kernels = members(**functions(d.name, KERNELS, (k.name for k in d.kernels)))
@@ -86,6 +98,9 @@ def equations_of(model: Model, allowed: float) -> tuple[Any, Any]:
         first_pivot=d.first_pivot,
         redundant=len(d.redundant),
         events=len(d.events),
+        switches=len(d.switches),
+        windings=d.windings,
+        turns=len(d.turns),
         rank_tolerance=float(d.rank_tolerance),
         slack=float(allowed),
     )
@@ -97,17 +112,17 @@ def _event_tables(d: Description) -> tuple[Table, ...]:
         return ()
     return (
         Table("signed char", "DIRECTIONS", braces(e.direction for e in d.events)),
-        Table("char", "TERMINAL", braces(int(e.ends_run) for e in d.events)),
+        Table("char", "TERMINAL", braces(e.ends_run | 2 * e.revolves for e in d.events)),
     )
 
 
-def _expected(model: Model, start: Any) -> tuple[tuple[Table, ...], float]:
-    """Run a little here; return the numbers to be compared with, and the time until which."""
+def _expected(model: RodModel, start: Any) -> tuple[tuple[Table, ...], float]:
+    """Run for a short time; return reference values for the test of the export, and the final time."""
     d, redundant = model.description, model.description.redundant
     q = start[: d.coordinates]
     equations = model.evaluator.equations(len(redundant), slack(model.evaluator, q) if redundant else np.inf)
     until = min(d.t_end, COMPARED)
-    events = [e.direction for e in d.events], [e.ends_run for e in d.events]
+    events = [e.direction for e in d.events], [e.ends_run | 2 * e.revolves for e in d.events]
     found = expected_of_run(equations, 0.0, start, until, *events)
     derivative, ends, t, last = found
     tables = (derivative, ends, doubles("STATE", last))
@@ -115,12 +130,13 @@ def _expected(model: Model, start: Any) -> tuple[tuple[Table, ...], float]:
         return tables, until
     n = d.coordinates
     solution = equations.solutions(np.array([t]), np.append(last, 0.0)[None, :])[0]
-    outputs = model.evaluator("outputs", t, last[:n], last[n : 2 * n], solution)
+    held = Evaluator(d, model.evaluator.library, equations.parameters)
+    outputs = held("outputs", t, last[:n], last[n : 2 * n], solution)
     return (*tables, doubles("OUTPUTS", outputs)), until
 
 
 def _compares(d: Description) -> bool:
-    """Tell whether there are outputs that the core gives as symgen does."""
+    """Return whether some outputs of the core are identical to those of symgen."""
     return d.kernel("outputs") is not None and not d.redundant
 
 
@@ -130,9 +146,9 @@ def expected_of_run(
     start: Any,
     until: float,
     directions: Sequence[int] = (),
-    terminal: Sequence[bool] = (),
+    terminal: Sequence[int] = (),
 ) -> tuple[Table, Table, float, Any]:
-    """Return the derivative at the start and how a run ends, as tables; its end and the state there."""
+    """Return the initial derivative and the final values of a run as tables, with final time and state."""
     derivative = equations.derivative(t0, np.append(start, 0.0))
     method = INTEGRATORS["dop853"]
     run = _core.Run(
@@ -160,11 +176,9 @@ def _notes(d: Description) -> tuple[str, ...]:
     if d.redundant:
         names = ", ".join(d.labels[i] for i in d.redundant)
         found.append(
-            f"Redundant constraints ({names}) follow from the others: forces are not unique, and those given "
-            "here are zero in these, where symgen gives those of least norm."
+            f"Redundant constraints ({names}) follow from the others: forces are not unique. The forces of "
+            "redundant constraints are zero here; symgen computes forces of minimum norm."
         )
     if d.events:
-        found.append(
-            "A run ends at an event that the scene declares as its end: that is a status of its own."
-        )
+        found.append("A run ends at an event declared as its end in the scene; it has its own status.")
     return tuple(found)

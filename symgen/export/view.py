@@ -1,4 +1,4 @@
-"""What the templates of an export see, and how numbers of Python are written in C."""
+"""Template data of an export, and conversion of Python numbers to C."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ import numpy as np
 from symgen.codegen.emit import SourceFile
 from symgen.lowering.kernel import Slot
 from symgen.runtime import _core
-from symgen.runtime.integrators import INTEGRATORS
+from symgen.runtime.integrate.integrators import INTEGRATORS
 
-#: Times of a run that is compared with the numbers of an export end here at the latest [s].
+#: Latest end [s] of the run that is compared with the stored results.
 COMPARED = 1.0
-#: The largest part of an array by which its numbers may be off with other flags or another library.
+#: Allowed deviation with other compiler flags or another library, relative to the largest entry of an array.
 TOLERANCE = "1e-6"
-#: Tolerances of the run that is compared, and of the example.
+#: Tolerances of the comparison run and of the example.
 RTOL, ATOL = 1e-9, 1e-12
 
-#: Where the core's own files are.
+#: Folder with the files of the core.
 CORE_FOLDER = Path(__file__).resolve().parent.parent / "runtime" / "core"
 
 _WIDE = 110
@@ -32,7 +32,7 @@ _INCLUDED = re.compile(r'^#include "(\w+\.h)"$', re.MULTILINE)
 
 @dataclass(frozen=True, slots=True)
 class Table:
-    """A constant array: its type, its name, and its values in braces."""
+    """A constant array: type, name, and values in braces."""
 
     type: str
     name: str
@@ -41,7 +41,7 @@ class Table:
 
 @dataclass(frozen=True, slots=True)
 class Record:
-    """A constant struct: its type, its name, and its members with their values."""
+    """A constant struct: type, name, and members with values."""
 
     type: str
     name: str
@@ -50,32 +50,32 @@ class Record:
 
 @dataclass(frozen=True, slots=True)
 class Exported:
-    """A model as the templates of an export see it.
+    """A model in the form used by the export templates.
 
     Parameters
     ----------
     name, title, equations, references
-        Of the scene, and of its derivation.
+        Of the scene and its derivation.
     family
-        ``rods``, ``loop`` or ``elastic``: how it is run.
+        ``rods``, ``loop`` or ``elastic``: the kind of run.
     driven
-        Whether inputs alone move it.
+        Whether the motion follows from prescribed inputs alone.
     core, core_headers
-        Files of the core that it needs, and the headers among them that its own code includes.
+        Source files of the core that the model needs, and the headers that the model includes directly.
     kernels
         The generated kernels.
     coordinates
-        Half of a state, or of a driven loop all of it.
+        Number of coordinates: half of a state, or the whole state of a driven loop.
     state, parameters, outputs
-        What their numbers mean.
+        Descriptions of the entries.
     start, t_start, t_end, defaults
-        In C.
+        Values in C syntax.
     tables, records
-        What the core is told.
+        Constant data for the core.
     expected
-        What was computed here, to be compared with.
+        Reference values for the test of the export.
     notes
-        What must be said of this scene.
+        Remarks on this scene for the README.
     """
 
     name: str
@@ -121,7 +121,7 @@ class Exported:
 
     @property
     def setups(self) -> tuple[str, ...]:
-        """Kernels that are called once, to compute what depends on the parameters alone."""
+        """Kernels called once per run to evaluate quantities that depend on parameters only."""
         return tuple(
             f"{name}_setup"
             for f in self.kernels
@@ -131,23 +131,23 @@ class Exported:
 
     @property
     def sources(self) -> tuple[str, ...]:
-        """Everything that must be compiled besides what has a main."""
+        """All files to compile, except those with a ``main``."""
         own = [f.name for f in self.kernels if f.name.endswith(".c")]
         return (f"{self.name}.c", *own, *(f"core/{name}" for name in self.core if name.endswith(".c")))
 
     @property
     def ended(self) -> int:
-        """The status of a run that an event ended."""
+        """Status of a run that ended at an event."""
         return int(_core.ENDED)
 
     @property
     def error_order(self) -> int:
-        """That of the method of its runs."""
+        """Order of the error estimate of the integration method."""
         return int(INTEGRATORS["dop853"].error_order)
 
 
 def with_headers(sources: Iterable[str]) -> tuple[str, ...]:
-    """Return these files of the core and the headers that they include, in the order of their names."""
+    """Return these files of the core and the headers that they include, sorted by name."""
     found: set[str] = set()
     wanted = {*sources}
     while wanted:
@@ -158,7 +158,7 @@ def with_headers(sources: Iterable[str]) -> tuple[str, ...]:
 
 
 def number(value: float) -> str:
-    """Return a double in C, in the digits that give it back."""
+    """Return a double in C with enough digits to reproduce it exactly."""
     value = float(value)
     if np.isnan(value):
         return "NAN"
@@ -166,7 +166,7 @@ def number(value: float) -> str:
 
 
 def braces(values: Iterable[Any], spare: int = 0) -> str:
-    """Return an initialiser of numbers, with so many zeros behind them; one zero where there is nothing."""
+    """Return an initialiser of numbers followed by ``spare`` zeros; a single zero if there are none."""
     flat = np.ravel(np.asarray([*values]))
     whole = flat.dtype.kind in "iub"
     texts = [str(int(x)) if whole else number(x) for x in flat] + ["0"] * spare
@@ -182,12 +182,12 @@ def doubles(name: str, values: Iterable[Any]) -> Table:
 
 
 def indices(name: str, values: Iterable[Any]) -> Table:
-    """Return a table of numbers that count."""
+    """Return a table of indices."""
     return Table("ptrdiff_t", name, braces(np.asarray([*values], dtype=np.intp).ravel()))
 
 
 def members(**values: Any) -> tuple[tuple[str, str], ...]:
-    """Return the members of a struct, numbers as C writes them, texts as they are."""
+    """Return the members of a struct; numbers are converted to C, text is copied."""
     found = []
     for name, value in values.items():
         text = value if isinstance(value, str) else number(value) if isinstance(value, float) else str(value)
@@ -196,13 +196,13 @@ def members(**values: Any) -> tuple[tuple[str, str], ...]:
 
 
 def functions(prefix: str, known: Iterable[str], there: Iterable[str]) -> dict[str, str]:
-    """Return the kernels that a struct of them knows and a model has, by member."""
+    """Return the members of a kernel struct that the model provides, with the function names."""
     own = set(there)
     return {name: f"{prefix}_{name}" for name in known if name in own}
 
 
 def method_tables() -> tuple[Table, Table]:
-    """Return the coefficients of the method of runs, as the core reads them."""
+    """Return the coefficients of the integration method in the layout of the core."""
     method = INTEGRATORS["dop853"]
     counts = Table("long", "DOP853_COUNTS", braces(method.counts))
     return counts, doubles("DOP853_NUMBERS", method.numbers)

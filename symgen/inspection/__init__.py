@@ -1,1 +1,1 @@
-"""What a reader is shown of a scene: any matrix in any form, and the page that shows the whole of it."""
+"""Inspection of a scene: derived matrices in several formats, and the HTML page."""

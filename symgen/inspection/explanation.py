@@ -1,4 +1,4 @@
-"""What a scene became, in plain lines: what was kept and left out, what that saves, how it is solved."""
+"""Plain-text explanation of a scene: simplifications, operations saved, and solution method."""
 
 from __future__ import annotations
 
@@ -6,26 +6,26 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from symgen.models.generality import general
-from symgen.models.loop_structure import general as general_loop
-from symgen.models.loop_structure import loop_structure
+from symgen.models.loop.structure import general as general_loop
+from symgen.models.loop.structure import loop_structure
 from symgen.models.structure import structure
-from symgen.pipeline import build_asked, system_of
-from symgen.report.saving import saving_lines
-from symgen.report.structure import elastic_lines, matrix_lines, memory_lines, solver_lines
+from symgen.pipeline.build import build_asked, system_of
+from symgen.report.mathematics.saving import saving_lines
+from symgen.report.page.structure import elastic_lines, matrix_lines, memory_lines, solver_lines
 from symgen.report.summary import freedom_lines
-from symgen.runtime.elastic_model import ElasticModel
-from symgen.scene.linkage import Linkage
+from symgen.runtime.elastic.model import ElasticModel
 from symgen.scene.loading import load_scene
 from symgen.scene.resolve import resolve
+from symgen.scene.rods.linkage import Linkage
 
 
 def explanation(scene: str, changes: Mapping[str, Any]) -> Iterator[str]:
-    """Yield it line by line: cheap lines first, those that need the compiled model last.
+    """Yield the explanation line by line; lines that need the compiled model come last.
 
     Raises
     ------
     SceneError
-        For anything wrong in the scene.
+        If the scene is invalid.
     """
     resolved = resolve(load_scene(scene, set=changes))
     system = system_of(resolved)

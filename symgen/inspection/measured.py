@@ -1,4 +1,4 @@
-"""What running a scene gives for its page: curves, drift, and what speed costs in error."""
+"""Measurements for the page of a scene: curves, drift, and speed against error."""
 
 from __future__ import annotations
 
@@ -9,31 +9,31 @@ from typing import Any
 import numpy as np
 
 from symgen.errors import ModelError, SimulationError
-from symgen.report.figures import FigureView, error_figure, run_figure
-from symgen.report.notebook import run_facts, seconds
-from symgen.report.page import Fact, TableView
-from symgen.runtime.elastic_model import ElasticModel
-from symgen.runtime.elastic_result import ElasticResult
-from symgen.runtime.loop_model import LoopModel
-from symgen.runtime.result import Result
-from symgen.runtime.turn import Turn
+from symgen.report.page.figures import FigureView, error_figure, run_figure
+from symgen.report.page.notebook import run_facts, seconds
+from symgen.report.page.page import Fact, TableView
+from symgen.runtime.elastic.model import ElasticModel
+from symgen.runtime.loop.model import LoopModel
+from symgen.runtime.result.elastic import ElasticResult
+from symgen.runtime.result.result import Result
+from symgen.runtime.result.turn import Turn
 from symgen.scene.loading import SceneText, check_scene
-from symgen.study.work_precision import WorkPrecision, work_precision
+from symgen.study.speed.work_precision import WorkPrecision, work_precision
 
-#: Methods whose speed is measured, of linkages and loops and of elastic links.
+#: Methods in the speed measurement: for linkages and loops, and for elastic links.
 _METHODS = ("dop853", "dopri5", "rk4")
 _OF_ELASTIC = ("gauss", "newmark", "dop853")
-#: What of a run stands at the head of the page.
+#: Facts of a run shown at the head of the page.
 _TELLING = ("energy drift", "constraint drift", "closed within", "estimated error")
-#: A sweep ends with the first run that takes longer [s], of elastic links and else.
+#: Time [s] of one run that ends a sweep of settings, for elastic links and for all other models.
 _LONGEST_ELASTIC, _LONGEST = 0.3, 0.05
-#: How often each setting is timed; recorded times; the error over the peak of a turn of elastic links.
+#: Repeats per setting; recorded times; error relative to the peak over a revolution of elastic links.
 _REPEATS, _SAMPLES, _ELASTIC = 2, 11, 1e-3
 
 
 @dataclass(frozen=True, slots=True)
 class Measured:
-    """A run and its cost; ``result`` is None where it failed at once."""
+    """A run and its cost; ``result`` is None if the run failed at once."""
 
     result: Result | None
     headline: tuple[Fact, ...] = ()
@@ -47,7 +47,7 @@ class Measured:
 
 
 def measure(model: Any, text: SceneText, *, speed: bool, told: Callable[[str], None]) -> Measured:
-    """Run a model over what its scene asks for, and measure speed against error."""
+    """Run a model over the range set in its scene, and measure speed against error."""
     told("running")
     failure: tuple[str, ...] = ()
     try:
@@ -82,16 +82,16 @@ def measure(model: Any, text: SceneText, *, speed: bool, told: Callable[[str], N
 def _run(model: Any) -> Result:
     found: Result
     if isinstance(model, ElasticModel):
-        found = model.run(rtol=_ELASTIC)
+        found = model.simulate(rtol=_ELASTIC)
     elif isinstance(model, LoopModel) and model.is_driven:
-        found = model.turn()
+        found = model.inverse_dynamics()
     else:
         found = model.simulate()
     return found
 
 
 def _final(result: Result) -> TableView | None:
-    """Return where the points are at the end, of linkages."""
+    """Return the final positions of the points of a linkage."""
     if isinstance(result, Turn | ElasticResult) or not result.final:
         return None
     rows = tuple(
@@ -106,7 +106,7 @@ def _final(result: Result) -> TableView | None:
 
 
 def _of_turn(turn: Turn) -> tuple[TableView, str]:
-    """Return what a pose of a driven loop costs, beside how well it is closed."""
+    """Return the time per pose of a driven loop and the largest closure defect."""
     row = (
         turn.provenance["backend"],
         str(len(turn.time)),
@@ -114,11 +114,11 @@ def _of_turn(turn: Turn) -> tuple[TableView, str]:
         f"{turn.closure:.1e}",
     )
     caption = (
-        "A driven loop is not integrated: every pose is closed by Newton's method from the one before, "
-        "with all rates, accelerations and forces. The defect is the largest over all poses, of turns in "
-        "radians, of shifts over the size of the loop."
+        "A driven loop is not integrated: each pose is closed by Newton's method starting from the previous "
+        "one, with all rates, accelerations and forces. The defect is the maximum over all poses, of angles "
+        "in radians, of translations relative to the size of the loop."
     )
-    return TableView(("backend", "poses", "time of a pose", "largest defect"), (row,)), caption
+    return TableView(("backend", "poses", "time per pose", "largest defect"), (row,)), caption
 
 
 def _speed(model: Any, text: SceneText) -> tuple[TableView | None, FigureView | None, str]:
@@ -135,7 +135,7 @@ def _speed(model: Any, text: SceneText) -> tuple[TableView | None, FigureView | 
 
 
 def speed_table(found: WorkPrecision) -> TableView:
-    """Return for each method its loosest, a middle and its tightest setting."""
+    """Return the loosest, a middle and the tightest setting of each method."""
     rows = []
     for method in dict.fromkeys(p.method for p in found.points):
         own = [p for p in found.points if p.method == method]
@@ -153,7 +153,7 @@ def speed_table(found: WorkPrecision) -> TableView:
 
 
 def speed_figure(found: WorkPrecision) -> FigureView:
-    """Return time over error, a curve for each method."""
+    """Return a plot of time against error with one curve per method."""
     curves = [
         (method, [(p.along, p.best) for p in found.points if p.method == method])
         for method in dict.fromkeys(p.method for p in found.points)
@@ -162,14 +162,14 @@ def speed_figure(found: WorkPrecision) -> FigureView:
 
 
 def speed_caption(found: WorkPrecision) -> str:
-    """Return what was measured, against what."""
+    """Return the caption with the measured error and its reference."""
     marked = (
-        " ~ marks errors that are not told from that of the reference."
+        " ~ marks errors within the uncertainty of the reference."
         if any(not p.told for p in found.points)
         else ""
     )
     return (
-        f"To t = {found.t_end:g} s; error is the {found.measured}, against {found.reference}, which "
-        f"differs by {found.uncertainty:.1e} from a looser one. Times are of the whole call from Python, "
+        f"To t = {found.t_end:g} s; error is the {found.measured} against {found.reference}, which "
+        f"differs by {found.uncertainty:.1e} from a looser one. Times are for whole calls from Python "
         f"on the machine that wrote this page.{marked}"
     )

@@ -1,4 +1,4 @@
-"""Everything that the page on a scene shows, gathered from its derivation, its kernels and its runs."""
+"""Contents of the page on a scene, collected from its derivation, its kernels and its runs."""
 
 from __future__ import annotations
 
@@ -8,33 +8,34 @@ from typing import Any
 from symgen.codegen.emit import UnitView, equations_hash, unit_view
 from symgen.codegen.target import Target
 from symgen.inspection.measured import measure
-from symgen.inspection.picture import JOINTS, sketch
+from symgen.inspection.picture import sketch
+from symgen.joints import JOINTS
 from symgen.lowering.kernel import SETUP, Kernel, Program
 from symgen.lowering.nodes import KINDS
 from symgen.lowering.program import lower_system
 from symgen.models.record import Step, record
-from symgen.pipeline import build_scene, system_of
-from symgen.report.drawing import Drawing, drawing
-from symgen.report.page import Fact, KernelRow, Page, StepView, example_in_c
-from symgen.report.views import elimination, matrix_view, shared_terms, symbols
-from symgen.runtime.description import LoopDescription
-from symgen.runtime.elastic_model import ElasticModel
-from symgen.scene.linkage import Linkage
+from symgen.pipeline.build import build_scene, system_of
+from symgen.report.page.drawing import Drawing, drawing
+from symgen.report.page.page import Fact, KernelRow, Page, StepView, example_in_c
+from symgen.report.page.views import elimination, matrix_view, shared_terms, symbols
+from symgen.runtime.elastic.model import ElasticModel
+from symgen.runtime.kernels.description import LoopDescription
 from symgen.scene.loading import SceneText, check_scene
-from symgen.scene.loop import Loop
+from symgen.scene.loop.loop import Loop
 from symgen.scene.resolve import resolve
+from symgen.scene.rods.linkage import Linkage
 from symgen.symbolic.system import System
 
-#: Matrices of one step, and shared terms, that a page shows.
+#: Maximum number of matrices of one step and of shared terms on a page.
 _MATRICES, _TERMS = 12, 60
 _KINDS = {"add": "+ −", "mul": "×", "div": "÷", "neg": "sign", "call": "calls"}
 
-#: Called with what is being done.
+#: Callback that receives the current activity as text.
 Told = Callable[[str], None]
 
 
 def scene_page(text: SceneText, *, speed: bool, told: Told) -> Page:
-    """Derive, build, run and measure a scene, and return what its page shows.
+    """Derive, build, run and measure a scene, and return the contents of its page.
 
     Parameters
     ----------
@@ -43,12 +44,12 @@ def scene_page(text: SceneText, *, speed: bool, told: Told) -> Page:
     speed
         Whether to measure speed against error, which takes some seconds.
     told
-        Is told what is being done.
+        Callback that receives the current activity.
 
     Raises
     ------
     SceneError, BuildError, CacheError
-        As when the scene is built.
+        As for building the scene.
     """
     checked = check_scene(text)
     told("building")
@@ -102,7 +103,7 @@ def scene_page(text: SceneText, *, speed: bool, told: Told) -> Page:
 
 
 def _distinct(systems: Sequence[System]) -> tuple[System, ...]:
-    """Return each of the systems once: those with other symbols than the ones before."""
+    """Return the systems without those that have the same symbols as an earlier one."""
     found: list[System] = []
     for system in systems:
         if not any(s.groups == system.groups and s.definitions == system.definitions for s in found):
@@ -122,7 +123,7 @@ def _step(step: Step) -> StepView:
 
 
 def _facts(resolved: Linkage | Loop, model: Any) -> tuple[Fact, ...]:
-    """Return what kind of mechanism it is, and how it can move."""
+    """Return the type of the mechanism and its mobility."""
     return _of_loop(model) if isinstance(resolved, Loop) else _of_linkage(resolved, model)
 
 
@@ -131,7 +132,7 @@ def _of_loop(model: Any) -> tuple[Fact, ...]:
     free = len(d.having("input", "free"))
     return (
         Fact("loop", "–".join(d.joints)),
-        Fact("joints", ", ".join(f"{JOINTS[j]} {j}" for j in dict.fromkeys(d.joints))),
+        Fact("joints", ", ".join(f"{JOINTS[j].name} {j}" for j in dict.fromkeys(d.joints))),
         Fact("variables", f"{d.coordinates}, of which {len(d.having('dependent'))} dependent"),
         Fact("degrees of freedom", str(free)),
         Fact("rank of the screws", f"{d.rank} of 6"),
@@ -155,35 +156,35 @@ def _of_linkage(linkage: Linkage, model: Any) -> tuple[Fact, ...]:
 
 
 def _where(linkage: Linkage) -> str:
-    """Return in what the linkage moves."""
+    """Return the plane or space in which the linkage moves."""
     if linkage.plane:
         return f"in space, stays in the plane {linkage.plane}"
     return "in the plane" if linkage.dimension == 2 else "in space"
 
 
 def _main(kernels: tuple[Kernel, ...]) -> str:
-    """Return the kernel that a run evaluates most: the accelerations, or the motion of a loop."""
+    """Return the most frequently evaluated kernel: the accelerations, or the motion of a loop."""
     names = [k.name for k in kernels if k.name != SETUP]
     return next(name for name in ("accelerations", "motion", *names) if name in names)
 
 
 def _operations(program: Program) -> str:
     main = _main(program.kernels)
-    once = f", {program.setup.counts.flops} once a run" if program.setup else ""
+    once = f", {program.setup.counts.flops} once per run" if program.setup else ""
     return f"{program.kernel(main).counts.flops} for the {main}{once}"
 
 
 def _caption(resolved: Linkage | Loop, drawn: Drawing) -> str:
     if isinstance(resolved, Loop):
         words = (
-            "The loop at the beginning of its range; dashed lines are axes of joints and shifts along them"
+            "The loop at the beginning of its range; dashed lines are joint axes and translations along them"
         )
     else:
-        words = "The mechanism at its start"
+        words = "The mechanism in its initial configuration"
         kinds = {s.kind for s in drawn.shapes}
         words += "; blue links bend" if "elastic" in kinds else ""
-        words += "; thin lines are paths of the run" if "path" in kinds else ""
-    hidden = f" {drawn.unnamed} names have no room." if drawn.unnamed else ""
+        words += "; thin lines are paths during the run" if "path" in kinds else ""
+    hidden = f" {drawn.unnamed} names are omitted for lack of room." if drawn.unnamed else ""
     return f"{words}.{hidden}"
 
 
@@ -191,8 +192,8 @@ def _of_structure(structure: tuple[Any, int]) -> str:
     pattern, factor = structure
     size = pattern.rows
     return (
-        f"[M Jᵀ; J 0], {size} × {size}, in the order in which it is eliminated: {len(pattern.cells)} "
-        f"entries that are not zero, and {len(pattern.fill)} that elimination fills in (orange). The "
+        f"[M Jᵀ; J 0], {size} × {size}, in elimination order: {len(pattern.cells)} "
+        f"nonzero entries, and {len(pattern.fill)} entries of fill-in (orange). The "
         f"factor L has {factor} entries, a dense one {size * (size + 1) // 2}."
     )
 
@@ -223,13 +224,13 @@ def _in_python(name: str, model: Any) -> str:
         if model.is_driven:
             value = 0.5 * (d.span[0] + d.span[1])
             lines += [
-                f"turn = model.at([{value:.6g}])  # at a value of the input, in SI units",
+                f"turn = model.inverse_dynamics(at=[{value:.6g}])  # at a value of the input, in SI units",
                 "turn.summary()",
             ]
         else:
             lines += [f"run = model.simulate({d.t_end:g})", "run.drift"]
     elif isinstance(model, ElasticModel):
-        lines += ["turn = model.run()", "turn.peaks"]
+        lines += ["turn = model.simulate()", "turn.peaks"]
     else:
         lines += [
             "found = model.accelerations()  # at the start; found.multipliers, found.reactions",
@@ -240,7 +241,7 @@ def _in_python(name: str, model: Any) -> str:
 
 
 def _references(system: System, resolved: Linkage | Loop) -> tuple[str, ...]:
-    from symgen.mechanics.hamilton import THESIS
+    from symgen.mechanics.elastic.hamilton import THESIS
 
     elastic = isinstance(resolved, Linkage) and resolved.elastic
     return (*system.references, *((f"The {THESIS}",) if elastic else ()))

@@ -1,4 +1,4 @@
-"""A mechanism as it stands at its start: lines and points in space, to be drawn by ``report.drawing``."""
+"""A mechanism in its initial configuration: lines and points in space for ``report.drawing``."""
 
 from __future__ import annotations
 
@@ -8,31 +8,33 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from symgen.report.drawing import Line, Node, Sketch
-from symgen.runtime.loop_frames import product
-from symgen.runtime.loop_model import LoopModel
-from symgen.runtime.result import Result
-from symgen.scene.linkage import Linkage
-from symgen.scene.loop import Loop
+from symgen.joints import JOINTS
+from symgen.loads.of_points import Length
+from symgen.report.page.drawing import Line, Node, Sketch
+from symgen.runtime.loop.frames import product
+from symgen.runtime.loop.model import LoopModel
+from symgen.runtime.result.result import Result
+from symgen.scene.loop.loop import Loop
+from symgen.scene.rods.linkage import Linkage
 
 Array = NDArray[np.float64]
-#: Length of the axis of a joint as it is drawn, over the size of the loop.
+#: Drawn length of a joint axis relative to the size of the loop.
 _AXIS = 0.09
-#: A part of a length that tells a direction and takes no room.
+#: The freedoms of a joint that has no axis.
+_BALL = ("theta", "eta", "alpha")
+#: A relative length that defines a direction but is invisible in the picture.
 _LITTLE = 1e-3
-#: Letters of joints in the pictures' legends.
-JOINTS = {"R": "revolute", "P": "prismatic", "C": "cylindric", "H": "helical", "S": "ball", "U": "universal"}
 
 
 def sketch(resolved: Linkage | Loop, model: Any, result: Result | None) -> Sketch:
-    """Return the mechanism at its start, with the paths of the points that a result records.
+    """Return the mechanism in its initial configuration, with the recorded paths of its points.
 
     Parameters
     ----------
     resolved
-        What the scene resolves to.
+        The resolved scene.
     model
-        What was built of it.
+        The model built from it.
     result
         A run of the model, if there is one.
     """
@@ -86,10 +88,10 @@ def _bars(linkage: Linkage, places: dict[str, Array]) -> Iterator[Line]:
         yield Line(
             "body", body.name, np.array([places[p] for p in (*body.base, *(c.name for c in body.carried))])
         )
-    for spring in linkage.springs:
-        yield Line("spring", "", np.array([places[spring.start], places[spring.end]]))
-    for actuator in linkage.actuators:
-        yield Line("actuator", "", np.array([places[actuator.start], places[actuator.end]]))
+    for load in linkage.loads:
+        for measure in load.measures(len(linkage.axes)):
+            if isinstance(measure, Length):
+                yield Line(load.drawn, "", np.array([places[measure.start], places[measure.end]]))
     for guide in linkage.guides:
         along = linkage.link(guide.along)
         d = places[along.end] - places[along.start]
@@ -98,7 +100,7 @@ def _bars(linkage: Linkage, places: dict[str, Array]) -> Iterator[Line]:
 
 
 def _of_loop(loop: Loop, model: LoopModel) -> Sketch:
-    """Return the links between the axes of their joints, in the first frame."""
+    """Return the links between their joint axes, in the first frame."""
     start = model.closed_start()
     table = model.kernels("rows", start.t, start.q, np.zeros_like(start.q))["rows"]
     frame, lines, nodes = np.eye(4), [], []
@@ -106,12 +108,13 @@ def _of_loop(loop: Loop, model: LoopModel) -> Sketch:
     for i, (row, entries) in enumerate(zip(loop.rows, table, strict=True)):
         foot, k = frame[:3, 3].copy(), frame[:3, 2].copy()
         behind = frame @ product([entries])
-        head = foot + entries[1] * k  # where the link begins: the shift along the joint's axis behind it
+        head = foot + entries[1] * k  # start of the link: offset by the translation along the joint axis
         if abs(entries[1]) > 1e-9 * size:
             lines.append(Line("axis", "", np.array([foot, head])))
-        if row.joint == "P":
+        varies = JOINTS[row.joint].varies
+        if varies == ("S",):
             lines.append(Line("slider", "", np.array([foot, foot + _LITTLE * size * k])))
-        if row.joint != "S":
+        if varies != _BALL:
             lines.append(Line("axis", "", np.array([head - _AXIS * size * k, head + _AXIS * size * k])))
         last = i == len(loop.rows) - 1
         if np.linalg.norm(behind[:3, 3] - head) > 1e-9 * size:

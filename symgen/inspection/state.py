@@ -1,4 +1,4 @@
-"""Values of every argument of a model: at its start, at a time of its motion, at a value of its input."""
+"""Values of all arguments of a model at its start, at a time, or at a value of its input."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symgen.errors import ModelError, SceneError, nearest
-from symgen.runs import at_values
-from symgen.runtime.elastic_model import ElasticModel
-from symgen.runtime.loop_model import LoopModel
-from symgen.runtime.loop_turn import moving
-from symgen.runtime.model import Model
-from symgen.runtime.state import State
+from symgen.inspection.runs import at_values
+from symgen.runtime.elastic.model import ElasticModel
+from symgen.runtime.loop.driven import moving
+from symgen.runtime.loop.model import LoopModel
+from symgen.runtime.model.rods import RodModel
+from symgen.runtime.result.state import State
 from symgen.scene.units import NUMBER, TIME, parse_quantity
 from symgen.symbolic.system import System
 
@@ -25,18 +25,18 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class Values:
-    """Values [SI] of arguments by group and place, and what the state is called."""
+    """Argument values [SI] by group and index, and a label of the state."""
 
     label: str
     arrays: Mapping[str, Sequence[float]]
 
     def of(self, system: System, given: Mapping[str, float]) -> dict[str, float]:
-        """Return the value of each argument of a system by name; ``given`` come before the state's own.
+        """Return the value of each argument of a system by name; ``given`` values take precedence.
 
         Raises
         ------
         ModelError
-            When the system has no argument of a given name.
+            If the system has no argument of a given name.
         """
         known = {x.name for group in system.groups for x in group.quantities}
         for name in given:
@@ -50,7 +50,7 @@ class Values:
         return found | dict(given)
 
 
-#: Of what has no state: a building block.
+#: Values for a building block, which has no state.
 NOWHERE = Values("", {})
 
 
@@ -60,22 +60,22 @@ def state_of(model: Any, at: str | None) -> Values:
     Parameters
     ----------
     model
-        What :func:`symgen.build` gives.
+        A model returned by :func:`symgen.build`.
     at
-        Time of the motion [s] with or without its unit; of a driven loop a value of its input, in degrees or
-        the scene's unit of length; the start when absent.
+        Time [s], with or without unit; for a driven loop a value of its input, in degrees or in the scene's
+        unit of length. None for the start.
 
     Raises
     ------
     ModelError, SimulationError
-        When it cannot be read, or not be reached.
+        If the text cannot be read or the state cannot be reached.
     """
     if isinstance(model, LoopModel):
         return _of_loop(model, at)
     return _of_linkage(model.rigid if isinstance(model, ElasticModel) else model, at)
 
 
-def _of_linkage(model: Model, at: str | None) -> Values:
+def _of_linkage(model: RodModel, at: str | None) -> Values:
     t = _seconds(at)
     state: State = model.initial_state()
     if t > 0:
@@ -89,14 +89,14 @@ def _of_linkage(model: Model, at: str | None) -> Values:
         "t": [state.t],
         "q": state.q.tolist(),
         "u": state.u.tolist(),
-        "p": list(model.parameters.values()),
+        "p": model.given,
         "work": work + list(found.multipliers.values()),
     }
     return Values(f"at t = {t:g} s" if t > 0 else "at the start", arrays)
 
 
 def _seconds(at: str | None) -> float:
-    """Return a time as written, with or without its unit; 0 where none is."""
+    """Return a time given with or without unit; 0 if absent."""
     if at is None:
         return 0.0
     try:
@@ -105,14 +105,14 @@ def _seconds(at: str | None) -> float:
     except SceneError:
         t = math.nan
     if not 0.0 <= t < math.inf:
-        raise ModelError(f'expected a time of the motion behind --at, such as "0.3 s", got {at!r}')
+        raise ModelError(f'expected a time of the motion after --at, such as "0.3 s", got {at!r}')
     return t
 
 
 def _of_loop(model: LoopModel, at: str | None) -> Values:
     d = model.description
     begin = model.closed_start()
-    parameters = list(model.parameters.values())
+    parameters = model.given
     if not model.is_driven:
         if at is not None:
             raise ModelError(f"{d.name} moves freely: its matrices are shown at its start, without --at")
@@ -133,7 +133,7 @@ def _of_loop(model: LoopModel, at: str | None) -> Values:
 
 
 def _rates(model: LoopModel, t: float, q: Array) -> Array:
-    """Return rates of all variables at the start of a free motion, which keep the loop closed."""
+    """Return rates of all variables at the start of a free motion, consistent with loop closure."""
     d = model.description
     u = np.array([v.start_rate for v in d.variables])
     u[model.kernels.inputs] = model.kernels.prescribed(t)[:, 1]

@@ -1,4 +1,4 @@
-"""What may be shown under one name: the Systems of a scene or a building block, and its derivation record."""
+"""Matrices that can be shown for one name: the systems of a scene or building block, and its derivation."""
 
 from __future__ import annotations
 
@@ -9,49 +9,50 @@ from pathlib import Path
 from typing import Any
 
 from symgen.errors import DerivationError
+from symgen.methods import further_of
 from symgen.models import BLOCKS, DERIVATIONS
 from symgen.models.record import Step, elastic_record, record
-from symgen.own import is_own, load
-from symgen.pipeline import system_of
-from symgen.scene.linkage import Linkage
+from symgen.pipeline.build import system_of
+from symgen.pipeline.user_system import is_own, load
 from symgen.scene.loading import SceneText, check_scene, override, read_scene
-from symgen.scene.loop import Loop
+from symgen.scene.loop.loop import Loop
 from symgen.scene.resolve import resolve
+from symgen.scene.rods.linkage import Linkage
 from symgen.symbolic.derivative import derivative
 from symgen.symbolic.system import NamedMatrix, System
 
-#: What shows the derivation step by step, in place of a matrix.
+#: Name that selects the derivation record instead of a matrix.
 RECORD = "derivation"
 _MOMENTUM = "momentum_rows"
 
 
 @dataclass(frozen=True, slots=True)
 class Chosen:
-    """Matrices to be shown, and the System that they belong to."""
+    """Selected matrices and the System that they belong to."""
 
     system: System
     matrices: tuple[NamedMatrix, ...]
 
     def part(self, rows: str | None, columns: str | None) -> Chosen:
-        """Return some rows and columns, by names or numbers with commas between them."""
+        """Return selected rows and columns, given as comma-separated names or numbers."""
         wanted = [[x.strip() for x in text.split(",")] if text else [] for text in (rows, columns)]
         return replace(self, matrices=tuple(m.part(*wanted) for m in self.matrices))
 
     def by(self, name: str) -> Chosen:
-        """Return the derivatives by an argument."""
+        """Return the partial derivatives with respect to an argument."""
         made = derivative(self.system, self.matrices, name)
         return Chosen(made, made.matrices)
 
 
 class Subject:
-    """Everything derived of a scene, a building block or a user's own file, each when it is first asked for.
+    """Systems derived from a scene, a building block or a user's own file, each on first access.
 
     Parameters
     ----------
     name
         A scene, a building block, or a Python file that returns a System.
     changes
-        Values to replace in the scene.
+        Scene values to override.
     """
 
     def __init__(self, name: str, changes: Mapping[str, Any]) -> None:
@@ -67,40 +68,36 @@ class Subject:
 
     @cached_property
     def resolved(self) -> Linkage | Loop:
-        """What the scene resolves to."""
+        """The resolved scene."""
         return resolve(check_scene(self.text))
 
     @cached_property
     def own(self) -> System:
-        """What the model is made of."""
+        """The system of the model itself."""
         if self.is_block:
             return BLOCKS[self.name]()
         return system_of(self.resolved) if self.is_scene else load(Path(self.name)).system
 
     @cached_property
     def further(self) -> dict[str, System]:
-        """What is derived besides, by what comes before the dot in the names of its matrices."""
-        from symgen.models.analyses import elastic_systems
-
-        if not self.is_scene or not isinstance(self.resolved, Linkage):
-            return {}
-        return elastic_systems(self.resolved)
+        """Further systems, by the prefix of their matrix names (before the dot)."""
+        return further_of(self.resolved) if self.is_scene else {}
 
     @cached_property
     def steps(self) -> System | None:
-        """The steps by which a building block is derived, where they are matrices of their own."""
+        """The derivation steps of a building block, if they have matrices of their own."""
         made: Callable[[], System] | None = DERIVATIONS.get(self.name)
         return made() if made else None
 
     @cached_property
     def record(self) -> tuple[Step, ...]:
-        """The derivation step by step."""
+        """The derivation record, step by step."""
         if self.is_scene and not self._kinematic:
             return record(self.resolved, self.own)
         source = "; ".join(self.own.references)
         whole = Step(
             self.own.title,
-            "What it is made of.",
+            "Matrices of this system.",
             source,
             self.own,
             tuple(m.name for m in self.own.matrices),
@@ -109,25 +106,25 @@ class Subject:
 
     @property
     def _kinematic(self) -> bool:
-        """Whether it is a scene that asks for no dynamics."""
+        """Whether this is a scene with kinematic analysis only."""
         return self.is_scene and isinstance(self.resolved, Linkage) and self.resolved.kinematic
 
     @property
     def parts(self) -> tuple[tuple[str, System], ...]:
-        """All Systems, by what their matrices' names begin with; steps of the derivation first."""
+        """All systems by the prefix of their matrix names; derivation steps first."""
         whole = (self.steps, self.own) if self.steps else (self.own,)
         further = tuple((f"{kind}.", system) for kind, system in self.further.items())
         return (*(("", system) for system in whole), *further)
 
     def choose(self, name: str, *, numbers: bool = False) -> Chosen:
-        """Return a matrix by its name, of its System; of momentum rows all, or one.
+        """Return a matrix by name with its System, or one or all of the momentum rows.
 
-        All momentum rows as ``numbers`` are the square system that they make.
+        With ``numbers``, all momentum rows are returned as the square system that they form.
 
         Raises
         ------
         DerivationError
-            When there is none of this name, which tells the nearest.
+            If no matrix has this name; the message suggests the nearest one.
         """
         kind, _, rest = name.partition(".")
         if kind == _MOMENTUM and self.is_scene:
@@ -139,13 +136,13 @@ class Subject:
         return Chosen(self.own, (self.own[name],))
 
     def _momentum(self, row: str, numbers: bool) -> Chosen:
-        from symgen.models.momentum import momentum_system
+        from symgen.models.momentum.rows import momentum_system
 
         if not isinstance(self.resolved, Linkage):
             raise DerivationError(f"{self.name} is a loop of joints: momentum rows are of points and links")
         if self._kinematic:
             raise DerivationError(
-                f"{self.name} asks for kinematics, so that it has no momentum rows\n"
+                f"{self.name} is a kinematic analysis, which has no momentum rows\n"
                 "  Give --set analysis.kind=dynamics."
             )
         system = momentum_system(self.resolved)

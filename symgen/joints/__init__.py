@@ -1,4 +1,4 @@
-"""The joints of a spatial loop, one file each; a new one is a file and a line in ``JOINTS``."""
+"""Joints of a spatial loop, one file each; a new one is a file and a line in ``JOINTS``."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Ball: the link turns about a point, as three turns in a row."""
+"""Ball: the link rotates about a point, by three successive rotations."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Cylindric joint: the link turns about k and moves along it."""
+"""Cylindric joint: the link rotates about k and moves along it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Screw: the link turns about k and moves along it by the pitch."""
+"""Helical joint (screw): the link rotates about k and moves along it by the pitch."""
 
 from __future__ import annotations
 

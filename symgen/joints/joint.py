@@ -1,4 +1,4 @@
-"""What a joint is: which entries of its row of the link-joint table vary."""
+"""Definition of a joint: the variable entries of its row of the link-joint table."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ class Joint:
     Attributes
     ----------
     letter, name
-        Its letter in the table, and its name.
+        Letter in the table, and name.
     varies
-        The entries that are its freedoms, in the order of their motions. Every other one is constant.
+        The entries that are its degrees of freedom, in the order of their motions. All others are constant.
     zero
-        The entries that must be zero, because its centre stands at the origin of its frame.
+        The entries that must be zero, because the centre of the joint is at the origin of its frame.
     coupled
-        Pairs (entry, freedom): the entry is the pitch times that freedom, plus the constant it is given.
+        Pairs (entry, freedom): the entry is the pitch times that freedom, plus its constant.
     """
 
     letter: str
@@ -29,5 +29,5 @@ class Joint:
 
     @property
     def freedoms(self) -> int:
-        """Number of independent motions that it leaves."""
+        """Number of independent motions that it permits."""
         return len(self.varies)

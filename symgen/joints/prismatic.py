@@ -1,4 +1,4 @@
-"""Slider: the link moves along k."""
+"""Prismatic joint (slider): the link moves along k."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Hinge: the link turns about k."""
+"""Revolute joint (hinge): the link rotates about k."""
 
 from __future__ import annotations
 

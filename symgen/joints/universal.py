@@ -1,4 +1,4 @@
-"""Hooke joint: the link turns about k, then about j; the two axes meet at right angles."""
+"""Universal joint (Hooke joint): the link rotates about k, then about j; the two axes are perpendicular."""
 
 from __future__ import annotations
 

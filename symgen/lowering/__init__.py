@@ -1,1 +1,1 @@
-"""From a System to straight-line programs: fold, share, factorise, count. Its results hold no SymPy."""
+"""Straight-line programs from a System: folding, sharing, factorisation, operation counts."""

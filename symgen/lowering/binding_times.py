@@ -1,9 +1,9 @@
-"""Binding times: what depends on the parameters of a run alone is computed once, by a kernel of its own.
+"""Per-run precomputation: terms that depend on parameters only are evaluated once, in a separate kernel.
 
-Parameters of a run stay as they are while it runs (:attr:`symgen.symbolic.system.Group.per_run`). Every part
-of every kernel that reads nothing else moves into the kernel 'setup', whose results go behind the parameters
-in their array: ``setup(t, q, u, p, work, p + n)`` for ``n`` parameters. All others read them from there.
-Arguments of a building block differ from call to call: there is nothing to compute once.
+Parameters are constant during a run (:attr:`symgen.symbolic.system.Group.per_run`). Every part of a kernel
+that depends on them alone moves into the kernel 'setup', whose results are appended to the parameter
+array: ``setup(t, q, u, p, work, p + n)`` for ``n`` parameters. All other kernels read them from there.
+Arguments of a building block vary from call to call, so there is nothing to precompute.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from symgen.errors import DerivationError
-from symgen.lowering.kernel import SETUP, Assignment, Block, Kernel, Store
+from symgen.lowering.kernel import RANK_TOLERANCE, SETUP, Assignment, Block, Kernel, Store
 from symgen.lowering.nodes import (
     ONE,
     Call,
@@ -33,21 +33,21 @@ from symgen.symbolic.system import Group
 
 
 def with_setup(kernels: Sequence[Kernel], parameters: Group) -> tuple[Kernel, ...]:
-    """Return kernels less what depends on parameters of a run alone, behind the one that computes it.
+    """Move the terms that depend on per-run parameters only into a setup kernel, and return all kernels.
 
-    They are returned as they are where the parameters are none of a run, or nothing depends on them alone.
+    The kernels are returned unchanged if no parameter is constant per run or no term qualifies.
 
     Raises
     ------
     DerivationError
-        When a kernel has the name of the one to be made.
+        If a kernel already has the name of the setup kernel.
     """
     if not (parameters.per_run and parameters.quantities):
         return tuple(kernels)
     setup = _SetUp(parameters)
     own = {k.name: _Split(setup, k) for k in kernels}
     if SETUP in own:
-        raise DerivationError(f"a kernel is called {SETUP!r}, which is the name of one that symgen makes")
+        raise DerivationError(f"a kernel is called {SETUP!r}, which is reserved for the setup kernel")
     if not setup.places:
         return tuple(kernels)
     size = len(parameters.quantities) + len(setup.places)
@@ -63,7 +63,7 @@ def with_setup(kernels: Sequence[Kernel], parameters: Group) -> tuple[Kernel, ..
 
 
 class _SetUp:
-    """Collects what depends on parameters alone: equal terms once, whichever kernels they come from."""
+    """Collects the terms that depend on parameters only; equal terms of different kernels are stored once."""
 
     def __init__(self, parameters: Group) -> None:
         self.array, self.given = parameters.name, len(parameters.quantities)
@@ -72,12 +72,12 @@ class _SetUp:
         self._count = 0
 
     def name(self, node: Node) -> Node:
-        """Return what stands for a term whose operands have names here already."""
+        """Return the name of a term whose operands are already named."""
         self._count += 1
         return self._line.name(node, f"s{self._count - 1}")
 
     def place(self, node: Node) -> Node:
-        """Return what other kernels read for a term; what costs no more than a sign stays with them."""
+        """Return the reference of other kernels to a term; terms that cost at most a sign are not moved."""
         bare = node.value if isinstance(node, Negative) else node
         if isinstance(bare, Constant) or (isinstance(bare, Reference) and "[" in bare.name):
             return node
@@ -85,7 +85,7 @@ class _SetUp:
         return Reference(f"{self.array}[{self.given + place}]")
 
     def kernel(self) -> Kernel:
-        """Return the kernel that computes all terms that were given a place."""
+        """Return the kernel that computes all stored terms."""
         array, given = self.array, self.given
         return Kernel(
             SETUP,
@@ -98,7 +98,7 @@ class _SetUp:
 
 
 class _Split:
-    """A kernel parted: what depends on parameters alone goes to the set-up, the rest is kept here."""
+    """Partition of a kernel: terms that depend on parameters only go to the setup, the rest remains."""
 
     def __init__(self, setup: _SetUp, kernel: Kernel) -> None:
         self._setup, self._of = setup, kernel
@@ -113,7 +113,7 @@ class _Split:
         self._stores = tuple(Store(s.array, s.index, self._kept(s.value)) for s in kernel.stores)
 
     def kernel(self, array: str, size: int, first: tuple[Kernel, ...], then: tuple[Kernel, ...]) -> Kernel:
-        """Return the rest, with so many entries in the array of parameters."""
+        """Return the remaining kernel, with ``size`` entries in the parameter array."""
         values = [a.value for a in self._assignments] + [s.value for s in self._stores]
         reads = any(name.startswith(f"{array}[") for name in references(values))
         inputs = tuple(
@@ -125,19 +125,19 @@ class _Split:
         return replace(self._of, inputs=inputs, assignments=kept, stores=self._stores, first=first, then=then)
 
     def _kept(self, node: Node) -> Node:
-        """Return a node as the kernel keeps it."""
+        """Return a node as it appears in the remaining kernel."""
         value, fixed = self._part(node)
         return self._setup.place(value) if fixed else value
 
     def _part(self, node: Node) -> _Part:
-        """Return what stands for a node in the set-up, and true; or how the kernel keeps it, and false."""
+        """Return the node in the setup and True, or the node in the remaining kernel and False."""
         match node:
             case Constant():
                 return node, True
             case Reference(name):
                 if name in self._known:
                     return self._known[name], True
-                return node, name.startswith(f"{self._setup.array}[")
+                return node, name.startswith(f"{self._setup.array}[") and name != RANK_TOLERANCE
             case Negative(value):
                 inner, fixed = self._part(value)
                 return (negative(inner) if fixed else Negative(inner)), fixed
@@ -158,7 +158,7 @@ class _Split:
         return self._setup.place(part[0]) if part[1] else part[0]
 
     def _sum(self, terms: tuple[tuple[int, _Part], ...]) -> _Part:
-        """Part a sum: its fixed terms become one, where the first of them stood."""
+        """Partition a sum: its constant terms are combined at the position of the first one."""
         fixed = [(sign, node) for sign, (node, is_fixed) in terms if is_fixed]
         above, below = ([node for own, node in fixed if own == sign] for sign in (1, -1))
         if len(fixed) > 1:
@@ -180,7 +180,7 @@ class _Split:
         return Product(tuple(map(self._placed, factors))), False
 
     def _quotient(self, numerator: Node, denominator: Node) -> _Part:
-        """Part a quotient: a fixed denominator becomes a factor, fixed factors of both one quotient."""
+        """Partition a quotient: a constant denominator becomes a factor, constant factors a quotient."""
         above, below = (tuple(map(self._part, _factors(x))) for x in (numerator, denominator))
         over, under = _fixed(above), _fixed(below)
         if len(over) == len(above) and len(under) == len(below):
@@ -197,7 +197,7 @@ class _Split:
         return Quotient(top_node, Product(tuple(rest)) if len(rest) > 1 else rest[0]), False
 
 
-#: What stands for a node, and whether it depends on the parameters alone.
+#: A node of the setup or of the kernel, and whether it depends on the parameters only.
 _Part = tuple[Node, bool]
 _Parts = tuple[_Part, ...]
 
@@ -207,7 +207,7 @@ def _fixed(parts: _Parts) -> tuple[Node, ...]:
 
 
 def _merged(parts: _Parts, one: _Part) -> _Parts:
-    """Return parts with one in the place of the first fixed one, and no other fixed ones."""
+    """Return the parts with ``one`` in place of the first constant part, without the other constant parts."""
     at = next(i for i, part in enumerate(parts) if part[1])
     moving = [part for part in parts if not part[1]]
     return (*moving[:at], one, *moving[at:])

@@ -1,4 +1,4 @@
-"""Where a kernel loses digits: sums whose terms are much larger than what is left of them."""
+"""Loss of digits in a kernel: sums that are much smaller than their terms."""
 
 from __future__ import annotations
 
@@ -12,25 +12,25 @@ import mpmath
 from symgen.lowering.nodes import DIGITS, Node, Sum
 from symgen.lowering.tape import Tape
 
-#: Digits that a sum must lose to be worth a line.
+#: Minimum number of digits lost by a reported sum.
 LEAST = 0.5
 
 
 @dataclass(frozen=True, slots=True)
 class LostDigits:
-    """A sum that cancels, at one state.
+    """A cancelling sum at one state.
 
     Attributes
     ----------
     kernel, name
-        The kernel that holds it, and the assignment or ``array[index]`` that it belongs to.
+        The kernel and the assignment or ``array[index]`` that contain the sum.
     node
         The sum.
     here
-        Decimal digits it loses: terms over result, both by size.
+        Decimal digits lost in the sum: magnitude of the terms over that of the result.
     in_result
-        Digits that an entry of the results loses by the rounding of these terms: they times the derivative
-        of the entry, over the entry. Below zero where the terms do not matter to it.
+        Digits lost in a result by rounding of the terms: their magnitude times the derivative of the result,
+        over the result. Negative if the terms do not matter.
     """
 
     kernel: str
@@ -41,14 +41,14 @@ class LostDigits:
 
 
 def lost_digits(tape: Tape, values: list[Any], entry: int) -> Iterator[LostDigits]:
-    """Yield the sums that cancel on the way to one entry of ``out``, which must not be zero.
+    """Yield the cancelling sums that contribute to a nonzero entry of ``out``.
 
     Parameters
     ----------
     values
-        What :meth:`Tape.values` gave.
+        Result of :meth:`Tape.values`.
     entry
-        Place in ``out``.
+        Index in ``out``.
     """
     influence = tape.influence(values, entry)
     result = abs(float(values[tape.out[entry]]))

@@ -1,4 +1,4 @@
-"""A kernel: one straight-line function with its arguments, its results and its exact cost."""
+"""Kernels: straight-line functions with their arguments, results and operation counts."""
 
 from __future__ import annotations
 
@@ -6,16 +6,18 @@ from dataclasses import dataclass, field
 
 from symgen.lowering.nodes import Node, OperationCount, count
 
-#: The argument arrays of every kernel, in their fixed order.
+#: The argument arrays of every kernel, in order.
 ARRAYS = ("t", "q", "u", "p", "work", "out")
 
-#: Name of the kernel that is called once a run, before all others: see :mod:`symgen.lowering.binding_times`.
+#: The rank tolerance, until the number of entries before it in the parameters' array is known.
+RANK_TOLERANCE = "p[rank_tolerance]"
+#: Name of the kernel called once per run, before all others: see :mod:`symgen.lowering.binding_times`.
 SETUP = "setup"
 
 
 @dataclass(frozen=True, slots=True)
 class Slot:
-    """What one entry of an argument array means."""
+    """Meaning of one entry of an argument array."""
 
     name: str
     unit: str
@@ -32,7 +34,7 @@ class Assignment:
 
 @dataclass(frozen=True, slots=True)
 class Store:
-    """A result: the array and the place it is written to."""
+    """A result with the array and index where it is stored."""
 
     array: str
     index: int
@@ -41,7 +43,7 @@ class Store:
 
 @dataclass(frozen=True, slots=True)
 class Block:
-    """A named part of ``out`` (or ``work``): where it starts and what shape it has."""
+    """A named part of ``out`` (or ``work``) with its offset and shape."""
 
     name: str
     offset: int
@@ -56,11 +58,10 @@ class Block:
 class Kernel:
     """A straight-line program: loads, assignments, stores.
 
-    ``inputs`` gives the size of every argument array that its own program reads; an entry of one is the
-    reference ``array[index]``. All loads come before all stores, so ``work`` and ``out`` may be read and
-    written by the same kernel. ``first`` and ``then`` are kernels it calls before and after its own
-    program, with its own arguments. ``counts`` are its operations by kind, those of the kernels it calls
-    included.
+    ``inputs`` gives the size of every argument array that the kernel itself reads; the reference to an entry
+    is ``array[index]``. All loads precede all stores, so the same kernel may read and write ``work`` and
+    ``out``. ``first`` and ``then`` are kernels called before and after it with the same arguments.
+    ``counts`` are the operations by kind, including those of the called kernels.
     """
 
     name: str
@@ -79,7 +80,7 @@ class Kernel:
 
     @property
     def reads(self) -> dict[str, int]:
-        """Number of entries that it and the kernels it calls first read of each argument array."""
+        """Number of entries of each argument array read by the kernel and those it calls first."""
         sizes = dict(self.inputs)
         for kernel in self.first:
             sizes = {a: max(sizes.get(a, 0), n) for a, n in {**sizes, **kernel.reads}.items()}
@@ -101,9 +102,10 @@ class Kernel:
 class Program:
     """All kernels of one model, with the meaning of every argument.
 
-    ``pivots`` is where 'factor' leaves in ``work``, for every unknown, its pivot and the sum of its terms of
-    its own sign; 0 when there is no such kernel. ``rank_tolerance`` is what such a pivot keeps at most where
-    its multiplier is set to zero.
+    ``pivots`` is the offset in ``work`` where 'factor' stores, for every unknown, its pivot and the sum of
+    the terms with the pivot's sign; 0 without that kernel. A multiplier is set to zero if the ratio of the
+    two does not exceed ``rank_tolerance``, unless the caller overrides it: kernels read the tolerance from
+    ``p[tolerance_place]``, after all other entries; -1 if no kernel reads it.
     """
 
     name: str
@@ -114,15 +116,16 @@ class Program:
     rank_tolerance: str
     references: tuple[str, ...]
     left_out: tuple[str, ...]
+    tolerance_place: int = field(default=-1, repr=False)  # kernels that read it tell the place
 
     @property
     def setup(self) -> Kernel | None:
-        """The kernel that computes what depends on parameters alone, None where there is nothing to."""
+        """The kernel that evaluates terms of parameters only; None if there are no such terms."""
         return next((k for k in self.kernels if k.name == SETUP), None)
 
     @property
     def calls_functions(self) -> bool:
-        """Whether calls of sines, cosines and their like are much of what its kernels do."""
+        """Whether calls of mathematical functions make up much of the cost of its kernels."""
         counts = [k.counts for k in self.kernels]
         return 50 * sum(c.call for c in counts) > sum(c.flops for c in counts)
 

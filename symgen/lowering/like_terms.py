@@ -1,4 +1,4 @@
-"""Sums whose terms are multiples of the same products, collected where that takes fewer operations."""
+"""Collection of like terms in sums, where it reduces the number of operations."""
 
 from __future__ import annotations
 
@@ -18,18 +18,18 @@ from symgen.lowering.nodes import (
 )
 from symgen.lowering.straight_line import StraightLine
 
-#: Factors that are no numbers, sorted by name: what two like terms have in common.
+#: Non-numeric factors of a term, sorted by name: like terms share them.
 _Key = tuple[Node, ...]
 
 
 def fewest(line: StraightLine, plus: Iterable[Node], minus: Iterable[Node] = ()) -> Node:
-    """Return the sum of ``plus`` less ``minus``, as it stands or collected: whichever takes fewer operations.
+    """Return ``plus`` minus ``minus``, as given or collected, whichever takes fewer operations.
 
-    Names that ``line`` has for multiples of others are looked through: 3 x y less 2 x y is one product.
+    Names that stand for multiples of others are resolved: 3 x y - 2 x y is one product.
     """
     terms = [*plus, *map(negative, minus)]
     plain, collected = add(terms), _collected(line, terms)
-    # Of two that take as many, the one that does not wait for other assignments.
+    # If both take equally many, choose the one that does not depend on later assignments.
     return collected if count([collected]).flops <= count([plain]).flops else plain
 
 
@@ -70,7 +70,7 @@ def _is_negative(coefficient: Node) -> bool:
 
 
 def _split(line: StraightLine, term: Node) -> tuple[Node, _Key]:
-    """Return the number before a term and its other factors."""
+    """Return the numeric coefficient of a term and its other factors."""
     bare = line.looked_through(term)
     match bare:
         case Constant():

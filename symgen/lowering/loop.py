@@ -1,4 +1,4 @@
-"""A recursion over rods becomes loops: each step a straight-line kernel over one rod or point."""
+"""Loops from a recursion over rods: each step is a straight-line kernel over one rod or point."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from symgen.lowering.nodes import OperationCount, references
 from symgen.lowering.straight_line import Shared, StraightLine
 from symgen.symbolic.system import System
 
-#: The steps that every rod goes through in one evaluation of all accelerations.
+#: The steps performed for every rod in one evaluation of all accelerations.
 PER_ROD = ("length", "gather", "inward", "outward")
 
 
 class Recursion(Protocol):
-    """What a derivation hands over: steps over one rod or point, and what they are for."""
+    """Steps of a derivation over one rod or point, with their purpose."""
 
     @property
     def name(self) -> str:
@@ -23,24 +23,24 @@ class Recursion(Protocol):
 
     @property
     def title(self) -> str:
-        """What it models."""
+        """Title of the model."""
 
     @property
     def dimension(self) -> int:
-        """Components of a vector."""
+        """Number of vector components."""
 
     @property
     def steps(self) -> tuple[System, ...]:
-        """The steps, each a system of its own."""
+        """The steps, each a separate system."""
 
     @property
     def references(self) -> tuple[str, ...]:
-        """Sources of the equations."""
+        """References of the equations."""
 
 
 @dataclass(frozen=True, slots=True)
 class Result:
-    """What a step leaves, entry by entry; ``added`` when it is added to what stands there."""
+    """One result of a step, entry by entry; ``added`` if it accumulates."""
 
     name: str
     size: int
@@ -49,13 +49,13 @@ class Result:
 
     @property
     def added(self) -> bool:
-        """Whether the step adds to what stands there."""
+        """Whether the step adds to the stored values."""
         return self.name.startswith("add_")
 
 
 @dataclass(frozen=True, slots=True)
 class Step:
-    """One step: its kernel, and the meaning of all that it reads and leaves."""
+    """One step: its kernel, and the meaning of its arguments and results."""
 
     kernel: Kernel
     groups: tuple[tuple[str, str, tuple[Slot, ...]], ...]
@@ -63,14 +63,14 @@ class Step:
 
     @property
     def counts(self) -> OperationCount:
-        """Operations of one call, the additions to what stands there included."""
+        """Operations of one call, including the accumulating additions."""
         added = sum(r.size for r in self.results if r.added)
         return self.kernel.counts + OperationCount(add=added)
 
 
 @dataclass(frozen=True, slots=True)
 class Loops:
-    """All steps of a recursion, ready to be printed."""
+    """All lowered steps of a recursion."""
 
     name: str
     title: str
@@ -83,17 +83,17 @@ class Loops:
         return next(s for s in self.steps if s.kernel.name == name)
 
     def size(self, step: str, result: str) -> int:
-        """Return the number of entries that a step leaves in one of its results."""
+        """Return the number of entries in one result of a step."""
         return next(r.size for r in self.step(step).results if r.name == result)
 
     @property
     def per_rod(self) -> OperationCount:
-        """Operations for one rod in one evaluation of all accelerations."""
+        """Operations per rod in one evaluation of all accelerations."""
         return sum((self.step(name).counts for name in PER_ROD), OperationCount())
 
 
 def lower_recursion(recursion: Recursion) -> Loops:
-    """Turn every step of a recursion into a kernel."""
+    """Lower every step of a recursion to a kernel."""
     steps = tuple(_lower(step) for step in recursion.steps)
     return Loops(recursion.name, recursion.title, recursion.dimension, steps, recursion.references)
 

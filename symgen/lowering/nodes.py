@@ -1,6 +1,6 @@
-"""The expressions of a straight-line program: plain data, printed by every backend in the same shape.
+"""Expression nodes of a straight-line program: plain data, printed identically by every backend.
 
-What is printed and what is counted come from the same tree, so operation counts are exact.
+Printing and counting use the same tree, so operation counts are exact.
 """
 
 from __future__ import annotations
@@ -15,15 +15,19 @@ from decimal import Context, Decimal
 import sympy as sp
 
 from symgen.errors import DerivationError
+from symgen.symbolic.constants import rounded
+from symgen.symbolic.switch import Sign
 
-#: Digits of constants, and beyond them where :func:`keeping` asks for more.
+#: Default number of digits of constants, and the number of extra digits beyond those set by :func:`keeping`.
 DIGITS = 40
+#: Trailing digits in which rounded constants that should cancel may differ.
+_CANCELLED = 3
 _digits: ContextVar[int] = ContextVar("digits", default=DIGITS)
 
 
 @contextmanager
 def keeping(count: int) -> Iterator[None]:
-    """Keep at least so many digits of every constant lowered inside the block."""
+    """Keep at least ``count`` digits of every constant lowered inside the block."""
     before = _digits.set(max(DIGITS, count))
     try:
         yield
@@ -32,7 +36,7 @@ def keeping(count: int) -> Iterator[None]:
 
 
 def digits() -> int:
-    """Return how many digits of a constant are kept."""
+    """Return the current number of digits of constants."""
     return _digits.get()
 
 
@@ -42,7 +46,7 @@ def _exact() -> Context:
 
 @dataclass(frozen=True, slots=True)
 class Constant:
-    """A number, as decimal text of 40 significant digits or fewer; each precision rounds it once."""
+    """A number as decimal text of at most 40 significant digits; each precision rounds it once."""
 
     text: str
 
@@ -56,21 +60,21 @@ class Reference:
 
 @dataclass(frozen=True, slots=True)
 class Sum:
-    """Sum of two or more terms, from left to right; a :class:`Negative` behind the first is subtracted."""
+    """A sum of two or more terms, from left to right; a :class:`Negative` after the first is subtracted."""
 
     terms: tuple[Node, ...]
 
 
 @dataclass(frozen=True, slots=True)
 class Product:
-    """Product of two or more factors, from left to right."""
+    """A product of two or more factors, from left to right."""
 
     factors: tuple[Node, ...]
 
 
 @dataclass(frozen=True, slots=True)
 class Quotient:
-    """A division."""
+    """A quotient."""
 
     numerator: Node
     denominator: Node
@@ -85,7 +89,7 @@ class Negative:
 
 @dataclass(frozen=True, slots=True)
 class Call:
-    """A function of the mathematical library, by its C name for double precision."""
+    """A mathematical function, by its C name for double precision."""
 
     function: str
     arguments: tuple[Node, ...]
@@ -93,7 +97,9 @@ class Call:
 
 Node = Constant | Reference | Sum | Product | Quotient | Negative | Call
 
-#: SymPy functions a kernel may use, and their C names.
+#: Threshold of the sign function: smaller numbers have sign zero, larger ones exactly 1 or -1 in every type.
+LEAST_SIGNED = "1e-30"
+#: Supported SymPy functions, and their C names.
 FUNCTIONS: dict[type, str] = {
     sp.sin: "sin", sp.cos: "cos", sp.tan: "tan", sp.asin: "asin", sp.acos: "acos", sp.atan: "atan",
     sp.atan2: "atan2", sp.sinh: "sinh", sp.cosh: "cosh", sp.tanh: "tanh", sp.exp: "exp", sp.log: "log",
@@ -102,17 +108,19 @@ FUNCTIONS: dict[type, str] = {
 
 
 def constant(value: sp.Expr) -> Constant:
-    """Return a number with 40 significant digits, exactly zero or one where it is."""
+    """Return a number with 40 significant digits; exactly zero and integer one are recognised."""
     if value.is_Integer and abs(value) < 10**15:
         return Constant(str(int(value)))
-    number = sp.Float(value, digits()) if value.is_Rational else value.evalf(digits())
+    number = sp.Float(value, digits()) if value.is_Rational else rounded(value, digits())
+    if number == 0:
+        return ZERO
     if not number.is_Float:
         raise DerivationError(f"expected a finite real constant, got {value}")
     return Constant(sp.printing.StrPrinter({"full_prec": False}).doprint(number))
 
 
 def lower(expression: sp.Expr) -> Node:
-    """Turn a SymPy expression into a node."""
+    """Convert a SymPy expression to a node."""
     if expression.is_Symbol:
         return Reference(expression.name)
     if not expression.args or expression.is_number:
@@ -123,6 +131,9 @@ def lower(expression: sp.Expr) -> Node:
         return _product(expression)
     if expression.is_Pow:
         return _product(expression)
+    if expression.func is Sign:
+        value = lower(expression.args[0])
+        return Quotient(value, Call("fmax", (Call("fabs", (value,)), Constant(LEAST_SIGNED))))
     function = FUNCTIONS.get(expression.func)
     if function is None:
         raise DerivationError(f"no kernel function for {expression.func.__name__}")
@@ -179,8 +190,8 @@ ZERO, ONE = Constant("0"), Constant("1")
 
 
 def add(plus: Iterable[Node], minus: Iterable[Node] = ()) -> Node:
-    """Return the sum of ``plus`` less ``minus``, with constants folded and signs drawn in."""
-    known = Decimal(0)
+    """Return ``plus`` minus ``minus``, with constants folded and signs absorbed."""
+    known, largest = Decimal(0), Decimal(0)
     above: list[Node] = []
     below: list[Node] = []
     for terms, sign, same, other in ((plus, 1, above, below), (minus, -1, below, above)):
@@ -188,11 +199,12 @@ def add(plus: Iterable[Node], minus: Iterable[Node] = ()) -> Node:
             if isinstance(term, Constant):
                 value = Decimal(term.text)
                 known = _exact().add(known, value if sign > 0 else value.copy_negate())
+                largest = max(largest, abs(value))
             elif isinstance(term, Negative):
                 other.append(term.value)
             else:
                 same.append(term)
-    if known:
+    if abs(known) > largest.scaleb(_CANCELLED - digits()):  # a smaller sum is rounding error of a zero
         (above if known > 0 or not above else below).insert(
             0, _decimal(known if known > 0 or not above else known.copy_negate())
         )
@@ -202,7 +214,7 @@ def add(plus: Iterable[Node], minus: Iterable[Node] = ()) -> Node:
 
 
 def less(start: Node, terms: Iterable[Node]) -> Node:
-    """Return ``start`` less all terms, in their order: those that are ready last are best taken last."""
+    """Return ``start`` minus all terms, in order; terms that become available last should come last."""
     signed = [negative(term) for term in terms]
     if start != ZERO:
         signed.insert(0, start)
@@ -215,7 +227,7 @@ def less(start: Node, terms: Iterable[Node]) -> Node:
 
 
 def multiply(a: Node, b: Node) -> Node:
-    """Return the product of two nodes, with constants folded and signs drawn out."""
+    """Return the product of two nodes, with constants folded and signs factored out."""
     if isinstance(a, Negative) or isinstance(b, Negative):
         bare = multiply(*(x.value if isinstance(x, Negative) else x for x in (a, b)))
         return bare if isinstance(a, Negative) and isinstance(b, Negative) else negative(bare)
@@ -232,18 +244,18 @@ def multiply(a: Node, b: Node) -> Node:
 
 
 def reciprocal(a: Node) -> Node:
-    """Return one over a node."""
+    """Return the reciprocal of a node."""
     if isinstance(a, Constant):
         return _decimal(_exact().divide(Decimal(1), Decimal(a.text)))
     return negative(reciprocal(a.value)) if isinstance(a, Negative) else Quotient(ONE, a)
 
 
-#: The function that templates define beside those of the mathematical library.
+#: The function defined by the templates in addition to the mathematical library.
 GUARDED_INVERSE = "guarded_inverse"
 
 
 def guarded_reciprocal(pivot: Node, sound: Node, tolerance: Node) -> Node:
-    """Return one over a pivot, or zero where no more than ``tolerance`` of its sound part is left."""
+    """Return the reciprocal of a pivot, or zero if it is at most ``tolerance`` times its sound part."""
     return Call(GUARDED_INVERSE, (pivot, sound, tolerance))
 
 
@@ -264,7 +276,7 @@ def _decimal(value: Decimal) -> Constant:
 
 
 def signs(node: Sum) -> tuple[int, ...]:
-    """Return with which sign each part of a sum stands in it: -1 of what is subtracted."""
+    """Return the sign of each term of a sum: -1 if it is subtracted."""
     return (1, *(-1 if isinstance(term, Negative) else 1 for term in node.terms[1:]))
 
 
@@ -273,7 +285,7 @@ KINDS = ("add", "mul", "div", "neg", "call")
 
 @dataclass(frozen=True, slots=True)
 class OperationCount:
-    """How many operations a program executes, by kind; additions include subtractions."""
+    """Operations of a program by kind; additions include subtractions."""
 
     add: int = 0
     mul: int = 0
@@ -283,7 +295,7 @@ class OperationCount:
 
     @property
     def flops(self) -> int:
-        """Floating-point operations: all kinds but the changes of sign, which cost a bit flip."""
+        """Floating-point operations: all kinds except changes of sign, which cost a bit flip."""
         return self.add + self.mul + self.div + self.call
 
     def __add__(self, other: OperationCount) -> OperationCount:
@@ -295,7 +307,7 @@ class OperationCount:
 
 
 def children(node: Node) -> tuple[Node, ...]:
-    """Return the parts of a node, in the order in which they are printed."""
+    """Return the operands of a node in printing order."""
     match node:
         case Sum((first, *others)):
             return (first, *(term.value if isinstance(term, Negative) else term for term in others))
@@ -311,12 +323,12 @@ def children(node: Node) -> tuple[Node, ...]:
 
 
 def rename(node: Node, names: Mapping[str, str]) -> Node:
-    """Return a node with some of the names it reads replaced."""
+    """Return a node with some referenced names replaced."""
     return _mapped(node, lambda name: Reference(names.get(name, name)))
 
 
 def insert(node: Node, values: Mapping[str, Node]) -> Node:
-    """Return a node with some of the names it reads replaced by what they stand for."""
+    """Return a node with some referenced names replaced by expressions."""
     return _mapped(node, lambda name: values[name] if name in values else Reference(name))
 
 
@@ -341,7 +353,7 @@ def _mapped(node: Node, read: Callable[[str], Node]) -> Node:
 
 
 def count(nodes: Iterable[Node]) -> OperationCount:
-    """Count the operations of some expressions."""
+    """Count the operations of expressions."""
     total: Counter[str] = Counter()
     waiting = list(nodes)
     while waiting:
@@ -363,7 +375,7 @@ def count(nodes: Iterable[Node]) -> OperationCount:
 
 
 def calls(nodes: Iterable[Node]) -> dict[str, int]:
-    """Return the functions that some expressions call, each with how many arguments it takes."""
+    """Return the functions called in expressions, with their numbers of arguments."""
     found: dict[str, int] = {}
     waiting = list(nodes)
     while waiting:
@@ -375,7 +387,7 @@ def calls(nodes: Iterable[Node]) -> dict[str, int]:
 
 
 def references(nodes: Iterable[Node]) -> list[str]:
-    """Return the names that some expressions read, each once, in the order of first use."""
+    """Return the names read by expressions, without repetition, in order of first use."""
     found: dict[str, None] = {}
     waiting = list(nodes)[::-1]
     while waiting:

@@ -1,4 +1,4 @@
-"""The whole lowering: System -> Program."""
+"""The complete lowering of a System to a Program."""
 
 from __future__ import annotations
 
@@ -6,15 +6,15 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from symgen.lowering.binding_times import with_setup
-from symgen.lowering.kernel import Block, Kernel, Program, Slot, Store
-from symgen.lowering.nodes import Constant, Node, Reference, references, rename
+from symgen.lowering.kernel import RANK_TOLERANCE, SETUP, Block, Kernel, Program, Slot, Store
+from symgen.lowering.nodes import Node, Reference, references, rename
 from symgen.lowering.sparse_ldlt import Factor, factor, solve
 from symgen.lowering.straight_line import Shared, StraightLine
 from symgen.symbolic.system import Export, NamedMatrix, SaddlePoint, System
 
 
 def lower_system(system: System) -> Program:
-    """Turn every export of a system, and the solution of its equations of motion, into kernels."""
+    """Lower every export of a system, and the solution of its equations of motion, to kernels."""
     point = system.saddle_point
     names = dict.fromkeys(name for export in system.exports for name in export.matrices)
     if point:
@@ -26,15 +26,46 @@ def lower_system(system: System) -> Program:
         (g.name, g.description, tuple(Slot(x.name, x.unit, x.description) for x in g.quantities))
         for g in system.groups
     )
+    parameters = system.group("p")
+    kernels = list(with_setup(kernels, parameters))
+    behind = sum(k.out_size for k in kernels if k.name == SETUP)
+    place = len(parameters.quantities) + behind if point and not point.independent else -1
     return Program(
         name=system.name,
         title=system.title,
         groups=groups,
-        kernels=with_setup(kernels, system.group("p")),
+        kernels=_with_tolerance(kernels, place),
         pivots=lowering.pivots,
         rank_tolerance=point.rank_tolerance if point else "0",
+        tolerance_place=place,
         references=system.references,
         left_out=system.left_out,
+    )
+
+
+def _with_tolerance(kernels: Sequence[Kernel], place: int) -> tuple[Kernel, ...]:
+    """Return kernels that read the rank tolerance from ``p[place]``, behind all other entries."""
+    made: dict[str, Kernel] = {}
+
+    def read(kernel: Kernel) -> Kernel:
+        if kernel.name not in made:
+            first, then = (tuple(map(read, called)) for called in (kernel.first, kernel.then))
+            made[kernel.name] = replace(_placed(kernel, place), first=first, then=then)
+        return made[kernel.name]
+
+    return tuple(map(read, kernels))
+
+
+def _placed(kernel: Kernel, place: int) -> Kernel:
+    values = [a.value for a in kernel.assignments] + [s.value for s in kernel.stores]
+    if RANK_TOLERANCE not in references(values):
+        return kernel
+    names = {RANK_TOLERANCE: f"p[{place}]"}
+    return replace(
+        kernel,
+        inputs=tuple((array, place + 1 if array == "p" else size) for array, size in kernel.inputs),
+        assignments=tuple(replace(a, value=rename(a.value, names)) for a in kernel.assignments),
+        stores=tuple(replace(s, value=rename(s.value, names)) for s in kernel.stores),
     )
 
 
@@ -50,7 +81,7 @@ class _Lowering:
         )
 
     def solution(self, point: SaddlePoint) -> list[Kernel]:
-        """Return 'factor' and 'solve', for many right-hand sides, and 'accelerations', which calls them."""
+        """Return 'factor', 'solve' (for repeated right-hand sides), and 'accelerations', which calls both."""
         n, m = self.system[point.mass].matrix.rows, self.system[point.jacobian].matrix.rows
         labels = tuple(x.name for x in self.system.group("work").quantities)
         masses, jacobian = self.shared.entries[point.mass], self.shared.entries[point.jacobian]
@@ -60,7 +91,7 @@ class _Lowering:
 
         line = StraightLine(self.shared.values)
         named = {ij: line.name(value, f"k{ij[0]}_{ij[1]}") for ij, value in entries.items()}
-        tolerance = None if point.independent else Constant(point.rank_tolerance)
+        tolerance = None if point.independent else Reference(RANK_TOLERANCE)
         factors = factor(line, named, point.order, n, labels, tolerance)
         stored = _stored(factors)
         health = [e for k in range(n + m) for e in (factors.pivot[k], factors.sound[k])]
@@ -129,6 +160,6 @@ def _blocks(matrices: Sequence[NamedMatrix]) -> tuple[Block, ...]:
 
 
 def _stored(factors: Factor) -> list[Reference]:
-    """Return the distinct values that 'solve' needs from 'factor'."""
+    """Return the distinct values that 'solve' reads from 'factor'."""
     used = [*(factors.inverse[k] for k in factors.order), *factors.lower.values()]
     return [Reference(name) for name in references(used)]

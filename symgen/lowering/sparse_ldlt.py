@@ -1,9 +1,9 @@
-"""Sparse L D L^T of a symmetric matrix as straight-line code, in an order fixed when it is generated.
+"""Sparse L D L^T of a symmetric matrix as straight-line code, with an elimination order fixed in advance.
 
-For [M J^T; J 0] in spanning-tree order, or all coordinates first, the pivots vanish only where J loses rank,
-so no pivoting is needed. The factorisation reports, for every unknown, its pivot and the part of it that
-cannot cancel: their ratio tells how near to losing rank the configuration is. A multiplier whose pivot
-cancelled is set to zero: its row follows from those before it.
+For [M J^T; J 0] in spanning-tree order, or with all coordinates first, the pivots vanish only if J loses
+rank, so no pivoting is needed. The factorisation reports, for every unknown, its pivot and the part of it
+that cannot cancel: their ratio measures the distance from a loss of rank. A multiplier whose pivot has
+cancelled is set to zero: its row depends on the earlier ones.
 """
 
 from __future__ import annotations
@@ -21,9 +21,9 @@ _Taken = dict[tuple[int, int], list[tuple[int, Node]]]
 
 @dataclass(frozen=True, slots=True)
 class Factor:
-    """The factors, as atoms: ``inverse[k]`` is 1/D_k, ``lower[i, k]`` the nonzero L_ik below the diagonal.
+    """Factors as atoms: ``inverse[k]`` is 1/D_k, ``lower[i, k]`` the nonzero L_ik below the diagonal.
 
-    ``pivot[k]`` is D_k, ``sound[k]`` the sum of its terms that have its own sign; ``watched`` tells whether
+    ``pivot[k]`` is D_k, ``sound[k]`` the sum of its terms with the sign of the pivot; ``watched`` is True if
     some pivot may vanish.
     """
 
@@ -43,26 +43,26 @@ def factor(
     labels: Sequence[str],
     tolerance: Node | None,
 ) -> Factor:
-    """Factorise, adding the assignments to ``line``.
+    """Factorise, appending the assignments to ``line``.
 
     Parameters
     ----------
     entries
         Nonzero entries (i, j), either triangle or both, as atoms or small expressions.
     order
-        The elimination order of all unknowns.
+        Elimination order of all unknowns.
     primal
-        Unknowns below this number are coordinates (positive pivots), the others multipliers (negative).
+        Number of coordinates, which come first (positive pivots); multipliers follow (negative pivots).
     labels
-        Names of the unknowns, for the error.
+        Names of the unknowns, for error messages.
     tolerance
-        A multiplier whose pivot keeps no more of its sound part is zero. None where no multiplier's pivot can
-        vanish: all of it is sound.
+        A multiplier is zero if the ratio of its pivot to the sound part does not exceed this. None if no
+        multiplier's pivot can vanish.
 
     Raises
     ------
     DerivationError
-        When a pivot is zero by structure: nothing determines that unknown.
+        If a pivot is structurally zero: the unknown is undetermined.
     """
     place = {k: i for i, k in enumerate(order)}
     kept: dict[tuple[int, int], list[Node]] = {}
@@ -81,11 +81,11 @@ def factor(
     watched = tolerance is not None
 
     def total(plus: Iterable[Node], minus: Iterable[Node] = ()) -> Node:
-        # Where pivots may nearly vanish what cancels is left as it stands: see `solve`.
+        # If pivots may nearly vanish, cancelling terms are not collected: see `solve`.
         return add(plus, minus) if watched else fewest(line, plus, minus)
 
     for k in order:
-        # Terms from unknowns of the other kind have the sign of this pivot; those of its own kind cancel.
+        # Terms from unknowns of the other kind have the sign of this pivot; those of the same kind cancel.
         of_sign = total(kept.get((k, k), ()), _of_kind(taken, k, primal, same=False))
         if of_sign == ZERO:
             raise DerivationError(f"nothing determines {labels[k]}: its pivot is zero whatever the state")
@@ -119,10 +119,11 @@ def _of_kind(taken: _Taken, k: int, primal: int, *, same: bool) -> list[Node]:
 
 
 def solve(line: StraightLine, factors: Factor, rhs: Sequence[Node]) -> list[Node]:
-    """Solve with the factors, adding the assignments to ``line``; return the solution as atoms.
+    """Solve with the factors, appending the assignments to ``line``; return the solution as atoms.
 
-    What is ready last is taken last, so that nothing waits. Not so where pivots may nearly vanish: large
-    terms cancel there, and with those of one sign first runs come nearer to a loss of rank.
+    Terms that become available last are subtracted last, to shorten dependency chains. If pivots may nearly
+    vanish, terms of one sign come first instead: with large cancelling terms, runs then get closer to a
+    loss of rank.
     """
     rows: dict[int, list[int]] = {k: [] for k in factors.order}
     columns: dict[int, list[int]] = {k: [] for k in factors.order}

@@ -1,4 +1,4 @@
-"""Shared subexpressions become assignments, in order, only those that a result needs."""
+"""Assignments of shared subexpressions, in order, restricted to those that a result needs."""
 
 from __future__ import annotations
 
@@ -20,56 +20,83 @@ from symgen.lowering.nodes import (
     references,
     rename,
 )
+from symgen.symbolic.constants import rounded
 from symgen.symbolic.system import System
 
 
 def fold(expression: sp.Expr) -> sp.Expr:
-    """Evaluate every irrational constant inside an expression to 40 digits or more; rationals stay exact."""
+    """Round every irrational constant in an expression to at least 40 digits; rationals stay exact.
+
+    Constants that are added or multiplied are rounded together, so exact cancellation gives zero.
+    """
     if expression.is_Symbol or expression.is_Rational:
         return expression
-    if expression.is_Atom:
-        return expression.evalf(digits())
-    if not expression.free_symbols:
-        return expression if expression.is_Rational else expression.evalf(digits())
-    old = expression.args
+    if expression.is_number:
+        return rounded(expression, digits())
+    old = _collected(expression.args) if expression.is_Add else expression.args
+    if expression.is_Add or expression.is_Mul:
+        numbers = [a for a in old if a.is_number]
+        if len(numbers) > 1:
+            old = (expression.func(*numbers), *(a for a in old if not a.is_number))
     new = [fold(a) for a in old]
-    return expression if all(a is b for a, b in zip(old, new, strict=True)) else expression.func(*new)
+    kept = len(new) == len(expression.args) and all(a is b for a, b in zip(expression.args, new, strict=True))
+    return expression if kept else expression.func(*new)
+
+
+def _collected(terms: Sequence[sp.Expr]) -> Sequence[sp.Expr]:
+    """Return the terms of a sum, with irrational multiples of the same factors combined."""
+    numbers = [[f for f in sp.Mul.make_args(term) if f.is_number] for term in terms]
+    if all(f.is_Rational for factors in numbers for f in factors):
+        return terms
+    alike: dict[sp.Expr, list[int]] = {}
+    for i, (term, factors) in enumerate(zip(terms, numbers, strict=True)):
+        bare = sp.Mul(*(f for f in sp.Mul.make_args(term) if not f.is_number)) if factors else term
+        alike.setdefault(bare, []).append(i)
+    return [
+        terms[same[0]] if len(same) == 1 else sp.Add(*(sp.Mul(*numbers[i]) for i in same)) * bare
+        for bare, same in alike.items()
+    ]
 
 
 def _definitions(system: System) -> tuple[dict[sp.Symbol, sp.Expr], dict[sp.Symbol, sp.Expr]]:
-    """Return what definitions stand for: those that the arguments decide, and those that are numbers."""
+    """Return the definitions that depend on arguments, and those that are numbers."""
     found: dict[sp.Symbol, sp.Expr] = {}
     numbers: dict[sp.Symbol, sp.Expr] = {}
     for definition in system.definitions:
-        value = fold(definition.expression.xreplace(numbers))
-        (numbers if value.is_number else found)[definition.quantity.symbol] = value
+        exact = definition.expression.xreplace(numbers)
+        value = fold(exact)
+        # Substitute the exact number: after rounding, it would not cancel against others.
+        if value.is_number:
+            numbers[definition.quantity.symbol] = value if value.is_Rational else exact
+        else:
+            found[definition.quantity.symbol] = value
     return found, numbers
 
 
 class Shared:
     """All matrices of a system over one set of named subexpressions.
 
-    ``values`` holds the named subexpressions, ``entries[name]`` the entries of a matrix, row by row.
+    ``values`` are the named subexpressions, ``entries[name]`` the entries of a matrix in row-major order.
     """
 
     def __init__(self, system: System, names: Sequence[str]) -> None:
         definitions, numbers = _definitions(system)
         expressions = {name: [fold(e.xreplace(numbers)) for e in system[name].matrix] for name in names}
-        # Whole subtrees only: the search for common parts of sums and products takes longer than the rest
-        # of the lowering, and finds next to nothing where the derivation already names what it shares.
+        # Whole subtrees only: searching for common parts of sums and products takes longer than the rest
+        # of the lowering, and finds almost nothing if the derivation already names shared terms.
         found, shared = tree_cse(
             [*definitions.values()] + [e for entries in expressions.values() for e in entries],
             sp.numbered_symbols("c", real=True),
             order="none",
         )
-        # A shared subexpression that is a definition as a whole goes by the definition's name.
+        # A shared subexpression that equals a definition keeps the definition's name.
         own: dict[sp.Symbol, str] = {}
         temporaries = {s for s, _ in found}
         for symbol, value in zip(definitions, shared, strict=False):
             if value in temporaries and value not in own:
                 own[value] = symbol.name
         titles = {s.name: name for s, name in own.items()}
-        # Arguments go by their place in the arrays, which no name that is made here or there can equal.
+        # Arguments are named by their array index, which cannot coincide with any other name.
         for group in system.groups:
             titles.update((x.name, f"{group.name}[{i}]") for i, x in enumerate(group.quantities))
         nodes = (rename(lower(e), titles) for e in shared)
@@ -84,14 +111,14 @@ class Shared:
 
 
 class StraightLine:
-    """Collects assignments on top of shared ones; equal expressions get one name."""
+    """Collects assignments on top of shared ones; equal expressions share one name."""
 
     def __init__(self, shared: Mapping[str, Node] | None = None) -> None:
         self._values: dict[str, Node] = dict(shared or {})
         self._names: dict[Node, Reference] = {}
 
     def name(self, node: Node, name: str) -> Node:
-        """Return an atom, or its negative: the value itself, an earlier assignment of it, or a new one."""
+        """Return the atom of a node, or its negative: the value itself, or an existing or new assignment."""
         if isinstance(node, Constant | Reference):
             return node
         if isinstance(node, Negative):
@@ -103,7 +130,7 @@ class StraightLine:
         return known
 
     def looked_through(self, node: Node) -> Node:
-        """Return what a name stands for where that is another name or a multiple of one; else the node."""
+        """Return the definition of a name that stands for another name or its multiple; else the node."""
         while isinstance(node, Reference) and node.name in self._values:
             value = self._values[node.name]
             bare = value.value if isinstance(value, Negative) else value
@@ -117,7 +144,7 @@ class StraightLine:
         return node
 
     def assignments(self, results: Iterable[Node]) -> tuple[Assignment, ...]:
-        """Return the assignments that the results need, each after those it reads."""
+        """Return the assignments that the results need, in order of dependency."""
         done: dict[str, None] = {}
         waiting = [(name, False) for name in reversed(references(results)) if name in self._values]
         while waiting:

@@ -1,4 +1,4 @@
-"""A kernel operation by operation: its values in many digits, and the slopes of its results."""
+"""Operation list of a kernel: values with many digits, and derivatives of its results."""
 
 from __future__ import annotations
 
@@ -33,10 +33,10 @@ Number = Any  # mpmath has no types
 
 @dataclass(frozen=True, slots=True)
 class Operation:
-    """One operation on the results of earlier ones, by their places on the tape.
+    """One operation on the results of earlier ones, given by their indices on the tape.
 
-    ``node`` is what it computes; a reference to an argument array is an input. ``kernel`` and ``name``
-    say where it stands: the kernel that holds it, and the assignment or ``array[index]`` it belongs to.
+    ``node`` is the operation; a reference to an argument array is an input. ``kernel`` and ``name`` identify
+    its origin: the kernel, and the assignment or ``array[index]`` in which it occurs.
     """
 
     node: Node
@@ -46,13 +46,16 @@ class Operation:
 
 
 class Tape:
-    """All operations of a kernel and of those that it calls, in order; ``setup`` is called before them.
+    """All operations of a kernel and the kernels it calls, in order, preceded by those of ``setup``.
 
-    ``out`` gives the place of every entry of ``out``; ``inputs`` the place of every entry that is read
-    before anything is written to it, by array and index.
+    ``out`` maps every entry of ``out``, and ``inputs`` every entry that is read before it is written, by
+    array and index, to its index on the tape. ``fixed`` entries of arrays are numbers.
     """
 
-    def __init__(self, kernel: Kernel, setup: Kernel | None = None) -> None:
+    def __init__(
+        self, kernel: Kernel, setup: Kernel | None = None, fixed: Mapping[str, str] | None = None
+    ) -> None:
+        self._fixed = dict(fixed or {})
         self.operations: list[Operation] = []
         self.inputs: dict[tuple[str, int], int] = {}
         self._arrays: dict[str, int] = {}
@@ -72,7 +75,7 @@ class Tape:
         for a in kernel.assignments:
             known[a.target] = self._place(a.value, known, kernel.name, a.target)
         stored = [(f"{s.array}[{s.index}]", s.value) for s in kernel.stores]
-        # All loads come before all stores.
+        # All loads precede all stores.
         self._arrays |= {name: self._place(value, known, kernel.name, name) for name, value in stored}
         for called in kernel.then:
             self._append(called)
@@ -85,6 +88,9 @@ class Tape:
         return len(self.operations) - 1
 
     def _load(self, node: Reference, kernel: str) -> int:
+        if node.name in self._fixed:
+            self.operations.append(Operation(Constant(self._fixed[node.name]), (), kernel, node.name))
+            return len(self.operations) - 1
         if node.name not in self._arrays:
             array, _, index = node.name.rstrip("]").partition("[")
             self.operations.append(Operation(node, (), kernel, node.name))
@@ -93,7 +99,7 @@ class Tape:
         return self._arrays[node.name]
 
     def values(self, arguments: Mapping[str, Any]) -> list[Number]:
-        """Return the result of every operation at these arrays, to 40 digits."""
+        """Return the result of every operation for these arrays, to 40 digits."""
         known: dict[int, Number] = {
             place: number(arguments[array][index]) for (array, index), place in self.inputs.items()
         }
@@ -181,11 +187,12 @@ _OF_MPMATH = "sin cos tan asin acos atan atan2 sinh cosh tanh exp log sqrt"
 _FUNCTIONS: dict[str, Callable[..., Number]] = {
     **{name: getattr(mpmath, name) for name in _OF_MPMATH.split()},
     "fabs": abs,
+    "fmax": max,
     "pow": mpmath.power,
     GUARDED_INVERSE: _guarded,
 }
 
-#: Derivatives of each function by its arguments, from its value and these.
+#: Partial derivatives of each function, from its value and its arguments.
 _DERIVATIVES: dict[str, Callable[..., tuple[Number, ...]]] = {
     "sin": lambda _, x: (mpmath.cos(x),),
     "cos": lambda _, x: (-mpmath.sin(x),),
@@ -201,6 +208,7 @@ _DERIVATIVES: dict[str, Callable[..., tuple[Number, ...]]] = {
     "log": lambda _, x: (1 / x,),
     "sqrt": lambda f, _: (1 / (2 * f) if f else mpmath.mpf(0),),
     "fabs": lambda _, x: (mpmath.sign(x),),
+    "fmax": lambda f, x, _: (1, 0) if f == x else (0, 1),
     "pow": lambda f, x, n: (n * x ** (n - 1), f * mpmath.log(x) if x > 0 else mpmath.mpf(0)),
     GUARDED_INVERSE: lambda f, *_: (-f * f, 0, 0),
 }

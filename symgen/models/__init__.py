@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING
 from symgen.elements import ELEMENTS
 
 if TYPE_CHECKING:
-    from symgen.mechanics.recursion import Recursion
+    from symgen.mechanics.rods.recursion import Recursion
     from symgen.symbolic.system import System
 
-# Each imports its derivation when it is asked for it: what is loaded is what its kernels depend on.
+# Derivations are imported on first use, since kernels depend on all loaded modules.
 
 
 def _rod(dimension: int) -> System:
@@ -22,37 +22,37 @@ def _rod(dimension: int) -> System:
 
 
 def _chain(dimension: int) -> Recursion:
-    from symgen.mechanics.recursion import chain_recursion
+    from symgen.mechanics.rods.recursion import chain_recursion
 
     return chain_recursion(dimension)
 
 
 def _rigid_element() -> System:
-    from symgen.models.rigid_element import rigid_element_system
+    from symgen.models.elastic.rigid_element import rigid_element_system
 
     return rigid_element_system()
 
 
 def _of_loop(name: str) -> System:
-    from symgen.models import loop_blocks
+    from symgen.models.loop import blocks as loop_blocks
 
     made: System = getattr(loop_blocks, f"{name}_system")()
     return made
 
 
 def _element(name: str) -> System:
-    from symgen.models.elastic_element import elastic_element_system
+    from symgen.models.elastic.element import elastic_element_system
 
     return elastic_element_system(ELEMENTS[name])
 
 
 def _elastic_derivation() -> System:
-    from symgen.models.elastic_derivation import elastic_derivation_system
+    from symgen.models.elastic.derivation import elastic_derivation_system
 
     return elastic_derivation_system()
 
 
-#: Building blocks whose kernels are shipped, by name: one line each, and one for each element.
+#: Building blocks by name: one line each, and one for each element.
 BLOCKS: dict[str, Callable[[], System]] = {
     **{f"element_{name}": partial(_element, name) for name in ELEMENTS},
     "rod": lambda: _rod(2),
@@ -62,6 +62,10 @@ BLOCKS: dict[str, Callable[[], System]] = {
     "loop_screws": lambda: _of_loop("loop_screws"),
     "loop_inertia": lambda: _of_loop("loop_inertia"),
 }
+
+#: Building blocks that runs call: their kernels are committed under ``generated/`` and compiled at install.
+#: The others are for inspection, and compiled nowhere.
+SHIPPED_BLOCKS = (*(f"element_{name}" for name in ELEMENTS), "rigid_element", "loop_row")
 
 #: Steps of the derivation of a building block, for inspection, by the block's name.
 DERIVATIONS: dict[str, Callable[[], System]] = {f"element_{name}": _elastic_derivation for name in ELEMENTS}

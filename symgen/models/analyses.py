@@ -1,22 +1,22 @@
-"""What is derived besides the equations of motion, by the kind of analysis that needs it."""
+"""Systems of the analyses other than the motion in time, by kind."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-from symgen.errors import SceneError
-from symgen.models.linearised import kinematics_system, statics_system
+from symgen.errors import ModelError, SceneError, nearest
+from symgen.models.rods.linearised import kinematics_system, statics_system
 from symgen.models.tangent import tangent_system
 
 if TYPE_CHECKING:
-    from symgen.scene.linkage import Linkage
+    from symgen.scene.rods.linkage import Linkage
     from symgen.symbolic.system import System
 
 
 def _elastic(name: str) -> Callable[[Linkage], System]:
     def system(linkage: Linkage) -> System:
-        from symgen.models import elastic  # rigid linkages do not need it
+        from symgen.models.elastic import links as elastic
 
         made: System = getattr(elastic, name)(linkage)
         return made
@@ -25,7 +25,7 @@ def _elastic(name: str) -> Callable[[Linkage], System]:
 
 
 def _forces(linkage: Linkage) -> System:
-    from symgen.models.rigid_forces import rigid_forces_system  # no run needs it
+    from symgen.models.elastic.rigid_forces import rigid_forces_system  # no run needs it
 
     return rigid_forces_system(linkage)
 
@@ -53,9 +53,13 @@ def analysis_system(linkage: Linkage, kind: str) -> System:
 
     Raises
     ------
+    ModelError
+        When there is no analysis of this kind.
     SceneError
         As for the equations of motion of the same linkage.
     """
+    if kind not in ANALYSES:
+        raise ModelError(f"there is no analysis {kind!r}. {nearest(kind, ANALYSES)}")
     try:
         return ANALYSES[kind](linkage)
     except SceneError as error:

@@ -1,4 +1,4 @@
-"""The same linkage with nothing known of it beforehand: what its numbers save is counted against it."""
+"""A linkage with all numbers replaced by parameters, as a reference for the savings by known numbers."""
 
 from __future__ import annotations
 
@@ -6,10 +6,10 @@ from dataclasses import replace
 
 import sympy as sp
 
-from symgen.scene.linkage import Linkage, Parameter, RigidLink
+from symgen.scene.rods.linkage import Linkage, Parameter, RigidLink
 from symgen.symbolic.quantity import quantity
 
-#: What of a link may be any number, and its unit.
+#: Properties of a link that become parameters, with their units.
 _OF_LINKS = {"length": "m", "mass": "kg", "centre": "1", "offset": "m", "inertia": "kg*m^2"}
 
 

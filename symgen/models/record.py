@@ -1,4 +1,4 @@
-"""The derivation of a model step by step, in the order of its source, with the source's equation numbers."""
+"""Derivation of a model step by step, in the order of its source, with the equation numbers of the source."""
 
 from __future__ import annotations
 
@@ -7,16 +7,17 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from symgen.errors import DerivationError
+from symgen.methods import method_of
 from symgen.symbolic.system import NamedMatrix, System
 
 if TYPE_CHECKING:
-    from symgen.scene.linkage import Linkage
-    from symgen.scene.loop import Loop
+    from symgen.scene.loop.loop import Loop
+    from symgen.scene.rods.linkage import Linkage
 
 
 @dataclass(frozen=True, slots=True)
 class Step:
-    """One step: what is done, where the source has it, and the matrices of ``system`` that it gives."""
+    """One step of a derivation: description, source, and its matrices of ``system``."""
 
     title: str
     about: str
@@ -26,21 +27,22 @@ class Step:
 
     @property
     def matrices(self) -> tuple[NamedMatrix, ...]:
-        """What the step gives."""
+        """Matrices of the step."""
         return tuple(self.system[name] for name in self.names)
 
 
 def record(resolved: Linkage | Loop, system: System) -> tuple[Step, ...]:
     """Return the record of a scene whose System is ``system``; elastic links have their own behind it."""
-    from symgen.scene.loop import Loop
-
-    if isinstance(resolved, Loop):
-        return tuple(_of_loop(system))
-    rigid = tuple(_of_linkage(resolved, system))
-    return (*rigid, *elastic_record()) if resolved.elastic else rigid
+    steps: tuple[Step, ...] = tuple(method_of(resolved).load("record")(resolved, system))
+    return steps
 
 
-def _of_linkage(linkage: Linkage, system: System) -> Iterator[Step]:
+def of_elastic(linkage: Linkage, system: System) -> tuple[Step, ...]:
+    """Return the record of a linkage and behind it that of its elastic links."""
+    return (*of_linkage(linkage, system), *elastic_record())
+
+
+def of_linkage(linkage: Linkage, system: System) -> Iterator[Step]:
     """Particles, energies, constraints, rows."""
     masses = _masses(linkage)
     with_masses = replace(system, matrices=(*system.matrices, *masses))
@@ -73,7 +75,7 @@ def _of_linkage(linkage: Linkage, system: System) -> Iterator[Step]:
     yield Step(
         "Mass matrix and forces",
         "The Hessian of the kinetic energy by the velocities, and minus the gradient of the potential with "
-        "what the other loads add.",
+        "the work of the other loads.",
         "from the energies",
         system,
         ("mass_matrix", "force"),
@@ -81,7 +83,7 @@ def _of_linkage(linkage: Linkage, system: System) -> Iterator[Step]:
     if system["constraints"].matrix.rows:
         yield Step(
             "Constraints",
-            "One row for each bond: the length of a rod, (d·d − l²)/2 = 0; a point on a line; a prescribed "
+            "One row per constraint: the length of a rod, (d·d − l²)/2 = 0; a point on a line; a prescribed "
             "direction. Jacobian and right side follow by differentiation.",
             "Attia, Eqs. (3a) halved and (16b)",
             system,
@@ -92,9 +94,9 @@ def _of_linkage(linkage: Linkage, system: System) -> Iterator[Step]:
 
 def _masses(linkage: Linkage) -> list[NamedMatrix]:
     """Return masses of the particles and end masses of the links that move on two of their points."""
-    from symgen.mechanics.particles import end_mass, particle_masses
-    from symgen.models.matrix import named
-    from symgen.models.rods import RodsModel
+    from symgen.mechanics.rods.particles import end_mass, particle_masses
+    from symgen.models.rods.linkage import RodsModel
+    from symgen.models.rods.matrix import named
 
     model = RodsModel(linkage)
     rods = [k for k in model.rods if k.offset == 0]
@@ -115,7 +117,7 @@ def _masses(linkage: Linkage) -> list[NamedMatrix]:
 
 
 def _momentum_rows(linkage: Linkage, system: System) -> Iterator[Step]:
-    from symgen.models.momentum import momentum_system
+    from symgen.models.momentum.rows import momentum_system
 
     try:
         rows = momentum_system(linkage)
@@ -134,7 +136,7 @@ def _momentum_rows(linkage: Linkage, system: System) -> Iterator[Step]:
     )
 
 
-def _of_loop(system: System) -> Iterator[Step]:
+def of_loop(loop: Loop, system: System) -> Iterator[Step]:
     """Rows, closure, screws, motion, inertia, equilibrium."""
 
     def ending(*words: str) -> tuple[str, ...]:
@@ -155,21 +157,21 @@ def _of_loop(system: System) -> Iterator[Step]:
         ),
         (
             "Closure",
-            "Once round the loop one is back where one began: B = T₁ T₂ ⋯ Tₙ = 1. What is left, B − 1, is "
-            "the defect.",
+            "The product of all row transforms is the identity: B = T₁ T₂ ⋯ Tₙ = 1. The residual B − 1 is "
+            "the closure defect.",
             "Rahman, Eqs. (5)-(11), (18)",
             ("closure_defect",),
         ),
         (
             "Screws",
-            "What a joint variable does to everything behind it is a motion about its own axis: ∂B/∂q = H "
+            "A joint variable moves all following links about its own axis: ∂B/∂q = H "
             "B, where H is the operator of its screw.",
             "Rahman, Eqs. (12)-(17)",
             (*ending("_operator"), "closure_jacobian", "screws"),
         ),
         (
             "Velocities and accelerations",
-            "Screws times rates add up to nothing round the loop, and so does their rate; partial sums are "
+            "Screws times rates sum to zero round the loop, and so do their rates; partial sums are "
             "the motions of the links.",
             "Rahman, Eqs. (29)-(45), corrected",
             (*known("inputs"), *ending("_frame", "_motion", "_motion_rate"), "screw_drift"),
@@ -177,7 +179,7 @@ def _of_loop(system: System) -> Iterator[Step]:
         (
             "Momenta and inertia wrenches",
             "The inertia binor of a link times its dual velocity is its momentum; the inertia wrench is "
-            "what it takes to change that.",
+            "the rate of the momentum.",
             "Rahman, Eqs. (46)-(61), corrected",
             ending("_binor", "_momentum", "_inertia_wrench"),
         ),
@@ -201,8 +203,8 @@ def _of_loop(system: System) -> Iterator[Step]:
 
 
 def elastic_record() -> tuple[Step, ...]:
-    """Return Hamilton's principle for an elastic link; each matrix names its equation of the source."""
-    from symgen.models.elastic_derivation import elastic_derivation_system
+    """Return Hamilton's principle for an elastic link; each matrix names its source equation."""
+    from symgen.models.elastic.derivation import elastic_derivation_system
 
     system = elastic_derivation_system()
     return tuple(
@@ -219,7 +221,7 @@ def elastic_record() -> tuple[Step, ...]:
                 "Elastic link: energies",
                 "Kinetic energy, strain energy, and the work of gravity and of the axial force, each per "
                 "length.",
-                "thesis, Eqs. (6.12)-(6.15), and what it leaves out",
+                "thesis, Eqs. (6.12)-(6.15), with omitted terms added",
                 (
                     "kinetic_energy",
                     "shear_strain",

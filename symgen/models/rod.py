@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import sympy as sp
 
-from symgen.mechanics.loads import vector_between
-from symgen.mechanics.particles import end_mass, kinetic_energy, length_constraint, particle_masses
+from symgen.mechanics.rods.loads import vector_between
+from symgen.mechanics.rods.particles import end_mass, kinetic_energy, length_constraint, particle_masses
 from symgen.symbolic.calculus import Calculus
 from symgen.symbolic.quantity import AXES, Quantity, quantity
 from symgen.symbolic.system import Export, Group, NamedMatrix, System

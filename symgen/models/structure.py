@@ -1,25 +1,22 @@
-"""How a linkage hangs together, in words: the spanning tree, the loops that are cut, what is left out."""
+"""Topology of a linkage in words: the spanning tree, the loops that are cut, omitted components."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 
 from symgen.errors import SceneError
-from symgen.models.driven import LEFT_OUT
-from symgen.models.rods import RodsModel
-from symgen.scene.linkage import Linkage
+from symgen.loads import LOADS
+from symgen.models.rods.driven import LEFT_OUT
+from symgen.models.rods.linkage import RodsModel
+from symgen.scene.rods.linkage import Linkage
 
-#: What a linkage may have, by its field.
-_PARTS = {
+#: Components of a linkage by their field: before the loads, and after them.
+_MASSES = {
     "bodies": "bodies in space",
     "gravity": "gravity",
     "masses": "point masses",
-    "springs": "springs and dampers",
-    "actuators": "forces between points",
-    "torsion_springs": "torsion springs",
-    "forces": "forces",
-    "distributed": "distributed forces",
-    "torques": "torques",
+}
+_OTHERS = {
     "guides": "guides",
     "drivers": "drives",
     "elastic": "elastic links",
@@ -74,7 +71,9 @@ def structure(linkage: Linkage) -> Iterator[str]:
         )
     elif linkage.leaves_plane:
         yield f"derived in space: {linkage.leaves_plane}"
-    absent = [what for field, what in _PARTS.items() if not any(getattr(linkage, field))]
+    absent = [what for field, what in _MASSES.items() if not any(getattr(linkage, field))]
+    absent += [k.plural for k in LOADS.values() if not any(isinstance(load, k) for load in linkage.loads)]
+    absent += [what for field, what in _OTHERS.items() if not getattr(linkage, field)]
     if linkage.as_written.dimension == 2:
         absent.insert(0, "the third axis")
     if not any(x.offset for x in linkage.links) and linkage.links:
@@ -83,7 +82,7 @@ def structure(linkage: Linkage) -> Iterator[str]:
 
 
 def _cut(model: RodsModel, rod: str, bars: dict[str, str]) -> str:
-    """Return what closes a loop: a rod with its ends, or a distance inside a body."""
+    """Return the name of a closing rod with its ends, or of a closing distance inside a body."""
     if rod in bars:
         return f"{bars[rod].removeprefix('the shape of ')}, cut between its points"
     link = model.linkage.link(rod)

@@ -1,4 +1,4 @@
-"""How the equations of motion change with the state: the Jacobian that implicit integrators need.
+"""Jacobian of the equations of motion with respect to the state, for implicit integrators.
 
 With the residual R = [f - M a - J^T lambda; gamma - J a] at fixed a and lambda, the accelerations and
 multipliers that solve the equations of motion change with the state as
@@ -15,13 +15,13 @@ from typing import TYPE_CHECKING
 
 import sympy as sp
 
-from symgen.models.linearised import analysis_of, slopes_by_rates, stiffness_row
-from symgen.models.matrix import named
-from symgen.models.rods import Gradient, RodsModel
+from symgen.models.rods.linearised import analysis_of, slopes_by_rates, stiffness_row
+from symgen.models.rods.linkage import Gradient, RodsModel
+from symgen.models.rods.matrix import named
 from symgen.symbolic.system import Export, System
 
 if TYPE_CHECKING:
-    from symgen.scene.linkage import Linkage
+    from symgen.scene.rods.linkage import Linkage
 
 
 def tangent_system(linkage: Linkage) -> System:

@@ -1,1 +1,1 @@
-"""Tables, plots and equations for people to look at."""
+"""Tables, plots, equations and pages for readers."""

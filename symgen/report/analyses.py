@@ -1,29 +1,22 @@
-"""Kinematic analyses, equilibria and modes on the terminal."""
+"""Terminal output of kinematic analyses, equilibria and modes."""
 
 from __future__ import annotations
 
 import numpy as np
 from rich.console import Console
 
+from symgen.report.extremes import Components
 from symgen.report.tables import table
-from symgen.runtime.equilibrium import Equilibrium
-from symgen.runtime.modes import Modes
-from symgen.runtime.motion import Motion
+from symgen.runtime.result.motion import Motion
+from symgen.runtime.rods.equilibrium import Equilibrium
+from symgen.runtime.rods.modes import Modes
 
 
 def print_motion(motion: Motion, console: Console) -> None:
-    """Print the range of everything recorded, and where the linkage could not go."""
-    rows = []
-    for v in motion.variables:
-        columns = v.values.reshape(len(motion.time), -1)
-        for i, component in enumerate(v.components or ("",)):
-            values = columns[:, i]
-            low, high = int(np.argmin(values)), int(np.argmax(values))
-            name = f"{v.name} {component}".strip()
-            rows.append((name, v.unit, values[low], motion.time[low], values[high], motion.time[high]))
-    head = ("output", "unit", "least", "at t [s]", "greatest", "at t [s]")
+    """Print the range of every recorded output, and the intervals that the linkage cannot reach."""
     span = f"{motion.time.min():g} s to {motion.time.max():g} s"
-    console.print(table(f"{motion.title}: {len(motion.time)} poses, {span}", head, rows))
+    outputs = Components(motion.variables, len(motion.time))
+    console.print(outputs.extremes(f"{motion.title}: {len(motion.time)} poses, {span}", motion.time, "s"))
     for pose in motion.singular_poses:
         console.print(pose.describe(), soft_wrap=True)
     for low_end, high_end in motion.unassemblable:
@@ -52,7 +45,7 @@ def print_equilibrium(found: Equilibrium, title: str, console: Console) -> None:
 
 
 def print_modes(found: Modes, title: str, console: Console) -> None:
-    """Print frequencies, damping, and the shapes of the moving points."""
+    """Print frequencies, damping ratios and mode shapes of the moving points."""
     rows = [
         (i + 1, m.kind, m.frequency, m.omega, m.damping_ratio, f"{m.s.real:.6g}{m.s.imag:+.6g}i")
         for i, m in enumerate(found.modes)
@@ -67,7 +60,7 @@ def print_modes(found: Modes, title: str, console: Console) -> None:
 
 
 def _rounded(shape: np.ndarray) -> np.ndarray:
-    """Return a shape without what rounding left: its parts of next to nothing are zero."""
+    """Return a mode shape with round-off replaced by zero."""
     real, imaginary = (np.where(np.abs(part) < 1e-12, 0.0, part) for part in (shape.real, shape.imag))
     return real + 1j * imaginary if np.iscomplexobj(shape) else real
 

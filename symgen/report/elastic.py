@@ -1,4 +1,4 @@
-"""Elastic links on the terminal: modes in poses, and what a run found."""
+"""Terminal output for elastic links: modes in poses, and results of runs."""
 
 from __future__ import annotations
 
@@ -8,23 +8,27 @@ from collections.abc import Sequence
 import numpy as np
 from rich.console import Console
 
+from symgen.report.extremes import Components
 from symgen.report.tables import table
-from symgen.runtime.elastic_modes import ElasticModes
-from symgen.runtime.elastic_result import ElasticResult
-from symgen.runtime.sweep import Sweep
+from symgen.runtime.elastic.modes import ElasticModes
+from symgen.runtime.result.elastic import ElasticResult
+from symgen.runtime.result.sweep import Sweep
 
-#: With at most so many times every value is printed, else the peaks.
+#: Maximum number of times for which every value is printed; otherwise the range.
 _FEW = 6
 
 
 def print_elastic_modes(poses: Sequence[ElasticModes], title: str, console: Console) -> None:
-    """Print the frequencies of the structure in its poses, and what reductions make of them, in columns."""
+    """Print the natural frequencies in each pose, exact and with model reduction, in columns."""
     moving = any(len(p.growth) for p in poses)
     head, columns = ["mode"], []
     for p in poses:
         pose = f"{math.degrees(p.angle):.6g} deg"
         head.append(f"{pose} [Hz]")
         columns.append([f"{x:.6g}" for x in p.frequencies])
+        if np.any(p.ratios):
+            head.append("damping ratio")
+            columns.append([f"{x:.3g}" for x in p.ratios])
         if moving:
             head.append("growth [1/s]")
             columns.append([f"{x:.3g}" for x in p.growth])
@@ -33,12 +37,12 @@ def print_elastic_modes(poses: Sequence[ElasticModes], title: str, console: Cons
             columns.append([f"{x:.1e}" for x in p.errors])
     count = max(len(c) for c in columns)
     rows = [(str(i + 1), *(c[i] if i < len(c) else "" for c in columns)) for i in range(count)]
-    what = "as it moves" if moving else "at rest in its pose"
+    what = "in motion" if moving else "at rest"
     console.print(table(f"{title}: the structure {what}", head, rows))
 
 
 def print_sweep(result: Sweep, console: Console) -> None:
-    """Print peaks and stability at every speed, and the critical speeds."""
+    """Print peak values and stability at every speed, and the critical speeds."""
     shown = [v for v in result.variables if v.name.endswith(".bending_strain")]
     head = ("speed [rpm]", *(f"{v.name} [{v.unit}]" for v in shown), "largest multiplier")
     multipliers = result.variable("floquet").values
@@ -55,26 +59,27 @@ def print_sweep(result: Sweep, console: Console) -> None:
     for what, speeds in (("resonances", result.resonances), ("unstable", result.unstable)):
         console.print(f"{what} at: {', '.join(f'{s:.5g}' for s in speeds) or 'none'}")
     for note in result.notes:
-        console.print(f"note: {note}")
+        console.print(f"note: {note}", markup=False)
 
 
 def print_elastic_result(result: ElasticResult, console: Console) -> None:
-    """Print the outputs at a few times, or the peak of many and where it is, and how good the run is."""
-    rows: list[tuple[str, ...]] = []
+    """Print the outputs at a few times, or the range of each, and the errors of the run."""
     along, label = result.over
-    few = len(along) <= _FEW
-    head = (
-        ("output", "unit", *(f"{x:.6g}" for x in along)) if few else ("output", "unit", "peak", f"at {label}")
-    )
-    over = f", over {label}" if few else ""
-    for v in result.variables:
-        columns = v.values.reshape(len(result.time), -1)
-        for i, component in enumerate(v.components or ("",)):
-            at = int(np.argmax(np.abs(columns[:, i])))
-            name = f"{v.name}.{component}" if component else v.name
-            peak = (f"{columns[at, i]:.6g}", f"{along[at]:.6g}")
-            rows.append((name, v.unit, *([f"{x:.6g}" for x in columns[:, i]] if few else peak)))
-    console.print(table(f"{result.title}: {result.headline}{over}", head, rows))
+    coordinate, _, unit = label.rstrip("]").partition(" [")
+    outputs = Components(result.variables, len(result.time))
+    if len(along) <= _FEW:
+        title = f"{result.title}: {result.headline}, over {label}"
+        for part in outputs.values(title, [f"{x:.6g}" for x in along]):
+            console.print(part)
+    else:
+        title = f"{result.title}: {result.headline}; range over {coordinate}"
+        console.print(outputs.extremes(title, along, unit))
+    if ratios := result.statistics.get("damping_ratios"):
+        shown = ", ".join(f"{x:.2g}" for x in ratios)
+        console.print(f"damping ratios of the lowest modes of the linkage at the start: {shown}")
+    if powers := result.statistics.get("mean_powers_w"):
+        shaft, damping = powers
+        console.print(f"mean power of the shaft {shaft:.4g} W, of damping {damping:.4g} W")
     if result.floquet:
         verdict = {
             True: "the steady state is stable",
@@ -83,4 +88,4 @@ def print_elastic_result(result: ElasticResult, console: Console) -> None:
         }
         console.print(f"largest Floquet multiplier {abs(result.floquet[0]):.6g}: {verdict[result.stable]}")
     for note in result.notes:
-        console.print(f"note: {note}")
+        console.print(f"note: {note}", markup=False)

@@ -1,18 +1,18 @@
-"""Forces in rigid links on the terminal."""
+"""Terminal output of forces in rigid links."""
 
 from __future__ import annotations
 
 from rich.console import Console
 
 from symgen.report.tables import table
-from symgen.runtime.forces import Forces
+from symgen.runtime.result.forces import Forces
 
-#: With at most so many poses every value is printed, else the largest.
+#: Maximum number of poses for which every value is printed; otherwise the largest.
 _FEW = 12
 
 
 def print_forces(found: Forces, console: Console) -> None:
-    """Print forces at a few poses, or the largest of many and where they are."""
+    """Print forces at a few poses, or the largest of many and where they occur."""
     along, label = found.over
     if len(along) <= _FEW:
         rows = [
@@ -29,7 +29,7 @@ def print_forces(found: Forces, console: Console) -> None:
         head, title = ("output", "unit", "largest", f"at {label}"), f"{found.title}: {len(along)} poses"
     console.print(table(title, head, rows))
     for note in found.notes:
-        console.print(f"note: {note}", soft_wrap=True)
+        console.print(f"note: {note}", soft_wrap=True, markup=False)
     console.print(
         f"{found.headline} at {found.statistics['worst_at']}; balance met within "
         f"{found.statistics['residual']:.1e} of the largest force",

@@ -1,4 +1,4 @@
-"""A progress bar for long runs."""
+"""Progress bar for long computations."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
 from rich.table import Column
 
-#: Letters of a title beside the bar; the rest would leave it no room.
+#: Maximum length of the title next to the bar.
 _TITLE = 40
 
 
 @contextmanager
 def bar(title: str) -> Iterator[Callable[[float], None]]:
-    """Show a bar on standard error; give a function that takes the part that is done."""
+    """Show a bar on standard error; yield a callback that receives the completed fraction."""
     title_column = Column(max_width=_TITLE, no_wrap=True, overflow="ellipsis")
     text = TextColumn("{task.description}", table_column=title_column)
     columns = (text, BarColumn(), TaskProgressColumn(), TimeRemainingColumn())

@@ -1,22 +1,22 @@
-"""A model in a few plain lines, without loading anything to print them."""
+"""Short text description of a model, printed without loading further modules."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-from symgen.runtime.description import LoopDescription, SystemDescription
-from symgen.runtime.system_model import SystemModel
+from symgen.runtime.kernels.description import LoopDescription, SystemDescription
+from symgen.runtime.model.system import SystemModel
 
 if TYPE_CHECKING:
-    from symgen.runtime.elastic_model import ElasticModel
-    from symgen.runtime.kinematic_model import KinematicModel
-    from symgen.runtime.loop_model import LoopModel
-    from symgen.runtime.model import Model
+    from symgen.runtime.elastic.model import ElasticModel
+    from symgen.runtime.loop.model import LoopModel
+    from symgen.runtime.model.kinematic import KinematicModel
+    from symgen.runtime.model.rods import RodModel
 
 
-def model_lines(model: Model | KinematicModel | LoopModel | ElasticModel | SystemModel) -> Iterator[str]:
-    """Yield the kernels of a model with their cost, its parameters, and what was left out."""
+def model_lines(model: RodModel | KinematicModel | LoopModel | ElasticModel | SystemModel) -> Iterator[str]:
+    """Yield the kernels of a model with operation counts, its parameters, and omitted terms."""
     d = model.description
     if isinstance(d, SystemDescription):
         what = ", ".join(f"{name}[{len(array.names)}]" for name, array in d.arrays.items())
@@ -30,22 +30,22 @@ def model_lines(model: Model | KinematicModel | LoopModel | ElasticModel | Syste
         kinds = ", ".join(f"{n} {kind}" for kind, n in counts.items() if n and kind != "flops")
         yield f"  {name:{width}}  {counts['flops']:5} operations{f' ({kinds})' if kinds else ''}"
     if not isinstance(model, SystemModel):
-        for p in d.parameters:
+        for p in d.tunable:
             yield f"  tunable: {p.name} = {model.parameters[p.name]:g} {p.unit}, {p.about}"
     for what in d.left_out:
         yield f"  left out: {what}"
 
 
-def freedom_lines(model: Model | KinematicModel | LoopModel | ElasticModel) -> Iterator[str]:
-    """Yield the degrees of freedom at the start, and the constraints that others imply there."""
+def freedom_lines(model: Any) -> Iterator[str]:
+    """Yield the degrees of freedom at the start, and the redundant constraints."""
     d = model.description
     if isinstance(d, LoopDescription):
         yield from _of_loop(d)
         return
-    from symgen.runtime.kinematic_model import KinematicModel
+    from symgen.runtime.model.kinematic import KinematicModel
 
     if isinstance(model, KinematicModel):
-        yield f"{d.coordinates} coordinates, {len(d.constraints)} constraints: the drives say how it moves"
+        yield f"{d.coordinates} coordinates, {len(d.constraints)} constraints: drives prescribe the motion"
         return
     redundant = model.redundant
     freedom = d.coordinates - len(d.constraints) + len(redundant)
@@ -53,7 +53,7 @@ def freedom_lines(model: Model | KinematicModel | LoopModel | ElasticModel) -> I
     yield f"{count}: {_degrees(freedom)} of freedom at the start"
     yield f"redundant: {', '.join(redundant) or 'none'}"
     if d.elastic:
-        from symgen.runtime.elastic_model import ElasticModel
+        from symgen.runtime.elastic.model import ElasticModel
 
         if isinstance(model, ElasticModel):
             yield from _of_elastic(model)
@@ -64,7 +64,7 @@ def _of_elastic(model: ElasticModel) -> Iterator[str]:
         info = beam.info
         count = "1 element" if info.elements == 1 else f"{info.elements} elements"
         kept = f", {info.reduction}" if info.reduction else ""
-        length = "" if info.axial else ", its length kept"
+        length = "" if info.axial else ", inextensible"
         size = len(beam.dofs) - len(beam.fixed)
         yield f"elastic: link {info.link}, {count} {info.element}{kept}{length}: {size} unknowns of its own"
     yield f"elastic motion about it: {model.unknowns} unknowns in all"

@@ -6,11 +6,16 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from symgen.runtime._core import Integrable
-from symgen.runtime.beam_layout import Layout
-from symgen.runtime.beam_methods import BeamMethod
+from symgen.runtime.beams.layout import Layout
+from symgen.runtime.beams.methods import BeamMethod
+from symgen.runtime.elastic.path import Path
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
+
+IN_MOTION: int
+AT_REST: int
+QUASI_STATIC: int
 
 class RigidMotion:
     equations: Integrable
@@ -25,6 +30,7 @@ class RigidMotion:
         t: float,
         y: ArrayLike,
         stride: float,
+        path: Path | None = None,
     ) -> None: ...
     def save(self) -> bytes: ...
     def restore(self, memory: bytes) -> None: ...
@@ -38,12 +44,13 @@ class BeamEquations(Integrable):
     thesis: bool
     def __init__(self, motion: RigidMotion, layout: Layout, thesis: bool) -> None: ...
     def matrices(
-        self, t: float, resting: bool = False
+        self, t: float, analysis: int = ...
     ) -> tuple[int, Array, Array, Array, Array, Array | None]: ...
-    def sparse(self, t: float, resting: bool = False) -> tuple[int, Indices, Indices, list[Array]]: ...
+    def sparse(self, t: float, analysis: int = ...) -> tuple[int, Indices, Indices, list[Array]]: ...
+    def full_stiffness(self) -> tuple[Indices, Indices, Array]: ...
     def accelerations(self, t: float, y: ArrayLike) -> Array: ...
     def residual(
-        self, t: float, s: ArrayLike, v: ArrayLike, a: ArrayLike, resting: bool = False
+        self, t: float, s: ArrayLike, v: ArrayLike, a: ArrayLike, analysis: int = ...
     ) -> tuple[int, Array, Array]: ...
 
 class BeamSteps:

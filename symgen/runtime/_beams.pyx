@@ -10,12 +10,15 @@ from libc.string cimport memcpy
 
 from scipy.linalg import cython_lapack
 
-from symgen.runtime._core cimport Core, Integrable, Reals, _DONE, equations, kernel_of, kernel_t
+from symgen.runtime._core cimport Core, Integrable, Reals, _DONE, at_least, equations, kernel_of, kernel_t
 
 cdef extern from "core/elastic.h" nogil:
     enum:
         MOTION
         WRITTEN
+        _IN_MOTION "IN_MOTION"
+        _AT_REST "AT_REST"
+        _QUASI_STATIC "QUASI_STATIC"
 
     cdef struct rigid_motion:
         pass
@@ -33,7 +36,7 @@ cdef extern from "core/elastic.h" nogil:
 
     cdef struct beam_layout:
         Py_ssize_t unknowns, constraints, pieces, coordinates, masses, dampings, stiffnesses
-        Py_ssize_t shaft, shaft_slot, entries, band, constant_count
+        Py_ssize_t shaft, shaft_slot, shaft_link, entries, band, constant_count
         const Py_ssize_t *sizes
         const Py_ssize_t *constants_at
         const Py_ssize_t *link_of
@@ -93,6 +96,7 @@ cdef extern from "core/elastic.h" nogil:
         size_t (*motion_bytes)(const equations *, const long *) noexcept nogil
         void (*motion_bind)(rigid_motion *, equations *, const motion_kernels *, const long *, double, void *) noexcept nogil
         void (*motion_start)(rigid_motion *, double, const void *) noexcept nogil
+        void (*motion_follow)(rigid_motion *, const void *, const void *, long, double, long) noexcept nogil
         int (*motion_at)(rigid_motion *, double) noexcept nogil
         void (*motion_view)(const rigid_motion *, motion_view *) noexcept nogil
         int (*motion_along)(rigid_motion *, const void *, long, void *, void *, void *) noexcept nogil
@@ -114,6 +118,9 @@ cdef void *_address(str name) except NULL:
     capsule = cython_lapack.__pyx_capi__[name]
     return PyCapsule_GetPointer(capsule, PyCapsule_GetName(capsule))
 
+
+#: Which terms of the equations are assembled: see ``beams.h``.
+IN_MOTION, AT_REST, QUASI_STATIC = _IN_MOTION, _AT_REST, _QUASI_STATIC
 
 cdef lapack LAPACK
 LAPACK.factor, LAPACK.solve = _address("dgbtrf"), _address("dgbtrs")
@@ -160,6 +167,8 @@ cdef class RigidMotion:
         A time and the state there.
     stride
         The longest time [s] over which a state is a good guess of the next.
+    path
+        A :class:`symgen.runtime.elastic.path.Path` where the motion was integrated.
     """
 
     cdef readonly Integrable equations
@@ -168,8 +177,9 @@ cdef class RigidMotion:
     cdef void *memory
     cdef size_t bytes
     cdef tuple sizes
+    cdef Reals rows, references
 
-    def __init__(self, Integrable equations, motion, joints, sizes, double t, y, double stride):
+    def __init__(self, Integrable equations, motion, joints, sizes, double t, y, double stride, path=None):
         cdef motion_kernels given
         cdef long[WRITTEN] counts
         cdef Reals state = Reals(equations.of, [*y, *np.zeros(equations.extra)])
@@ -180,6 +190,8 @@ cdef class RigidMotion:
         given.links, given.joints = kernel_of(motion, "links"), kernel_of(joints, "joints")
         given.torque, given.loads = kernel_of(motion, "torque"), kernel_of(motion, "loads")
         given.setup, given.joints_setup = kernel_of(motion, "setup"), kernel_of(joints, "setup")
+        if len(sizes) != WRITTEN or min(sizes) < 0:
+            raise ValueError(f"expected {WRITTEN} sizes of what kernels write, got {sizes!r}")
         for i in range(WRITTEN):
             counts[i] = sizes[i]
         self.core = <rigid_motion *>calloc(1, self.api.motion_struct)
@@ -189,6 +201,16 @@ cdef class RigidMotion:
             raise MemoryError
         self.api.motion_bind(self.core, equations.core, &given, counts, stride, self.memory)
         self.api.motion_start(self.core, t, state.at)
+        if path is not None:
+            self.rows = Reals(equations.of, path.rows)
+            self.references = Reals(equations.of, path.references)
+            at_least("instants of a path", len(path.rows), 2)
+            at_least("numbers in the rows of a path", self.rows.count, 3 * equations.n * len(path.rows))
+            windings = equations.core.sizes.windings
+            at_least("references of angles of a path", self.references.count, windings * len(path.rows))
+            if not 0 <= path.absent <= equations.m:
+                raise ValueError(f"expected a constraint number of at most {equations.m}, got {path.absent}")
+            self.api.motion_follow(self.core, self.rows.at, self.references.at, len(path.rows), path.spacing, path.absent)
 
     def __dealloc__(self):
         free(self.core)
@@ -238,6 +260,50 @@ cdef class RigidMotion:
         return _doubles(self.equations.of, self.equations.core.out, self.equations.n + self.equations.m)
 
 
+cdef int _within(str what, values, Py_ssize_t low, high) except -1:
+    """Raise ValueError where an index is below ``low`` or not below ``high``."""
+    found = np.asarray(values)
+    if (found < low).any() or (found >= high).any():
+        raise ValueError(f"expected {what} from {low} to below {high}, got {found.tolist()}")
+    return 0
+
+
+cdef int _check_layout(layout, Py_ssize_t links, Py_ssize_t joined) except -1:
+    """Raise ValueError where a layout points outside its arrays or outside what the joints kernel writes."""
+    cdef Py_ssize_t n = layout.unknowns, m = layout.constraints, entries = len(layout.rows)
+    sizes, pieces = np.asarray(layout.sizes), len(layout.sizes)
+    for what in ("constants_at", "link_of", "ends", "places_at", "slots_at"):
+        at_least(what, len(getattr(layout, what)), pieces)
+    at_least("loads_at", len(layout.loads_at), links + 1)
+    at_least("joint_at", len(layout.joint_at), 7)
+    at_least("columns", len(layout.columns), entries)
+    if not 0 <= m <= n:
+        raise ValueError(f"expected at most {n} constraints, got {m}")
+    _within("rows", layout.rows, 0, n)
+    _within("columns", layout.columns, 0, n)
+    _within("distances from the diagonal", np.abs(layout.rows - layout.columns[:entries]), 0, layout.band + 1)
+    _within("places", layout.places, -1, n)
+    _within("joint_places", layout.joint_places, -1, n)
+    for what in ("slots", "mass_slots", "damping_slots", "stiffness_slots"):
+        _within(what, getattr(layout, what), -1, entries)
+    _within("shaft", [layout.shaft], -1, n)
+    _within("shaft_slot", [layout.shaft_slot], -1, entries)
+    _within("shaft_link", [layout.shaft_link], -1, links)
+    if pieces:
+        _within("link_of", layout.link_of, 0, links)
+        _within("ends", np.reshape(layout.ends, (pieces, 4)), -1, sizes[:, None])
+        _within("ends of places", layout.places_at + sizes, 0, len(layout.places) + 1)
+        _within("ends of slots", layout.slots_at + sizes**2, 0, len(layout.slots) + 1)
+        _within("constants_at", layout.constants_at, 0, len(layout.constants))
+    coordinates = len(layout.joint_places) - 1
+    slots = layout.mass_slots, layout.damping_slots, layout.stiffness_slots
+    blocks = [coordinates, *[len(s) - 1 for s in slots], *[m * coordinates] * 3]
+    for start, count in zip(layout.joint_at, blocks):
+        if count:
+            at_least("numbers of the joints kernel", joined, start + count)
+    return 0
+
+
 cdef class BeamEquations(Integrable):
     """The equations of the elastic motion of one linkage; one per thread of work.
 
@@ -246,7 +312,7 @@ cdef class BeamEquations(Integrable):
     motion
         The rigid motion.
     layout
-        A :class:`symgen.runtime.beam_layout.Layout`: unknowns, superelements and where they go.
+        A :class:`symgen.runtime.beams.layout.Layout`: unknowns, superelements and where they go.
     thesis
         Take the rotation of end displacements, and the basis of the constraints, as constant in time.
     """
@@ -260,6 +326,7 @@ cdef class BeamEquations(Integrable):
     def __init__(self, RigidMotion motion, layout, bint thesis):
         cdef beam_layout wanted
         cdef dict kept = {}
+        _check_layout(layout, motion.sizes[0] // MOTION, motion.sizes[1])
         self.motion, self.kept, self.thesis = motion, kept, thesis
         self.of, self.api = motion.equations.of, motion.api
         wanted.unknowns, wanted.constraints = layout.unknowns, layout.constraints
@@ -267,6 +334,7 @@ cdef class BeamEquations(Integrable):
         wanted.masses, wanted.dampings = len(layout.mass_slots) - 1, len(layout.damping_slots) - 1
         wanted.stiffnesses = len(layout.stiffness_slots) - 1
         wanted.shaft, wanted.shaft_slot, wanted.flywheel = layout.shaft, layout.shaft_slot, layout.flywheel
+        wanted.shaft_link = layout.shaft_link
         wanted.entries, wanted.band, wanted.thesis = len(layout.rows), layout.band, thesis
         wanted.sizes, wanted.constants_at = _kept(kept, layout.sizes), _kept(kept, layout.constants_at)
         wanted.link_of, wanted.ends = _kept(kept, layout.link_of), _kept(kept, layout.ends)
@@ -301,13 +369,14 @@ cdef class BeamEquations(Integrable):
     cdef object _array(self, const void *raw, shape):
         return _doubles(self.of, raw, shape)
 
-    def matrices(self, double t, bint resting=False):
+    def matrices(self, double t, int analysis=_IN_MOTION):
         """Return status, mass, damping, stiffness (dense) and load of the free unknowns, and R, R', R'' or None.
 
-        With ``resting`` they are those of the structure at rest in its pose, without loads of motion.
+        ``AT_REST`` they are those of the structure in its pose, without loads of motion; ``QUASI_STATIC`` those
+        of loads and axial forces of the rigid motion, without inertia and damping of the elastic motion.
         """
         cdef matrices_view seen
-        status, rows, columns, entries = self.sparse(t, resting)
+        status, rows, columns, entries = self.sparse(t, analysis)
         self.api.beams_view(<beams *>self.core, &seen)
         made = []
         for values in entries:
@@ -317,26 +386,33 @@ cdef class BeamEquations(Integrable):
         basis = self._array(seen.basis, (3, seen.whole, seen.free)) if self.m else None
         return status, *made, self._array(seen.load, seen.free), basis
 
-    def sparse(self, double t, bint resting=False):
+    def sparse(self, double t, int analysis=_IN_MOTION):
         """Return status, rows, columns, and the entries there of mass, damping and stiffness."""
         cdef matrices_view seen
-        cdef int status = self.api.beams_assemble(<beams *>self.core, t, resting)
+        cdef int status = self.api.beams_assemble(<beams *>self.core, t, analysis)
         self.api.beams_view(<beams *>self.core, &seen)
         made = [self._array(seen.mass, seen.entries), self._array(seen.damping, seen.entries),
                 self._array(seen.stiffness, seen.entries)]
         return status, _indices(seen.rows, seen.entries), _indices(seen.columns, seen.entries), made
 
+    def full_stiffness(self):
+        """Return rows, columns and entries of the stiffness of all unknowns, constrained or not, where it is."""
+        cdef matrices_view seen
+        self.api.beams_view(<beams *>self.core, &seen)
+        count = seen.full_entries
+        return _indices(seen.full_rows, count), _indices(seen.full_columns, count), self._array(seen.full_stiffness, count)
+
     def accelerations(self, double t, y):
         """Return S'' of a state (S, S') at a time."""
         return self.solutions(np.array([t]), np.asarray(y).reshape(1, -1))[0, :self.whole]
 
-    def residual(self, double t, s, v, a, bint resting=False):
+    def residual(self, double t, s, v, a, int analysis=_IN_MOTION):
         """Return status, M S'' + C S' + K S - Q of all unknowns, and the rows of their constraints, (m, n).
 
-        With ``resting`` for the structure at rest in its pose, without loads of motion.
+        See :meth:`matrices` for ``analysis``.
         """
         cdef matrices_view seen
-        cdef int status = self.api.beams_assemble(<beams *>self.core, t, resting)
+        cdef int status = self.api.beams_assemble(<beams *>self.core, t, analysis)
         self.api.beams_view(<beams *>self.core, &seen)
         found = -self._array(seen.full_load, seen.whole)
         rows, columns = _indices(seen.full_rows, seen.full_entries), _indices(seen.full_columns, seen.full_entries)
@@ -362,7 +438,7 @@ cdef class BeamSteps:
     equations
         What is stepped.
     method
-        A :class:`symgen.runtime.beam_methods.BeamMethod`.
+        A :class:`symgen.runtime.beams.methods.BeamMethod`.
     columns
         Number of states stepped together; the load acts on the first only.
     """
@@ -378,6 +454,8 @@ cdef class BeamSteps:
         cdef beam_scheme scheme
         a, b, c = np.array(method.a), np.array(method.b), np.array(method.c)
         cdef const double[::1] numbers = np.array([*a.ravel(), *(a @ a).ravel(), *b, *(b @ a), *c, 0.0])
+        if columns < 1:
+            raise ValueError(f"expected at least one column of states, got {columns}")
         self.equations, self.columns, self.steps = equations, columns, 0
         scheme.stages = len(c) if method.collocated else 0
         scheme.at, scheme.gamma, scheme.beta = method.at, method.gamma, method.beta

@@ -14,6 +14,7 @@ cdef extern from "core/core.h" nogil:
         _DRIFTED "DRIFTED"
         _ENDED "ENDED"
         _UNSOLVED "UNSOLVED"
+        _SLIDING "SLIDING"
 
     cdef struct kernels:
         kernel_t accelerations
@@ -29,7 +30,7 @@ cdef extern from "core/core.h" nogil:
         kernel_t tangent_setup
 
     cdef struct sizes:
-        long n, m, extra, parameters, derived, tangent_derived, work, first_pivot, redundant, events, tangent
+        long n, m, extra, parameters, derived, tangent_derived, work, first_pivot, redundant, events, switches, windings, turns, choices, tangent
         const long *tangent_places
         double rank_tolerance, slack, stabilisation
 
@@ -66,7 +67,7 @@ cdef extern from "core/core.h" nogil:
         const double *numbers
 
     cdef struct task:
-        double t0, t_end, rtol, atol, step, max_drift
+        double t0, t_end, rtol, atol, step, max_drift, max_step
         long stabilisation, samples, places_only, found
 
     cdef struct run:
@@ -75,7 +76,7 @@ cdef extern from "core/core.h" nogil:
     cdef struct report:
         double t, t_end, h, position_drift, velocity_drift, energy_drift
         double kinetic_min, kinetic_max, potential_min, potential_max, t_stiff
-        long steps, rejected, recorded, moved, passages, events, ended_by, worst, stiff, blind
+        long steps, rejected, recorded, moved, passages, events, ended_by, worst, stiff, blind, switchings, slid
         double t_blind
 
     cdef struct passage:
@@ -88,6 +89,8 @@ cdef extern from "core/core.h" nogil:
 
     enum:
         MOST_PASSAGES
+        MOST_COUNTS
+        MOST_STAGES
         CORE_VERSION
 
     cdef struct loops_api:
@@ -116,6 +119,7 @@ cdef extern from "core/core.h" nogil:
         account *(*account)(equations *) noexcept nogil
         const char *(*dropped)(equations *) noexcept nogil
         const kind *(*find_kind)(const char *) noexcept nogil
+        Py_ssize_t (*numbers_of)(const kind *, const long *) noexcept nogil
         size_t (*run_bytes)(const equations *, const scheme *, const task *) noexcept nogil
         void (*run_bind)(run *, equations *, const scheme *, const task *, void *) noexcept nogil
         void (*run_start)(run *, const double *, const double *, const double *, const signed char *, const char *) noexcept nogil
@@ -125,6 +129,8 @@ cdef extern from "core/core.h" nogil:
         const void *(*run_state)(const run *) noexcept nogil
         const void *(*run_times)(const run *) noexcept nogil
         const void *(*run_samples)(const run *) noexcept nogil
+        const void *(*run_references)(const run *) noexcept nogil
+        const void *(*run_turns)(const run *) noexcept nogil
         long (*take_events)(run *, found_event *, void *) noexcept nogil
         long (*take_passages)(run *, passage *) noexcept nogil
 
@@ -134,6 +140,7 @@ cdef extern from "core/core.h" nogil:
 
 
 cdef kernel_t kernel_of(object addresses, str name)
+cdef int at_least(str what, Py_ssize_t found, Py_ssize_t needed) except -1
 
 
 cdef class Core:
@@ -147,7 +154,7 @@ cdef class Core:
 cdef class Scheme:
     cdef scheme filled
     cdef void *memory
-    cdef long counts[16]
+    cdef long counts[MOST_COUNTS]
 
 
 cdef class Reals:

@@ -8,6 +8,8 @@ from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[np.float64]
 Raw = NDArray[np.uint8]
+#: Numbers of t, q, u, p, work and out that a kernel reads or writes.
+Sizes = tuple[int, int, int, int, int, int]
 
 DONE: int
 MORE: int
@@ -19,16 +21,20 @@ CONTRADICTED: int
 DRIFTED: int
 ENDED: int
 UNSOLVED: int
+SLIDING: int
 STABILISATIONS: tuple[str, ...]
 DOUBLE: Core
 
-def call(address: int, t: Array, q: Array, u: Array, p: Array, work: Array, out: Array) -> None: ...
-def set_up(address: int, p: Array, parameters: int) -> None: ...
+def call(
+    address: int, sizes: Sizes, t: Array, q: Array, u: Array, p: Array, work: Array, out: Array
+) -> None: ...
+def set_up(address: int, p: Array, parameters: int, derived: int) -> None: ...
 def evaluate(
-    address: int, t: float, q: Array, u: Array, p: Array, work: Array | None, work_size: int, out_size: int
+    address: int, sizes: Sizes, t: float, q: Array, u: Array, p: Array, work: Array | None
 ) -> Array: ...
 def call_many(
     address: int,
+    sizes: Sizes,
     t: Array,
     y: Array,
     n: int,
@@ -37,7 +43,7 @@ def call_many(
     out: Array,
 ) -> None: ...
 def call_repeatedly(
-    address: int, times: int, y: Array, n: int, p: Array, work: Array, out: Array
+    address: int, sizes: Sizes, times: int, y: Array, n: int, p: Array, work: Array, out: Array
 ) -> None: ...
 def address_of(array: NDArray[Any]) -> int: ...
 
@@ -63,7 +69,9 @@ class Core:
     def epsilon(self) -> float: ...
     def widen(self, high: ArrayLike, low: ArrayLike | None = None) -> Raw: ...
     def narrow(self, raw: Raw) -> tuple[Array, Array]: ...
-    def call(self, address: int, t: Raw, y: Raw, n: int, p: Raw, work: Raw, out: Raw) -> None: ...
+    def call(
+        self, address: int, sizes: Sizes, t: Raw, y: Raw, n: int, p: Raw, work: Raw, out: Raw
+    ) -> None: ...
 
 class Integrable:
     n: int
@@ -93,6 +101,7 @@ class Integrable:
     def save(self) -> bytes: ...
     def restore(self, memory: bytes) -> None: ...
     def lost_rows(self) -> list[int]: ...
+    def set_parameters(self, parameters: Array) -> None: ...
     def check(self, t: float, y: Array) -> int: ...
 
 class Equations(Integrable):
@@ -111,11 +120,16 @@ class Equations(Integrable):
         *,
         core: Core = ...,
         events: int = 0,
+        switches: int = 0,
+        windings: int = 0,
+        turns: int = 0,
         tangent: ArrayLike = (),
         stabilisation: float = 0.0,
         derived: int = 0,
         tangent_derived: int = 0,
     ) -> None: ...
+    @property
+    def parameters(self) -> Array: ...
 
 class Run:
     t: float
@@ -127,6 +141,8 @@ class Run:
     steps: int
     rejected: int
     ended_by: int
+    switchings: int
+    slid: int
     worst: int
     stiff: bool
     t_stiff: float
@@ -155,6 +171,7 @@ class Run:
         *,
         stabilisation: int = 0,
         max_drift: float = ...,
+        max_step: float = ...,
         places_only: bool = ...,
         directions: Sequence[int] = (),
         terminal: Sequence[int] = (),
@@ -162,8 +179,12 @@ class Run:
     @property
     def result(self) -> Array: ...
     @property
+    def references(self) -> Array: ...
+    @property
+    def turns(self) -> Array: ...
+    @property
     def sampled(self) -> Array: ...
-    def called(self, address: int, p: Array, size: int) -> Array: ...
+    def called(self, address: int, sizes: Sizes, p: Array) -> Array: ...
     @property
     def state(self) -> Array: ...
     def save(self) -> tuple[bytes, bytes]: ...

@@ -13,7 +13,7 @@ from libc.string cimport memcpy
 #: What a step, a projection or a factorisation answers.
 DONE, MORE, NOT_FINITE, STEP_TOO_SMALL, SINGULAR = _DONE, _MORE, _NOT_FINITE, _STEP_TOO_SMALL, _SINGULAR
 PROJECTION_FAILED, CONTRADICTED, DRIFTED, ENDED = _PROJECTION_FAILED, _CONTRADICTED, _DRIFTED, _ENDED
-UNSOLVED = _UNSOLVED
+UNSOLVED, SLIDING = _UNSOLVED, _SLIDING
 #: How a run is kept on the constraints: as ``enum stabilisation`` counts them.
 STABILISATIONS = ("projection", "baumgarte", "raw")
 
@@ -26,38 +26,65 @@ cdef kernel_t kernel_of(object addresses, str name):
     return <kernel_t><uintptr_t>addresses.get(name, 0)
 
 
-def call(uintptr_t address, const double[::1] t, const double[::1] q, const double[::1] u, const double[::1] p,
-         double[::1] work, double[::1] out):
-    """Call one kernel with arrays of at least the sizes it needs (not checked here)."""
+cdef int at_least(str what, Py_ssize_t found, Py_ssize_t needed) except -1:
+    """Raise ValueError where an array is shorter than what C reads or writes of it."""
+    if found < needed:
+        raise ValueError(f"expected at least {needed} {what}, got {found}")
+    return 0
+
+
+cdef int _fits(sizes, Py_ssize_t t, Py_ssize_t q, Py_ssize_t u, Py_ssize_t p, Py_ssize_t work, Py_ssize_t out) except -1:
+    """Raise ValueError where an argument array is shorter than a kernel of these sizes reads or writes."""
+    if len(sizes) != 6:
+        raise ValueError(f"expected the sizes of t, q, u, p, work and out, got {sizes!r}")
+    for what, found, needed in zip(("t", "q", "u", "p", "work", "out"), (t, q, u, p, work, out), sizes):
+        at_least(f"numbers in {what}", found, needed)
+    return 0
+
+
+def call(uintptr_t address, sizes, const double[::1] t, const double[::1] q, const double[::1] u,
+         const double[::1] p, double[::1] work, double[::1] out):
+    """Call one kernel; ``sizes`` are the numbers of t, q, u, p, work and out that it reads or writes."""
+    _fits(sizes, t.shape[0], q.shape[0], u.shape[0], p.shape[0], work.shape[0], out.shape[0])
     (<kernel_t>address)(&t[0], &q[0], &u[0], &p[0], &work[0], &out[0])
 
 
-def set_up(uintptr_t address, double[::1] p, Py_ssize_t parameters):
-    """Leave behind so many parameters what a set-up kernel makes of them."""
+def set_up(uintptr_t address, double[::1] p, Py_ssize_t parameters, Py_ssize_t derived):
+    """Leave behind so many parameters the ``derived`` numbers that a set-up kernel makes of them."""
+    at_least("numbers in p", p.shape[0], parameters + derived)
     set_up_with(<kernel_t>address, parameters, &p[0])
 
 
-def evaluate(uintptr_t address, double t, const double[::1] q, const double[::1] u, const double[::1] p, work,
-             Py_ssize_t work_size, Py_ssize_t out_size):
+def evaluate(uintptr_t address, sizes, double t, const double[::1] q, const double[::1] u, const double[::1] p, work):
     """Return what one kernel writes; ``work`` is None or holds the accelerations that it reads."""
-    cdef double[::1] out = np.zeros(out_size + 1), memory
-    memory = np.zeros(work_size + 1) if work is None else work
+    cdef Py_ssize_t count = sizes[5]
+    cdef double[::1] out = np.zeros(count + 1), memory
+    memory = np.zeros(sizes[4] + 1) if work is None else work
+    _fits(sizes, 1, q.shape[0], u.shape[0], p.shape[0], memory.shape[0], count)
     (<kernel_t>address)(&t, &q[0], &u[0], &p[0], &memory[0], &out[0])
-    return out.base[:out_size]
+    return out.base[:count]
 
 
-def call_many(uintptr_t address, const double[::1] t, const double[:, ::1] y, Py_ssize_t n, const double[::1] p,
-              double[:, ::1] work, double[:, ::1] out):
-    """Call a kernel for every row of ``y`` = (q, u, ...) and of ``work``."""
+def call_many(uintptr_t address, sizes, const double[::1] t, const double[:, ::1] y, Py_ssize_t n,
+              const double[::1] p, double[:, ::1] work, double[:, ::1] out):
+    """Call a kernel for every row of ``y`` = (q, u, ...), of ``work`` and of ``out``; ``sizes`` as in :func:`call`."""
+    cdef Py_ssize_t rows = y.shape[0]
+    if rows == 0:
+        return
+    _fits(sizes, 1, n, y.shape[1] - n, p.shape[0], work.shape[1], out.shape[1])
+    for what, found in (("times", t.shape[0]), ("rows of work", work.shape[0]), ("rows of out", out.shape[0])):
+        at_least(what, found, rows)
     symgen_core.call_rows(<kernel_t>address, y.shape[0], &t[0], &y[0, 0], y.shape[1], n, &p[0], &work[0, 0],
                           work.shape[1], &out[0, 0], out.shape[1])
 
 
-def call_repeatedly(uintptr_t address, Py_ssize_t times, const double[:, ::1] y, Py_ssize_t n, const double[::1] p,
-                    double[::1] work, double[:, ::1] out):
+def call_repeatedly(uintptr_t address, sizes, Py_ssize_t times, const double[:, ::1] y, Py_ssize_t n,
+                    const double[::1] p, double[::1] work, double[:, ::1] out):
     """Call a kernel ``times`` times over all rows of ``y``: for measuring it without Python around it."""
     cdef Py_ssize_t i, k
     cdef double t = 0.0
+    _fits(sizes, 1, n, y.shape[1] - n, p.shape[0], work.shape[0], out.shape[1])
+    at_least("rows of out", out.shape[0], y.shape[0])
     with nogil:
         for k in range(times):
             for i in range(y.shape[0]):
@@ -119,6 +146,7 @@ cdef class Core:
             self.api.widen(values.shape[0], &values[0], NULL, &to[0])
         else:
             rest = np.ascontiguousarray(low, dtype=float).ravel()
+            at_least("low parts", rest.shape[0], values.shape[0])
             self.api.widen(values.shape[0], &values[0], &rest[0], &to[0])
         return found
 
@@ -129,13 +157,20 @@ cdef class Core:
         high, low = np.empty(shape), np.empty(shape)
         cdef double[::1] a = high.reshape(-1), b = low.reshape(-1)
         if a.shape[0]:
+            at_least("bytes", given.shape[0], a.shape[0] * self.api.real_bytes)
             self.api.narrow(a.shape[0], &given[0], &a[0], &b[0])
         return high, low
 
-    def call(self, uintptr_t address, const unsigned char[:, ::1] t, const unsigned char[:, :, ::1] y, Py_ssize_t n,
-             const unsigned char[:, ::1] p, unsigned char[:, :, ::1] work, unsigned char[:, :, ::1] out):
-        """Call a kernel of this number type for rows of raw numbers, each array with at least one column."""
+    def call(self, uintptr_t address, sizes, const unsigned char[:, ::1] t, const unsigned char[:, :, ::1] y,
+             Py_ssize_t n, const unsigned char[:, ::1] p, unsigned char[:, :, ::1] work,
+             unsigned char[:, :, ::1] out):
+        """Call a kernel of this number type for rows of raw numbers; ``sizes`` as in :func:`call`."""
         if y.shape[0]:
+            _fits(sizes, 1, n, y.shape[1] - n, p.shape[0], work.shape[1], out.shape[1])
+            for found in (t.shape[0], work.shape[0], out.shape[0]):
+                at_least("rows", found, y.shape[0])
+            for found in (t.shape[1], y.shape[2], p.shape[1], work.shape[2], out.shape[2]):
+                at_least("bytes of a number", found, self.api.real_bytes)
             self.api.call_rows(<kernel_t>address, y.shape[0], &t[0, 0], &y[0, 0, 0], y.shape[1], n, &p[0, 0],
                                &work[0, 0, 0], work.shape[1], &out[0, 0, 0], out.shape[1])
 
@@ -143,10 +178,6 @@ cdef class Core:
         if method not in self.schemes:
             self.schemes[method] = Scheme(self, method)
         return self.schemes[method]
-
-
-#: Stages of explicit methods that `explicit.c` has room for.
-MOST_STAGES = 32
 
 
 cdef class Scheme:
@@ -158,10 +189,17 @@ cdef class Scheme:
         self.filled.kind = core.api.find_kind(method.kind.encode())
         if self.filled.kind == NULL:
             raise ValueError(f"the core knows no kind of method {method.kind!r}")
-        if len(method.counts) > 16 or (method.kind == "explicit" and method.counts[1] > MOST_STAGES):
-            raise ValueError(f"a method has at most 16 counts, an explicit one at most {MOST_STAGES} stages")
+        if len(method.counts) > MOST_COUNTS:
+            raise ValueError(f"expected at most {MOST_COUNTS} counts, got {len(method.counts)}")
         for i, count in enumerate(method.counts):
             self.counts[i] = count
+        needed = core.api.numbers_of(self.filled.kind, self.counts)
+        if needed < 0:
+            raise ValueError(
+                f"a method of kind {method.kind!r} cannot have the counts {method.counts}: an explicit one has at "
+                f"most {MOST_STAGES} stages and two estimates of its error, a composition an odd number of parts"
+            )
+        at_least(f"numbers of a method of kind {method.kind!r}", numbers.shape[0], needed)
         self.memory = calloc(numbers.shape[0], core.api.real_bytes)
         if self.memory == NULL:
             raise MemoryError
@@ -281,6 +319,10 @@ cdef class Integrable:
     def solutions(self, t, y):
         """Return accelerations and multipliers at every row of y = (q, u, ...)."""
         found = np.zeros((y.shape[0], self.n + self.m + 1))
+        if y.shape[0] == 0:
+            return found
+        at_least("numbers in a row of y", y.shape[1], 2 * self.n)
+        at_least("times", len(t), y.shape[0])
         cdef Reals times = Reals(self.of, t), states = Reals(self.of, y), into = Reals(self.of, found)
         self.of.api.solve_rows(self.core, y.shape[0], times.at, states.at, y.shape[1], into.at, found.shape[1])
         into.back()
@@ -290,6 +332,7 @@ cdef class Integrable:
         """Return dy/dt at (t, y) as steps see it."""
         found = np.zeros(self.dim)
         cdef Reals state = Reals(self.of, y), into = Reals(self.of, found)
+        at_least("numbers in y", state.count, self.dim)
         self.of.api.derivative(self.core, t, state.at, into.at)
         into.back()
         return found
@@ -309,14 +352,29 @@ cdef class Integrable:
         cdef const char *dropped = self.of.api.dropped(self.core)
         return [i for i in range(self.m) if dropped[i]]
 
+    def set_parameters(self, const double[::1] parameters):
+        """Set the parameters, and what depends on them alone: the branches that a run held among them."""
+        at_least("parameters", parameters.shape[0], self.core.sizes.parameters)
+        self.of.api.set_parameters(self.core, &parameters[0], NULL)
+
     def check(self, double t, const double[::1] y):
         """Factorise at y; return the status, the unknown of least pivot in ``weakest``, and in ``soundness``
         what cancellation left of that pivot."""
         cdef Reals state = Reals(self.of, y)
+        at_least("numbers in y", state.count, 2 * self.n)
         return self.of.api.check(self.core, t, state.at)
 
 
-cdef object NO_PLACES = np.zeros(1, dtype="l")
+cdef object _places(tangent, Py_ssize_t n, Py_ssize_t m):
+    """Return row, column and place of each value of the kernel 'tangent', checked against the sizes of a model."""
+    if not len(tangent):
+        return np.zeros(1, dtype="l")
+    found = np.array(tangent, dtype="l")
+    if found.ndim != 2 or found.shape[1] != 3 or (found < 0).any() or (found >= (n + m, 2 * n, len(found))).any():
+        raise ValueError(f"expected (row, column, place) below {(n + m, 2 * n, len(found))} for each slope")
+    if (np.diff(found[:, 1]) < 0).any():
+        raise ValueError("expected the slopes column by column")
+    return found.ravel()
 
 
 cdef class Equations(Integrable):
@@ -345,8 +403,9 @@ cdef class Equations(Integrable):
         By how much [m] a redundant constraint may contradict the others.
     core
         The core that the kernels were compiled for; that of doubles when absent.
-    events
-        Number of values that the kernel of that name writes.
+    events, switches, windings, turns
+        Number of values that the kernel 'events' writes for events, for switching points, for angles in loads, and
+        for angles of links whose revolutions are counted, each with its rate.
     tangent
         Row, column and place of each value that the kernel of that name writes, column by column.
     derived, tangent_derived
@@ -357,8 +416,8 @@ cdef class Equations(Integrable):
 
     def __init__(self, dict addresses, Py_ssize_t n, Py_ssize_t m, Py_ssize_t extra, const double[::1] p,
                  Py_ssize_t work_size, Py_ssize_t first_pivot, double rank_tolerance, Py_ssize_t redundant,
-                 double slack, *, Core core=DOUBLE, long events=0, tangent=(), double stabilisation=0.0,
-                 long derived=0, long tangent_derived=0):
+                 double slack, *, Core core=DOUBLE, long events=0, long switches=0, long windings=0, long turns=0, tangent=(),
+                 double stabilisation=0.0, long derived=0, long tangent_derived=0):
         cdef kernels given
         cdef sizes wanted
         if not (addresses.get("accelerations") and addresses.get("energy")):
@@ -374,12 +433,25 @@ cdef class Equations(Integrable):
         wanted.derived, wanted.tangent_derived = derived, tangent_derived
         wanted.work, wanted.first_pivot, wanted.redundant = work_size, first_pivot, redundant
         wanted.events = events if given.events != NULL else 0
-        self.places = np.array(tangent, dtype="l").ravel() if len(tangent) else NO_PLACES
+        wanted.switches = switches if given.events != NULL else 0
+        wanted.windings = windings if given.events != NULL else 0
+        wanted.turns = turns if given.events != NULL else 0
+        wanted.choices = 0
+        self.places = _places(tangent, n, m)
         wanted.tangent, wanted.tangent_places = len(tangent), &self.places[0]
         wanted.rank_tolerance, wanted.slack, wanted.stabilisation = rank_tolerance, slack, stabilisation
+        if given.factor != NULL:
+            at_least("numbers of work memory", work_size, first_pivot + 2 * (n + m))
         self.of = core
         self.make(&wanted, &given)
         self.bound(p)
+
+    @property
+    def parameters(self):
+        """The parameters, with what a run holds."""
+        cdef double[::1] held = np.zeros(self.core.sizes.parameters + 1)
+        self.of.api.narrow(self.core.sizes.parameters, self.core.p, &held[0], NULL)
+        return np.asarray(held)[:-1]
 
 
 cdef class Run:
@@ -390,7 +462,7 @@ cdef class Run:
     equations
         What is integrated.
     method
-        What :data:`~symgen.runtime.integrators.INTEGRATORS` holds.
+        What :data:`~symgen.runtime.integrate.integrators.INTEGRATORS` holds.
     t0, y0, t_end
         Start and end of the run.
     rtol, atol
@@ -403,6 +475,8 @@ cdef class Run:
         A number of :data:`STABILISATIONS`.
     max_drift
         Error of a constraint [m] beyond which the run ends.
+    max_step
+        The longest step of a method that adapts it; 0 for any.
     places_only
         Velocities of recorded states are not asked for: they may be off the constraints by what interpolation errs.
     directions, terminal
@@ -418,7 +492,7 @@ cdef class Run:
     cdef readonly double t, t_end, h, position_drift, velocity_drift, energy_drift
     cdef readonly double kinetic_min, kinetic_max, potential_min, potential_max, t_stiff
     cdef readonly double t_blind
-    cdef readonly long steps, rejected, recorded, moved, ended_by, worst, blind
+    cdef readonly long steps, rejected, recorded, moved, ended_by, worst, blind, switchings, slid
     cdef readonly bint stiff
     cdef readonly Py_ssize_t dim
     cdef readonly list passages, events
@@ -426,6 +500,7 @@ cdef class Run:
 
     def __init__(self, Integrable equations, method, double t0, const double[::1] y0, double t_end, double rtol,
                  double atol, double step, const double[::1] times, *, long stabilisation=0, double max_drift=INFINITY,
+                 double max_step=0.0,
                  bint places_only=False, directions=(), terminal=()):
         cdef const signed char[::1] ways, ends
         cdef const signed char *way = NULL
@@ -435,9 +510,14 @@ cdef class Run:
             ways, ends = np.array(directions, dtype=np.int8), np.array(terminal, dtype=np.int8)
             way, end = &ways[0], <const char *>&ends[0]
         self.equations, self.of = equations, equations.of
+        if y0.shape[0] != equations.dim:
+            raise ValueError(f"expected a state of {equations.dim} numbers, got {y0.shape[0]}")
+        if not len(directions) == len(terminal) == equations.core.sizes.events:
+            raise ValueError(f"expected directions and ends of {equations.core.sizes.events} events")
         self.scheme = self.of.scheme(method)
         self.asked.t0, self.asked.t_end, self.asked.rtol, self.asked.atol = t0, t_end, rtol, atol
         self.asked.step, self.asked.max_drift, self.asked.stabilisation = step, max_drift, stabilisation
+        self.asked.max_step = max_step
         self.asked.samples, self.asked.found = times.shape[0], REMEMBERED * len(directions)
         self.asked.places_only = places_only
         self.core = <run *>calloc(1, self.of.api.run_struct)
@@ -464,6 +544,7 @@ cdef class Run:
         self.steps, self.rejected, self.recorded, self.moved = r.steps, r.rejected, r.recorded, r.moved
         self.ended_by, self.worst, self.stiff, self.t_stiff = r.ended_by, r.worst, r.stiff, r.t_stiff
         self.blind, self.t_blind = r.blind, r.t_blind
+        self.switchings, self.slid = r.switchings, r.slid
         if r.passages:
             self._take_passages()
         if r.events:
@@ -537,9 +618,23 @@ cdef class Run:
         """The times of the recorded states."""
         return self._doubles(self.of.api.run_times(self.core), 1, self.recorded)[0]
 
-    def called(self, uintptr_t address, const double[::1] p, Py_ssize_t size):
+    @property
+    def references(self):
+        """The references of the angles in loads at those times, one row a time."""
+        return self._doubles(self.of.api.run_references(self.core), self.recorded, self.equations.core.sizes.windings)
+
+    @property
+    def turns(self):
+        """The angles of links over revolutions at those times, one row a time."""
+        return self._doubles(self.of.api.run_turns(self.core), self.recorded, self.equations.core.sizes.turns)
+
+    def called(self, uintptr_t address, sizes, const double[::1] p):
         """Call a kernel of doubles that needs no work memory at every recorded state of a run in doubles; return
-        what it writes, ``size`` numbers a row."""
+        what it writes, a row each."""
+        cdef Py_ssize_t size = sizes[5]
+        if self.of.api.real_bytes != sizeof(double):
+            raise ValueError("kernels of doubles cannot read the states of this run")
+        _fits(sizes, 1, self.equations.n, self.dim - self.equations.n, p.shape[0], 0, size)
         found = np.empty((self.recorded, size))
         cdef double[:, ::1] out = found
         cdef double none = 0.0

@@ -6,7 +6,7 @@ import numpy as np
 from libc.stdlib cimport calloc
 from libc.string cimport memset
 
-from symgen.runtime._core cimport Core, Integrable, Reals, equations, kernel_of, kernel_t, loops_api
+from symgen.runtime._core cimport Core, Integrable, Reals, at_least, equations, kernel_of, kernel_t, loops_api
 
 from symgen.runtime._core import DOUBLE
 
@@ -23,6 +23,7 @@ cdef extern from "core/loops.h" nogil:
         _SOUNDNESS "SOUNDNESS"
         _HOLD "HOLD"
         _STATUS "STATUS"
+        DIAGNOSES
 
     cdef struct loop:
         pass
@@ -31,8 +32,13 @@ cdef extern from "core/loops.h" nogil:
         kernel_t inputs, position, motion, inverse, given, mass_matrix, outputs, energy, setup
 
     cdef struct loop_sizes:
-        long n, parameters, derived, work, told, solved, inputs, unknown, known, rank
-        double size
+        long n, parameters, derived, work, told, solved, inputs, unknown, known, balls, rank
+        double size, tolerance
+
+    cdef struct ball:
+        Py_ssize_t[3] angles
+        Py_ssize_t[3] next
+        double alpha
 
     cdef struct loop_account:
         double closure, rates_left, hold
@@ -41,10 +47,12 @@ cdef extern from "core/loops.h" nogil:
     cdef struct loops_table "loops_api":
         size_t loop_struct
         size_t (*bytes)(const loop_sizes *) noexcept nogil
-        void (*bind)(loop *, const loop_sizes *, const loop_kernels *, const Py_ssize_t *, const unsigned char *, void *) noexcept nogil
+        void (*bind)(loop *, const loop_sizes *, const loop_kernels *, const Py_ssize_t *, const unsigned char *, const ball *, void *) noexcept nogil
         loop_account *(*seen)(loop *) noexcept nogil
         int (*close)(loop *, double, void *) noexcept nogil
+        int (*assemble)(loop *, double, void *, long *) noexcept nogil
         double (*closed_screws)(loop *, double, const void *, void *) noexcept nogil
+        void (*in_table)(const loop *, const void *, void *, void *, void *) noexcept nogil
         int (*follow)(loop *, double *, void *, const void *, long, double, void *, long, void *, long, double *, long *) noexcept nogil
 
 #: What closing and moving a loop may answer besides what the core answers.
@@ -80,17 +88,27 @@ cdef class LoopEquations(Integrable):
         The core that the kernels were compiled for; that of doubles when absent.
     derived
         Numbers that the kernel 'setup' makes of the parameters.
+    tolerance
+        Defect of closure that dependent equations may leave: of rotations, and of lengths over the size.
+    balls
+        Ball joints whose angles runs may write otherwise near their poles: numbers of theta, eta and alpha, -1
+        where alpha is constant, then of those of the ball behind, which takes over the spin, -1 where none does; and
+        the constant. The turns in front of them are the last parameters.
     """
 
     cdef const loops_table *api
     cdef loop_account *seen
     cdef Py_ssize_t[::1] numbers
+    cdef ball[MOST] balls
     cdef unsigned char[::1] lengths
     cdef readonly double size
     cdef readonly Py_ssize_t rank
+    cdef Py_ssize_t told
 
     def __init__(self, addresses, p, Py_ssize_t work_size, Py_ssize_t out_size, lengths, solved, inputs, unknown,
-                 double size, Py_ssize_t rank, *, Core core=DOUBLE, long derived=0):
+                 double size, Py_ssize_t rank, *, Core core=DOUBLE, long derived=0,
+                 double tolerance=0.0, balls=()):
+        cdef Py_ssize_t k
         cdef loop_sizes wanted
         cdef loop_kernels given
         cdef const double[::1] parameters = np.array([*p, 0.0])
@@ -98,8 +116,15 @@ cdef class LoopEquations(Integrable):
             raise ValueError("a loop without the kernel 'position' cannot be solved")
         if len(lengths) > MOST:
             raise ValueError(f"a loop has at most {MOST} variables, got {len(lengths)}")
+        for i in (*solved, *inputs, *unknown):
+            if not 0 <= i < len(lengths):
+                raise ValueError(f"expected numbers of variables below {len(lengths)}, got {i}")
+        if not 0 <= rank <= min(ROWS, len(solved)):
+            raise ValueError(f"expected a rank of at most {min(ROWS, len(solved))}, got {rank}")
         found = [list(solved).index(i) for i in unknown if i in list(solved)]
         known = [k for k, i in enumerate(inputs) if i not in list(unknown)]
+        if len(found) > len(known):
+            found = []  # an input that is released to look for closures has no effort
         self.numbers = np.array([*solved, *inputs, *found, *known, -1], dtype=np.intp)
         self.lengths = np.array([*lengths, False], dtype=np.uint8)
         given.inputs, given.position = kernel_of(addresses, "inputs"), kernel_of(addresses, "position")
@@ -110,14 +135,22 @@ cdef class LoopEquations(Integrable):
         wanted.n, wanted.parameters, wanted.derived = len(lengths), parameters.shape[0] - 1, derived
         wanted.work, wanted.told, wanted.solved, wanted.inputs = work_size, out_size, len(solved), len(inputs)
         wanted.unknown, wanted.known, wanted.rank, wanted.size = len(found), len(known), rank, size
-        self.of, self.size, self.rank = core, size, rank
+        wanted.tolerance, wanted.balls = tolerance, len(balls)
+        at_least("parameters", wanted.parameters, wanted.balls)
+        if len(balls) > MOST or any([not -1 <= i < len(lengths) for ball_ in balls for i in ball_[0][:6]]):
+            raise ValueError(f"expected numbers of variables below {len(lengths)} for each ball joint, got {balls!r}")
+        for k in range(wanted.balls):
+            numbers, self.balls[k].alpha = balls[k]
+            self.balls[k].angles[0], self.balls[k].angles[1], self.balls[k].angles[2] = numbers[:3]
+            self.balls[k].next[0], self.balls[k].next[1], self.balls[k].next[2] = numbers[3:6]
+        self.of, self.size, self.rank, self.told = core, size, rank, out_size
         self.api = <const loops_table *>core.api.loops
         self.core = <equations *>calloc(1, self.api.loop_struct)
         self.bytes = self.api.bytes(&wanted)
         self.memory = calloc(1, self.bytes)
         if self.core == NULL or self.memory == NULL:
             raise MemoryError
-        self.api.bind(<loop *>self.core, &wanted, &given, &self.numbers[0], &self.lengths[0], self.memory)
+        self.api.bind(<loop *>self.core, &wanted, &given, &self.numbers[0], &self.lengths[0], self.balls, self.memory)
         self.seen = self.api.seen(<loop *>self.core)
         self.bound(parameters)
 
@@ -143,18 +176,39 @@ cdef class LoopEquations(Integrable):
 
     def close(self, double t, double[::1] q):
         """Close the loop at t by Newton's method from q, in place; return the status."""
+        at_least("variables", q.shape[0], self.n)
         cdef Reals state = Reals(self.of, q)
         cdef int status = self.api.close(<loop *>self.core, t, state.at)
         state.back()
         return status
 
+    def assemble(self, double t, double[::1] q):
+        """Bring the loop near to a closure at t from any q, in place; return the status and the rank there."""
+        at_least("variables", q.shape[0], self.n)
+        cdef Reals state = Reals(self.of, q)
+        cdef long rank = 0
+        cdef int status = self.api.assemble(<loop *>self.core, t, state.at, &rank)
+        state.back()
+        return status, rank
+
     def closed_screws(self, double t, q):
         """Return the screws of all variables at q, shape (6, n), and the defect of closure there."""
         screws = np.empty((ROWS, self.n))
         cdef Reals state = Reals(self.of, q), into = Reals(self.of, screws)
+        at_least("variables", state.count, self.n)
         cdef double defect = self.api.closed_screws(<loop *>self.core, t, state.at, into.at)
         into.back()
         return screws, defect
+
+    def in_table(self, near, double[::1] q, double[::1] u, double[::1] a):
+        """Write a state, by the turns in front of balls among the parameters, in the table's own angles, in place;
+        of all choices that nearest to the angles ``near``."""
+        cdef Reals beside = Reals(self.of, near)
+        cdef Reals state = Reals(self.of, q), rates = Reals(self.of, u), second = Reals(self.of, a)
+        self.api.in_table(<loop *>self.core, beside.at, state.at, rates.at, second.at)
+        state.back()
+        rates.back()
+        second.back()
 
     def follow(self, double t, double[::1] q, times, double longest, double[:, ::1] states, double[:, ::1] out,
                double[:, ::1] diagnosis):
@@ -182,6 +236,14 @@ cdef class LoopEquations(Integrable):
         cdef double at = t
         cdef long count = 0
         cdef int status
+        at_least("variables", state.count, self.n)
+        at_least("columns of states", states.shape[1], 3 * self.n + ROWS)
+        at_least("columns of out", out.shape[1], self.told)
+        at_least("columns of the diagnosis", diagnosis.shape[1], DIAGNOSES)
+        if diagnosis.shape[0] and diagnosis.shape[1] != DIAGNOSES:
+            raise ValueError(f"expected {DIAGNOSES} columns of the diagnosis, got {diagnosis.shape[1]}")
+        for found in (states.shape[0], out.shape[0], diagnosis.shape[0]):
+            at_least("rows", found, when.count)
         with nogil:
             status = self.api.follow(<loop *>self.core, &at, state.at, when.at, when.count, longest, rows.at,
                                      states.shape[1], told.at, out.shape[1], &diagnosis[0, 0] if diagnosis.shape[0] else NULL, &count)

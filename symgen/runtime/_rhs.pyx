@@ -17,13 +17,15 @@ cdef void _entry(double t, const double *y, double *dy, void *user_data) noexcep
 
 
 cdef class Rhs:
-    """The right-hand side dy/dt = f(t, y) of a linkage: see :func:`symgen.runtime.rhs.right_hand_side`."""
+    """The right-hand side dy/dt = f(t, y) of a linkage: see :func:`symgen.runtime.model.rhs.right_hand_side`."""
 
     cdef Equations equations
     cdef object size
     cdef readonly object start
 
     def __init__(self, Equations equations, start):
+        if equations.of.api.real_bytes != sizeof(double):
+            raise ValueError("expected equations in double precision")
         self.equations, self.start, self.size = equations, start, (equations.dim,)
 
     cdef object _checked(self, y):
@@ -69,7 +71,7 @@ cdef class Rhs:
     @property
     def low_level(self):
         """It as a ``scipy.LowLevelCallable``: void (double t, double *y, double *dy, void *user_data)."""
-        from symgen.runtime.rhs import low_level
+        from symgen.runtime.model.rhs import low_level
 
         return low_level(<uintptr_t>&_entry, <uintptr_t><void *>self.equations, self)
 

@@ -1,1 +1,1 @@
-"""What the user writes: the scene file, its units and expressions, and what they resolve to."""
+"""Scene files: tables, units and expressions, and their resolved form."""

@@ -23,7 +23,7 @@ def _pi() -> Fraction:
 def with_pi(expression: sp.Expr) -> sp.Expr:
     """Return an expression with the numbers that were written in degrees or turns as multiples of pi.
 
-    The cosine of a right angle is zero then, and what it stands before is left out.
+    The cosine of a right angle is zero then, and its factors are omitted.
     """
     found = {}
     for number in expression.atoms(sp.Rational):

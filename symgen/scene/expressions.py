@@ -26,6 +26,8 @@ from symgen.scene.units import (
     is_quantity,
     parse_quantity,
 )
+from symgen.symbolic.constants import rounded, vanishes
+from symgen.symbolic.switch import Sign, greatest, least
 
 Value = tuple[sp.Expr, Dimension]
 Names = Mapping[str, Value]
@@ -33,19 +35,21 @@ Names = Mapping[str, Value]
 _LONGEST, _DEEPEST = 2000, 60
 _LARGEST_POWER, _LARGEST_SYMBOLIC_POWER = 64, 16  # SymPy may expand what holds symbols
 _SIMPLE, _DIGITS = 8, 60  # operations that a number keeps, and its digits where it has more
-_LARGEST_NUMBER = 1024  # bits: what a double can hold
+_LARGEST_NUMBER = 1024  # bits: the range of a double
 _LARGEST_EXPONENT = 700  # exp(709.8) overflows a double
 _HERTZ = re.compile(r"Hz\b|hertz\b")
 _TONNES = re.compile(r".*[A-Za-z0-9)]\s*\*\s*t\s*", re.ASCII | re.DOTALL)
 _SHOWN = 80  # characters of an expression in a message
 
-#: Functions a scene may call: what they are in SymPy and how many arguments they take. All act on plain
-#: numbers (angles in radians) and give plain numbers, but for sqrt, abs and atan2, which see dimensions.
+#: Functions a scene may call: their SymPy form and number of arguments. All act on plain
+#: numbers (angles in radians) and give plain numbers, but for sqrt, abs, sign, min, max and atan2, which see
+#: dimensions.
 FUNCTIONS: dict[str, tuple[Callable[..., Any], int]] = {
     "sin": (sp.sin, 1), "cos": (sp.cos, 1), "tan": (sp.tan, 1),
     "asin": (sp.asin, 1), "acos": (sp.acos, 1), "atan": (sp.atan, 1), "atan2": (sp.atan2, 2),
     "sinh": (sp.sinh, 1), "cosh": (sp.cosh, 1), "tanh": (sp.tanh, 1),
     "exp": (sp.exp, 1), "log": (sp.log, 1), "sqrt": (sp.sqrt, 1), "abs": (sp.Abs, 1),
+    "sign": (Sign, 1), "min": (least, 2), "max": (greatest, 2),
 }  # fmt: skip
 
 
@@ -75,7 +79,7 @@ def parse_value(value: str | int | float, names: Names, expected: Dimension | No
     if expected == ANGULAR_RATE and isinstance(value, str) and is_quantity(value) and _HERTZ.search(value):
         raise SceneError(
             f"expected an angular velocity, got the frequency {value!r}",
-            hint='Say turns or radians: "2 rev/s", "120 rpm" or "12.6 rad/s".',
+            hint='Write revolutions or radians: "2 rev/s", "120 rpm" or "12.6 rad/s".',
         )
     if expected is not None and dim != expected and not (expression == 0 and dim == NUMBER):
         got = describe(dim)
@@ -87,7 +91,7 @@ def parse_value(value: str | int | float, names: Names, expected: Dimension | No
 
 
 def tonne_hint(value: str | int | float) -> str:
-    """Return what to do about a quantity of a wrong dimension where t was meant to be the time."""
+    """Return the remedy for a wrong dimension where t was probably meant as the time."""
     if isinstance(value, str) and is_quantity(value) and _TONNES.fullmatch(value):
         return (
             't behind a number with a unit is the tonne: name the speed as a parameter and write "speed*t".'
@@ -111,14 +115,14 @@ def parse_any(value: str | int | float, names: Names) -> Value:
 
 
 def _approximate(expression: sp.Expr) -> sp.Expr | None:
-    """Return a number to 15 digits; None for what is no number yet."""
+    """Return a number to 15 digits; None if it is not numeric."""
     if expression.free_symbols:
         return None
-    return expression if expression.is_Rational else expression.evalf(15)
+    return rounded(expression, 15)
 
 
 def _is_finite(expression: sp.Expr) -> bool:
-    """Tell whether an expression, where it is a number, is real and held by a double."""
+    """Return whether an expression, if numeric, is real and within the range of a double."""
     if expression.has(sp.nan, sp.zoo, sp.oo, -sp.oo):
         return False
     number = _approximate(expression)
@@ -130,9 +134,8 @@ def _is_finite(expression: sp.Expr) -> bool:
 
 
 def _vanishes(expression: sp.Expr) -> bool:
-    """Tell whether a number is zero, or cannot be told from zero."""
-    number = _approximate(expression)
-    return number is not None and (bool(number == 0) or getattr(number, "_prec", 53) == 1)
+    """Return whether an expression, if numeric, is zero."""
+    return not expression.free_symbols and vanishes(expression)
 
 
 class _Reader:
@@ -155,15 +158,19 @@ class _Reader:
         return self.finite(expression), dim
 
     def finite(self, expression: sp.Expr) -> sp.Expr:
-        """Refuse infinite and complex numbers, and round intricate ones to 60 digits.
+        """Refuse infinite and complex numbers, and round intricate ones to 60 digits; zero is zero.
 
-        SymPy may take minutes to find out something about them that nobody asked for.
+        SymPy may take minutes to derive properties of them that are not needed.
         """
         if not _is_finite(expression):
             raise SceneError(f"expected a finite real value, got {self.shown}")
-        if expression.free_symbols or expression.is_Rational or expression.count_ops() <= _SIMPLE:
+        if expression.free_symbols or expression.is_Rational:
             return expression
-        number = expression.evalf(_DIGITS)
+        number = rounded(expression, _DIGITS)
+        if number == 0:
+            return sp.Integer(0)
+        if expression.count_ops() <= _SIMPLE:
+            return expression
         if not number.is_Float:
             raise SceneError(f"expected a finite real value, got {self.shown}")
         return sp.Rational(str(number))
@@ -250,8 +257,12 @@ class _Reader:
         if len(arguments) != count:
             raise self.refuse(f"gives {name} {len(arguments)} arguments instead of {count}")
         dims = [dim for _, dim in arguments]
-        if name == "abs":
+        if name in ("min", "max") and dims[0] != dims[1]:
+            raise self.refuse(f"gives {name} {describe(dims[0])} and {describe(dims[1])}")
+        if name in ("abs", "min", "max"):
             result = dims[0]
+        elif name == "sign":
+            result = NUMBER
         elif name == "sqrt":
             result = dims[0].power(Fraction(1, 2))
         else:  # every argument a plain number, or atan2 of two alike

@@ -2,21 +2,28 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Sequence
 from typing import Any, get_args, get_origin
 
 from pydantic import ValidationError
 
-from symgen.errors import SceneError, nearest
-from symgen.scene.schema import Scene
+from symgen.errors import SceneError, nearest, shown
 from symgen.scene.table import Table
 
 #: The alternatives of a value, which pydantic names behind and inside the place of a fault.
 _ALTERNATIVES = {"string_type": "str", "int_type": "int", "float_type": "float"}
 _LONGEST = 80
+#: What expresses several loops.
+ONE_LOOP = (
+    "A link-joint table describes a single loop. Mechanisms with several loops are expressed by [points] and "
+    "[links], with bodies (links with several points) where three or more joints meet."
+)
+#: Keys of scenes that were meant to have several loops.
+_LOOPS = re.compile(r"loops|loop_?\d+")
 
 
-def scene_error(error: ValidationError) -> SceneError:
+def scene_error(scene: type[Table], error: ValidationError) -> SceneError:
     """Return the first fault of a scene; a misspelled key before the one that is then missing."""
     faults = error.errors()
     fault = next((f for f in faults if f["type"] == "extra_forbidden"), faults[0])
@@ -25,14 +32,14 @@ def scene_error(error: ValidationError) -> SceneError:
     if alternative:
         place.pop()
     where = ".".join(place)
-    got = repr(fault["input"])
-    got = got if len(got) <= _LONGEST else got[: _LONGEST - 3] + "..."
+    got = shown(fault["input"], _LONGEST)
     hint = ""
     match fault["type"]:
         case _ if alternative:
             problem = f"expected a text with a unit, an expression or a number, got {got}"
         case "model_type" | "dict_type":
             problem = f"expected a table of keys, got {got}"
+            hint = ONE_LOOP if where == "loop" and isinstance(fault["input"], list) else ""
         case "list_type":
             problem = f"expected a list in square brackets, got {got}"
             if isinstance(fault["input"], dict):
@@ -45,7 +52,12 @@ def scene_error(error: ValidationError) -> SceneError:
         case "literal_error":
             problem = f"expected {fault['ctx']['expected']}, got {got}"
         case "extra_forbidden":
-            problem, hint = f"unknown key {place[-1]!r}", nearest(place[-1], _table_at(place).model_fields)
+            problem, hint = (
+                f"unknown key {place[-1]!r}",
+                nearest(place[-1], table_at(scene, place).model_fields),
+            )
+            if _LOOPS.fullmatch(where) or (place[0] == "loop" and _is_a_loop(fault["input"])):
+                hint = ONE_LOOP
         case "missing":
             problem = "this key is missing"
         case "string_pattern_mismatch":
@@ -58,9 +70,14 @@ def scene_error(error: ValidationError) -> SceneError:
     return SceneError(problem, where=where, hint=hint)
 
 
-def _table_at(place: Sequence[str]) -> type[Table]:
+def _is_a_loop(value: Any) -> bool:
+    """Return whether a value looks like a link-joint table."""
+    return isinstance(value, dict) and "rows" in value
+
+
+def table_at(scene: type[Table], place: Sequence[str]) -> type[Table]:
     """Return the model of the table that the last part of a place is a key of."""
-    table: type[Table] = Scene
+    table = scene
     parts = iter(place[:-1])
     for part in parts:
         if part in table.model_fields:

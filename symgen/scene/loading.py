@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from symgen.calls import checked
 from symgen.errors import SceneError, nearest
 
 if TYPE_CHECKING:
@@ -35,6 +36,7 @@ class SceneText:
         return json.dumps([self.name, self.data], default=str)
 
 
+@checked
 def shipped_scenes() -> list[str]:
     """Return the names of the scenes that come with symgen."""
     return sorted(path.stem for path in SHIPPED.glob("*.toml"))
@@ -77,12 +79,18 @@ def read_scene(source: str | os.PathLike[str]) -> SceneText:
     try:
         data = tomllib.loads(content.decode("utf-8-sig"))
     except (ValueError, RecursionError) as error:  # of TOML, of UTF-8, and of numbers with too many digits
-        raise SceneError(f"this is not valid TOML: {error}", file=path.name) from None
+        from symgen.scene.faults import ONE_LOOP  # pydantic is not loaded by runs from the cache
+
+        twice = "'loop',) twice" in str(error)
+        raise SceneError(
+            f"this is not valid TOML: {error}", file=path.name, hint=ONE_LOOP if twice else ""
+        ) from None
     if _depth(data) > _DEEPEST:
         raise SceneError(f"expected tables nested at most {_DEEPEST} deep", file=path.name)
     return SceneText(_identifier(path.stem), path.name, data)
 
 
+@checked
 def load_scene(source: str | os.PathLike[str], set: Mapping[str, Any] | None = None) -> Scene:
     """Load and check a scene: a shipped name or the path of a TOML file.
 
@@ -103,7 +111,7 @@ def load_scene(source: str | os.PathLike[str], set: Mapping[str, Any] | None = N
 
 
 #: Tables of single keys that a scene may leave out.
-_TABLES = ("analysis", "gravity")
+_TABLES = ("analysis", "gravity", "start")
 
 
 def override(text: SceneText, changes: Mapping[str, Any]) -> SceneText:
@@ -121,9 +129,9 @@ def override(text: SceneText, changes: Mapping[str, Any]) -> SceneText:
             continue
         *path, last = key.split(".")
         table: Any = data
-        if len(path) == 1 and path[0] in _TABLES:  # which a scene may leave out
-            data.setdefault(path[0], {})
-        for part in path:
+        for depth, part in enumerate(path, 1):
+            if isinstance(table, dict) and part not in table and _may_be_absent(path[:depth]):
+                table[part] = {}
             table = _inside(table, part)
         if isinstance(table, list) and _inside(table, last) is not None:
             table[int(last)] = value
@@ -138,8 +146,18 @@ def override(text: SceneText, changes: Mapping[str, Any]) -> SceneText:
     return SceneText(text.name, text.file, data)
 
 
+def _may_be_absent(path: list[str]) -> bool:
+    """Return whether a scene may omit the table at a path, so that its keys can be set."""
+    if len(path) == 1:
+        return path[0] in _TABLES
+    from symgen.scene.faults import table_at
+    from symgen.scene.schema import Scene
+
+    return path[-1] in table_at(Scene, path).model_fields
+
+
 def _inside(table: Any, part: str) -> Any:
-    """Return what stands at a key of a table or at a place of a list, counted from 0; None if nothing."""
+    """Return the value at a key of a table or an index of a list, counted from 0; None if absent."""
     if isinstance(table, dict):
         return table.get(part)
     if isinstance(table, list) and part.isdecimal() and int(part) < len(table):
@@ -184,3 +202,12 @@ def _identifier(stem: str) -> str:
     stem = stem[:_LONGEST_NAME]
     word = "".join(c if c.isascii() and (c.isalnum() or c == "_") else "_" for c in stem)
     return word if word[:1].isalpha() else f"scene_{word}"
+
+
+def text_of(scene: Any) -> SceneText:
+    """Return the tables of a scene given as a name, a path, a Python object, or tables."""
+    if isinstance(scene, SceneText):
+        return scene
+    if isinstance(scene, str | os.PathLike):
+        return read_scene(scene)
+    return SceneText(scene.name, scene.file, scene.model_dump(exclude_unset=True) | {"symgen": scene.symgen})

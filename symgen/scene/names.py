@@ -6,15 +6,16 @@ import re
 from keyword import iskeyword
 
 from symgen.errors import SceneError
+from symgen.loads import LOADS
 from symgen.scene.expressions import FUNCTIONS
 from symgen.scene.schema import Scene
 
 _RESERVED = {"t", "pi", *FUNCTIONS}
-#: What stands for the load itself in its own expressions.
+#: Name of a load in its own expressions.
 _OWN = "this"
-#: What loads and guides, which have no names of their own, are called, and what is made from that.
-_NUMBERED = re.compile(r"(spring|guide|actuator|torsion_spring|torque)_[0-9]+(_.*)?")
-#: What the derivation calls the components of points and of links, and the points it adds to bodies.
+#: Name prefixes of guides, switching points and angles in loads, and of most kinds of loads.
+_OTHERS = ("guide", "switch", "turned")
+#: Names of the components of points and of links in the derivation, and of points added to bodies.
 _OF_POINT = re.compile(r"(?P<owner>.+)_[va]?[xyz]")
 _OF_LINK = re.compile(r"(?P<owner>.+)_d[xyz](_rate)?")
 _ADDED = re.compile(r"(?P<owner>.+)_base[1-3]")
@@ -29,7 +30,7 @@ def check_names(scene: Scene) -> None:
         _refuse(_owner(name) or (_added(name, scene) if _ADDED.fullmatch(name) else ""), f"points.{name}")
     rows = _rows(scene)
     for name in scene.links:
-        row = _NUMBERED.fullmatch(name) or name in rows
+        row = _numbered(name) or name in rows
         of_symgen = f"{name!r} is what symgen calls a spring or another load, a guide, a drive or a joint"
         _refuse(_owner(name) or (of_symgen if row else ""), f"links.{name}")
 
@@ -37,6 +38,12 @@ def check_names(scene: Scene) -> None:
 def check_word(name: str, where: str) -> None:
     """Raise SceneError for a name that has a meaning in expressions already."""
     _refuse(_word(name), where)
+
+
+def _numbered(name: str) -> bool:
+    """Return whether a name is that of a numbered item, or is derived from one."""
+    words = [kind.noun.replace(" ", "_") for kind in LOADS.values() if kind.named]
+    return bool(re.fullmatch(rf"({'|'.join((*words, *_OTHERS))})_[0-9]+(_.*)?", name))
 
 
 def _refuse(problem: str, where: str) -> None:
@@ -51,11 +58,11 @@ def _word(name: str) -> str:
 
 
 def _owner(name: str) -> str:
-    return f"{name!r} is what a load calls itself in its expressions" if name == _OWN else ""
+    return f"{name!r} is the name of a load in its own expressions" if name == _OWN else ""
 
 
 def _added(name: str, scene: Scene) -> str:
-    """Say so when a name is that of a point that symgen may add to a body in space."""
+    """Return a complaint if a name is that of a point that symgen may add to a body in space."""
     added = _ADDED.fullmatch(name)
     if added and added["owner"] in scene.links:
         return f"{name!r} is what symgen calls a point of the link {added['owner']}"
@@ -63,13 +70,13 @@ def _added(name: str, scene: Scene) -> str:
 
 
 def _quantity(name: str, scene: Scene) -> str:
-    """Say so when a tunable parameter is called like a quantity of a point, a link or a load."""
+    """Return a complaint if a tunable parameter has the name of a quantity of a point, a link or a load."""
     point, link = _OF_POINT.fullmatch(name), _OF_LINK.fullmatch(name)
     if point and (point["owner"] in scene.points or _added(point["owner"], scene)):
         return f"{name!r} is what symgen calls a component of the point {point['owner']}"
     if link and (link["owner"] in scene.links or link["owner"] in _rows(scene)):
         return f"{name!r} is what symgen calls a component of the link {link['owner']}"
-    if _NUMBERED.fullmatch(name) or name.endswith("_lambda"):
+    if _numbered(name) or name.endswith("_lambda"):
         return f"{name!r} is what symgen calls a quantity of a spring or another load, or a multiplier"
     return ""
 

@@ -11,10 +11,11 @@ import sympy as sp
 from symgen.errors import SceneError, nearest
 from symgen.scene import units
 from symgen.scene.expressions import Names, parse_any, parse_value
-from symgen.scene.linkage import TIME, Parameter, PlacedPoint, number, state_symbol
+from symgen.scene.rods.linkage import TIME, Parameter, PlacedPoint, number, state_symbol
 from symgen.scene.schema import Scene
 from symgen.scene.units import Dimension, is_quantity
 from symgen.symbolic.quantity import AXES, quantity
+from symgen.symbolic.switch import Sign
 
 #: Names in an expression, as far as they matter here.
 _NAME = re.compile(r"[A-Za-z]\w*", re.ASCII)
@@ -85,12 +86,14 @@ class Values:
 
     def moving(self, expression: sp.Expr, where: str) -> None:
         """Check that a prescribed motion has a velocity and an acceleration."""
+        if any(jump.has(TIME.symbol) for jump in expression.atoms(sp.Abs, Sign)):
+            raise SceneError(
+                "a prescribed motion needs an acceleration at every time: it cannot use abs, sign, min "
+                "or max",
+                where=where,
+            )
         for _ in range(2):
             expression = sp.diff(expression, TIME.symbol)
-            if expression.has(sp.sign, sp.Derivative, sp.re, sp.im):
-                raise SceneError(
-                    "a prescribed motion needs an acceleration at every time: it cannot use abs", where=where
-                )
             with at(where):
                 self.number(expression)
 
@@ -170,6 +173,13 @@ class Reader(Values):
             found[f"this.{word}"] = state_symbol(f"{own}.{word}"), dim
         return found
 
+    @property
+    def drawing_is_a_guess(self) -> bool:
+        """Whether the mechanism is assembled elsewhere than drawn: by lengths, angles or drives."""
+        scene = self.scene
+        lengths = any(link.length is not None for link in scene.links.values())
+        return bool(scene.start.angles or scene.driven) or lengths
+
     def known_point(self, name: str, where: str) -> PlacedPoint:
         """Return the point of this name."""
         if name not in self.points:
@@ -184,7 +194,7 @@ class Reader(Values):
             raise SceneError(f"there is no link called {name!r}", where=where, hint=hint)
 
     def is_spatial_body(self, link: str) -> bool:
-        """Tell whether a link is a body in space, which two points cannot carry."""
+        """Return whether a link is a body in space, which two points cannot carry."""
         table = self.scene.links[link]
         written = isinstance(table.centre, list) or isinstance(table.inertia, list)
         return self.dimension == 3 and (len(table.points) > 2 or written)
@@ -205,6 +215,6 @@ class Reader(Values):
 
 
 def _got(text: str | int | float, value: float, dim: Dimension) -> str:
-    """Return what was written, and its value where that is not plain from it."""
+    """Return the written text, and its value unless the text shows it."""
     plain = not isinstance(text, str) or is_quantity(text)
     return repr(text) if plain else f"{text!r}, which is {value:g} {dim.unit}"

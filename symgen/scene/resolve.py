@@ -3,23 +3,31 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import cast
 
 import sympy as sp
 
 from symgen.errors import SceneError
-from symgen.scene import bodies, bonds, loads, units
-from symgen.scene.crank import crank, driver_of, with_flywheel
-from symgen.scene.elastic import Crank
-from symgen.scene.elastic_reading import elastic_links, stations
-from symgen.scene.events import events
-from symgen.scene.linkage import Linkage
-from symgen.scene.loop import Loop
-from symgen.scene.loops import loop_of
+from symgen.methods import claiming
+from symgen.scene import units
+from symgen.scene.elastic.crank import crank, driver_of, with_flywheel
+from symgen.scene.elastic.links import Crank
+from symgen.scene.elastic.reading import check_loads, elastic_links, stations
+from symgen.scene.loop.loop import Loop
+from symgen.scene.loop.resolve import loop_of
+from symgen.scene.loop.schema import SpatialLoop
 from symgen.scene.names import check_names
-from symgen.scene.planar import in_its_plane
 from symgen.scene.reading import Reader
+from symgen.scene.rods import bodies, loads
+from symgen.scene.rods import constraints as bonds
+from symgen.scene.rods.events import events
+from symgen.scene.rods.linkage import Linkage
+from symgen.scene.rods.planar import in_its_plane
+from symgen.scene.rods.remarks import remarks
+from symgen.scene.rods.spatial import spatial_bodies
+from symgen.scene.rods.switches import with_switches
+from symgen.scene.rods.windings import with_windings
 from symgen.scene.schema import Scene
-from symgen.scene.spatial import spatial_bodies
 
 
 def resolve(scene: Scene) -> Linkage | Loop:
@@ -30,15 +38,27 @@ def resolve(scene: Scene) -> Linkage | Loop:
     SceneError
         For a wrong unit, an unknown name, a value that is not physical; with file, table and key.
     """
+    tables = [name for name in scene.model_fields_set if getattr(scene, name) is not None]
     try:
         check_names(scene)
-        return _linkage(scene) if scene.loop is None else loop_of(scene, scene.loop)
+        resolved: Linkage | Loop = claiming(tables).load("resolve")(scene)
     except SceneError as error:
         raise error.located(file=scene.file) from None
+    return resolved
+
+
+def resolved_loop(scene: Scene) -> Loop:
+    """Return the loop of a scene with a link-joint table; errors as of :func:`resolve`, without the file."""
+    return loop_of(scene, cast("SpatialLoop", scene.loop))
+
+
+def resolved_linkage(scene: Scene) -> Linkage:
+    """Return the linkage of a scene of points and links; errors as of :func:`resolve`, without the file."""
+    return with_switches(with_windings(_linkage(scene)))
 
 
 def resolve_linkage(scene: Scene) -> Linkage:
-    """Return the linkage a scene describes, for what is not there for loops.
+    """Return the linkage of a scene, for functions that do not support loops.
 
     Raises
     ------
@@ -75,15 +95,11 @@ def _linkage(scene: Scene) -> Linkage:
         dimension=read.dimension,
         parameters=tuple(read.parameters),
         points=tuple(read.points.values()),
-        links=tuple(with_flywheel(links, turned, {link.link for link in elastic})),
+        links=tuple(with_flywheel(links, turned)),
         bodies=in_space,
         gravity=gravity,
         masses=tuple(loads.masses(read)),
-        springs=tuple(loads.springs(read)),
-        actuators=tuple(loads.actuators(read)),
-        torsion_springs=tuple(loads.torsion_springs(read)),
-        forces=tuple(loads.forces(read)),
-        torques=tuple(loads.torques(read)),
+        loads=tuple(loads.loads(read)),
         guides=tuple(bonds.guides(read)),
         drivers=(*bonds.drivers(read), *((driver_of(turned),) if turned else ())),
         start=bonds.start(read),
@@ -93,11 +109,12 @@ def _linkage(scene: Scene) -> Linkage:
         elastic=elastic,
         crank=turned,
         stations=tuple(stations(read, links, elastic)),
-        distributed=tuple(loads.distributed(read)),
         events=tuple(events(read)),
         kinematic=scene.analysis.kind == "kinematics",
     )
     _check_every_point_used(scene, linkage)
+    check_loads(linkage)
+    linkage = replace(linkage, remarks=remarks(scene, linkage))
     if scene.analysis.motion == "space":
         if read.dimension == 2:
             raise SceneError("points with two coordinates do not move in space", where="analysis.motion")
@@ -108,7 +125,7 @@ def _linkage(scene: Scene) -> Linkage:
 
 
 def _end(read: Reader, crank: Crank | None) -> sp.Expr:
-    """Return the end of the run: as asked, else after one turn of the crank, or 1 s."""
+    """Return the end of the run: as in the scene, by default one revolution of the crank, or 1 s."""
     analysis = read.scene.analysis
     if crank and "t_end" not in analysis.model_fields_set and read.number(crank.speed) != 0:
         return 2 * sp.pi / sp.Abs(crank.speed)
@@ -129,7 +146,7 @@ def _check_every_point_used(scene: Scene, linkage: Linkage) -> None:
     for point in linkage.points:
         if point.name not in used and not point.ground:
             raise SceneError(
-                f"the point {point.name} is on no link and carries no mass: nothing says how it moves",
+                f"the point {point.name} is on no link and carries no mass: its motion is not determined",
                 where=f"points.{point.name}",
                 hint="Name it in a link's points, make it ground, or remove it.",
             )

@@ -5,11 +5,15 @@ from __future__ import annotations
 from typing import Any, Literal
 
 from pydantic import ConfigDict, Field, GetJsonSchemaHandler, PrivateAttr, ValidationError, model_validator
+from pydantic.fields import FieldInfo
 from pydantic_core import CoreSchema
 
+from symgen.calls import checked
 from symgen.errors import SceneError
-from symgen.scene.elastic_schema import Crank, Elastic, Section, Station
-from symgen.scene.loop_schema import SpatialLoop
+from symgen.loads import LOADS
+from symgen.scene.elastic.schema import Crank, Elastic, Section, Station
+from symgen.scene.faults import scene_error
+from symgen.scene.loop.schema import SpatialLoop
 from symgen.scene.study_schema import Study
 from symgen.scene.table import Moments, Name, Table, Text, Value, Vector
 
@@ -20,7 +24,7 @@ _SHARED = {"symgen", "title", "about", "parameters", "gravity", "analysis", "stu
 
 
 def _for_editors(schema: dict[str, Any]) -> None:
-    """Tell editors that a file must say its version, and is made of points and links or of a loop."""
+    """Declare for editors that a file must state its version, and has points and links or a loop."""
     schema["required"] = ["symgen"]
     others = [key for key in schema["properties"] if key not in _SHARED]
     schema["anyOf"] = [
@@ -34,7 +38,7 @@ class Parameter(Table):
 
     value: Value
     tunable: bool = Field(False, description="Keep it as an argument of the kernels instead of folding it.")
-    about: Text = Field("", description="What it means, for reports.")
+    about: Text = Field("", description="Meaning, for reports.")
 
     @model_validator(mode="before")
     @classmethod
@@ -59,7 +63,7 @@ class Point(Table):
     )
     ground: bool = Field(False, description="Fixed to the ground, or moved by it where motion is given.")
     motion: Vector | None = Field(
-        None, description="Displacement of a ground point from where it is drawn, by the time t."
+        None, description="Displacement of a ground point from its drawn position, by the time t."
     )
 
 
@@ -104,62 +108,6 @@ class PointMass(Table):
     mass: Value
 
 
-class Spring(Table):
-    """A linear spring, with damping if given, between two points."""
-
-    between: list[Name] = Field(min_length=2, max_length=2)
-    stiffness: Value
-    length: Value = Field(description="Length at which it is slack.")
-    damping: Value | None = None
-
-
-class Actuator(Table):
-    """A force along the line between two points, which pushes them apart where it is positive."""
-
-    between: list[Name] = Field(min_length=2, max_length=2)
-    force: Value = Field(description="May use the time t, the state, and this.length and this.rate.")
-
-
-class TorsionSpring(Table):
-    """A torsion spring, with damping if given, between two links, or a link and the ground (plane)."""
-
-    link: Name
-    against: Name | None = Field(None, description="The other link; the ground if absent.")
-    stiffness: Value = Field(description="Torque per radian.")
-    angle: Value = Field(0, description="Angle of the link from the other one at which it is slack.")
-    damping: Value | None = None
-
-
-class Force(Table):
-    """A force on a point, its components fixed in space; may use the time t and the state."""
-
-    point: Name
-    force: Vector
-
-
-class DistributedForce(Table):
-    """A force per length on a link in the plane; may use the time t and the state."""
-
-    link: Name
-    force: Vector = Field(description="Per length, at the first point of the link; uniform without end.")
-    end: Vector | None = Field(None, description="Per length, at its second point, linear between them.")
-    axes: Literal["fixed", "link"] = Field(
-        "fixed",
-        description="fixed: components along x and y; link: along the link and to its left.",
-    )
-
-
-class Torque(Table):
-    """A couple on a link, and its reaction on another link if named."""
-
-    link: Name
-    torque: Value | Vector = Field(
-        description="In the plane counter-clockwise, in space three components. May use the time t, the "
-        "state and, in the plane, this.angle and this.rate of the link relative to the other one."
-    )
-    against: Name | None = None
-
-
 class Guide(Table):
     """Points that stay on the line of a link: a block on a rod, or on a rail between two ground points."""
 
@@ -177,9 +125,9 @@ class Driver(Table):
 class Event(Table):
     """A moment of a run that is looked for: where a quantity passes a value."""
 
-    name: Name = Field(description="What results call it.")
+    name: Name = Field(description="Name in the results.")
     of: str = Field(description="A quantity of the state such as A.position.y, or an expression of them.")
-    value: Value = Field(0, description="What it passes.")
+    value: Value = Field(0, description="Threshold of the quantity.")
     direction: Literal["rising", "falling", "both"] = Field("both", description="Which way it passes.")
     ends_run: bool = Field(False, description="Whether the run ends there.")
 
@@ -197,29 +145,31 @@ class Start(Table):
 
 
 class Analysis(Table):
-    """What is asked of the mechanism."""
+    """Analysis of the mechanism."""
 
     kind: Literal["dynamics", "kinematics"] = Field(
         default="dynamics",
         description="kinematics: positions, velocities and accelerations of a driven linkage, and no forces.",
     )
     t_end: Value = Field(
-        default="1 s", description="If absent one turn of the crank where links are elastic."
+        default="1 s", description="By default one revolution of the crank if links are elastic."
     )
     assembly_tolerance: Value | None = Field(
-        default=None, description="By how much redundant constraints may contradict the others."
+        default=None, description="By how much redundant constraints, or closure of a loop, may be missed."
     )
     motion: Literal["space"] | None = Field(
         default=None,
         description="space: derive a linkage with three coordinates in space though it stays in a plane.",
     )
     outputs: list[str] | None = Field(
-        default=None, description="What a run records, such as C.position, OA.tension, O.reaction, energy."
+        default=None, description="Recorded outputs, such as C.position, OA.tension, O.reaction, energy."
     )
 
 
 class Scene(Table):
-    """One mechanism and what is asked of it: made of points and links, or of a loop.
+    """One mechanism with its analysis: points and links, or a loop.
+
+    It has a list of tables for each kind of load in ``symgen.loads.LOADS``, after the point masses.
 
     Build it from a file with :func:`symgen.load_scene`, or in Python with the same words:
     ``symgen.Scene(symgen=1, points={...}, links={...})``.
@@ -236,12 +186,6 @@ class Scene(Table):
     loop: SpatialLoop | None = None
     gravity: Gravity | None = None
     masses: list[PointMass] = Field(default_factory=list)
-    springs: list[Spring] = Field(default_factory=list)
-    actuators: list[Actuator] = Field(default_factory=list)
-    torsion_springs: list[TorsionSpring] = Field(default_factory=list)
-    forces: list[Force] = Field(default_factory=list)
-    distributed_forces: list[DistributedForce] = Field(default_factory=list)
-    torques: list[Torque] = Field(default_factory=list)
     guides: list[Guide] = Field(default_factory=list)
     drivers: list[Driver] = Field(default_factory=list)
     crank: Crank | None = None
@@ -254,35 +198,35 @@ class Scene(Table):
     _name: str = PrivateAttr("scene")
     _file: str = PrivateAttr("")
 
-    def __init__(self, **tables: Any) -> None:
+    @checked
+    def __init__(self, /, **tables: Any) -> None:
+        _add_loads()
         try:
             super().__init__(**tables)
         except ValidationError as error:
-            from symgen.scene.faults import scene_error
-
-            raise scene_error(error) from None
+            raise scene_error(Scene, error) from None
         self._check_kind()
 
     def _check_kind(self) -> None:
-        """Raise SceneError unless it is made of points and links, or of a loop."""
+        """Raise SceneError unless the scene has points and links, or a loop."""
         asked = self.analysis
         for key, given in (("motion", asked.motion), ("kind", asked.kind != "dynamics")):
             if self.loop is not None and given:
-                raise SceneError("of a loop, its outputs say what is derived", where=f"analysis.{key}")
+                raise SceneError("the analysis of a loop follows from its outputs", where=f"analysis.{key}")
         if self.loop is None:
             for key in ("points", "links"):
                 if key not in self.model_fields_set:
                     raise SceneError(
                         "this key is missing",
                         where=key,
-                        hint="A scene is made of points and links, or of a loop.",
+                        hint="A scene has points and links, or a loop.",
                     )
             return
         for key in sorted(self.model_fields_set - _SHARED - {"loop"}):
             raise SceneError(
                 f"a scene with a loop has no {key}",
                 where=key,
-                hint="A scene is made of points and links, or of a loop with links and loads of its own.",
+                hint="A scene has points and links, or a loop with links and loads of its own.",
             )
 
     @property
@@ -311,9 +255,32 @@ class Scene(Table):
 #: The table model behind each top-level key, to name the nearest known key in errors.
 TABLES: dict[str, type[Table]] = {
     "parameters": Parameter, "points": Point, "links": Link, "gravity": Gravity, "masses": PointMass,
-    "springs": Spring, "actuators": Actuator, "torsion_springs": TorsionSpring, "forces": Force,
-    "distributed_forces": DistributedForce, "torques": Torque,
     "guides": Guide, "drivers": Driver, "crank": Crank, "stations": Station,
     "start": Start, "events": Event, "analysis": Analysis,
     "loop": SpatialLoop, "studies": Study,
 }  # fmt: skip
+
+
+def _add_loads() -> None:
+    """Give the scene a list of tables for every kind of load, including those registered since."""
+    kinds = {name: kind.schema for name, kind in LOADS.items()}
+    if {name: TABLES.get(name) for name in _LOADS} == kinds:
+        return
+    fields, others = Scene.model_fields, {n: f for n, f in Scene.model_fields.items() if n not in _LOADS}
+    for name in _LOADS:
+        TABLES.pop(name, None)
+    fields.clear()
+    for name, info in others.items():
+        fields[name] = info
+        if name == "masses":
+            for load, table in kinds.items():
+                annotation: Any = list[table]  # type: ignore[valid-type]
+                fields[load] = FieldInfo.from_annotated_attribute(annotation, Field(default_factory=list))
+    TABLES.update(kinds)
+    _LOADS[:] = kinds
+    Scene.model_rebuild(force=True)
+
+
+#: The load tables that the scene has.
+_LOADS: list[str] = []
+_add_loads()

@@ -1,4 +1,4 @@
-"""The ``studies`` of a scene as the user writes them: what is varied, drawn, and looked for."""
+"""User-defined ``studies`` of a scene: varied parameters, plots and limits."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class Study(Table):
     vary: dict[Name, Values] = Field(default_factory=dict, description="Values of tunable parameters.")
     set: dict[str, Value] = Field(
         default_factory=dict,
-        description="What else differs from the scene, by parameter or dotted key, as behind --set.",
+        description="Other changes to the scene, by parameter or dotted key, as with --set.",
     )
     plots: list[str] = Field(default_factory=list, description="Outputs to draw over the input.")
     limits: list[Limit] = Field(default_factory=list)

@@ -1,4 +1,4 @@
-"""What every table of a scene is made of: strict tables, names, values, texts."""
+"""Common parts of all tables of a scene: strict tables, names, values, texts."""
 
 from __future__ import annotations
 

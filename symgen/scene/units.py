@@ -75,7 +75,7 @@ _NAMED = {
     PRESSURE: "Pa",
 }
 
-#: What each kind of value is called in messages, and an example of how to write it.
+#: Name of each kind of value in messages, and an example.
 KINDS: dict[Dimension, tuple[str, str]] = {
     NUMBER: ("a plain number or an angle", '"30 deg" or 0.5'),
     LENGTH: ("a length", '"2 cm"'),
@@ -129,7 +129,7 @@ def _registry() -> Any:
 
 
 def is_quantity(text: str) -> bool:
-    """Tell whether ``text`` is a number, with or without a unit behind it."""
+    """Return whether ``text`` is a number, with or without a unit."""
     return bool(_QUANTITY.fullmatch(text) or _NOT_FINITE.match(text))
 
 
@@ -159,7 +159,7 @@ def parse_quantity(text: str) -> tuple[Fraction, Dimension]:
 
 
 def fits(value: Fraction) -> bool:
-    """Tell whether a number is zero, or neither too large nor too small for double precision."""
+    """Return whether a number is zero, or neither too large nor too small for double precision."""
     try:
         return (float(value) == 0.0) == (value == 0)
     except OverflowError:

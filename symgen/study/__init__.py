@@ -1,6 +1,6 @@
-"""Studies: parameters of driven loops, and other solvers on the same kernels."""
+"""Studies: parameter variations, accuracy, speed and stability of compiled models."""
 
-from symgen.study.reference import SOLVERS, reference
 from symgen.study.running import StudyReport, run_studies
+from symgen.study.speed.reference import SOLVERS, reference
 
 __all__ = ["SOLVERS", "StudyReport", "reference", "run_studies"]

@@ -1,4 +1,4 @@
-"""A folder that is written whole, or not at all."""
+"""Atomic writing of a folder."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from symgen.atomic import write_folder
 from symgen.errors import ResultError
 
 
-def checked(folder: str | os.PathLike[str]) -> Path:
-    """Return the path of a folder to be written, before long work; raise ResultError when it cannot be."""
+def writable_folder(folder: str | os.PathLike[str]) -> Path:
+    """Return the path of an output folder; raise ResultError early if it is not writable."""
     path = Path(folder)
     if path.exists() and not path.is_dir():
         raise ResultError(f"expected a folder for the studies, got the file {path}")
@@ -24,12 +24,12 @@ def checked(folder: str | os.PathLike[str]) -> Path:
 
 
 def write(folder: Path, files: Mapping[str, bytes]) -> None:
-    """Write files into a folder: a new one appears complete; in one that is there each file is replaced.
+    """Write files into a folder: a new folder appears complete; in an existing one each file is replaced.
 
     Raises
     ------
     ResultError
-        When it cannot be written; it is as it was then.
+        If the folder cannot be written; its contents are then unchanged.
     """
     try:
         write_folder(folder, files)

@@ -1,16 +1,17 @@
-"""Up to which value of a parameter a driven loop can go through its whole range: bisection."""
+"""Limit of a parameter up to which a driven loop can traverse its whole range, by bisection."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import cast
 
 from symgen.errors import InitialStateError, ModelError, SimulationError
-from symgen.runtime.loop_model import LoopModel
-from symgen.runtime.turn import Turn
+from symgen.runtime.loop.model import LoopModel
+from symgen.runtime.result.turn import Turn
 from symgen.study.plan import Search
 
-#: Evaluations that a limit takes at most: both ends of the search, and halvings down to 1e-9 of its range.
+#: Maximum number of evaluations: both ends of the search, and bisection to 1e-9 of its range.
 STEPS = 32
 
 
@@ -21,16 +22,16 @@ class Limit:
     Attributes
     ----------
     value
-        Last value found at which the loop goes through its range [SI]; None when it does to the end of
-        the search.
+        Last value at which the loop traverses its range [SI]; None if it does so up to the end of the
+        search.
     width
-        How far the first value is at which it does not [SI].
+        Distance to the first value at which it does not [SI].
     closure
-        Largest defect of closure over the range, at ``value``.
+        Largest closure defect over the range, at ``value``.
     least_singular
-        Least singular value of the screws over the largest, there: small close to a limit.
+        Least singular value of the screws relative to the largest, at ``value``: small close to a limit.
     cause
-        What the loop says just beyond; empty where it goes on.
+        Error message just beyond the limit; empty if there is no limit.
     """
 
     search: Search
@@ -42,19 +43,20 @@ class Limit:
 
 
 def find_limit(model: LoopModel, search: Search, done: Callable[[], None]) -> Limit:
-    """Return the limit of a parameter between the two ends of a search, taken to be the only one there.
+    """Return the limit of a parameter within a search range, which must contain a single limit.
 
-    ``done`` is called after every evaluation, ``STEPS`` times at most.
+    ``done`` is called after every evaluation, at most ``STEPS`` times.
 
     Raises
     ------
     ModelError
-        When the loop cannot go through its range at the start of the search.
+        If the loop cannot traverse its range at the start of the search.
     """
 
     def through(value: float) -> Turn | str:
         try:
-            return model.with_parameters(**{search.parameter: value}).turn()
+            changed = model.with_parameters(**{search.parameter: value})
+            return cast(Turn, changed.inverse_dynamics())
         except (SimulationError, InitialStateError) as error:
             return str(error).partition("\n")[0]
         finally:
@@ -64,7 +66,7 @@ def find_limit(model: LoopModel, search: Search, done: Callable[[], None]) -> Li
     turn = through(good)
     if isinstance(turn, str):
         raise ModelError(
-            f"the limit of {search.parameter} is looked for from {search.in_unit(good):g} {search.unit}, "
+            f"the search for a limit of {search.parameter} starts at {search.in_unit(good):g} {search.unit}, "
             f"where the loop cannot go through its range: {turn}\n  Start from a value at which it can."
         )
     beyond = through(bad)

@@ -1,17 +1,14 @@
-"""What studies write: a page with tables, the plots, and the numbers behind them."""
+"""Output of studies: a page with tables, plots, and the numbers of the plots."""
 
 from __future__ import annotations
 
 import io
 from collections.abc import Callable, Iterator, Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from symgen.study.cases import Case, StudyResult
 from symgen.study.plots import Array, components, draw, shown_input
-
-if TYPE_CHECKING:
-    from symgen.study.running import Case, StudyResult
 
 PAGE = "index.md"
 
@@ -19,9 +16,9 @@ PAGE = "index.md"
 def files_of(
     scene: str, title: str, studies: Sequence[StudyResult], done: Callable[[], None]
 ) -> dict[str, bytes]:
-    """Return the content of every file by its name; the page comes last, when all it shows is there.
+    """Return the contents of all files by name; the page comes last, when its figures are complete.
 
-    ``scene`` is how the scene was called, for the line that repeats the studies; ``done`` is called after
+    ``scene`` is the scene's name on the command line, for the reproduction line; ``done`` is called after
     every plot.
     """
     files: dict[str, bytes] = {}
@@ -50,13 +47,13 @@ def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
 
 
 def _settings(study: StudyResult) -> tuple[list[str], list[list[str]]]:
-    """Return names and values of what varies, a row for each case."""
+    """Return names and values of the varied parameters, one row per case."""
     names = [s.parameter for s in study.cases[0].settings]
     return names, [[s.text for s in case.settings] for case in study.cases]
 
 
 def _cases(study: StudyResult) -> list[str]:
-    """How each case went: closure, conditioning, poles."""
+    """Return the table of closure, conditioning and poles of all cases."""
     names, values = _settings(study)
     rows = []
     for case, own in zip(study.cases, values, strict=True):
@@ -86,7 +83,7 @@ def _limits(study: StudyResult) -> list[str]:
 
 
 def _ranges(study: StudyResult) -> list[str]:
-    """Least and greatest value of every component drawn, over the input."""
+    """Return minimum and maximum of every plotted component over the input."""
     rows = []
     for output in study.plan.plots:
         for i, (name, unit) in enumerate(_components(study, output)):
@@ -110,12 +107,12 @@ def _range(case: Case, output: str, name: str, index: int) -> str:
 
 
 def _short(value: float) -> str:
-    """Return a number to six digits; what is nothing but round-off reads as zero."""
+    """Return a number with six digits; round-off becomes zero."""
     return f"{value:.6g}" if abs(value) > 1e-9 else "0"
 
 
 def _numbers(study: StudyResult) -> bytes:
-    """Return input and outputs of all cases as CSV, a column for each component and case."""
+    """Return input and outputs of all cases as CSV, with one column per component and case."""
     columns = list(_columns(study))
     stream = io.StringIO()
     stream.write(",".join(f'"{head}"' for head, _ in columns) + "\n")

@@ -1,4 +1,4 @@
-"""From the ``studies`` of a scene to what is to be evaluated: values read, parameters and names checked."""
+"""Evaluation plans from the ``studies`` of a scene, with values parsed and names checked."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from symgen.scene.units import is_quantity, parse_quantity
 
 @dataclass(frozen=True, slots=True)
 class Setting:
-    """A value of a parameter: as it is written, and in SI units."""
+    """A parameter value, as text and in SI units."""
 
     parameter: str
     text: str
@@ -27,7 +27,7 @@ class Setting:
 
 @dataclass(frozen=True, slots=True)
 class Search:
-    """Where the limit of a parameter is looked for, and the unit to give it in: its name and size in SI."""
+    """Search range for the limit of a parameter, and the display unit: its name and size in SI."""
 
     parameter: str
     start: float
@@ -36,13 +36,13 @@ class Search:
     size: float
 
     def in_unit(self, value: float) -> float:
-        """Return a value in the unit."""
+        """Return a value in the display unit."""
         return value / self.size
 
 
 @dataclass(frozen=True, slots=True)
 class Plan:
-    """A study: one case for every combination of the values that vary."""
+    """A study: one case for every combination of the varied values."""
 
     name: str
     about: str
@@ -58,8 +58,8 @@ def plans(scene: Scene) -> tuple[Plan, ...]:
     Raises
     ------
     SceneError
-        When there are none, two have one name, a parameter is unknown or not tunable, or a value cannot be
-        read; with table and key.
+        If there are none, two have the same name, a parameter is unknown or not tunable, or a value is
+        invalid; with table and key.
     """
     try:
         if not scene.studies:
@@ -99,7 +99,7 @@ def plans(scene: Scene) -> tuple[Plan, ...]:
 
 
 def _setting(read: Values, parameter: str, text: Any, where: str) -> Setting:
-    """Read a value of a tunable parameter."""
+    """Parse the value of a tunable parameter."""
     tunable = {p.quantity.name: p.quantity for p in read.parameters}
     if parameter not in tunable:
         known = parameter in read.names
@@ -127,7 +127,7 @@ def _search(read: Values, limit: Any, varied: Mapping[str, Any], where: str) -> 
 
 
 def _unit_of(text: str) -> tuple[str, float] | None:
-    """Return the unit behind a number, and its size in SI units; None where there is none."""
+    """Return the unit of a quantity and its size in SI units; None if it has no unit."""
     unit = text.strip().lstrip("+-.0123456789").strip()
     if not is_quantity(text) or not unit or not is_quantity(f"1 {unit}"):
         return None

@@ -1,4 +1,4 @@
-"""Plots of a study: one output over the input, a curve for each case, a panel for each component."""
+"""Plots of a study: one output over the input, with a curve per case and a panel per component."""
 
 from __future__ import annotations
 
@@ -10,25 +10,24 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from symgen.runtime.turn import Turn
+from symgen.runtime.result.turn import Turn
+from symgen.study.cases import Case
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from symgen.study.running import Case
-
 Array = NDArray[np.float64]
 
-#: Around a pole, the part of the range in which values do not count for the height of a panel.
+#: Fraction of the range around a pole that is ignored when scaling a panel.
 _NEAR = 1 / 36
-#: Width of a plot, height of a panel, and of what stands above and below all panels [in].
+#: Width of a plot, height of a panel, and height of the header and footer [in].
 _WIDTH, _PANEL, _ABOVE, _BELOW = 7.5, 1.9, 0.55, 0.8
-#: Cases beside each other in the legend, and the height of another line of it [in].
+#: Number of cases per row of the legend, and height of a further row [in].
 _COLUMNS, _LINE = 4, 0.2
 
 
 def shown_input(turn: Turn) -> tuple[Array, str, float]:
-    """Return the values of the input, angles in degrees; their unit; and its size in the scene's unit."""
+    """Return the input values (angles in degrees), their unit, and its size in the scene's unit."""
     unit = turn.unit_of_input
     size = {"rad": math.pi / 180, "rev": 1 / 360}.get(unit, 1.0)
     return turn.values_of_input / size, "deg" if size != 1.0 else unit, size
@@ -42,10 +41,10 @@ def components(turn: Turn, name: str) -> Iterator[tuple[str, str, Array]]:
 
 
 def draw(name: str, title: str, cases: Sequence[Case]) -> bytes:
-    """Return the plot of an output as PNG, the same bytes for the same values.
+    """Return the plot of an output as PNG; equal values give identical bytes.
 
-    Curves are broken at their poles, which dotted lines mark in their colour; panels are as high as the
-    values some way off the poles.
+    Curves are interrupted at their poles, which dotted lines of the same colour mark. Panels are scaled to
+    the values away from the poles.
     """
     from matplotlib import colormaps
     from matplotlib.figure import Figure
@@ -89,7 +88,7 @@ def _broken(x: Array, values: Array, poles: Sequence[float]) -> tuple[Array, Arr
 
 
 def _limit(panel: Axes, values: Array) -> None:
-    """Set the height of a panel; one that is zero but for round-off is shown as such."""
+    """Set the vertical range of a panel; round-off is shown as zero."""
     low, high = (float(np.min(values)), float(np.max(values))) if len(values) else (0.0, 0.0)
     margin = 0.06 * (high - low) if high - low > 1e-9 * max(1.0, abs(low), abs(high)) else 0.5
     panel.set_ylim(low - margin, high + margin)

@@ -1,4 +1,4 @@
-"""Running the studies of a scene, and writing what they give into a folder."""
+"""Execution of the studies of a scene, with output to a folder."""
 
 from __future__ import annotations
 
@@ -6,47 +6,27 @@ import os
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
+from symgen.calls import checked
 from symgen.errors import InitialStateError, ModelError, SimulationError
-from symgen.pipeline import build_scene
-from symgen.runtime.loop_model import LoopModel
-from symgen.runtime.turn import Turn
+from symgen.pipeline.build import build_scene
+from symgen.runtime.loop.model import LoopModel
+from symgen.runtime.result.turn import Turn
 from symgen.scene.loading import load_scene
-from symgen.study.folder import checked, write
-from symgen.study.limits import STEPS, Limit, find_limit
+from symgen.study.cases import Case, StudyResult
+from symgen.study.folder import writable_folder, write
+from symgen.study.limits import STEPS, find_limit
+from symgen.study.page import files_of
 from symgen.study.plan import Plan, Setting, plans
 
-#: What drawing a plot takes, in evaluations of a range, for the progress that is told.
+#: Cost of a plot in the progress count, in evaluations of a range.
 _A_PLOT = 8
 
 
 @dataclass(frozen=True, slots=True)
-class Case:
-    """One combination of values: the loop over its range, or why it could not go through it."""
-
-    settings: tuple[Setting, ...]
-    turn: Turn | None
-    problem: str
-    limits: tuple[Limit, ...]
-
-    @property
-    def label(self) -> str:
-        """Its values, for legends."""
-        return ", ".join(map(str, self.settings)) or "the scene's own values"
-
-
-@dataclass(frozen=True, slots=True)
-class StudyResult:
-    """A study and its cases."""
-
-    plan: Plan
-    cases: tuple[Case, ...]
-
-
-@dataclass(frozen=True, slots=True)
 class StudyReport:
-    """What the studies of a scene gave, and where it is written."""
+    """Results of the studies of a scene, and the output folder."""
 
     scene: str
     title: str
@@ -55,7 +35,7 @@ class StudyReport:
     studies: tuple[StudyResult, ...]
 
     def summary(self) -> dict[str, Any]:
-        """Return cases and limits in plain numbers: what ``symgen run --study --json`` prints."""
+        """Return cases and limits as plain data for ``symgen run --study --json``."""
         return {
             "scene": self.scene,
             "folder": str(self.folder),
@@ -85,6 +65,7 @@ class StudyReport:
         }
 
 
+@checked
 def run_studies(
     scene: str | os.PathLike[str],
     folder: str | os.PathLike[str],
@@ -95,31 +76,29 @@ def run_studies(
 ) -> StudyReport:
     """Run the studies of a scene and write plots, numbers and a page ``index.md`` into a folder.
 
-    Nothing is written before everything is evaluated and drawn. Files of other names in the folder stay.
+    Files are written after all evaluations and plots are complete. Other files in the folder are kept.
 
     Parameters
     ----------
     scene
         A shipped name, or the path of a scene file.
     folder
-        Where to write; it is made when it is not there.
+        Output folder; created if it does not exist.
     set
-        Values to replace in the scene, before those that a study sets.
+        Scene values to override, before those set by a study.
     progress
-        Takes the part that is done.
+        Callback that receives the completed fraction.
 
     Raises
     ------
     SceneError
-        For anything wrong in the scene or its studies.
+        If the scene or its studies are invalid.
     ModelError
-        When the scene is not a driven loop, or a limit is looked for from where there is no whole range.
+        If the scene is not a driven loop, or cannot traverse its range at the start of a search.
     ResultError
-        When an output to be drawn is not recorded, or the folder cannot be written.
+        If a plotted output is not recorded, or the folder cannot be written.
     """
-    from symgen.study.page import files_of
-
-    target = checked(folder)
+    target = writable_folder(folder)
     checked_scene = load_scene(scene, set=set)
     wanted = plans(checked_scene)
     total = sum(len(p.cases) * (1 + len(p.searches) * STEPS) + len(p.plots) * _A_PLOT for p in wanted)
@@ -143,7 +122,7 @@ def _case(model: LoopModel, plan: Plan, settings: tuple[Setting, ...], count: _C
     own = model.with_parameters(**{s.parameter: s.value for s in settings})
     turn, problem = None, ""
     try:
-        turn = own.turn()
+        turn = cast(Turn, own.inverse_dynamics())
     except (SimulationError, InitialStateError) as error:
         problem = str(error).partition("\n")[0]
     count.step()
@@ -163,7 +142,7 @@ def _case(model: LoopModel, plan: Plan, settings: tuple[Setting, ...], count: _C
 
 
 class _Counter:
-    """Counts evaluations, and tells which part of them is done."""
+    """Counts evaluations and reports the completed fraction."""
 
     def __init__(self, total: int, progress: Callable[[float], None] | None) -> None:
         self.total, self.progress, self.done = total, progress, 0

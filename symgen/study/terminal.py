@@ -1,4 +1,4 @@
-"""What studies gave, on the terminal."""
+"""Terminal output of studies."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from symgen.study.running import Case, StudyReport
 
 
 def print_report(report: StudyReport, console: Console) -> None:
-    """Print every case with its closure, and the limits found; then where plots and tables are."""
+    """Print every case with its closure and limits, then the location of plots and tables."""
     for study in report.studies:
         searched = bool(study.plan.searches)
         head = ("case", "closure defect", *(["limit"] if searched else []))

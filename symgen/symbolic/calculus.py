@@ -1,4 +1,4 @@
-"""Differentiation through shared subexpressions: the chain rule, without ever expanding them."""
+"""Differentiation through shared subexpressions by the chain rule, without expansion."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ ZERO, ONE = sp.Integer(0), sp.Integer(1)
 class Calculus:
     """Coordinates q with rates u, time t, and named subexpressions of them.
 
-    Every derivative is taken by the chain rule through the names, so the size of a result follows the
-    size of what was written, not of what it would expand to.
+    Derivatives follow the chain rule through the names, so the size of a result is proportional to the size
+    of the written expression, not of its expansion.
 
     Parameters
     ----------
@@ -41,7 +41,7 @@ class Calculus:
         return tuple(self._definitions.values())
 
     def define(self, name: str, expression: sp.Expr, unit: str, description: str) -> sp.Expr:
-        """Name a subexpression and its rate; numbers and bare symbols are handed back as they are."""
+        """Name a subexpression and its rate; numbers and bare symbols are returned unchanged."""
         expression = sp.sympify(expression)
         if expression.is_Atom:
             return expression
@@ -55,7 +55,7 @@ class Calculus:
     def _add(self, name: str, expression: sp.Expr, unit: str, description: str, rate: sp.Expr) -> sp.Symbol:
         new = quantity(name, unit, description)
         if new.symbol in self._definitions:
-            raise DerivationError(f"the name {name!r} is given twice: rename what it is made from")
+            raise DerivationError(f"the name {name!r} is used twice: rename one of its quantities")
         self._definitions[new.symbol] = Definition(new, expression)
         self._gradient[new.symbol] = self.gradient(expression)
         self._rate[new.symbol] = rate
@@ -79,7 +79,7 @@ class Calculus:
     def _partials(
         expression: sp.Expr, known: Mapping[sp.Symbol, object]
     ) -> Iterator[tuple[sp.Symbol, sp.Expr]]:
-        """Yield (symbol, partial derivative) term by term, so that the cost is linear in the terms."""
+        """Yield (symbol, partial derivative) term by term, at a cost linear in the terms."""
         for term in sp.Add.make_args(expression):
             coefficient, rest = term.as_coeff_Mul()
             if rest.is_Symbol:

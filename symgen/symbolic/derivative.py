@@ -1,4 +1,4 @@
-"""Matrices differentiated by one argument, through the shared terms, which keep their names."""
+"""Matrices differentiated with respect to one argument, through the shared terms, which keep their names."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from symgen.symbolic.system import Definition, NamedMatrix, System
 
 
 def derivative(system: System, matrices: Iterable[NamedMatrix], name: str) -> System:
-    """Return a System of the partial derivatives of matrices by an argument; all other arguments are held.
+    """Return a System of the partial derivatives of matrices with respect to one argument.
 
     Parameters
     ----------
     system
-        What the matrices belong to.
+        System of the matrices.
     matrices
-        What to differentiate; ``M`` gives ``M_by_NAME``.
+        Matrices to differentiate; ``M`` gives ``M_by_NAME``.
     name
         A tunable parameter, or another argument of the kernels.
 
@@ -69,7 +69,7 @@ def _through(expression: sp.Expr, slopes: dict[sp.Symbol, sp.Expr]) -> sp.Expr:
 
 
 def _per(unit: str, by: str) -> str:
-    """Return a unit over another one; of units that differ by row, each."""
+    """Return the quotient of two units; for a list of units, the list of quotients."""
     if by == "1":
         return unit
     below = f"({by})" if set(by) & set("*/") else by

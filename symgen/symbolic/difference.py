@@ -1,4 +1,4 @@
-"""What changed in the mathematics from one record of a model to another."""
+"""Mathematical changes between two records of a model."""
 
 from __future__ import annotations
 
@@ -8,16 +8,16 @@ from fractions import Fraction
 
 from symgen.symbolic.record import Record, RecordedMatrix
 
-#: Values that differ by less, relatively, are of the same mathematics written otherwise.
+#: Values with a smaller relative difference are the same mathematics in another form.
 _SAME = Fraction(1, 10**15)
 
 
 @dataclass(frozen=True, slots=True)
 class Change:
-    """What became of an entry, a shared subexpression or a unit.
+    """Change of an entry, a shared subexpression or a unit.
 
-    ``kind`` is ``added`` (it was zero, or not there), ``removed``, ``changed``, or ``rewritten``: another
-    text of the same value. Text that is not there is empty.
+    ``kind`` is ``added`` (previously zero or absent), ``removed``, ``changed``, or ``rewritten``: another
+    text of the same value. An absent text is empty.
     """
 
     kind: str
@@ -27,13 +27,13 @@ class Change:
 
     @property
     def through_shared_terms(self) -> bool:
-        """Whether the text stayed, and what it stands for did not."""
+        """Whether the text is the same but the value of its symbols changed."""
         return self.kind == "changed" and self.before == self.after
 
 
 @dataclass(frozen=True, slots=True)
 class MatrixDifference:
-    """What became of a matrix, where anything did: ``kind`` as of :class:`Change`, and its entries."""
+    """Change of a matrix: ``kind`` as in :class:`Change`, and its changed entries."""
 
     kind: str
     name: str
@@ -41,26 +41,26 @@ class MatrixDifference:
     changes: tuple[Change, ...]
 
     def count(self, kind: str) -> int:
-        """Return how many of its entries became so."""
+        """Return the number of entries with this kind of change."""
         return sum(c.kind == kind for c in self.changes)
 
 
 @dataclass(frozen=True, slots=True)
 class Difference:
-    """What changed from one record to another.
+    """Changes from one record to another.
 
     Attributes
     ----------
     matrices
-        Matrices of which anything changed.
+        Changed matrices.
     definitions
         Shared subexpressions that changed as text.
     operations
-        Kernels whose operations changed: before and after, None where there is no such kernel.
+        Kernels with changed operation counts: before and after, None for an absent kernel.
     totals
         Operations of all kernels together, before and after.
     values
-        Values of arguments that differ, where both sources give them: no part of the mathematics.
+        Values of arguments that differ, where both sources give them: not part of the mathematics.
     """
 
     matrices: tuple[MatrixDifference, ...]
@@ -74,7 +74,7 @@ class Difference:
 
 
 def difference(before: Record, after: Record) -> Difference:
-    """Return what changed between two records, everything in the order of the later one."""
+    """Return the changes between two records, in the order of the later one."""
     costs = before.operations, after.operations
     return Difference(
         tuple(d for name in _names(before.matrices, after.matrices) if (d := _matrix(name, before, after))),
@@ -85,7 +85,7 @@ def difference(before: Record, after: Record) -> Difference:
 
 
 def _names(before: Mapping[str, object], after: Mapping[str, object]) -> list[str]:
-    """Return the names of both, those that are gone last."""
+    """Return the names of both, removed ones last."""
     return list(dict.fromkeys([*after, *before]))
 
 
@@ -120,7 +120,7 @@ def _entry(place: str, old: RecordedMatrix, new: RecordedMatrix) -> Change | Non
 
 
 def _equal(before: str | None, after: str | None) -> bool:
-    """Tell whether two values are the same but for what their digits leave."""
+    """Return whether two values are equal within their digits."""
     if before == after or before is None or after is None:
         return before == after
     try:
@@ -131,7 +131,7 @@ def _equal(before: str | None, after: str | None) -> bool:
 
 
 def texts(before: Mapping[str, str], after: Mapping[str, str]) -> tuple[Change, ...]:
-    """Return what was added, removed or changed among named texts, in the order of the later ones."""
+    """Return the added, removed and changed named texts, in the order of the later ones."""
     found = []
     for name in _names(before, after):
         old, new = before.get(name, ""), after.get(name, "")

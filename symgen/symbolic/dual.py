@@ -1,8 +1,9 @@
 """Dual numbers a + eps b with eps^2 = 0, dual vectors and dual 3x3 matrices, over SymPy.
 
-A dual angle theta + eps S is a turn about a line and a shift along it; a dual vector is a screw, or a force
-with its moment: the real part belongs to the line, the dual part is taken about the origin. An orthogonal
-dual matrix R + eps D moves a frame: R turns it, D R^T is the cross-product matrix of its shift.
+A dual angle theta + eps S is a rotation about a line and a translation along it. A dual vector is a screw, or
+a force with its moment: the real part belongs to the line, the dual part is taken about the origin. An
+orthogonal dual matrix R + eps D moves a frame: R rotates it, D R^T is the cross-product matrix of its
+translation.
 """
 
 from __future__ import annotations
@@ -91,7 +92,7 @@ class DualVector:
         return self + -other
 
     def __mul__(self, factor: Dual | sp.Expr) -> DualVector:
-        """Return it times a number, real or dual."""
+        """Return the product with a real or dual number."""
         if isinstance(factor, Dual):
             shifted = tuple(factor.dual * x for x in self.real)
             plain = tuple(factor.real * x for x in self.dual)
@@ -139,22 +140,22 @@ class DualMatrix:
 
     @property
     def T(self) -> DualMatrix:
-        """The transpose: the inverse of an orthogonal one."""
+        """Transpose: the inverse of an orthogonal matrix."""
         return DualMatrix(self.real.T, self.dual.T)
 
     @property
     def shift(self) -> Triple:
-        """Of an orthogonal one: where it puts the origin."""
+        """Translation of the origin by an orthogonal matrix."""
         return vee(self.dual * self.real.T)
 
     @property
     def adjoint(self) -> sp.ImmutableMatrix:
-        """The 6x6 matrix [R 0; D R] that does to the components of a dual vector what R + eps D does."""
+        """Return the 6x6 matrix [R 0; D R] that acts on components of a dual vector as R + eps D does."""
         return sp.ImmutableMatrix(sp.BlockMatrix([[self.real, sp.zeros(3)], [self.dual, self.real]]))
 
     @property
     def beside(self) -> sp.ImmutableMatrix:
-        """Both parts, side by side: 3x6."""
+        """Both parts next to each other: 3x6."""
         return sp.ImmutableMatrix(self.real.row_join(self.dual))
 
 
@@ -170,7 +171,7 @@ def operator(vector: DualVector) -> DualMatrix:
 
 @lru_cache(maxsize=512)
 def rotation(axis: int, angle: Dual) -> DualMatrix:
-    """Return the turn about a coordinate axis (0, 1 or 2) by a dual angle, and the shift along it.
+    """Return the rotation about a coordinate axis (0, 1 or 2) by a dual angle, and the translation along it.
 
     The matrices X, Y and Z of section 1 of the method, in right-handed sense.
     """
@@ -184,15 +185,15 @@ def rotation(axis: int, angle: Dual) -> DualMatrix:
 
 
 def X(angle: Dual) -> DualMatrix:
-    """Return the turn about i by a dual angle."""
+    """Return the rotation about i by a dual angle."""
     return rotation(0, angle)
 
 
 def Y(angle: Dual) -> DualMatrix:
-    """Return the turn about j by a dual angle."""
+    """Return the rotation about j by a dual angle."""
     return rotation(1, angle)
 
 
 def Z(angle: Dual) -> DualMatrix:
-    """Return the turn about k by a dual angle."""
+    """Return the rotation about k by a dual angle."""
     return rotation(2, angle)

@@ -1,4 +1,4 @@
-"""The truth for kernels: the original SymPy matrices of a system, evaluated with mpmath at 40 digits."""
+"""Reference values of kernels: the SymPy matrices of a system, evaluated by mpmath with 40 digits."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from symgen.errors import DerivationError
 from symgen.symbolic.system import System
 
 DIGITS = 40
-#: Steps of iterative refinement, each of which gains what the condition leaves of double precision, and
-#: digits by which its residuals are finer.
+#: Steps of iterative refinement, each of which gains the digits that the condition leaves of double
+#: precision, and number of additional digits of its residuals.
 _STEPS, _GUARD = 60, 20
 
 
 class Exact:
     """Evaluates the matrices of a system at given arrays, shared subexpressions as derived.
 
-    Nothing of the lowering takes part: no pruning, no elimination, no rounding of constants.
+    The lowering takes no part: no pruning, no elimination, no rounding of constants.
     """
 
     def __init__(self, system: System) -> None:
@@ -34,20 +34,20 @@ class Exact:
         return self.matrices((name,), values)[0]
 
     def matrices(self, names: Sequence[str], values: Mapping[str, Any]) -> list[mpmath.matrix]:
-        """Return several matrices, their shared subexpressions evaluated once."""
+        """Return several matrices; their shared subexpressions are evaluated once."""
         key = tuple(names)
         if key not in self._functions:
             matrices = [sp.Matrix(self.system[name].matrix) for name in names]
             shared = self._used(matrices)
             self._functions[key] = sp.lambdify(
-                self.symbols, matrices, modules="mpmath", cse=lambda e: (shared, e)
+                self.symbols, matrices, modules=[{"Sign": mpmath.sign}, "mpmath"], cse=lambda e: (shared, e)
             )
         with mpmath.workdps(DIGITS):
             arguments = [number(x) for g in self.system.groups for x in values[g.name]]
             return [mpmath.matrix(m) for m in self._functions[key](*arguments)]
 
     def _used(self, matrices: Iterable[sp.Matrix]) -> list[tuple[sp.Symbol, sp.Expr]]:
-        """Return the definitions that matrices need, as the derivation gave them."""
+        """Return the definitions that matrices need, in their derived form."""
         needed = set[sp.Basic]().union(*(m.free_symbols for m in matrices))
         found = []
         for definition in reversed(self.system.definitions):
@@ -86,8 +86,8 @@ class Exact:
 def solve(matrix: mpmath.matrix, rhs: mpmath.matrix, left_out: Iterable[int] = ()) -> mpmath.matrix:
     """Solve a square system to 40 digits; the unknowns ``left_out`` are zero and their rows ignored.
 
-    A factorisation in double precision is refined with residuals at 40 digits; where that does not
-    converge, all of it is done at 40 digits, which takes long for many unknowns.
+    A factorisation in double precision is refined with residuals at 40 digits. If that does not converge,
+    the whole solution is computed at 40 digits, which is slow for many unknowns.
     """
     with mpmath.workdps(DIGITS + _GUARD):
         kept = [i for i in range(matrix.rows) if i not in set(left_out)]
@@ -104,7 +104,7 @@ def solve(matrix: mpmath.matrix, rhs: mpmath.matrix, left_out: Iterable[int] = (
 def _refined(matrix: mpmath.matrix, rhs: mpmath.matrix, kept: list[int]) -> list[mpmath.mpf] | None:
     rows = [[(k, matrix[i, j]) for k, j in enumerate(kept) if matrix[i, j]] for i in kept]
     rounded = np.array([[float(matrix[i, j]) for j in kept] for i in kept])
-    # Rows and columns of very different units are brought to one size, by powers of two.
+    # Rows and columns of very different units are equilibrated by powers of two.
     scale = np.ones(len(kept))
     for _ in range(4):
         size = np.max(np.abs(rounded * np.outer(scale, scale)), axis=1)
@@ -138,7 +138,7 @@ def _refined(matrix: mpmath.matrix, rhs: mpmath.matrix, kept: list[int]) -> list
 
 
 def number(value: Any) -> mpmath.mpf:
-    """Return a floating-point number of any precision as it is."""
+    """Return the exact value of a floating-point number of any precision."""
     if isinstance(value, mpmath.mpf):
         return value
     head = float(value)

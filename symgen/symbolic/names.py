@@ -1,4 +1,4 @@
-"""Intermediate expressions by name, so that a derivation never grows by what it multiplies out."""
+"""Named intermediate expressions, which keep a derivation from growing by expansion."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from symgen.symbolic.system import Definition
 
 
 class Names:
-    """Collects the intermediates of a derivation; equal expressions go by one name.
+    """Collector of the intermediates of a derivation; equal expressions have one name.
 
     Parameters
     ----------
     taken
-        Names of other quantities: an intermediate that would get one of them gets a mark behind it.
+        Names of other quantities: an intermediate with the same name gets a suffix.
     """
 
     def __init__(self, taken: Iterable[str] = ()) -> None:
@@ -28,11 +28,11 @@ class Names:
 
     @property
     def definitions(self) -> tuple[Definition, ...]:
-        """All of them, each after those it uses."""
+        """All definitions, each after those it uses."""
         return tuple(self._definitions.values())
 
     def scalar(self, name: str, expression: sp.Expr, unit: str, meaning: str) -> sp.Expr:
-        """Name an expression; numbers, symbols and their negatives are handed back as they are."""
+        """Name an expression; numbers, symbols and their negatives are returned unchanged."""
         expression = sp.sympify(expression)
         if expression.is_number or expression.is_Atom or (-expression).is_Atom:
             return expression
@@ -42,7 +42,7 @@ class Names:
         while name in self._taken:
             name += "_"
         if name in self._definitions:
-            raise DerivationError(f"the name {name!r} is given twice: rename what it is made from")
+            raise DerivationError(f"the name {name!r} is used twice: rename one of its quantities")
         new = quantity(name, unit, meaning)
         self._definitions[name] = Definition(new, expression)
         self._known[expression] = new.symbol

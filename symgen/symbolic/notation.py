@@ -1,7 +1,8 @@
-"""How names are written as mathematics: in LaTeX, and in MathML for pages and notebooks.
+"""Mathematical notation of names: in LaTeX, and in MathML for pages and notebooks.
 
-A name is read as the derivations make it: ``A_vx`` is v with subscripts A and x, ``theta1_rate`` a theta with
-a dot, ``OA_lambda`` a lambda of OA. Anything else is a letter or word with what follows as its subscript.
+Names follow the conventions of the derivations: ``A_vx`` is v with subscripts A and x, ``theta1_rate`` a
+theta with a dot, ``OA_lambda`` a lambda of OA. Any other name is a letter or word with the rest as its
+subscript.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ Gamma Delta Theta Lambda Xi Pi Sigma Phi Psi Omega
 """
 _GREEK = dict(zip(_LETTERS.split(), "αβγδεζηθικλμνξπρστυφχψωΓΔΘΛΞΠΣΦΨΩ", strict=True))
 _DOTS = {"_rate": 1, "_acceleration": 2, "_tt": 2, "_t": 1}
-#: What derivations call components of velocities and accelerations of points, and of vectors of links.
+#: Names of components of velocities and accelerations of points, and of vectors of links, in derivations.
 _COMPONENT = re.compile(r"(?P<owner>.+)_(?P<letter>[vad])(?P<axis>[xyz])")
 _NUMBERED = re.compile(r"(?P<word>[^\W\d]+)(?P<number>\d+)(?P<rest>.*)")
 
@@ -38,7 +39,7 @@ class Notation:
 
 
 def notation(name: str) -> Notation:
-    """Return how a name is written."""
+    """Return the notation of a name."""
     dots = 0
     for ending, count in _DOTS.items():
         if name.endswith(ending) and len(name) > len(ending):
@@ -57,12 +58,12 @@ def notation(name: str) -> Notation:
 
 
 def latex(expression: sp.Basic | sp.MatrixBase) -> str:
-    """Return an expression or a matrix in LaTeX, for mathematics on display."""
+    """Return an expression or a matrix in LaTeX, for displayed mathematics."""
     return str(_Latex().doprint(expression))
 
 
 def mathml(expression: sp.Basic | sp.MatrixBase) -> str:
-    """Return what stands inside a ``<math>`` element, in presentation MathML Core."""
+    """Return the content of a ``<math>`` element, in presentation MathML Core."""
     printer = _MathML({"mat_delim": "["})
     text: str = printer._print(expression).toxml()
     for plain, typeset in _TYPESET:
@@ -70,7 +71,7 @@ def mathml(expression: sp.Basic | sp.MatrixBase) -> str:
     return text
 
 
-#: What SymPy's printer writes plainly: signs of minus, and products of words without a space between them.
+#: Corrections to SymPy's printer: minus signs, and products of words without a space between them.
 _TYPESET = (
     ("<mo>-</mo>", "<mo>−</mo>"),
     ("<mn>-", "<mn>−"),
@@ -87,7 +88,7 @@ def latex_name(name: str) -> str:
 
 
 def latex_text(text: str) -> str:
-    """Return words, as they stand, for a place where LaTeX has mathematics."""
+    """Return words as text inside LaTeX mathematics."""
     return rf"\text{{{_plain(text)}}}"
 
 
@@ -126,7 +127,7 @@ _ESCAPED |= {"\\": r"\textbackslash{}", "^": r"\textasciicircum{}", "~": r"\text
 
 
 def _mi(word: str) -> str:
-    """Return a word as one identifier, greek where it is a letter's name; a number as a number."""
+    """Return a word as one identifier, Greek if it names a letter; a number as a number."""
     if word.isdecimal():
         return f"<mn>{word}</mn>"
     found = _NUMBERED.fullmatch(word)

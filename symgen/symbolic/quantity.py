@@ -1,4 +1,4 @@
-"""A symbol with its unit and its meaning: nothing enters the equations without both."""
+"""A symbol with unit and meaning; both are required for every symbol in the equations."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class Quantity:
 
     @property
     def name(self) -> str:
-        """The symbol's name."""
+        """Name of the symbol."""
         return str(self.symbol.name)
 
 

@@ -1,4 +1,4 @@
-"""Expressions read back from the text that a record keeps of them."""
+"""Expressions parsed from the text of a record."""
 
 from __future__ import annotations
 
@@ -7,9 +7,11 @@ import ast
 import sympy as sp
 from sympy.core.parameters import distribute
 
-#: Functions by the name that they have in a record; other calls stay functions of that name.
+from symgen.symbolic.switch import Sign
+
+#: Functions by their name in a record; other calls stay functions of that name.
 _KNOWN = [sp.Abs, sp.sqrt, sp.exp, sp.log, sp.sin, sp.cos, sp.tan, sp.asin, sp.acos, sp.atan, sp.atan2]
-_KNOWN += [sp.sinh, sp.cosh, sp.tanh, sp.sign, sp.Min, sp.Max, sp.Piecewise]
+_KNOWN += [sp.sinh, sp.cosh, sp.tanh, sp.sign, sp.Min, sp.Max, sp.Piecewise, Sign]
 _FUNCTIONS = {function.__name__: function for function in _KNOWN}
 _NAMES = {"pi": sp.pi, "E": sp.E, "True": sp.true}
 _BINARY = {
@@ -23,9 +25,9 @@ _RELATIONS = {ast.Lt: sp.Lt, ast.LtE: sp.Le, ast.Gt: sp.Gt, ast.GtE: sp.Ge, ast.
 
 
 def expression(text: str) -> sp.Expr | None:
-    """Return the expression that a text of a record stands for; None for what is none.
+    """Return the expression of a text in a record; None if the text is not an expression.
 
-    It is read as data, never run. Sums keep their factors: nothing is multiplied out.
+    The text is parsed as data, never executed. Sums keep their factors: nothing is multiplied out.
     """
     try:
         with distribute(False):

@@ -1,4 +1,4 @@
-"""The mathematics of a model as text and numbers: what is kept of it, to say later what changed."""
+"""The mathematics of a model as text and numbers, stored for later comparison."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ if TYPE_CHECKING:
 
     from symgen.symbolic.system import NamedMatrix, System
 
-#: Digits kept of the value of an entry, and those that it is computed with.
+#: Stored digits of the value of an entry, and digits of its computation.
 DIGITS, _WORKING = 20, 40
-#: Functions that mpmath calls otherwise than SymPy.
-_FUNCTIONS = {"Abs": "fabs"}
+#: Functions with other names in mpmath than in SymPy.
+_FUNCTIONS = {"Abs": "fabs", "Sign": "sign"}
 
 
 @dataclass(frozen=True, slots=True)
 class RecordedMatrix:
-    """A matrix as derived: its unit and size, and by the names of row and column what is not zero in it.
+    """A derived matrix: its unit and size, and its nonzero entries by the names of row and column.
 
-    ``entries`` holds each entry as text, ``values`` what it is where every argument has a number of its own;
-    nothing where it has no value there.
+    ``entries`` holds each entry as text, ``values`` its value at argument values derived from their names;
+    empty where it has no value there.
     """
 
     unit: str
@@ -46,28 +46,28 @@ class Record:
     operations: Mapping[str, int]
 
     def to_json(self) -> str:
-        """Return the record as JSON text, an entry a line: what changes shows in a line by itself."""
+        """Return the record as JSON text, one line per entry, so that a change shows as a changed line."""
         return json.dumps(asdict(self), indent=1, ensure_ascii=False) + "\n"
 
 
 def read_record(text: str) -> Record:
-    """Read what ``to_json`` wrote; any fault raises KeyError, TypeError or ValueError."""
+    """Parse the text of ``to_json``; any fault raises KeyError, TypeError or ValueError."""
     data: dict[str, Any] = json.loads(text)
     matrices = {name: RecordedMatrix(**m) for name, m in data["matrices"].items()}
     return Record(**{**data, "matrices": matrices})
 
 
 def record(name: str, title: str, systems: Mapping[str, System], operations: Mapping[str, int]) -> Record:
-    """Return the record of a model that is made of these systems.
+    """Return the record of a model that consists of these systems.
 
     Parameters
     ----------
     name, title
-        Of the model.
+        Name and title of the model.
     systems
-        What was derived, by what comes before the names of its matrices; empty where there is one system.
+        Derived systems by the prefix of the names of their matrices; empty for a single system.
     operations
-        Operations of each kernel.
+        Operation count of each kernel.
     """
     from sympy import sstr
 
@@ -90,7 +90,7 @@ def _recorded(m: NamedMatrix, found: list[str]) -> RecordedMatrix:
 
 
 def places(m: NamedMatrix) -> list[str]:
-    """Return what each entry is called, row by row: the names of row and column, else numbers from 0."""
+    """Return the name of each entry, row by row: the names of row and column, or numbers from 0."""
     rows, columns = (_named(names, n) for names, n in zip((m.rows, m.columns), m.matrix.shape, strict=True))
     return [", ".join(part for part in (r, c) if part) or "0" for r in rows for c in columns]
 
@@ -102,7 +102,7 @@ def _named(names: tuple[str, ...], size: int) -> Iterable[str]:
 
 
 def _values(system: System) -> dict[str, list[str]]:
-    """Return every entry at arguments between 1/2 and 3/2, each from its name, so that they stay the same."""
+    """Return every entry at arguments between 1/2 and 3/2, derived from their names and so reproducible."""
     import mpmath
 
     known: dict[sp.Basic, Any] = {x.symbol: _argument(x.name) for g in system.groups for x in g.quantities}
@@ -119,7 +119,7 @@ def _argument(name: str) -> mpmath.mpf:
 
 
 def _value(expression: sp.Expr, known: dict[sp.Basic, Any]) -> Any:
-    """Return the value of an expression, or nan where it has none; every subexpression is taken once."""
+    """Return the value of an expression, or nan if it has none; every subexpression is evaluated once."""
     import mpmath
 
     if expression not in known:
@@ -148,7 +148,7 @@ def _combined(expression: sp.Expr, parts: list[Any]) -> Any:
 
 
 def _text(value: Any) -> str:
-    """Return the digits that are kept of a real number; nothing for what is none."""
+    """Return the stored digits of a real number; empty for any other value."""
     import mpmath
 
     real = isinstance(value, mpmath.mpf) and mpmath.isfinite(value)

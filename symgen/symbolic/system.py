@@ -1,4 +1,4 @@
-"""What a derivation hands to the lowering: named matrices over declared quantities."""
+"""Interface from derivation to lowering: named matrices over declared quantities."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from symgen.symbolic.quantity import Quantity
 class NamedMatrix:
     """A matrix of the model: rows and columns carry names, entries a unit.
 
-    ``unit`` is one unit for all entries, or several in row order joined by ``", "`` where they differ.
+    ``unit`` is one unit for all entries, or several in row order joined by ``", "``.
     """
 
     name: str
@@ -35,7 +35,7 @@ class NamedMatrix:
             raise DerivationError(f"matrix {self.name}: {len(self.rows)} names for {self.matrix.rows} rows")
 
     def part(self, rows: Sequence[str] = (), columns: Sequence[str] = ()) -> NamedMatrix:
-        """Return some rows and columns, by name or by number from 0; all of them where none is given.
+        """Return some rows and columns, by name or by number from 0; all of them if none is given.
 
         Raises
         ------
@@ -80,8 +80,8 @@ class Definition:
 class Group:
     """One argument array of the kernels (``t``, ``q``, ``u``, ``p``, ``work``) and its entries' meaning.
 
-    ``per_run`` tells that the entries stay as they are from call to call: what depends on them alone is then
-    computed once, before the first call (:mod:`symgen.lowering.binding_times`).
+    ``per_run`` states that the entries are constant from call to call: quantities that depend only on them
+    are then computed once, before the first call (:mod:`symgen.lowering.binding_times`).
     """
 
     name: str
@@ -92,7 +92,7 @@ class Group:
 
 @dataclass(frozen=True, slots=True)
 class Export:
-    """A kernel to generate: the matrices it writes one after the other, each row by row."""
+    """A kernel to generate, with the matrices that it writes one after the other, each row by row."""
 
     kernel: str
     description: str
@@ -103,10 +103,10 @@ class Export:
 class SaddlePoint:
     """Names of the matrices of [M J^T; J 0] [a; lam] = [f; gamma], and the order of its elimination.
 
-    ``order`` lists unknowns: below the number of coordinates a coordinate, from there on a multiplier. A
-    multiplier whose pivot keeps no more than ``rank_tolerance`` of its terms of its own sign follows from
-    those before it and is set to zero; no pivot is looked at so where the rows of J are ``independent`` in
-    every configuration.
+    ``order`` lists unknowns: numbers below the count of coordinates are coordinates, the others multipliers.
+    A multiplier whose pivot is at most ``rank_tolerance`` of its terms of equal sign depends on those before
+    it and is set to zero; callers of the kernels may pass another tolerance. If the rows of J are
+    ``independent`` in every configuration, no pivot is compared.
     """
 
     mass: str
@@ -174,7 +174,7 @@ class System:
         return self._index[name]
 
     def group(self, name: str) -> Group:
-        """Return the argument group called ``name``; an empty one when the system has none."""
+        """Return the argument group called ``name``; an empty one if the system has none."""
         return next((g for g in self.groups if g.name == name), Group(name, "", ()))
 
     def by_name(self) -> Matrices:
@@ -186,7 +186,7 @@ class System:
         return html_table(self.title, ("matrix", "shape", "unit", "meaning"), rows)
 
     def expanded(self, name: str) -> sp.ImmutableMatrix:
-        """Return the matrix with every shared subexpression put back in, over the arguments alone."""
+        """Return the matrix with every shared subexpression substituted, over the arguments alone."""
         values: dict[sp.Symbol, sp.Expr] = {}
         for definition in self.definitions:
             values[definition.quantity.symbol] = definition.expression.xreplace(values)
@@ -194,7 +194,7 @@ class System:
 
 
 class Matrices(dict[str, sp.ImmutableMatrix]):
-    """SymPy matrices by name; a missing name is a DerivationError that tells the nearest."""
+    """SymPy matrices by name; a missing name is a DerivationError with the nearest name."""
 
     def __missing__(self, name: str) -> sp.ImmutableMatrix:
         raise DerivationError(f"there is no matrix {name!r}. {nearest(name, self)}")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from beam_kernels import ROWS, arguments, link, matrix, shape
+from shared.beam_kernels import ROWS, arguments, link, matrix, shape
 
 from symgen.elements import ELEMENTS
 

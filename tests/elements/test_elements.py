@@ -10,7 +10,7 @@ import sympy as sp
 from symgen.elements import ELEMENTS
 from symgen.elements.element import LENGTH, NODE_DOFS, PLACE, Element, derivative, shape_functions
 from symgen.errors import DerivationError
-from symgen.mechanics.beam_matrices import Section, beam_matrices, shape_rows
+from symgen.mechanics.elastic.beam_matrices import Section, beam_matrices, shape_rows
 
 L, xi = LENGTH.symbol, PLACE.symbol
 x = xi * L

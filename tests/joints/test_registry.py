@@ -7,8 +7,8 @@ import pytest
 import sympy as sp
 
 from symgen.joints import JOINTS
-from symgen.mechanics.dual_rows import GROUND, Motion, motions, onward, row_transform
-from symgen.scene.loop import ENTRIES
+from symgen.mechanics.loop.dual_rows import GROUND, Motion, motions, onward, row_transform
+from symgen.scene.loop.loop import ENTRIES
 from symgen.symbolic.names import Names
 
 PITCH, STEP = 0.3, 1e-6

@@ -9,7 +9,7 @@ import symgen
 from symgen.lowering.like_terms import fewest
 from symgen.lowering.nodes import Constant, Negative, Product, Quotient, Reference, Sum, count
 from symgen.lowering.straight_line import StraightLine
-from symgen.mechanics.elimination import cost
+from symgen.mechanics.rods.elimination import cost
 
 
 def chain(masses, more=()):

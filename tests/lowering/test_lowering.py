@@ -124,6 +124,27 @@ def test_operation_counts_do_not_grow(every_program):
     assert found == stored, f"if this is meant, store it: {json.dumps(found, indent=1)}"
 
 
+def test_constants_that_cancel_are_zero_and_leave_their_neighbours_alone():
+    a = sp.Rational(7, 10)
+    sine, cosine, third = sp.sin(a) ** 2, sp.cos(a) ** 2, sp.Rational(1, 3)
+    zero = sine + cosine - 1
+    assert fold(zero) == 0
+    assert fold((1 - x) * zero - third) == -third
+    assert fold(x * y * zero + z) == z
+    assert fold(x + sine + cosine - 1) == x
+    assert fold(x * sine + x * cosine - x) == 0
+    assert fold(x * (y + z) * sp.sqrt(2) - sp.sqrt(2) * (y + z) * x) == 0
+    assert nodes.add([lower(sine), lower(cosine)], [lower(sp.Integer(1))]) == nodes.ZERO
+    assert lower(zero) == nodes.ZERO
+
+
+def test_constants_that_nearly_cancel_keep_their_digits():
+    near = sp.sqrt(10**30 + 1) - 10**15
+    known = 1 / (sp.sqrt(10**30 + 1) + 10**15)
+    (rest,) = (c for c in fold(x + near).args if c.is_Float)
+    assert abs(rest / known.evalf(60) - 1) < 1e-38
+
+
 def test_peaucellier_accelerations_need_at_most_a_thousand_operations(every_program):
     assert every_program["peaucellier"].kernel("accelerations").counts.flops <= 1000
 

@@ -6,7 +6,7 @@ import mpmath as mp
 import pytest
 import sympy as sp
 
-from symgen.mechanics.dual_euler import BodyMotion, Inertia
+from symgen.mechanics.loop.dual_euler import BodyMotion, Inertia
 from symgen.symbolic.dual import DualVector
 from symgen.symbolic.names import Names
 

@@ -11,9 +11,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 import sympy as sp
-from loops import slider_crank
+from shared.loops import slider_crank
 
-from symgen.models.loop import loop_system
+from symgen.models.loop.system import loop_system
 
 GOLDEN = json.loads((Path(__file__).parent.parent / "reference" / "dual_slider_crank.json").read_text())
 NAMES = {"th2": "theta2", "et2": "eta2", "th3": "theta3", "et3": "eta3", "al3": "alpha3", "S4": "S4"}

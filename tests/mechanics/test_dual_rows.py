@@ -6,11 +6,18 @@ import math
 
 import pytest
 import sympy as sp
-from loops import planar_4r, slider_crank
+from shared.loops import planar_4r, slider_crank
 
-from symgen.mechanics.dual_paths import Paths
-from symgen.mechanics.dual_rows import GROUND, Motion, derivative_operator, motions, onward, row_transform
-from symgen.models.loop_model import LoopModel
+from symgen.mechanics.loop.dual_paths import Paths
+from symgen.mechanics.loop.dual_rows import (
+    GROUND,
+    Motion,
+    derivative_operator,
+    motions,
+    onward,
+    row_transform,
+)
+from symgen.models.loop.derivation import LoopModel
 from symgen.symbolic.dual import Dual, DualMatrix, DualVector, Z, identity, operator
 from symgen.symbolic.names import Names
 

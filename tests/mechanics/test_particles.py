@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sympy as sp
 
-from symgen.mechanics.particles import end_mass, kinetic_energy, length_constraint, particle_masses
+from symgen.mechanics.rods.particles import end_mass, kinetic_energy, length_constraint, particle_masses
 
 M, L, LC, IC = sp.symbols("m l l_c I_c", positive=True)
 

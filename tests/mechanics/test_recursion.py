@@ -7,8 +7,8 @@ import random
 import pytest
 import sympy as sp
 
-from symgen.mechanics.particles import end_mass
-from symgen.mechanics.recursion import chain_recursion
+from symgen.mechanics.rods.particles import end_mass
+from symgen.mechanics.rods.recursion import chain_recursion
 
 DIMENSIONS = (2, 3)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from symgen.mechanics.topology import elimination_order, spanning_tree
+from symgen.mechanics.rods.topology import elimination_order, spanning_tree
 
 PEAUCELLIER = {
     "OA": ("O", "A"), "AB": ("A", "B"), "BC": ("B", "C"), "CD": ("C", "D"),

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import re
 
-import elastic_scenes as bars
 import numpy as np
 import pytest
+import shared.elastic_scenes as bars
 
 import symgen
-from symgen.runtime.beam_checks import COMPRESSION, SLOPE, euler_load
+from symgen.inspection.runs import by_method
+from symgen.runtime.beams.checks import COMPRESSION, SLOPE, euler_load
 
 #: Newtons of a pound.
 LBF = 4.4482216152605
@@ -23,7 +24,7 @@ def number(note: str, before: str) -> float:
 @pytest.fixture(scope="module")
 def fast():
     """The four-bar at 373 rpm, with the loads of the rigid motion alone."""
-    return symgen.build("elastic_four_bar").run("quasi-static", samples=181)
+    return symgen.build("elastic_four_bar").quasi_static(samples=181)
 
 
 def test_compression_against_the_euler_load_as_the_method_has_it(fast):
@@ -40,7 +41,7 @@ def test_slope(fast):
     for link in ("crank", "coupler", "output"):
         (note,) = (n for n in fast.notes if n.startswith(f"{link}: its centre line"))
         assert number(note, "turns by") > SLOPE
-    mild = symgen.build("elastic_four_bar", set={"speed": "20 rpm"}).run("quasi-static", samples=181)
+    mild = symgen.build("elastic_four_bar", set={"speed": "20 rpm"}).quasi_static(samples=181)
     assert not any("centre line" in note for note in mild.notes)
 
 
@@ -48,18 +49,18 @@ def test_slope_of_a_cantilever_under_a_load(tmp_path):
     """F L^2/2EI at the tip, and 3/2 of the tip's displacement over the length."""
     force = 0.12 * 2 * bars.E * bars.INERTIA
     load = f'[[forces]]\npoint = "tip"\nforce = ["0 N", "{force} N"]'
-    result = bars.cantilever(tmp_path, more=load).run("quasi-static", samples=2)
+    result = bars.cantilever(tmp_path, more=load).quasi_static(samples=2)
     (note,) = result.notes
     assert number(note, "turns by") == pytest.approx(0.12, rel=1e-3)
     assert note.startswith("bar:") and "at 0 s" in note
     less = load.replace(str(force), str(0.8 * force))
-    assert not bars.cantilever(tmp_path, more=less).run("quasi-static", samples=2).notes
+    assert not bars.cantilever(tmp_path, more=less).quasi_static(samples=2).notes
 
 
 def test_stress_beyond_yield():
     limit = "44 MPa"
     model = symgen.build("elastic_slider_crank", set={"links.rod.elastic.yield_stress": limit})
-    result = model.run(samples=181)
+    result = model.simulate(samples=181)
     (note,) = result.notes
     assert note.startswith("rod: the stress") and "4.4e+07 Pa" in note
     # the station is at mid-length; the peak anywhere is no less
@@ -70,7 +71,7 @@ def test_stress_beyond_yield():
 def test_axial_force_without_geometric_stiffness():
     """A tenth of the Euler load is nothing to worry about, unless it is left out."""
     model = symgen.build("elastic_slider_crank")
-    result = model.run("quasi-static", samples=181, geometric_stiffness=False)
+    result = model.quasi_static(samples=181, geometric_stiffness=False)
     (note,) = (n for n in result.notes if n.startswith("rod: its axial force"))
     assert 0.05 < number(note, "crank angle [-.0-9]+ degrees,") < COMPRESSION
 
@@ -78,7 +79,7 @@ def test_axial_force_without_geometric_stiffness():
 @pytest.mark.parametrize("scene", ["elastic_slider_crank", "rotating_cantilever"])
 @pytest.mark.parametrize("method", ["quasi-static", "periodic"])
 def test_no_note_where_linear_theory_holds(scene, method):
-    assert symgen.build(scene).run(method, samples=91).notes == ()
+    assert by_method(symgen.build(scene), method, samples=91).notes == ()
 
 
 @pytest.mark.parametrize("element", ["beam8", "cubic"])
@@ -102,8 +103,8 @@ def test_force_along_a_link_counts_to_its_axial_force(tmp_path):
     """q per length along a standing cantilever: q (L - x) is taken behind x, all of it at the clamp."""
     limit = np.pi**2 / 4 * bars.E * bars.INERTIA
     load = '[[distributed_forces]]\nlink = "bar"\nforce = ["{} N/m", "0 N/m"]'
-    pressed = bars.cantilever(tmp_path, more=load.format(-0.6 * limit)).run("quasi-static", samples=2)
+    pressed = bars.cantilever(tmp_path, more=load.format(-0.6 * limit)).quasi_static(samples=2)
     (note,) = pressed.notes
     assert number(note, "comes to") == pytest.approx(0.6 * limit, rel=1e-3)
     assert number(note, "N at") == 0.0
-    assert not bars.cantilever(tmp_path, more=load.format(0.6 * limit)).run("quasi-static", samples=2).notes
+    assert not bars.cantilever(tmp_path, more=load.format(0.6 * limit)).quasi_static(samples=2).notes

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import elastic_scenes as bars
 import numpy as np
 import pytest
-from elastic_golden import FORCES
+import shared.elastic_scenes as bars
+from shared.elastic_golden import FORCES
 
 import symgen
+from symgen.inspection.runs import by_method
 
 #: SI units of the golden numbers.
 LBF, LBF_FT, SLUG = 4.4482216152605, 4.4482216152605 * 0.3048, 14.593902937206364
@@ -20,7 +21,7 @@ ANGLES = np.radians(list(FORCES))
 def test_rigid_forces_as_published(changes):
     """Loads of the rigid motion alone: forces by elements of the method, of Newton and Euler."""
     model = symgen.build("elastic_four_bar", set={"bearing": "0 slug", **changes})
-    found = model.run("quasi-static", at=ANGLES)
+    found = model.quasi_static(at=ANGLES, geometric_stiffness=False)
     # The nodal force F acts as -F on an element at its first node, as +F at its second.
     for end, sign in (("crank.M", -1), ("crank.A", 1), ("coupler.A", -1), ("coupler.B", 1), ("output.B", -1)):
         expected = np.array([nodal(row)[end[-1]] for row in FORCES.values()]) * sign * LBF
@@ -39,7 +40,7 @@ def test_a_stiff_linkage_has_the_forces_of_a_rigid_one():
     differences = []
     for modulus in ("10.3e10 psi", "10.3e11 psi"):
         model = symgen.build("elastic_four_bar", set={"E": modulus, "bearing": "0 slug"})
-        found = model.run("periodic", at=ANGLES)
+        found = model.periodic(at=ANGLES)
         forces = np.array([nodal(row)["B"] for row in FORCES.values()]) * LBF
         torque = np.array([row[2][0] for row in FORCES.values()]) * LBF_FT
         gaps = (
@@ -70,7 +71,7 @@ def moving(request, tmp_path_factory):
     step = 5e-6
     turned = 95 * np.pi / 30 * step
     model = symgen.build(str(file), set=changes)
-    return model.run("gauss", at=np.radians(130) + turned * np.arange(-2, 3), steps=4096), step
+    return model.simulate(method="gauss", at=np.radians(130) + turned * np.arange(-2, 3), steps=4096), step
 
 
 def middle_rate(values, step):
@@ -124,7 +125,8 @@ def test_torque_of_a_rigid_crank_by_its_power():
         vp = np.array([-r * omega * s - r**2 * s * c * omega / root, 0.0])
         return rod / 6 * (va @ va + va @ vp + vp @ vp) + piston / 2 * vp @ vp
 
-    found = model.run("quasi-static", at=[0.7, 2.0, 4.4]).variable("crank.torque").values
+    found = model.quasi_static(at=[0.7, 2.0, 4.4], geometric_stiffness=False)
+    found = found.variable("crank.torque").values
     h = 1e-5
     expected = [(energy(a + h) - energy(a - h)) / (2 * h) for a in (0.7, 2.0, 4.4)]
     assert found == pytest.approx(expected, rel=1e-7)
@@ -136,9 +138,7 @@ def test_shape_of_a_cantilever_under_a_load(tmp_path):
     tip = 0.01
     load = f'[[forces]]\npoint = "tip"\nforce = ["0 N", "{3 * stiffness * tip} N"]'
     for elements in (1, 2):
-        found = bars.cantilever(tmp_path, f", elements = {elements}", more=load).run(
-            "quasi-static", samples=2
-        )
+        found = bars.cantilever(tmp_path, f", elements = {elements}", more=load).quasi_static(samples=2)
         assert found.variable("tip.position").values[0] == pytest.approx([1.0, tip], rel=1e-9)
         assert found.variable("bar.deflection").values[0] == pytest.approx((5 / 16 - 1 / 2) * tip, rel=1e-8)
         assert found.variable("bar.length_change").values[0] == pytest.approx(-(tip**2) / 10, rel=1e-8)
@@ -153,7 +153,7 @@ def test_the_clamp_takes_what_lies_along_the_bar(tmp_path, method):
     """q per length: q L and q L^2/2 at rest; in motion the tip, which nothing holds, feels no force."""
     load = '[[distributed_forces]]\nlink = "bar"\nforce = ["0 N/m", "30 N/m"]'
     model = bars.cantilever(tmp_path, ", elements = 2", more=load)
-    found = model.run(method, samples=3, **({} if method == "quasi-static" else {"steps": 4096}))
+    found = by_method(model, method, samples=3, **({} if method == "quasi-static" else {"steps": 4096}))
     if method == "quasi-static":
         assert found.variable("bar.O.force").values[1] == pytest.approx([0.0, -30.0], abs=1e-9)
         assert found.variable("bar.torque").values[1] == pytest.approx(-15.0, rel=1e-9)

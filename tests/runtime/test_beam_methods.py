@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import symgen
-from symgen.runtime.beam_methods import BEAM_METHODS, GAUSS
-from symgen.runtime.elastic_steps import step_counts, stepped
+from symgen.runtime.beams.methods import BEAM_METHODS, GAUSS
+from symgen.runtime.elastic.steps import step_counts, stepped
 
 FIXED = [m.name for m in BEAM_METHODS.values() if not m.collocated]
 #: Steps over period from which a mode counts as not resolved.

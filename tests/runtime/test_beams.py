@@ -6,15 +6,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from beam_reference import Reference
 from numpy.polynomial import Polynomial as P
+from shared.beam_reference import Reference
 
 from symgen.elements import ELEMENTS
 from symgen.errors import ModelError
-from symgen.runtime.beam_damping import rigid_motions
-from symgen.runtime.beam_elements import kernels
-from symgen.runtime.beam_pieces import whole
-from symgen.runtime.beams import BeamInfo, Lump, Properties, beam
+from symgen.runtime.beams.damping import rigid_motions
+from symgen.runtime.beams.elements import kernels
+from symgen.runtime.beams.links import BeamInfo, Lump, Properties, beam
+from symgen.runtime.beams.pieces import whole
 
 NAMES = list(ELEMENTS)
 UNIFORM = Properties(

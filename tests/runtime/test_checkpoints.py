@@ -10,8 +10,8 @@ import pytest
 import symgen
 from symgen.errors import ModelError, ResultError
 from symgen.runtime import _core
-from symgen.runtime.checkpoint import resume, write
-from symgen.runtime.integrators import INTEGRATORS
+from symgen.runtime.integrate.checkpoint import resume, write
+from symgen.runtime.integrate.integrators import INTEGRATORS
 
 EXPLICIT = ["dop853", "dopri5", "rk4"]
 
@@ -88,7 +88,7 @@ def test_the_whole_simulation_resumes(model, tmp_path):
 
 
 def test_events_are_remembered(tmp_path):
-    from linkages import G, at, ground, rod
+    from shared.linkages import G, at, ground, rod
 
     scene = symgen.Scene(
         points={"O": ground(0, 0), "A": at(1, 0)},
@@ -108,7 +108,7 @@ def test_events_are_remembered(tmp_path):
 @pytest.mark.parametrize("changed", [{"direction": "rising"}, {"ends_run": True}])
 def test_other_events_are_another_run(changed, tmp_path):
     """They are of the same equations."""
-    from linkages import GRAVITY, at, ground, rod
+    from shared.linkages import GRAVITY, at, ground, rod
 
     def built(**changed):
         events = [{"name": "low", "of": "A.x", "direction": "falling", **changed}]

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from linkages import GRAVITY, G, at, chain, four_bar, ground, rod
 from scipy.optimize import minimize, root
+from shared.linkages import GRAVITY, G, at, chain, four_bar, ground, rod
 
 import symgen
 from symgen.errors import ModelError, SimulationError
@@ -160,7 +160,7 @@ def test_four_bar_against_the_lowest_point_of_its_coupler_curve():
     """One freedom: scan the potential over the crank angle, then polish by golden section."""
     found = symgen.build("four_bar").equilibrium()
     a, b, c, d = 1.0, 1.8, 1.4, 2.0
-    from linkages import circles
+    from shared.linkages import circles
 
     def potential(theta):
         tip = np.array([a * np.cos(theta), a * np.sin(theta)])

@@ -6,13 +6,13 @@ import json
 
 import numpy as np
 import pytest
-from linkages import G, at, ground, rod
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
+from shared.linkages import G, at, ground, rod
 
 import symgen
-from symgen.runtime.integrators import INTEGRATORS
-from symgen.runtime.result import load_result
+from symgen.runtime.integrate.integrators import INTEGRATORS
+from symgen.runtime.result.files import load_result
 
 
 def pendulum(*events, **tables):

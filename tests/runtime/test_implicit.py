@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from linkages import GRAVITY, at, ground, rod
+from shared.linkages import GRAVITY, at, ground, rod
 
 import symgen
 from symgen.errors import SimulationError
-from symgen.runtime.integrators import INTEGRATORS
+from symgen.runtime.integrate.integrators import INTEGRATORS
 
 IMPLICIT = [name for name, m in INTEGRATORS.items() if m.needs_tangent]
 FIXED = [name for name in IMPLICIT if not INTEGRATORS[name].adaptive]
@@ -64,7 +64,7 @@ def test_a_step_too_long_is_told(name):
 @pytest.mark.parametrize("name", IMPLICIT)
 def test_agrees_with_an_explicit_method(name):
     """Over every word that forces know: dampers, couples, moving ground."""
-    from test_analyses import loaded
+    from shared.rich_scenes import loaded
 
     model = symgen.build(loaded())
     options = {"rtol": 1e-9} if INTEGRATORS[name].adaptive else {"step": 2e-4}

@@ -8,7 +8,7 @@ from scipy.integrate import solve_ivp
 
 import symgen
 from symgen.errors import ModelError
-from symgen.runtime.integrators import INTEGRATORS
+from symgen.runtime.integrate.integrators import INTEGRATORS
 
 FIXED = [name for name, m in INTEGRATORS.items() if not m.adaptive]
 ADAPTIVE = [name for name, m in INTEGRATORS.items() if m.adaptive]
@@ -118,7 +118,7 @@ def test_rk4_energy_drift_falls_with_the_fourth_power_at_least():
         ({"method": "rk4", "step": 1e-3, "rtol": 1e-6}, "give step instead of rtol"),
         ({"method": "dop853", "step": 1e-3, "rtol": 1e-6}, "dop853 takes fixed steps or meets a tolerance"),
         ({"t_end": -1.0}, "expected t_end to be a finite number above zero, got -1.0"),
-        ({"t_end": float("nan")}, "expected t_end"),
+        ({"t_end": float("nan")}, "expected a finite number for t_end"),
         ({"rtol": 0.0}, "expected rtol"),
         ({"rtol": 1e-17}, "tightest that float64 can meet"),
         ({"samples": 1}, "between 2 and 10 million samples"),

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from reference.closed_slider_crank import Closed, Offsets
+from shared.closed_slider_crank import Closed, Offsets
 
 import symgen
+from symgen.errors import SimulationError
 
 
 @pytest.fixture(scope="module")
@@ -18,7 +19,7 @@ def driven():
 
 @pytest.mark.parametrize("degrees", [90.0, 270.0])
 def test_components_without_a_pole(driven, degrees):
-    turn = driven.at(np.radians([degrees]))
+    turn = driven.inverse_dynamics(at=np.radians([degrees]))
     (pole,) = turn.poles
     assert turn.variable("theta1.drive").values == pytest.approx(100.0, rel=1e-10)
     # The limit by the closed form: the mean of what is left of components that are smooth there.
@@ -41,6 +42,15 @@ def test_components_without_a_pole(driven, degrees):
 
 
 def test_a_turn_is_smooth_across_them(driven):
-    turn = driven.turn()
+    turn = driven.inverse_dynamics()
     values = turn.variable("crank.joint1.force").values[:, 0]
     assert np.max(np.abs(np.diff(values, 2))) < 0.02
+
+
+def test_arc_length_next_to_a_pole_of_angles_is_refused():
+    """It would be followed around the pole in a hundred thousand points."""
+    model = symgen.build("slider_crank").with_parameters(alpha4=np.pi, a4=12.001 * 0.0254)
+    with pytest.raises(
+        SimulationError, match=r"misses by little a pole of the angles theta2, .* of a ball joint"
+    ):
+        model.inverse_dynamics(through=True)

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 import symgen
-from symgen.errors import SceneError
-from symgen.runtime.loop_closed_form import closed_forms
+from symgen.errors import InitialStateError, SceneError
+from symgen.runtime.closure.closed_form import closed_forms
+from symgen.runtime.closure.start import check_closed
 
 INCH = 0.0254
 
@@ -56,8 +57,13 @@ def test_every_pose_is_one_assembly(name, count):
 
 
 def test_the_guess_chooses_the_assembly():
-    outer = symgen.build("slider_crank").at([0.0]).variable("S4").values
-    inner = symgen.build("slider_crank", set={"loop.start.S4": "-40 in"}).at([0.0]).variable("S4").values
+    outer = symgen.build("slider_crank").inverse_dynamics(at=[0.0]).variable("S4").values
+    inner = (
+        symgen.build("slider_crank", set={"loop.start.S4": "-40 in"})
+        .inverse_dynamics(at=[0.0])
+        .variable("S4")
+        .values
+    )
     assert np.allclose(outer, -inner) and outer > 40
 
 
@@ -65,9 +71,27 @@ def test_parameters_keep_the_assembly():
     """The scene's own branch is followed to other parameters."""
     model = symgen.build("slider_crank")
     other = model.with_parameters(a4=30 * INCH, alpha4=np.radians(310), S1=9 * INCH)
-    assert other.at([0.0]).variable("S4").values > 0
+    assert other.inverse_dynamics(at=[0.0]).variable("S4").values > 0
     inner = symgen.build("slider_crank", set={"loop.start.S4": "-40 in"})
-    assert inner.with_parameters(a4=30 * INCH).at([0.0]).variable("S4").values < 0
+    assert inner.with_parameters(a4=30 * INCH).inverse_dynamics(at=[0.0]).variable("S4").values < 0
+
+
+def test_a_start_that_is_open_is_refused():
+    """The start of every scene is evaluated by the closure as derived: here by plain matrices, 1 urad off."""
+    model = symgen.build("planar_4r")
+    begin = model.closed_start()
+    for off in (0.0, 1e-6):
+        angles = np.cumsum(begin.q + [0.0, off, 0.0, 0.0])
+        whole = np.zeros((3, 4))
+        whole[:2, :2] = [
+            [np.cos(angles[-1]) - 1, -np.sin(angles[-1])],
+            [np.sin(angles[-1]), np.cos(angles[-1]) - 1],
+        ]
+        if off:
+            with pytest.raises(InitialStateError, match="leaves the loop open by 1e-06"):
+                check_closed(model.kernels, begin, whole)
+        else:
+            check_closed(model.kernels, begin, whole)
 
 
 def test_a_freedom_too_many_is_told(tmp_path):

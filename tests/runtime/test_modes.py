@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from linkages import GRAVITY, G, at, chain, ground
 from scipy.linalg import eigh
 from scipy.special import jn_zeros
+from shared.linkages import GRAVITY, G, at, chain, ground
 
 import symgen
 from symgen.errors import ModelError
@@ -148,7 +148,7 @@ def test_a_spherical_pendulum_has_two_equal_modes_along_the_axes():
 
 def test_four_bar_against_its_potential_over_the_crank_angle():
     """One freedom: omega^2 = V''/m_eff by central differences of closed forms."""
-    from linkages import circles
+    from shared.linkages import circles
 
     found = symgen.build("four_bar").modes()
     place = found.equilibrium.state.positions["A"]

@@ -8,7 +8,7 @@ import pytest
 
 import symgen
 from symgen.runtime import _core
-from symgen.runtime.integrators import INTEGRATORS
+from symgen.runtime.integrate.integrators import INTEGRATORS
 
 G = 9.81
 #: A uniform rod of 1 m on a pin, released from horizontal.

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from linkages import GRAVITY, at, chain, ground, rod
+from shared.linkages import GRAVITY, at, chain, ground, rod
 
 import symgen
 from symgen.errors import ModelError, SimulationError
-from symgen.runtime.integrators import INTEGRATORS
+from symgen.runtime.integrate.integrators import INTEGRATORS
 
 RATTLES = [name for name, m in INTEGRATORS.items() if m.kind == "rattle"]
 

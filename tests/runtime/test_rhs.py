@@ -9,13 +9,13 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 import pytest
 import scipy
-from linkages import G, at, ground, rod
 from scipy.integrate import solve_ivp
 from scipy.ndimage import generic_filter1d
+from shared.linkages import G, at, ground, rod
 
 import symgen
-from symgen.compiler import find_compiler
 from symgen.errors import ModelError
+from symgen.toolchain.compiler import find_compiler
 
 #: What a solver in C does with a right-hand side: the classical Runge-Kutta method, in fixed steps.
 SOLVER = """

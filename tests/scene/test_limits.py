@@ -75,9 +75,10 @@ def test_functions_of_symbols_and_their_dimensions(name):
     text = f"{name}({', '.join(['x', 'b'][:count])})"
     assert parse_any(text, NAMES) == (function(*[X, sp.Rational(3, 7)][:count]), NUMBER)
     length = f"{name}({', '.join(['l', '2*l'][:count])})"
-    if name in ("sqrt", "abs", "atan2"):
-        expected = {"sqrt": units.LENGTH.power(Fraction(1, 2)), "abs": units.LENGTH, "atan2": NUMBER}[name]
-        assert parse_any(length, NAMES)[1] == expected
+    expected = {"sqrt": units.LENGTH.power(Fraction(1, 2)), "atan2": NUMBER, "sign": NUMBER}
+    expected |= dict.fromkeys(("abs", "min", "max"), units.LENGTH)
+    if name in expected:
+        assert parse_any(length, NAMES)[1] == expected[name]
     else:
         with pytest.raises(SceneError, match=f"gives {name} a length"):
             parse_any(length, NAMES)

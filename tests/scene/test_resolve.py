@@ -119,8 +119,8 @@ CASES = {
     ),
     "power by ^": ("[points]", 'a = "l^2"\n[points]', "parameters.a.value", "Write ** for a power"),
     "angular velocity in hertz": ("[links]", '[start]\nrates = { OA = "2 Hz" }\n[links]', "start.rates.OA", '"2 rev/s"'),
-    "point called this": ("B = { at", "this = { at", "points.this", "calls itself", ('"B"', '"this"')),
-    "link called this": ("EB =", "this =", "links.this", "calls itself"),
+    "point called this": ("B = { at", "this = { at", "points.this", "name of a load in its own expressions", ('"B"', '"this"')),
+    "link called this": ("EB =", "this =", "links.this", "name of a load in its own expressions"),
     "value by its parameter": (
         'mass = "1 kg"', 'mass = "mm - 2*mm"', "links.OA.mass", "'mm - 2*mm', which is -3 kg", ("[points]", 'mm = "3 kg"\n[points]'),
     ),

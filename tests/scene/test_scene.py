@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 import symgen
 from symgen.errors import SceneError
-from symgen.pipeline import derive
+from symgen.pipeline.build import derive
 from symgen.scene.loading import SHIPPED, SceneText, check_scene, override, read_scene
 from symgen.scene.resolve import resolve
 from symgen.scene.schema import TABLES, Scene

@@ -191,7 +191,7 @@ def test_the_schema_and_symgen_agree_on_loops(change):
 def test_a_scene_is_of_points_and_links_or_of_a_loop(change, where):
     data = {k: v for k, v in {**looped(), **change}.items() if v is not None}
     assert faults(data, SCHEMA) != []
-    with pytest.raises(SceneError, match="made of points and links, or of a loop") as caught:
+    with pytest.raises(SceneError, match="has points and links, or a loop") as caught:
         check_scene(SceneText("x", "x.toml", data))
     assert caught.value.where == where
 

@@ -10,16 +10,17 @@ import mpmath
 import numpy as np
 import pytest
 import sympy as sp
-from test_cli import call
+from shared.commands import call
+from shared.full import full
 
 from symgen.errors import BuildError, DerivationError, ModelError, ResultError, SceneError
 from symgen.lowering.program import lower_system
 from symgen.lowering.tape import Tape
 from symgen.models import BLOCKS
-from symgen.study.accuracy import Accuracy, accuracy, all_names, digits, report
-from symgen.study.accuracy_page import COLUMNS, summary_row
-from symgen.study.kernels import Kernels
-from symgen.study.states import At, States
+from symgen.study.accuracy.accuracy import Accuracy, accuracy, all_names, digits, report
+from symgen.study.accuracy.kernels import Kernels
+from symgen.study.accuracy.page import COLUMNS, summary_row
+from symgen.study.accuracy.states import At, States
 from symgen.symbolic.exact import DIGITS, Exact
 from symgen.symbolic.quantity import quantity
 from symgen.symbolic.system import Definition, Export, Group, NamedMatrix, System
@@ -177,8 +178,17 @@ def test_elastic_scenes_show_all_their_kernels():
     assert {"accelerations", "elastic_motion", "elastic_joints", "element_beam8"} <= kernels
 
 
-@pytest.mark.parametrize("precision", ["float32", "longdouble", "float128"])
-@pytest.mark.parametrize("scene", ["four_bar", "planar_4r"])
+@pytest.mark.parametrize(
+    ("scene", "precision"),
+    [
+        ("four_bar", "float32"),
+        full("four_bar", "longdouble"),
+        full("four_bar", "float128"),
+        full("planar_4r", "float32"),
+        full("planar_4r", "longdouble"),
+        ("planar_4r", "float128"),
+    ],
+)
 def test_other_precisions_by_their_own_epsilon(scene, precision):
     """Both orders of size: errors are of the type's rounding, and of no finer one."""
     try:

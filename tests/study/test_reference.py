@@ -7,7 +7,7 @@ import sys
 
 import numpy as np
 import pytest
-from linkages import G, at, four_bar, ground, rod
+from shared.linkages import G, at, four_bar, ground, rod
 
 import symgen
 from symgen.errors import ModelError, SimulationError

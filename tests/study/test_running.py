@@ -66,7 +66,9 @@ def test_what_is_written(scene, tmp_path):
         head, *rows = csv.reader(stream)
     assert head[0] == "theta1 [deg]" and head[1] == "S4 [in] alpha4 = 250 deg" and len(rows) == 361
     model = symgen.build(scene).with_parameters(a4=30 * 0.0254, alpha4=np.radians(250))
-    assert [float(r[1]) for r in rows] == pytest.approx(model.turn().variable("S4").values, rel=1e-12)
+    assert [float(r[1]) for r in rows] == pytest.approx(
+        model.inverse_dynamics().variable("S4").values, rel=1e-12
+    )
     assert [float(r[0]) for r in rows] == pytest.approx(np.arange(361), abs=1e-12)
 
 
@@ -147,7 +149,7 @@ def test_a_limit_without_a_start_names_its_case(scene, tmp_path):
     limits = 'limits = [{ parameter = "S1", start = "40 in", stop = "0 in" }]'
     changed(scene, 'plots = ["S4", "slider.joint4.force"]', limits)
     with pytest.raises(
-        ModelError, match="study 'twist', alpha4 = 250 deg: the limit of S1 is looked for from 40 in"
+        ModelError, match="study 'twist', alpha4 = 250 deg: the search for a limit of S1 starts at 40 in"
     ):
         run_studies(scene, tmp_path / "out")
     assert not (tmp_path / "out").exists()

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from reference.closed_slider_crank import Closed, Offsets
 from scipy.optimize import brentq
+from shared.closed_slider_crank import Closed, Offsets
 
 from symgen.study import run_studies
 

@@ -9,8 +9,8 @@ import pytest
 import sympy as sp
 
 from symgen.errors import ModelError
-from symgen.report.difference import check_form, difference_lines
-from symgen.sources import compare
+from symgen.regeneration.sources import compare
+from symgen.report.mathematics.difference import check_form, difference_lines
 from symgen.symbolic.difference import difference
 from symgen.symbolic.quantity import quantity
 from symgen.symbolic.record import places, read_record, record

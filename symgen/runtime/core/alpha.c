@@ -12,7 +12,8 @@
  *
  * numbers: alpha_m, alpha_f, beta, gamma.
  */
-#include "dense.h"
+#include "arena.h"
+#include "linear.h"
 #include "run.h"
 #include "slopes.h"
 
@@ -28,32 +29,47 @@ struct alpha {
     real *motion, *motion_new;              /* and those of the motion, as they were solved for: where springs are
                                                stiff, what the projection changes would be much in them */
     real *by_q, *by_u, *values;             /* the Jacobian, and memory to find it */
-    real *matrix, *swaps, *change;
+    real *matrix, *change;
+    ptrdiff_t *swaps;
     real *h_matrix;                         /* the step that the matrix was made for, 0: none */
 };
 
-static size_t lay_out(const struct equations *e, real *own, struct alpha *x) {
-    size_t n = (size_t)e->n, dim = (size_t)e->dim, at = 0;
-    size_t sizes[] = {dim, dim, n, n, n, n, n * n, n * n, (size_t)e->sizes.tangent, n * n, n, n, 1};
-    real **arrays[] = {&x->f,      &x->f_new,  &x->a,     &x->a_new,  &x->motion,  &x->motion_new, &x->by_q, &x->by_u,
-                       &x->values, &x->matrix, &x->swaps, &x->change, &x->h_matrix};
-    for (size_t i = 0; i < sizeof sizes / sizeof *sizes; i++) {
-        *arrays[i] = own == NULL ? NULL : own + at;
-        at += sizes[i];
-    }
-    return at;
+/* Point all arrays into memory, or only count their bytes. */
+static size_t place(const struct equations *e, void *memory, struct alpha *x) {
+    const long n = e->n, dim = e->dim;
+    const struct arena_array arrays[] = {
+        ARENA_ARRAY(x->f, dim),
+        ARENA_ARRAY(x->f_new, dim),
+        ARENA_ARRAY(x->a, n),
+        ARENA_ARRAY(x->a_new, n),
+        ARENA_ARRAY(x->motion, n),
+        ARENA_ARRAY(x->motion_new, n),
+        ARENA_ARRAY(x->by_q, n * n),
+        ARENA_ARRAY(x->by_u, n * n),
+        ARENA_ARRAY(x->values, e->sizes.tangent),
+        ARENA_ARRAY(x->matrix, n * n),
+        ARENA_ARRAY(x->swaps, n),
+        ARENA_ARRAY(x->change, n),
+        ARENA_ARRAY(x->h_matrix, 1),
+    };
+    return ARENA_PLACE(arrays, memory);
 }
 
-static size_t reals(const struct equations *e, const long *counts) {
+static size_t bytes(const struct equations *e, const long *counts) {
     struct alpha x;
     (void)counts;
-    return lay_out(e, NULL, &x);
+    return place(e, NULL, &x);
 }
 
 static struct alpha memory_of(const struct run *run) {
     struct alpha x;
-    lay_out(run->e, run->own, &x);
+    place(run->e, run->own, &x);
     return x;
+}
+
+static ptrdiff_t numbers(const long *counts) {
+    (void)counts;
+    return 4;
 }
 
 static void bind(struct run *run) {
@@ -186,5 +202,5 @@ static void accept(struct run *run) {
 }
 
 const struct kind alpha_kind = {
-    "alpha", 0, reals, bind, begin, step, finish, prepare, interpolate, accept,
+    "alpha", 0, bytes, numbers, bind, begin, step, finish, prepare, interpolate, accept,
 };

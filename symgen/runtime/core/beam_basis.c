@@ -6,47 +6,12 @@
 int beams_choose(struct beams *b) {
     const ptrdiff_t m = b->layout.constraints, n = b->whole;
     struct account *account = b->base.account;
-    real *a = b->pivoted, first = 0;
-    memcpy(a, b->bound, (size_t)(m * n) * sizeof(real));
-    for (ptrdiff_t j = 0; j < n; j++)
-        b->independent[j] = 1;
-    account->soundness = INFINITY;
-    for (ptrdiff_t k = 0; k < m; k++) {
-        ptrdiff_t row = k, column = 0;
-        real best = 0;
-        for (ptrdiff_t i = k; i < m; i++)
-            for (ptrdiff_t j = 0; j < n; j++)
-                if (b->independent[j] && real_fabs(a[n * i + j]) > best) {
-                    best = real_fabs(a[n * i + j]);
-                    row = i;
-                    column = j;
-                }
-        if (k == 0)
-            first = best;
-        const double part = first > 0 ? (double)(best / first) : 0;
-        if (part < account->soundness) {
-            account->weakest = (long)row;
-            account->soundness = part;
-        }
-        if (!(R(account->soundness) > BEAM_RANK))
-            return SINGULAR;
-        b->dependent[k] = column;
-        b->independent[column] = 0;
-        for (ptrdiff_t j = 0; j < n; j++) {
-            const real kept = a[n * row + j];
-            a[n * row + j] = a[n * k + j];
-            a[n * k + j] = kept;
-        }
-        for (ptrdiff_t i = k + 1; i < m; i++) {
-            const real factor = a[n * i + column] / a[n * k + column];
-            for (ptrdiff_t j = 0; j < n; j++)
-                a[n * i + j] -= factor * a[n * k + j];
-        }
-    }
-    for (ptrdiff_t i = 0, j = 0; j < n; j++)
-        if (b->independent[j])
-            b->independent[i++] = j;
-    return DONE;
+    struct least_pivot least;
+    memcpy(b->pivoted, b->bound, (size_t)(m * n) * sizeof(real));
+    const int chosen = choose_columns(m, n, b->pivoted, b->dependent, b->independent, &least);
+    account->weakest = least.row;
+    account->soundness = least.part;
+    return chosen ? DONE : SINGULAR;
 }
 
 /* The right-hand sides of J R = 0 and its rates for derivative k, rows of `free` in `product`. */
@@ -70,47 +35,21 @@ static void right_sides(const struct beams *b, int k) {
     }
 }
 
-static void swap_rows(real *a, ptrdiff_t wide, ptrdiff_t count, ptrdiff_t i, ptrdiff_t j) {
-    for (ptrdiff_t c = 0; c < count; c++) {
-        const real kept = a[wide * i + c];
-        a[wide * i + c] = a[wide * j + c];
-        a[wide * j + c] = kept;
-    }
-}
-
-/* Solve for the rows of dependent unknowns in place of the right-hand sides; false when singular. */
-static int solve_dependent(struct beams *b, real *into) {
-    const ptrdiff_t m = b->layout.constraints, n = b->whole, free = b->free;
-    real *a = b->pivoted, *x = b->product;
+/* Factorise the columns of J that belong to the dependent unknowns; false when they are singular. */
+static int factor_dependent(struct beams *b) {
+    const ptrdiff_t m = b->layout.constraints;
     for (ptrdiff_t i = 0; i < m; i++)
         for (ptrdiff_t j = 0; j < m; j++)
-            a[n * i + j] = b->bound[n * i + b->dependent[j]];
-    for (ptrdiff_t j = 0; j < m; j++) {
-        ptrdiff_t row = j;
-        real best = 0;
-        for (ptrdiff_t i = j; i < m; i++)
-            if (real_fabs(a[n * i + j]) > best) {
-                row = i;
-                best = real_fabs(a[n * i + j]);
-            }
-        if (best == 0)
-            return 0;
-        swap_rows(a, n, m, j, row);
-        swap_rows(x, free, free, j, row);
-        for (ptrdiff_t i = 0; i < m; i++) {
-            if (i == j)
-                continue;
-            const real factor = a[n * i + j] / a[n * j + j];
-            for (ptrdiff_t c = j; c < m; c++)
-                a[n * i + c] -= factor * a[n * j + c];
-            for (ptrdiff_t r = 0; r < free; r++)
-                x[free * i + r] -= factor * x[free * j + r];
-        }
-    }
+            b->pivoted[m * i + j] = b->bound[b->whole * i + b->dependent[j]];
+    return factor_dense(m, b->pivoted, b->swaps);
+}
+
+/* Solve for the rows of dependent unknowns, with the right-hand sides in `product`. */
+static void solve_dependent(struct beams *b, real *into) {
+    const ptrdiff_t m = b->layout.constraints, free = b->free;
+    solve_dense_wide(m, b->pivoted, b->swaps, free, b->product);
     for (ptrdiff_t j = 0; j < m; j++)
-        for (ptrdiff_t r = 0; r < free; r++)
-            into[free * b->dependent[j] + r] = x[free * j + r] / a[n * j + j];
-    return 1;
+        memcpy(into + free * b->dependent[j], b->product + free * j, (size_t)free * sizeof(real));
 }
 
 /* A term `times` matrix R_of of a projection; a matrix NULL is left out. */
@@ -147,9 +86,9 @@ static void project_terms(const struct beams *b, const struct term *terms, int c
 int beams_reduce(struct beams *b, int choose) {
     const struct beam_layout *x = &b->layout;
     const ptrdiff_t m = x->constraints, n = b->whole, free = b->free;
-    const int turns = !x->thesis;
+    const int turns = !x->thesis && b->analysis != QUASI_STATIC;
     real *found = b->motion->joined;
-    if (b->resting)
+    if (b->analysis == AT_REST)
         memset(found + x->joint_at[5], 0, (size_t)(2 * m * x->coordinates) * sizeof(real));
     memset(b->bound, 0, (size_t)(3 * m * n) * sizeof(real));
     for (int k = 0; k < 3; k++)
@@ -163,11 +102,12 @@ int beams_reduce(struct beams *b, int choose) {
     memset(b->basis, 0, (size_t)(3 * n * free) * sizeof(real));
     for (ptrdiff_t j = 0; j < free; j++)
         b->basis[free * b->independent[j] + j] = 1;
+    if (!factor_dependent(b))
+        return SINGULAR;
     /* The right-hand sides of all three need those before: solve one after the other. */
     for (int k = 0; k <= (turns ? 2 : 0); k++) {
         right_sides(b, k);
-        if (!solve_dependent(b, b->basis + n * free * k))
-            return SINGULAR;
+        solve_dependent(b, b->basis + n * free * k);
     }
     const struct term mass[] = {{b->full_mass, 0, 1}};
     const struct term damping[] = {{b->full_damping, 0, 1}, {b->full_mass, 1, 2}};

@@ -2,29 +2,34 @@
 
 #include <string.h>
 
-#include "memory.h"
+#include "arena.h"
 #include "run.h"
 
-/* Give out the arrays one behind the other, or, where `at` is NULL, only count their bytes. */
-static size_t carve(struct beam_steps *x, char *at) {
-    const long k = x->stages, columns = x->columns;
+/* Point all arrays into memory, or only count their bytes. */
+static size_t place(struct beam_steps *x, void *memory) {
+    const ptrdiff_t k = x->stages, columns = x->columns;
     const ptrdiff_t free = x->b->free, whole = x->b->whole, entries = x->b->entries;
-    const struct { real **array; ptrdiff_t size; } parts[] = {
-        {&x->a, k * k}, {&x->aa, k * k}, {&x->weights, k}, {&x->weights_a, k}, {&x->nodes, k},
-        {&x->mass, k * (entries + 1)}, {&x->damping, k * (entries + 1)}, {&x->stiffness, k * (entries + 1)},
-        {&x->load, k * (free + 1)}, {&x->banded, (3 * x->band + 1) * free * k}, {&x->rhs, free * k * columns},
-        {&x->s, whole * columns}, {&x->v, whole * columns}, {&x->acc, whole * columns},
-        {&x->p, free * columns}, {&x->pv, free * columns}, {&x->pa, free * columns},
+    const struct arena_array arrays[] = {
+        ARENA_ARRAY(x->a, k * k),
+        ARENA_ARRAY(x->aa, k * k),
+        ARENA_ARRAY(x->weights, k),
+        ARENA_ARRAY(x->weights_a, k),
+        ARENA_ARRAY(x->nodes, k),
+        ARENA_ARRAY(x->mass, k * (entries + 1)),
+        ARENA_ARRAY(x->damping, k * (entries + 1)),
+        ARENA_ARRAY(x->stiffness, k * (entries + 1)),
+        ARENA_ARRAY(x->load, k * (free + 1)),
+        ARENA_ARRAY(x->banded, (3 * x->band + 1) * free * k),
+        ARENA_ARRAY(x->rhs, free * k * columns),
+        ARENA_ARRAY(x->s, whole * columns),
+        ARENA_ARRAY(x->v, whole * columns),
+        ARENA_ARRAY(x->acc, whole * columns),
+        ARENA_ARRAY(x->p, free * columns),
+        ARENA_ARRAY(x->pv, free * columns),
+        ARENA_ARRAY(x->pa, free * columns),
+        ARENA_ARRAY(x->pivots, free * k),
     };
-    size_t taken = 0;
-    for (size_t i = 0; i < sizeof parts / sizeof *parts; i++) {
-        if (at)
-            *parts[i].array = (real *)(void *)(at + taken);
-        taken += rounded((size_t)parts[i].size * sizeof(real));
-    }
-    if (at)
-        x->pivots = (int *)(void *)(at + taken);
-    return taken + (size_t)(free * k) * sizeof(int);
+    return ARENA_PLACE(arrays, memory);
 }
 
 static void fill(struct beam_steps *x, struct beams *b, const struct beam_scheme *scheme, long columns) {
@@ -38,7 +43,7 @@ static void fill(struct beam_steps *x, struct beams *b, const struct beam_scheme
 size_t beam_steps_bytes(const struct beams *b, const struct beam_scheme *scheme, long columns) {
     struct beam_steps counted;
     fill(&counted, (struct beams *)b, scheme, columns);
-    return carve(&counted, NULL);
+    return place(&counted, NULL);
 }
 
 void beam_steps_bind(struct beam_steps *x, struct beams *b, const struct beam_scheme *scheme, long columns,
@@ -46,7 +51,7 @@ void beam_steps_bind(struct beam_steps *x, struct beams *b, const struct beam_sc
     const long k = scheme->stages;
     const double *from = scheme->numbers;
     fill(x, b, scheme, columns);
-    carve(x, memory);
+    place(x, memory);
     real *to[] = {x->a, x->aa, x->weights, x->weights_a, x->nodes};
     const long counts[] = {k * k, k * k, k, k, k};
     for (int i = 0; i < 5; i++)

@@ -2,7 +2,7 @@
 
 #include <string.h>
 
-#include "memory.h"
+#include "arena.h"
 
 /* Matrices of a superelement, each n x n, and behind them its load vectors; then of each force two and a matrix. */
 enum { MATRICES = 8, LOADS = 4 };
@@ -14,49 +14,50 @@ static struct sizes as_equations(const struct beam_layout *x) {
     made.n = (long)x->unknowns;
     made.m = (long)x->constraints;
     made.work = 1;
-    made.rank_tolerance = (double)BEAM_RANK;
+    made.rank_tolerance = (double)RANK_TOLERANCE;
     return made;
 }
 
-/* Give out the arrays one behind the other, or, where `at` is NULL, only count their bytes. */
-static size_t carve(struct beams *b, const struct beam_layout *x, char *at) {
+/* Point all arrays into memory, or only count their bytes. */
+static size_t place(struct beams *b, const struct beam_layout *x, void *memory) {
     const ptrdiff_t n = x->unknowns, m = x->constraints, free = n - m, entries = m ? free * free : x->entries;
-    const ptrdiff_t band = m ? free - 1 : x->band, some = m ? entries + 1 : 0;
+    const ptrdiff_t band = m ? free - 1 : x->band, own = m ? entries + 1 : 0, all = x->entries + 1;
     ptrdiff_t largest = 0;
     for (ptrdiff_t k = 0; k < x->pieces; k++)
         if (x->sizes[k] > largest)
             largest = x->sizes[k];
-    const struct { real **array; ptrdiff_t size; } reals[] = {
-        {&b->full_mass, x->entries + 1}, {&b->full_damping, x->entries + 1}, {&b->full_stiffness, x->entries + 1},
-        {&b->full_load, n + 1}, {&b->mass, some}, {&b->damping, some}, {&b->stiffness, some},
-        {&b->load, m ? free + 1 : 0}, {&b->constants, x->constant_count + 1},
-        {&b->local, 3 * largest * largest + largest}, {&b->bound, (3 * m + 1) * n}, {&b->pivoted, (m + 1) * n},
-        {&b->basis, m ? 3 * n * free : 0}, {&b->product, m ? n * free : 0},
-        {&b->banded, (3 * band + 1) * (free > 0 ? free : 1)}, {&b->solution, n + 1}, {&b->state, 2 * n + 1},
+    const struct arena_array arrays[] = {
+        ARENA_ARRAY(b->full_mass, all),
+        ARENA_ARRAY(b->full_damping, all),
+        ARENA_ARRAY(b->full_stiffness, all),
+        ARENA_ARRAY(b->full_load, n + 1),
+        ARENA_ARRAY(b->mass, own),
+        ARENA_ARRAY(b->damping, own),
+        ARENA_ARRAY(b->stiffness, own),
+        ARENA_ARRAY(b->load, m ? free + 1 : 0),
+        ARENA_ARRAY(b->constants, x->constant_count + 1),
+        ARENA_ARRAY(b->local, 3 * largest * largest + largest),
+        ARENA_ARRAY(b->bound, (3 * m + 1) * n),
+        ARENA_ARRAY(b->pivoted, (m + 1) * n),
+        ARENA_ARRAY(b->basis, m ? 3 * n * free : 0),
+        ARENA_ARRAY(b->product, m ? n * free : 0),
+        ARENA_ARRAY(b->banded, (3 * band + 1) * (free > 0 ? free : 1)),
+        ARENA_ARRAY(b->solution, n + 1),
+        ARENA_ARRAY(b->state, 2 * n + 1),
+        ARENA_ARRAY(b->dependent, m + 1),
+        ARENA_ARRAY(b->independent, n + 1),
+        ARENA_ARRAY(b->swaps, m),
+        ARENA_ARRAY(b->own_rows, own),
+        ARENA_ARRAY(b->own_columns, own),
+        ARENA_ARRAY(b->pivots, n + 1),
     };
-    const struct { ptrdiff_t **array; ptrdiff_t size; } numbers[] = {
-        {&b->dependent, m + 1}, {&b->independent, n + 1}, {&b->own_rows, some}, {&b->own_columns, some},
-    };
-    size_t taken = 0;
-    for (size_t i = 0; i < sizeof reals / sizeof *reals; i++) {
-        if (at)
-            *reals[i].array = (real *)(void *)(at + taken);
-        taken += rounded((size_t)reals[i].size * sizeof(real));
-    }
-    for (size_t i = 0; i < sizeof numbers / sizeof *numbers; i++) {
-        if (at)
-            *numbers[i].array = (ptrdiff_t *)(void *)(at + taken);
-        taken += rounded((size_t)numbers[i].size * sizeof(ptrdiff_t));
-    }
-    if (at)
-        b->pivots = (int *)(void *)(at + taken);
-    return taken + (size_t)(n + 1) * sizeof(int);
+    return ARENA_PLACE(arrays, memory);
 }
 
 size_t beams_bytes(const struct beam_layout *layout) {
     const struct sizes plain = as_equations(layout);
     struct beams counted;
-    return rounded(equations_bytes(&plain)) + carve(&counted, layout, NULL);
+    return rounded(equations_bytes(&plain)) + place(&counted, layout, NULL);
 }
 
 void beams_bind(struct beams *b, struct rigid_motion *motion, const struct beam_layout *layout,
@@ -69,10 +70,10 @@ void beams_bind(struct beams *b, struct rigid_motion *motion, const struct beam_
     b->motion = motion;
     b->layout = *layout;
     b->lapack = *lapack;
-    b->resting = 0;
+    b->analysis = IN_MOTION;
     b->whole = layout->unknowns;
     b->free = layout->unknowns - layout->constraints;
-    carve(b, layout, (char *)memory + rounded(equations_bytes(&plain)));
+    place(b, layout, (char *)memory + rounded(equations_bytes(&plain)));
     if (layout->constraints) {
         b->entries = b->free * b->free;
         b->band = b->free - 1;
@@ -96,27 +97,6 @@ void beams_bind(struct beams *b, struct rigid_motion *motion, const struct beam_
 
 /* -- assembly --------------------------------------------------------------------------------------------- */
 
-/* How a link moves, seen in its own axes. */
-struct pose {
-    real c, s;          /* direction */
-    real w, turn;       /* rate and acceleration of turning */
-    real along, across; /* acceleration of its start, less gravity */
-    real pull;          /* axial force */
-};
-
-static struct pose pose_of(const real *x) {
-    const real length = real_sqrt(x[0] * x[0] + x[1] * x[1]);
-    struct pose p;
-    p.c = x[0] / length;
-    p.s = x[1] / length;
-    p.w = (p.c * x[3] - p.s * x[2]) / length;
-    p.turn = (p.c * x[5] - p.s * x[4]) / length - 2 * p.w * (p.c * x[2] + p.s * x[3]) / length;
-    p.along = p.c * x[6] + p.s * x[7];
-    p.across = p.c * x[7] - p.s * x[6];
-    p.pull = -(p.c * x[8] + p.s * x[9]);
-    return p;
-}
-
 /* Turn the rows and columns of one end's displacements from the link's axes to fixed axes. */
 static void turn_end(real *a, ptrdiff_t n, ptrdiff_t u, ptrdiff_t w, real c, real s) {
     for (ptrdiff_t i = 0; i < n; i++) {
@@ -131,50 +111,57 @@ static void turn_end(real *a, ptrdiff_t n, ptrdiff_t u, ptrdiff_t w, real c, rea
     }
 }
 
-/* Matrices and load of superelement k in its link's axes, Eq. (7.27), into m, d, g (n x n each) and q (n). */
-static void in_link_axes(const struct beams *b, ptrdiff_t k, const struct pose *p, real *m, real *d, real *g, real *q) {
+/* Matrices and load of superelement k in its link's axes into m, d, g (n x n each) and q (n): constants times the
+ * weights w of the kernel `links`. */
+static void in_link_axes(const struct beams *b, ptrdiff_t k, const real *w, real *m, real *d, real *g, real *q) {
     const struct beam_layout *x = &b->layout;
     const ptrdiff_t n = x->sizes[k], nn = n * n, link = x->link_of[k];
     const real *mass = b->constants + x->constants_at[k], *centrifugal = mass + nn, *gyroscopic = centrifugal + nn;
-    const real *stiffness = gyroscopic + nn, *damping = stiffness + nn, *tension = damping + nn;
+    const real *stiffness = gyroscopic + nn, *damping = stiffness + nn, *geometric = damping + nn;
     const real *loads = mass + MATRICES * nn, *force = loads + LOADS * n;
-    const real ww = p->w * p->w;
+    const int inertial = b->analysis != QUASI_STATIC;
+    const real by_rate = w[DAMPING_GYROSCOPIC];
+    const real outward = inertial ? w[STIFFNESS_CENTRIFUGAL] : 0, turned = inertial ? w[STIFFNESS_GYROSCOPIC] : 0;
+    const real pull0 = w[STIFFNESS_GEOMETRIC0], pull1 = w[STIFFNESS_GEOMETRIC1], pull2 = w[STIFFNESS_GEOMETRIC2];
+    const real load_x = w[LOAD_X], load_y = w[LOAD_Y], load_out = w[LOAD_OUT], load_turn = w[LOAD_TURN];
     memcpy(m, mass, (size_t)nn * sizeof(real));
     for (ptrdiff_t i = 0; i < nn; i++) {
-        d[i] = damping[i] - 2 * p->w * gyroscopic[i];
-        g[i] = stiffness[i] - ww * centrifugal[i] - p->turn * gyroscopic[i] + p->pull * tension[i] +
-               p->along * tension[nn + i] - ww * tension[2 * nn + i];
+        d[i] = damping[i] + by_rate * gyroscopic[i];
+        g[i] = stiffness[i] + outward * centrifugal[i] + turned * gyroscopic[i] + pull0 * geometric[i] +
+               pull1 * geometric[nn + i] + pull2 * geometric[2 * nn + i];
     }
     for (ptrdiff_t i = 0; i < n; i++)
-        q[i] = -p->along * loads[i] - p->across * loads[n + i] + ww * loads[2 * n + i] - p->turn * loads[3 * n + i];
+        q[i] = load_x * loads[i] + load_y * loads[n + i] + load_out * loads[2 * n + i] + load_turn * loads[3 * n + i];
     for (ptrdiff_t e = x->loads_at[link]; e < x->loads_at[link + 1]; e++, force += 2 * n + nn) {
-        const real *f = b->motion->loads + 2 * e;
-        const real along = p->c * f[0] + p->s * f[1], across = p->c * f[1] - p->s * f[0];
+        const real *f = b->motion->loads + APPLIED * e;
+        const real force_x = f[LOAD_FORCE_X], force_y = f[LOAD_FORCE_Y], pull = f[STIFFNESS_GEOMETRIC_FORCE];
         for (ptrdiff_t i = 0; i < n; i++)
-            q[i] += along * force[i] + across * force[n + i];
+            q[i] += force_x * force[i] + force_y * force[n + i];
         for (ptrdiff_t i = 0; i < nn; i++)
-            g[i] -= along * force[2 * n + i];
+            g[i] += pull * force[2 * n + i];
     }
 }
 
-/* Add to d and g what the turning of the end displacements gives, to second order. */
-static void add_turning_ends(const struct beams *b, ptrdiff_t k, const struct pose *p, real *d, real *g) {
+/* Add to d and g what the turning of the end displacements gives, by the weights w. */
+static void add_turning_ends(const struct beams *b, ptrdiff_t k, const real *w, real *d, real *g) {
     const struct beam_layout *x = &b->layout;
     const ptrdiff_t n = x->sizes[k], nn = n * n;
     const real *mass = b->constants + x->constants_at[k], *gyroscopic = mass + 2 * nn, *damping = mass + 4 * nn;
-    const real ww = p->w * p->w;
+    const real ends = w[STIFFNESS_MASS_ENDS];
     for (int e = 0; e < 2; e++) {
         if (x->ends[4 * k + 2 * e] < 0)
             continue;
-        /* Columns u and w of this end: X J^T is -X's column w, and X's column u. */
+        /* A quarter turn back of u and w at this end: its columns are minus the column w, and the column u. */
         for (int j = 0; j < 2; j++) {
             const ptrdiff_t at = x->ends[4 * k + 2 * e + j], other = x->ends[4 * k + 2 * e + 1 - j];
             const real sign = j == 0 ? -1 : 1;
+            const real mass_rate = sign * w[DAMPING_MASS_QUARTER], mass_quarter = sign * w[STIFFNESS_MASS_QUARTER];
+            const real gyroscopic_quarter = sign * w[STIFFNESS_GYROSCOPIC_QUARTER];
+            const real damping_quarter = sign * w[STIFFNESS_DAMPING_QUARTER];
             for (ptrdiff_t i = 0; i < n; i++) {
-                const real crossed = sign * mass[n * i + other];
-                d[n * i + at] += 2 * p->w * crossed;
-                g[n * i + at] += p->turn * crossed - ww * mass[n * i + at] -
-                                 2 * ww * sign * gyroscopic[n * i + other] + p->w * sign * damping[n * i + other];
+                d[n * i + at] += mass_rate * mass[n * i + other];
+                g[n * i + at] += mass_quarter * mass[n * i + other] + ends * mass[n * i + at] +
+                                 gyroscopic_quarter * gyroscopic[n * i + other] + damping_quarter * damping[n * i + other];
             }
         }
     }
@@ -185,21 +172,21 @@ static void add_piece(struct beams *b, ptrdiff_t k) {
     const struct beam_layout *x = &b->layout;
     const ptrdiff_t n = x->sizes[k], nn = n * n;
     const ptrdiff_t *places = x->places + x->places_at[k], *slots = x->slots + x->slots_at[k];
-    const struct pose p = pose_of(b->motion->motion + MOTION * x->link_of[k]);
+    const real *weights = b->motion->motion + MOTION * x->link_of[k], c = weights[COSINE], s = weights[SINE];
     real *m = b->local, *d = m + nn, *g = d + nn, *q = g + nn;
-    in_link_axes(b, k, &p, m, d, g, q);
-    if (!x->thesis)
-        add_turning_ends(b, k, &p, d, g);
+    in_link_axes(b, k, weights, m, d, g, q);
+    if (!x->thesis && b->analysis != QUASI_STATIC)
+        add_turning_ends(b, k, weights, d, g);
     for (int e = 0; e < 2; e++) {
         const ptrdiff_t u = x->ends[4 * k + 2 * e], w = x->ends[4 * k + 2 * e + 1];
         if (u < 0)
             continue;
-        turn_end(m, n, u, w, p.c, p.s);
-        turn_end(d, n, u, w, p.c, p.s);
-        turn_end(g, n, u, w, p.c, p.s);
+        turn_end(m, n, u, w, c, s);
+        turn_end(d, n, u, w, c, s);
+        turn_end(g, n, u, w, c, s);
         const real along = q[u], across = q[w];
-        q[u] = p.c * along - p.s * across;
-        q[w] = p.s * along + p.c * across;
+        q[u] = c * along - s * across;
+        q[w] = s * along + c * across;
     }
     for (ptrdiff_t i = 0; i < n; i++)
         if (places[i] >= 0)
@@ -230,6 +217,7 @@ static void add_joints(struct beams *b) {
     if (x->shaft < 0)
         return;
     b->full_mass[x->shaft_slot] += R(x->flywheel);
+    b->full_load[x->shaft] -= R(x->flywheel) * b->motion->motion[MOTION * x->shaft_link + STIFFNESS_MASS_QUARTER];
     if (b->motion->kernels.torque) {
         b->full_load[x->shaft] += turning[0];
         b->full_stiffness[x->shaft_slot] -= turning[1];
@@ -239,7 +227,7 @@ static void add_joints(struct beams *b) {
 
 int beams_assemble(struct beams *b, real t, int choose) {
     const size_t entries = (size_t)b->layout.entries * sizeof(real);
-    const int status = b->resting ? motion_at_rest(b->motion, t) : motion_at(b->motion, t);
+    const int status = b->analysis == AT_REST ? motion_at_rest(b->motion, t) : motion_at(b->motion, t);
     if (status != DONE)
         return status;
     memset(b->full_mass, 0, entries);

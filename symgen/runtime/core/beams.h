@@ -8,10 +8,8 @@
 #define SYMGEN_BEAMS_H
 
 #include "bands.h"
+#include "linear.h"
 #include "rigid_motion.h"
-
-/* What a pivot of the constraints keeps at least of the largest. */
-#define BEAM_RANK real_fmax(R(1e-9), R(100) * REAL_EPSILON)
 
 /* Where everything goes: unknowns, superelements and constraints; slots are places in `rows` and `columns`, and
  * -1 is nowhere. Owned by the caller. */
@@ -29,6 +27,7 @@ struct beam_layout {
     const ptrdiff_t *mass_slots, *damping_slots, *stiffness_slots;
     const ptrdiff_t *loads_at;     /* forces of link k: from loads_at[k] to loads_at[k + 1] */
     ptrdiff_t shaft, shaft_slot;   /* unknown and slot of an elastic crank's turn, -1: none */
+    ptrdiff_t shaft_link;          /* number of that crank */
     ptrdiff_t entries, band;       /* of the matrices of all unknowns */
     const ptrdiff_t *rows, *columns;
     ptrdiff_t constant_count;
@@ -36,12 +35,16 @@ struct beam_layout {
     long thesis;                   /* take rotations of ends and the basis as constant in time */
 };
 
+/* Which terms are assembled: all; those of the structure at rest in its pose, without loads of motion; or stiffness,
+ * axial forces and loads of the rigid motion, without the inertia and damping of the elastic motion. */
+enum { IN_MOTION, AT_REST, QUASI_STATIC };
+
 struct beams {
     struct equations base; /* first: what a run sees */
     struct rigid_motion *motion;
     struct beam_layout layout;
     struct lapack lapack;
-    int resting;
+    int analysis;
     ptrdiff_t whole, free;
     /* the matrices of what is free: entries, their places, band, values */
     ptrdiff_t entries, band;
@@ -51,7 +54,7 @@ struct beams {
     real *constants, *local;
     /* constraints J, J', J'' (rows of `whole`), and the basis R, R', R'' (whole x free each) */
     real *bound, *pivoted, *basis, *product;
-    ptrdiff_t *dependent, *independent;
+    ptrdiff_t *dependent, *independent, *swaps;
     /* the factorised mass matrix */
     real *banded, *solution, *state;
     int *pivots;

@@ -58,6 +58,10 @@ static const char *dropped_of(struct equations *e) {
     return e->dropped;
 }
 
+static ptrdiff_t numbers_of(const struct kind *kind, const long *counts) {
+    return kind->numbers(counts);
+}
+
 static void run_start(struct run *run, const double *y0, const double *y0_low, const double *times,
                       const signed char *directions, const char *terminal) {
     size_t events = (size_t)run->e->sizes.events;
@@ -96,11 +100,17 @@ static void run_report(const struct run *run, struct report *report) {
         .stiff = s->stiff,
         .blind = s->blind,
         .t_blind = (double)s->t_blind,
+        .switchings = s->switchings,
+        .slid = s->slid,
     };
 }
 
 static const void *state_of(const struct run *run) {
-    return run->y;
+    if (run->e->sizes.choices == 0)
+        return run->y;
+    memcpy(run->stage, run->y, (size_t)run->dim * sizeof(real));
+    run->e->of->as_usual(run->e, run->stage);
+    return run->stage;
 }
 
 static const void *times_of(const struct run *run) {
@@ -109,6 +119,14 @@ static const void *times_of(const struct run *run) {
 
 static const void *samples_of(const struct run *run) {
     return run->samples;
+}
+
+static const void *references_of(const struct run *run) {
+    return run->references;
+}
+
+static const void *turns_of(const struct run *run) {
+    return run->turns;
 }
 
 static long take_events(struct run *run, struct found_event *events, void *states) {
@@ -149,6 +167,7 @@ const struct core_api symgen_core = {
     .account = account_of,
     .dropped = dropped_of,
     .find_kind = find_kind,
+    .numbers_of = numbers_of,
     .run_bytes = run_bytes,
     .run_bind = run_bind,
     .run_start = run_start,
@@ -158,6 +177,8 @@ const struct core_api symgen_core = {
     .run_state = state_of,
     .run_times = times_of,
     .run_samples = samples_of,
+    .run_references = references_of,
+    .run_turns = turns_of,
     .take_events = take_events,
     .take_passages = take_passages,
 };

@@ -21,7 +21,7 @@
 #endif
 
 /* Of another number than this, a compiled core does not belong to the binding. */
-#define CORE_VERSION 3L
+#define CORE_VERSION 8L
 
 /* A run in doubles. */
 struct report {
@@ -29,7 +29,7 @@ struct report {
     double position_drift, velocity_drift, energy_drift;
     double kinetic_min, kinetic_max, potential_min, potential_max;
     double t_stiff, t_blind;
-    long steps, rejected, recorded, moved, passages, events, ended_by, worst, stiff, blind;
+    long steps, rejected, recorded, moved, passages, events, ended_by, worst, stiff, blind, switchings, slid;
 };
 
 struct found_event {
@@ -70,6 +70,7 @@ struct core_api {
     const char *(*dropped)(struct equations *e);
 
     const struct kind *(*find_kind)(const char *name);
+    ptrdiff_t (*numbers_of)(const struct kind *kind, const long *counts);
     size_t (*run_bytes)(const struct equations *e, const struct scheme *scheme, const struct task *task);
     void (*run_bind)(struct run *run, struct equations *e, const struct scheme *scheme, const struct task *task,
                      void *memory);
@@ -82,6 +83,8 @@ struct core_api {
     const void *(*run_state)(const struct run *run);     /* y, dim reals */
     const void *(*run_times)(const struct run *run);     /* of samples */
     const void *(*run_samples)(const struct run *run);   /* rows of dim reals */
+    const void *(*run_references)(const struct run *run); /* of angles in loads, a row each sample */
+    const void *(*run_turns)(const struct run *run); /* angles of links over revolutions, a row each sample */
     /* Copy what is remembered, states in reals, and forget it; return how many. */
     long (*take_events)(struct run *run, struct found_event *events, void *states);
     long (*take_passages)(struct run *run, struct passage *passages);

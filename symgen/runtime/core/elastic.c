@@ -33,10 +33,10 @@ static void *constants_of(struct beams *b) {
     return b->constants;
 }
 
-static int assemble_at(struct beams *b, double t, int resting) {
-    b->resting = resting;
+static int assemble_at(struct beams *b, double t, int analysis) {
+    b->analysis = analysis;
     const int status = beams_assemble(b, R(t), 1);
-    b->resting = 0;
+    b->analysis = IN_MOTION;
     return status;
 }
 
@@ -86,6 +86,7 @@ const struct elastic_api symgen_elastic = {
     .motion_bytes = motion_bytes,
     .motion_bind = motion_bind,
     .motion_start = start_motion,
+    .motion_follow = motion_follow,
     .motion_at = move_to,
     .motion_view = view_motion,
     .motion_along = along,

@@ -26,6 +26,8 @@ struct elastic_api {
     void (*motion_bind)(struct rigid_motion *m, struct equations *e, const struct motion_kernels *kernels,
                         const long *sizes, double stride, void *memory);
     void (*motion_start)(struct rigid_motion *m, double t, const void *y);
+    void (*motion_follow)(struct rigid_motion *m, const void *rows, const void *references, long count, double spacing,
+                          long absent);
     int (*motion_at)(struct rigid_motion *m, double t);
     void (*motion_view)(const struct rigid_motion *m, struct motion_view *view);
     /* Rows of y, of the motion of links and of loads at times; DONE or what went wrong. */
@@ -35,7 +37,7 @@ struct elastic_api {
     void (*beams_bind)(struct beams *b, struct rigid_motion *motion, const struct beam_layout *layout,
                        const struct lapack *lapack, void *memory);
     void *(*beams_constants)(struct beams *b);
-    int (*beams_assemble)(struct beams *b, double t, int resting);
+    int (*beams_assemble)(struct beams *b, double t, int analysis);
     void (*beams_view)(const struct beams *b, struct matrices_view *view);
 
     size_t (*steps_bytes)(const struct beams *b, const struct beam_scheme *scheme, long columns);

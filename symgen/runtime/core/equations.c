@@ -1,5 +1,6 @@
 #include "equations.h"
 
+#include "arena.h"
 #include "lanes.h"
 
 #include <string.h>
@@ -8,7 +9,8 @@
  * before: rods a million million times heavier than their neighbours leave 1e-12. */
 #define NO_MASS 1e-15
 #define REFINEMENTS 2
-/* Iterations of the projection: with the same factor it converges by the step's own error each time. Each halves the error at least, or ends the iterations: enough from any error down to rounding. */
+/* Iterations of the projections: with the same factor they converge by the step's own error each time. Each halves the
+ * error at least, or ends the iterations: enough from any error down to rounding. */
 #define PROJECTIONS 80
 #define RATE_PROJECTIONS 3
 /* Part of the tolerance that may be left of rates. */
@@ -16,50 +18,46 @@
 
 const struct behaviour kernel_behaviour = {
     accelerate, derivative, position_error, velocity_error, factorise,
-    project, project_places, make_tangent, measure_energy,
+    project, project_places, make_tangent, measure_energy, NULL, NULL,
 };
 
-/* Enough for the account, and for any type behind it. */
-static size_t account_bytes(void) {
-    return (sizeof(struct account) + 15) / 16 * 16;
-}
-
-static size_t real_count(const struct sizes *s) {
-    long n = s->n, m = s->m, whole = n + m + 1;
-    return (size_t)(2 * (s->parameters + 1) + s->derived + s->tangent_derived + 2 * (s->work + 1) + 2 * whole + m + 1 + whole + 3 + 2 * (n + 1) + 2 * m + 1 + s->events + 1);
+/* Point all arrays into memory, or only count their bytes. */
+static size_t place(struct equations *e, const struct sizes *s, void *memory) {
+    const long n = s->n, m = s->m, whole = n + m + 1;
+    const struct arena_array arrays[] = {
+        ARENA_ARRAY(e->account, 1),
+        ARENA_ARRAY(e->p, s->parameters + s->derived + 1),
+        ARENA_ARRAY(e->tangent_p, s->parameters + s->tangent_derived + 1),
+        ARENA_ARRAY(e->work, s->work + 1),
+        ARENA_ARRAY(e->factors, s->work + 1),
+        ARENA_ARRAY(e->out, 2 * whole),
+        ARENA_ARRAY(e->rates, m + 1),
+        ARENA_ARRAY(e->rhs, whole),
+        ARENA_ARRAY(e->energies, 3),
+        ARENA_ARRAY(e->before, n + 1),
+        ARENA_ARRAY(e->zero, n + 1),
+        ARENA_ARRAY(e->errors, 2 * m + 1),
+        ARENA_ARRAY(e->gaps, s->events + s->switches + s->windings + 2 * s->turns + 1),
+        ARENA_ARRAY(e->dropped, m + 1),
+    };
+    return ARENA_PLACE(arrays, memory);
 }
 
 size_t equations_bytes(const struct sizes *sizes) {
-    size_t reals = (real_count(sizes) * sizeof(real) + 15) / 16 * 16;
-    return account_bytes() + reals + ((size_t)sizes->m + 16) / 16 * 16;
+    struct equations counted;
+    return place(&counted, sizes, NULL);
 }
 
 void equations_bind(struct equations *e, const struct sizes *sizes, const struct kernels *kernels, void *memory) {
-    long n = sizes->n, m = sizes->m, whole = n + m + 1;
-    real *at = (real *)((char *)memory + account_bytes());
     e->of = &kernel_behaviour;
     e->owner = NULL;
     e->kernels = *kernels;
     e->sizes = *sizes;
     e->finest = 0;
-    e->n = n, e->m = m, e->extra = sizes->extra, e->dim = 2 * n + sizes->extra;
-    e->bytes = equations_bytes(sizes);
-    e->account = memory;
+    e->n = sizes->n, e->m = sizes->m, e->extra = sizes->extra, e->dim = 2 * sizes->n + sizes->extra;
+    e->bytes = place(e, sizes, memory);
     e->account->weakest = e->account->worst = -1;
     e->account->soundness = INFINITY;
-    e->p = at, at += sizes->parameters + sizes->derived + 1;
-    e->tangent_p = at, at += sizes->parameters + sizes->tangent_derived + 1;
-    e->work = at, at += sizes->work + 1;
-    e->factors = at, at += sizes->work + 1;
-    e->out = at, at += 2 * whole;
-    e->rates = at, at += m + 1;
-    e->rhs = at, at += whole;
-    e->energies = at, at += 3;
-    e->before = at, at += n + 1;
-    e->zero = at, at += n + 1;
-    e->errors = at, at += 2 * m + 1;
-    e->gaps = at;
-    e->dropped = (char *)memory + e->bytes - ((size_t)m + 16) / 16 * 16;
 }
 
 void set_up_with(kernel setup, long parameters, real *p) {
@@ -68,6 +66,7 @@ void set_up_with(kernel setup, long parameters, real *p) {
 }
 
 void set_up(struct equations *e) {
+    e->p[e->sizes.parameters + e->sizes.derived] = R(e->sizes.rank_tolerance);
     copy(e->p, e->sizes.parameters, e->tangent_p);
     set_up_with(e->kernels.setup, e->sizes.parameters, e->p);
     set_up_with(e->kernels.tangent_setup, e->sizes.parameters, e->tangent_p);
@@ -238,21 +237,33 @@ int project_positions(struct equations *e, real t, real *y) {
     return e->sizes.redundant && !(e->account->missed <= e->sizes.slack) ? CONTRADICTED : DONE;
 }
 
-/* Rates that rounding leaves, where the run's tolerance is far above them. Without one, and near a loss of rank, which
- * magnifies them, all that can be taken off is. */
-static real rounding_of_rates(const struct equations *e, const real *y) {
+static real speed_of(const struct equations *e, const real *y) {
     real speed = 0;
-    if (e->account->soundness < NEAR)
-        return 0;
     for (long i = e->n; i < 2 * e->n; i++)
         speed = real_fmax(speed, real_fabs(y[i]));
+    return speed;
+}
+
+/* Rates that rounding leaves, where the run's tolerance is far above them. Without one, and near a loss of rank, which
+ * magnifies them, all that can be taken off is. */
+static real rounding_of_rates(const struct equations *e, real speed) {
+    if (e->account->soundness < NEAR)
+        return 0;
     return REAL_EPSILON * speed < R(LEFT) * R(e->finest) ? REAL_EPSILON * speed : 0;
 }
 
 int project_velocities(struct equations *e, real t, real *y) {
     long n = e->n;
-    real previous = REAL_INFINITY, rounding = rounding_of_rates(e, y);
-    for (int k = 0; k < RATE_PROJECTIONS; k++) {
+    real speed = speed_of(e, y), previous = REAL_INFINITY, rounding = rounding_of_rates(e, speed);
+    for (int k = 0; k < 2 * RATE_PROJECTIONS; k++) {
+        if (k == RATE_PROJECTIONS) {
+            /* the factor is that of a place too far from this one: a new one */
+            if (previous <= R(1e4) * REAL_EPSILON * speed)
+                break;
+            int status = factorise(e, t, y);
+            if (status != DONE)
+                return status;
+        }
         real worst = velocity_error(e, t, y);
         if (!real_isfinite(worst))
             return NOT_FINITE;

@@ -22,7 +22,8 @@ enum status {
     DRIFTED,    /* a constraint strayed by more than the run allows */
     ENDED,      /* a terminal event ended the run */
     UNSOLVED,   /* the implicit equations of a fixed step were not solved */
-    AGAIN       /* of adaptive methods only: this step cannot be taken, try state->shrink times its length */
+    AGAIN,      /* of adaptive methods only: this step cannot be taken, try state->shrink times its length */
+    SLIDING     /* a load keeps the motion at its jump: neither of its branches leaves it */
 };
 
 /* A generated kernel; which of its arguments are read is told in its header. */
@@ -38,7 +39,7 @@ struct kernels {
     kernel velocity_constraints; /* out = dPhi/dt */
     kernel energy;               /* out = (kinetic, potential, power of loads without potential) */
     kernel residual;             /* of (q'', lambda) in work, into out */
-    kernel events;               /* out = g, one value an event */
+    kernel events;               /* out = g, a value for each event, switching point and angle in loads */
     kernel tangent;              /* slopes of the residual by (q, u), with (q'', lambda) in work, for implicit methods */
     kernel setup;                /* what depends on parameters alone: p + parameters = out, for all of them but tangent */
     kernel tangent_setup;        /* the same for tangent, which is of other equations */
@@ -53,7 +54,12 @@ struct sizes {
     long work;             /* reals of work memory that the largest kernel needs */
     long first_pivot;      /* where `factor` leaves the pivots in its work: pairs (pivot, sum of own-signed terms) */
     long redundant;        /* constraints that follow from the others everywhere: so many pivots must be lost */
-    long events;           /* values that `events` writes */
+    long events;           /* values that `events` writes for events */
+    long switches;         /* and for switching points, whose branches are the last of the parameters */
+    long windings;         /* and for angles in loads, whose references are the parameters before these;
+                            * or choices */
+    long turns;            /* angles of links whose revolutions runs count: `events` writes them last, then their rates */
+    long choices;          /* of coordinates, which parameters in the place of references tell: see `rewrite` below */
     long tangent;          /* values that `tangent` writes */
     const long *tangent_places; /* of each, column by column: its row, its column, and its place in `out` */
     double rank_tolerance; /* what a multiplier's pivot keeps at most of its own-signed terms where rank is lost */
@@ -88,6 +94,11 @@ struct behaviour {
     int (*project_places)(struct equations *e, real t, real *y); /* NULL where places and velocities go together */
     void (*make_tangent)(struct equations *e, real t, const real *y, real *change);
     void (*measure_energy)(struct equations *e, real t, const real *y);
+    /* Where other coordinates serve better at `seen`, change to them and rewrite y; return whether that was done. With
+     * `back`, where the usual ones serve again. Asked where sizes.choices is not zero. */
+    int (*rewrite)(struct equations *e, const real *seen, real *y, int back);
+    /* Write y in the usual coordinates; those in use stay. */
+    void (*as_usual)(const struct equations *e, real *y);
 };
 
 extern const struct behaviour kernel_behaviour;
@@ -162,6 +173,11 @@ void make_tangent(struct equations *e, real t, const real *y, real *change);
 
 /* Leave kinetic and potential energy, and the power of loads without potential, in e->energies. */
 void measure_energy(struct equations *e, real t, const real *y);
+
+/* The references of angles in loads, among the parameters; bring them within a quarter turn of these angles as the last
+ * look at events found them, and return whether any moved. */
+real *references_of_angles(const struct equations *e);
+int follow_references(struct equations *e);
 
 /* Leave the values of all events in e->gaps. */
 void look_at_events(struct equations *e, real t, const real *y);

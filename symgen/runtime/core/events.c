@@ -16,8 +16,24 @@ static int passes(real from, real to, int direction) {
     return (direction >= 0 && from < 0 && to >= 0) || (direction <= 0 && from > 0 && to <= 0);
 }
 
+/* Continue the values of events on angles from those at an earlier look, less than half a revolution before: they
+ * follow from atan2, which jumps by a revolution. */
+static real continued(const struct run *run, long index, real before, real value) {
+    const real revolution = R(6.283185307179586476925286766559005768L);
+    if (index >= run->e->sizes.events || !(run->terminal[index] & REVOLVES))
+        return value;
+    return value + R(rint((double)((before - value) / revolution))) * revolution;
+}
+
+static void continue_row(struct run *run, int k) {
+    long events = run->e->sizes.events;
+    real *row = run->gaps + k * events;
+    for (long i = 0; i < events; i++)
+        row[i] = continued(run, i, row[i - events], row[i]);
+}
+
 /* Write the cubic through both ends of the step: good enough to see that something happens. */
-static void roughly(const struct run *run, real h, real x, real *y) {
+void roughly(const struct run *run, real h, real x, real *y) {
     for (long i = 0; i < run->dim; i++)
         y[i] = run->y[i] + x * x * (R(3) - R(2) * x) * (run->y_new[i] - run->y[i])
                + h * x * (R(1) - x) * ((R(1) - x) * run->f[i] - x * run->f_new[i]);
@@ -25,7 +41,7 @@ static void roughly(const struct run *run, real h, real x, real *y) {
 
 /* Leave the state on the interpolant of the step, brought onto the constraints where it can be, in run->stage, and
  * the values of the events there. */
-static void move_to(struct run *run, real h, real theta) {
+void move_to(struct run *run, real h, real theta) {
     real t = run->state->t + theta * h;
     run->scheme.kind->interpolate(run, h, theta, run->stage);
     if (run->task.stabilisation == PROJECTION) {
@@ -48,18 +64,20 @@ static void look(struct run *run, real h, int finely) {
             look_at_events(run->e, run->state->t + theta * h, run->stage);
         }
         memcpy(run->gaps + k * events, run->e->gaps, (size_t)events * sizeof(real));
+        continue_row(run, k);
     }
+    continue_row(run, LOOKS);
 }
 
 /* Return where between a and b, whose values have different signs, the event is: the end of what is left of the
  * bracket where it has happened. Secants, and a bisection every third time, so that the bracket closes. */
-static real narrowed(struct run *run, real h, long index, real a, real at_a, real b, real at_b) {
+real narrowed(struct run *run, real h, long index, real a, real at_a, real b, real at_b) {
     real least = R(2) * REAL_EPSILON * real_fmax(R(1), real_fabs(run->state->t) / h);
     for (int k = 0; k < NARROWINGS && b - a > least && at_b != 0; k++) {
         real middle = k % 3 == 2 ? a + (b - a) / R(2) : a - at_a * ((b - a) / (at_b - at_a));
         middle = real_fmin(real_fmax(middle, a + least / R(2)), b - least / R(2));
         move_to(run, h, middle);
-        real at = run->e->gaps[index];
+        real at = continued(run, index, at_a, run->e->gaps[index]);
         if ((at < 0) == (at_a < 0) && at != 0)
             a = middle, at_a = at;
         else
@@ -139,7 +157,7 @@ void locate_events(struct run *run, real t_new, real h, int *prepared) {
     for (long i = 0; i < events; i++)
         locate(run, h, i);
     for (long i = s->events_before; i < s->events; i++)
-        if (run->terminal[run->events[i].index]) {
+        if (run->terminal[run->events[i].index] & ENDS_RUN) {
             s->events = i + 1;
             s->ended_by = run->events[i].index;
             break;

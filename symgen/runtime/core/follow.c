@@ -3,9 +3,6 @@
 
 #include "loop.h"
 
-/* Closure to the last digit leaves a pose undetermined by its root where rank is lost: nearer to it than this,
- * a pose has no rates and no forces that mean anything. */
-#define SIGHT real_fmax(R(1e-7), real_sqrt(REAL_EPSILON))
 /* Largest part of a predicted motion by which the solution may differ from the prediction. */
 #define ASTRAY R(0.2)
 /* Longest step of a variable, in radians or sizes of the loop. */
@@ -45,13 +42,22 @@ static int attempt(struct loop *l, real t, const real *q, real next, int last) {
     const real moved = predict(l, next - t, q, l->u, l->base.work);
     for (long k = 0; k < l->sizes.solved; k++)
         new[l->solved[k]] += l->change[k];
+    l->follows = 1;
     const int status = moved <= LONGEST ? loop_close(l, next, new) : OPEN;
+    l->follows = 0;
     if (status != DONE)
         return status;
     real astray = 0;
     for (long k = 0; k < l->sizes.solved; k++) {
         const long j = l->solved[k];
         astray = real_fmax(astray, real_fabs(new[j] - q[j] - l->change[k]) / l->scale[j]);
+    }
+    /* An input that comes back within a step is followed there: rates at both ends do not show its way. */
+    for (long k = 0; k < l->sizes.inputs; k++) {
+        const long j = l->driven[k];
+        const real h = next - t, way = h * (l->u[j] + R(0.5) * h * l->base.work[j]);
+        if (real_fabs(new[j] - q[j] - way) / l->scale[j] > LONGEST)
+            return OPEN;
     }
     if (astray > ASTRAY * moved + R(1e-9))
         return OPEN;

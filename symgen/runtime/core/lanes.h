@@ -4,6 +4,7 @@
 #ifndef SYMGEN_LANES_H
 #define SYMGEN_LANES_H
 
+#include <stddef.h>
 #include <string.h>
 
 #include "real.h"
@@ -35,15 +36,12 @@ static inline void copy(const real *from, long count, real *to) {
             to[at] = from[at];
 }
 
-/* The same of what was just written number by number: wide loads would wait until all of it is in the cache. */
-static inline void copy_fresh(const real *from, long count, real *to) {
-    for (long i = 0; i < count; i++) {
-        real one = from[i];
-#if defined(__GNUC__) && defined(__x86_64__) && !defined(SYMGEN_REAL_LONGDOUBLE) && !defined(SYMGEN_REAL_FLOAT128)
-        __asm__("" : "+x"(one)); /* keeps the compiler from making wide ones of them */
-#endif
-        to[i] = one;
-    }
+/* The same of numbers that were just written one by one: a wide load would wait until all of them are in the cache,
+ * and `volatile` keeps the compiler from making one. */
+static inline void copy_fresh(const real *from, ptrdiff_t count, real *to) {
+    const volatile real *fresh = from;
+    for (ptrdiff_t i = 0; i < count; i++)
+        to[i] = fresh[i];
 }
 
 #endif

@@ -2,7 +2,7 @@
 
 #include <string.h>
 
-#include "memory.h"
+#include "arena.h"
 
 /* Defect of closure that rounding leaves at best, and the largest that is taken where it falls no further. */
 #define FINE (R(18) * REAL_EPSILON)
@@ -13,6 +13,10 @@ enum { NEWTON = 40, HALVINGS = 8 };
 #define NO_DRIVE RANK
 /* Part of the rates asked that may be left. */
 #define LEFT real_fmax(R(1e-7), R(1000) * REAL_EPSILON)
+/* The same over the defect of closure that is tolerated: rates miss by as much, more near singular poses. */
+#define LEFT_OPEN R(100)
+/* Largest step, of those of Gauss and Newton, at a least defect that is not zero. */
+#define STILL real_sqrt(REAL_EPSILON)
 
 /* -- memory ----------------------------------------------------------------------------------------------- */
 
@@ -34,6 +38,7 @@ static struct sizes as_equations(const struct loop_sizes *s) {
     made.parameters = s->parameters;
     made.derived = s->derived;
     made.work = s->work;
+    made.choices = made.windings = s->balls;
     made.rank_tolerance = (double)RANK;
     return made;
 }
@@ -48,6 +53,7 @@ static size_t carve(struct loop *l, const struct loop_sizes *s, real *from) {
         {&at->scale, n + 1}, {&at->q, n + 1}, {&at->u, n + 1}, {&at->trial, n + 1}, {&at->step, n + 1},
         {&at->mass, n * n + 1}, {&at->reduced, (n + 1) * (n + 1)}, {&at->basis, (n + 1) * (n + 1)},
         {&at->gain, (n + 1) * (n + 1)}, {&at->past, 3 * (n + 1)}, {&at->change, n + 1},
+        {&at->usual, n + 1}, {&at->near_y, 2 * n + 2},
     };
     size_t taken = 0;
     for (size_t i = 0; i < sizeof parts / sizeof *parts; i++) {
@@ -64,7 +70,7 @@ size_t loop_bytes(const struct loop_sizes *sizes) {
 }
 
 void loop_bind(struct loop *l, const struct loop_sizes *sizes, const struct loop_kernels *kernels,
-               const ptrdiff_t *numbers, const unsigned char *is_length, void *memory) {
+               const ptrdiff_t *numbers, const unsigned char *is_length, const struct ball *balls, void *memory) {
     const struct sizes plain = as_equations(sizes);
     struct kernels none = {0};
     char *at = memory;
@@ -83,6 +89,7 @@ void loop_bind(struct loop *l, const struct loop_sizes *sizes, const struct loop
     l->found = l->driven + sizes->inputs;
     l->known = l->found + sizes->unknown;
     l->is_length = is_length;
+    l->balls = balls;
     l->free = sizes->solved - sizes->rank;
     l->size = R(sizes->size);
     for (long i = 0; i < sizes->n; i++)
@@ -161,7 +168,8 @@ static void place(const struct loop *l, real *q, real part) {
 
 int loop_close(struct loop *l, real t, real *q) {
     int halved = 0;
-    real before = REAL_INFINITY, part = 1, fine = FINE, defect = 0, b[ROWS], x[MOST];
+    real before = REAL_INFINITY, part = 1, fine = FINE, defect = 0, b[ROWS], x[MOST], step = REAL_INFINITY;
+    const real tolerance = R(l->sizes.tolerance);
     loop_prescribe(l, t, q);
     /* An angle of many turns cannot be told finer than its own last digit. */
     for (long k = 0; k < l->sizes.n; k++)
@@ -181,7 +189,9 @@ int loop_close(struct loop *l, real t, real *q) {
             }
             return DONE;
         }
-        if (defect > before && halved < HALVINGS) {
+        if (defect <= tolerance && step <= STILL)
+            return DONE;
+        if (defect > before && defect > tolerance && halved < HALVINGS) {
             halved++;
             part *= R(0.5);
             place(l, q, part);
@@ -190,14 +200,20 @@ int loop_close(struct loop *l, real t, real *q) {
         before = defect;
         part = 1;
         halved = 0;
+        step = 0;
         mismatch(l, b);
+        const long rank = l->sizes.rank;
+        if (l->follows && rank > 0 && !(R(l->base.account->soundness) > SIGHT))
+            l->sizes.rank--; /* what the pose leaves undetermined stays as predicted */
         loop_solve(l, b, x);
+        l->sizes.rank = rank;
         for (long k = 0; k < l->sizes.solved; k++) {
             if (!real_isfinite(x[k]))
                 return SINGULAR;
             /* A step of more than a radian leaves what its linear prediction is good for. */
-            part = real_fmax(part, real_fabs(x[k]) / l->scale[l->solved[k]]);
+            step = real_fmax(step, real_fabs(x[k]) / l->scale[l->solved[k]]);
         }
+        part = real_fmax(part, step);
         part = 1 / part;
         for (long k = 0; k < l->sizes.solved; k++) {
             l->trial[k] = q[l->solved[k]];
@@ -243,7 +259,7 @@ int loop_move(struct loop *l, real t, const real *q, real *u, real *a) {
     l->seen->rates_left = (double)left;
     if (!all_finite(u, n))
         return NOT_FINITE;
-    if (!(left <= LEFT))
+    if (!(left <= real_fmax(LEFT, LEFT_OPEN * R(l->sizes.tolerance))))
         return INCONSISTENT;
     l->kernels.motion(&t, q, u, l->base.p, l->work2, l->loads);
     loop_changes(l, 2, l->loads + ROWS * n, b, a);

@@ -7,6 +7,7 @@
 #ifndef SYMGEN_LOOP_H
 #define SYMGEN_LOOP_H
 
+#include "balls.h"
 #include "equations.h"
 #include "qr.h"
 #include "run.h"
@@ -33,8 +34,10 @@ struct loop_sizes {
     long parameters, work, told; /* reals of parameters, of the largest work, and written by `outputs` */
     long derived;                /* reals that `setup` writes */
     long solved, inputs, unknown, known; /* how many; their numbers stand in this order in `numbers` */
+    long balls;                  /* of ball joints whose angles can be written otherwise near their poles */
     long rank;                   /* of the screws of the solved variables, in general */
     double size;                 /* the length that displacements and moments are compared by [m] */
+    double tolerance;            /* defect of closure that dependent equations may leave, as of `closure` */
 };
 
 /* What the last look found; plain numbers of the same type in every core. */
@@ -55,18 +58,28 @@ struct loop {
     const ptrdiff_t *found, *known;   /* places of unknown efforts in `solved`, of known ones in `driven` */
     const unsigned char *is_length;
     long free;
+    int follows; /* closing keeps what a pose leaves undetermined, as predicted */
     real size;
+    double soundest; /* largest part that the least pivot had so far, in a run */
+    const struct ball *balls;
     struct qr factor;
     real *scale, *screws, *matrix, *prescribed, *efforts, *loads, *work2;
     real *q, *u, *trial, *step, *mass, *reduced, *basis, *gain, *past, *change;
+    real *usual;   /* q in the table's own angles, at the last accepted state */
+    real *near_y;  /* a state near a pole, written otherwise for its accelerations */
 };
+
+/* Closure to the last digit leaves a pose undetermined by its root where rank is lost: nearer to it than this,
+ * a pose has no rates and no forces that mean anything. */
+#define SIGHT real_fmax(R(1e-7), real_sqrt(REAL_EPSILON))
 
 /* Bytes of memory for a loop of these sizes, without the struct itself. */
 size_t loop_bytes(const struct loop_sizes *sizes);
 
-/* Fill in a loop over zeroed memory of that size. `numbers` and `is_length` (one a variable) must outlive it. */
+/* Fill in a loop over zeroed memory of that size. `numbers`, `is_length` (one a variable)
+ * and `balls` must outlive it. */
 void loop_bind(struct loop *l, const struct loop_sizes *sizes, const struct loop_kernels *kernels,
-               const ptrdiff_t *numbers, const unsigned char *is_length, void *memory);
+               const ptrdiff_t *numbers, const unsigned char *is_length, const struct ball *balls, void *memory);
 
 /* Find value, rate and acceleration of every input, and put the values into q. */
 void loop_prescribe(struct loop *l, real t, real *q);
@@ -76,6 +89,10 @@ real loop_look(struct loop *l, real t, const real *q);
 
 /* Close the loop at t by Newton's method from q, in place; the factor of the solution is kept. */
 int loop_close(struct loop *l, real t, real *q);
+
+/* Bring the loop near to a closure at t, from any q and whatever rank the screws have there; q ends at the least
+ * defect that was found, `rank` is that of the screws of the solved variables at q. */
+int loop_assemble(struct loop *l, real t, real *q, long *rank);
 
 /* Solve screws x = b for the changes x of the solved variables, in their own units; b is overwritten. */
 void loop_solve(struct loop *l, real *b, real *x);
@@ -103,6 +120,18 @@ enum { CLOSURE, RATES, SOUNDNESS, HOLD, STATUS, DIAGNOSES };
  * `width` of `out` what the kernel `outputs` gives, and a row of `diagnosis`. `longest` is the longest step in time. */
 int loop_follow(struct loop *l, real *t, real *q, const real *times, long count, real longest, real *states,
                 long row, real *out, long width, double *diagnosis, long *reached);
+
+/* See struct behaviour. */
+int loop_rewrite(struct equations *e, const real *seen, real *y, int back);
+void loop_as_usual(const struct equations *e, real *y);
+
+/* Write a state in the table's own angles, of all choices that nearest to `near`. */
+void loop_in_table(const struct loop *l, const real *near, real *q, real *u, real *a);
+
+/* Write y near a pole in other angles into l->near_y; whether it is near one, and in the table's angles. */
+int loop_turn_near(struct loop *l, const real *y);
+/* The way back: accelerations at l->near_y, in place, and the table's own angles in use again. */
+void loop_turn_back(struct loop *l, real *a);
 
 /* What a run asks of a loop that moves under forces. */
 extern const struct behaviour loop_behaviour;

@@ -1,13 +1,27 @@
 /* A loop that moves under forces: what a run asks of its equations, solved for dependent and free variables. */
+#include <math.h>
 #include <string.h>
 
 #include "loop.h"
 
+/* Least singular value, of the largest and of that of the best pose so far, at which steps may end. */
+#define BLURRED 1e-4
+#define BLURRED_PART 1e-2
 /* Least inertia of a free motion over its own terms. */
 #define NO_MASS (R(450) * REAL_EPSILON)
 
 static struct loop *of(struct equations *e) {
     return e->owner;
+}
+
+/* Judge the rank of the last screws, and leave the soundness that a run watches: the square of the least pivot's part,
+ * as of the pivots of a matrix times its transpose. Steps do not end where rates and accelerations have no digits. */
+static int judge(struct equations *e) {
+    struct loop *l = of(e);
+    const double part = e->account->soundness;
+    l->soundest = fmax(l->soundest, part);
+    e->account->soundness = part * part;
+    return part <= fmax(e->sizes.rank_tolerance, fmin(BLURRED, BLURRED_PART * l->soundest)) ? SINGULAR : DONE;
 }
 
 /* Factorise the screws at y, with the inputs where they are prescribed. */
@@ -17,7 +31,7 @@ static int factorise_loop(struct equations *e, real t, const real *y) {
     loop_prescribe(l, t, l->q);
     if (!real_isfinite(loop_look(l, t, l->q)))
         return NOT_FINITE;
-    return e->account->soundness <= e->sizes.rank_tolerance ? SINGULAR : DONE;
+    return judge(e);
 }
 
 /* Write into `basis` the motions that the closure leaves free, rows of n + 1, over all variables. */
@@ -97,7 +111,7 @@ static int balance(struct loop *l) {
 }
 
 /* Leave accelerations and the closing wrench in e->out. */
-static void accelerate_loop(struct equations *e, real t, const real *y) {
+static void accelerate_here(struct equations *e, real t, const real *y) {
     struct loop *l = of(e);
     const long n = l->sizes.n;
     real b[MOST], *q = l->q, *u = l->u, *a = e->out;
@@ -133,6 +147,17 @@ static void accelerate_loop(struct equations *e, real t, const real *y) {
     for (long k = 0; k < l->sizes.solved; k++)
         b[k] = l->efforts[l->solved[k]] - l->loads[l->solved[k]];
     loop_hold(l, b, a + n);
+}
+
+/* The same anywhere: near a pole of the angles of a ball by way of others. */
+static void accelerate_loop(struct equations *e, real t, const real *y) {
+    struct loop *l = of(e);
+    if (!loop_turn_near(l, y)) {
+        accelerate_here(e, t, y);
+        return;
+    }
+    accelerate_here(e, t, l->near_y);
+    loop_turn_back(l, e->out);
 }
 
 /* The rate of closure (6) that rates v of all variables give, with the last screws. */
@@ -185,7 +210,7 @@ static int project_loop(struct equations *e, real t, real *y) {
     const int status = loop_close(l, t, y);
     if (status != DONE)
         return status == OPEN ? PROJECTION_FAILED : status;
-    if (e->account->soundness <= e->sizes.rank_tolerance)
+    if (judge(e) != DONE)
         return SINGULAR;
     for (long k = 0; k < l->sizes.inputs; k++)
         y[l->sizes.n + l->driven[k]] = l->prescribed[3 * k + 1];
@@ -229,4 +254,6 @@ const struct behaviour loop_behaviour = {
     .project = project_loop,
     .make_tangent = make_tangent_loop,
     .measure_energy = measure_energy_loop,
+    .rewrite = loop_rewrite,
+    .as_usual = loop_as_usual,
 };

@@ -10,10 +10,18 @@ static int close_at(struct loop *l, double t, void *q) {
     return loop_close(l, R(t), q);
 }
 
+static int assemble(struct loop *l, double t, void *q, long *rank) {
+    return loop_assemble(l, R(t), q, rank);
+}
+
 static double closed_screws(struct loop *l, double t, const void *q, void *screws) {
     const real defect = loop_look(l, R(t), q);
     memcpy(screws, l->screws + 12, (size_t)(ROWS * l->sizes.n) * sizeof(real));
     return (double)defect;
+}
+
+static void in_table(const struct loop *l, const void *near, void *q, void *u, void *a) {
+    loop_in_table(l, near, q, u, a);
 }
 
 static int follow(struct loop *l, double *t, void *q, const void *times, long count, double longest, void *states,
@@ -30,6 +38,8 @@ const struct loops_api symgen_loops = {
     .bind = loop_bind,
     .seen = seen_of,
     .close = close_at,
+    .assemble = assemble,
     .closed_screws = closed_screws,
+    .in_table = in_table,
     .follow = follow,
 };

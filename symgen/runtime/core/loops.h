@@ -8,11 +8,13 @@ struct loops_api {
     size_t loop_struct;
     size_t (*bytes)(const struct loop_sizes *sizes);
     void (*bind)(struct loop *l, const struct loop_sizes *sizes, const struct loop_kernels *kernels,
-                 const ptrdiff_t *numbers, const unsigned char *is_length, void *memory);
+                 const ptrdiff_t *numbers, const unsigned char *is_length, const struct ball *balls, void *memory);
     struct loop_account *(*seen)(struct loop *l);
     int (*close)(struct loop *l, double t, void *q);
+    int (*assemble)(struct loop *l, double t, void *q, long *rank);
     /* Leave the screws of all variables (6 x n reals) at q; return the defect of closure. */
     double (*closed_screws)(struct loop *l, double t, const void *q, void *screws);
+    void (*in_table)(const struct loop *l, const void *near, void *q, void *u, void *a);
     int (*follow)(struct loop *l, double *t, void *q, const void *times, long count, double longest, void *states,
                   long row, void *out, long width, double *diagnosis, long *reached);
 };

@@ -8,7 +8,8 @@
  * numbers: T and its inverse, row by row, which bring the inverse of the method's matrix to block diagonal form;
  * they only steer the iterations.
  */
-#include "dense.h"
+#include "arena.h"
+#include "linear.h"
 #include "run.h"
 #include "slopes.h"
 
@@ -30,7 +31,8 @@ struct radau {
     real *z, *z_old;               /* y at the stages less y at the start: of this step and of the one before */
     real *slopes;                  /* dy/dt at the stages */
     real *by_q, *by_u, *values;    /* the Jacobian, and memory to find it */
-    real *matrix, *swaps, *complex_matrix, *complex_swaps;
+    real *matrix, *complex_matrix;
+    ptrdiff_t *swaps, *complex_swaps;
     real *r, *rc;                  /* right-hand sides, 2n and 2n pairs */
     real *scale;                   /* of the errors of the iterations, 2n */
     real *memo;                    /* what is remembered, see enum */
@@ -59,30 +61,45 @@ static struct coefficients coefficients_in_reals(void) {
     };
 }
 
-static size_t lay_out(const struct equations *e, real *own, struct radau *x) {
-    size_t n = (size_t)e->n, dim = (size_t)e->dim, at = 0;
-    size_t sizes[] = {dim, dim, STAGES * dim, STAGES * dim, STAGES * dim, n * n, n * n, (size_t)e->sizes.tangent,
-                      n * n, n, 2 * n * n, n, 2 * n, 4 * n, 2 * n, MEMO};
-    real **arrays[] = {&x->f,      &x->f_new, &x->z,     &x->z_old,          &x->slopes,        &x->by_q,
-                       &x->by_u,   &x->values, &x->matrix, &x->swaps,        &x->complex_matrix, &x->complex_swaps,
-                       &x->r,      &x->rc,    &x->scale, &x->memo};
-    for (size_t i = 0; i < sizeof sizes / sizeof *sizes; i++) {
-        *arrays[i] = own == NULL ? NULL : own + at;
-        at += sizes[i];
-    }
-    return at;
+/* Point all arrays into memory, or only count their bytes. */
+static size_t place(const struct equations *e, void *memory, struct radau *x) {
+    const long n = e->n, dim = e->dim;
+    const struct arena_array arrays[] = {
+        ARENA_ARRAY(x->f, dim),
+        ARENA_ARRAY(x->f_new, dim),
+        ARENA_ARRAY(x->z, STAGES * dim),
+        ARENA_ARRAY(x->z_old, STAGES * dim),
+        ARENA_ARRAY(x->slopes, STAGES * dim),
+        ARENA_ARRAY(x->by_q, n * n),
+        ARENA_ARRAY(x->by_u, n * n),
+        ARENA_ARRAY(x->values, e->sizes.tangent),
+        ARENA_ARRAY(x->matrix, n * n),
+        ARENA_ARRAY(x->swaps, n),
+        ARENA_ARRAY(x->complex_matrix, 2 * n * n),
+        ARENA_ARRAY(x->complex_swaps, n),
+        ARENA_ARRAY(x->r, 2 * n),
+        ARENA_ARRAY(x->rc, 4 * n),
+        ARENA_ARRAY(x->scale, 2 * n),
+        ARENA_ARRAY(x->memo, MEMO),
+    };
+    return ARENA_PLACE(arrays, memory);
 }
 
-static size_t reals(const struct equations *e, const long *counts) {
+static size_t bytes(const struct equations *e, const long *counts) {
     struct radau x;
     (void)counts;
-    return lay_out(e, NULL, &x);
+    return place(e, NULL, &x);
 }
 
 static struct radau memory_of(const struct run *run) {
     struct radau x;
-    lay_out(run->e, run->own, &x);
+    place(run->e, run->own, &x);
     return x;
+}
+
+static ptrdiff_t numbers(const long *counts) {
+    (void)counts;
+    return 2 * STAGES * STAGES;
 }
 
 static void bind(struct run *run) {
@@ -231,7 +248,8 @@ static int solve_stages(struct run *run, const struct radau *x, const struct coe
             /* where accelerations have no more digits, the estimate of the error judges what they gave */
             if (rate > R(0.5) && ((magnified && k > 1) || size <= R(STALLED)))
                 return 1;
-            if (size > tolerance && (rate >= 1 || real_pow(rate, R(most - k)) / (1 - rate) * size > tolerance))
+            /* with projected stages the first rate is not that of convergence: positions follow the rates once more */
+            if (!magnified && size > tolerance && (rate >= 1 || real_pow(rate, R(most - k)) / (1 - rate) * size > tolerance))
                 return 0;
         }
         if (size <= tolerance * R(0.01) || (k > 0 && (rate >= 1 || rate / (1 - rate) * size < tolerance))) {
@@ -240,7 +258,7 @@ static int solve_stages(struct run *run, const struct radau *x, const struct coe
         }
         last = size;
     }
-    return 0;
+    return magnified;
 }
 
 /* Leave in run->error the estimate, filtered by the real system, of the error of order 4 [IV.8.19]; `at` is dy/dt. */
@@ -259,7 +277,7 @@ static real estimate(struct run *run, const struct radau *x, const struct coeffi
         e->of->make_tangent(e, run->state->t + h, run->y_new, run->error);
         e->of->make_tangent(e, run->state->t + h, run->y_new, run->error + n);
     }
-    return error_norm(run, run->error);
+    return error_norm(run, h, run->error);
 }
 
 static int step(struct run *run, real t, real h, real t_new) {
@@ -344,5 +362,5 @@ static void accept(struct run *run) {
 }
 
 const struct kind radau_kind = {
-    "radau", 0, reals, bind, begin, step, finish, prepare, interpolate, accept,
+    "radau", 0, bytes, numbers, bind, begin, step, finish, prepare, interpolate, accept,
 };

@@ -13,7 +13,8 @@
  * counts: parts of a step, an odd number. numbers: lengths of the parts before the middle one over that of the
  * step; those behind are the same the other way round, and the middle one is what is left of the step.
  */
-#include "dense.h"
+#include "arena.h"
+#include "linear.h"
 #include "run.h"
 
 #include <string.h>
@@ -27,38 +28,48 @@ enum { SIMPLE = 60, RELINEARISED = 60, RATES = 60 };
 /* What `own` holds: rates at both ends, the state and its acceleration after the parts done, where a part began to
  * iterate, the factorisation at y, and the Jacobian of the position constraints along what may move them. */
 struct rattle {
-    real *f, *f_new, *y, *rate, *begun, *factors, *motions, *jacobian, *swaps, *change;
+    real *f, *f_new, *y, *rate, *begun, *factors, *motions, *jacobian, *change;
+    ptrdiff_t *swaps;
 };
 
-static size_t lay_out(const struct equations *e, real *own, struct rattle *x) {
-    size_t n = (size_t)e->n, m = (size_t)e->m, dim = (size_t)e->dim, at = 0;
-    size_t sizes[] = {dim, dim, dim, dim, dim, (size_t)e->sizes.work + 1, n * m, m * m, m, m};
-    real **arrays[] = {&x->f,       &x->f_new,   &x->y,        &x->rate,  &x->begun,
-                       &x->factors, &x->motions, &x->jacobian, &x->swaps, &x->change};
-    for (size_t i = 0; i < sizeof sizes / sizeof *sizes; i++) {
-        *arrays[i] = own == NULL ? NULL : own + at;
-        at += sizes[i];
-    }
-    return at;
+/* Point all arrays into memory, or only count their bytes. */
+static size_t place(const struct equations *e, void *memory, struct rattle *x) {
+    const long n = e->n, m = e->m, dim = e->dim;
+    const struct arena_array arrays[] = {
+        ARENA_ARRAY(x->f, dim),
+        ARENA_ARRAY(x->f_new, dim),
+        ARENA_ARRAY(x->y, dim),
+        ARENA_ARRAY(x->rate, dim),
+        ARENA_ARRAY(x->begun, dim),
+        ARENA_ARRAY(x->factors, e->sizes.work + 1),
+        ARENA_ARRAY(x->motions, n * m),
+        ARENA_ARRAY(x->jacobian, m * m),
+        ARENA_ARRAY(x->swaps, m),
+        ARENA_ARRAY(x->change, m),
+    };
+    return ARENA_PLACE(arrays, memory);
 }
 
-static size_t reals(const struct equations *e, const long *counts) {
+static size_t bytes(const struct equations *e, const long *counts) {
     struct rattle x;
     (void)counts;
-    return lay_out(e, NULL, &x);
-}
-
-static void bind(struct run *run) {
-    struct rattle x;
-    lay_out(run->e, run->own, &x);
-    run->f = x.f;
-    run->f_new = x.f_new;
+    return place(e, NULL, &x);
 }
 
 static struct rattle memory_of(const struct run *run) {
     struct rattle x;
-    lay_out(run->e, run->own, &x);
+    place(run->e, run->own, &x);
     return x;
+}
+
+static ptrdiff_t numbers(const long *counts) {
+    return counts[0] % 2 == 1 && counts[0] > 0 ? counts[0] / 2 : -1;
+}
+
+static void bind(struct run *run) {
+    struct rattle x = memory_of(run);
+    run->f = x.f;
+    run->f_new = x.f_new;
 }
 
 static void copy_factors(const struct equations *e, const real *from, real *to) {
@@ -319,5 +330,5 @@ static void accept(struct run *run) {
 }
 
 const struct kind rattle_kind = {
-    "rattle", 1, reals, bind, begin, step, finish, prepare, interpolate, accept,
+    "rattle", 1, bytes, numbers, bind, begin, step, finish, prepare, interpolate, accept,
 };

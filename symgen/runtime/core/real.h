@@ -12,6 +12,9 @@ typedef float real;
 #define real_sqrt sqrtf
 #define real_fabs fabsf
 #define real_pow powf
+#define real_cos cosf
+#define real_sin sinf
+#define real_atan2 atan2f
 #define real_isfinite isfinite
 #elif defined(SYMGEN_REAL_LONGDOUBLE)
 typedef long double real;
@@ -20,6 +23,9 @@ typedef long double real;
 #define real_sqrt sqrtl
 #define real_fabs fabsl
 #define real_pow powl
+#define real_cos cosl
+#define real_sin sinl
+#define real_atan2 atan2l
 #define real_isfinite isfinite
 #elif defined(SYMGEN_REAL_FLOAT128)
 #include <quadmath.h>
@@ -29,6 +35,9 @@ typedef __float128 real;
 #define real_sqrt sqrtq
 #define real_fabs fabsq
 #define real_pow powq
+#define real_cos cosq
+#define real_sin sinq
+#define real_atan2 atan2q
 #define real_isfinite finiteq
 #else
 typedef double real;
@@ -37,6 +46,9 @@ typedef double real;
 #define real_sqrt sqrt
 #define real_fabs fabs
 #define real_pow pow
+#define real_cos cos
+#define real_sin sin
+#define real_atan2 atan2
 #define real_isfinite isfinite
 #endif
 

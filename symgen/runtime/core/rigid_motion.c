@@ -2,42 +2,75 @@
 
 #include <string.h>
 
+#include "arena.h"
 #include "lanes.h"
-#include "memory.h"
 
 /* Strides that are gone at once at most: tens of thousands of turns. */
 #define FARTHEST R(1e7)
 
+/* Point all arrays into memory, or only count their bytes. */
+static size_t place(struct rigid_motion *m, const struct equations *e, const long *sizes, void *memory) {
+    const ptrdiff_t parameters = e->sizes.parameters, dim = e->dim, out = e->n + e->m + 2;
+    const struct arena_array arrays[] = {
+        ARENA_ARRAY(m->solved, 1),
+        ARENA_ARRAY(m->t, 1),
+        ARENA_ARRAY(m->y, dim + 1),
+        ARENA_ARRAY(m->began, dim + 1),
+        ARENA_ARRAY(m->still, dim + out),
+        ARENA_ARRAY(m->out, out),
+        ARENA_ARRAY(m->motion, sizes[OF_LINKS] + 1),
+        ARENA_ARRAY(m->joined, sizes[OF_JOINTS] + 1),
+        ARENA_ARRAY(m->turning, sizes[OF_TORQUE] + 1),
+        ARENA_ARRAY(m->loads, sizes[OF_LOADS] + 1),
+        ARENA_ARRAY(m->p, parameters + sizes[OF_SETUP] + 1),
+        ARENA_ARRAY(m->joints_p, parameters + sizes[OF_JOINTS_SETUP] + 1),
+    };
+    return ARENA_PLACE(arrays, memory);
+}
+
 size_t motion_bytes(const struct equations *e, const long *sizes) {
-    size_t reals = 1 + 2 * (size_t)(e->dim + 1) + (size_t)(e->dim + e->n + e->m + 1);
-    for (int i = 0; i < WRITTEN; i++)
-        reals += (size_t)sizes[i] + 1;
-    reals += 2 * (size_t)e->sizes.parameters;
-    return rounded(sizeof(long)) + reals * sizeof(real);
+    struct rigid_motion counted;
+    return place(&counted, e, sizes, NULL);
+}
+
+/* Hand the references of angles in loads on to the kernels of links and joints. */
+static void take_references(struct rigid_motion *m) {
+    const struct equations *e = m->e;
+    const long parameters = e->sizes.parameters;
+    copy(e->p, parameters, m->p);
+    copy(e->p, parameters, m->joints_p);
+    set_up_with(m->kernels.setup, parameters, m->p);
+    set_up_with(m->kernels.joints_setup, parameters, m->joints_p);
 }
 
 void motion_bind(struct rigid_motion *m, struct equations *e, const struct motion_kernels *kernels, const long *sizes,
                  double stride, void *memory) {
-    real **written[] = {&m->motion, &m->joined, &m->turning, &m->loads, &m->p, &m->joints_p};
-    const long parameters = e->sizes.parameters;
-    real *at = (real *)(void *)((char *)memory + rounded(sizeof(long)));
+    place(m, e, sizes, memory);
     m->e = e;
     m->kernels = *kernels;
     memcpy(m->sizes, sizes, sizeof m->sizes);
     m->stride = R(stride);
-    m->solved = memory;
-    m->t = at, at += 1;
-    m->y = at, at += e->dim + 1;
-    m->began = at, at += e->dim + 1;
-    m->still = at, at += e->dim + e->n + e->m + 1;
-    for (int i = 0; i < WRITTEN; i++) {
-        *written[i] = at;
-        at += sizes[i] + 1 + (i < OF_SETUP ? 0 : parameters);
-    }
-    copy(e->p, parameters, m->p);
-    copy(e->p, parameters, m->joints_p);
-    set_up_with(kernels->setup, parameters, m->p);
-    set_up_with(kernels->joints_setup, parameters, m->joints_p);
+    take_references(m);
+}
+
+/* Move the references of angles in loads along with the state. */
+static void wind(struct rigid_motion *m) {
+    if (m->e->sizes.windings == 0)
+        return;
+    look_at_events(m->e, *m->t, m->y);
+    if (follow_references(m->e))
+        take_references(m);
+}
+
+/* Angles in loads lie within half a turn of zero where the motion began. */
+static void begin_windings(struct rigid_motion *m) {
+    struct equations *e = m->e;
+    if (e->sizes.windings == 0)
+        return;
+    memset(references_of_angles(e), 0, (size_t)e->sizes.windings * sizeof(real));
+    set_up(e);
+    take_references(m);
+    wind(m);
 }
 
 void motion_start(struct rigid_motion *m, real t, const real *y) {
@@ -45,6 +78,77 @@ void motion_start(struct rigid_motion *m, real t, const real *y) {
     memcpy(m->began, y, (size_t)m->e->dim * sizeof(real));
     *m->t = m->began_at = t;
     *m->solved = 0;
+    begin_windings(m);
+}
+
+void motion_follow(struct rigid_motion *m, const void *rows, const void *references, long count, double spacing,
+                   long absent) {
+    m->path = (struct motion_path){rows, references, count, absent, R(spacing)};
+}
+
+/* Take the references of angles in loads from a row of the path. */
+static void wind_to(struct rigid_motion *m, long row) {
+    struct equations *e = m->e;
+    const size_t bytes = (size_t)e->sizes.windings * sizeof(real);
+    const real *wanted = m->path.references + row * e->sizes.windings;
+    if (bytes == 0 || memcmp(wanted, references_of_angles(e), bytes) == 0)
+        return;
+    memcpy(references_of_angles(e), wanted, bytes);
+    set_up(e);
+    take_references(m);
+}
+
+/* Take the state at a time from the path, by Hermite's interpolation of fifth degree, onto the constraints. */
+static int interpolated(struct rigid_motion *m, real t) {
+    struct equations *e = m->e;
+    const struct motion_path *path = &m->path;
+    const real h = path->spacing, place = t / h;
+    if (t == *m->t && *m->solved)
+        return DONE;
+    if (!(place > R(-1e-6) && place < (real)(path->count - 1) + R(1e-6)))
+        return NOT_FINITE;
+    long k = (long)place;
+    if (k > path->count - 2)
+        k = path->count - 2;
+    const real s = place - (real)k, r = 1 - s, ss = s * s, rr = r * r;
+    /* Weights of q, h q' and h^2 q'' at both ends, and their rates; those at the second end by symmetry. */
+    const real far = ss * s * (10 - s * (15 - 6 * s)), turn = 30 * ss * rr / h;
+    const real w[] = {1 - far, s * rr * r * (1 + 3 * s) * h, ss * rr * r / 2 * h * h,
+                      far, -r * ss * s * (1 + 3 * r) * h, rr * ss * s / 2 * h * h};
+    const real v[] = {-turn, rr * (1 + 2 * s - 15 * ss), s * rr * (2 - 5 * s) / 2 * h,
+                      turn, ss * (1 + 2 * r - 15 * rr), -r * ss * (2 - 5 * r) / 2 * h};
+    const long n = e->n;
+    const real *from = path->rows + 3 * n * k;
+    for (long i = 0; i < n; i++) {
+        real q = 0, u = 0;
+        for (long j = 0; j < 6; j++) {
+            q += w[j] * from[n * j + i];
+            u += v[j] * from[n * j + i];
+        }
+        m->y[i] = q;
+        m->y[n + i] = u;
+    }
+    *m->solved = 0;
+    *m->t = t;
+    const int status = e->of->project(e, t, m->y);
+    if (status != DONE)
+        return status;
+    wind_to(m, k);
+    e->of->accelerate(e, t, m->y);
+    *m->solved = 1;
+    return DONE;
+}
+
+/* Accelerations and multipliers as the kernels take them. */
+static real *solution(struct rigid_motion *m) {
+    const struct equations *e = m->e;
+    if (m->path.rows == NULL)
+        return e->out;
+    const long before = e->n + m->path.absent, after = e->m - m->path.absent;
+    copy(e->out, before, m->out);
+    m->out[before] = 0;
+    copy(e->out + before, after, m->out + before + 1);
+    return m->out;
 }
 
 /* Take the state to a time near by; leave accelerations and multipliers in the equations' `out`. */
@@ -67,18 +171,20 @@ static int moved(struct rigid_motion *m, real t) {
     if (status != DONE)
         return status;
     *m->t = t;
+    wind(m);
     e->of->accelerate(e, t, y);
     *m->solved = 1;
     return DONE;
 }
 
-int motion_at(struct rigid_motion *m, real t) {
+/* Take the state to any time from the nearer of where it is and where it began. */
+static int followed(struct rigid_motion *m, real t) {
     struct equations *e = m->e;
-    const real *q = m->y, *u = m->y + e->n;
     if (real_fabs(t - m->began_at) < real_fabs(t - *m->t)) {
         memcpy(m->y, m->began, (size_t)e->dim * sizeof(real));
         *m->t = m->began_at;
         *m->solved = 0;
+        begin_windings(m);
     }
     const real start = *m->t;
     const real steps = real_fabs(t - start) / m->stride;
@@ -90,15 +196,21 @@ int motion_at(struct rigid_motion *m, real t) {
         if (status != DONE)
             return status;
     }
-    const int status = moved(m, t);
+    return moved(m, t);
+}
+
+int motion_at(struct rigid_motion *m, real t) {
+    const int status = m->path.rows ? interpolated(m, t) : followed(m, t);
     if (status != DONE)
         return status;
-    m->kernels.links(m->t, q, u, m->p, e->out, m->motion);
-    m->kernels.joints(m->t, q, u, m->joints_p, e->out, m->joined);
+    const real *q = m->y, *u = m->y + m->e->n;
+    real *out = solution(m);
+    m->kernels.links(m->t, q, u, m->p, out, m->motion);
+    m->kernels.joints(m->t, q, u, m->joints_p, out, m->joined);
     if (m->kernels.torque)
-        m->kernels.torque(m->t, q, u, m->p, e->out, m->turning);
+        m->kernels.torque(m->t, q, u, m->p, out, m->turning);
     if (m->kernels.loads)
-        m->kernels.loads(m->t, q, u, m->p, e->out, m->loads);
+        m->kernels.loads(m->t, q, u, m->p, out, m->loads);
     return DONE;
 }
 

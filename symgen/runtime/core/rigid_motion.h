@@ -1,11 +1,22 @@
-/* The rigid motion that elastic links move about: a driven linkage at any time, followed along its branch. */
+/* The rigid motion that elastic links move about, at any time: a driven linkage followed along its branch, or a motion
+ * that was integrated before. */
 #ifndef SYMGEN_RIGID_MOTION_H
 #define SYMGEN_RIGID_MOTION_H
 
 #include "equations.h"
 
-/* Numbers that the kernel `links` writes of each link. */
-enum { MOTION = 10 };
+/* Numbers that the kernel `links` writes of each link: its direction, and the weights of its constant matrices and
+ * load vectors: first those of the inertia of the elastic motion, then those of the rigid motion alone. */
+enum {
+    COSINE, SINE,
+    DAMPING_GYROSCOPIC, DAMPING_MASS_QUARTER, STIFFNESS_CENTRIFUGAL, STIFFNESS_DAMPING_QUARTER, STIFFNESS_GYROSCOPIC,
+    STIFFNESS_GYROSCOPIC_QUARTER, STIFFNESS_MASS_ENDS, STIFFNESS_MASS_QUARTER,
+    LOAD_OUT, LOAD_TURN, LOAD_X, LOAD_Y, STIFFNESS_GEOMETRIC0, STIFFNESS_GEOMETRIC1, STIFFNESS_GEOMETRIC2,
+    MOTION
+};
+
+/* Numbers that the kernel `loads` writes of each force along a link: weights. */
+enum { LOAD_FORCE_X, LOAD_FORCE_Y, STIFFNESS_GEOMETRIC_FORCE, APPLIED };
 
 /* Kernels of the motion and of the joints; those absent are NULL. */
 struct motion_kernels {
@@ -16,8 +27,18 @@ struct motion_kernels {
 /* What these write. */
 enum { OF_LINKS, OF_JOINTS, OF_TORQUE, OF_LOADS, OF_SETUP, OF_JOINTS_SETUP, WRITTEN };
 
+/* A motion that was integrated: rows of q, q' and q'' at equal spacing from time zero on. Its linkage has all constraints
+ * that the kernels know but one, number `absent`, whose multiplier is zero. */
+struct motion_path {
+    const real *rows; /* owned by the caller */
+    const real *references; /* of angles in loads, at each row */
+    long count, absent;
+    real spacing;
+};
+
 struct rigid_motion {
     struct equations *e;
+    struct motion_path path; /* no rows: the drives determine the motion */
     struct motion_kernels kernels;
     long sizes[WRITTEN];
     real stride;   /* the longest time over which a state is a good guess of the next [s] */
@@ -25,7 +46,7 @@ struct rigid_motion {
     /* where it is */
     real *t;       /* time [s], in memory */
     long *solved;  /* whether accelerations are those of the state */
-    real *y, *began, *still;
+    real *y, *began, *still, *out;
     real *motion, *joined, *turning, *loads;
     real *p, *joints_p; /* parameters as the kernels of each take them */
 };
@@ -39,6 +60,10 @@ void motion_bind(struct rigid_motion *m, struct equations *e, const struct motio
 
 /* Set a time and the state (q, u, ...) there. */
 void motion_start(struct rigid_motion *m, real t, const real *y);
+
+/* Take the motion from a path. */
+void motion_follow(struct rigid_motion *m, const void *rows, const void *references, long count, double spacing,
+                   long absent);
 
 /* Move to a time and evaluate all kernels there; DONE or what went wrong. */
 int motion_at(struct rigid_motion *m, real t);

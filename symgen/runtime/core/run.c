@@ -2,50 +2,49 @@
 
 #include <string.h>
 
-/* Least and greatest change of the step, and what it is kept below the step that would just do. Accelerations of
+#include "arena.h"
+
+/* Greatest change of the step (the least is SHRINK), and what it is kept below the step that would just do. Accelerations of
  * linkages change much from step to step: if a step grew by more than GROW_FREELY without being kept CAREFUL, a
  * quarter of all steps would be taken twice. */
-#define SHRINK 0.2
 #define GROW 10.0
 #define GROW_FREELY 1.2
 #define SAFETY 0.9
 #define CAREFUL 0.75
-/* The tightest relative tolerance that a number type meets, over its epsilon: TIGHTEST of runtime/options.py. */
-#define ROUNDINGS 100.0
 
 /* -- memory ------------------------------------------------------------------------------------------------ */
 
-static void *take(char *memory, size_t *at, size_t bytes) {
-    void *found = memory == NULL ? NULL : memory + *at;
-    *at += (bytes + 15) / 16 * 16;
-    return found;
-}
-
-static real *take_reals(char *memory, size_t *at, size_t count) {
-    return take(memory, at, (count + 1) * sizeof(real));
-}
-
-/* Point all arrays into memory, or only count its bytes. */
-static size_t place(struct run *run, char *memory) {
-    size_t at = 0, dim = (size_t)run->dim, events = (size_t)run->e->sizes.events;
-    size_t samples = (size_t)run->task.samples + 1, found = events ? (size_t)run->task.found : 0;
-    run->state = take(memory, &at, sizeof(struct state));
-    run->passages = take(memory, &at, MOST_PASSAGES * sizeof(struct passage));
-    run->events = take(memory, &at, found * sizeof(struct event));
-    run->event_states = take_reals(memory, &at, found * dim);
-    run->y = take_reals(memory, &at, dim);
-    run->y_new = take_reals(memory, &at, dim);
-    run->stage = take_reals(memory, &at, dim);
-    run->error = take_reals(memory, &at, dim);
-    run->y_old = take_reals(memory, &at, dim);
-    run->f_old = take_reals(memory, &at, dim);
-    run->gaps = take_reals(memory, &at, (LOOKS + 1) * events);
-    run->times = take_reals(memory, &at, samples);
-    run->samples = take_reals(memory, &at, samples * dim);
-    run->own = take_reals(memory, &at, run->scheme.kind->reals(run->e, run->scheme.counts));
-    run->directions = take(memory, &at, events);
-    run->terminal = take(memory, &at, events);
-    return at;
+/* Point all arrays into memory, or only count their bytes. */
+static size_t place(struct run *run, void *memory) {
+    const struct sizes *sizes = &run->e->sizes;
+    const long dim = run->dim, events = sizes->events, switches = sizes->switches;
+    const long samples = run->task.samples + 1, found = events ? run->task.found : 0;
+    const size_t own = run->scheme.kind->bytes(run->e, run->scheme.counts);
+    const struct arena_array arrays[] = {
+        ARENA_ARRAY(run->state, 1),
+        ARENA_ARRAY(run->passages, MOST_PASSAGES),
+        ARENA_ARRAY(run->events, found),
+        ARENA_ARRAY(run->event_states, found * dim),
+        ARENA_ARRAY(run->y, dim),
+        ARENA_ARRAY(run->y_new, dim),
+        ARENA_ARRAY(run->stage, dim),
+        ARENA_ARRAY(run->error, dim),
+        ARENA_ARRAY(run->y_old, dim),
+        ARENA_ARRAY(run->f_old, dim),
+        ARENA_ARRAY(run->gaps, (LOOKS + 1) * events),
+        ARENA_ARRAY(run->times, samples),
+        ARENA_ARRAY(run->samples, samples * dim),
+        ARENA_ARRAY(run->references, samples * sizes->windings),
+        ARENA_ARRAY(run->turned, 2 * sizes->turns),
+        ARENA_ARRAY(run->turns, samples * sizes->turns),
+        ARENA_ARRAY(run->farthest, switches),
+        ARENA_ARRAY(run->switched, switches),
+        ARENA_ARRAY(run->glances, (GLANCES + 1) * switches),
+        {&run->own, own},
+        ARENA_ARRAY(run->directions, events),
+        ARENA_ARRAY(run->terminal, events),
+    };
+    return ARENA_PLACE(arrays, memory);
 }
 
 size_t run_bytes(const struct equations *e, const struct scheme *scheme, const struct task *task) {
@@ -68,7 +67,7 @@ void run_reset(struct run *run) {
     memset(s, 0, sizeof *s);
     s->t = s->t_old = s->t_look = s->t_before = R(run->task.t0);
     s->h = R(run->task.step);
-    s->ended_by = s->worst = s->blind = -1;
+    s->ended_by = s->worst = s->blind = s->slid = -1;
     s->sound = s->at_look = s->at_before = INFINITY;
     s->kinetic_min = s->potential_min = s->energy_start = REAL_INFINITY;
     s->kinetic_max = s->potential_max = -REAL_INFINITY;
@@ -83,10 +82,24 @@ int all_finite(const real *v, long count) {
     return 1;
 }
 
-real error_norm(const struct run *run, const real *error) {
-    real total = 0, atol = R(run->task.atol), rtol = R(run->task.rtol);
+void rounding_of(const struct run *run, real h, real *rounding) {
+    const struct state *s = run->state;
+    long n = run->e->n;
+    rounding[0] = rounding[1] = 0;
+    if (!is_magnified(run))
+        return;
+    real sound = R(fmin(s->sound, run->e->account->soundness));
+    rounding[0] = R(0.1) * h * REAL_EPSILON / sound * largest_of(run->f, n);
+    rounding[1] = R(0.1) * h * REAL_EPSILON / (sound * real_sqrt(sound)) * largest_of(run->f + n, n);
+}
+
+real error_norm(const struct run *run, real h, const real *error) {
+    real total = 0, atol = R(run->task.atol), rtol = R(run->task.rtol), rounding[2];
+    long n = run->e->n;
+    rounding_of(run, h, rounding);
     for (long i = 0; i < run->dim; i++) {
-        real part = error[i] / (atol + rtol * real_fmax(real_fabs(run->y[i]), real_fabs(run->y_new[i])));
+        real least = atol + (i < 2 * n ? rounding[i / n] : 0);
+        real part = error[i] / (least + rtol * real_fmax(real_fabs(run->y[i]), real_fabs(run->y_new[i])));
         total += part * part;
     }
     return real_sqrt(total / R(run->dim));
@@ -171,11 +184,16 @@ static int monitor(struct run *run) {
 int run_begin(struct run *run) {
     struct state *s = run->state;
     struct equations *e = run->e;
+    if (e->sizes.choices)
+        e->of->rewrite(e, run->y, run->y, 1);
     int status = e->of->project(e, s->t, run->y);
     if (status != DONE)
         return status;
     s->sound = s->at_look = s->at_before = e->account->soundness;
-    status = run->scheme.kind->begin(run);
+    follow_windings(run, s->t);
+    status = begin_switches(run);
+    if (status == DONE)
+        status = run->scheme.kind->begin(run);
     if (status != DONE)
         return status;
     if (!all_finite(run->f, run->dim))
@@ -184,39 +202,11 @@ int run_begin(struct run *run) {
     status = monitor(run);
     while (run->times[s->recorded] <= s->t) {
         memcpy(run->samples + s->recorded * run->dim, run->y, (size_t)run->dim * sizeof(real));
+        keep_windings(run);
         s->recorded++;
     }
     if (run->scheme.adaptive && run->task.step == 0.0)
         s->h = first_step(run);
-    return status;
-}
-
-/* What the projection took away, over the tolerance or, where that is less, over ROUNDINGS of the largest coordinate
- * or rate: so much comes back however short the step is. */
-static real correction(struct run *run) {
-    long n = run->e->n;
-    real total = 0, atol = R(run->task.atol), rtol = R(run->task.rtol);
-    real least[2] = {largest_of(run->y_new, n), largest_of(run->y_new + n, n)};
-    for (long i = 0; i < 2 * n; i++) {
-        real scale = atol + rtol * real_fmax(real_fabs(run->y[i]), real_fabs(run->y_new[i]));
-        real part = (run->error[i] - run->y_new[i]) / real_fmax(scale, R(ROUNDINGS) * REAL_EPSILON * least[i / n]);
-        total += part * part;
-    }
-    return real_sqrt(total / R(run->dim));
-}
-
-int settle(struct run *run, real t_new) {
-    struct state *s = run->state;
-    struct equations *e = run->e;
-    s->settled = 1, s->correction = 0;
-    if (e->m == 0)
-        return DONE;
-    if (run->task.stabilisation != PROJECTION || run->scheme.kind->keeps_constraints)
-        return e->of->factorise(e, t_new, run->y_new);
-    memcpy(run->error, run->y_new, (size_t)run->dim * sizeof(real));
-    int status = e->of->project(e, t_new, run->y_new);
-    if (status == DONE && run->scheme.adaptive && s->sound >= NEAR)
-        s->correction = correction(run);
     return status;
 }
 
@@ -228,7 +218,7 @@ static real shortened(const struct run *run, real h, real norm) {
 }
 
 /* Take one step and settle its end: DONE; AGAIN with the next length in state->h; or what went wrong. */
-static int try_step(struct run *run, real h, real t_new) {
+int try_step(struct run *run, real h, real t_new) {
     struct state *s = run->state;
     s->settled = 0;
     int status = run->scheme.kind->step(run, s->t, h, t_new);
@@ -243,10 +233,8 @@ static int try_step(struct run *run, real h, real t_new) {
         return AGAIN;
     }
     status = s->settled ? DONE : settle(run, t_new);
-    if (status == PROJECTION_FAILED && run->scheme.adaptive && s->sound >= NEAR) {
-        s->h = R(SHRINK) * h;
-        return AGAIN;
-    }
+    if (status == AGAIN)
+        s->h = h * s->shrink;
     /* What the projection takes away is a part of the step's error, across the constraints: where it is more
      * than the method made of its error, the method did not see it, and its step is judged by that. */
     if (status == DONE && run->scheme.adaptive && !(s->correction <= s->norm)) {
@@ -270,10 +258,13 @@ static real next_over_last(const struct run *run, real largest) {
 static int accepted_step(struct run *run, real *t_new, real *length) {
     struct state *s = run->state;
     real largest = R(GROW), part = 1, t_end = R(run->task.t_end), h;
+    int failed = STEP_TOO_SMALL;
+    if (run->task.max_step > 0.0)
+        s->h = real_fmin(s->h, R(run->task.max_step));
     for (;;) {
         h = part * s->h;
         if (!(h > R(10) * REAL_EPSILON * real_fmax(real_fabs(s->t), REAL_EPSILON * t_end)))
-            return STEP_TOO_SMALL;
+            return failed;
         *t_new = s->t + (h + s->t_left);
         if (*t_new >= t_end || t_end - *t_new < R(1e-9) * h) {
             *t_new = t_end;
@@ -290,10 +281,17 @@ static int accepted_step(struct run *run, real *t_new, real *length) {
         /* A step that ends, or has a stage, where rank is lost for an instant is made a little shorter. */
         part *= R(0.7);
         int near = s->sound < NEAR && (status == PROJECTION_FAILED || status == UNSOLVED);
-        if ((status != SINGULAR && !near) || part < R(0.2)) {
+        if (status != SINGULAR && !near) {
             s->rejected--;
             return status;
         }
+        if (part >= R(0.2))
+            continue;
+        if (!run->scheme.adaptive) {
+            s->rejected--;
+            return status;
+        }
+        s->h = h, part = 1, failed = status;
     }
     if (run->scheme.adaptive) {
         real factor = s->norm == 0 ? largest : next_over_last(run, largest);
@@ -319,20 +317,34 @@ static int one_step(struct run *run) {
     const struct kind *kind = run->scheme.kind;
     size_t bytes = (size_t)run->dim * sizeof(real);
     real t_new, h;
-    int prepared = 0;
+    int prepared = 0, status;
+    long crossed = -1;
+    double sound;
     if (s->ended_by >= 0)
         return ENDED;
     if (s->t >= R(run->task.t_end))
         return DONE;
-    int status = accepted_step(run, &t_new, &h);
-    if (status != DONE)
-        return status;
-    double sound = run->e->account->soundness;
-    status = kind->finish(run, h, t_new);
-    if (status != DONE)
-        return status;
-    if (!all_finite(run->f_new, run->dim))
-        return NOT_FINITE;
+    do {
+        status = accepted_step(run, &t_new, &h);
+        if (status != DONE)
+            return status;
+        sound = run->e->account->soundness;
+        status = kind->finish(run, h, t_new);
+        if (status != DONE)
+            return status;
+        if (!all_finite(run->f_new, run->dim))
+            return NOT_FINITE;
+        if (rewritten(run, h))
+            status = AGAIN;
+        else if (run->e->sizes.switches) {
+            status = end_at_switch(run, &t_new, &h, &crossed);
+            sound = run->e->account->soundness;
+        }
+    } while (status == AGAIN);
+    if (status == DONE && h == 0)
+        status = switch_over(run, crossed);
+    if (status != DONE || h == 0)
+        return status == DONE ? MORE : status;
     locate_events(run, t_new, h, &prepared);
     real until = s->ended_by >= 0 ? run->events[s->events - 1].t : t_new;
     status = record_samples(run, t_new, until, h, sound, &prepared);
@@ -350,6 +362,13 @@ static int one_step(struct run *run) {
         s->t_left = (h + s->t_left) - (t_new - s->t);
     s->t = t_new;
     s->steps++;
+    follow_windings(run, s->t_old);
+    if (run->e->sizes.switches && s->ended_by < 0) {
+        status = crossed < 0 ? watch_switches(run) : switch_over(run, crossed);
+        if (status != DONE)
+            return status;
+    }
+    rewrite_back(run);
     status = monitor(run);
     return status == MORE && s->ended_by >= 0 ? ENDED : status;
 }

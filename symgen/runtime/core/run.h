@@ -16,6 +16,11 @@ enum stabilisation { PROJECTION, BAUMGARTE, RAW };
 
 /* Looks at the pivots, and at the events, in each step. */
 enum { LOOKS = 4, MOST_PASSAGES = 64 };
+/* Looks for switching points in each step. */
+enum { GLANCES = 16 };
+
+/* Properties of an event: it ends the run; its value is an angle, and continuous over revolutions. */
+enum { ENDS_RUN = 1, REVOLVES = 2 };
 
 /* What a run is asked to do. */
 struct task {
@@ -23,21 +28,31 @@ struct task {
     double rtol, atol;   /* both zero: fixed steps */
     double step;         /* the fixed step, or the first one tried; 0: found by itself */
     double max_drift;    /* a constraint error [m] beyond this ends the run; infinite: none does */
+    double max_step;     /* the longest step of adaptive methods; 0: any */
     long stabilisation;  /* enum stabilisation */
     long samples;        /* times at which the state is recorded */
     long places_only;    /* velocities of samples are not asked for: they may stay as they are interpolated */
     long found;          /* events remembered until they are taken away; at least LOOKS of each kind */
 };
 
+/* Least change of the step. */
+#define SHRINK 0.2
+
 struct run;
 
-/* A kind of method. It owns run->own, `reals` of them: all that its steps carry from one to the next.
+/* What there is room for: counts of any method; stages and estimates of the error of an explicit one. */
+enum { MOST_COUNTS = 16, MOST_STAGES = 32, MOST_ESTIMATES = 2 };
+
+/* A kind of method. It owns run->own, memory of so many bytes: all that its steps carry from one to the next.
  * `counts` and `numbers` of the method (see struct scheme) mean what the kind's file says they do. */
 struct kind {
     const char *name;
     /* Whether its steps keep positions and velocities on the constraints: then the loop does not project. */
     int keeps_constraints;
-    size_t (*reals)(const struct equations *e, const long *counts);
+    size_t (*bytes)(const struct equations *e, const long *counts);
+    /* How many numbers of the scheme are read with these counts, of which MOST_COUNTS are there; -1 where a count is out
+     * of range. */
+    ptrdiff_t (*numbers)(const long *counts);
     /* Point run->f and run->f_new, dim each, at dy/dt at y and at y_new, and whatever it keeps for itself. */
     void (*bind)(struct run *run);
     /* Get ready at run->y, projected already: leave dy/dt in f. DONE, or what went wrong. */
@@ -89,6 +104,9 @@ struct state {
     /* stiffness seen: steps that were near the edge of stability in a row, and whether it was called stiff */
     long stiff_row, easy_row, stiff;
     real t_stiff;
+    /* switching points passed, the one that the motion cannot leave (-1: none), and changes of branch without a step */
+    long switchings, slid, flips;
+    real t_switched;
     /* the first event that had no finite value, -1: none, and when */
     long blind;
     real t_blind;
@@ -122,9 +140,14 @@ struct run {
     real *y_old, *f_old;         /* the step before, for the rank */
     real *gaps;                  /* values of the events at y, at looks in between, and at y_new: a row each */
     real *times, *samples;       /* task.samples + 1 times, the last infinite, and rows of dim */
-    real *own;                   /* the method's */
+    real *references;            /* of angles in loads at samples: a row each */
+    real *turned, *turns;        /* angles of links over revolutions and their rates at y; these angles at samples */
+    void *own;                   /* the method's */
+    real *farthest;              /* of each switching point, the largest distance seen */
+    real *switched;              /* of each, when it switched last; at first the start */
+    real *glances;               /* distances from all of them at looks in the step: a row each */
     signed char *directions;     /* of events: 1 rising, -1 falling, 0 both */
-    char *terminal;
+    char *terminal;              /* of events: ENDS_RUN, REVOLVES */
     /* set by the kind's bind */
     real *f, *f_new;
 };
@@ -148,11 +171,17 @@ int run_advance(struct run *run, long most);
 
 /* -- for methods ------------------------------------------------------------------------------------------- */
 
-/* Bring y_new onto the constraints, unless the method or the user sees to that. */
+/* Bring y_new onto the constraints, unless the method or the user sees to that. DONE; AGAIN with state->shrink where an
+ * adaptive step was too long for that; or what ends the run. */
 int settle(struct run *run, real t_new);
 
-/* Root mean square of `error` over the tolerance at y and y_new. */
-real error_norm(const struct run *run, const real *error);
+/* Root mean square of the error of a step over the tolerance at y and y_new. */
+real error_norm(const struct run *run, real h, const real *error);
+
+/* Leave what rounding makes of coordinates and of rates in a step near a loss of rank, at its end factorised last: the
+ * error of velocities goes with the inverse square of the sine whose square `sound` is, that of accelerations with its
+ * cube. Shorter steps come no nearer to the motion than that, since they stay where they are longer. Zero elsewhere. */
+void rounding_of(const struct run *run, real h, real *rounding);
 
 /* Whether errors across the constraints are so much magnified that states are projected before they are looked at:
  * stages and estimates too, where they vanish again when the end of the step is. */
@@ -174,6 +203,37 @@ void watch_rank(struct run *run, real t_new, double sound);
 int record_samples(struct run *run, real t_new, real until, real h, double sound, int *prepared);
 void begin_events(struct run *run);
 void locate_events(struct run *run, real t_new, real h, int *prepared);
+/* The cubic through both ends of the step; the interpolant of the step on the constraints, in run->stage, with the
+ * values of the events there; and where a value of it passes zero between a and b. */
+void roughly(const struct run *run, real h, real x, real *y);
+void move_to(struct run *run, real h, real theta);
+real narrowed(struct run *run, real h, long index, real a, real at_a, real b, real at_b);
+/* Take one step of this length and settle its end: DONE; AGAIN with the next length in state->h; or what went wrong. */
+int try_step(struct run *run, real h, real t_new);
+
+/* Whether other coordinates serve better somewhere along the step of length h: its start is then written in them, and
+ * the step is to be taken again. And back in the usual ones, at y, where those serve. */
+int rewritten(struct run *run, real h);
+void rewrite_back(struct run *run);
+/* Write y in the usual coordinates at the end of a run. */
+void release_choices(struct run *run);
+
+/* Hold the branch of every switching point at the start: DONE or SLIDING. */
+int begin_switches(struct run *run);
+/* End a step that was taken to t_new, of length h, at its first switching point: DONE with that in `crossed` (-1: none);
+ * AGAIN where a step of another length is to be tried; or what went wrong. A length of zero is a point at the start. */
+int end_at_switch(struct run *run, real *t_new, real *h, long *crossed);
+/* Hold the other branch behind a switching point and start the method again: DONE, or what went wrong. */
+int switch_over(struct run *run, long k);
+/* Follow the distances from switching points: DONE, or SLIDING where one makes the motion stiff. */
+int watch_switches(struct run *run);
+/* Hold no branch any more: loads are then those of the state. */
+void release_switches(struct run *run);
+
+/* Move the references of angles in loads, and the angles of links, along with the state; `before` is the time of the
+ * state before. Keep them with the sample that is recorded next. */
+void follow_windings(struct run *run, real before);
+void keep_windings(struct run *run);
 
 /* The kind of that name, NULL when there is none. */
 const struct kind *find_kind(const char *name);

@@ -55,6 +55,7 @@ int record_samples(struct run *run, real t_new, real until, real h, double sound
                 return status;
             s->moved += run->times[s->recorded] != wanted;
         }
+        keep_windings(run);
         s->recorded++;
     }
     return DONE;

@@ -2,7 +2,7 @@
 
 #include <string.h>
 
-#include "dense.h"
+#include "linear.h"
 
 int find_slopes(struct equations *e, real t, const real *y, real *values, real *by_q, real *by_u) {
     const real *u = y + e->n;
@@ -57,7 +57,7 @@ void reduced_complex(long n, const real *x, const real *by_q, const real *by_u, 
     }
 }
 
-void solve_reduced(long n, real x, const real *by_u, const real *matrix, const real *swaps, real *r) {
+void solve_reduced(long n, real x, const real *by_u, const real *matrix, const ptrdiff_t *swaps, real *r) {
     real *s = r + n;
     for (long i = 0; i < n; i++) {
         s[i] += x * r[i];
@@ -72,7 +72,7 @@ void solve_reduced(long n, real x, const real *by_u, const real *matrix, const r
     }
 }
 
-void solve_reduced_complex(long n, const real *x, const real *by_u, const real *matrix, const real *swaps, real *r) {
+void solve_reduced_complex(long n, const real *x, const real *by_u, const real *matrix, const ptrdiff_t *swaps, real *r) {
     real *s = r + 2 * n;
     for (long i = 0; i < n; i++) {
         s[2 * i] += x[0] * r[2 * i] - x[1] * r[2 * i + 1];

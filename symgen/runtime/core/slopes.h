@@ -18,7 +18,7 @@ void reduced_matrix(long n, real x, const real *by_q, const real *by_u, real *ma
 void reduced_complex(long n, const real *x, const real *by_q, const real *by_u, real *matrix);
 
 /* Solve that system in place, r = (r, s) of 2n, with the factorised matrix; pairs when complex. */
-void solve_reduced(long n, real x, const real *by_u, const real *matrix, const real *swaps, real *r);
-void solve_reduced_complex(long n, const real *x, const real *by_u, const real *matrix, const real *swaps, real *r);
+void solve_reduced(long n, real x, const real *by_u, const real *matrix, const ptrdiff_t *swaps, real *r);
+void solve_reduced_complex(long n, const real *x, const real *by_u, const real *matrix, const ptrdiff_t *swaps, real *r);
 
 #endif

@@ -1,4 +1,4 @@
-"""The hard cases of every method, each one entry: what is hard, what is known of it, what must hold."""
+"""Demanding test cases for all methods: difficulty, independent solution and acceptance criterion of each."""
 
 from __future__ import annotations
 
@@ -8,19 +8,19 @@ from symgen.errors import ModelError, nearest
 from symgen.study.stability import elastic, loops, rods
 from symgen.study.stability.case import Case, Found, Outcome, Trial, go_through, run_suite
 
-#: Every hard case, in the order of the page.
+#: All test cases, in the order of the page.
 CASES: tuple[Case, ...] = (*rods.CASES, *loops.CASES, *elastic.CASES)
 
 __all__ = ["CASES", "Case", "Found", "Outcome", "Trial", "chosen", "go_through", "run_suite"]
 
 
 def chosen(names: Sequence[str]) -> tuple[Case, ...]:
-    """Return the cases of these names, families or scenes; all where there are none.
+    """Return the cases with these names, families or scenes; all cases if none is given.
 
     Raises
     ------
     ModelError
-        For a name that is none of them, with the nearest.
+        For an unknown name, with the nearest known one.
     """
     known = {word for case in CASES for word in _words(case)}
     for name in names:

@@ -1,4 +1,4 @@
-"""What a hard case is, and how it is gone through by one method after the other."""
+"""Test cases and their execution with every method."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ from typing import Any
 import numpy as np
 
 from symgen.errors import SimulationError
-from symgen.runtime.integrators import INTEGRATORS
+from symgen.runtime.integrate.integrators import INTEGRATORS
 
 
 @dataclass(frozen=True, slots=True)
 class Trial:
-    """One way through a case.
+    """One method applied to a case.
 
-    ``bound`` is what the error must not pass, and then the case must be survived; where it is None nothing
-    must hold, and what comes is shown as it is.
+    ``bound`` is the largest permitted error; the run must then also be completed. If it is None, the result
+    is shown without a criterion.
     """
 
     method: str
@@ -37,7 +37,7 @@ class Trial:
 
 @dataclass(frozen=True, slots=True)
 class Found:
-    """What a trial came to: error and drift as the case measures them, steps or poses, wall time [s]."""
+    """Result of a trial: error and drift as defined by the case, steps or poses, wall time [s]."""
 
     error: float
     drift: float
@@ -47,10 +47,10 @@ class Found:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Case(ABC):
-    """A hard case: a shipped scene, what is hard in it, and what is known of it independently.
+    """A test case: a shipped scene with its difficulty and an independent solution.
 
-    ``measure`` says what the error is of, ``drift_of`` what the drift is of, and ``most_drift`` what it must
-    not pass where something must hold.
+    ``measure`` describes the error, ``drift_of`` the drift, and ``most_drift`` is the largest permitted drift
+    in trials with a bound.
     """
 
     name: str
@@ -63,21 +63,21 @@ class Case(ABC):
     @property
     @abstractmethod
     def trials(self) -> tuple[Trial, ...]:
-        """The ways through it."""
+        """The trials of the case."""
 
     @abstractmethod
     def go(self, trial: Trial) -> Found:
-        """Go through it; raise SimulationError where that cannot be done."""
+        """Run a trial; raise SimulationError if it cannot be completed."""
 
 
-#: Implicit methods are made for stiff motions: no tighter tolerance makes sense for these.
+#: Implicit methods are intended for stiff motions and are not run at tighter tolerances than this.
 _IMPLICIT = 1e-8
 
 
 def integrations(rtol: float, step: float, bounds: Mapping[str, float]) -> list[Trial]:
-    """Return a trial for every integrator: by a tolerance where it adapts its step, else by the step [s].
+    """Return one trial per integrator: with a tolerance if it is adaptive, else with the step [s].
 
-    ``bounds`` are those of single integrators by name, and under ``others`` that of all others, if any.
+    ``bounds`` holds the bounds of integrators by name, and that of all others under ``others``, if any.
     """
     found = []
     for name, method in INTEGRATORS.items():
@@ -89,7 +89,7 @@ def integrations(rtol: float, step: float, bounds: Mapping[str, float]) -> list[
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """How one trial of a case ended; ``said`` is what symgen said where it was not survived."""
+    """Result of one trial of a case; ``said`` is the error message if it was not completed."""
 
     case: Case
     trial: Trial
@@ -98,17 +98,17 @@ class Outcome:
 
     @property
     def survived(self) -> bool:
-        """Whether it came to its end, with numbers."""
+        """Whether the run was completed with finite numbers."""
         return self.found is not None and bool(np.isfinite(self.found.error))
 
     @property
     def required(self) -> bool:
-        """Whether something must hold."""
+        """Whether the trial has an acceptance criterion."""
         return self.trial.bound is not None
 
     @property
     def holds(self) -> bool:
-        """Whether what must hold does."""
+        """Whether the acceptance criterion is met."""
         if self.trial.bound is None:
             return True
         if self.found is None or not self.survived:
@@ -116,7 +116,7 @@ class Outcome:
         return self.found.error <= self.trial.bound and self.found.drift <= self.case.most_drift
 
     def as_dict(self) -> dict[str, Any]:
-        """Return plain values, for JSON."""
+        """Return plain data for JSON."""
         found = self.found if self.survived else None
         return {
             "case": self.case.name,
@@ -134,7 +134,7 @@ class Outcome:
 
 
 def go_through(case: Case, trial: Trial) -> Outcome:
-    """Run one trial and return how it ended."""
+    """Run one trial and return its outcome."""
     found, said = None, ""
     try:
         found = case.go(trial)
@@ -145,12 +145,12 @@ def go_through(case: Case, trial: Trial) -> Outcome:
     return Outcome(case, trial, found, said)
 
 
-#: Takes the part that is done.
+#: Callback that receives the completed fraction.
 Progress = Callable[[float], None]
 
 
 def run_suite(cases: tuple[Case, ...], progress: Progress | None = None) -> tuple[Outcome, ...]:
-    """Run every trial of every case, in their order."""
+    """Run every trial of every case, in order."""
     todo = [(case, trial) for case in cases for trial in case.trials]
     outcomes = []
     for i, (case, trial) in enumerate(todo):

@@ -1,4 +1,4 @@
-"""What the suite gave, as a table on the terminal and as a page of the documentation."""
+"""Results of the stability suite: table on the terminal and page of the documentation."""
 
 from __future__ import annotations
 
@@ -13,22 +13,22 @@ from symgen.study.stability.case import Outcome
 
 _ABOUT = """# Hard cases, method by method
 
-Made by `symgen stability --out docs/stability.md`. Every case is a shipped scene, or one with other
-values, gone through by every integrator and method that makes sense for it. *What must hold* is the bound
-on the error against what is known independently (a closed form, a motion in one coordinate, 40 digits, a
-method of another kind); the drift off the constraints is bounded besides. Rows without a bound are there to
-be seen: what a method does where it is not meant for the case, or with too long a step.
+This page is written by `symgen stability --out docs/stability.md`. Every case is a shipped scene, or one
+with modified values, run by every suitable integrator and method. *Bound* is the limit on the error against
+an independent reference (a closed form, a motion in one coordinate, 40 digits, or a method of another
+kind); the drift off the constraints is bounded too. Rows without a bound show the behaviour of a method
+that is not intended for the case, or of too long a step.
 
-Errors and drifts are rounded up to the next power of ten and steps to two digits, and times are left out,
-so that the page stays the same where nothing changed: `symgen stability` prints them all.
-[Hard cases](hard_cases.md) tells what symgen does about them.
+Errors and drifts are rounded up to the next power of ten and steps to two digits, and times are omitted,
+so that the page is reproducible: `symgen stability` prints all numbers.
+[Hard cases](hard_cases.md) describes how symgen treats these cases.
 """
-#: Below this, round-off is all there is: what it comes to differs between machines.
+#: Errors below this are round-off and differ between machines.
 _ROUND_OFF = 1e-15
 
 
 def print_suite(outcomes: Sequence[Outcome], console: Console) -> None:
-    """Print the table, then what symgen said of what was not survived, and what should hold and does not."""
+    """Print the table, the messages of failed rows, and the rows that exceed their bound."""
     rows = [
         (
             o.case.name,
@@ -42,7 +42,7 @@ def print_suite(outcomes: Sequence[Outcome], console: Console) -> None:
         )
         for o in outcomes
     ]
-    head = ("case", "method", "survived", "error", "drift", "steps", "time", "must hold")
+    head = ("case", "method", "survived", "error", "drift", "steps", "time", "bound")
     made = table("Hard cases", head, rows)
     made.columns[1].justify = "left"
     console.print(made)
@@ -54,7 +54,7 @@ def print_suite(outcomes: Sequence[Outcome], console: Console) -> None:
         console.print(f"Does not hold: {o.case.name}, {o.trial.label}.", style="bold", soft_wrap=True)
     if not broken:
         required = sum(o.required for o in outcomes)
-        console.print(f"All that must hold does: {required} of {len(outcomes)} rows have a bound.")
+        console.print(f"All bounds hold: {required} of {len(outcomes)} rows have a bound.")
 
 
 def _number(o: Outcome, which: str) -> str:
@@ -72,7 +72,7 @@ def _bound(o: Outcome) -> str:
 
 
 def page(outcomes: Sequence[Outcome]) -> str:
-    """Return the page of the documentation, in Markdown."""
+    """Return the documentation page in Markdown."""
     lines = [_ABOUT]
     for family, of_family in groupby(outcomes, lambda o: o.case.family):
         lines.append(f"## {family.capitalize()}\n")
@@ -86,7 +86,7 @@ def _section(outcomes: Sequence[Outcome]) -> Iterator[str]:
     drift = f" Drift: {case.drift_of}." if case.drift_of else ""
     yield f"### {case.name}\n"
     yield f"{case.hard[0].upper()}{case.hard[1:]}. Error: {case.measure}.{drift}\n"
-    yield "| method | survived | error | drift | steps | what must hold |"
+    yield "| method | survived | error | drift | steps | bound |"
     yield "|---|---|---|---|---|---|"
     for o in outcomes:
         steps = f"{o.found.steps:.2g}" if o.found else "-"

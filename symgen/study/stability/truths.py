@@ -1,4 +1,4 @@
-"""What is known of hard cases without symgen's equations: closed forms, and motions in one coordinate."""
+"""Independent solutions of the test cases: closed forms, and motions in one coordinate."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ import mpmath
 import numpy as np
 from numpy.typing import NDArray
 
-from symgen.runtime.model import Model
-from symgen.runtime.result import Result
-from symgen.runtime.state import State
-from symgen.scene.linkage import Linkage
+from symgen.runtime.model.rods import RodModel
+from symgen.runtime.result.result import Result
+from symgen.runtime.result.state import State
 from symgen.scene.loading import load_scene
 from symgen.scene.resolve import resolve_linkage
+from symgen.scene.rods.linkage import Linkage
 
 Array = NDArray[np.float64]
 G = 9.81
@@ -23,14 +23,14 @@ _DIGITS = 40
 
 
 def compound_pendulum(times: Array, angle: float, rate: float, moment: float, inertia: float) -> Array:
-    """Return the angle [rad] of a pendulum from the horizontal over time.
+    """Return the angle of a pendulum from the horizontal over time (times,) [rad].
 
     Parameters
     ----------
     times
-        Increasing times, the first at the start [s].
+        Increasing times, starting with the initial time [s].
     angle, rate
-        At the start [rad, rad/s].
+        Initial angle and rate [rad, rad/s].
     moment, inertia
         Mass times lever [kg m], and moment of inertia about the axis [kg m^2].
     """
@@ -44,8 +44,38 @@ def compound_pendulum(times: Array, angle: float, rate: float, moment: float, in
     return angles
 
 
+@cache
+def spatial_double_pendulum(times: tuple[float, ...]) -> Array:
+    """Return the ends of two rods of 1 m and 1 kg that start along the vertical (times, 2, 3) [m].
+
+    Lagrange's equations in the unit vectors d1, d2 of the rods: with T = 2/3 d1'^2 + 1/6 d2'^2 + 1/2 d1'.d2'
+    and V = -g.(3/2 d1 + 1/2 d2), each projected onto the plane normal to its rod. The ends start with 2 m/s
+    along x, the lower one with an additional 3 m/s along y.
+    """
+    from scipy.integrate import solve_ivp
+
+    down = np.array([0.0, 0.0, -1.0])
+    one, loads = np.eye(3), np.concatenate([1.5 * G * down, 0.5 * G * down])
+
+    def rates(_: float, state: Array) -> Array:
+        d, v = state[:6].reshape(2, 3), state[6:].reshape(2, 3)
+        across = [one - np.outer(x, x) / (x @ x) for x in d]
+        # The axial acceleration of a unit vector is -v^2.
+        along = [np.outer(x, x) / (x @ x) for x in d]
+        top = np.hstack([across[0] * 4 / 3 + along[0], across[0] / 2])
+        low = np.hstack([across[1] / 2, across[1] / 3 + along[1]])
+        right = [across[k] @ loads[3 * k : 3 * k + 3] - (v[k] @ v[k]) * d[k] for k in range(2)]
+        found = np.linalg.solve(np.vstack([top, low]), np.concatenate(right))
+        return np.concatenate([state[6:], found])
+
+    start = np.concatenate([down, down, [2.0, 0.0, 0.0], [0.0, 3.0, 0.0]])
+    motion = solve_ivp(rates, (0, times[-1]), start, method="DOP853", rtol=1e-13, atol=1e-14, t_eval=times)
+    d = motion.y[:6].T.reshape(-1, 2, 3)
+    return np.cumsum(d, axis=1)
+
+
 def on_circle(angles: Array) -> Array:
-    """Return places on the circle of 1 m about the origin."""
+    """Return positions on the circle of 1 m about the origin."""
     return np.stack([np.cos(angles), np.sin(angles)], axis=1)
 
 
@@ -53,9 +83,9 @@ def on_circle(angles: Array) -> Array:
 def peaucellier_arm(end: float) -> Callable[[Array], Array]:
     """Return the Peaucellier linkage of the scene ``peaucellier_limit``, released at rest: A, B, C, D [m].
 
-    It is described by the angle psi of the arm EB to EA, which is smooth through the limit; rods by centre of
-    mass and moment of inertia about it: no particles, no constraints, no multipliers. Places are in
-    centimetres until the end.
+    The coordinate is the angle psi of the arm from EB to EA, which is smooth through the limit. Rods are
+    given by centre of mass and moment of inertia about it: no particles, constraints or multipliers.
+    Internal unit of length: centimetre.
     """
     import sympy as sp
     from scipy.integrate import solve_ivp
@@ -94,8 +124,8 @@ def peaucellier_arm(end: float) -> Callable[[Array], Array]:
     return lambda t: np.array([jet(x)[0][2:10] for x in motion.sol(t)[0]]).reshape(len(t), 4, 2)
 
 
-def accelerations_error(scene: str, model: Model, result: Result) -> float:
-    """Return the relative error of accelerations at the start and at the end of a run, by 40 digits."""
+def accelerations_error(scene: str, model: RodModel, result: Result) -> float:
+    """Return the relative error of initial and final accelerations of a run, against 40 digits."""
     linkage = resolve_linkage(load_scene(scene)).as_written
     last = {p: result.final[p] for p in model.description.free}
     end = model.state(
@@ -105,7 +135,7 @@ def accelerations_error(scene: str, model: Model, result: Result) -> float:
     return max(_accelerations_error(linkage, model, state) for state in (model.initial_state(), end))
 
 
-def _accelerations_error(linkage: Linkage, model: Model, state: State) -> float:
+def _accelerations_error(linkage: Linkage, model: RodModel, state: State) -> float:
     found = model.accelerations(state)
     exact = exact_accelerations(linkage, state)
     difference = max(float(abs(found[p][i] - x)) for p, row in exact.items() for i, x in enumerate(row))
@@ -115,8 +145,8 @@ def _accelerations_error(linkage: Linkage, model: Model, state: State) -> float:
 def exact_accelerations(linkage: Linkage, state: State) -> dict[str, list[Any]]:
     """Return the accelerations of the free points of rods under gravity [m/s^2], to 40 digits.
 
-    Each rod by the velocity of its centre and its turning: T = m |v_c|^2/2 + J |v_2 - v_1|^2/(2 l^2), and
-    d . d'' = -|d'|^2 for d from end to end; all unknowns in one dense elimination.
+    Kinetic energy from velocity of the centre and rotation: T = m |v_c|^2/2 + J |v_2 - v_1|^2/(2 l^2),
+    with d . d'' = -|d'|^2 for d from end to end; all unknowns in one dense elimination.
     """
     axes = linkage.dimension
     free = [p.name for p in linkage.points if not p.ground]

@@ -1,0 +1,337 @@
+"""Single faults in the derivations: each must change the result of a run, and a fast test must fail.
+
+``python benchmarks/mutations.py`` copies the tree, and for every fault of ``FAULTS`` replaces one piece of a
+file of ``symgen/mechanics`` in the copy: a sign, a factor, a missing term. What the file decides is derived
+anew, a scene is run, and the named test is run; then the file is put back. Kernels of building blocks are not
+compiled for this: their derived program runs in NumPy. ``--only WORD`` takes the faults whose file or name
+has the word.
+
+The equation of an elastic link in fixed axes (``turning_axes.py``) is for inspection, and the recursion of
+chains and rigid elements are compiled blocks: no fault is put there.
+"""
+
+# ruff: noqa: E501  (the table of faults)
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+
+ROOT = Path(__file__).resolve().parents[1]
+#: Relative change of an output that counts as another result, and the longest time of one process [s].
+CHANGED, PATIENCE = 1e-7, 300
+#: Outputs smaller than this, in SI, are round-off.
+NOTHING = 1e-9
+#: Faults that there are at least, and among them in elastic links.
+FAULTS_WANTED, ELASTIC_WANTED = 30, 8
+
+
+@dataclass(frozen=True, slots=True)
+class Fault:
+    """One piece of a file of ``symgen/mechanics`` and what stands there instead.
+
+    ``scene`` is what is run, ``test`` a file or name of tests of which one fails.
+    """
+
+    name: str
+    file: str
+    old: str
+    new: str
+    scene: str
+    test: str
+
+
+PARTICLES, LOADS = "tests/mechanics/test_particles.py", "tests/runtime/test_equilibrium.py"
+EULER, ROWS = "tests/mechanics/test_dual_euler.py", "tests/mechanics/test_dual_rows.py"
+LOOPS = "tests/loop/test_loop_kernels.py"
+HAMILTON, WEIGHTS = "tests/mechanics/test_hamilton.py", "tests/elastic/test_weights.py"
+FAULTS = (
+    Fault("end masses exchanged", "rods/particles.py", "EndMass(about_end / squared, between / squared, about_start / squared", "EndMass(about_start / squared, between / squared, about_end / squared", "rods", PARTICLES),
+    Fault("inertia in the coupling of ends", "rods/particles.py", "centre * rest - across - inertia", "centre * rest - across + inertia", "rods", PARTICLES),
+    Fault("offset left out of the ends", "rods/particles.py", "inertia + mass * part**2 + across for", "inertia + mass * part**2 for", "rods", PARTICLES),
+    Fault("offset left out of the coupling", "rods/particles.py", "centre * rest - across - inertia", "centre * rest - inertia", "rods", PARTICLES),
+    Fault("offset to the right", "rods/particles.py", "about_start / squared, mass * offset / length)", "about_start / squared, -mass * offset / length)", "rods", PARTICLES),
+    Fault("cross product", "rods/particles.py", "a[0] * b[1] - a[1] * b[0]", "a[0] * b[1] + a[1] * b[0]", "rods", PARTICLES),
+    Fault("weight upwards", "rods/loads.py", "return -mass * dot", "return mass * dot", "rods", LOADS),
+    Fault("rotating velocity", "loop/dual_euler.py", "tuple(a + x for a, x in zip(self._rate.dual, turned", "tuple(a - x for a, x in zip(self._rate.dual, turned", "loop", EULER),
+    Fault("gyroscopic moment", "loop/dual_euler.py", "cross(w, self.spin),", "cross(self.spin, w),", "loop", EULER),
+    Fault("moment of the inertia force", "loop/dual_euler.py", "cross(self.body.centre, force),", "cross(force, self.body.centre),", "loop", EULER),
+    Fault("inertia force doubled", "loop/dual_euler.py", "tuple(self.body.mass * x for x in rate.dual)", "tuple(2 * self.body.mass * x for x in rate.dual)", "loop", EULER),
+    Fault("sum of wrenches", "loop/dual_euler.py", "wrench + own, WRENCH", "wrench - own, WRENCH", "loop", LOOPS),
+    Fault("velocity at the centre", "loop/dual_euler.py", "tuple(v + x for v, x in zip(motion.dual, moved", "tuple(v - x for v, x in zip(motion.dual, moved", "loop", EULER),
+    Fault("sign of efforts", "loop/dual_euler.py", "return motion.screw.dot(wrench).dual", "return -motion.screw.dot(wrench).dual", "loop", LOOPS),
+    Fault("moment of a screw", "loop/dual_rows.py", "moved = cross(self.origin, real)", "moved = cross(real, self.origin)", "loop", ROWS),
+    Fault("translation backwards", "loop/dual_rows.py", "[p + shift * x for", "[p - shift * x for", "loop", ROWS),
+    Fault("translation on the way back", "loop/dual_rows.py", "-motion.value if back else motion.value", "motion.value", "loop", LOOPS),
+    Fault("velocity on the way back", "loop/dual_paths.py", "self._named(seen - m.screw * m.rate(self.rates)", "self._named(seen + m.screw * m.rate(self.rates)", "loop", LOOPS),
+    Fault("acceleration outward", "loop/dual_paths.py", "self._named(outward[-1] + own,", "self._named(outward[-1] - own,", "loop", LOOPS),
+    Fault("acceleration on the way back", "loop/dual_paths.py", "self._named(seen - own,", "self._named(seen + own,", "loop", LOOPS),
+    Fault("rate of screws outward", "loop/dual_paths.py", "moved = velocity + self._fixed(i)", "moved = velocity - self._fixed(i)", "loop", LOOPS),
+    Fault("rate of screws on the way back", "loop/dual_paths.py", "moved = velocity - self._fixed(i)", "moved = velocity + self._fixed(i)", "loop", LOOPS),
+    Fault("velocity of a turning point", "elastic/hamilton.py", 'VX.symbol + _F["u_t"] - omega * place[1]', 'VX.symbol + _F["u_t"] + omega * place[1]', "elastic", HAMILTON),
+    Fault("kinetic energy doubled", "elastic/hamilton.py", "kinetic=mu * (velocity[0] ** 2 + velocity[1] ** 2) / 2 + turning", "kinetic=mu * (velocity[0] ** 2 + velocity[1] ** 2) + turning", "elastic", HAMILTON),
+    Fault("rotary inertia halved", "elastic/hamilton.py", '(omega + _F["phi_t"]) ** 2 / 2', '(omega + _F["phi_t"]) ** 2 / 4', "elastic", HAMILTON),
+    Fault("strain energy doubled", "elastic/hamilton.py", "for stiffness, strain in stiff)) / 2", "for stiffness, strain in stiff))", "elastic", HAMILTON),
+    Fault("geometric stiffness doubled", "elastic/hamilton.py", 'stretching=force * _F["w_x"] ** 2 / 2', 'stretching=force * _F["w_x"] ** 2', "elastic", HAMILTON),
+    Fault("axial force by loads", "elastic/hamilton.py", "-PX.symbol * PROFILE_BEFORE.symbol", "PX.symbol * PROFILE_BEFORE.symbol", "elastic", WEIGHTS),
+    Fault("axial force by rotation", "elastic/hamilton.py", "moved - OMEGA.symbol * rigid[1]", "moved + OMEGA.symbol * rigid[1]", "elastic", WEIGHTS),
+    Fault("work of loads across", "elastic/hamilton.py", "PY.symbol * place[1])", "2 * PY.symbol * place[1])", "elastic", WEIGHTS),
+    Fault("loads reversed", "elastic/weights.py", "sign = -1 if order is None else 1", "sign = 1 if order is None else 1", "elastic", HAMILTON),
+    Fault("Coriolis term halved", "elastic/weights.py", '("mass", "damping", "quarter", 2 * first)', '("mass", "damping", "quarter", first)', "elastic", HAMILTON),
+    Fault("centripetal term reversed", "elastic/weights.py", '("mass", "stiffness", "ends", ends)', '("mass", "stiffness", "ends", -ends)', "elastic", HAMILTON),
+    Fault("damping of turning ends", "elastic/weights.py", '("damping", "stiffness", "quarter", first)', '("damping", "stiffness", "quarter", -first)', "elastic", HAMILTON),
+    Fault("force on the first point", "elastic/moving_frame.py", "(N0, -local(force, cosine, sine)[0])", "(N0, local(force, cosine, sine)[0])", "elastic", WEIGHTS),
+    Fault("components along the link", "elastic/moving_frame.py", "cosine * vector[0] + sine * vector[1]", "cosine * vector[0] - sine * vector[1]", "elastic", WEIGHTS),
+    Fault("angular acceleration", "elastic/moving_frame.py", "second.subs(known) - a_n", "second.subs(known) + a_n", "elastic", WEIGHTS),
+    Fault("mass before a place", "elastic/beam_matrices.py", "(c, _L * _XI ** (k + 1) / (k + 1))", "(c, _L * _XI ** (k + 1))", "elastic", "tests/elements/test_elements.py"),
+    Fault("integral over the element", "elastic/beam_matrices.py", "coefficient / (i + 1)", "coefficient / (i + 2)", "elastic", "tests/elements/test_elements.py"),
+)  # fmt: skip
+
+#: A rod and a body with its centre off the line, a spring, gravity; what rods/ decides.
+RODS = """
+symgen = 1
+title = "Body and rod with a spring"
+[points]
+O = { at = ["0 m", "0 m"], ground = true }
+A = { at = ["0.6 m", "0.1 m"] }
+B = { at = ["1.2 m", "-0.3 m"] }
+[links.rod]
+points = ["O", "A"]
+mass = "1 kg"
+centre = 0.4
+[links.body]
+points = ["A", "B"]
+mass = "2 kg"
+inertia = "0.09 kg*m^2"
+centre = ["0.8 m", "0.15 m"]
+[[springs]]
+between = ["O", "B"]
+stiffness = "40 N/m"
+length = "0.8 m"
+[gravity]
+acceleration = ["0 m/s^2", "-9.81 m/s^2"]
+"""
+#: Links with every load, mass and kind of damping; what elastic/ decides.
+ELASTIC = """
+symgen = 1
+title = "Loads and masses along elastic links"
+[points]
+M = { at = ["0 m", "0 m"], ground = true }
+A = { at = ["0.18 m", "0 m"] }
+B = { at = ["0.09 m", "0.24 m"] }
+Q = { at = ["0.28 m", "0 m"], ground = true }
+X = { on = "coupler", fraction = 0.3 }
+[links.crank]
+points = ["M", "A"]
+mass_per_length = "0.2 kg/m"
+[links.coupler]
+points = ["A", "B"]
+density = "2700 kg/m^3"
+section = { width = "25 mm", thickness = ["3 mm", "2.5 mm"] }
+elastic = { E = "70 GPa", elements = 1, element = "rayleigh", damping = { mass = "2 1/s", stiffness = "1e-4 s" } }
+[links.output]
+points = ["B", "Q"]
+density = "2700 kg/m^3"
+section = { width = "25 mm", thickness = "3 mm" }
+elastic = { E = "70 GPa", elements = 1, element = "rayleigh" }
+[[masses]]
+point = "X"
+mass = "0.03 kg"
+[[forces]]
+point = "X"
+force = ["4 N", "-7 N"]
+[gravity]
+acceleration = ["0 m/s^2", "-9.81 m/s^2"]
+[crank]
+link = "crank"
+speed = "120 rpm"
+"""
+
+
+def main() -> int:
+    """Put in every fault, print what came of it, and return the exit code."""
+    options = argparse.ArgumentParser(description=__doc__)
+    options.add_argument("--only", default="", help="faults whose file or name has this word")
+    options.add_argument("--probe", help=argparse.SUPPRESS)
+    given = options.parse_args()
+    if given.probe:
+        print(json.dumps(results(given.probe)))
+        return 0
+    chosen = [f for f in FAULTS if given.only in f"{f.file} {f.name}"]
+    with tempfile.TemporaryDirectory() as folder:
+        tree = copied(Path(folder) / "tree")
+        before = {scene: probe(tree, scene) for scene in sorted({f.scene for f in chosen})}
+        wrong = [scene for scene, found in before.items() if isinstance(found, str)]
+        if wrong:
+            raise SystemExit(f"without a fault: {before[wrong[0]]}")
+        missed = [f for f in chosen if not is_caught(tree, f, before[f.scene])]
+    print(f"{len(chosen)} faults, {len(missed)} not caught")
+    elastic = sum(f.file.startswith("elastic/") for f in FAULTS)
+    return int(bool(missed) or len(FAULTS) < FAULTS_WANTED or elastic < ELASTIC_WANTED)
+
+
+def copied(tree: Path) -> Path:
+    """Return a copy of the tree, compiled modules included."""
+    for part in ("symgen", "generated", "templates", "tests", "benchmarks"):
+        shutil.copytree(ROOT / part, tree / part, ignore=shutil.ignore_patterns("__pycache__"))
+    for file in ("pyproject.toml", "setup.py", "README.md"):
+        shutil.copy(ROOT / file, tree)
+    for part in ("generated", "templates"):
+        if not (tree / "symgen" / part).exists():
+            (tree / "symgen" / part).symlink_to(tree / part)
+    return tree
+
+
+def is_caught(tree: Path, fault: Fault, before: Any) -> bool:
+    """Put a fault in, run scene and test, put the file back, and say what happened."""
+    path = tree / "symgen" / "mechanics" / fault.file
+    text = path.read_text()
+    if text.count(fault.old) != 1:
+        raise SystemExit(f"{fault.file} has {text.count(fault.old)} times: {fault.old}")
+    began = time.perf_counter()
+    try:
+        path.write_text(text.replace(fault.old, fault.new))
+        after = probe(tree, fault.scene)
+        failed = failing(tree, fault.test)
+    finally:
+        path.write_text(text)
+    by = after if isinstance(after, str) else f"results change by {change(before, after):.1e}"
+    changed = isinstance(after, str) or change(before, after) > CHANGED
+    verdict = "caught" if changed and failed else "NOT CAUGHT"
+    print(
+        f"{verdict}: {fault.file}: {fault.name}: {by}; {failed or 'no test fails'} "
+        f"({time.perf_counter() - began:.0f} s)",
+        flush=True,
+    )
+    return verdict == "caught"
+
+
+def change(before: dict[str, list[float]], after: dict[str, list[float]]) -> float:
+    """Return the largest change of an output over its largest value, infinite where it is lost."""
+    found = [0.0]
+    for name, values in before.items():
+        a, b = np.array(values), np.array(after.get(name, []))
+        if a.shape != b.shape or not np.all(np.isfinite(b)):
+            return float("inf")
+        size = max(float(np.max(np.abs([a, b]), initial=0.0)), NOTHING)
+        found.append(float(np.max(np.abs(a - b), initial=0.0)) / size)
+    return max(found)
+
+
+def _environment(tree: Path) -> dict[str, str]:
+    path = os.pathsep.join([str(tree), str(tree / "tests"), str(tree / "benchmarks")])
+    return {**os.environ, "PYTHONPATH": path, "SYMGEN_CACHE": str(tree.parent / "cache")}
+
+
+def _done(tree: Path, command: list[str]) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        command,
+        cwd=tree,
+        env=_environment(tree),
+        capture_output=True,
+        text=True,
+        timeout=PATIENCE,
+        check=False,
+    )
+
+
+def probe(tree: Path, scene: str) -> Any:
+    """Return the results of a scene in the copy, or the last line of its error."""
+    command = [sys.executable, str(tree / "benchmarks" / "mutations.py"), "--probe", scene]
+    done = _done(tree, command)
+    if done.returncode:
+        return f"refused: {(done.stderr.strip().splitlines() or ['no word'])[-1][:150]}"
+    return json.loads(done.stdout.splitlines()[-1])
+
+
+def failing(tree: Path, test: str) -> str:
+    """Return the first test that fails of those named, "" where none does."""
+    command = [
+        sys.executable,
+        "-m",
+        "pytest",
+        "-q",
+        "-x",
+        "--no-header",
+        "-p",
+        "no:cacheprovider",
+        "-p",
+        "mutations",
+        test,
+    ]
+    done = _done(tree, command)
+    lines = done.stdout.splitlines()
+    failed = [x.split(" ")[1] for x in lines if x.startswith(("FAILED ", "ERROR "))]
+    return failed[0].rpartition("/")[2] if failed else ""
+
+
+def results(scene: str) -> dict[str, list[float]]:
+    """Return what a run gives: every output as a list of numbers."""
+    uncompiled_blocks()
+    import symgen
+
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "scene.toml"
+        file.write_text({"rods": RODS, "elastic": ELASTIC}.get(scene, ""))
+        model = symgen.build("slider_crank" if scene == "loop" else str(file))
+    if scene == "loop":
+        run = model.inverse_dynamics(samples=7)
+    elif scene == "rods":
+        run = model.simulate(0.4, samples=5)
+    else:
+        run = model.simulate(method="gauss", steps=90, samples=7, revolutions=0.25)
+    drift = {"energy drift": [run.drift.energy]} if scene == "rods" else {}
+    return drift | {v.name: np.ravel(v.values).tolist() for v in run.variables}
+
+
+def uncompiled_blocks() -> None:
+    """Take the kernels of building blocks from what is derived now, in NumPy, not from what was compiled."""
+    from symgen.codegen.emit import emit
+    from symgen.codegen.target import Target
+    from symgen.lowering.program import lower_system
+    from symgen.models import BLOCKS, SHIPPED_BLOCKS
+    from symgen.runtime.kernels import library
+
+    compiled, made = library.shipped_module, {}
+
+    def module(name: str) -> Any:
+        if name not in SHIPPED_BLOCKS or name == "rigid_element":  # that one is called by address
+            return compiled(name)
+        if name not in made:
+            program = lower_system(BLOCKS[name]())
+            (source,) = emit(program, Target("numpy"), "")
+            functions: dict[str, Any] = {}
+            exec(source.text, functions)
+
+            def call(kernel: Any) -> Any:
+                def evaluate(q: Any = None, u: Any = None, p: Any = None) -> Any:
+                    out = np.zeros(kernel.out_size)
+                    functions[kernel.name](None, q, u, p, None, out)
+                    return out
+
+                return evaluate
+
+            made[name] = SimpleNamespace(**{k.name: call(k) for k in program.kernels})
+        return made[name]
+
+    library.shipped_module = module
+
+
+def pytest_configure() -> None:
+    """As a plugin of pytest: before any module that takes kernels of blocks is loaded."""
+    uncompiled_blocks()
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,20 @@
+"""Plots and notebook tables of models and results, drawn by ``symgen.report`` when they are first requested.
+
+Results and models stand below the report and must not import it; this registry names what draws them.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import Any
+
+_DRAWN_BY = {
+    "plot": "symgen.report.page.plots",
+    "result_html": "symgen.report.page.notebook",
+    "model_html": "symgen.report.page.notebook",
+}
+
+
+def display(what: str, *arguments: Any, **options: Any) -> Any:
+    """Draw a result or a model; ``what`` is a key of the registry."""
+    return getattr(import_module(_DRAWN_BY[what]), what)(*arguments, **options)

@@ -1,0 +1,21 @@
+"""The loads of a linkage, one file each; a new one is a file and a line in ``LOADS``."""
+
+from __future__ import annotations
+
+from symgen.loads.actuator import LineForce
+from symgen.loads.distributed_force import DistributedLoad
+from symgen.loads.force import AppliedForce
+from symgen.loads.load import Load
+from symgen.loads.spring import LinearSpring
+from symgen.loads.torque import AppliedTorque
+from symgen.loads.torsion_spring import AngularSpring
+
+#: Load kinds by the table of the scene that holds them, in the order in which their terms are derived.
+LOADS: dict[str, type[Load]] = {
+    "springs": LinearSpring,
+    "actuators": LineForce,
+    "forces": AppliedForce,
+    "distributed_forces": DistributedLoad,
+    "torques": AppliedTorque,
+    "torsion_springs": AngularSpring,
+}

@@ -1,0 +1,163 @@
+"""What a load kind states: its table of the scene, its record, and where it acts with which energy and force.
+
+A load acts on *measures* of the linkage (:mod:`symgen.loads.measure`): the position of a point, the
+distance between two points, an angle. On each it has an energy, a function of the value of the measure, and
+a force without potential, a function of value, rate, time and state. Equations of motion, power, joint
+forces, momentum rows, the plane in which a linkage stays and the loads of elastic links follow from these.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, fields, replace
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, Protocol
+
+import sympy as sp
+
+from symgen.loads.measure import Measure, Term, Vector
+
+if TYPE_CHECKING:
+    from symgen.scene.table import Table
+    from symgen.scene.units import Dimension
+
+_KIND = "symgen.kind"
+
+
+class Placed(Protocol):
+    """A point of the scene."""
+
+    @property
+    def name(self) -> str: ...
+    @property
+    def at(self) -> Vector: ...
+
+
+class Reading(Protocol):
+    """The reader of a scene, as far as loads need it."""
+
+    dimension: int
+
+    @property
+    def drawing_is_a_guess(self) -> bool: ...
+    def known_point(self, name: str, where: str) -> Placed: ...
+    def known_link(self, name: str, where: str) -> None: ...
+    def moving_link(self, name: str, where: str) -> None: ...
+    def is_spatial_body(self, link: str) -> bool: ...
+    def with_state(
+        self, own: str = "", words: Mapping[str, Dimension] | None = None
+    ) -> Mapping[str, tuple[sp.Expr, Dimension]]: ...
+    def value(
+        self,
+        text: str | int | float,
+        dim: Dimension,
+        where: str,
+        names: Mapping[str, tuple[sp.Expr, Dimension]] | None = None,
+    ) -> sp.Expr: ...
+    def not_negative(self, text: str | int | float, dim: Dimension, where: str) -> sp.Expr: ...
+    def vector(
+        self,
+        texts: list[str | int | float],
+        dim: Dimension,
+        where: str,
+        names: Mapping[str, tuple[sp.Expr, Dimension]] | None = None,
+    ) -> Vector: ...
+
+
+def expression(kind: Literal["scalar", "polar", "axial"]) -> Any:
+    """Declare a field that holds expressions of the time and the state, as the scene has them.
+
+    A ``polar`` field holds the components of a vector such as a force, an ``axial`` one those of a vector
+    such as a torque, which has one component in the plane. Fields that are not declared hold constants.
+    """
+    return field(metadata={_KIND: kind})
+
+
+@dataclass(frozen=True, slots=True)
+class Load(ABC):
+    """A load of a linkage: one entry of its table, with exact values in SI units.
+
+    Attributes
+    ----------
+    noun, plural
+        What messages call one load of this kind, and what structures call several.
+    schema
+        The table of the scene.
+    named
+        Whether its quantities are called ``NOUN_NUMBER``, so that links and parameters cannot be.
+    drawn
+        How pages draw a line between two points on which it acts.
+    name
+        What its quantities are called.
+    """
+
+    noun: ClassVar[str]
+    plural: ClassVar[str]
+    schema: ClassVar[type[Table]]
+    named: ClassVar[bool] = True
+    drawn: ClassVar[Literal["spring", "actuator"]] = "actuator"
+
+    name: str
+
+    @classmethod
+    @abstractmethod
+    def read(cls, read: Reading, table: Any, name: str, where: str) -> Load:
+        """Return the load that a table of the scene describes.
+
+        Raises
+        ------
+        SceneError
+            For unknown points and links, wrong units and values that are not physical.
+        """
+
+    @abstractmethod
+    def terms(self, dimension: int) -> Iterator[Term]:
+        """Yield where the load acts, with its energy and its force, in the plane (2) or in space (3)."""
+
+    def on_segments(self, link: str, rods: Sequence[str], nodes: Sequence[sp.Expr]) -> Iterator[Load]:
+        """Yield the loads on the rods that stand for a link; they meet at ``nodes``, shares of its length."""
+        yield self
+
+    @classmethod
+    def numbered(cls, number: int) -> str:
+        """Return the name of the load with this number in its table."""
+        return f"{cls.noun.replace(' ', '_')}_{number}"
+
+    def measures(self, dimension: int) -> Iterator[Measure]:
+        """Yield where the load acts."""
+        for term in self.terms(dimension):
+            yield term.on
+
+    @property
+    def expressions(self) -> Vector:
+        """Its expressions of the time and the state."""
+        return tuple(e for _, value in self._declared() for e in value)
+
+    def with_expressions(self, change: Callable[[sp.Expr], sp.Expr]) -> Load:
+        """Return the load with all its expressions of the time and the state changed."""
+        return self._with(lambda _, value: tuple(map(change, value)))
+
+    def in_plane(self, across: int, change: Callable[[sp.Expr], sp.Expr]) -> Load:
+        """Return a load in space by its components in the plane across an axis, its expressions changed."""
+
+        def components(kind: str, value: Vector) -> Vector:
+            if kind == "polar":
+                value = (value[across - 2], value[across - 1])
+            elif kind == "axial":
+                value = (value[across],)
+            return tuple(map(change, value))
+
+        return self._with(components)
+
+    def _declared(self) -> Iterator[tuple[tuple[str, str], Vector]]:
+        for f in fields(self):
+            if _KIND in f.metadata:
+                value = getattr(self, f.name)
+                yield (f.name, f.metadata[_KIND]), (value,) if f.metadata[_KIND] == "scalar" else value
+
+    def _with(self, change: Callable[[str, Vector], Vector]) -> Load:
+        changed: dict[str, Any] = {}
+        for (name, kind), value in self._declared():
+            new = change(kind, value)
+            changed[name] = new[0] if kind == "scalar" else new
+        return replace(self, **changed)

@@ -1,0 +1,178 @@
+"""Measures of links: angles, rotations, and places along them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+import sympy as sp
+
+from symgen.loads.measure import (
+    Action,
+    CoordinatePlane,
+    Couple,
+    Geometry,
+    Measure,
+    PointForce,
+    Profile,
+    Term,
+    Vector,
+    Work,
+    components,
+)
+from symgen.symbolic.calculus import ONE, ZERO
+from symgen.symbolic.quantity import AXES
+
+
+class _OnLinks(Measure):
+    """A measure of a link against another one, or the ground (empty)."""
+
+    __slots__ = ()
+    link: str
+    against: str
+
+    @property
+    def links(self) -> tuple[tuple[str, str], ...]:
+        return (("link", self.link), ("against", self.against))
+
+    def value(self, geometry: Geometry) -> Vector:
+        return (geometry.angle(self.link, self.against, ZERO),)
+
+    def rate(self, geometry: Geometry) -> Vector:
+        return (geometry.turning(self.link, self.against)[1],)
+
+
+@dataclass(frozen=True, slots=True)
+class Angle(_OnLinks):
+    """The angle of a link beyond ``free`` [rad], from another link or the x axis (plane)."""
+
+    link: str
+    against: str
+    free: sp.Expr = ZERO
+    integrable = False
+    joins = True
+
+    def value(self, geometry: Geometry) -> Vector:
+        return (geometry.angle(self.link, self.against, self.free),)
+
+    def works(self, geometry: Geometry, force: Vector) -> Iterator[Work]:
+        (torque,) = self.put(geometry, force)
+        yield (torque, *geometry.turning(self.link, self.against))
+
+    def actions(self, geometry: Geometry, term: Term) -> Iterator[Action]:
+        yield from _couples(self.link, self.against, self.put(geometry, term.total))
+
+    def leaves_plane(self, plane: CoordinatePlane, force: Vector, within: Vector) -> str:
+        return "acts on an angle of the plane"
+
+
+@dataclass(frozen=True, slots=True)
+class Turn(_OnLinks):
+    """The rotation of a link, against another one where one is named: in space it is no coordinate."""
+
+    link: str
+    against: str = ""
+
+    def works(self, geometry: Geometry, force: Vector) -> Iterator[Work]:
+        for couple in _couples(self.link, self.against, self.put(geometry, force)):
+            if len(couple.torque) == 1:
+                yield (couple.torque[0], *geometry.turning(couple.link, ""))
+            else:
+                for arm, push in geometry.couple_in_space(couple.link, couple.torque):
+                    yield from components(geometry, push, arm)
+
+    def actions(self, geometry: Geometry, term: Term) -> Iterator[Action]:
+        yield from _couples(self.link, self.against, self.put(geometry, term.force))
+
+    def leaves_plane(self, plane: CoordinatePlane, force: Vector, within: Vector) -> str:
+        outside = any(c != 0 for i, c in enumerate(force) if i != plane.across)
+        return f"has a component that is not along {AXES[plane.across]}" if outside else ""
+
+
+@dataclass(frozen=True, slots=True)
+class Bend(_OnLinks):
+    """The cosine of the angle between two rods in space."""
+
+    link: str
+    against: str
+    joins = True
+
+    def value(self, geometry: Geometry) -> Vector:
+        return (self._cosine(geometry, geometry.along(self.link)),)
+
+    def _cosine(self, geometry: Geometry, d: Vector) -> sp.Expr:
+        lengths = sp.Mul(*(geometry.link_length(k) for k in (self.against, self.link)))
+        return sp.Add(*(a * b for a, b in zip(geometry.along(self.against), d, strict=True))) / lengths
+
+    def works(self, geometry: Geometry, force: Vector) -> Iterator[Work]:
+        (value,), (pull,) = self.value(geometry), self.put(geometry, force)
+        yield pull, geometry.calculus.gradient(value), geometry.calculus.rate(value)
+
+    def actions(self, geometry: Geometry, term: Term) -> Iterator[Action]:
+        (pull,) = self.put(geometry, term.total)
+        for link, other in ((self.link, self.against), (self.against, self.link)):
+            share = pull / (geometry.link_length(link) * geometry.link_length(other))
+            start, end = geometry.link_ends(link)
+            on_end = tuple(share * c for c in geometry.along(other))
+            yield PointForce(end, on_end, link)
+            yield PointForce(start, tuple(-c for c in on_end), link)
+
+    def leaves_plane(self, plane: CoordinatePlane, force: Vector, within: Vector) -> str:
+        return "straightens two rods"
+
+
+@dataclass(frozen=True, slots=True)
+class Span(Measure):
+    """The points of a link (plane): a force per length [N/m], linear between its ends.
+
+    Its four components are those at the first and at the second point of the link, along fixed axes or, where
+    ``turning``, along the link and to its left.
+    """
+
+    link: str
+    turning: bool
+
+    @property
+    def links(self) -> tuple[tuple[str, str], ...]:
+        return (("link", self.link),)
+
+    def works(self, geometry: Geometry, force: Vector) -> Iterator[Work]:
+        for share in self._shares(geometry, force):
+            yield from components(geometry, share.force, geometry.position(share.point))
+
+    def actions(self, geometry: Geometry, term: Term) -> Iterator[Action]:
+        yield from self._shares(geometry, term.force)
+
+    def _shares(self, geometry: Geometry, force: Vector) -> Iterator[PointForce]:
+        start, end = geometry.link_ends(self.link)
+        length = geometry.link_length(self.link)
+        first, second = (self.fixed(geometry, f) for f in (force[:2], force[2:]))
+        for point, near, far in ((start, first, second), (end, second, first)):
+            share = tuple(length * (2 * a + b) / 6 for a, b in zip(near, far, strict=True))
+            yield PointForce(point, share, self.link)
+
+    def fixed(self, geometry: Geometry, force: Vector) -> Vector:
+        """Return a force per length on fixed axes."""
+        if not self.turning:
+            return force
+        (x, y), length = geometry.along(self.link), geometry.link_length(self.link)
+        return (x * force[0] - y * force[1]) / length, (y * force[0] + x * force[1]) / length
+
+    def leaves_plane(self, plane: CoordinatePlane, force: Vector, within: Vector) -> str:
+        return "is spread along a link of the plane"
+
+    def along(
+        self, link: str, length: sp.Expr, places: Mapping[str, sp.Expr], force: Vector
+    ) -> Iterator[Profile]:
+        first, second = force[:2], force[2:]
+        if link == self.link and first == second:
+            yield Profile(self, (ZERO, ONE, ZERO), first)
+        elif link == self.link:
+            yield Profile(self, (ZERO, ONE, -1 / length), first)
+            yield Profile(self, (ZERO, ZERO, 1 / length), second)
+
+
+def _couples(link: str, against: str, torque: Vector) -> Iterator[Couple]:
+    yield Couple(link, torque, against)
+    if against:
+        yield Couple(against, tuple(-c for c in torque), link)

@@ -1,0 +1,67 @@
+"""A couple on a link, and its reaction on another one."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from pydantic import Field
+
+from symgen.errors import SceneError
+from symgen.loads.load import Load, Reading, expression
+from symgen.loads.measure import Term, Vector
+from symgen.loads.of_links import Turn
+from symgen.scene import table, units
+
+
+class Torque(table.Table):
+    """A couple on a link, and its reaction on another link if named."""
+
+    link: table.Name
+    torque: table.Value | table.Vector = Field(
+        description="In the plane counter-clockwise, in space three components. May use the time t, the "
+        "state and, in the plane, this.angle and this.rate of the link relative to the other one."
+    )
+    against: table.Name | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class AppliedTorque(Load):
+    """A couple [N m] on a link, and its reaction on the link ``against`` if there is one.
+
+    One component in the plane, three in space.
+    """
+
+    noun, plural, schema = "torque", "torques", Torque
+
+    link: str
+    torque: Vector = expression("axial")
+    against: str = ""
+
+    @classmethod
+    def read(cls, read: Reading, table: Torque, name: str, where: str) -> AppliedTorque:
+        check_couple(read, table.link, table.against, where)
+        if read.dimension == 3:
+            if not isinstance(table.torque, list):
+                raise SceneError(
+                    "expected the three components of a torque in space", where=f"{where}.torque"
+                )
+            torque = read.vector(table.torque, units.TORQUE, f"{where}.torque", read.with_state())
+        elif isinstance(table.torque, list):
+            raise SceneError("expected one torque, counter-clockwise, in the plane", where=f"{where}.torque")
+        else:
+            names = read.with_state(name, {"angle": units.NUMBER, "rate": units.ANGULAR_RATE})
+            torque = (read.value(table.torque, units.TORQUE, f"{where}.torque", names),)
+        return cls(name, table.link, torque, table.against or "")
+
+    def terms(self, dimension: int) -> Iterator[Term]:
+        yield Term(Turn(self.link, self.against), force=self.torque)
+
+
+def check_couple(read: Reading, link: str, against: str | None, where: str) -> None:
+    """Check that a couple acts on a link that can turn, against another one."""
+    read.moving_link(link, f"{where}.link")
+    if against is not None:
+        read.moving_link(against, f"{where}.against")
+        if against == link:
+            raise SceneError("a torque of a link against itself does nothing", where=f"{where}.against")

@@ -1,0 +1,1 @@
+"""Derivations for elastic links by Hamilton's principle."""

@@ -1,0 +1,1 @@
+"""Derivations for single spatial loops by dual numbers (Rahman)."""

@@ -1,0 +1,1 @@
+"""Derivations for linkages in point coordinates (Attia)."""

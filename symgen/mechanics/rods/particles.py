@@ -1,0 +1,100 @@
+"""A rigid rod as constrained particles (point coordinates).
+
+Source: H. A. Attia, *Dynamic Analysis of a Chain of Rigid Rods*, section 2.1: a rod is replaced by three
+particles, at its ends and its middle, with the same mass, centre of mass and moment of inertia. The
+middle particle moves with the mean of the ends, so the rod's kinetic energy is a constant quadratic form
+of the end velocities. Simulations use only that form.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import sympy as sp
+
+Vector = tuple[sp.Expr, ...]
+
+ZERO = sp.Integer(0)
+
+
+class EndMass(NamedTuple):
+    """Mass matrix [[a11, a12], [a12, a22]] of a link's end velocities [kg], equal for each axis.
+
+    ``cross`` couples an axis of one end with the other axis of the other end, in the plane, when the centre
+    of mass lies off the line of the ends; it is zero for a rod.
+    """
+
+    a11: sp.Expr
+    a12: sp.Expr
+    a22: sp.Expr
+    cross: sp.Expr = sp.Integer(0)
+
+
+def particle_masses(mass: sp.Expr, length: sp.Expr, centre: sp.Expr, inertia: sp.Expr) -> tuple[sp.Expr, ...]:
+    """Return the masses [kg] of the equivalent particles at start, middle and end.
+
+    They are the solution of the three conditions of section 2.1: equal mass, first moment m l_c and second
+    moment I_o about the start. One of them may be negative; the end mass matrix is nevertheless positive
+    definite while the moment of inertia about the centre is positive.
+
+    Parameters
+    ----------
+    mass, length, centre, inertia
+        Mass [kg], length [m], centre of mass from the start [m], moment of inertia about it [kg m^2].
+    """
+    a11, a12, a22, _ = end_mass(mass, length, centre, inertia)
+    return a11 - a12, 4 * a12, a22 - a12
+
+
+def end_mass(
+    mass: sp.Expr, length: sp.Expr, centre: sp.Expr, inertia: sp.Expr, offset: sp.Expr = ZERO
+) -> EndMass:
+    """Return the end mass matrix of a rod, or of a planar body that two of its points carry.
+
+    A point of a planar body is r = (1 - z) r_i + z r_j with a complex z (multiplication by i rotates by a
+    right angle), so its kinetic energy is a constant quadratic form of the two velocities as well: a11 = sum
+    of m |1 - z|^2, a12 = Re sum of m z (1 - z)*, a22 = sum of m |z|^2 and cross = Im sum of m z. For a rod z
+    is real, and the three equivalent particles give the same.
+
+    Every sum is written about the centre of mass, so that a11 and a22 add positive terms only: in terms of
+    moments about the start, a11 = m - 2 s1 + s2 would cancel for a centre near the end.
+
+    Parameters
+    ----------
+    mass, length, centre, inertia
+        Mass [kg], distance of the ends [m], centre of mass from the start along their line [m], moment of
+        inertia about it [kg m^2].
+    offset
+        Distance of the centre of mass from the line of the ends, to the left of it [m].
+    """
+    rest, across = length - centre, mass * offset**2
+    about_start, about_end = (inertia + mass * part**2 + across for part in (centre, rest))
+    between = mass * centre * rest - across - inertia
+    squared = length**2
+    return EndMass(about_end / squared, between / squared, about_start / squared, mass * offset / length)
+
+
+def kinetic_energy(ends: EndMass, start: Vector, end: Vector) -> sp.Expr:
+    """Return the kinetic energy [J] of a link with these velocities of its ends [m/s]."""
+    straight = sp.Add(
+        *(
+            ends.a11 * a**2 / 2 + ends.a12 * a * b + ends.a22 * b**2 / 2
+            for a, b in zip(start, end, strict=True)
+        )
+    )
+    return straight - ends.cross * cross(start, end) if ends.cross != 0 else straight
+
+
+def length_constraint(along: Vector, length: sp.Expr) -> sp.Expr:
+    """Return (d.d - l^2)/2, Eq. (3a) halved, of a rod with d from start to end [m] and length l [m]."""
+    return (sp.Add(*(c**2 for c in along)) - length**2) / 2
+
+
+def cross(a: Vector, b: Vector) -> sp.Expr:
+    """Return the product a_x b_y - a_y b_x of two vectors in the plane."""
+    return a[0] * b[1] - a[1] * b[0]
+
+
+def dot(a: Vector, b: Vector) -> sp.Expr:
+    """Return the scalar product."""
+    return sp.Add(*(x * y for x, y in zip(a, b, strict=True)))

@@ -1,0 +1,139 @@
+"""The methods of symgen: one row binds everything that depends on how a mechanism is described and solved.
+
+Scenes, descriptions and models carry the name of their method; what differs between methods is looked up here
+and nowhere else tested. Entries are ``module:name`` and are imported when they are first used, so that
+importing this module costs nothing. A new method is a new row.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass
+from importlib import import_module
+from typing import Any
+
+from symgen.errors import ModelError, nearest
+
+
+@dataclass(frozen=True, slots=True)
+class Method:
+    """One method.
+
+    Attributes
+    ----------
+    name
+        The name that resolved scenes, descriptions and models carry.
+    claims
+        Tables of a scene that only this method has; the first row of ``METHODS`` with one claims a scene.
+    resolve
+        Scene -> resolved scene, which may carry the name of another method that shares this one's tables.
+    system
+        Resolved scene -> System.
+    further
+        Resolved scene -> Systems of analyses besides, by name; none where empty.
+    describe
+        Resolved scene, Program, hash of the equations -> Description without its start.
+    start
+        System, Description, Library -> Description with its start.
+    model
+        Made (``symgen.pipeline.build``) -> Model.
+    export
+        Model, Program, sources (and names of further programs, if any) -> Exported.
+    record
+        Resolved scene, System -> steps of the derivation.
+    subject
+        Scene, model and options -> subject of studies of speed.
+    """
+
+    name: str
+    claims: tuple[str, ...] = ()
+    resolve: str = ""
+    system: str = ""
+    further: str = ""
+    describe: str = ""
+    start: str = ""
+    model: str = ""
+    export: str = ""
+    record: str = ""
+    subject: str = ""
+
+    def load(self, entry: str) -> Any:
+        """Return what an entry names, imported when first used.
+
+        Raises
+        ------
+        ModelError
+            When the method has no such entry.
+        """
+        module, _, name = str(getattr(self, entry)).partition(":")
+        if not module:
+            raise ModelError(f"models of the method {self.name!r} have no {entry}")
+        return getattr(import_module(module), name)
+
+
+_LINKAGE = {
+    "resolve": "symgen.scene.resolve:resolved_linkage",
+    "system": "symgen.pipeline.build:linkage_system_of",
+    "further": "symgen.models.analyses:elastic_systems",
+    "describe": "symgen.pipeline.describe:of_linkage",
+    "start": "symgen.pipeline.describe:with_state",
+}
+
+#: All methods, in the order in which they claim a scene.
+METHODS: Mapping[str, Method] = {
+    row.name: row
+    for row in (
+        Method(
+            "loop",
+            claims=("loop",),
+            resolve="symgen.scene.resolve:resolved_loop",
+            system="symgen.models.loop.system:loop_system",
+            describe="symgen.pipeline.describe:of_loop",
+            start="symgen.pipeline.describe:with_pose",
+            model="symgen.pipeline.build:loop_model",
+            export="symgen.export.loop:loop",
+            record="symgen.models.record:of_loop",
+            subject="symgen.study.speed.subjects:loop",
+        ),
+        Method(
+            "elastic",
+            claims=("crank",),
+            **_LINKAGE,
+            model="symgen.pipeline.build:elastic_model",
+            export="symgen.export.elastic:elastic",
+            record="symgen.models.record:of_elastic",
+            subject="symgen.study.speed.elastic_links:elastic",
+        ),
+        Method(
+            "rods",
+            claims=("points",),
+            **_LINKAGE,
+            model="symgen.pipeline.build:linkage_model",
+            export="symgen.export.rods:rods",
+            record="symgen.models.record:of_linkage",
+            subject="symgen.study.speed.subjects:rods",
+        ),
+        Method("system"),
+    )
+}
+
+
+def method_of(thing: Any) -> Method:
+    """Return the method of a resolved scene, a description or a model, by the name that it carries."""
+    name = thing.method
+    if name not in METHODS:
+        raise ModelError(f"there is no method {name!r}. {nearest(name, METHODS)}")
+    return METHODS[name]
+
+
+def further_of(resolved: Any) -> dict[str, Any]:
+    """Return the Systems of a resolved scene besides its own, by name."""
+    method = method_of(resolved)
+    found: dict[str, Any] = method.load("further")(resolved) if method.further else {}
+    return found
+
+
+def claiming(tables: Collection[str]) -> Method:
+    """Return the method that claims a scene by its tables; rods where none does."""
+    rows = METHODS.values()
+    return next((row for row in rows if any(claim in tables for claim in row.claims)), METHODS["rods"])

@@ -1,0 +1,1 @@
+"""From elastic links and their elements to Systems."""

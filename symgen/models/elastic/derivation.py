@@ -1,0 +1,35 @@
+"""Derivation steps common to all elements of elastic links, as a system for inspection: no kernels."""
+
+from __future__ import annotations
+
+import sympy as sp
+
+from symgen.mechanics.elastic.hamilton import APPLIED, FIELDS, MOTION, PATH, SECTION, THESIS, derive
+from symgen.symbolic.system import Group, NamedMatrix, System
+
+
+def elastic_derivation_system() -> System:
+    """Return the steps of Hamilton's principle for a link, each with the source's equation numbers."""
+    matrices = tuple(
+        NamedMatrix(
+            step.name,
+            sp.ImmutableMatrix(len(step.rows), len(step.columns) or 1, step.expressions),
+            step.unit,
+            f"{step.about}: {step.source}",
+            step.rows,
+            step.columns,
+        )
+        for step in derive().steps
+    )
+    return System(
+        "elastic_link_derivation",
+        "Elastic link by Hamilton's principle, step by step",
+        (
+            Group("fields", "displacements, their rates, and strains", tuple(FIELDS.values())),
+            Group("motion", "rigid motion of the link", (*MOTION, *APPLIED, *PATH)),
+            Group("section", "properties at x", SECTION),
+        ),
+        matrices,
+        (),
+        references=(THESIS,),
+    )

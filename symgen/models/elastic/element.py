@@ -1,0 +1,130 @@
+"""A finite element of an elastic link as a building block: matrices, loads, shape functions."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import sympy as sp
+
+from symgen.elements.element import LENGTH, PLACE, Element, entry_unit
+from symgen.mechanics.elastic.beam_matrices import BeamMatrices, Section, beam_matrices, shape_rows
+from symgen.mechanics.elastic.hamilton import THESIS
+from symgen.symbolic.names import Names
+from symgen.symbolic.quantity import Quantity, quantity
+from symgen.symbolic.system import Export, Group, NamedMatrix, System
+
+#: Properties of the section along the element: name, letter, number of coefficients, unit of the first.
+PROPERTIES = (
+    ("mass", "m", 3, "kg/m", "mass per length"),
+    ("rotary", "j", 5, "kg*m", "rotary inertia per length"),
+    ("axial", "a", 3, "N", "axial stiffness E A"),
+    ("bending", "b", 5, "N*m^2", "bending stiffness E I"),
+    ("shear", "s", 3, "N", "shear stiffness k G A"),
+)
+#: The element whose equation in fixed axes is shown too.
+SHOWN = "beam8"
+STATION = quantity("x", "m", "distance of the station from the first node")
+
+
+def elastic_element_system(element: Element) -> System:
+    """Return the matrices of an element, over its length and the coefficients of its section."""
+    names = Names()
+    coefficients = {
+        name: [
+            quantity(f"{letter}{k}", f"{unit}/m^{k}" if k else unit, f"{meaning}: factor of x^{k}")
+            for k in range(number)
+        ]
+        for name, letter, number, unit, meaning in PROPERTIES
+    }
+    section = Section(*(_scaled(name, unit, coefficients[name], names) for name, _, _, unit, _ in PROPERTIES))
+    names.scalar(PLACE.name, STATION.symbol / LENGTH.symbol, PLACE.unit, PLACE.description)
+    found = beam_matrices(element, section)
+    groups = [
+        Group(
+            "q",
+            "length, and the section as polynomials in the distance from the first node",
+            (LENGTH, *(c for name in coefficients for c in coefficients[name])),
+        ),
+        Group("u", "station", (STATION,)),
+    ]
+    matrices: list[NamedMatrix] = []
+    exports: list[Export] = []
+    for kernel, about, made in _matrices(element, found):
+        matrices += made
+        exports.append(Export(kernel, about, tuple(m.name for m in made)))
+    if element.name == SHOWN:
+        from symgen.models.elastic.fixed_axes import MOVING, fixed_axes  # no other element depends on it
+
+        exact, thesis = fixed_axes(element, found, names)
+        groups.append(MOVING)
+        matrices += (*exact, *thesis)  # shown; no kernels, for runs assemble in the axes of the links
+    return System(
+        f"element_{element.name}",
+        f"Element of an elastic link: {element.about}",
+        tuple(groups),
+        tuple(matrices),
+        tuple(exports),
+        names.definitions,
+        references=(THESIS,),
+    )
+
+
+def _scaled(name: str, unit: str, coefficients: Sequence[Quantity], names: Names) -> tuple[sp.Expr, ...]:
+    """Return the coefficients by powers of xi = x/L."""
+    return tuple(
+        names.scalar(
+            f"{name}_{k}", c.symbol * LENGTH.symbol**k, unit, f"{c.description.partition(':')[0]}: of xi^{k}"
+        )
+        for k, c in enumerate(coefficients)
+    )
+
+
+def _matrices(element: Element, found: BeamMatrices) -> Iterator[tuple[str, str, tuple[NamedMatrix, ...]]]:
+    """Yield kernel, meaning and matrices."""
+
+    def square(name: str, matrix: sp.ImmutableMatrix, unit: str, about: str) -> NamedMatrix:
+        symmetric = name != "gyroscopic"
+        return NamedMatrix(name, matrix, entry_unit(unit), about, element.dofs, element.dofs, symmetric)
+
+    def column(name: str, matrix: sp.ImmutableMatrix, unit: str, about: str) -> NamedMatrix:
+        return NamedMatrix(name, matrix, entry_unit(unit), about, element.dofs)
+
+    for name, matrix, unit, about in (
+        (
+            "mass",
+            found.mass,
+            "kg",
+            "mass matrix; with j0..j4 = 0 that of the centrifugal term, times -omega^2",
+        ),
+        ("gyroscopic", found.gyroscopic, "kg", "gyroscopic matrix A: -2 omega A s' and -omega' A s"),
+        ("stiffness", found.stiffness, "N/m", "stiffness matrix"),
+    ):  # fmt: skip
+        yield name, about, (square(name, matrix, unit, about),)
+    forces = (
+        ("1/m", "for a unit axial force at the first node"),
+        ("kg/m", "for the inertia of what lies before: times the acceleration along the link"),
+        ("kg", "for the centrifugal force of what lies before: times -omega^2"),
+    )
+    yield (
+        "geometric",
+        "geometric stiffness",
+        tuple(
+            square(f"geometric{k}", matrix, unit, f"geometric stiffness {about}")
+            for k, (matrix, (unit, about)) in enumerate(zip(found.geometric, forces, strict=True))
+        ),
+    )
+    yield (
+        "load",
+        "loads of the rigid motion",
+        (
+            column("load_x", found.load_x, "kg", "E: times -ax"),
+            column("load_y", found.load_y, "kg", "G: times -ay"),
+            column("load_out", found.load_out, "kg*m", "N: times omega^2"),
+            column("load_turn", found.load_turn, "kg*m", "L: times -omega'"),
+        ),
+    )
+    rows = shape_rows(element)
+    entries = sp.ImmutableMatrix([list(row) for row in rows.values()])
+    about = "displacements and strains at the station"
+    units = entry_unit("1, 1, 1/m, 1/m, 1/m, 1/m^2")
+    yield "shape", about, (NamedMatrix("shape", entries, units, about, tuple(rows), element.dofs),)

@@ -1,0 +1,316 @@
+"""Elastic links in a linkage: inputs from the rigid motion, and terms of the rigid components.
+
+The elastic motion is small and relative to the rigid motion of the rods method. Its inputs are the motion of
+every elastic link and the force on its first point (``motion_system``), and the equations of all rigid
+components, linearised about the rigid motion (``joints_system``).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+
+import sympy as sp
+
+from symgen.loads.load import Load
+from symgen.loads.measure import Profile
+from symgen.loads.torque import AppliedTorque
+from symgen.mechanics.elastic.hamilton import PX, PY
+from symgen.mechanics.elastic.moving_frame import local, moving_frame
+from symgen.mechanics.elastic.turning_axes import COSINE, SINE
+from symgen.mechanics.elastic.weights import turning_ends, weights
+from symgen.models.rods.constraints import Constraint
+from symgen.models.rods.linearised import analysis_of, linearised
+from symgen.models.rods.linkage import RodsModel
+from symgen.models.rods.matrix import named
+from symgen.scene.elastic.links import AREA_POWER, INERTIA_POWER, Crank, ElasticLink
+from symgen.scene.rods.linkage import Linkage, RigidLink, Vector, state_symbol
+from symgen.symbolic.calculus import ZERO
+from symgen.symbolic.names import Names
+from symgen.symbolic.system import Export, NamedMatrix, System
+
+#: Weights of the constants of a link, in its own axes and for ends on fixed axes, but for those that are one.
+_WEIGHTS = tuple(sorted((w for w in (*weights(), *turning_ends()) if w.value != 1), key=lambda w: w.name))
+#: Columns of ``links``: the direction, the weights of the inertia of the elastic motion, and the others. They
+#: are repeated in ``rigid_motion.h`` and :mod:`symgen.runtime.beams.frames` too.
+MOTION = (
+    "cosine",
+    "sine",
+    *(w.name for w in _WEIGHTS if w.inertial),
+    *(w.name for w in _WEIGHTS if not w.inertial and not w.applied),
+)
+#: Columns of ``loads``.
+APPLIED = tuple(w.name for w in _WEIGHTS if w.applied)
+#: Columns of ``properties``: see :class:`symgen.runtime.beams.links.Properties`.
+PROPERTIES = (
+    "length",
+    *(f"mass_{k}" for k in range(AREA_POWER + 1)),
+    *(f"rotary_{k}" for k in range(INERTIA_POWER + 1)),
+    *(f"axial_{k}" for k in range(AREA_POWER + 1)),
+    *(f"bending_{k}" for k in range(INERTIA_POWER + 1)),
+    *(f"shear_{k}" for k in range(AREA_POWER + 1)),
+    "fibre_0",
+    "fibre_1",
+    "modulus",
+    "mass_damping",
+    "stiffness_damping",
+    "damping_ratio",
+    "yield_stress",
+)
+
+
+def motion_system(linkage: Linkage) -> System:
+    """Return the System of the inputs of elastic links from the rigid motion.
+
+    ``links``: a row for every elastic link, with its direction and the weights of its constant matrices and
+    load vectors. ``loads``: weights of the forces along elastic links. ``torque``: of the motor, with its
+    slopes by angle and angular velocity. ``constants``: sections, stations, masses along links, profiles of
+    forces, crank.
+    """
+    model, names = RodsModel(linkage), Names()
+    of_links = [k.link for k in linkage.elastic]
+    moving = {k.link: _motion(model, k, names) for k in linkage.elastic}
+    matrices = [
+        _table(model, "links", [_row(MOTION, m) for m in moving.values()], "1, SI", MOTION, of_links),
+        _table(
+            model,
+            "properties",
+            [_properties(linkage, k) for k in linkage.elastic],
+            "SI",
+            PROPERTIES,
+            of_links,
+        ),
+    ]
+    constants, along = ["properties"], list(loads_along(linkage))
+    crank = linkage.crank
+    if crank:
+        row = [crank.angle, crank.speed, crank.flywheel]
+        matrices.append(_table(model, "crank", [row], "rad, rad/s, kg*m^2", ("angle", "speed", "flywheel")))
+        constants.append("crank")
+    for name, rows, unit, columns in (
+        ("stations", _stations(linkage), "1, m", ("at", "fibre")),
+        ("lumps", [[at, mass] for _, at, mass in lumps(linkage)], "m, kg", ("at", "mass")),
+        ("profiles", [profile.shape for _, profile in along], "m, 1, 1/m", ("at", "even", "slope")),
+    ):
+        if rows:
+            matrices.append(_table(model, name, rows, unit, columns))
+            constants.append(name)
+    exports = [
+        Export("links", "motion of the elastic links and force on their first points", ("links",)),
+        Export("constants", "sections, stations, masses along links and the crank", tuple(constants)),
+    ]
+    if along:
+        loads = []
+        for link, profile in along:
+            cosine, sine = (moving[link][q.symbol] for q in (COSINE, SINE))
+            own = local(_on_fixed_axes(model, profile), cosine, sine)
+            loads.append(_row(APPLIED, dict(zip((PX.symbol, PY.symbol), own, strict=True))))
+        matrices.append(_table(model, "loads", loads, "N or N/m", APPLIED))
+        exports.append(Export("loads", "forces along elastic links", ("loads",)))
+    if crank and crank.mode == "motor":
+        matrices.append(_torque(model, crank))
+        exports.append(Export("torque", "torque of the motor and its slopes", ("torque",)))
+    return analysis_of(model, "elastic_motion", matrices, exports, names)
+
+
+def joints_system(linkage: Linkage) -> System:
+    """Return the System of all rigid components, linearised about the rigid motion.
+
+    Its kernel ``joints`` gives mass, stiffness and damping by the displacements of the joints as lists of
+    entries, the ``load`` f - M a of the rigid motion, and the rows of the constraints that elastic links
+    leave, ``jacobian``, with first and second rate along the motion.
+    """
+    model = RodsModel(_without_beams(linkage))
+    bound = _bound(model, linkage)
+    coordinates = [x.symbol for x in model.coordinates]
+    accelerations = {x.symbol: a.symbol for p in model.q for x, a in zip(model.q[p], model.a[p], strict=True)}
+    load = [
+        f
+        - sp.Add(*(model.mass_entries.get((q, other), ZERO) * accelerations[other] for other in coordinates))
+        for q, f in zip(coordinates, model.applied, strict=True)
+    ]
+    names = [s.name for s in coordinates]
+    matrices = [named(model, "load", load, "N", "force less inertia in the rigid motion", rows=names)]
+    matrices += linearised(model, [c for c in bound if not _is_elastic(linkage, c)])
+    if bound:
+        matrices += _rows(model, bound, accelerations)
+    about = "the linkage without its elastic links, linearised about the rigid motion"
+    return analysis_of(
+        model, "elastic_joints", matrices, [Export("joints", about, tuple(m.name for m in matrices))]
+    )
+
+
+def lumps(linkage: Linkage) -> Iterator[tuple[str, sp.Expr, sp.Expr]]:
+    """Yield the masses along elastic links: link, distance from its first point [m], mass [kg]."""
+    for mass in linkage.masses:
+        place = _on_beam(linkage, mass.point)
+        if place:
+            yield (*place, mass.mass)
+
+
+def loads_along(linkage: Linkage) -> Iterator[tuple[str, Profile]]:
+    """Yield the forces along elastic links, each after its link. The links are in their order."""
+    for beam in linkage.elastic:
+        for _, _, load in linkage.placed_loads:
+            yield from ((beam.link, profile) for profile in _along(linkage, beam.link, load))
+
+
+def _along(linkage: Linkage, name: str, load: Load) -> Iterator[Profile]:
+    link = linkage.link(name)
+    places = {c.name: c.along * link.length for c in link.carried}
+    for term in load.terms(linkage.dimension):
+        yield from term.on.along(name, link.length, places, term.total)
+
+
+def _on_fixed_axes(model: RodsModel, profile: Profile) -> Vector:
+    """Return a force along an elastic link, in its rigid motion."""
+    force = profile.on.put(model.loads, model.loads.with_state(profile.force))
+    return profile.on.fixed(model.loads, force)
+
+
+def _on_beam(linkage: Linkage, point: str) -> tuple[str, sp.Expr] | None:
+    for beam in linkage.elastic:
+        link = linkage.link(beam.link)
+        for carried in link.carried:
+            if carried.name == point:
+                return link.name, carried.along * link.length
+    return None
+
+
+#: Description of each table.
+_ABOUT = {
+    "links": "directions of elastic links, and weights of their constant matrices and load vectors",
+    "properties": "sections, material and damping of the elastic links",
+    "crank": "direction at the start, speed and flywheel of the crank",
+    "stations": "where strains are asked for: fraction of the length, fibre",
+    "lumps": "masses along elastic links: distance from the first point, mass",
+    "profiles": "where forces along elastic links act: distance from the first point, or factors of 1 and x",
+    "loads": "weights of the loads and geometric stiffness by forces along elastic links",
+    "torque": "torque of the motor, with its slopes by angle and angular velocity",
+}
+
+
+def _table(
+    model: RodsModel,
+    name: str,
+    rows: Sequence[Sequence[sp.Expr]],
+    unit: str,
+    columns: Sequence[str],
+    labels: Sequence[str] = (),
+) -> NamedMatrix:
+    entries = [sp.sympify(e) for row in rows for e in row]
+    return named(model, name, entries, unit, _ABOUT[name], rows=labels, columns=columns)
+
+
+def _motion(model: RodsModel, beam: ElasticLink, names: Names) -> dict[sp.Symbol, sp.Expr]:
+    """Return the axes of an elastic link and the quantities of its rigid motion, by symbol."""
+    link = model.linkage.link(beam.link)
+    d, v, a = (
+        tuple(b - a for a, b in zip(of(link.start), of(link.end), strict=True))
+        for of in (model.position, model.velocity, model.acceleration)
+    )
+    felt = zip(model.acceleration(link.start), model.linkage.gravity, strict=True)
+    force = model.joint_forces.on(link.name, link.start)
+    return moving_frame(names, link.name, (d, v, a), tuple(a - g for a, g in felt), force)
+
+
+def _row(columns: Sequence[str], motion: Mapping[sp.Symbol, sp.Expr]) -> list[sp.Expr]:
+    values = {w.name: w.value for w in _WEIGHTS} | {"cosine": COSINE.symbol, "sine": SINE.symbol}
+    return [values[column].xreplace(motion) for column in columns]
+
+
+def _properties(linkage: Linkage, beam: ElasticLink) -> list[sp.Expr]:
+    s = beam.section
+    polynomials = (
+        (s.mass, AREA_POWER), (s.rotary, INERTIA_POWER), (s.axial, AREA_POWER), (s.bending, INERTIA_POWER),
+        (s.shear, AREA_POWER), (s.fibre, 1),
+    )  # fmt: skip
+    found = [linkage.link(beam.link).length]
+    for coefficients, power in polynomials:
+        found += [*coefficients, *(ZERO for _ in range(power + 1 - len(coefficients)))]
+    limit = ZERO if beam.yield_stress is None else beam.yield_stress
+    return [*found, beam.modulus, beam.mass_damping, beam.stiffness_damping, beam.damping_ratio, limit]
+
+
+def _stations(linkage: Linkage) -> list[list[sp.Expr]]:
+    rows = []
+    for station in linkage.stations:
+        beam = next(b for b in linkage.elastic if b.link == station.link)
+        x = station.at * linkage.link(station.link).length
+        outer = sp.Add(*(c * x**k for k, c in enumerate(beam.section.fibre)))
+        rows.append([station.at, outer if station.fibre is None else station.fibre])
+    return rows
+
+
+def _torque(model: RodsModel, crank: Crank) -> NamedMatrix:
+    angle, rate = (state_symbol(f"{crank.link}.{word}") for word in ("angle", "angular_velocity"))
+    row = [crank.torque, sp.diff(crank.torque, angle), sp.diff(crank.torque, rate)]
+    return _table(
+        model,
+        "torque",
+        [model.loads.with_state(row)],
+        "N*m, N*m/rad, N*m*s/rad",
+        ("torque", "by_angle", "by_rate"),
+    )
+
+
+def _without_beams(linkage: Linkage) -> Linkage:
+    """Return the linkage with its elastic links massless, and the motor on a crank that is rigid."""
+    beams = {b.link for b in linkage.elastic}
+    carried = {c.name for b in beams for c in linkage.link(b).carried}
+    crank, loads = linkage.crank, list(linkage.loads)
+    loads = [x for x in loads if not any(any(_along(linkage, b, x)) for b in beams)]
+    if crank and crank.link not in beams and crank.mode == "motor":
+        loads.append(AppliedTorque("motor", crank.link, (crank.torque,)))
+
+    def left(link: RigidLink) -> RigidLink:
+        return replace(link, mass=ZERO, inertia=ZERO) if link.name in beams else link
+
+    return replace(
+        linkage,
+        links=tuple(left(k) for k in linkage.links),
+        masses=tuple(m for m in linkage.masses if m.point not in carried),
+        loads=tuple(loads),
+    )
+
+
+def _bound(model: RodsModel, linkage: Linkage) -> list[Constraint]:
+    """Return the constraints that the elastic motion keeps: lengths of rigid links, guides, a held crank."""
+    stretching = {b.link for b in linkage.elastic if b.axial}
+    beams = {b.link for b in linkage.elastic}
+    crank = linkage.crank
+    free = {f"{crank.link}_drive"} if crank and (crank.mode != "held" or crank.link in beams) else set()
+    return [c for c in model.constraints if c.link not in stretching and c.name not in free]
+
+
+def _is_elastic(linkage: Linkage, constraint: Constraint) -> bool:
+    """Return whether a constraint is the length of an elastic link, whose elements hold its axial force."""
+    return any(b.link == constraint.link for b in linkage.elastic)
+
+
+def _rows(
+    model: RodsModel, bound: Sequence[Constraint], accelerations: dict[sp.Symbol, sp.Symbol]
+) -> Iterator[NamedMatrix]:
+    """Yield the Jacobian of the constraints by the free coordinates, with first and second rate."""
+    calculus = model.calculus
+    kept = [
+        {s: slope / c.scale for s, slope in gradient.items()}
+        for c, gradient in zip(model.constraints, model.jacobian, strict=True)
+        if c in bound
+    ]
+
+    def second(expression: sp.Expr) -> sp.Expr:
+        by = calculus.gradient(expression)
+        return sp.Add(
+            calculus.rate(calculus.rate(expression)), *(slope * accelerations[s] for s, slope in by.items())
+        )
+
+    rows, columns = [c.name for c in bound], [x.name for x in model.coordinates]
+    for name, unit, of in (
+        ("jacobian", "1", lambda e: e),
+        ("jacobian_rate", "1/s", calculus.rate),
+        ("jacobian_second_rate", "1/s^2", second),
+    ):
+        entries = [of(row.get(x.symbol, ZERO)) for row in kept for x in model.coordinates]
+        about = f"{name.replace('_', ' ')} of the constraints over their scale"
+        yield named(model, name, entries, unit, about, rows=rows, columns=columns)

@@ -1,0 +1,87 @@
+"""One rigid element of a link as a building block: its [d], a force on it, and its inertia."""
+
+from __future__ import annotations
+
+import sympy as sp
+
+from symgen.mechanics.elastic import rigid_elements
+from symgen.mechanics.elastic.rigid_elements import NODAL
+from symgen.symbolic.quantity import AXES, Quantity, quantity
+from symgen.symbolic.system import Export, Group, NamedMatrix, System
+
+REFERENCE = "The thesis on kineto-elastodynamics, Chapter IV, Eqs. (4.1)-(4.10)"
+_ROWS, _UNITS = ("x", "y", "moment"), "1, 1, m"
+
+
+def rigid_element_system() -> System:
+    """Return the System of one rigid element between the nodes i and k, with a point p of it."""
+    plane = tuple(AXES[:2])
+    places = {
+        letter: [quantity(f"{letter}_{a}", "m", f"{a} position of {what}") for a in plane]
+        for letter, what in (
+            ("i", "the first node"),
+            ("k", "the second node"),
+            ("p", "a point of the element"),
+        )
+    }
+    moved = {
+        letter: [quantity(f"{name}_{a}", "m/s^2", f"{a} component of the {what}") for a in plane]
+        for letter, name, what in (
+            ("i", "a_i", "acceleration of the first node"),
+            ("k", "a_k", "acceleration of the second node"),
+            ("g", "g", "acceleration of free fall"),
+        )
+    }
+    mass = quantity("m", "kg", "mass")
+    along = quantity("c_along", "1", "centre of mass on the way from the first node to the second")
+    across = quantity("c_across", "1", "centre of mass to the left of that way, over its length")
+    moment = quantity("I_c", "kg*m^2", "moment of inertia about the centre of mass")
+    start, end, point = (_symbols(places[letter]) for letter in "ikp")
+    first, second, gravity = (_symbols(moved[letter]) for letter in "ikg")
+
+    def between(a: tuple[sp.Symbol, ...], b: tuple[sp.Symbol, ...]) -> tuple[sp.Expr, ...]:
+        """Return the value at the centre of mass of a vector field given at both nodes."""
+        d = tuple(y - x for x, y in zip(a, b, strict=True))
+        turned = (-d[1], d[0])
+        parts = zip(a, d, turned, strict=True)
+        return tuple(x + along.symbol * y + across.symbol * z for x, y, z in parts)
+
+    centre = between(start, end)
+    d, relative = (
+        tuple(y - x for x, y in zip(*pair, strict=True)) for pair in ((start, end), (first, second))
+    )
+    turning = rigid_elements.angular_acceleration(d, relative)
+    right = rigid_elements.inertia(mass.symbol, moment.symbol, between(first, second), turning, gravity)
+    at_nodes = tuple(f"{name} at {node}" for node in "ik" for name in NODAL)
+    matrices = (
+        NamedMatrix(
+            "nodal_matrix", rigid_elements.nodal_matrix(start, end, centre), _UNITS,
+            "[d]: forces and moments at both nodes, as they act at the centre of mass", _ROWS, at_nodes,
+        ),
+        NamedMatrix(
+            "point_matrix", rigid_elements.point_matrix(point, centre), _UNITS,
+            "a force at the point p, as it acts at the centre of mass", _ROWS, plane,
+        ),
+        NamedMatrix(
+            "inertia", sp.ImmutableMatrix(3, 1, right), "N, N, N*m",
+            "mass times acceleration less gravity, and moment of inertia times angular acceleration", _ROWS,
+        ),
+    )  # fmt: skip
+    return System(
+        name="rigid_element",
+        title="One rigid element of a link in the plane",
+        groups=(
+            Group("q", "positions of the nodes and of a point", tuple(x for p in "ikp" for x in places[p])),
+            Group(
+                "u", "accelerations of the nodes and of free fall", tuple(x for p in "ikg" for x in moved[p])
+            ),
+            Group("p", "mass properties", (mass, along, across, moment)),
+        ),
+        matrices=matrices,
+        exports=tuple(Export(m.name, m.description, (m.name,)) for m in matrices),
+        references=(REFERENCE,),
+    )
+
+
+def _symbols(quantities: list[Quantity]) -> tuple[sp.Symbol, ...]:
+    return tuple(x.symbol for x in quantities)

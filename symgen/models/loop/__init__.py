@@ -1,0 +1,1 @@
+"""From a closed loop of links to its System."""

@@ -1,0 +1,215 @@
+"""Outputs of a scene with a loop; one line each in the tables below."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING
+
+import sympy as sp
+
+from symgen.errors import SceneError, nearest
+from symgen.symbolic.dual import cross
+from symgen.symbolic.quantity import AXES
+from symgen.symbolic.system import NamedMatrix
+
+if TYPE_CHECKING:
+    from symgen.models.loop.derivation import LoopModel
+
+Entries = tuple[Sequence[sp.Expr], str, str]
+
+
+def _value(model: LoopModel, j: int) -> Entries:
+    v = model.variables[j]
+    return [v.quantity.symbol], v.quantity.unit, v.quantity.description
+
+
+def _rate(model: LoopModel, j: int) -> Entries:
+    v = model.variables[j]
+    return [v.rate.symbol], v.rate.unit, v.rate.description
+
+
+def _acceleration(model: LoopModel, j: int) -> Entries:
+    v = model.variables[j]
+    return [v.acceleration.symbol], v.acceleration.unit, v.acceleration.description
+
+
+def _drive(model: LoopModel, j: int) -> Entries:
+    v = model.variables[j]
+    turns = v.quantity.unit == "rad"
+    return (
+        [model.joints[1][j]],
+        "N*m" if turns else "N",
+        f"{'torque' if turns else 'force'} of the drive at {v.name}",
+    )
+
+
+def _force(model: LoopModel, joint: int, sign: int, link: str) -> Entries:
+    wrench = model.joints[0][joint - 1]
+    return [sign * x for x in wrench.real], "N", f"force on {link} at joint {joint}, in frame {{{joint}}}"
+
+
+def _moment(model: LoopModel, joint: int, sign: int, link: str) -> Entries:
+    wrench = model.joints[0][joint - 1]
+    about = f"moment on {link} at joint {joint} about the origin of frame {{{joint}}}, in that frame"
+    return [sign * x for x in wrench.dual], "N*m", about
+
+
+def _position(model: LoopModel, k: int) -> Entries:
+    return model.frame(k).origin, "m", f"origin of the frame of {model.links[k - 1]}"
+
+
+def _velocity(model: LoopModel, k: int) -> Entries:
+    found = model.frame(k).vector(model.velocity(k).dual)
+    return found, "m/s", f"velocity of the origin of the frame of {model.links[k - 1]}"
+
+
+def _link_acceleration(model: LoopModel, k: int) -> Entries:
+    velocity, rate = model.velocity(k), model.acceleration(k)
+    turned = cross(velocity.real, velocity.dual)
+    found = model.frame(k).vector([a + x for a, x in zip(rate.dual, turned, strict=True)])
+    return found, "m/s^2", f"acceleration of the origin of the frame of {model.links[k - 1]}"
+
+
+def _angular_velocity(model: LoopModel, k: int) -> Entries:
+    w = model.velocity(k).real
+    if _idle(model, k):  # the frame spins, the link does not
+        w = (sp.Integer(0), w[1], w[2])
+    return model.frame(k).vector(w), "rad/s", f"angular velocity of {model.links[k - 1]}"
+
+
+def _angular_acceleration(model: LoopModel, k: int) -> Entries:
+    w, rate = model.velocity(k).real, model.acceleration(k).real
+    if _idle(model, k):
+        own = (sp.Integer(0), w[1], w[2])
+        turned = cross(w, own)
+        rate = (turned[0], rate[1] + turned[1], rate[2] + turned[2])
+    return model.frame(k).vector(rate), "rad/s^2", f"angular acceleration of {model.links[k - 1]}"
+
+
+def _centre(model: LoopModel, k: int) -> Entries:
+    link = model.links[k - 1]
+    if model.loop.body(k - 1) is None:
+        raise SceneError(f"link {link!r} has no mass, so no centre of mass", where=f"loop.links.{link}.mass")
+    return model.centre(k), "m", f"centre of mass of {link}"
+
+
+def _idle(model: LoopModel, k: int) -> bool:
+    body = model.loop.body(k - 1)
+    return body is not None and body.idle
+
+
+def _kinetic_energy(model: LoopModel) -> Entries:
+    return [model.kinetic_energy], "J", "kinetic energy"
+
+
+def _potential_energy(model: LoopModel) -> Entries:
+    return [model.potential_energy], "J", "potential of gravity"
+
+
+def _energy(model: LoopModel) -> Entries:
+    return [model.kinetic_energy + model.potential_energy], "J", "kinetic plus potential energy"
+
+
+def _power(model: LoopModel) -> Entries:
+    return [model.power], "W", "power of drives and loads"
+
+
+#: Outputs of a variable, of a joint of a link, of a link, and of the whole loop, by word.
+OF_VARIABLES: dict[str, Callable[[LoopModel, int], Entries]] = {
+    "": _value,
+    "rate": _rate,
+    "acceleration": _acceleration,
+    "drive": _drive,
+}
+OF_JOINTS: dict[str, Callable[[LoopModel, int, int, str], Entries]] = {"force": _force, "moment": _moment}
+OF_LINKS: dict[str, Callable[[LoopModel, int], Entries]] = {
+    "position": _position,
+    "velocity": _velocity,
+    "acceleration": _link_acceleration,
+    "angular_velocity": _angular_velocity,
+    "angular_acceleration": _angular_acceleration,
+    "centre": _centre,
+}
+OF_THE_WHOLE: dict[str, Callable[[LoopModel], Entries]] = {
+    "kinetic_energy": _kinetic_energy,
+    "potential_energy": _potential_energy,
+    "energy": _energy,
+    "power": _power,
+}
+#: Words that hold masses, and those that hold the closing wrench, so the forces of the loop.
+INERTIAL = {"kinetic_energy", "potential_energy", "energy"}
+DYNAMIC = {"drive", "power", *OF_JOINTS}
+
+
+def asked(model: LoopModel) -> list[NamedMatrix]:
+    """Return one matrix for each output the scene asks for, or for each that it has by default.
+
+    Raises
+    ------
+    SceneError
+        For an unknown or repeated output, and for a link without mass where a force is requested.
+    """
+    given = model.loop.outputs
+    names = tuple(default(model)) if given is None else given
+    found = []
+    for i, name in enumerate(names):
+        where = "" if given is None else f"analysis.outputs.{i}"
+        try:
+            if name in names[:i]:
+                raise SceneError(f"{name!r} is listed twice")
+            entries, unit, description = _entries(model, name)
+        except SceneError as error:
+            raise (error if error.where else error.located(where=where)) from None
+        rows = tuple(AXES) if len(entries) == 3 else ()
+        matrix = sp.ImmutableMatrix(len(entries), 1, list(entries))
+        found.append(NamedMatrix(name, matrix, unit, description, rows))
+    return found
+
+
+def default(model: LoopModel) -> list[str]:
+    """Return the outputs of a scene without a list: all motions, and all forces where there are any."""
+    names = [f"{v.name}{word}" for v in model.variables for word in ("", ".rate", ".acceleration")]
+    if model.has_dynamics:
+        names += [f"{v.name}.drive" for v in model.variables if v.effort is None or v.effort != 0]
+        links = [*model.links, model.loop.rows[-1].link]
+        names += [f"{link}.joint{k}.{word}" for k, link in enumerate(links, 1) for word in OF_JOINTS]
+    return names
+
+
+def needs(name: str) -> set[str]:
+    """Return the needs of an output besides motion: ``mass``, and ``forces`` for the closing wrench."""
+    word = name.rpartition(".")[2]
+    return ({"mass"} if word in INERTIAL | DYNAMIC else set()) | ({"forces"} if word in DYNAMIC else set())
+
+
+def _entries(model: LoopModel, name: str) -> Entries:
+    if needs(name):
+        model.check_masses(f"the output {name!r}")
+    if name in OF_THE_WHOLE:
+        return OF_THE_WHOLE[name](model)
+    owner, _, word = name.partition(".")
+    variable = model.variable(owner)
+    if variable is not None and word in OF_VARIABLES:
+        return OF_VARIABLES[word](model, variable)
+    if owner in model.links and word in OF_LINKS:
+        return OF_LINKS[word](model, model.links.index(owner) + 1)
+    joint, _, word = word.partition(".")
+    sides = _sides(model)
+    if (owner, joint) in sides and word in OF_JOINTS:
+        return OF_JOINTS[word](model, *sides[owner, joint], owner)
+    known = [*OF_THE_WHOLE]
+    known += [f"{v.name}.{w}".rstrip(".") for v in model.variables for w in OF_VARIABLES]
+    known += [f"{k}.{w}" for k in model.links for w in OF_LINKS]
+    known += [f"{link}.{joint}.{w}" for link, joint in sides for w in OF_JOINTS]
+    raise SceneError(f"there is no output {name!r}", hint=nearest(name, known))
+
+
+def _sides(model: LoopModel) -> dict[tuple[str, str], tuple[int, int]]:
+    """Return joint and sign by link and joint: the wrench is that on the link after the joint."""
+    ground = model.loop.rows[-1].link
+    links = [ground, *model.links, ground]
+    found = {}
+    for k in range(1, len(links)):
+        found[links[k - 1], f"joint{k}"] = (k, -1)
+        found[links[k], f"joint{k}"] = (k, 1)
+    return found

@@ -1,0 +1,292 @@
+"""System of a loop: derived matrices with names and units, and the kernels to generate."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+import sympy as sp
+
+from symgen.errors import SceneError
+from symgen.models.loop import outputs as loop_outputs
+from symgen.models.loop.derivation import REFERENCE, LoopModel, entries
+from symgen.scene.loop.loop import ENTRIES, Loop
+from symgen.scene.rods.linkage import TIME
+from symgen.symbolic.dual import DualVector
+from symgen.symbolic.system import Export, Group, NamedMatrix, System
+
+_FRAME = ("ix jx kx px", "iy jy ky py", "iz jz kz pz")
+_SCREW = ("wx", "wy", "wz", "vx", "vy", "vz")
+_MOMENTUM = ("px", "py", "pz", "hx", "hy", "hz")
+_WRENCH = ("fx", "fy", "fz", "mx", "my", "mz")
+
+
+def loop_system(loop: Loop) -> System:
+    """Return the System of a loop: every step of the derivation, and the kernels that its outputs need.
+
+    Raises
+    ------
+    SceneError
+        For an output the loop does not have, and a link without mass where a force is asked.
+    """
+    try:
+        return _assemble(LoopModel(loop))
+    except SceneError as error:
+        raise error.located(file=loop.file) from None
+
+
+def _assemble(model: LoopModel) -> System:
+    loop = model.loop
+    asked = loop_outputs.asked(model)
+    needs = {need for m in asked for need in loop_outputs.needs(m.name)}
+    free = loop.having("free")
+    if free:
+        model.check_masses(f"the motion of the free {free[0].name!r}")
+        needs |= {"mass", "forces"}
+    motion, exports = _motion(model, "forces" in needs)
+    dynamics, kernels = _dynamics(model, bool(free)) if "forces" in needs else ([], [])
+    steps = _steps(model, "mass" in needs)
+    derived = {m.name for m in (*motion, *dynamics)}
+    _check_names(model, {*derived, *loop_outputs.OF_THE_WHOLE, *(m.name for m in steps)})
+    return System(
+        name=loop.name,
+        title=loop.title,
+        groups=groups(model),
+        matrices=(*motion, *dynamics, *(m for m in asked if m.name not in derived), *steps),
+        exports=(
+            *exports,
+            *kernels,
+            Export("outputs", "what the scene asks to record", tuple(m.name for m in asked)),
+        ),
+        definitions=model.names.definitions,
+        references=(REFERENCE,),
+        left_out=tuple(_left_out(model, needs)),
+    )
+
+
+def _check_names(model: LoopModel, made: set[str]) -> None:
+    """Refuse a variable with the name of a derived quantity: their outputs would have the same name."""
+    for v in model.variables:
+        if v.name in made:
+            raise SceneError(
+                f"{v.name!r} is what symgen calls something of the loop",
+                where=f"loop.{'free' if v.role == 'free' else 'inputs'}.{v.name}",
+                hint="Choose another name for this variable.",
+            )
+
+
+def groups(model: LoopModel) -> tuple[Group, ...]:
+    """Return the argument arrays that every kernel of a loop takes."""
+    return (
+        Group("t", "time", (TIME,)),
+        Group("q", "joint variables", tuple(v.quantity for v in model.variables)),
+        Group("u", "rates of the joint variables", tuple(v.rate for v in model.variables)),
+        Group("p", "tunable parameters", tuple(p.quantity for p in model.loop.parameters), per_run=True),
+        Group(
+            "work",
+            "accelerations of the joint variables, then the closing wrench",
+            (*(v.acceleration for v in model.variables), *model.closing),
+        ),
+    )
+
+
+def _motion(model: LoopModel, forces: bool) -> tuple[list[NamedMatrix], list[Export]]:
+    """Return inputs, closure, screws and what their rates leave, with their kernels."""
+    names = [v.name for v in model.variables]
+    paths, count = model.paths, len(names)
+    b = paths.closure
+    defect = (b.turn - sp.eye(3)).row_join(sp.Matrix(b.origin))
+    matrices, exports = [], []
+    inputs = model.loop.having("input")
+    if inputs:
+        matrices.append(
+            _matrix(
+                "inputs",
+                sp.Matrix([row for v in inputs for row in [_jet(model, v.motion)]]),
+                ", ".join(x.unit for v in inputs for x in (v.quantity, v.rate, v.acceleration)),
+                "prescribed motions: value, rate, acceleration",
+                [v.name for v in inputs],
+                ("value", "rate", "acceleration"),
+            )
+        )
+        exports.append(Export("inputs", "prescribed motions by time", ("inputs",)))
+    exact = paths.columns(paths.exact_screws, count)
+    screws = paths.columns(paths.screws, count)
+    about = "screws of the joint variables in the first frame"
+    matrices += [
+        _matrix(
+            "closure_defect", defect, "1, m", "B - I of the closure B = T_1 ... T_n: turn and shift", "xyz"
+        ),
+        _matrix("closure_jacobian", exact, "1, m", f"{about}: exact also where it is open", _SCREW, names),
+        _matrix("screws", screws, "1, m", f"{about}, by the shorter way", _SCREW, names),
+    ]
+    exports.append(
+        Export("position", "closure defect and its derivative", ("closure_defect", "closure_jacobian"))
+    )
+    moving = ["screws", "screw_drift"]
+    rates = paths.columns(paths.screw_rates(), count)
+    matrices += [
+        _matrix("screw_rates", rates, "1/s, m/s", f"rates of the {about}", _SCREW, names),
+        _matrix(
+            "screw_drift",
+            rates * sp.Matrix(model.rates),
+            "rad/s^2, m/s^2",
+            "what the rates leave: sum of screws times accelerations + drift = 0",
+            _SCREW,
+        ),
+    ]
+    if forces and model.swapped():
+        moving.append("screw_rates")
+    exports.append(Export("motion", "screws and what their rates leave", tuple(moving)))
+    table = [e for row in model.loop.rows for e in entries(row)]
+    rows = [f"row{i + 1}" for i in range(len(model.rows))]
+    matrices.append(
+        _matrix(
+            "rows", sp.Matrix(len(rows), len(ENTRIES), table), "rad, m", "link-joint table", rows, ENTRIES
+        )
+    )
+    exports.append(Export("rows", "the link-joint table", ("rows",)))
+    return matrices, exports
+
+
+def _jet(model: LoopModel, motion: sp.Expr) -> list[sp.Expr]:
+    """Return value, rate and acceleration of a prescribed motion."""
+    t = TIME.symbol
+    rate = sp.diff(motion, t)
+    return [motion, rate, sp.diff(rate, t)]
+
+
+def _dynamics(model: LoopModel, free: bool) -> tuple[list[NamedMatrix], list[Export]]:
+    """Return efforts, energies and, for free variables, the mass matrix, with their kernels."""
+    names = [v.name for v in model.variables]
+    unit = ", ".join(dict.fromkeys("N*m" if v.quantity.unit == "rad" else "N" for v in model.variables))
+    matrices = [
+        _matrix(
+            "inverse_efforts",
+            sp.Matrix(model.inverse_efforts),
+            unit,
+            "efforts that motion and loads ask of the variables, all but what the closing wrench does",
+            names,
+        ),
+        _matrix(
+            "given_efforts", sp.Matrix(model.given_efforts), unit, "known efforts of drives, else 0", names
+        ),
+        _matrix("kinetic_energy", sp.Matrix([model.kinetic_energy]), "J", "kinetic energy"),
+        _matrix("potential_energy", sp.Matrix([model.potential_energy]), "J", "potential of gravity"),
+        _matrix("power", sp.Matrix([model.power]), "W", "power of drives and loads"),
+    ]
+    exports = [
+        Export("inverse", "efforts of motion and loads", ("inverse_efforts",)),
+        Export("given", "known efforts", ("given_efforts",)),
+        Export(
+            "energy",
+            "energies, and power of drives and loads",
+            ("kinetic_energy", "potential_energy", "power"),
+        ),
+    ]
+    if free:
+        matrices.append(
+            _matrix(
+                "mass_matrix",
+                sp.Matrix(model.mass_matrix),
+                "kg*m^2, kg*m, kg",
+                "derivative of the inverse efforts by the accelerations",
+                names,
+                names,
+            )
+        )
+        exports.append(Export("mass_matrix", "mass matrix of the joint variables", ("mass_matrix",)))
+    return matrices, exports
+
+
+def _steps(model: LoopModel, mass: bool) -> list[NamedMatrix]:
+    """Return the steps of the derivation that no kernel writes, in the order of the source."""
+    found = [
+        _matrix(f"row_{i}_transform", t.beside, "1, m", f"T_{i} = real part | dual part", "xyz")
+        for i, t in enumerate(model.paths.transforms, 1)
+    ]
+    found += [
+        _matrix(
+            f"{v.name}_operator",
+            model.paths.operator(j).beside,
+            "1, m",
+            f"H of dB/d{v.name} = H B, real part | dual part: the operator of its screw",
+            "xyz",
+        )
+        for j, v in enumerate(model.variables)
+    ]
+    for k, link in enumerate(model.links, 1):
+        frame = model.frame(k)
+        placed = frame.turn.row_join(sp.Matrix(frame.origin))
+        here = f"of {link}, in its frame about its origin"
+        found += [
+            _matrix(f"{link}_frame", placed, "1, m", f"frame of {link} in the first: axes and origin", "xyz"),
+            _screw(f"{link}_motion", model.velocity(k), "rad/s, m/s", f"dual velocity {here}", _SCREW),
+            _screw(
+                f"{link}_motion_rate",
+                model.acceleration(k),
+                "rad/s^2, m/s^2",
+                f"rate of the dual velocity {here}",
+                _SCREW,
+            ),
+        ]
+        if mass:
+            body = model.bodies[k - 1]
+            found += [
+                _matrix(f"{link}_binor", model.inertia(k).binor, "kg, kg*m, kg*m^2", f"inertia binor {here}"),
+                _screw(
+                    f"{link}_momentum",
+                    body.momentum,
+                    "kg*m/s, kg*m^2/s",
+                    f"dual momentum {here}",
+                    _MOMENTUM,
+                ),
+                _screw(
+                    f"{link}_inertia_wrench",
+                    body.wrench,
+                    "N, N*m",
+                    f"rate of the momentum, less the weight, {here}",
+                    _WRENCH,
+                ),
+            ]
+    if mass:
+        found += [
+            _screw(
+                f"joint_{k}_wrench",
+                wrench,
+                "N, N*m",
+                f"wrench of the link before joint {k} on the one behind it, in frame {{{k}}}",
+                _WRENCH,
+            )
+            for k, wrench in enumerate(model.joints[0], 1)
+        ]
+    return found
+
+
+def _left_out(model: LoopModel, needs: Iterable[str]) -> Iterable[str]:
+    if model.has_dynamics and "forces" not in needs:
+        masses = "masses enter, but no loads" if "mass" in needs else "masses and loads"
+        yield f"dynamics: no output asks for a force or a power ({masses})"
+    for k, link in enumerate(model.links, 1):
+        body = model.loop.body(k - 1)
+        if body is not None and body.idle:
+            yield (
+                f"link {link}: the inertia about the line of its two balls, about which it does not spin; "
+                f"its frame does"
+            )
+        if "forces" in needs and body is not None and body.mass == 0 and not any(map(any, body.inertia)):
+            yield f"link {link}: it has no mass, so no inertia"
+
+
+def _matrix(
+    name: str,
+    matrix: sp.MatrixBase,
+    unit: str,
+    description: str,
+    rows: Sequence[str] = (),
+    columns: Sequence[str] = (),
+) -> NamedMatrix:
+    return NamedMatrix(name, sp.ImmutableMatrix(matrix), unit, description, tuple(rows), tuple(columns))
+
+
+def _screw(name: str, screw: DualVector, unit: str, description: str, rows: Sequence[str]) -> NamedMatrix:
+    return _matrix(name, screw.column, unit, description, rows)

@@ -1,0 +1,265 @@
+"""Attia's own form of the equations of motion: momentum rows of a linkage, for inspection and proof.
+
+Source: H. A. Attia, *Dynamic Analysis of a Chain of Rigid Rods*, Eqs. (12) to (16). Runs use the symmetric
+form of ``rods``; these rows are derived only for display. The two sides of a cut have one name, so
+the cut's own rows are satisfied identically, and its force is an unknown.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import sympy as sp
+
+from symgen.errors import DerivationError, SceneError
+from symgen.mechanics.rods.momentum import effective_lever, moment, perpendicular, smallest_axis
+from symgen.mechanics.rods.particles import Vector, dot
+from symgen.models.momentum.completeness import check_complete
+from symgen.models.momentum.outboard import Outboard
+from symgen.models.rods.linkage import REFERENCE, RodsModel
+from symgen.models.rods.matrix import named
+from symgen.scene.rods.linkage import TIME, Linkage
+from symgen.symbolic.calculus import ONE, ZERO
+from symgen.symbolic.quantity import Quantity
+from symgen.symbolic.system import Group, NamedMatrix, System
+
+Coefficients = dict[sp.Symbol, sp.Expr]
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """One equation: the sum of coefficients times unknowns is ``rhs``."""
+
+    name: str
+    coefficients: Coefficients
+    rhs: sp.Expr
+
+
+@dataclass(slots=True)
+class Rows:
+    """Rows that belong together, with unit and meaning."""
+
+    name: str
+    unit: str
+    description: str
+    rows: list[Row] = field(default_factory=list)
+
+
+def momentum_system(linkage: Linkage) -> System:
+    """Return the momentum rows of a linkage as a System.
+
+    One matrix for each set of rows, linear in the unknowns x (accelerations, forces at cuts, multipliers of
+    guides and drives, reactions) and zero along the motion; then ``matrix`` and ``rhs`` of all of them,
+    A x = b.
+
+    Raises
+    ------
+    DerivationError
+        When the linkage holds a mass or a load that these rows do not know.
+    """
+    try:
+        model = RodsModel(linkage)
+        model.check_masses()
+        form = MomentumForm(model)
+        check_complete(form)
+    except SceneError as error:
+        raise error.located(file=linkage.file) from None
+    return form.system()
+
+
+class MomentumForm(Outboard):
+    """The derivation; each method makes one kind of rows."""
+
+    def moments(self, body: str) -> Rows:
+        """Eq. (12), in space Eq. (13): moment of momentum of everything outboard about the inner joint."""
+        bodies, points = self.tree.outboard(body)
+        joint = self.tree.inner[body]
+        pivot = self.model.position(joint)
+        number = "12" if len(pivot) == 2 else "13"
+        about = f"rate of the moment of momentum of {', '.join(bodies)} about {joint}, less that of the loads"
+        made = Rows(f"{body}_moment", "N*m", f"Eq. ({number}): {about}")
+        levers: dict[str, list[Vector]] = {}
+        for mass, shares, place in self.masses(bodies, points):
+            lever = _difference(place, pivot)
+            for point, (along, across) in shares.items():
+                effective = effective_lever(lever, along, across)
+                levers.setdefault(point, []).append(tuple(mass * c for c in effective))
+        weighted = {p: self._weighted_lever(body, p, terms) for p, terms in levers.items()}
+        axes = self._axes(body)
+        for axis_name, axis in axes.items():
+            coefficients: Coefficients = {}
+            for point, lever in weighted.items():
+                by = _turned(lever, axis)
+                _add(coefficients, zip(self.model.symbols(self.model.a[point]), by, strict=True))
+            rhs = []
+            for push in self.pushes(bodies, points):
+                known = dot(axis, moment(_difference(push.place, pivot), push.force))
+                rhs.append(known) if push.unknown is None else _add(coefficients, [(push.unknown, -known)])
+            for couple, unknown in self.couples(bodies):
+                known = dot(axis, couple)
+                rhs.append(known) if unknown is None else _add(coefficients, [(unknown, -known)])
+            made.rows.append(Row(axis_name, coefficients, sp.Add(*rhs)))
+        return made
+
+    def _weighted_lever(self, body: str, point: str, terms: list[Vector]) -> Vector:
+        """Name the bracket of Eq. (12) that stands before the acceleration of a point."""
+        about = f"sum of mass times lever before the acceleration of {point} in the row of {body}"
+        return tuple(
+            self.define(
+                f"{body}_{point}_lever_{axis}", sp.Add(*(t[i] for t in terms)), "kg*m", f"{axis} {about}"
+            )
+            for i, axis in enumerate(self.model.axes)
+        )
+
+    def _axes(self, body: str) -> dict[str, Vector]:
+        """Return the directions on which a moment is projected: out of the plane, or two across the body."""
+        if len(self.model.axes) == 2:
+            return {body: (ONE,)}
+        d, length, names = self.model.along[body], self.link[body].length, self.model.axes
+
+        def define(name: str, vector: Vector, unit: str, about: str) -> Vector:
+            described = (
+                (f"{body}_{name}_{a}", c, unit, f"{a} component of {about}")
+                for a, c in zip(names, vector, strict=True)
+            )
+            return tuple(self.define(*x) for x in described)
+
+        axis = define("e", smallest_axis(d), "1", f"the axis nearest to lying across {body}")
+        crossed, size = perpendicular(d, axis)
+        size = self.define(f"{body}_across", size, "m", f"size of the product of {body}_d and {body}_e")
+        first = define("t1", tuple(c / size for c in crossed), "1", f"a unit vector across {body}")
+        second = define(
+            "t2", tuple(c / length for c in moment(d, first)), "1", f"the other one across {body}"
+        )
+        return {f"{body}_t1": first, f"{body}_t2": second}
+
+    def momentum(self, point: str) -> Rows | None:
+        """Eq. (15): linear momentum of all that is beyond a root, or a ground point with its reaction."""
+        bodies, points = self.tree.beyond(point)
+        ground = point in self.model.ground
+        what = f"{', '.join(bodies)} beyond {point}" if bodies else point
+        about = f"Eq. (15): rate of the linear momentum of {what}, less the loads"
+        made = Rows(f"{point}_momentum", "N", about + (" and the reaction" if ground else ""))
+        pushes = list(self.pushes(bodies, points))
+        masses = list(self.masses(bodies, points))
+        if ground and not (pushes or masses):
+            return None
+        for i, axis in enumerate(self.model.axes):
+            coefficients: Coefficients = {}
+            for mass, shares, _ in masses:
+                for p, (along, across) in shares.items():
+                    a = self.model.symbols(self.model.a[p])
+                    _add(coefficients, [(a[i], mass * along)])
+                    if across != 0:
+                        _add(coefficients, [(a[1 - i], mass * across * (2 * i - 1))])
+            rhs = [p.force[i] for p in pushes if p.unknown is None]
+            _add(coefficients, [(p.unknown, -p.force[i]) for p in pushes if p.unknown is not None])
+            if ground:
+                coefficients[self.reactions[point][i].symbol] = -ONE
+            made.rows.append(Row(f"{point}_{axis}", coefficients, sp.Add(*rhs)))
+        return made
+
+    @cached_property
+    def reactions(self) -> dict[str, tuple[Quantity, ...]]:
+        """Reaction at each ground point, but for rails, whose guides put forces on them that no row tells."""
+        model = self.model
+        rails = {g.along for g in self.linkage.guides} & set(model.idle)
+        ends = {p for name in rails for p in self.linkage.link(name).base}
+        ends |= {p for p in model.points if model.is_fixed(p) and p not in model.ground}
+        ends = {s for p in ends for s in model.supports(p)}
+        return {
+            p: self.unknown_force(f"{p}_reaction", f"reaction at {p}")
+            for p in self.model.ground
+            if p not in ends
+        }
+
+    def bonds(self) -> Iterator[Rows]:
+        """Eq. (14) for each length, Eq. (16b) for guides, and the other bonds, twice differentiated."""
+        model = self.model
+        guides = {row.constraint.name for row in model.guides}
+        free = [(q.symbol, a.symbol) for p in model.free for q, a in zip(model.q[p], model.a[p], strict=True)]
+        for c, row, rhs in zip(model.constraints, model.jacobian, model.acceleration_rhs, strict=True):
+            number = "Eq. (14): " if c.link else "Eq. (16b): " if c.name in guides else ""
+            unit = {"m^2": "m^2/s^2", "m": "m/s^2"}[c.unit]
+            coefficients = {a: row[q] for q, a in free if q in row}
+            name = f"{c.name}_length" if c.link else c.name
+            yield Rows(name, unit, f"{number}{c.label}, twice differentiated", [Row(name, coefficients, rhs)])
+
+    # --- together -----------------------------------------------------------------------------------------
+
+    def system(self) -> System:
+        """Return all rows, and the square system they make."""
+        model = self.model
+        parts = [self.moments(body) for body in self.tree.inner]
+        parts += [r for p in (*self.tree.roots, *self.reactions) if (r := self.momentum(p)) is not None]
+        parts += self.bonds()
+        rows = [row for part in parts for row in part.rows]
+        appearing = {s for row in rows for s in row.coefficients}
+        unknowns = [a for p in model.free for a in model.a[p]]
+        unknowns += [x for force in self.cut_forces.values() for x in force]
+        unknowns += [model.multipliers[c.name] for c in self.forced]
+        unknowns += [x for force in self.reactions.values() for x in force if x.symbol in appearing]
+        if len(rows) != len(unknowns):
+            raise DerivationError(
+                f"{self.linkage.name}: {len(rows)} momentum rows and constraints for {len(unknowns)} unknowns"
+            )
+        symbols, names = [x.symbol for x in unknowns], [row.name for row in rows]
+        matrices = [self._shown(part) for part in parts]
+        matrices += [
+            named(
+                model,
+                "matrix",
+                [row.coefficients.get(s, ZERO) for row in rows for s in symbols],
+                "kg, kg*m, 1, m",
+                "matrix A of all rows, A x = b",
+                rows=names,
+                columns=[x.name for x in unknowns],
+            ),
+            named(model, "rhs", self._rhs(rows), "N, N*m, m/s^2, m^2/s^2", "right-hand side b", rows=names),
+        ]
+        made = (*model.calculus.definitions, *self.definitions.values())
+        return System(
+            name=self.linkage.name,
+            title=f"{self.linkage.title}: momentum rows",
+            groups=(
+                Group("t", "time", (TIME,)),
+                Group("q", "coordinates of the free points", tuple(model.coordinates)),
+                Group("u", "velocities of the free points", tuple(u for p in model.free for u in model.u[p])),
+                Group("p", "tunable parameters", tuple(p.quantity for p in self.linkage.parameters)),
+                Group("x", "accelerations, forces at cuts, multipliers, reactions", tuple(unknowns)),
+            ),
+            matrices=tuple(matrices),
+            exports=(),
+            definitions=tuple(replace(d, expression=d.expression.xreplace(model.held)) for d in made),
+            references=(REFERENCE,),
+        )
+
+    def _shown(self, part: Rows) -> NamedMatrix:
+        entries = [sp.Add(*(c * s for s, c in row.coefficients.items()), -row.rhs) for row in part.rows]
+        rows = [row.name for row in part.rows]
+        return named(self.model, part.name, entries, part.unit, f"{part.description}; zero", rows=rows)
+
+    def _rhs(self, rows: list[Row]) -> list[sp.Expr]:
+        """Return the right-hand sides, minus the terms of the prescribed acceleration of the ground."""
+        ground = [a.symbol for p in self.model.ground for a in self.model.a[p]]
+        return [
+            row.rhs - sp.Add(*(row.coefficients[a] * a for a in ground if a in row.coefficients))
+            for row in rows
+        ]
+
+
+def _difference(a: Vector, b: Vector) -> Vector:
+    return tuple(x - y for x, y in zip(a, b, strict=True))
+
+
+def _turned(lever: Vector, axis: Vector) -> Vector:
+    """Return h with h.a = axis.(lever x a) for every a."""
+    return (-lever[1], lever[0]) if len(lever) == 2 else moment(axis, lever)
+
+
+def _add(to: Coefficients, terms: Iterable[tuple[sp.Symbol, sp.Expr]]) -> None:
+    for symbol, value in terms:
+        if value != 0:
+            to[symbol] = to.get(symbol, ZERO) + value

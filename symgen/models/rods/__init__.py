@@ -1,0 +1,1 @@
+"""From a linkage of points and links to its System."""

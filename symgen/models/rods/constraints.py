@@ -1,0 +1,207 @@
+"""Constraint rows of a linkage: one function for each kind of constraint."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import sympy as sp
+
+from symgen.mechanics.rods.loads import vector_between
+from symgen.mechanics.rods.particles import Vector, cross, dot, length_constraint
+from symgen.models.rods.loads import product
+from symgen.models.rods.points import bar_name
+from symgen.symbolic.switch import Sign
+
+if TYPE_CHECKING:
+    from symgen.models.rods.linkage import RodsModel
+    from symgen.scene.rods.linkage import RigidLink
+
+_ZERO, _ONE = sp.Integer(0), sp.Integer(1)
+
+
+@dataclass(frozen=True, slots=True)
+class Motion:
+    """Derivatives of a row on the constraints.
+
+    Its gradient by coordinate, its rate, and the part of its second rate that holds no acceleration.
+    """
+
+    gradient: dict[sp.Symbol, sp.Expr]
+    rate: sp.Expr
+    second_rate: sp.Expr
+
+
+@dataclass(frozen=True, slots=True)
+class Constraint:
+    """One row Phi = 0.
+
+    ``expression`` over ``scale`` is an error in metres; ``unit`` is the unit of the expression, ``label``
+    its name in messages, and ``link`` the rod, or the bar of a body, whose length it constrains. ``motion``
+    holds the derivatives of a row in a frame of its own; None selects those of the expression.
+    """
+
+    name: str
+    label: str
+    expression: sp.Expr
+    scale: sp.Expr
+    unit: str
+    link: str = ""
+    motion: Motion | None = None
+
+    @property
+    def multiplier_unit(self) -> str:
+        """Unit of the Lagrange multiplier: force times length over the constraint's unit."""
+        return {"m^2": "N/m", "m": "N"}[self.unit]
+
+
+def constraints(model: RodsModel) -> list[Constraint]:
+    """Return every constraint row: rod lengths first, in the order of the links."""
+    return [*_lengths(model), *_shapes(model), *_shared_joints(model), *_guides(model), *_drivers(model)]
+
+
+def _lengths(model: RodsModel) -> Iterator[Constraint]:
+    """(d.d - l^2)/2, Eq. (3a) halved."""
+    for rod in model.rods:
+        expression = length_constraint(model.along[rod.name], rod.length)
+        yield Constraint(rod.name, f"the length of link {rod.name}", expression, rod.length, "m^2", rod.name)
+
+
+def _shapes(model: RodsModel) -> Iterator[Constraint]:
+    """(d.d - l^2)/2 between the base points of a body in space."""
+    for body in model.linkage.bodies:
+        for bar in body.bars:
+            start, end = (model.position(p) for p in (bar.start, bar.end))
+            name, label = bar_name(body, bar.start, bar.end), f"the shape of link {body.name}"
+            along = vector_between(model.calculus, name, start, end, model.axes)
+            yield Constraint(name, label, length_constraint(along, bar.length), bar.length, "m^2", name)
+
+
+def _shared_joints(model: RodsModel) -> Iterator[Constraint]:
+    """r_p = (1 - z) r_i + z r_j where the point p of a link is already placed by another component."""
+    free = {q.symbol for q in model.coordinates}
+    for link, point in model.shared:
+        carried = model.carried_position(link, point)
+        for axis, own, other in zip(model.axes, model.position(point.name), carried, strict=True):
+            name = f"{link.name}_{point.name}_{axis}"
+            if not free & model.calculus.gradient(own - other).keys():
+                continue  # ground on ground: the row constrains no moving point
+            yield Constraint(name, f"the joint {point.name} of link {link.name}", own - other, _ONE, "m")
+
+
+def _guides(model: RodsModel) -> Iterator[Constraint]:
+    return (row.constraint for row in model.guides)
+
+
+@dataclass(frozen=True, slots=True)
+class GuideRow:
+    """A row of a guide, with its derivatives by the vector along the link and by the guided point."""
+
+    constraint: Constraint
+    link: str
+    point: str
+    by_along: Vector
+    by_point: Vector
+
+
+def guide_rows(model: RodsModel) -> Iterator[GuideRow]:
+    """(r_p - r_a) x d = 0, Eq. (16b): a point stays on the line of a link."""
+    for guide in model.linkage.guides:
+        link = model.linkage.link(guide.along)
+        d = model.along[link.name]
+        start = model.position(link.start)
+        for point in guide.points:
+            there = tuple(b - a for a, b in zip(start, model.position(point), strict=True))
+            label = f"the guide of {point} along {link.name}"
+            if len(d) == 2:
+                row = Constraint(f"{guide.name}_{point}", label, cross(d, there), link.length, "m^2")
+                yield GuideRow(row, link.name, point, (there[1], -there[0]), (-d[1], d[0]))
+                continue
+            if not _keeps_direction(model, link.start, link.end):
+                yield from _across_a_turning_rod(model, guide.name, link, point, there)
+                continue
+            for i in _kept_components(model, link.start, link.end):
+                j, k = (i + 1) % 3, (i + 2) % 3
+                name = f"{guide.name}_{point}_{model.axes[i]}"
+                row = Constraint(name, label, d[j] * there[k] - d[k] * there[j], link.length, "m^2")
+                by_d, by_r = [_ZERO] * 3, [_ZERO] * 3
+                by_d[j], by_d[k], by_r[k], by_r[j] = there[k], -there[j], d[j], -d[k]
+                yield GuideRow(row, link.name, point, tuple(by_d), tuple(by_r))
+
+
+def _keeps_direction(model: RodsModel, start: str, end: str) -> bool:
+    """Return whether a link between ground points keeps its direction."""
+    points = [model.linkage.point(p) for p in (start, end)]
+    moved = [tuple(b - a for a, b in zip(p.at, p.motion, strict=True)) for p in points if p.ground]
+    return len(moved) == 2 and moved[0] == moved[1]
+
+
+def _across_a_turning_rod(
+    model: RodsModel, guide: str, link: RigidLink, point: str, there: Vector
+) -> Iterator[GuideRow]:
+    """Yield n . (r - z d) = 0 for two vectors n across d, with z d the part of r along d.
+
+    n = d x c and (d x c) x d / l, where c is the axis x or z, whichever is more transverse to d: with a
+    constant c, or one that follows d continuously, both vanish in some direction. The rates n . (r' - z d')
+    and n . (r'' - z d'' - 2 z' d') are those of the rows with n held constant. The motion that they allow
+    does not depend on the choice of n, so that it is smooth where c jumps.
+    """
+    calculus, d, r = model.calculus, model.along[link.name], there
+    name = f"{guide}_{point}"
+
+    def named(what: str, vector: Vector, unit: str, about: str) -> Vector:
+        return tuple(
+            calculus.define(f"{name}_{what}_{axis}", c, unit, f"{axis} component of {about}")
+            for axis, c in zip(model.axes, vector, strict=True)
+        )
+
+    about = f"1 where {link.name} is along x more than along z, -1 where less"
+    squared = dot(d, d) if link.name in model.idle else link.length**2
+    more = (d[0] - d[2]) * (d[0] + d[2]) / squared
+    side = calculus.define(f"{name}_side", Sign(more), "1", about)
+    # For a side of zero c is not along d either: its components x and z differ then.
+    c = ((1 - side) / 2, _ZERO, 1 + side)
+    z = calculus.define(f"{name}_place", dot(d, r) / squared, "1", f"place of {point} along {link.name}")
+    first = named("across", product(d, c), "m", f"a vector across {link.name}")
+    upright = tuple(x / link.length for x in product(first, d))
+    second = named("upright", upright, "m", f"a vector across {link.name} and the other one")
+    rates_of_d, rates_of_r = (tuple(calculus.rate(x) for x in v) for v in (d, r))
+    sliding = tuple(a - z * b for a, b in zip(rates_of_r, rates_of_d, strict=True))
+    speed = calculus.define(f"{name}_speed", dot(d, sliding) / squared, "1/s", f"rate of {name}_place")
+    scale = sp.sqrt(dot(first, first))
+    label = f"the guide of {point} along {link.name}"
+    for i, n in enumerate((first, second), 1):
+        by_along = tuple(-z * x for x in n)
+        motion = Motion(
+            _chained(model, (n, r), (by_along, d)), dot(n, sliding), -2 * speed * dot(n, rates_of_d)
+        )
+        bound = Constraint(f"{name}_{i}", label, dot(n, r), scale, "m^2", motion=motion)
+        yield GuideRow(bound, link.name, point, by_along, n)
+
+
+def _chained(model: RodsModel, *parts: tuple[Vector, Vector]) -> dict[sp.Symbol, sp.Expr]:
+    """Return the gradient by coordinate of vectors, each with the derivative by its components in front."""
+    found: dict[sp.Symbol, list[sp.Expr]] = {}
+    for slopes, vector in parts:
+        for slope, component in zip(slopes, vector, strict=True):
+            for q, inner in model.calculus.gradient(component).items():
+                found.setdefault(q, []).append(slope * inner)
+    return {q: sp.Add(*terms) for q, terms in found.items()}
+
+
+def _kept_components(model: RodsModel, start: str, end: str) -> list[int]:
+    """Return the two components of a cross product that are independent where the link is drawn."""
+    ends = (model.linkage.point(p).at for p in (start, end))
+    drawn = [abs(model.linkage.number(b - a)) for a, b in zip(*ends, strict=True)]
+    return [i for i in range(3) if i != drawn.index(max(drawn))]
+
+
+def _drivers(model: RodsModel) -> Iterator[Constraint]:
+    """n.d = 0 with n across the prescribed direction of the link."""
+    for driver in model.linkage.drivers:
+        across = (-sp.sin(driver.angle), sp.cos(driver.angle))
+        along = model.along[driver.link]
+        yield Constraint(
+            f"{driver.link}_drive", f"the drive of link {driver.link}", dot(across, along), _ONE, "m"
+        )

@@ -1,0 +1,58 @@
+"""A linkage restricted to the motion prescribed by its drives: constraints and positions, no dynamics."""
+
+from __future__ import annotations
+
+from symgen.errors import SceneError
+from symgen.models.rods import outputs
+from symgen.models.rods.linearised import drives
+from symgen.models.rods.linkage import REFERENCE, RodsModel
+from symgen.models.rods.start import assembly_exports
+from symgen.models.rods.system import bonds, definitions, groups, kinematic_exports, places
+from symgen.scene.rods.linkage import Linkage
+from symgen.symbolic.system import Export, System
+
+LEFT_OUT = "masses, loads, energies and forces: kinematics is all that is asked"
+
+
+def driven_system(linkage: Linkage) -> System:
+    """Return the System of a linkage that is restricted to kinematics.
+
+    Raises
+    ------
+    SceneError
+        For an output that the linkage does not have, or that needs forces.
+    """
+    try:
+        return _assemble(RodsModel(linkage))
+    except SceneError as error:
+        raise error.located(file=linkage.file) from None
+
+
+def _assemble(model: RodsModel) -> System:
+    asked = outputs.asked(model)
+    start, start_kernels = assembly_exports(model)
+    moved = list(drives(model))
+    derived = [*bonds(model), *places(model)]
+    # A requested driven angle is that of its drive, which counts revolutions.
+    names = {m.name for m in (*derived, *moved)}
+    exports = [
+        *kinematic_exports(model),
+        Export("outputs", "what the scene asks to record", tuple(m.name for m in asked)),
+        *start_kernels,
+    ]
+    if moved:
+        about = "prescribed angles, lengths and places"
+        exports.append(Export("drives", about, tuple(m.name for m in moved)))
+    if model.constraints:
+        about = "right-hand side gamma of J a = gamma"
+        exports.append(Export("acceleration_rhs", about, ("acceleration_rhs",)))
+    return System(
+        name=model.linkage.name,
+        title=model.linkage.title,
+        groups=groups(model),
+        matrices=(*derived, *(m for m in asked if m.name not in names), *start, *moved),
+        exports=tuple(exports),
+        definitions=definitions(model),
+        references=(REFERENCE,),
+        left_out=(LEFT_OUT,),
+    )

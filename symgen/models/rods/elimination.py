@@ -1,0 +1,51 @@
+"""The order in which the unknowns of [M J^T; J 0] of a linkage are eliminated."""
+
+from __future__ import annotations
+
+import numpy as np
+import sympy as sp
+
+from symgen.mechanics.rods.elimination import cost
+from symgen.mechanics.rods.topology import elimination_order
+from symgen.models.rods.linkage import RodsModel
+
+#: All coordinates first loses as many digits as the condition of the mass matrix has.
+_MOST_CONDITION = 100
+
+
+def is_open(model: RodsModel) -> bool:
+    """Return whether the constraints are the lengths of the rods of an open tree, each of a point of its own.
+
+    Their rows are independent in every configuration: each has a point that no earlier row has.
+    """
+    tree = model.tree
+    held = {tree.carrier[p] for p in tree.points} - {None}
+    braced = any(tree.braces.values())
+    return not tree.cuts and not braced and {c.link for c in model.constraints} == held
+
+
+def order_of(model: RodsModel, masses: sp.MatrixBase, jacobian: sp.MatrixBase) -> tuple[int, ...]:
+    """Return the cheaper order: from the leaves of the tree to its root, or all coordinates first.
+
+    A numeric mass matrix has a numeric factor, and only the pivots of the multipliers remain as divisors:
+    cheaper for short open chains. From the leaves to the root the number of operations is proportional to the
+    number of rods, and masses may differ widely.
+    """
+    n = masses.rows
+    at = {p: range(i * len(model.axes), (i + 1) * len(model.axes)) for i, p in enumerate(model.free)}
+    lengths = {c.link: n + i for i, c in enumerate(model.constraints) if c.link}
+    outward = elimination_order(model.tree, at, lengths, n + jacobian.rows)
+    first = (*(k for k in outward if k < n), *(k for k in outward if k >= n))
+    if not is_open(model) or not _is_even(masses):
+        return outward
+    entries = {(i, j): masses[i, j] for i in range(n) for j in range(i + 1)}
+    entries |= {(n + i, j): jacobian[i, j] for i in range(jacobian.rows) for j in range(n)}
+    varies = {ij: not x.is_number for ij, x in entries.items() if x != 0}
+    return first if cost(first, varies) < cost(outward, varies) else outward
+
+
+def _is_even(masses: sp.MatrixBase) -> bool:
+    if not all(x.is_number for x in masses):
+        return False
+    numbers = np.array(masses.tolist(), dtype=float)
+    return bool(numbers.size and np.linalg.cond(numbers) <= _MOST_CONDITION)

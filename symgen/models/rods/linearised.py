@@ -1,0 +1,166 @@
+"""Systems of the analyses beyond the equations of motion; derived only when an analysis is requested.
+
+Kinematics needs the right-hand side of J a = gamma and the values of the drives. Equilibrium and small
+oscillations need the equations linearised about a state at rest,
+
+    M dq'' + C dq' + K dq + J^T dlambda = 0,   J dq = 0,   with
+    K = -d(f - J^T lambda)/dq   and   C = -d f/du,
+
+where lambda is held constant: K contains the geometric stiffness of the constraint forces and that of loads.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+
+import sympy as sp
+
+from symgen.models.rods.constraints import Constraint
+from symgen.models.rods.linkage import REFERENCE, Gradient, RodsModel
+from symgen.models.rods.matrix import named
+from symgen.models.rods.system import definitions, groups, with_ground
+from symgen.scene.rods.linkage import TIME, Linkage
+from symgen.symbolic.calculus import ONE, ZERO
+from symgen.symbolic.names import Names
+from symgen.symbolic.system import Export, NamedMatrix, System
+
+
+def kinematics_system(linkage: Linkage) -> System:
+    """Return the System of a kinematic analysis: ``acceleration_rhs`` and, where there are any, ``drives``.
+
+    Each drive is a matrix of one entry: ``LINK.angle`` [rad], ``LINK.length`` [m] or, for moving ground,
+    ``POINT.x`` [m], as a function of time.
+    """
+    model = RodsModel(linkage)
+    exports, matrices = [], list(drives(model))
+    if matrices:
+        about = "prescribed angles, lengths and places"
+        exports.append(Export("drives", about, tuple(m.name for m in matrices)))
+    if model.constraints:
+        about = "right-hand side gamma of J a = gamma"
+        rows = [c.name for c in model.constraints]
+        matrices.append(named(model, "acceleration_rhs", model.acceleration_rhs, "m/s^2", about, rows=rows))
+        exports.append(Export("acceleration_rhs", about, ("acceleration_rhs",)))
+    return analysis_of(model, "kinematics", matrices, exports)
+
+
+def statics_system(linkage: Linkage) -> System:
+    """Return the System of equilibrium and small oscillations.
+
+    Its kernels: ``force`` (f), ``mass_matrix`` (M), ``stiffness`` (K, which reads the multipliers from
+    ``work``), ``damping`` (C). A matrix is the list of its nonzero entries, each called by its row and its
+    column, ``A_x B_y``; a zero matrix is omitted.
+    """
+    model = RodsModel(linkage)
+    names = [x.name for x in model.coordinates]
+    matrices = [named(model, "force", model.applied, "N", "applied forces, f", rows=names)]
+    matrices += linearised(model, model.constraints)
+    return analysis_of(
+        model, "statics", matrices, [Export(m.name, m.description, (m.name,)) for m in matrices]
+    )
+
+
+def linearised(model: RodsModel, bound: Sequence[Constraint]) -> Iterator[NamedMatrix]:
+    """Yield ``mass_matrix``, ``stiffness`` (of loads and of the constraints ``bound``) and ``damping``.
+
+    Each is the list of its nonzero entries; a zero matrix is omitted.
+    """
+    q = [x.symbol for x in model.coordinates]
+    rates = [x.symbol for p in model.free for x in model.u[p]]
+    by_rates = slopes_by_rates(model, rates)
+    own = dict(zip(rates, q, strict=True))
+    mass: dict[sp.Symbol, Gradient] = {}
+    for (a, b), value in model.mass_entries.items():
+        mass.setdefault(a, {})[b] = value
+    stiffness = {s: stiffness_row(model, s, bound) for s in q}
+    damping = {
+        s: {own[u]: -slope for u, slope in by_rates(f).items()} for s, f in zip(q, model.applied, strict=True)
+    }
+    for name, rows, unit, about in (
+        ("mass_matrix", mass, "kg", "mass matrix, M"),
+        ("stiffness", stiffness, "N/m", "stiffness K = -d(f - J^T lambda)/dq"),
+        ("damping", damping, "N*s/m", "damping C = -df/du"),
+    ):
+        entries = {(a, b): rows[a][b] for a in q if a in rows for b in q if rows[a].get(b, ZERO) != 0}
+        if entries:
+            labels = [f"{a.name} {b.name}" for a, b in entries]
+            yield named(model, name, list(entries.values()), unit, about, rows=labels)
+
+
+def analysis_of(
+    model: RodsModel,
+    kind: str,
+    matrices: Sequence[NamedMatrix],
+    exports: Sequence[Export],
+    names: Names | None = None,
+) -> System:
+    """Return a System of further kernels of a linkage, over the arguments of its equations of motion.
+
+    ``names`` are further intermediates, over those of the model.
+    """
+    own = names.definitions if names else ()
+    return System(
+        name=f"{model.linkage.name}_{kind}",
+        title=f"{model.linkage.title}: {kind}",
+        groups=groups(model),
+        matrices=tuple(matrices),
+        exports=tuple(exports),
+        definitions=(*definitions(model), *with_ground(model, own)),
+        references=(REFERENCE,),
+    )
+
+
+def drives(model: RodsModel) -> Iterator[NamedMatrix]:
+    """Yield the prescribed angles, lengths and positions as functions of time."""
+    for driver in model.linkage.drivers:
+        yield named(model, f"{driver.link}.angle", [driver.angle], "rad", f"driven angle of {driver.link}")
+    for rod in model.rods:
+        if TIME.symbol in rod.length.free_symbols:
+            yield named(model, f"{rod.name}.length", [rod.length], "m", f"driven length of {rod.name}")
+    for name in model.ground:
+        for axis, place in zip(model.axes, model.linkage.point(name).motion, strict=True):
+            if TIME.symbol in place.free_symbols:
+                yield named(model, f"{name}.{axis}", [place], "m", f"driven {axis} of {name}")
+
+
+def stiffness_row(model: RodsModel, row: sp.Symbol, bound: Sequence[Constraint]) -> Gradient:
+    """Return one row of K by coordinate: the slope of J^T lambda - f, of the constraints ``bound``."""
+    held = [-model.force.get(row, ZERO)]
+    held += [
+        model.multipliers[c.name].symbol * gradient[row]
+        for c, gradient in zip(model.constraints, model.jacobian, strict=True)
+        if c in bound and row in gradient
+    ]
+    total: dict[sp.Symbol, list[sp.Expr]] = {}
+    for term in held:
+        for s, slope in model.calculus.gradient(term).items():
+            total.setdefault(s, []).append(slope)
+    return {s: sp.Add(*slopes) for s, slopes in total.items()}
+
+
+def slopes_by_rates(model: RodsModel, rates: Sequence[sp.Symbol]) -> Callable[[sp.Expr], Gradient]:
+    """Return a function that gives the nonzero partial derivatives of an expression by the rates u.
+
+    The expression must have been derived before: it may use only definitions that the model has by now.
+    """
+    known: dict[sp.Symbol, Gradient] = {u: {u: ONE} for u in rates}
+
+    def gradient(expression: sp.Expr) -> Gradient:
+        terms: dict[sp.Symbol, list[sp.Expr]] = {}
+        for s in sorted(expression.free_symbols & known.keys(), key=lambda s: str(s.name)):
+            slope = sp.diff(expression, s)
+            for u, inner in known[s].items():
+                terms.setdefault(u, []).append(slope * inner)
+        summed = {u: sp.Add(*slopes) for u, slopes in terms.items()}
+        return {u: slope for u, slope in summed.items() if slope != 0}
+
+    _ = (
+        model.force,
+        model.jacobian,
+        model.acceleration_rhs,
+    )  # definitions added for them are needed below
+    for definition in model.calculus.definitions:
+        found = gradient(definition.expression)
+        if found:
+            known[definition.quantity.symbol] = found
+    return gradient

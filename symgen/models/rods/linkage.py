@@ -1,0 +1,244 @@
+"""A linkage of rods and planar bodies in point coordinates: the derivation, step by step.
+
+Source: H. A. Attia, *Dynamic Analysis of a Chain of Rigid Rods*, sections 2.1 to 2.3, in the symmetric
+form [M J^T; J 0] [a; lambda] = [f; gamma] with the middle particle of each rod eliminated.
+"""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+import sympy as sp
+
+from symgen.errors import SceneError
+from symgen.loads.measure import Gradient
+from symgen.mechanics.rods.particles import Vector, cross, dot, end_mass
+from symgen.models.rods.constraints import Constraint, GuideRow, constraints, guide_rows
+from symgen.models.rods.joint_forces import JointForces
+from symgen.models.rods.loads import Loads, product
+from symgen.models.rods.points import Points
+from symgen.scene.rods.linkage import TIME, Linkage, RigidLink
+from symgen.symbolic.calculus import ZERO
+from symgen.symbolic.constants import vanishes
+from symgen.symbolic.quantity import Quantity, quantity
+
+REFERENCE = "H. A. Attia, Dynamic Analysis of a Chain of Rigid Rods, sections 2.1 to 2.3"
+
+
+class RodsModel(Points):
+    """Derivation of a linkage: each property is one step, and an input of outputs."""
+
+    def __init__(self, linkage: Linkage) -> None:
+        super().__init__(linkage)
+        self.loads = Loads(self)
+
+    def check_masses(self) -> None:
+        """Raise SceneError where a point carries no mass."""
+        for point in self.free:
+            mass = self.mass_entries.get((self.q[point][0].symbol,) * 2, ZERO)
+            if mass.is_number and vanishes(mass):
+                raise SceneError(
+                    "this point carries no mass: its acceleration is not determined", where=f"points.{point}"
+                )
+
+    @cached_property
+    def inertias(self) -> dict[tuple[str, str, str], sp.Expr]:
+        """Masses of the kinetic energy: by two points, and ``dot`` or ``cross`` of their velocities [kg]."""
+        found: dict[tuple[str, str, str], sp.Expr] = {}
+
+        def add(a: str, b: str, kind: str, mass: sp.Expr) -> None:
+            if mass != 0:
+                found[a, b, kind] = found.get((a, b, kind), ZERO) + mass
+
+        for k in self.massive:
+            ends = end_mass(k.mass, k.length, k.centre, k.inertia, k.offset)
+            add(k.start, k.start, "dot", ends.a11)
+            add(k.start, k.end, "dot", ends.a12)
+            add(k.end, k.end, "dot", ends.a22)
+            add(k.start, k.end, "cross", -ends.cross)
+        for body in self.linkage.bodies:
+            for i, a in enumerate(body.base):
+                for j, b in enumerate(body.base[i:], i):
+                    add(a, b, "dot", body.masses[i][j])
+        for m in self.linkage.masses:
+            add(m.point, m.point, "dot", m.mass)
+        return found
+
+    @cached_property
+    def mass_entries(self) -> dict[tuple[sp.Symbol, sp.Symbol], sp.Expr]:
+        """Mass matrix by pairs of coordinates [kg]: the Hessian of the kinetic energy, without zeros."""
+        entries: dict[tuple[sp.Symbol, sp.Symbol], sp.Expr] = {}
+        for (a, b, kind), mass in self.inertias.items():
+            rows, columns = ([self.calculus.gradient(c) for c in self.position(p)] for p in (a, b))
+            products = (
+                [(r, c, mass) for r, c in zip(rows, columns, strict=True)]
+                if kind == "dot"
+                else [(rows[0], columns[1], mass), (rows[1], columns[0], -mass)]
+            )
+            for left, right, weight in products:
+                for x, slope_x in left.items():
+                    for y, slope_y in right.items():
+                        value = weight * slope_x * slope_y
+                        entries[x, y] = entries.get((x, y), ZERO) + value
+                        if a != b:
+                            entries[y, x] = entries.get((y, x), ZERO) + value
+        return entries
+
+    @cached_property
+    def kinetic_energy(self) -> sp.Expr:
+        """Kinetic energy [J]."""
+        terms = []
+        for (a, b, kind), mass in self.inertias.items():
+            product = (dot if kind == "dot" else cross)(self.velocity(a), self.velocity(b))
+            terms.append(mass * product / (2 if a == b else 1))
+        return sp.Add(*terms)
+
+    @cached_property
+    def momenta(self) -> list[tuple[str, Vector]]:
+        """Derivative of the kinetic energy by the velocity of each point that carries mass [kg m/s]."""
+        found: dict[str, list[Vector]] = {}
+        for (a, b, kind), mass in self.inertias.items():
+            va, vb = self.velocity(a), self.velocity(b)
+            pairs = [(a, vb)] if a == b else [(a, vb), (b, va)]
+            if kind == "cross":
+                pairs = [(a, (vb[1], -vb[0])), (b, (-va[1], va[0]))]
+            for point, velocity in pairs:
+                found.setdefault(point, []).append(tuple(mass * c for c in velocity))
+        return [(p, tuple(sp.Add(*c) for c in zip(*each, strict=True))) for p, each in found.items()]
+
+    def angular_velocity(self, link: str) -> Vector:
+        """Return the angular velocity of a link in space [rad/s]: for a rod d x d'/l^2, without spin."""
+        body = self.linkage.body(link)
+        rate = self.calculus.rate
+        if body is None:
+            d, squared = self.along[link], self.linkage.link(link).length ** 2
+            return tuple(c / squared for c in product(d, tuple(rate(c) for c in d)))
+        pairs = zip(self.loads.reciprocal(body), self.loads.edges(body), strict=True)
+        turns = [product(partner, tuple(rate(c) for c in edge)) for partner, edge in pairs]
+        return tuple(sp.Add(*c) / 2 for c in zip(*turns, strict=True))
+
+    @cached_property
+    def joint_forces(self) -> JointForces:
+        """Forces on the links at their points."""
+        return JointForces(self)
+
+    @property
+    def potential_energy(self) -> sp.Expr:
+        """Potential of gravity and springs [J]."""
+        return sp.Add(self.loads.potential, *self.loads.wound)
+
+    def turning(self, link: str) -> tuple[Gradient, sp.Expr]:
+        """Return gradient and rate of the direction angle of a link in the plane: d x dd / l^2."""
+        d = self.along[link]
+        squared = self.linkage.link(link).length ** 2
+        gx, gy = (self.calculus.gradient(c) for c in d)
+        gradient = {q: (d[0] * gy.get(q, ZERO) - d[1] * gx.get(q, ZERO)) / squared for q in {**gx, **gy}}
+        rates = tuple(self.calculus.rate(c) for c in d)
+        return gradient, cross(d, rates) / squared
+
+    @cached_property
+    def force(self) -> Gradient:
+        """Force on every coordinate [N]: minus the gradient of the potential, plus the other loads."""
+        parts: dict[sp.Symbol, list[sp.Expr]] = {}
+        for q, slope in self.calculus.gradient(self.loads.potential).items():
+            parts.setdefault(q, []).append(-slope)
+        for force, gradient, _ in (*self.loads.others, *self.loads.conservative):
+            for q, slope in gradient.items():
+                parts.setdefault(q, []).append(force * slope)
+        return {q: sp.Add(*terms) for q, terms in parts.items()}
+
+    @cached_property
+    def power(self) -> sp.Expr:
+        """Power of the loads without potential, of drives and of the moving ground [W]."""
+        terms = [force * rate for force, _, rate in self.loads.others]
+        terms += [
+            self.multipliers[row.name].symbol * sp.diff(row.expression, TIME.symbol)
+            for row in self.constraints
+            if TIME.symbol in row.expression.free_symbols
+        ]
+        for point in self.ground:
+            velocity = [self.held[s] for s in self.symbols(self.u[point])]
+            terms.append(dot(tuple(velocity), self.residual(point)) if any(velocity) else ZERO)
+        return sp.Add(*terms)
+
+    @cached_property
+    def constraints(self) -> list[Constraint]:
+        """All constraint rows."""
+        return constraints(self)
+
+    @cached_property
+    def guides(self) -> tuple[GuideRow, ...]:
+        """The rows of guides."""
+        return tuple(guide_rows(self))
+
+    @cached_property
+    def multipliers(self) -> dict[str, Quantity]:
+        """Lagrange multiplier of each constraint row."""
+        return {
+            c.name: quantity(f"{c.name}_lambda", c.multiplier_unit, f"multiplier of {c.label}")
+            for c in self.constraints
+        }
+
+    @cached_property
+    def jacobian(self) -> list[Gradient]:
+        """Rows of the constraint Jacobian by coordinate, ground included; nonzero entries only."""
+        return [
+            c.motion.gradient if c.motion else self.calculus.gradient(c.expression) for c in self.constraints
+        ]
+
+    def constraint_rate(self, row: Constraint) -> sp.Expr:
+        """Return the rate of a constraint row."""
+        return row.motion.rate if row.motion else self.calculus.rate(row.expression)
+
+    @cached_property
+    def acceleration_rhs(self) -> list[sp.Expr]:
+        """Right-hand side gamma of J a = gamma: minus the velocity and ground terms of the second rate."""
+        rate = self.calculus.rate
+        second = [c.motion.second_rate if c.motion else rate(rate(c.expression)) for c in self.constraints]
+        ground = [
+            (q, a)
+            for p in self.ground
+            for q, a in zip(self.q[p], self.a[p], strict=True)
+            if self.held[a.symbol] != 0
+        ]
+        return [
+            -own - sp.Add(*(row.get(q.symbol, ZERO) * a.symbol for q, a in ground))
+            for own, row in zip(second, self.jacobian, strict=True)
+        ]
+
+    @cached_property
+    def applied(self) -> list[sp.Expr]:
+        """Force on the free coordinates, minus the force for the acceleration of the ground [N]."""
+        ground = [
+            (q.symbol, a.symbol) for p in self.ground for q, a in zip(self.q[p], self.a[p], strict=True)
+        ]
+        return [
+            self.force.get(x.symbol, ZERO)
+            - sp.Add(*(self.mass_entries.get((x.symbol, q), ZERO) * self.held[a] for q, a in ground))
+            for x in self.coordinates
+        ]
+
+    def residual(self, point: str) -> Vector:
+        """Return M a + J^T lambda - f at a point's rows [N]: the reaction of its pin."""
+        every = [x for p in self.q for x in zip(self.q[p], self.a[p], strict=True)]
+        result = []
+        for own in self.symbols(self.q[point]):
+            terms = [self.mass_entries.get((own, q.symbol), ZERO) * a.symbol for q, a in every]
+            terms += [
+                row.get(own, ZERO) * self.multipliers[c.name].symbol
+                for c, row in zip(self.constraints, self.jacobian, strict=True)
+            ]
+            result.append(sp.Add(*terms) - self.force.get(own, ZERO))
+        return tuple(result)
+
+    def reaction(self, point: str) -> Vector:
+        """Return the force of the ground at a ground point [N].
+
+        For a body held at two ground points the parts along their line are equal: the minimum norm.
+        """
+        evened = [self.joint_forces.evened(body, point) for body in self.linkage.bodies if point in body.base]
+        return tuple(sp.Add(*c) for c in zip(self.residual(point), *evened, strict=True))
+
+    def rod(self, name: str) -> RigidLink | None:
+        """Return the moving link of this name, if there is one."""
+        return next((k for k in self.rods if k.name == name), None)

@@ -1,0 +1,188 @@
+"""Outputs of a linkage: ``owner.word`` or a bare word; one line each in the tables below."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING
+
+import sympy as sp
+
+from symgen.errors import SceneError, nearest
+from symgen.mechanics.rods.particles import cross
+from symgen.models.rods.loads import product
+from symgen.models.rods.matrix import named
+from symgen.symbolic.calculus import ZERO
+from symgen.symbolic.system import NamedMatrix
+
+if TYPE_CHECKING:
+    from symgen.models.rods.linkage import RodsModel
+
+Entries = tuple[Sequence[sp.Expr], str, str]
+
+
+def _position(model: RodsModel, name: str) -> Entries:
+    return model.shown_position(name), "m", f"position of {name}"
+
+
+def _velocity(model: RodsModel, name: str) -> Entries:
+    return model.shown(model.velocity(name)), "m/s", f"velocity of {name}"
+
+
+def _acceleration(model: RodsModel, name: str) -> Entries:
+    return model.shown(model.acceleration(name)), "m/s^2", f"acceleration of {name}"
+
+
+def _reaction(model: RodsModel, name: str) -> Entries:
+    if name not in model.ground:
+        raise SceneError(
+            f"{name} is not a ground point, so it has no reaction", hint=f"Ground: {', '.join(model.ground)}."
+        )
+    return model.shown(model.reaction(name)), "N", f"force of the ground on the linkage at {name}"
+
+
+def _tension(model: RodsModel, name: str) -> Entries:
+    rod = model.rod(name)
+    if rod is None:
+        body = name not in model.idle
+        why = "is a body in space" if body else "lies between two ground points"
+        raise SceneError(f"{name} {why}: its tension is not determined")
+    return (
+        [model.multipliers[name].symbol * rod.length],
+        "N",
+        f"force of the length constraint of {name}, tension positive",
+    )
+
+
+def _energy(model: RodsModel) -> Entries:
+    return [model.kinetic_energy + model.potential_energy], "J", "kinetic plus potential energy"
+
+
+def _kinetic_energy(model: RodsModel) -> Entries:
+    return [model.kinetic_energy], "J", "kinetic energy"
+
+
+def _potential_energy(model: RodsModel) -> Entries:
+    return [model.potential_energy], "J", "potential of gravity and springs"
+
+
+def _momentum(model: RodsModel) -> Entries:
+    momenta = [model.shown(p) for _, p in model.momenta]
+    return [sp.Add(*c) for c in zip(*momenta, strict=True)], "kg*m/s", "linear momentum"
+
+
+def _angular_momentum(model: RodsModel) -> Entries:
+    about = "angular momentum about the origin"
+    pairs = [(model.shown_position(point), model.shown(p)) for point, p in model.momenta]
+    if len(model.shown_axes) == 2:
+        return [sp.Add(*(cross(r, p) for r, p in pairs))], "kg*m^2/s", about
+    moments = [product(r, p) for r, p in pairs]
+    return [sp.Add(*c) for c in zip(*moments, strict=True)], "kg*m^2/s", about
+
+
+def _angle(model: RodsModel, name: str) -> Entries:
+    if len(model.shown_axes) == 3:
+        raise SceneError("a link has one angle only in the plane")
+    d = model.along[name]
+    return [sp.atan2(d[1], d[0])], "rad", f"direction of {name}"
+
+
+def _angular_velocity(model: RodsModel, name: str) -> Entries:
+    if len(model.axes) == 2:
+        rate = model.turning(name)[1]
+        turning = model.shown((ZERO, ZERO), rate) if model.linkage.plane else [rate]
+        return turning, "rad/s", f"angular velocity of {name}"
+    return model.angular_velocity(name), "rad/s", f"angular velocity of {name}"
+
+
+def _force(model: RodsModel, link: str, point: str) -> Entries:
+    force = model.shown(model.joint_forces.on(link, point))
+    return force, "N", f"force on {link} at {point} by what it meets there"
+
+
+def _torque(model: RodsModel, name: str) -> Entries:
+    rod = model.rod(name)
+    multiplier = model.multipliers.get(f"{name}_drive")
+    if rod is None or multiplier is None:
+        raise SceneError(f"{name} has no driver, so no drive torque")
+    return [-multiplier.symbol * rod.length], "N*m", f"torque of the drive on {name}, counter-clockwise"
+
+
+#: Outputs of a point, of a link, of a point of a link, and of the whole linkage, by word.
+OF_POINTS: dict[str, Callable[[RodsModel, str], Entries]] = {
+    "position": _position,
+    "velocity": _velocity,
+    "acceleration": _acceleration,
+    "reaction": _reaction,
+}
+OF_LINKS: dict[str, Callable[[RodsModel, str], Entries]] = {
+    "tension": _tension,
+    "torque": _torque,
+    "angle": _angle,
+    "angular_velocity": _angular_velocity,
+}
+OF_THE_WHOLE: dict[str, Callable[[RodsModel], Entries]] = {
+    "energy": _energy,
+    "kinetic_energy": _kinetic_energy,
+    "potential_energy": _potential_energy,
+    "momentum": _momentum,
+    "angular_momentum": _angular_momentum,
+}
+#: Outputs of elastic links, which their runs recover.
+OF_ELASTIC = ("bending_strain", "axial_strain", "stress", "deflection", "displacement", "length_change")
+#: Outputs that need no masses and no forces.
+KINEMATIC = ("position", "velocity", "acceleration", "angle", "angular_velocity")
+#: Outputs of a point of a link.
+OF_JOINTS: dict[str, Callable[[RodsModel, str, str], Entries]] = {"force": _force}
+
+
+def asked(model: RodsModel) -> list[NamedMatrix]:
+    """Return one matrix for each requested output; positions, velocities and energy by default."""
+    names = model.linkage.outputs
+    if names is None:
+        names = (
+            *(
+                f"{p}.{word}"
+                for p in model.points
+                if p not in model.ground and not model.linkage.point(p).hidden
+                for word in ("position", "velocity")
+            ),
+            *(() if model.linkage.kinematic else ("energy",)),
+        )
+    found = []
+    for i, name in enumerate(names):
+        try:
+            if name in names[:i]:
+                raise SceneError(f"{name!r} is listed twice")
+            if model.linkage.elastic and name.rpartition(".")[2] in OF_ELASTIC:
+                continue
+            entries, unit, description = _entries(model, name)
+        except SceneError as error:
+            raise error.located(where=f"analysis.outputs.{i}") from None
+        rows = model.shown_axes if len(entries) > 1 else ()
+        found.append(named(model, name, entries, unit, description, rows=rows))
+    return found
+
+
+def _entries(model: RodsModel, name: str) -> Entries:
+    owner, _, word = name.rpartition(".")
+    if model.linkage.kinematic and word not in KINEMATIC:
+        raise SceneError(
+            f"{name!r} is no output of kinematics: those are {', '.join(KINEMATIC)}",
+            hint='For forces and energies write kind = "dynamics" under [analysis].',
+        )
+    if not owner:
+        if word in OF_THE_WHOLE:
+            return OF_THE_WHOLE[word](model)
+        raise SceneError(f"there is no output {name!r}", hint=nearest(name, OF_THE_WHOLE))
+    if word in OF_POINTS and owner in model.points:
+        return OF_POINTS[word](model, owner)
+    links = {k.name: [*k.base, *(c.name for c in k.carried)] for k in model.parts}
+    if word in OF_LINKS and owner in links:
+        return OF_LINKS[word](model, owner)
+    link, _, point = owner.partition(".")
+    if word in OF_JOINTS and point in links.get(link, ()):
+        return OF_JOINTS[word](model, link, point)
+    known = [f"{p}.{w}" for p in model.points for w in OF_POINTS]
+    known += [f"{k}.{w}" for k in links for w in OF_LINKS]
+    known += [f"{k}.{p}.{w}" for k, points in links.items() for p in points for w in OF_JOINTS]
+    raise SceneError(f"there is no output {name!r}", hint=nearest(name, known))

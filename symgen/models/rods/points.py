@@ -1,0 +1,190 @@
+"""Points of a linkage: kinds, positions, velocities and accelerations."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cached_property
+
+import sympy as sp
+
+from symgen.mechanics.rods import loads
+from symgen.mechanics.rods.particles import Vector
+from symgen.mechanics.rods.topology import Tree, spanning_tree
+from symgen.scene.rods.linkage import TIME, CarriedPoint, Linkage, RigidLink, SpatialBody, WeightedPoint
+from symgen.symbolic.calculus import ZERO, Calculus
+from symgen.symbolic.quantity import Quantity, quantity
+
+Part = RigidLink | SpatialBody
+Place = CarriedPoint | WeightedPoint
+
+
+class Points:
+    """Points of a linkage in terms of coordinates.
+
+    A point is *free* (it has coordinates that move), *ground* (its motion is prescribed) or *carried* (placed
+    by the base points of one link: it adds no unknowns). Where a link carries a point that is already placed,
+    the link *shares* it, as a joint with rows of its own. Ground points have coordinates too during the
+    derivation, so that the reaction at a ground point is the residual of its rows; their motion is
+    substituted at the end, by ``held``.
+    """
+
+    def __init__(self, linkage: Linkage) -> None:
+        self.linkage = linkage
+        self.axes, self.shown_axes = linkage.axes, linkage.shown_axes
+        self.parts: tuple[Part, ...] = (*linkage.links, *linkage.bodies)
+        self.ground = [p.name for p in linkage.points if p.ground]
+        self.carrier, self.shared = _carriers(self.parts, self.ground)
+        self.free = [p.name for p in linkage.points if not p.ground and p.name not in self.carrier]
+        names = [*self.free, *self.ground]
+        self.q = self._per_point(names, "_", "m", "position")
+        self.u = self._per_point(names, "_v", "m/s", "velocity")
+        self.a = self._per_point(names, "_a", "m/s^2", "acceleration")
+        self.calculus = Calculus(
+            [x for p in names for x in self.q[p]], [x for p in names for x in self.u[p]], TIME.symbol
+        )
+        self.rods = [k for k in linkage.links if not (self.is_fixed(k.start) and self.is_fixed(k.end))]
+        self.idle = [k.name for k in linkage.links if k not in self.rods]
+        #: Moving links, and those between fixed points that have weight.
+        self.massive = [k for k in linkage.links if k in self.rods or k.mass != 0]
+        self._along: dict[str, Vector] = {}
+
+    def _per_point(
+        self, names: Sequence[str], infix: str, unit: str, what: str
+    ) -> dict[str, tuple[Quantity, ...]]:
+        return {
+            p: tuple(quantity(f"{p}{infix}{axis}", unit, f"{axis} {what} of {p}") for axis in self.axes)
+            for p in names
+        }
+
+    @staticmethod
+    def symbols(quantities: Sequence[Quantity]) -> Vector:
+        """Return the bare symbols."""
+        return tuple(x.symbol for x in quantities)
+
+    @property
+    def points(self) -> list[str]:
+        """Names of all points, in the order of the scene; those added by symgen come last."""
+        return [p.name for p in self.linkage.points]
+
+    @property
+    def coordinates(self) -> list[Quantity]:
+        """Coordinates of the free points, in order."""
+        return [x for p in self.free for x in self.q[p]]
+
+    @cached_property
+    def held(self) -> dict[sp.Symbol, sp.Expr]:
+        """Prescribed motion of the ground points: position, velocity and acceleration."""
+        known: dict[sp.Symbol, sp.Expr] = {}
+        for name in self.ground:
+            place: Vector = self.linkage.point(name).motion
+            for group in (self.q, self.u, self.a):
+                known.update(zip(self.symbols(group[name]), place, strict=True))
+                place = tuple(sp.diff(c, TIME.symbol) for c in place)
+        return known
+
+    def supports(self, point: str) -> tuple[str, ...]:
+        """Return the free and ground points that place a point: itself if it has coordinates."""
+        if point not in self.carrier:
+            return (point,)
+        part, _ = self.carrier[point]
+        return tuple(dict.fromkeys(s for base in part.base for s in self.supports(base)))
+
+    def is_fixed(self, point: str) -> bool:
+        """Return whether only ground points place a point."""
+        return all(s in self.ground for s in self.supports(point))
+
+    @cached_property
+    def tree(self) -> Tree:
+        """Spanning tree from the ground, and the links that close loops."""
+        ends = {k.name: (k.start, k.end) for k in self.rods}
+        bars = {bar_name(k, b.start, b.end): (b.start, b.end) for k in self.linkage.bodies for b in k.bars}
+        bodies = {bar_name(k, b.start, b.end): k.name for k in self.linkage.bodies for b in k.bars}
+        supports = {p: self.supports(p) for p in self.carrier}
+        return spanning_tree(self.ground, self.free, {**ends, **bars}, supports, bodies)
+
+    @cached_property
+    def along(self) -> dict[str, Vector]:
+        """Vector along each link, from its start to its end [m]."""
+        return {k.name: self.vector_along(k.name) for k in self.linkage.links}
+
+    def vector_along(self, link: str) -> Vector:
+        """Return the vector along one link, which other links may need before theirs [m]."""
+        if link not in self._along:
+            start, end = (self.position(p) for p in self.linkage.link(link).base)
+            self._along[link] = loads.vector_between(self.calculus, link, start, end, self.axes)
+        return self._along[link]
+
+    def shown(self, vector: Vector, across: sp.Expr = ZERO) -> Vector:
+        """Return a vector by the axes of the scene; ``across`` is its component normal to the plane."""
+        plane = self.linkage.plane
+        return plane.lifted(vector, across) if plane else vector
+
+    def shown_position(self, point: str) -> Vector:
+        """Return the position of any point [m] by the axes of the scene."""
+        plane = self.linkage.plane
+        return self.shown(self.position(point), plane.level if plane else ZERO)
+
+    def position(self, point: str) -> Vector:
+        """Return the position of any point [m], linear in the coordinates."""
+        if point in self.q:
+            return self.symbols(self.q[point])
+        return self.carried_position(*self.carrier[point])
+
+    def carried_position(self, part: Part, point: Place) -> Vector:
+        """Return the place of a point in a link [m]: r_i + x d + y (d rotated left), or by weights."""
+        if isinstance(point, WeightedPoint):
+            return self.weighted(part, point.weights)
+        start, d = self.position(part.base[0]), self.vector_along(part.name)
+        turned = (-d[1], d[0]) if len(d) == 2 else (ZERO,) * len(d)
+        return tuple(r + point.along * a + point.across * b for r, a, b in zip(start, d, turned, strict=True))
+
+    def weighted(self, part: Part, weights: Vector) -> Vector:
+        """Return the weighted sum of the base points of a link [m]."""
+        places = [self.position(p) for p in part.base]
+        return tuple(
+            sp.Add(*(w * place[i] for w, place in zip(weights, places, strict=True)))
+            for i in range(len(self.axes))
+        )
+
+    def velocity(self, point: str) -> Vector:
+        """Return the velocity of any point [m/s]."""
+        return tuple(self.calculus.rate(c) for c in self.position(point))
+
+    def acceleration(self, point: str) -> Vector:
+        """Return the acceleration of any point [m/s^2], by the accelerations of the coordinates."""
+        return tuple(
+            sp.Add(*(slope * self._accelerations[s] for s, slope in self.calculus.gradient(c).items()))
+            for c in self.position(point)
+        )
+
+    @cached_property
+    def _accelerations(self) -> dict[sp.Symbol, sp.Symbol]:
+        return {
+            q.symbol: a.symbol for p, group in self.q.items() for q, a in zip(group, self.a[p], strict=True)
+        }
+
+
+def bar_name(body: SpatialBody, start: str, end: str) -> str:
+    """Return the name of the row that keeps two base points of a body apart."""
+    return f"{body.name}_{start}_{end}"
+
+
+def _carriers(
+    parts: Sequence[Part], ground: Sequence[str]
+) -> tuple[dict[str, tuple[Part, Place]], list[tuple[Part, Place]]]:
+    """Determine the link that places each point; a point already placed becomes a shared joint."""
+    carrier: dict[str, tuple[Part, Place]] = {}
+    shared: list[tuple[Part, Place]] = []
+    for part in parts:
+        for point in part.carried:
+            taken = point.name in ground or point.name in carrier
+            if taken or _rests_on(part, point.name, carrier):
+                shared.append((part, point))
+            else:
+                carrier[point.name] = (part, point)
+    return carrier, shared
+
+
+def _rests_on(part: Part, point: str, carrier: dict[str, tuple[Part, Place]]) -> bool:
+    """Return whether a link's base is placed by a point."""
+    return any(b == point or (b in carrier and _rests_on(carrier[b][0], point, carrier)) for b in part.base)

@@ -1,0 +1,63 @@
+"""Residual of the equations of motion, for scenes whose pivots differ so much that solutions are refined."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import sympy as sp
+
+from symgen.models.rods.matrix import named
+from symgen.symbolic.calculus import ZERO
+from symgen.symbolic.system import Export, NamedMatrix
+
+if TYPE_CHECKING:
+    from symgen.models.rods.linkage import RodsModel
+
+#: Masses that differ by more than this, or lengths by more than its square root, lose digits.
+SPREAD = 1e6
+
+
+def refinement(model: RodsModel) -> tuple[list[NamedMatrix], list[Export]]:
+    """Return matrix and kernel ``residual`` of [M J^T; J 0] [a; lambda] = [f; gamma], if they are needed.
+
+    The masses and lengths are those of the scene: tunable parameters at their defaults.
+    """
+    if not _spread(model):
+        return [], []
+    q = [x.symbol for x in model.coordinates]
+    a = [x.symbol for p in model.free for x in model.a[p]]
+    multipliers = [model.multipliers[c.name].symbol for c in model.constraints]
+    columns: dict[sp.Symbol, list[sp.Expr]] = {}
+    rows: list[sp.Expr] = []
+    for gamma, row, multiplier in zip(model.acceleration_rhs, model.jacobian, multipliers, strict=True):
+        rows.append(gamma - sp.Add(*(row[s] * b for s, b in zip(q, a, strict=True) if s in row)))
+        for s in row:
+            columns.setdefault(s, []).append(row[s] * multiplier)
+    above = [
+        f
+        - sp.Add(*(model.mass_entries.get((s, r), ZERO) * b for r, b in zip(q, a, strict=True)))
+        - sp.Add(*columns.get(s, ()))
+        for s, f in zip(q, model.applied, strict=True)
+    ]
+    about = "what the accelerations and multipliers in work leave of the equations of motion"
+    matrix = named(
+        model,
+        "residual",
+        [*above, *rows],
+        "N, m^2/s^2",
+        about,
+        rows=[s.name for s in q] + [c.name for c in model.constraints],
+    )
+    return [matrix], [Export("residual", about, ("residual",))]
+
+
+def _spread(model: RodsModel) -> bool:
+    number, free = model.linkage.number, {x.symbol for x in model.coordinates}
+    masses = [abs(number(e)) for (i, j), e in model.mass_entries.items() if i == j and i in free]
+    lengths = [number(k.length) for k in model.rods]
+    return _ratio(masses) > SPREAD or _ratio(lengths) > SPREAD**0.5
+
+
+def _ratio(values: list[float]) -> float:
+    positive = [v for v in values if v > 0]
+    return max(positive) / min(positive) if positive else 1.0

@@ -1,0 +1,175 @@
+"""Start of a motion: the drawn pose, and the conditions for the start."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+import sympy as sp
+
+from symgen.models.rods.loads import product
+from symgen.models.rods.matrix import named
+from symgen.scene.rods.linkage import TIME
+from symgen.symbolic.calculus import ZERO
+from symgen.symbolic.system import Export, NamedMatrix
+
+if TYPE_CHECKING:
+    from symgen.models.rods.linkage import RodsModel
+
+
+def start_exports(model: RodsModel) -> tuple[list[NamedMatrix], list[Export]]:
+    """Return the matrices and kernels of the start.
+
+    ``drawn`` always; ``assembly`` when the constraints or the start's angles may differ from the drawing: its
+    argument u[0] runs from 0, the drawing, to 1, the start, and moves the linkage there on its own branch;
+    ``start_velocity`` when rates or velocities are prescribed: rows K u = k; ``mass_matrix`` when the
+    velocities may be nonzero.
+    """
+    matrices, exports = assembly_exports(model)
+    start = model.linkage.start
+    names = [x.name for x in model.coordinates]
+    if start.rates or start.velocities:
+        matrices += _velocity(model, names)
+        about = "rows K u = k of the start's velocities"
+        exports.append(Export("start_velocity", about, ("start_rates", "start_jacobian")))
+    if start.rates or start.velocities or _driven(model):
+        exports.append(Export("mass_matrix", "mass matrix", ("mass_matrix",)))
+    return matrices, exports
+
+
+def assembly_exports(model: RodsModel) -> tuple[list[NamedMatrix], list[Export]]:
+    """Return the matrices and kernels of the pose at the start: ``drawn`` and ``assembly``."""
+    linkage = model.linkage
+    drawn = [c for p in model.free for c in linkage.point(p).at]
+    names = [x.name for x in model.coordinates]
+    matrices = [named(model, "drawn", drawn, "m", "coordinates as drawn", rows=names)]
+    exports = [Export("drawn", "coordinates as drawn", ("drawn",))]
+    start = linkage.start
+    bound = linkage.guides or linkage.drivers or model.shared or not all(k.as_drawn for k in model.rods)
+    if start.angles or bound or (model.constraints and _displaced(model)):
+        matrices += _assembly(model, names)
+        about = "residual and Jacobian of the start's positions; u[0] goes from 0 (drawn) to 1 (start)"
+        exports.append(Export("assembly", about, ("assembly_residual", "assembly_jacobian")))
+    return matrices, exports
+
+
+def _displaced(model: RodsModel) -> bool:
+    """Return whether some ground point differs from its drawn position at the start."""
+    return any(
+        there.xreplace({TIME.symbol: ZERO}) != drawn
+        for p in model.ground
+        for there, drawn in zip(model.linkage.point(p).motion, model.linkage.point(p).at, strict=True)
+    )
+
+
+def _driven(model: RodsModel) -> bool:
+    """Return whether the constraints or the ground depend on time."""
+    t = TIME.symbol
+    moving = any(t in c.free_symbols for p in model.ground for c in model.linkage.point(p).motion)
+    return moving or any(t in c.expression.free_symbols for c in model.constraints)
+
+
+def _assembly(model: RodsModel, names: list[str]) -> list[NamedMatrix]:
+    """Move every constraint from its drawn value to zero, and every angle to its value at the start."""
+    s = model.u[model.free[0]][0].symbol
+    _ = model.along, model.constraints  # their definitions must be known in the drawn pose
+    drawn = _as_drawn(model)
+    angles = [*model.linkage.start.angles, *((d.link, d.angle) for d in model.linkage.drivers)]
+    driven = {f"{link}_drive" for link, _ in angles}
+    residuals, rows = [], []
+    for constraint in model.constraints:
+        if constraint.name not in driven:
+            error = constraint.expression / constraint.scale
+            residuals.append(error - (1 - s) * error.xreplace(drawn))
+            rows.append(constraint.name)
+    for name, angle in angles:
+        x, y = model.along[name]
+        drawn_angle = sp.atan2(y.xreplace(drawn), x.xreplace(drawn))
+        wanted = angle - drawn_angle
+        now = drawn_angle + s * sp.atan2(sp.sin(wanted), sp.cos(wanted))
+        residuals.append(y * sp.cos(now) - x * sp.sin(now))
+        rows.append(f"{name} angle")
+    for point in _bases(model):
+        for axis, there in zip(model.axes, model.position(point), strict=True):
+            residuals.append(there - there.xreplace(drawn))
+            rows.append(f"{point} drawn {axis}")
+    gradients = [model.calculus.gradient(r) for r in residuals]
+    coordinates = [x.symbol for x in model.coordinates]
+    return [
+        named(model, "assembly_residual", residuals, "m", "what is missing at the start", rows=rows),
+        named(
+            model,
+            "assembly_jacobian",
+            [g.get(q, ZERO) for g in gradients for q in coordinates],
+            "1",
+            "derivative of the assembly residual",
+            rows=rows,
+            columns=names,
+        ),
+    ]
+
+
+def _bases(model: RodsModel) -> Iterator[str]:
+    """Yield the first point of every part without constraint to the ground."""
+    owner = {x.symbol: point for point, group in model.q.items() for x in group}
+    tied = {point: {point} for point in model.q}
+    for constraint in model.constraints:
+        together = set[str]().union(*(tied[owner[q]] for q in model.calculus.gradient(constraint.expression)))
+        tied.update(dict.fromkeys(together, together))
+    seen: set[str] = set(model.ground)
+    for link in model.parts:
+        part = set[str]().union(*(tied[p] for p in model.supports(link.base[0])))
+        if not part & seen:
+            yield link.base[0]
+        seen |= part
+
+
+def _as_drawn(model: RodsModel) -> dict[sp.Symbol, sp.Expr]:
+    """Return the value of every coordinate and shared subexpression in the drawn pose.
+
+    Ground points are at their start positions.
+    """
+    values: dict[sp.Symbol, sp.Expr] = {TIME.symbol: ZERO}
+    for point, group in model.q.items():
+        place = model.linkage.point(point)
+        there = (c.xreplace(values) for c in place.motion) if point in model.ground else place.at
+        values.update(zip(model.symbols(group), there, strict=True))
+    for definition in model.calculus.definitions:
+        values[definition.quantity.symbol] = definition.expression.xreplace(values)
+    return values
+
+
+def _velocity(model: RodsModel, names: list[str]) -> list[NamedMatrix]:
+    rows: list[str] = []
+    wanted: list[sp.Expr] = []
+    gradients: list[dict[sp.Symbol, sp.Expr]] = []
+    for name, rate in model.linkage.start.rates:
+        if len(rate) == 1:
+            length = model.linkage.link(name).length
+            turning, _ = model.turning(name)
+            rows.append(f"{name} rate")
+            wanted.append(rate[0] * length)
+            gradients.append({q: slope * length for q, slope in turning.items()})
+            continue
+        body = model.linkage.body(name)
+        for edge in model.loads.edges(body) if body else [model.along[name]]:
+            rows.extend(f"{name} rate {axis}" for axis in model.axes)
+            wanted.extend(product(rate, edge))
+            gradients.extend(model.calculus.gradient(c) for c in edge)
+    for name, velocity in model.linkage.start.velocities:
+        rows.extend(f"{name} velocity {axis}" for axis in model.axes)
+        wanted.extend(velocity)
+        gradients.extend(model.calculus.gradient(c) for c in model.position(name))
+    coordinates = [x.symbol for x in model.coordinates]
+    return [
+        named(model, "start_rates", wanted, "m/s", "velocities asked for at the start, k", rows=rows),
+        named(
+            model,
+            "start_jacobian",
+            [g.get(q, ZERO) for g in gradients for q in coordinates],
+            "1",
+            "their derivative by the velocities, K",
+            rows=rows,
+            columns=names,
+        ),
+    ]

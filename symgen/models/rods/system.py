@@ -1,0 +1,334 @@
+"""System of a linkage: derived matrices with names and units, and the kernels to generate."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import replace
+
+from symgen.errors import SceneError
+from symgen.models.rods import outputs
+from symgen.models.rods.elimination import is_open, order_of
+from symgen.models.rods.linkage import REFERENCE, RodsModel
+from symgen.models.rods.matrix import named
+from symgen.models.rods.refinement import refinement
+from symgen.models.rods.start import start_exports
+from symgen.scene.rods.linkage import TIME, Linkage
+from symgen.scene.rods.windings import turning
+from symgen.symbolic.calculus import ZERO
+from symgen.symbolic.system import Definition, Export, Group, NamedMatrix, SaddlePoint, System
+
+
+def linkage_system(linkage: Linkage) -> System:
+    """Return the System of a linkage.
+
+    Raises
+    ------
+    SceneError
+        For an output that the linkage does not have, or a point without mass.
+    """
+    try:
+        return _assemble(RodsModel(linkage))
+    except SceneError as error:
+        raise error.located(file=linkage.file) from None
+
+
+def _assemble(model: RodsModel) -> System:
+    model.check_masses()
+    linkage = model.linkage
+    asked = outputs.asked(model)
+    start, start_kernels = start_exports(model)
+    equations, exports = _equations(model), _exports(model)
+    residual, refining = refinement(model)
+    points, events = _points(model), _events(model)
+    derived = {m.name for m in (*equations, *points)}
+    return System(
+        name=linkage.name,
+        title=linkage.title,
+        groups=groups(model),
+        matrices=(
+            *equations,
+            *points,
+            *(m for m in asked if m.name not in derived),
+            *start,
+            *residual,
+            *events,
+        ),
+        exports=(
+            *exports,
+            Export("outputs", "what the scene asks to record", tuple(m.name for m in asked)),
+            *start_kernels,
+            *refining,
+            *_events_kernel(events),
+        ),
+        definitions=definitions(model),
+        saddle_point=SaddlePoint(
+            "mass_matrix",
+            "constraint_jacobian",
+            "force",
+            "acceleration_rhs",
+            order_of(
+                model, *(m.matrix for m in equations if m.name in ("mass_matrix", "constraint_jacobian"))
+            ),
+            _rank_tolerance(linkage),
+            is_open(model),
+        ),
+        references=(REFERENCE,),
+        left_out=(
+            *(
+                f"link {name}: both ends are ground, so it does not move; its weight goes into the reactions"
+                for name in model.idle
+            ),
+            *((f"motion across the plane {linkage.plane}",) if linkage.plane else ()),
+        ),
+    )
+
+
+def groups(model: RodsModel) -> tuple[Group, ...]:
+    """Return the argument arrays that every kernel of a linkage takes."""
+    free = [a for p in model.free for a in model.a[p]]
+    return (
+        Group("t", "time", (TIME,)),
+        Group("q", "coordinates of the free points", tuple(model.coordinates)),
+        Group("u", "velocities of the free points", tuple(u for p in model.free for u in model.u[p])),
+        Group("p", "tunable parameters", tuple(p.quantity for p in model.linkage.parameters), per_run=True),
+        Group(
+            "work",
+            "accelerations and multipliers, as the kernel 'accelerations' wrote them",
+            (*free, *model.multipliers.values()),
+        ),
+    )
+
+
+def definitions(model: RodsModel) -> tuple[Definition, ...]:
+    """Return the shared subexpressions with the motion of the ground substituted."""
+    return with_ground(model, model.calculus.definitions)
+
+
+def with_ground(model: RodsModel, own: Iterable[Definition]) -> tuple[Definition, ...]:
+    """Return subexpressions with the motion of the ground substituted."""
+    return tuple(replace(d, expression=d.expression.xreplace(model.held)) for d in own)
+
+
+#: Exponents of the pivots that rounding may leave: of one that should vanish for an instant, and of one that
+#: should always vanish, near the instants at which others do too.
+_ROUNDING, _REDUNDANT = 13, 9
+#: The least rank tolerance of a linkage with redundant constraints.
+OF_REDUNDANCY = float(f"1e-{_REDUNDANT}")
+#: The least margin between an assembly error and a lost singular value.
+_MARGIN = 10
+
+
+def _rank_tolerance(linkage: Linkage) -> str:
+    """Return a power of ten above the pivots that rounding and the assembly error leave."""
+    tolerance = float(linkage.number(linkage.assembly_tolerance))
+    if not tolerance:
+        return f"1e-{_ROUNDING}"
+    drawn = [[float(linkage.number(c)) for c in p.at] for p in linkage.points]
+    size = max(max(axis) - min(axis) for axis in zip(*drawn, strict=True))
+    return f"1e-{max(1, min(_REDUNDANT, math.floor(-2 * math.log10(_MARGIN * tolerance / size))))}"
+
+
+def _equations(model: RodsModel) -> list[NamedMatrix]:
+    q = [x.symbol for x in model.coordinates]
+    names = [s.name for s in q]
+    energies = [
+        named(model, "kinetic_energy", [model.kinetic_energy], "J", "kinetic energy"),
+        named(model, "potential_energy", [model.potential_energy], "J", "potential of gravity and springs"),
+    ]
+    if model.power != 0:
+        about = "power of the loads without potential, of drives and of the moving ground"
+        energies.append(named(model, "power", [model.power], "W", about))
+    return [
+        named(
+            model,
+            "mass_matrix",
+            [model.mass_entries.get((a, b), ZERO) for a in q for b in q],
+            "kg",
+            "mass matrix of the free points, M",
+            rows=names,
+            columns=names,
+            symmetric=True,
+        ),
+        named(model, "force", model.applied, "N", "applied forces, f", rows=names),
+        *bonds(model),
+        *energies,
+    ]
+
+
+def bonds(model: RodsModel) -> list[NamedMatrix]:
+    """Return the constraints with their derivatives."""
+    q = [x.symbol for x in model.coordinates]
+    names, rows = [s.name for s in q], [c.name for c in model.constraints]
+    units = {c.unit for c in model.constraints}
+    unit = units.pop() if len(units) == 1 else "m^2, m"
+    rate_unit, rhs_unit, slope_unit = (
+        ", ".join(_OF_CONSTRAINT[x][i] for x in unit.split(", ")) for i in range(3)
+    )
+    return [
+        named(
+            model,
+            "constraints",
+            [c.expression for c in model.constraints],
+            unit,
+            "constraints Phi",
+            rows=rows,
+        ),
+        named(
+            model,
+            "constraint_scale",
+            [c.scale for c in model.constraints],
+            "m, 1",
+            "what a constraint is divided by to be an error in metres",
+            rows=rows,
+        ),
+        named(
+            model,
+            "constraint_jacobian",
+            [row.get(s, ZERO) for row in model.jacobian for s in q],
+            slope_unit,
+            "constraint Jacobian, J",
+            rows=rows,
+            columns=names,
+        ),
+        named(
+            model,
+            "velocity_constraints",
+            [model.constraint_rate(c) for c in model.constraints],
+            rate_unit,
+            "rate of Phi",
+            rows=rows,
+        ),
+        named(
+            model,
+            "acceleration_rhs",
+            model.acceleration_rhs,
+            rhs_unit,
+            "right-hand side gamma of J a = gamma",
+            rows=rows,
+        ),
+    ]
+
+
+#: Units of rate, second rate and gradient of a constraint.
+_OF_CONSTRAINT = {"m^2": ("m^2/s", "m^2/s^2", "m"), "m": ("m/s", "m/s^2", "1")}
+
+
+def places(model: RodsModel) -> list[NamedMatrix]:
+    """Return positions, velocities and accelerations of all points."""
+    points = [p.name for p in model.linkage.points]
+    return [
+        named(
+            model,
+            name,
+            [component for p in points for component in of_point(p)],
+            unit,
+            f"{name.replace('point_', '')} of all points",
+            rows=points,
+            columns=model.shown_axes,
+        )
+        for name, of_point, unit in (
+            ("positions", model.shown_position, "m"),
+            ("velocities", lambda p: model.shown(model.velocity(p)), "m/s"),
+            ("point_accelerations", lambda p: model.shown(model.acceleration(p)), "m/s^2"),
+        )
+    ]
+
+
+def _points(model: RodsModel) -> list[NamedMatrix]:
+    made = places(model)
+    if model.loads.divided:
+        rows, lengths = zip(*model.loads.divided, strict=True)
+        about = "length of every spring and actuator whose force has a direction"
+        made.append(named(model, "line_lengths", lengths, "m", about, rows=rows))
+    if model.ground:
+        made.append(
+            named(
+                model,
+                "reactions",
+                [component for p in model.ground for component in model.shown(model.reaction(p))],
+                "N",
+                "force of the ground on the linkage at each ground point",
+                rows=model.ground,
+                columns=model.shown_axes,
+            )
+        )
+    return made
+
+
+def _events(model: RodsModel) -> list[NamedMatrix]:
+    """Return zero-crossing functions of events and load switches, and angles: one column each."""
+    return [*_events_asked(model), *_switches(model), *_windings(model), *_turns(model)]
+
+
+def _windings(model: RodsModel) -> list[NamedMatrix]:
+    windings = model.linkage.windings
+    if not windings:
+        return []
+    angles = [model.loads.angle(w.link, w.against, w.free) for w in windings]
+    about = "angles in loads, continuous over revolutions"
+    return [named(model, "windings", angles, "rad", about, rows=[w.reference.name for w in windings])]
+
+
+def _turns(model: RodsModel) -> list[NamedMatrix]:
+    links = turning(model.linkage)
+    if not links:
+        return []
+    angles = [outputs.OF_LINKS["angle"](model, link)[0][0] for link in links]
+    rates = [outputs.OF_LINKS["angular_velocity"](model, link)[0][0] for link in links]
+    about = "angles of links whose revolutions are counted"
+    return [
+        named(model, "turns", angles, "rad", about, rows=links),
+        named(model, "turn_rates", rates, "rad/s", f"rates of {about}", rows=links),
+    ]
+
+
+def _switches(model: RodsModel) -> list[NamedMatrix]:
+    switches = model.linkage.switches
+    if not switches:
+        return []
+    gaps = model.loads.with_state([s.gap for s in switches])
+    about = "; ".join(s.text for s in switches)
+    return [named(model, "switches", gaps, "1", about, rows=[s.branch.name for s in switches])]
+
+
+def _events_asked(model: RodsModel) -> list[NamedMatrix]:
+    events = model.linkage.events
+    if not events:
+        return []
+    units = dict.fromkeys(e.unit for e in events)
+    gaps = model.loads.with_state([e.gap for e in events])
+    about = "; ".join(f"{e.name}: {e.about}" for e in events)
+    unit = ", ".join(e.unit for e in events) if len(units) > 1 else events[0].unit
+    return [named(model, "events", gaps, unit, about, rows=[e.name for e in events])]
+
+
+def _events_kernel(events: list[NamedMatrix]) -> list[Export]:
+    about = "what passes zero at each event, and at each switching point of a load; angles of loads and links"
+    return [Export("events", about, tuple(m.name for m in events))] if events else []
+
+
+def _exports(model: RodsModel) -> list[Export]:
+    energies = ("kinetic_energy", "potential_energy") + (("power",) if model.power != 0 else ())
+    exports = [Export("energy", "kinetic and potential energy", energies), *kinematic_exports(model)]
+    if model.loads.divided:
+        about = "lengths of springs and actuators, by which their forces are divided"
+        exports.append(Export("line_lengths", about, ("line_lengths",)))
+    if model.ground:
+        exports.append(Export("reactions", "reactions at the ground points", ("reactions",)))
+    return exports
+
+
+def kinematic_exports(model: RodsModel) -> list[Export]:
+    """Return the kernels of positions and of constraints."""
+    exports = [
+        Export("points", "position and velocity of all points", ("positions", "velocities")),
+        Export("point_accelerations", "acceleration of all points", ("point_accelerations",)),
+    ]
+    if model.constraints:
+        exports += [
+            Export("constraints", "constraints and their scale", ("constraints", "constraint_scale")),
+            Export("velocity_constraints", "rate of the constraints", ("velocity_constraints",)),
+            Export("constraint_jacobian", "constraint Jacobian", ("constraint_jacobian",)),
+        ]
+    return exports

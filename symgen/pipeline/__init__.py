@@ -1,0 +1,1 @@
+"""From a scene or a user-defined system to a compiled model."""

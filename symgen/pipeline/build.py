@@ -1,0 +1,382 @@
+"""From a scene to a model: :func:`compile_scene` is the pipeline; the rest decides when to call it."""
+
+from __future__ import annotations
+
+import os
+import warnings
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from functools import cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, cast
+
+from symgen.calls import checked
+from symgen.errors import ModelError, SlowBackendWarning
+from symgen.methods import method_of
+from symgen.pipeline import parameters as tuning
+from symgen.pipeline.describe import describe, with_start
+from symgen.pipeline.user_system import is_own, load
+from symgen.precision import FLOAT64
+from symgen.scene.loading import SceneText, check_scene, override, text_of
+from symgen.toolchain.kernels import GET_A_COMPILER, Tools, no_collection, tools_for
+
+if TYPE_CHECKING:
+    from symgen.runtime.elastic.model import ElasticModel
+    from symgen.runtime.kernels.description import Described, Description
+    from symgen.runtime.kernels.library import Library
+    from symgen.runtime.kernels.typed import Typed
+    from symgen.runtime.loop.model import LoopModel
+    from symgen.runtime.model.kinematic import KinematicModel
+    from symgen.runtime.model.rods import RodModel
+    from symgen.runtime.model.system import SystemModel
+    from symgen.scene.loop.loop import Loop
+    from symgen.scene.rods.linkage import Linkage
+    from symgen.scene.schema import Scene
+    from symgen.symbolic.system import System
+
+    _WithForces = RodModel | LoopModel | ElasticModel
+    _Mechanism = _WithForces | KinematicModel
+
+
+@checked
+def build(
+    scene: Scene | SceneText | str | os.PathLike[str],
+    *,
+    set: Mapping[str, Any] | None = None,
+    backend: str = "auto",
+    precision: str = "float64",
+    digits: int | None = None,
+    contraction: str = "off",
+    vector: str = "none",
+) -> _Mechanism | SystemModel:
+    """Derive, lower, emit and compile a scene or a user-defined system, or take it from the cache.
+
+    Returns a :class:`~symgen.Model` of the kind that ``symgen.methods`` binds to the scene.
+
+    Parameters
+    ----------
+    scene
+        A shipped name, the path of a scene file, or a :class:`symgen.Scene`; or the path of a Python file,
+        which is run.
+    set
+        Values to replace: parameter names or dotted keys, as in ``symgen.load_scene``. Tunable parameters
+        are changed without recompilation.
+    backend
+        ``c`` (a C compiler is needed), ``numpy`` (slow, needs none), or ``auto``: C where there is a
+        compiler, else shipped kernels of the same equations, else NumPy, with a warning. ``mpmath`` adds
+        kernels in any number of digits, as a reference: see ``Model.batch``.
+    precision
+        ``float32``, ``float64``, ``longdouble`` or ``float128``: the type of runs of rods and batches, see
+        ``docs/precision.md``.
+    digits
+        Digits of the backend mpmath (40).
+    contraction
+        ``off``, or ``fast``: one rounding for a product and a sum where the processor supports it.
+    vector
+        ``none``: the compiled code runs on any processor of this kind; or ``native``: on this processor.
+
+    Raises
+    ------
+    SceneError
+        For any fault of the scene, including a start that cannot be assembled or is contradictory.
+    DerivationError
+        When a Python file fails, or returns no System.
+    BuildError, CacheError
+        When the compiler fails, or the cache cannot be written.
+    """
+    options = (backend, precision, digits, contraction, vector)
+    return _own(str(scene), options, set) if is_own(scene) else _of_scene(scene, options, set)
+
+
+def build_scene(scene: Scene | SceneText | str | os.PathLike[str], **options: Any) -> _WithForces:
+    """Build a scene, like :func:`build`, for callers that need a mechanism with forces.
+
+    Raises
+    ------
+    ModelError
+        When the scene is restricted to kinematics.
+    """
+    return with_forces(build_asked(scene, **options))
+
+
+def with_forces(made: _Mechanism) -> _WithForces:
+    """Return a model with forces; raise ModelError if its scene is restricted to kinematics."""
+    if is_kinematic(made):
+        raise ModelError(
+            f"{made.name} asks for kinematics, so that it has no forces\n"
+            '  Write kind = "dynamics" under [analysis], or give --set analysis.kind=dynamics.'
+        )
+    return cast("_WithForces", made)
+
+
+def is_kinematic(made: _Mechanism) -> bool:
+    """Return whether a model has no forces, without loading what such models need."""
+    return bool(getattr(made.description, "kinematic", False))
+
+
+def build_asked(
+    scene: Scene | SceneText | str | os.PathLike[str], *, set: Mapping[str, Any] | None = None, **options: Any
+) -> _Mechanism:
+    """Build a scene, like :func:`build`, with the analysis that the scene selects."""
+    return _of_scene(scene, tuple({**_USUAL, **options}.values()), set)
+
+
+def build_kinematics(
+    scene: Scene | SceneText | str | os.PathLike[str],
+    *,
+    set: Mapping[str, Any] | None = None,
+    backend: str = "auto",
+) -> KinematicModel:
+    """Build the kinematics of a scene, independently of the analysis that the scene selects.
+
+    Raises
+    ------
+    ModelError
+        For a link-joint table.
+    """
+    text = text_of(scene)
+    if "loop" in text.data:
+        raise ModelError(
+            f"kinematics is for linkages of points and links, and {text.name} is a link-joint table\n"
+            f"  'symgen run {text.name}' evaluates it."
+        )
+    changes, analysis = dict(set or {}), text.data.get("analysis", {})
+    if isinstance(analysis, dict) and changes.pop("analysis.kind", analysis.get("kind")) != "kinematics":
+        alone = {"kind": "kinematics", "outputs": []}
+        text = replace(text, data={**text.data, "analysis": {**analysis, **alone}})
+    return cast("KinematicModel", build_asked(text, set=changes, backend=backend))
+
+
+_Options = tuple[Any, ...]
+_USUAL = {"backend": "auto", "precision": "float64", "digits": None, "contraction": "off", "vector": "none"}
+
+
+def _of_scene(scene: Any, options: _Options, set_: Mapping[str, Any] | None) -> _Mechanism:
+    tools = tools_for(*options)
+    text = text_of(scene)
+    tunable, fixed = tuning.split(text, set_ or {})
+    text = override(text, fixed)
+    base = tools.in_float64
+    description, library = base.cached(text, "", lambda f: compile_scene(text, base, f))
+    from symgen.runtime.kernels.library import open_shipped
+
+    if tools.compiler is None and options[0] == "auto":
+        library = open_shipped(description) or library
+        _warn(library)
+    model = _model(text, tools, description, library)
+    if not tunable:
+        return model
+    values = tuning.in_si(model, tunable, text.file)
+    tuning.check_values(override(text, tunable))
+    return model.with_parameters(**values)
+
+
+def _own(path: str, options: _Options, set_: Mapping[str, Any] | None) -> SystemModel:
+    from symgen.pipeline.user_model import build_own
+
+    tools = tools_for(*options)
+    if set_ or tools.digits or tools.precision != FLOAT64:
+        raise ModelError(f"{path} is no scene: it has no values to set, and is in {FLOAT64.name}")
+    return build_own(Path(path), tools)
+
+
+@dataclass(frozen=True, slots=True)
+class Made:
+    """What a model of a scene is made of."""
+
+    text: SceneText
+    tools: Tools
+    description: Any
+    library: Library
+    equations: Callable[[], Any]
+    typed: Typed
+
+
+def _model(text: SceneText, tools: Tools, description: Any, library: Library) -> Any:
+    from symgen.runtime.kernels.typed import Typed
+
+    kernels = cache(lambda lanes: _typed(text, tools, description, lanes))
+    typed = Typed(tools.precision, tools.digits, kernels, cache(tools.core))
+    if tools.digits or tools.precision != FLOAT64:
+        typed.kernels(False)  # compilation errors are raised here
+    made = Made(text, tools, description, library, lambda: derive(text).by_name(), typed)
+    return method_of(description).load("model")(made)
+
+
+def loop_model(made: Made) -> LoopModel:
+    """Return the model of a loop."""
+    from symgen.runtime.loop.model import LoopModel
+
+    return LoopModel(made.description, made.library, made.equations, typed=made.typed)
+
+
+def elastic_model(made: Made) -> ElasticModel:
+    """Return the model of a linkage with elastic links."""
+    from symgen.runtime.elastic.model import ElasticModel
+
+    text, base, d = made.text, made.tools.in_float64, made.description
+    rigid = cast("RodModel", linkage_model(made))
+    return ElasticModel(rigid, cache(lambda segments: _remade(text, base, d, segments)))
+
+
+def linkage_model(made: Made) -> RodModel | KinematicModel:
+    """Return the model of a linkage, its elastic links taken as rigid."""
+    text, tools, description, typed = made.text, made.tools, made.description, made.typed
+    parts = (description, made.library, made.equations)
+    if description.kinematic:
+        from symgen.runtime.model.kinematic import KinematicModel
+
+        return KinematicModel(*parts, typed=typed)
+    base = tools.in_float64
+
+    def analysis(kind: str, stepping: bool) -> tuple[Description, Library]:
+        # Kernels of runs are in the type of the model; all others are in double precision.
+        in_type = stepping and not tools.digits and tools.precision != FLOAT64
+        chosen, of = (tools, tools.precision.name) if in_type else (base, "")
+        return _analysis(text, chosen, description, kind, lambda: _linkage(text), of)
+
+    analyses = cache(analysis)
+    if description.plane is None:
+        from symgen.runtime.model.rods import RodModel
+
+        return RodModel(*parts, analyses=analyses, typed=typed)
+    from symgen.runtime.model.plane import PlaneModel
+
+    in_space = cache(lambda: _made_of(text, base, description, "in-space", lambda: _linkage(text).as_written))
+    return PlaneModel(*parts, analyses=analyses, typed=typed, in_space=in_space)
+
+
+def _typed(text: SceneText, tools: Tools, base: Described, lanes: bool) -> Library:
+    """Return the kernels of a scene in the requested type, for one state per call or for batches."""
+    from symgen.runtime.kernels.description import kernel_infos
+
+    made = replace(tools, compiler=None) if tools.digits else tools
+
+    def make(folder: Path) -> tuple[Described, Library]:
+        with no_collection():
+            program, equations, sources = made.lowered(derive(text), lanes)
+        with made.written(program, sources, folder, lanes) as compilation:
+            # With more digits, other constants may be equal.
+            description = replace(base, equations=equations, kernels=kernel_infos(program.kernels))
+            return description, made.opened(folder, description, compilation)
+
+    name = f"{made.digits}-digits" if made.digits else made.precision.name
+    return made.cached(text, f"{name}-lanes" if lanes and made.compiler else name, make, base=base)[1]
+
+
+def compile_scene(text: SceneText, tools: Tools, folder: Path) -> tuple[Any, Library]:
+    """Run the whole pipeline into a folder: sources, library and description."""
+    with no_collection():
+        from symgen.scene.resolve import resolve
+
+        resolved = resolve(check_scene(text))  # SceneText -> Scene -> Linkage | Loop
+    return _of_resolved(resolved, tools, folder)
+
+
+def _of_resolved(resolved: Linkage | Loop, tools: Tools, folder: Path) -> tuple[Any, Library]:
+    with no_collection():
+        system = system_of(resolved)  # Linkage | Loop -> System
+    return _compiled(resolved, system, tools, folder)
+
+
+def system_of(resolved: Linkage | Loop) -> System:
+    """Return the System of a resolved scene."""
+    system: System = method_of(resolved).load("system")(resolved)
+    return system
+
+
+def linkage_system_of(linkage: Linkage) -> System:
+    """Return the System of a linkage: of its motion under forces, or of its kinematics alone."""
+    if linkage.kinematic:
+        from symgen.models.rods.driven import driven_system
+
+        return driven_system(linkage)
+    from symgen.models.rods.system import linkage_system
+
+    return linkage_system(linkage)
+
+
+def _compiled(resolved: Linkage | Loop, system: System, tools: Tools, folder: Path) -> tuple[Any, Library]:
+    with no_collection():
+        program, equations, sources = tools.lowered(system)  # System -> Program, (SourceFile, ...)
+    with tools.written(program, sources, folder) as compilation:  # (SourceFile, ...) -> compilers at work
+        description = describe(resolved, program, equations)  # the runtime is loaded meanwhile
+        library = tools.opened(folder, description, compilation)  # -> Library
+    return with_start(system, description, library), library
+
+
+def _linkage(text: SceneText) -> Linkage:
+    from symgen.scene.resolve import resolve_linkage
+
+    return resolve_linkage(check_scene(text))
+
+
+def _analysis(
+    text: SceneText,
+    tools: Tools,
+    base: Description,
+    kind: str,
+    linkage: Callable[[], Linkage],
+    of: str = "",
+) -> tuple[Description, Library]:
+    """Return the kernels of one kind of analysis, which are compiled on first use.
+
+    ``linkage`` returns the linkage of the scene, or one derived from it, which ``of`` names.
+    """
+    from symgen.runtime.kernels.description import kernel_infos
+
+    def make(folder: Path) -> tuple[Description, Library]:
+        with no_collection():
+            from symgen.models.analyses import analysis_system
+
+            program, equations, sources = tools.lowered(analysis_system(linkage(), kind))
+        with tools.written(program, sources, folder) as compilation:
+            kernels = kernel_infos(program.kernels)
+            description = replace(base, name=program.name, equations=equations, kernels=kernels)
+            return description, tools.opened(folder, description, compilation)
+
+    return tools.cached(text, f"{of}-{kind}" if of else kind, make, base=base)
+
+
+def _remade(text: SceneText, tools: Tools, base: Description, segments: int | None) -> RodModel:
+    """Return the linkage of a scene with elastic links in rigid segments; if None, rigid with its motor."""
+
+    def linkage() -> Linkage:
+        from symgen.scene.elastic.segments import remade
+
+        places = {p: base.start[i * len(base.axes) :][: len(base.axes)] for i, p in enumerate(base.free)}
+        return remade(_linkage(text), segments, places)
+
+    name = "with-motor" if segments is None else f"segments-{segments}"
+    return _made_of(text, tools, base, name, linkage)
+
+
+def _made_of(
+    text: SceneText, tools: Tools, base: Description, name: str, linkage: Callable[[], Linkage]
+) -> RodModel:
+    """Return the model of a linkage derived from that of a scene; ``name`` states how."""
+    from symgen.runtime.model.rods import RodModel
+
+    description, library = tools.cached(text, name, lambda f: _of_resolved(linkage(), tools, f), base=base)
+    analyses = cache(lambda kind, _: _analysis(text, tools, description, kind, linkage, name))
+    return RodModel(description, library, lambda: system_of(linkage()).by_name(), analyses=analyses)
+
+
+@checked
+def derive(scene: Scene | SceneText | str | os.PathLike[str]) -> System:
+    """Return the derived equations of a scene, or of a Python file that returns a System."""
+    from symgen.scene.resolve import resolve
+
+    if is_own(scene):
+        return load(Path(str(scene))).system
+
+    return system_of(resolve(check_scene(text_of(scene))))
+
+
+def _warn(library: Library) -> None:
+    what = (
+        "the kernels that came with symgen are used"
+        if library.backend == "shipped"
+        else "the NumPy backend is used, some hundred times slower than compiled kernels"
+    )
+    warnings.warn(f"no C compiler was found: {what}. {GET_A_COMPILER}", SlowBackendWarning, stacklevel=3)

@@ -1,0 +1,247 @@
+"""Description of a model for the runtime: from resolved scene and kernels, with a start."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from symgen.errors import InitialStateError, ModelError, SceneError
+from symgen.methods import method_of
+
+if TYPE_CHECKING:
+    from symgen.lowering.kernel import Program
+    from symgen.runtime.kernels.description import Description, LoopDescription, ParameterInfo
+    from symgen.runtime.kernels.elastic_description import ElasticInfo
+    from symgen.runtime.kernels.library import Library
+    from symgen.scene.loop.loop import Loop
+    from symgen.scene.rods.linkage import Linkage, Parameter
+    from symgen.symbolic.system import System
+
+
+def describe(resolved: Linkage | Loop, program: Program, equations: str) -> Description | LoopDescription:
+    """Return the description of a model, without its start."""
+    made: Description | LoopDescription = method_of(resolved).load("describe")(resolved, program, equations)
+    return made
+
+
+def with_start(
+    system: System, description: Description | LoopDescription, library: Library
+) -> Description | LoopDescription:
+    """Compute the start of the scene; raise an error if there is none.
+
+    ``system`` is the system from which the kernels in ``library`` were lowered; it checks the start.
+
+    Raises
+    ------
+    SceneError
+        When the scene cannot be assembled, or is contradictory.
+    """
+    found: Description | LoopDescription
+    try:
+        found = method_of(description).load("start")(system, description, library)
+    except InitialStateError as error:
+        problem, _, hint = str(error).partition("\n")
+        raise SceneError(problem, where=error.where, file=description.file, hint=hint.strip()) from None
+    return found
+
+
+def with_state(system: System, description: Description, library: Library) -> Description:
+    """Return the description of a linkage with its start; errors as of :func:`with_start`."""
+    import numpy as np
+
+    from symgen.models.rods.system import OF_REDUNDANCY
+    from symgen.runtime.kernels.evaluate import Evaluator
+    from symgen.runtime.rods.start import check_closed, start
+    from symgen.symbolic.exact import Exact
+
+    parameters = np.array([p.default for p in description.parameters])
+    evaluator = Evaluator(description, library, parameters)
+    if description.kinematic:
+        from symgen.runtime.model.kinematic import posed
+
+        found = posed(evaluator)
+    else:
+        found = start(evaluator)
+        if found.redundant and description.rank_tolerance < OF_REDUNDANCY:
+            # That constraints are redundant shows at the start only: then the factorisation must expect it.
+            description = replace(description, rank_tolerance=OF_REDUNDANCY)
+            evaluator = Evaluator(description, library, parameters)
+            found = start(evaluator)
+    if description.constraints:
+        # Evaluated from the derived matrices, so that errors of the lowering show here.
+        work = np.zeros(len(system.group("work").quantities))
+        values = {"t": [0.0], "q": found.q, "u": found.u, "p": evaluator.given, "work": work}
+        parts = Exact(system).matrices(("constraints", "constraint_scale"), values)
+        check_closed(evaluator, found.q, *(np.array([float(x) for x in part]) for part in parts))
+    return replace(description, start=(*found.q.tolist(), *found.u.tolist()), redundant=found.redundant)
+
+
+def with_pose(system: System, description: LoopDescription, library: Library) -> LoopDescription:
+    """Return the description of a loop with its closed pose; errors as of :func:`with_start`."""
+    import numpy as np
+
+    from symgen.runtime.closure.later import closed_later
+    from symgen.runtime.closure.start import check_closed, close_near
+    from symgen.runtime.loop.kernels import LoopKernels
+    from symgen.symbolic.exact import Exact
+
+    kernels = LoopKernels(description, library, [p.default for p in description.parameters])
+    guess = np.array(description.start)
+    try:
+        t = kernels.time_of(description.span[0]) if description.span else 0.0
+    except ModelError as error:
+        raise InitialStateError(str(error), where="loop.inputs") from None
+    by = [i for i in description.having("dependent") if description.variables[i].guessed]
+    try:
+        found = close_near(kernels, t, guess, by)
+    except InitialStateError as error:
+        found = closed_later(kernels, guess, by, error)
+    still = {g.name: np.zeros(len(g.quantities)) for g in system.groups}
+    values = still | {"t": [found.t], "q": found.q, "p": kernels.given}
+    defect = Exact(system).matrix("closure_defect", values)  # as derived, without the lowering
+    check_closed(kernels, found, np.array([float(x) for x in defect]).reshape(3, 4))
+    begin = kernels.lead_at(found.t)[0] if description.span else 0.0
+    return replace(description, start=tuple(found.q.tolist()), rank=found.rank, begin=begin)
+
+
+def _parameters(parameters: tuple[Parameter, ...]) -> tuple[ParameterInfo, ...]:
+    from symgen.runtime.kernels.description import ParameterInfo
+    from symgen.scene.rods.linkage import number
+
+    return tuple(
+        ParameterInfo(p.quantity.name, p.quantity.unit, p.quantity.description, number(p.default, {}))
+        for p in parameters
+    )
+
+
+def of_loop(loop: Loop, program: Program, equations: str) -> LoopDescription:
+    """Return the description of a loop, still without its start."""
+    from symgen.runtime.kernels.description import BallInfo, LoopDescription, VariableInfo, kernel_infos
+    from symgen.scene.rods.switches import jumps
+
+    return LoopDescription(
+        name=program.name,
+        file=loop.file,
+        title=program.title,
+        equations=equations,
+        parameters=_parameters(loop.parameters),
+        kernels=kernel_infos(program.kernels),
+        references=program.references,
+        left_out=program.left_out,
+        joints=tuple(row.joint for row in loop.rows),
+        links=tuple(row.link for row in loop.rows),
+        variables=tuple(
+            VariableInfo(
+                name=v.name,
+                unit=v.quantity.unit,
+                row=v.row,
+                role=v.role,
+                unknown=v.effort is None,
+                start=loop.number(v.start),
+                start_rate=loop.number(v.start_rate),
+                guessed=v.guessed,
+            )
+            for v in loop.variables
+        ),
+        span=tuple(loop.number(x) for x in loop.span or ()),
+        lead=loop.lead,
+        t_end=loop.number(loop.t_end),
+        size=loop.size,
+        assembly_tolerance=loop.number(loop.assembly_tolerance),
+        units={w: [getattr(loop, w).name, getattr(loop, w).size] for w in ("length", "force", "angle")},
+        start=tuple(loop.number(v.start) for v in loop.variables),
+        rank=0,
+        jumps=jumps(loop),
+        balls=tuple(BallInfo(b.row, b.angles, b.behind) for b in loop.balls),
+    )
+
+
+def of_linkage(linkage: Linkage, program: Program, equations: str) -> Description:
+    """Return the description of a linkage, still without its start."""
+    from symgen.runtime.kernels.description import Description, EventInfo, PlaneInfo, kernel_infos
+    from symgen.scene.rods.events import revolves
+    from symgen.scene.rods.switches import jumps
+    from symgen.scene.rods.windings import turning
+
+    kernels = {k.name: k for k in program.kernels}
+    slots = {name: slots for name, _, slots in program.groups}
+    multipliers = [s for s in slots["work"] if s.name.endswith("_lambda")]
+    return Description(
+        name=program.name,
+        file=linkage.file,
+        title=program.title,
+        equations=equations,
+        axes=linkage.axes,
+        points=tuple(p.name for p in linkage.points),
+        free=tuple(dict.fromkeys(s.name.rpartition("_")[0] for s in slots["q"])),
+        ground=tuple(p.name for p in linkage.points if p.ground),
+        links={k.name: [k.start, k.end, *(p.name for p in k.carried)] for k in linkage.links},
+        constraints=tuple(s.name.removesuffix("_lambda") for s in multipliers),
+        labels=tuple(s.description.removeprefix("multiplier of ") for s in multipliers),
+        work_of_loads="energy" in kernels and any(b.name == "power" for b in kernels["energy"].blocks),
+        parameters=_parameters(linkage.parameters),
+        kernels=kernel_infos(program.kernels),
+        first_pivot=program.pivots,
+        start=(),
+        redundant=(),
+        t_end=linkage.number(linkage.t_end),
+        assembly_tolerance=linkage.number(linkage.assembly_tolerance),
+        rank_tolerance=float(program.rank_tolerance),
+        references=program.references,
+        left_out=program.left_out,
+        plane=PlaneInfo(linkage.plane.across, linkage.number(linkage.plane.level)) if linkage.plane else None,
+        kinematic=linkage.kinematic,
+        remarks=linkage.remarks,
+        elastic=_elastic(linkage) if linkage.elastic and not linkage.kinematic else None,
+        events=tuple(
+            EventInfo(e.name, e.unit, e.direction, e.ends_run, e.about, revolves(e.gap))
+            for e in linkage.events
+            if not linkage.kinematic
+        ),
+        switches=tuple(s.text for s in linkage.switches),
+        windings=len(linkage.windings),
+        turns=turning(linkage),
+        jumps=jumps(linkage),
+    )
+
+
+def _shaft_alone(linkage: Linkage) -> bool:
+    """Return whether only the shaft of the crank and damping of links do work over a revolution."""
+    worked = any(term.force for load in linkage.loads for term in load.terms(linkage.dimension))
+    moved = any(p.ground and p.motion != p.at for p in linkage.points)
+    return not (worked or moved or len(linkage.drivers) > 1)
+
+
+def _elastic(linkage: Linkage) -> ElasticInfo:
+    from symgen.elements import ELEMENTS
+    from symgen.models.elastic.links import loads_along, lumps
+    from symgen.runtime.beams.data import BeamInfo
+    from symgen.runtime.kernels.elastic_description import ElasticInfo
+
+    crank = linkage.crank
+    return ElasticInfo(
+        beams=tuple(
+            BeamInfo(
+                link=b.link,
+                start=linkage.link(b.link).start,
+                end=linkage.link(b.link).end,
+                element=b.element,
+                node_dofs=ELEMENTS[b.element].node_dofs,
+                inner_dofs=ELEMENTS[b.element].inner_dofs,
+                elements=b.elements,
+                axial=b.axial,
+                geometric_stiffness=b.geometric_stiffness,
+                reduction=b.reduction,
+                modes=b.modes,
+                clamped=crank is not None and crank.link == b.link,
+            )
+            for b in linkage.elastic
+        ),
+        crank=crank.link if crank else "",
+        mode=crank.mode if crank else "",
+        stations=tuple((s.name, s.link) for s in linkage.stations),
+        lumps=tuple(link for link, _, _ in lumps(linkage)),
+        loads=tuple(link for link, *_ in loads_along(linkage)),
+        outputs=linkage.outputs,
+        shaft_alone=_shaft_alone(linkage),
+    )

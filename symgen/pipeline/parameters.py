@@ -1,0 +1,51 @@
+"""User-defined values: those of tunable parameters, and those that change the equations."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+from symgen.errors import SceneError
+from symgen.scene.loading import SceneText, check_scene
+
+if TYPE_CHECKING:
+    from symgen.runtime.elastic.model import ElasticModel
+    from symgen.runtime.model.compiled import Compiled
+
+
+def split(text: SceneText, changes: Mapping[str, str]) -> tuple[dict[str, str], dict[str, str]]:
+    """Divide the changes into those of tunable parameters and those that change the equations."""
+    parameters = text.data.get("parameters", {})
+    tunable = {}
+    for name, value in changes.items():
+        table = parameters.get(name) if isinstance(parameters, Mapping) else None
+        if isinstance(table, Mapping) and table.get("tunable") is True:
+            from symgen.scene.units import is_quantity
+
+            if is_quantity(str(value)):
+                tunable[name] = str(value)
+    return tunable, {k: v for k, v in changes.items() if k not in tunable}
+
+
+def check_values(text: SceneText) -> None:
+    """Check a scene with other values of its tunable parameters as if they were written in it."""
+    from symgen.scene.resolve import resolve
+
+    resolve(check_scene(text))
+
+
+def in_si(model: Compiled | ElasticModel, values: Mapping[str, str], file: str) -> dict[str, float]:
+    """Return values of tunable parameters in SI units; raise SceneError for one with another unit."""
+    from symgen.scene.units import parse_quantity
+
+    result = {}
+    for info in model.description.tunable:
+        if info.name in values:
+            try:
+                number, dimension = parse_quantity(values[info.name])
+                if dimension.unit != info.unit:
+                    raise SceneError(f"expected a quantity in {info.unit}, got {values[info.name]!r}")
+            except SceneError as error:
+                raise error.located(where=f"parameters.{info.name}", file=file) from None
+            result[info.name] = float(number)
+    return result

@@ -1,0 +1,1 @@
+"""Committed kernels under ``generated/``: their sources, and detection of outdated kernels."""

@@ -1,0 +1,104 @@
+"""Committed kernels under ``generated/``: sources and contents of each model in memory."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from symgen.codegen.manifest import Shipped, manifest
+from symgen.codegen.source import SourceFile
+from symgen.models import BLOCKS, RECURSIONS, SHIPPED_BLOCKS, SHIPPED_SCENES
+from symgen.toolchain import dependencies as graph
+
+if TYPE_CHECKING:
+    from symgen.symbolic.record import Record
+    from symgen.symbolic.system import System
+
+#: The generated item that is not a model: Pint's conversion factors for the units of most scenes.
+UNITS = "units"
+UNITS_FILE = Path(__file__).resolve().parent.parent / "scene" / "units.json"
+
+
+@dataclass(frozen=True, slots=True)
+class Made:
+    """One derived model with the dependencies of its files."""
+
+    shipped: Shipped
+    needs: graph.Needs
+
+
+def names() -> tuple[str, ...]:
+    """Return the names of all models with committed kernels, longest derivation first."""
+    return (*SHIPPED_SCENES, *SHIPPED_BLOCKS, *RECURSIONS)
+
+
+def record_name(model: str) -> str:
+    """Return the name of the file with a model's recorded mathematics."""
+    return f"{model}_equations.json"
+
+
+def make(name: str) -> Made:
+    """Derive one model, or evaluate the units with Pint, and write the files."""
+    if name == UNITS:
+        from symgen.scene.units import answers
+
+        units = SourceFile(UNITS_FILE.name, answers())
+        depends = {**graph.needs(), **graph.of_package("version", "pint")}
+        del depends["symgen.scene:units.json"]  # the output itself
+        return Made(Shipped("", (units,)), depends)
+    if name in RECURSIONS:
+        return Made(_of_recursion(name), graph.needs())
+    scene = graph.of_package("symgen", f"scenes/{name}.toml") if name in SHIPPED_SCENES else {}
+    return Made(_of_system(name), graph.needs(scene))
+
+
+def _of_system(name: str) -> Shipped:
+    from symgen.codegen.emit import emit, equations_hash
+    from symgen.codegen.target import Target
+    from symgen.lowering.program import lower_system
+    from symgen.symbolic.record import record
+
+    system = BLOCKS[name]() if name in BLOCKS else _of_scene(name)
+    program = lower_system(system)
+    equations = equations_hash(program, Target())
+    files = [f for language in ("c", "cython") for f in emit(program, Target(language), equations)]
+    costs = {k.name: k.counts.flops for k in program.kernels}
+    return Shipped(equations, (*files, _recorded(record(name, system.title, {"": system}, costs))))
+
+
+def _of_scene(name: str) -> System:
+    from symgen.pipeline.build import derive  # not needed for building blocks
+
+    return derive(name)
+
+
+def _of_recursion(name: str) -> Shipped:
+    from symgen.codegen.loops import emit_loops, loops_hash
+    from symgen.lowering.loop import lower_recursion
+    from symgen.symbolic.record import record
+
+    recursion = RECURSIONS[name]()
+    loops = lower_recursion(recursion)
+    equations = loops_hash(loops)
+    steps = {f"{step.name}.": step for step in recursion.steps}
+    costs = {step.kernel.name: step.counts.flops for step in loops.steps}
+    files = emit_loops(loops, equations)
+    made = record(name, recursion.title, steps, costs)
+    return Shipped(equations, (*files, _recorded(made)), optimisation=3)
+
+
+def _recorded(made: Record) -> SourceFile:
+    return SourceFile(record_name(made.name), made.to_json())
+
+
+def sources(models: dict[str, Shipped]) -> list[SourceFile]:
+    """Return the files of these models, and the manifest that lists them."""
+    return [*(f for model in models.values() for f in model.files), manifest(models)]
+
+
+def generated_folder() -> Path:
+    """Return the folder of the committed kernels."""
+    import symgen.generated
+
+    return Path(str(symgen.generated.__file__)).resolve().parent

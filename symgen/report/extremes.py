@@ -1,0 +1,113 @@
+"""Minimum and maximum of recorded outputs, and where they occur."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from rich.table import Table
+
+from symgen.report.tables import table
+from symgen.runtime.result.result import Variable
+
+Array = NDArray[np.float64]
+
+#: Values below this fraction of the largest value of their unit are round-off.
+_ROUND_OFF = 1e-12
+#: Angles are compared with one radian, even if all angles in a table are small.
+_LEAST_SCALE = {"rad": 1.0}
+#: Maximum number of values per table with one column per value, for 80 columns.
+_COLUMNS = 3
+
+
+class Components:
+    """Outputs by component: name, unit and values over the coordinate, with round-off replaced by 0.
+
+    Parameters
+    ----------
+    variables
+        Outputs; vectors are split into rows ``NAME.x`` and so on.
+    count
+        Number of values along the coordinate.
+    missing
+        Text for NaN.
+    """
+
+    def __init__(self, variables: Sequence[Variable], count: int, missing: str = "-") -> None:
+        self.missing = missing
+        rows = [
+            (
+                f"{v.name}.{c}" if c else v.name,
+                v.unit,
+                np.asarray(v.values, dtype=float).reshape(count, -1)[:, i],
+            )
+            for v in variables
+            for i, c in enumerate(v.components or ("",))
+        ]
+        largest = dict(_LEAST_SCALE)
+        for _, unit, values in rows:
+            size = np.abs(values[np.isfinite(values)])
+            largest[unit] = max(largest.get(unit, 0.0), float(size.max(initial=0.0)))
+        self.rows = [
+            (name, unit, np.where(np.abs(values) <= _ROUND_OFF * largest[unit], 0.0, values))
+            for name, unit, values in rows
+        ]
+
+    def text(self, value: float) -> str:
+        """Return a number with six significant digits."""
+        return self.missing if np.isnan(value) else f"{value + 0.0:.6g}"  # no -0
+
+    def extremes(
+        self,
+        title: str,
+        along: Array,
+        unit: str,
+        *,
+        end: bool = False,
+        mark: Callable[[str, int], str] = lambda name, index: "",
+    ) -> Table:
+        """Return a table with the minimum and maximum of each component and where they occur.
+
+        Parameters
+        ----------
+        title
+            Title, which names the coordinate.
+        along
+            Values of the coordinate.
+        unit
+            Unit of the coordinate.
+        end
+            Whether to add a column with the last value.
+        mark
+            Function that returns the suffix of a component's value at an index.
+        """
+        head = (
+            "output",
+            "unit",
+            *(["at the end"] if end else []),
+            *("least", f"at [{unit}]", "greatest", f"at [{unit}]"),
+        )
+        rows = []
+        for name, of, values in self.rows:
+            if np.all(np.isnan(values)):
+                continue
+            low, high = int(np.nanargmin(values)), int(np.nanargmax(values))
+            ends = [
+                cell
+                for k in (low, high)
+                for cell in (self.text(values[k]) + mark(name, k), f"{along[k]:.6g}")
+            ]
+            rows.append((name, of, *([self.text(values[-1])] if end else []), *ends))
+        return table(title, head, rows)
+
+    def values(
+        self, title: str, heads: Sequence[str], mark: Callable[[str, int], str] = lambda name, index: ""
+    ) -> list[Table]:
+        """Return tables with one column per value, split to fit 80 columns."""
+        made = []
+        for first in range(0, len(heads), _COLUMNS):
+            part = range(first, min(first + _COLUMNS, len(heads)))
+            rows = [(n, u, *(self.text(values[k]) + mark(n, k) for k in part)) for n, u, values in self.rows]
+            made.append(table(title, ("output", "unit", *(heads[k] for k in part)), rows))
+        return made

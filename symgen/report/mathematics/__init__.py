@@ -1,0 +1,1 @@
+"""Equations, derivation records and their changes as text and LaTeX."""

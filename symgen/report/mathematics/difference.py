@@ -1,0 +1,97 @@
+"""Changes in the mathematics, as text or LaTeX."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from symgen.errors import ModelError, nearest
+from symgen.symbolic.difference import Change, Difference, MatrixDifference
+
+FORMATS = ("text", "latex")
+_ALL = "all kernels"
+_KINDS = ("added", "removed", "changed", "rewritten")
+
+
+def check_form(form: str) -> None:
+    """Raise ModelError if the format does not exist."""
+    if form not in FORMATS:
+        raise ModelError(f"there is no format {form!r}. {nearest(form, FORMATS)}")
+
+
+def difference_lines(found: Difference, shown: int | None = None, form: str = "text") -> Iterator[str]:
+    """Yield the changes: matrices with entries before and after, shared terms, operation counts, values.
+
+    Parameters
+    ----------
+    found
+        The difference.
+    shown
+        Maximum number of printed entries per matrix, and of shared terms; None for all.
+    form
+        One of ``FORMATS``. The LaTeX output requires the package amsmath; its text is commented out and the
+        changes are displayed equations.
+    """
+    words = "% " if form == "latex" else ""
+    if not found:
+        yield f"{words}no change in the mathematics"
+    for matrix in found.matrices:
+        yield f"{words}{matrix.name}{_shape(matrix)}: {_summary(matrix)}"
+        yield from _changes(matrix.changes, shown, "entries", form)
+    if found.definitions:
+        yield f"{words}shared terms:"
+        yield from _changes(found.definitions, shown, "terms", form)
+    yield from (words + line for line in _operations(found))
+    if found.values:
+        yield f"{words}tunable parameters, which are arguments of the kernels:"
+        yield from _changes(found.values, shown, "parameters", form)
+
+
+def _shape(matrix: MatrixDifference) -> str:
+    old, new = (f"{rows} x {columns}" for rows, columns in matrix.shapes)
+    if matrix.kind in ("added", "removed"):
+        return f" ({new if matrix.kind == 'added' else old})"
+    return f" ({new})" if old == new else f" ({old}, now {new})"
+
+
+def _summary(matrix: MatrixDifference) -> str:
+    if matrix.kind in ("added", "removed"):
+        return matrix.kind
+    counts = [(matrix.count(kind), kind) for kind in _KINDS]
+    words = ", ".join(f"{n} {kind}" for n, kind in counts if n) or "other shape"
+    return f"{words} (the same values, written otherwise)" if matrix.kind == "rewritten" else words
+
+
+def _changes(changes: tuple[Change, ...], shown: int | None, what: str, form: str) -> Iterator[str]:
+    if form == "latex":
+        from symgen.report.mathematics.latex import changes_in_latex
+
+        yield from changes_in_latex(changes[:shown])
+    else:
+        yield from (line for change in changes[:shown] for line in _in_text(change))
+    if shown is not None and len(changes) > shown:
+        yield f"{'%' if form == 'latex' else ' '} ... and {len(changes) - shown} {what} more"
+
+
+def _in_text(change: Change) -> Iterator[str]:
+    yield f"  {change.kind} [{change.place}]"
+    if change.through_shared_terms:
+        yield f"    {change.after}  (through shared terms)"
+        return
+    if change.before:
+        yield f"    - {change.before}"
+    if change.after:
+        yield f"    + {change.after}"
+
+
+def _operations(found: Difference) -> Iterator[str]:
+    if not found.operations:
+        return
+    width = max(map(len, (*found.operations, _ALL)))
+    yield "operations, before and after:"
+    for kernel, (before, after) in found.operations.items():
+        yield f"  {kernel:{width}}  {_count(before)} {_count(after)}"
+    yield f"  {_ALL:{width}}  {found.totals[0]:>6} {found.totals[1]:>6}"
+
+
+def _count(flops: int | None) -> str:
+    return f"{'-' if flops is None else flops:>6}"

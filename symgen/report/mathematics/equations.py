@@ -1,0 +1,145 @@
+"""Derived matrices in several formats: text, LaTeX, shared terms, C, and numeric values at a state."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import sympy as sp
+
+from symgen.errors import ModelError, nearest
+from symgen.report.mathematics.lowered import in_c, in_shared_terms
+from symgen.report.mathematics.numbers import in_numbers
+from symgen.symbolic.notation import latex, latex_name
+from symgen.symbolic.system import NamedMatrix, System
+
+FORMATS = ("unicode", "latex", "shared", "c", "numeric")
+#: Maximum number of rows and columns, and of characters, of a matrix that LaTeX shows as a whole.
+_WHOLE, _LETTERS = 12, 4000
+
+
+def overview(system: System) -> list[tuple[str, str, str, str]]:
+    """Return name, shape, unit and description of every matrix."""
+    return [(m.name, f"{m.matrix.rows} x {m.matrix.cols}", m.unit, m.description) for m in system.matrices]
+
+
+def show(
+    system: System,
+    matrices: Sequence[NamedMatrix],
+    form: str,
+    values: Mapping[str, float] | None = None,
+    label: str = "",
+) -> str:
+    """Return matrices of a system in one format, with the shared terms that they use.
+
+    Parameters
+    ----------
+    system
+        The system of the matrices.
+    matrices
+        Matrices to show.
+    form
+        One of ``FORMATS``.
+    values, label
+        For the numeric format: values of arguments by name [SI], and the label of the state.
+
+    Raises
+    ------
+    ModelError
+        If the format does not exist, or values are missing for the numeric format.
+    """
+    check_form(form)
+    if form == "unicode":
+        return _as_text(system, matrices)
+    if form == "latex":
+        return as_latex(system, matrices)
+    if form == "shared":
+        return in_shared_terms(system, matrices)
+    if form == "c":
+        return "\n\n".join(in_c(system, m) for m in matrices)
+    return "\n\n".join(in_numbers(system, m, values or {}, label) for m in matrices)
+
+
+def check_form(form: str) -> None:
+    """Raise ModelError if the format does not exist."""
+    if form not in FORMATS:
+        raise ModelError(f"there is no format {form!r}. {nearest(form, FORMATS)}")
+
+
+def _as_text(system: System, matrices: Sequence[NamedMatrix]) -> str:
+    """Return matrices as text, followed by the shared terms they use and a legend of symbols."""
+    shared = used_terms(system, matrices)
+    lines = []
+    for m in matrices:
+        written = sp.pretty(m.matrix, use_unicode=True, wrap_line=False)
+        lines += [f"{m.name}: {m.description} [{m.unit}]", "", written, *_labels(m), ""]
+    lines += ["with", *(f"  {s} = {e}" for s, e in shared.items()), ""] if shared else []
+    return "\n".join([*lines, *_legend(system, matrices, shared)]).rstrip()
+
+
+def as_latex(system: System, matrices: Sequence[NamedMatrix]) -> str:
+    """Return matrices and the shared terms they use as LaTeX, which requires the package amsmath."""
+    lines = []
+    for m in matrices:
+        lines += [f"% {m.name}: {m.description} [{m.unit}]", *displayed(m)]
+    return "\n".join([*lines, *terms_in_latex(system, matrices)])
+
+
+def terms_in_latex(system: System, matrices: Sequence[NamedMatrix]) -> list[str]:
+    """Return the shared terms used by matrices as lines of LaTeX."""
+    shared = used_terms(system, matrices)
+    return ["% with", *aligned([(latex(s), latex(e)) for s, e in shared.items()])] if shared else []
+
+
+def displayed(m: NamedMatrix) -> list[str]:
+    """Return a matrix as displayed equations; for a large matrix its nonzero entries only."""
+    if max(m.matrix.shape) <= _WHOLE and len(str(m.matrix)) <= _LETTERS:
+        alone = m.matrix[0, 0] if m.matrix.shape == (1, 1) else m.matrix
+        return [r"\[", latex(alone), r"\]"]
+    entries = []
+    for i in range(m.matrix.rows):
+        for j in range(m.matrix.cols):
+            if m.matrix[i, j] != 0:
+                places = [latex_name(m.rows[i]) if m.rows else str(i + 1)]
+                if m.matrix.cols > 1:
+                    places.append(latex_name(m.columns[j]) if m.columns else str(j + 1))
+                entries.append((rf"\left({', '.join(places)}\right)", latex(m.matrix[i, j])))
+    return aligned(entries)
+
+
+def aligned(pairs: Sequence[tuple[str, str]]) -> list[str]:
+    """Return pairs of left and right sides as lines of one aligned display."""
+    if not pairs:
+        return []
+    rows = [f"{left} &= {right}" for left, right in pairs]
+    return [r"\begin{align*}", " \\\\\n".join(rows), r"\end{align*}"]
+
+
+def _labels(matrix: NamedMatrix) -> list[str]:
+    """Return the row and column labels of a matrix, if there is more than one."""
+    return [
+        f"{what}: {', '.join(names)}"
+        for what, names in (("rows", matrix.rows), ("columns", matrix.columns))
+        if len(names) > 1
+    ]
+
+
+def _legend(system: System, matrices: Sequence[NamedMatrix], used: Mapping[sp.Symbol, sp.Expr]) -> list[str]:
+    """Return the undefined symbols that occur, with unit and description."""
+    there = set[sp.Basic]().union(*(m.matrix.free_symbols for m in matrices))
+    there = there.union(*(e.free_symbols for e in used.values()))
+    known = [x for group in system.groups for x in group.quantities if x.symbol in there]
+    width = max((len(x.name) for x in known), default=0)
+    return ["where", *(f"  {x.name:<{width}}  {x.description} [{x.unit}]" for x in known)] if known else []
+
+
+def used_terms(system: System, matrices: Sequence[NamedMatrix]) -> dict[sp.Symbol, sp.Expr]:
+    """Return the shared terms used by matrices, directly or indirectly, in order."""
+    definitions = {d.quantity.symbol: d.expression for d in system.definitions}
+    found: set[sp.Symbol] = set()
+    waiting = [s for m in matrices for s in m.matrix.free_symbols]
+    while waiting:
+        symbol = waiting.pop()
+        if symbol in definitions and symbol not in found:
+            found.add(symbol)
+            waiting.extend(definitions[symbol].free_symbols)
+    return {s: e for s, e in definitions.items() if s in found}

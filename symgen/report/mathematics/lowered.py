@@ -1,0 +1,87 @@
+"""Lowered matrices: entries in terms of named shared terms, as text or C."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import sympy as sp
+
+from symgen.codegen.printers import Printer
+from symgen.errors import ModelError
+from symgen.lowering.kernel import Block, Kernel
+from symgen.lowering.nodes import Node, rename
+from symgen.lowering.program import lower_system
+from symgen.precision import Precision
+from symgen.symbolic.system import Export, NamedMatrix, System
+
+#: Digits of constants in readable text.
+_DIGITS = 12
+
+
+def in_shared_terms(system: System, matrices: Sequence[NamedMatrix]) -> str:
+    """Return matrices after common-subexpression elimination, with one nonzero entry per line.
+
+    Terms named in the derivation keep their names; further common subexpressions are called c0, c1, ...
+    """
+    kernel = _kernel(system, matrices)
+    names = {f"{group.name}[{i}]": x.name for group in system.groups for i, x in enumerate(group.quantities)}
+    prints = Printer({}, literal=_short)
+
+    def text(node: Node) -> str:
+        return prints(rename(node, names))
+
+    lines = [f"{kernel.description}: {kernel.counts}", ""]
+    lines += [f"  {a.target} = {text(a.value)}" for a in kernel.assignments]
+    values = {s.index: text(s.value) for s in kernel.stores}
+    for block in kernel.blocks:
+        lines += ["", f"{block.name}: {block.description} [{block.unit}]"]
+        lines += [
+            f"  [{place}] = {values[index]}" for index, place in _places(block) if values[index] != "0"
+        ] or ["  zero"]
+    return "\n".join(lines)
+
+
+def in_c(system: System, matrix: NamedMatrix) -> str:
+    """Return a matrix as lines of C that write it to ``out`` in row-major order."""
+    kernel = _kernel(system, [matrix])
+    printer = Printer({})
+    lines = [f"/* {matrix.description} [{matrix.unit}]: {kernel.counts}"]
+    for array, _ in kernel.inputs:
+        lines.append(f" * {array}: {', '.join(x.name for x in system.group(array).quantities)}")
+    lines.append(" */")
+    lines += [f"const double {a.target} = {printer(a.value)};" for a in kernel.assignments]
+    lines += [f"{s.array}[{s.index}] = {printer(s.value)};" for s in kernel.stores]
+    return "\n".join(lines)
+
+
+def _kernel(system: System, matrices: Sequence[NamedMatrix]) -> Kernel:
+    if any(d.expression.has(sp.Piecewise) for d in system.definitions):
+        raise ModelError(
+            f"{matrices[0].name}: its directions are chosen by cases, which straight-line C cannot express\n"
+            "  Use --format unicode, latex or numeric."
+        )
+    names = tuple(m.name for m in matrices)
+    about = matrices[0].description if len(matrices) == 1 else ", ".join(names)
+    # A single kernel, including the terms that are otherwise precomputed once per run.
+    groups = tuple(replace(group, per_run=False) for group in system.groups)
+    exports = (Export("shown", about, names),)
+    alone = replace(system, groups=groups, matrices=tuple(matrices), exports=exports, saddle_point=None)
+    return lower_system(alone).kernels[0]
+
+
+def _places(block: Block) -> list[tuple[int, str]]:
+    """Return the index in ``out`` of every entry, with its row and column by name or number."""
+    rows, columns = block.shape
+    found = []
+    for i in range(rows):
+        for j in range(columns):
+            names = [block.rows[i] if block.rows else str(i)]
+            if columns > 1:
+                names.append(block.columns[j] if block.columns else str(j))
+            found.append((block.offset + i * columns + j, ", ".join(names)))
+    return found
+
+
+def _short(text: str, _: Precision) -> str:
+    return f"{float(text):.{_DIGITS}g}"

@@ -1,0 +1,127 @@
+"""The step-by-step derivation of a model, as text or as a LaTeX document."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import Protocol
+
+import sympy as sp
+
+from symgen.report.mathematics.equations import displayed, terms_in_latex, used_terms
+from symgen.symbolic.system import NamedMatrix, System
+
+#: Number of characters above which a matrix is replaced by its sparsity pattern.
+_LETTERS = 2500
+
+
+class Step(Protocol):
+    """Interface of a derivation step: see :class:`symgen.models.record.Step`."""
+
+    @property
+    def title(self) -> str:
+        """Short title of the step."""
+
+    @property
+    def about(self) -> str:
+        """Description in one or two sentences."""
+
+    @property
+    def source(self) -> str:
+        """Reference in the literature."""
+
+    @property
+    def system(self) -> System:
+        """The system of the matrices."""
+
+    @property
+    def matrices(self) -> tuple[NamedMatrix, ...]:
+        """Matrices derived in the step."""
+
+
+def record_in_text(steps: Sequence[Step]) -> str:
+    """Return the steps as text; large matrices are replaced by their sparsity patterns."""
+    return "\n".join(line for k, step in enumerate(steps, 1) for line in _in_text(k, step)).rstrip()
+
+
+def _in_text(number: int, step: Step) -> Iterator[str]:
+    head = f"{number}. {step.title}  ({step.source})"
+    yield from (head, "-" * len(head), step.about, "")
+    for m in step.matrices:
+        yield f"{m.name}: {m.description} [{m.unit}]"
+        large = len(str(m.matrix)) > _LETTERS
+        yield from _structure(m) if large else [sp.pretty(m.matrix, use_unicode=True, wrap_line=False)]
+        yield ""
+    short = [m for m in step.matrices if len(str(m.matrix)) <= _LETTERS]
+    shared = used_terms(step.system, short)
+    if shared:
+        yield from ("with", *(f"  {s} = {e}" for s, e in shared.items()), "")
+
+
+def _structure(m: NamedMatrix) -> list[str]:
+    """Return the pattern with a dot per zero and a star per entry; for a column the number of entries."""
+    filled = sum(1 for e in m.matrix if e != 0)
+    told = f"  {m.matrix.rows} x {m.matrix.cols}, {filled} entries that are not zero"
+    if m.matrix.cols == 1:
+        return [told]
+    rows = ("  " + " ".join("*" if e != 0 else "." for e in m.matrix.row(i)) for i in range(m.matrix.rows))
+    return [told, *rows]
+
+
+def record_in_latex(title: str, steps: Sequence[Step]) -> str:
+    """Return the steps as a complete LaTeX document."""
+    lines = [
+        r"\documentclass{article}",
+        r"\usepackage[utf8]{inputenc}",
+        r"\usepackage[T1]{fontenc}",
+        r"\usepackage[a3paper,landscape,margin=15mm]{geometry}",
+        r"\usepackage{amsmath}",
+        r"\setcounter{MaxMatrixCols}{20}",
+        r"\allowdisplaybreaks",
+        *(rf"\DeclareUnicodeCharacter{{{code}}}{{{text}}}" for code, text in _SIGNS),
+        rf"\title{{{_plain(title)}}}",
+        r"\date{}",
+        r"\begin{document}",
+        r"\maketitle",
+    ]
+    for step in steps:
+        lines += [
+            rf"\section{{{_plain(step.title)}}}",
+            rf"{_plain(step.about)} \emph{{{_plain(step.source)}}}.",
+        ]
+        for m in step.matrices:
+            words = rf"\paragraph{{{_plain(m.name)}}} {_plain(m.description)} [{_plain(m.unit)}]"
+            large = len(str(m.matrix)) > _LETTERS
+            lines += [words, *([rf"({_plain(_structure(m)[0].strip())})."] if large else displayed(m))]
+        short = [m for m in step.matrices if len(str(m.matrix)) <= _LETTERS]
+        lines += terms_in_latex(step.system, short)
+    return "\n".join([*lines, r"\end{document}"])
+
+
+#: Characters in the records that LaTeX does not support, by code point.
+_SIGNS = (
+    ("2202", r"\ensuremath{\partial}"),
+    ("2212", r"\ensuremath{-}"),
+    ("22EF", r"\ensuremath{\cdots}"),
+    ("2081", r"\ensuremath{_1}"),
+    ("2082", r"\ensuremath{_2}"),
+    ("2099", r"\ensuremath{_n}"),
+    ("03B5", r"\ensuremath{\varepsilon}"),
+    ("03B8", r"\ensuremath{\theta}"),
+    ("03B7", r"\ensuremath{\eta}"),
+    ("03B1", r"\ensuremath{\alpha}"),
+)
+_ESCAPED = {c: rf"\{c}" for c in "#$%&_{}"} | {
+    "\\": r"\textbackslash{}",
+    "^": r"\textasciicircum{}",
+    "~": r"\textasciitilde{}",
+    "<": r"\textless{}",
+    ">": r"\textgreater{}",
+    "|": r"\textbar{}",
+}
+
+
+def _plain(text: str) -> str:
+    """Return text with special characters escaped for LaTeX; unsupported ones become question marks."""
+    known = {chr(int(code, 16)) for code, _ in _SIGNS}
+    kept = (c if ord(c) < 256 or c in known else "?" for c in text)
+    return "".join(_ESCAPED.get(c, c) for c in kept)

@@ -1,0 +1,316 @@
+"""Drawing of a mechanism: from lines and points in space to shapes for the SVG template."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+#: Width, minimum and maximum height of a drawing, and margin around the mechanism [px].
+_WIDTH, _LOW, _HIGH, _MARGIN = 540.0, 220.0, 430.0, 52.0
+#: Height and width of a label's characters, and distance of a label from its point [px].
+_LETTER, _LETTER_WIDTH, _OFF = 14.0, 8.6, 13.0
+#: Number of windings of a spring, and its half width [px].
+_WINDINGS, _SPRING = 7, 6.0
+#: Maximum number of vertices of a drawn path.
+_CORNERS = 400
+
+
+@dataclass(frozen=True, slots=True)
+class Line:
+    """A line, or a body given by its corners; ``kind`` is the style, ``at`` holds one point per row [m]."""
+
+    kind: str
+    name: str
+    at: Array
+
+
+@dataclass(frozen=True, slots=True)
+class Node:
+    """A point [m] and its kind: ``ground``, ``joint``, ``end`` or ``hidden``."""
+
+    name: str
+    at: Array
+    kind: str
+
+
+@dataclass(frozen=True, slots=True)
+class Sketch:
+    """A mechanism in the plane or in space [m], with gravity [m/s^2]."""
+
+    nodes: tuple[Node, ...]
+    lines: tuple[Line, ...]
+    gravity: Array
+    unit: str
+
+
+@dataclass(frozen=True, slots=True)
+class Shape:
+    """A line on paper: its kind and its points in SVG syntax."""
+
+    kind: str
+    points: str
+    closed: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Mark:
+    """A point on paper."""
+
+    kind: str
+    x: float
+    y: float
+    name: str
+
+
+@dataclass(frozen=True, slots=True)
+class Label:
+    """A label on paper; ``kind`` is ``point`` or ``link``."""
+
+    kind: str
+    x: float
+    y: float
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class Arrow:
+    """An arrow in the corner of the drawing: an axis or gravity."""
+
+    kind: str
+    x: float
+    y: float
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class Drawing:
+    """Data of the SVG template. ``bar`` is the length of the scale bar [px], ``scale`` its label."""
+
+    width: float
+    height: float
+    shapes: tuple[Shape, ...]
+    marks: tuple[Mark, ...]
+    labels: tuple[Label, ...]
+    arrows: tuple[Arrow, ...]
+    bar: float
+    scale: str
+    unnamed: int
+
+
+def drawing(sketch: Sketch) -> Drawing:
+    """Return the drawing of a mechanism: front view in the plane, oblique view in space."""
+    view = _view(sketch)
+    every = np.vstack(
+        [*(line.at @ view for line in sketch.lines), *(n.at[None] @ view for n in sketch.nodes)]
+    )
+    low, high = every.min(axis=0), every.max(axis=0)
+    extent = np.maximum(high - low, 1e-12 * max(1.0, float(np.max(np.abs(every)))))
+    inner = _WIDTH - 2 * _MARGIN
+    per_metre = min(inner / extent[0], (_HIGH - 2 * _MARGIN) / extent[1])
+    height = float(np.clip(extent[1] * per_metre + 2 * _MARGIN, _LOW, _HIGH))
+    middle = (low + high) / 2
+
+    def paper(at: Array) -> Array:
+        moved: Array = (at @ view - middle) * per_metre * (1.0, -1.0) + (_WIDTH / 2, height / 2)
+        return moved
+
+    shapes = [shape for line in sketch.lines for shape in _shapes(line, paper(line.at))]
+    marks = [Mark(n.kind, *_rounded(paper(n.at)), n.name) for n in sketch.nodes if n.kind != "hidden"]
+    labels, unnamed = _labels(sketch, marks, {id(k): paper(k.at) for k in sketch.lines}, height)
+    bar, scale = _scale(per_metre, sketch.unit)
+    shapes.sort(key=lambda s: _ORDER.index(s.kind))
+    arrows = tuple(_arrows(sketch, view))
+    return Drawing(_WIDTH, height, tuple(shapes), tuple(marks), labels, arrows, bar, scale, unnamed)
+
+
+_ORDER = ("path", "axis", "rail", "body", "spring", "actuator", "rod", "elastic", "slider")
+
+
+def _view(sketch: Sketch) -> Array:
+    """Return the two directions of the paper, as columns."""
+    gravity = sketch.gravity
+    if len(gravity) == 2:
+        return np.eye(2)
+    up = -gravity / np.linalg.norm(gravity) if np.any(gravity) else np.array([0.0, 0.0, 1.0])
+    forth = np.eye(3)[int(np.argmin(np.abs(up)))]
+    forth = forth - (forth @ up) * up
+    forth /= np.linalg.norm(forth)
+    eye = 0.62 * forth + np.cross(up, forth) * 1.0 + 0.55 * up
+    eye /= np.linalg.norm(eye)
+    right = np.cross(up, eye)
+    right /= np.linalg.norm(right)
+    return np.column_stack([right, np.cross(eye, right)])
+
+
+def _rounded(at: Array) -> tuple[float, float]:
+    return round(float(at[0]), 2), round(float(at[1]), 2)
+
+
+def _text(at: Array) -> str:
+    return " ".join(f"{x:.2f},{y:.2f}" for x, y in at)
+
+
+def _shapes(line: Line, at: Array) -> Iterator[Shape]:
+    if line.kind == "path":
+        whole = at[:: max(1, math.ceil(len(at) / _CORNERS))]
+        yield Shape("path", _text(whole))
+    elif line.kind == "spring":
+        yield Shape("spring", _text(_wound(at)))
+    elif line.kind == "slider":
+        along = at[1] - at[0]
+        along = along / max(float(np.linalg.norm(along)), 1e-9)
+        across = np.array([-along[1], along[0]])
+        sides = ((-1, -1), (1, -1), (1, 1), (-1, 1))
+        block = np.array([at[0] + 13 * a * along + 8 * b * across for a, b in sides])
+        yield Shape("slider", _text(block), closed=True)
+    elif line.kind == "body" and len(at) > 2:
+        hull = _hull(at)
+        flat = len(hull) < 3
+        yield Shape("rod" if flat else "body", _text(hull), closed=not flat)
+    else:
+        yield Shape("rod" if line.kind == "body" else line.kind, _text(at))
+
+
+def _wound(at: Array) -> Array:
+    along = at[1] - at[0]
+    length = max(float(np.linalg.norm(along)), 1e-9)
+    across = np.array([-along[1], along[0]]) / length * _SPRING
+    parts = np.linspace(0.2, 0.8, 2 * _WINDINGS)
+    inner = [at[0] + p * along + (-1) ** i * across for i, p in enumerate(parts)]
+    return np.array([at[0], at[0] + 0.18 * along, *inner, at[0] + 0.82 * along, at[1]])
+
+
+def _hull(at: Array) -> Array:
+    """Return the vertices of the convex hull, by Andrew's monotone chain."""
+    points = sorted({(float(x), float(y)) for x, y in np.round(at, 3)})
+
+    def half(ordered: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
+        kept: list[tuple[float, float]] = []
+        for p in ordered:
+            while len(kept) > 1 and _turn(kept[-2], kept[-1], p) <= 0:
+                kept.pop()
+            kept.append(p)
+        return kept[:-1]
+
+    return np.array([*half(points), *half(points[::-1])] or points)
+
+
+def _turn(a: tuple[float, float], b: tuple[float, float], c: tuple[float, float]) -> float:
+    return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
+
+
+Box = tuple[float, float, float, float]
+
+
+def _labels(
+    sketch: Sketch, marks: Sequence[Mark], lines: dict[int, Array], height: float
+) -> tuple[tuple[Label, ...], int]:
+    """Place labels without overlap; labels for which there is no room are omitted and counted."""
+    taken: list[Box] = [(0.0, height - 46.0, 150.0, height), (_WIDTH - 150.0, height - 34.0, _WIDTH, height)]
+    dots = [(m.x - 6, m.y - 6, m.x + 6, m.y + 6) for m in marks]
+    dots += [(m.x - 14, m.y + 4, m.x + 14, m.y + 22) for m in marks if m.kind == "ground"]
+    sliders = [lines[id(line)][0] for line in sketch.lines if line.kind == "slider"]
+    dots += [(x - 14, y - 12, x + 14, y + 12) for x, y in sliders]
+    strokes = [
+        (a, b)
+        for line in sketch.lines
+        if line.kind not in ("path", "slider")
+        for a, b in pairwise(lines[id(line)])
+    ]
+    placed, unnamed = [], 0
+    wanted = [("point", m.x, m.y, m.name) for m in marks]
+    for line in sketch.lines:
+        if line.name and line.kind != "path":
+            x, y = lines[id(line)].mean(axis=0)
+            wanted.append(("link", float(x), float(y), line.name))
+    for kind, x, y, name in wanted:
+        found = _place(kind, x, y, name, [*taken, *dots], strokes, height)
+        if found is None:
+            unnamed += 1
+            continue
+        label, box = found
+        taken.append(box)
+        placed.append(label)
+    return tuple(placed), unnamed
+
+
+def _place(
+    kind: str,
+    x: float,
+    y: float,
+    name: str,
+    taken: Sequence[Box],
+    strokes: Sequence[tuple[Array, Array]],
+    height: float,
+) -> tuple[Label, Box] | None:
+    """Return a position around a point where a label overlaps no label or point, if possible also no line."""
+    half = len(name) * _LETTER_WIDTH / 2
+    best: tuple[int, Label, Box] | None = None
+    for reach in (1.0, 1.7, 2.3):
+        for i in range(8):
+            angle = -math.pi / 4 + i * math.pi / 4
+            cx = x + math.cos(angle) * (_OFF * reach + half * abs(math.cos(angle)))
+            cy = y - math.sin(angle) * _OFF * reach
+            box = (cx - half, cy - _LETTER / 2, cx + half, cy + _LETTER / 2)
+            inside = box[0] > 2 and box[2] < _WIDTH - 2 and box[1] > 2 and box[3] < height - 2
+            if not inside or any(_meet(box, other) for other in taken):
+                continue
+            crossed = sum(_crosses(box, a, b) for a, b in strokes)
+            if best is None or crossed < best[0]:
+                best = (crossed, Label(kind, round(cx, 2), round(cy + _LETTER * 0.33, 2), name), box)
+        if best is not None and best[0] == 0:
+            break
+    if best is None or best[0] > 1:
+        return None
+    return best[1], best[2]
+
+
+def _meet(a: Box, b: Box) -> bool:
+    return a[0] < b[2] and b[0] < a[2] and a[1] < b[3] and b[1] < a[3]
+
+
+def _crosses(box: Box, a: Array, b: Array) -> bool:
+    """Return whether a line intersects a box, by Liang-Barsky clipping."""
+    first, last = 0.0, 1.0
+    d = b - a
+    for direction, room in (
+        (-d[0], a[0] - box[0]),
+        (d[0], box[2] - a[0]),
+        (-d[1], a[1] - box[1]),
+        (d[1], box[3] - a[1]),
+    ):
+        if direction == 0:
+            if room < 0:
+                return False
+        elif direction < 0:
+            first = max(first, room / direction)
+        else:
+            last = min(last, room / direction)
+    return bool(first <= last)
+
+
+def _arrows(sketch: Sketch, view: Array) -> Iterator[Arrow]:
+    for axis, name in zip(np.eye(len(view)) @ view, "xyz", strict=False):
+        yield Arrow("direction", round(float(26 * axis[0]), 2), round(float(-26 * axis[1]), 2), name)
+    size = float(np.linalg.norm(sketch.gravity))
+    if size:
+        down = sketch.gravity @ view / size
+        yield Arrow("gravity", round(float(26 * down[0]), 2), round(float(-26 * down[1]), 2), "g")
+
+
+def _scale(per_metre: float, unit: str) -> tuple[float, str]:
+    """Return the length of a scale bar near 100 px and its label: 1, 2 or 5 times a power of ten."""
+    exact = 100.0 / per_metre
+    power = 10.0 ** math.floor(math.log10(exact))
+    nice = max(m * power for m in (1.0, 2.0, 5.0) if m * power <= exact * 1.0000001)
+    for size, name in ((1e3, "km"), (1.0, "m"), (1e-2, "cm"), (1e-3, "mm"), (1e-6, "µm")):
+        if nice >= size * 0.9999 and unit == "m":
+            return round(nice * per_metre, 2), f"{nice / size:g} {name}"
+    return round(nice * per_metre, 2), f"{nice:g} {unit}"

@@ -1,0 +1,116 @@
+"""Plots of runs for a page: SVG from Matplotlib, embedded as data URIs."""
+
+from __future__ import annotations
+
+import base64
+import io
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from symgen.runtime.result.result import Result, Variable
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+#: Width of a figure and height of a panel [in]; maximum number of curves per panel and panels per page.
+_WIDTH, _PANEL, _CURVES, _PANELS = 7.4, 1.75, 6, 6
+#: Maximum number of samples per curve; longer curves are thinned.
+_TIMES = 400
+_STYLE: Any = {
+    "svg.fonttype": "path",
+    "svg.hashsalt": "symgen",
+    "font.size": 9.0,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.linewidth": 0.7,
+    "axes.grid": True,
+    "grid.alpha": 0.25,
+    "grid.linewidth": 0.6,
+    "legend.frameon": False,
+    "legend.fontsize": 8.0,
+    "lines.linewidth": 1.2,
+    "axes.prop_cycle": "cycler(color=['#1f5c99', '#c2571a', '#2e7d4f', '#8a3f8f', '#a08a1c', '#5b6770'])",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class FigureView:
+    """A figure: its data as a URI, alternative text and caption."""
+
+    uri: str
+    alt: str
+    caption: str
+
+
+def run_figure(result: Result) -> FigureView:
+    """Plot the outputs of a run, one panel per kind; the caption gives the number of omitted curves."""
+    panels: dict[str, list[tuple[str, Any]]] = {}
+    for variable in result.variables:
+        panels.setdefault(result.panel(variable), []).extend(_curves(variable))
+    along, label = result.over
+    every = max(1, len(along) // _TIMES)
+    drawn = dict(list(panels.items())[:_PANELS])
+    left = sum(max(0, len(c) - _CURVES) for c in drawn.values())
+    left += sum(len(c) for name, c in panels.items() if name not in drawn)
+    with _styled() as made:
+        figure = made(figsize=(_WIDTH, 0.55 + _PANEL * len(drawn)), layout="constrained")
+        axes = figure.subplots(len(drawn), 1, sharex=True, squeeze=False)[:, 0]
+        for panel, (name, curves) in zip(axes, drawn.items(), strict=True):
+            for text, values in curves[:_CURVES]:
+                panel.plot(along[::every], values[::every], label=text)
+            panel.set_ylabel(name)
+            panel.legend(loc="upper left", bbox_to_anchor=(1.0, 1.03))
+        axes[-1].set_xlabel(label)
+        uri = _uri(figure)
+    names = ", ".join(drawn)
+    more = f" {left} more curves are recorded and not drawn." if left else ""
+    return FigureView(uri, f"Curves over {label}: {names}", f"Recorded outputs over {label}.{more}")
+
+
+def error_figure(curves: Sequence[tuple[str, Sequence[tuple[float, float]]]], measured: str) -> FigureView:
+    """Plot time against error, with one curve (error, time [s]) per method; errors decrease to the right."""
+    with _styled() as made:
+        figure = made(figsize=(_WIDTH, 3.1), layout="constrained")
+        axes: Axes = figure.subplots()
+        for marker, (name, points) in zip("osD^vP*X", curves, strict=False):
+            ordered = sorted((e, t) for e, t in points if e > 0 and np.isfinite(e))
+            axes.plot(
+                [e for e, _ in ordered], [1e3 * t for _, t in ordered], marker=marker, ms=3.5, label=name
+            )
+        axes.set(xscale="log", yscale="log", xlabel=measured, ylabel="time of the whole run [ms]")
+        axes.invert_xaxis()
+        axes.legend(loc="upper left", bbox_to_anchor=(1.0, 1.02))
+        uri = _uri(figure)
+    return FigureView(uri, "Wall time of a run against its error, one curve per method", "")
+
+
+def _curves(variable: Variable) -> Iterator[tuple[str, Any]]:
+    if variable.values.ndim == 1:
+        yield variable.name, variable.values
+        return
+    for i, component in enumerate(variable.components):
+        yield f"{variable.name} {component}", variable.values[:, i]
+
+
+class _styled:
+    """Context in which figures have the style of the page, until they are written."""
+
+    def __enter__(self) -> Any:
+        import matplotlib
+        from matplotlib.figure import Figure
+
+        self._context = matplotlib.rc_context(_STYLE)
+        self._context.__enter__()
+        return Figure
+
+    def __exit__(self, *error: object) -> None:
+        self._context.__exit__(*error)  # type: ignore[arg-type]
+
+
+def _uri(figure: Any) -> str:
+    stream = io.BytesIO()
+    figure.savefig(stream, format="svg", transparent=True, metadata={"Date": None, "Creator": None})
+    return "data:image/svg+xml;base64," + base64.b64encode(stream.getvalue()).decode()

@@ -1,0 +1,78 @@
+"""Plots of results."""
+
+from __future__ import annotations
+
+import os
+from typing import TYPE_CHECKING, Any
+
+from symgen.errors import ResultError
+from symgen.runtime.result.result import Result, Variable
+
+#: Supported file name extensions of plots.
+DRAWN_AS = (".png", ".svg", ".pdf")
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+def plot(result: Result, *names: str, file: str | os.PathLike[str] | None = None) -> Figure:
+    """Plot outputs over time or input, in the panels of the result; save the figure if ``file`` is given.
+
+    Parameters
+    ----------
+    result
+        The result.
+    names
+        Outputs, such as ``C.position``, or points or links for all their recorded outputs. All outputs if
+        none is given.
+    file
+        Output file; its extension selects the format.
+
+    Raises
+    ------
+    ResultError
+        If no output of a name was recorded, or the file cannot be written.
+    """
+    from matplotlib.figure import Figure
+
+    chosen = _chosen(result, names)
+    along, label = result.over
+    labels = list(dict.fromkeys(result.panel(v) for v in chosen))
+    figure = Figure(figsize=(9, 1.2 + 2.4 * len(labels)), layout="constrained")
+    panels = figure.subplots(len(labels), 1, sharex=True, squeeze=False)[:, 0]
+    for panel, panel_label in zip(panels, labels, strict=True):
+        for variable in (v for v in chosen if result.panel(v) == panel_label):
+            if variable.values.ndim == 1:
+                panel.plot(along, variable.values, label=variable.name)
+                continue
+            for i, component in enumerate(variable.components):
+                panel.plot(along, variable.values[:, i], label=f"{variable.name} {component}")
+        panel.set_ylabel(panel_label)
+        panel.grid(alpha=0.3)
+        panel.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize="small", frameon=False)
+    panels[-1].set_xlabel(label)
+    figure.suptitle(f"{result.title}\n{result.headline}", fontsize="medium")
+    if file is not None:
+        _save(figure, file)
+    return figure
+
+
+def _save(figure: Any, file: str | os.PathLike[str]) -> None:
+    from symgen.atomic import replacing, writable
+
+    path = writable(file, DRAWN_AS, "plot")
+    try:
+        with replacing(path) as temporary:
+            figure.savefig(temporary, dpi=150)
+    except (OSError, ValueError) as error:
+        raise ResultError(f"cannot write the plot to {path}: {error}") from None
+
+
+def _chosen(result: Result, names: tuple[str, ...]) -> list[Variable]:
+    if not names:
+        return list(result.variables)
+    chosen: dict[str, Variable] = {}
+    for name in names:
+        of_owner = [v for v in result.variables if v.name.partition(".")[0] == name and "." in v.name]
+        chosen.update((v.name, v) for v in of_owner or [result.variable(name)])
+    return list(chosen.values())

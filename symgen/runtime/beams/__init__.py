@@ -1,0 +1,1 @@
+"""Elastic links: element data, frames, reduction and internal forces."""

@@ -1,0 +1,182 @@
+"""Where the linear theory of elastic links does not hold: what every result of it says of itself."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symgen.runtime._beams import BeamEquations
+from symgen.runtime.beams.data import BeamInfo
+from symgen.runtime.beams.elements import SHAPES, at, names, segments
+from symgen.runtime.beams.forces import Motion
+from symgen.runtime.beams.frames import APPLIED, frames
+from symgen.runtime.beams.links import Beam
+from symgen.runtime.beams.second_order import SECOND_ORDER, omitted
+from symgen.runtime.elastic.motion import ElasticMotion
+from symgen.runtime.result.elastic import own_unknowns
+
+Array = NDArray[np.float64]
+
+#: Largest angle [rad] that the centre line makes with its rigid direction. Linear theory has sin a = a and
+#: cos a = 1: what it leaves out, 1 - cos a, is a/2 of the sin a that it keeps, one part in twenty.
+SLOPE = 0.1
+#: Largest compression over Euler's load P. Deflections are amplified by 1/(1 - N/P), so that an error in the
+#: axial force, which is that of the rigid motion, counts (N/P)/(1 - N/P) times: fully from one half on.
+COMPRESSION = 0.5
+#: The same, of tension too, for links without geometric stiffness: one part in twenty is left out.
+WITHOUT_STIFFENING = 0.05
+_JUDGE = "compare with method exact"
+#: The most places along a link that are looked at, and the elements on which Euler's load is found.
+_PLACES, _EULER = 65, 8
+
+
+def warnings(
+    motion: ElasticMotion, equations: BeamEquations, recorded: Motion, moments: Sequence[str]
+) -> list[str]:
+    """Return a note for every elastic link and limit of linear theory that it passes.
+
+    Parameters
+    ----------
+    motion, equations
+        The linkage.
+    recorded
+        Its elastic motion at the recorded times.
+    moments
+        What to call each of these: ``"crank angle 45 degrees"``.
+    """
+    found = []
+    for k, beam in enumerate(motion.beams):
+        own = own_unknowns(motion, k, recorded.links, recorded.displacements)
+        places = np.linspace(0.0, 1.0, min(4 * beam.info.elements + 1, _PLACES))
+        table = dict(zip(SHAPES, beam.table(places.tolist()), strict=True))
+        found += _of_slope(beam, own @ table["slope"].T, moments)
+        strain = own @ table["axial_strain"].T
+        rigid = _rigid_axial_force(motion, k, recorded, places)
+        found += _of_axial_force(motion, k, rigid, places, strain, moments)
+        found += _of_stress(beam, places, strain, own @ table["curvature"].T, moments)
+    return found + _of_second_order(motion, equations, recorded)
+
+
+def _of_slope(beam: Beam, slopes: Array, moments: Sequence[str]) -> list[str]:
+    time, _, value = _peak(np.abs(slopes))
+    if value <= SLOPE:
+        return []
+    return [
+        f"{beam.info.link}: its centre line turns by {value:.3g} rad from its rigid direction "
+        f"at {moments[time]}, beyond the {SLOPE:g} rad of linear theory; {_JUDGE}"
+    ]
+
+
+def _of_second_order(motion: ElasticMotion, equations: BeamEquations, recorded: Motion) -> list[str]:
+    shares = omitted(motion, equations, recorded, _rigid_axial_force)
+    return [
+        f"{beam.info.link}: terms of second order that linear theory omits come to an estimated {share:.2g} "
+        f"of its peak strain; {_JUDGE}"
+        for beam, share in zip(motion.beams, shares, strict=True)
+        if share > SECOND_ORDER
+    ]
+
+
+def _rigid_axial_force(motion: ElasticMotion, k: int, recorded: Motion, places: Array) -> Array:
+    """Return the axial force of the rigid motion [N], tension positive, (times, places)."""
+    axes, beam = frames(recorded.links[:, k]), motion.beams[k]
+    found = axes.axial_force(beam, places)
+    own = [i for i, name in enumerate(motion.info.loads) if name == beam.info.link]
+    for i, profile in zip(own, motion.profiles(beam.info.link), strict=True):
+        weight = recorded.loads[:, i, APPLIED.index("stiffness_geometric_force")]
+        found += weight[:, None] * profile.before(places * beam.properties.length)
+    return found
+
+
+def _of_axial_force(
+    motion: ElasticMotion, k: int, rigid: Array, places: Array, strain: Array, moments: Sequence[str]
+) -> list[str]:
+    """Compare the axial force, that of the rigid motion and that of the strain found, with Euler's load."""
+    beam = motion.beams[k]
+    stiffness = [at(beam.properties.axial, x) for x in (places * beam.properties.length).tolist()]
+    found = rigid if not beam.info.axial else strain * stiffness
+    limit = motion.euler_loads[k]
+    if beam.info.geometric_stiffness:
+        bound, kind, candidates = COMPRESSION, "compression", (-rigid, -found)
+    else:
+        bound, kind, candidates = WITHOUT_STIFFENING, "axial force", (np.abs(rigid), np.abs(found))
+    time, place, value = max((_peak(c) for c in candidates), key=lambda peak: peak[2])
+    if value <= bound * limit:
+        return []
+    remedy = _JUDGE if kind == "compression" else "run with geometric stiffness"
+    return [
+        f"{beam.info.link}: its {kind} comes to {value:.4g} N at {places[place]:.3g} of its length at "
+        f"{moments[time]}, {value / limit:.3g} of its Euler load of {limit:.4g} N; "
+        f"linear theory is not to be trusted beyond {bound:g} of it; {remedy}"
+    ]
+
+
+def _of_stress(
+    beam: Beam, places: Array, strain: Array, curvature: Array, moments: Sequence[str]
+) -> list[str]:
+    p = beam.properties
+    if math.isinf(p.yield_stress):
+        return []
+    fibre = np.abs([at(p.fibre, x) for x in (places * p.length).tolist()])
+    time, place, value = _peak(p.modulus * (np.abs(strain) + fibre * np.abs(curvature)))
+    if value <= p.yield_stress:
+        return []
+    return [
+        f"{beam.info.link}: the stress comes to {value:.4g} Pa at {places[place]:.3g} of its length at "
+        f"{moments[time]}, beyond its yield stress of {p.yield_stress:.4g} Pa: it would not spring back; "
+        "make it stronger or the crank slower"
+    ]
+
+
+def _peak(values: Array) -> tuple[int, int, float]:
+    """Return where the largest value is, and it; not finite ones do not come here."""
+    time, place = np.unravel_index(int(np.argmax(values)), values.shape)
+    return int(time), int(place), float(values[time, place])
+
+
+def euler_load(motion: ElasticMotion, k: int) -> float:
+    """Return the least axial load [N] under which a link alone buckles, K phi = P KG phi.
+
+    Its ends are held across; it turns freely at both, or is held at the shaft of a held crank. A tip that
+    nothing else is joined to is free.
+    """
+    from scipy.linalg import eigh
+
+    beam = motion.beams[k]
+    info = replace(beam.info, elements=_EULER, nodes=())
+    dofs = names(info)
+    stiffness, pulled = (np.zeros((len(dofs), len(dofs))) for _ in range(2))
+    for part in segments(info, beam.properties):
+        there = np.ix_(part.dofs, part.dofs)
+        stiffness[there] += part.matrix("stiffness")
+        pulled[there] += part.matrix("geometric", 3)[0]
+    held = held_alone(motion, info) - {f"u@{_EULER}"}
+    free = [i for i, dof in enumerate(dofs) if dof not in held]
+    there = np.ix_(free, free)
+    last = len(free) - 1
+    largest = eigh(pulled[there], stiffness[there], eigvals_only=True, subset_by_index=(last, last))[0]
+    return 1.0 / float(largest)
+
+
+def held_alone(motion: ElasticMotion, info: BeamInfo) -> set[str]:
+    """Return the unknowns of a link alone that its joints hold: both ends, and the shaft of a held crank.
+
+    A tip that nothing else is joined to is free.
+    """
+    clamped = info.link == motion.info.crank and motion.info.mode == "held"
+    held = {"u@0", "w@0", *(("theta@0",) if clamped else ())}
+    if not (clamped and _has_a_free_tip(motion, info)):
+        held |= {f"u@{info.elements}", f"w@{info.elements}"}
+    return held
+
+
+def _has_a_free_tip(motion: ElasticMotion, own: BeamInfo) -> bool:
+    """Tell whether no other link, guide or ground holds the second point of a link."""
+    d = motion.rigid.description
+    others = [points for name, points in d.links.items() if name != own.link]
+    guided = any(label.startswith(f"the guide of {own.end} ") for label in d.labels)
+    return own.end in d.free and not guided and not any(own.end in points for points in others)

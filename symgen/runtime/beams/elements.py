@@ -1,0 +1,133 @@
+"""The finite elements along a link: arguments and results of the kernels ``element_NAME``."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cache
+from math import comb
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symgen.runtime.beams.data import BeamInfo, Properties
+from symgen.runtime.kernels.library import shipped_module
+
+Array = NDArray[np.float64]
+
+#: Rows that the kernels ``shape`` give, in their order.
+SHAPES = ("u", "w", "slope", "rotation", "axial_strain", "curvature")
+
+
+@cache
+def kernels(element: str) -> Any:
+    """Return the compiled module of an element."""
+    return shipped_module(f"element_{element}")
+
+
+def shifted(polynomial: Sequence[float], by: float) -> list[float]:
+    """Return the coefficients by power of p(x + by), for those of p(x)."""
+    n = len(polynomial)
+    return [sum(comb(k, j) * polynomial[k] * by ** (k - j) for k in range(j, n)) for j in range(n)]
+
+
+def at(polynomial: Sequence[float], x: float) -> float:
+    """Return the value of a polynomial."""
+    return shifted(polynomial, x)[0]
+
+
+def integral(polynomial: Sequence[float], x: float) -> float:
+    """Return the integral of a polynomial from 0 to x."""
+    return sum(c * x ** (k + 1) / (k + 1) for k, c in enumerate(polynomial))
+
+
+@dataclass(frozen=True, slots=True)
+class Segment:
+    """One element of a link.
+
+    Attributes
+    ----------
+    element
+        Its name.
+    start, length
+        Where it begins [m] from the first point of the link, and how long it is [m].
+    dofs
+        Its unknowns among all those of the link, (n,): the first node's, the second node's, the inner ones.
+    arguments
+        What its kernels read, (20,): length and the section from its own first node.
+    """
+
+    element: str
+    start: float
+    length: float
+    dofs: tuple[int, ...]
+    arguments: Array
+
+    def matrix(self, name: str, count: int = 1, *, rotary: bool = True) -> Array:
+        """Return a result of its kernels, shape (count, n, n) or (n, n) for one."""
+        n = len(self.dofs)
+        arguments = self.arguments
+        if not rotary:
+            arguments = arguments.copy()
+            arguments[4:9] = 0.0
+        found = self._call(name, arguments)
+        return found.reshape(n, n) if count == 1 else found.reshape(count, n, n)
+
+    def loads(self) -> Array:
+        """Return E, G, Nv and Lv, shape (4, n), x from the element's first node."""
+        return self._call("load", self.arguments).reshape(4, len(self.dofs))
+
+    def shape(self, x: float) -> Array:
+        """Return the rows ``SHAPES`` at x [m] from its first node, shape (6, n)."""
+        return self._call("shape", self.arguments, np.array([x])).reshape(len(SHAPES), len(self.dofs))
+
+    def _call(self, name: str, arguments: Array, x: Array | None = None) -> Array:
+        found: Array = getattr(kernels(self.element), name)(q=arguments, u=x)
+        return found
+
+
+def names(info: BeamInfo) -> tuple[str, ...]:
+    """Return the unknowns of a link before any is left out: node, inner ones, node, ...
+
+    ``u@2`` is u of node 2, counted from 0 at the link's first point; ``mid@1.2`` is between nodes 1 and 2.
+    """
+    found = []
+    for i in range(info.elements + 1):
+        if i:
+            found += [f"{dof}@{i - 1}.{i}" for dof in info.inner_dofs]
+        found += [f"{dof}@{i}" for dof in info.node_dofs]
+    return tuple(found)
+
+
+def segments(info: BeamInfo, properties: Properties) -> tuple[Segment, ...]:
+    """Return the elements of a link."""
+    per_node, inner, n = len(info.node_dofs), len(info.inner_dofs), info.elements
+    found = []
+    for i in range(n):
+        # Both ends by the same product, so that the elements leave no gap.
+        start, stop = (_place(info, properties.length, k) for k in (i, i + 1))
+        section = (properties.mass, properties.rotary, properties.axial, properties.bending, properties.shear)
+        moved = [c for polynomial in section for c in shifted(polynomial, start)]
+        first = i * (per_node + inner)
+        second = first + per_node + inner
+        dofs = (
+            *range(first, first + per_node),
+            *range(second, second + per_node),
+            *range(first + per_node, second),
+        )
+        found.append(
+            Segment(info.element, start, stop - start, dofs, np.array([stop - start, *moved], dtype=float))
+        )
+    return tuple(found)
+
+
+def _place(info: BeamInfo, length: float, node: int) -> float:
+    return length * info.nodes[node] if info.nodes else length * node / info.elements
+
+
+def segment_at(parts: Sequence[Segment], x: float) -> tuple[Segment, ...]:
+    """Return the element at x [m] from the first point of the link; both where two of them meet."""
+    length = parts[-1].start + parts[-1].length
+    close = 1e-12 * length
+    return tuple(s for s in parts if s.start - close <= x <= s.start + s.length + close)

@@ -1,0 +1,216 @@
+"""Joint forces of an elastic motion: on every elastic link at its ends, and the torque on the crank."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symgen.runtime import _beams
+from symgen.runtime._beams import BeamEquations
+from symgen.runtime.beams.data import Piece
+from symgen.runtime.beams.frames import Frames, frames
+from symgen.runtime.elastic.motion import ElasticMotion
+from symgen.runtime.result.elastic import own_unknowns
+from symgen.runtime.result.result import Variable
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Motion:
+    """An elastic motion and the rigid motion below it, at the same times.
+
+    Attributes
+    ----------
+    times
+        (times,) [s].
+    q
+        Coordinates of the rigid linkage, (times, coordinates) [m].
+    links
+        Motion of the elastic links, (times, links, columns).
+    loads
+        Weights of forces along elastic links, (times, forces, 3).
+    displacements, rates
+        (times, unknowns); ``rates`` is None where the elastic motion itself adds nothing: quasi-static.
+    thesis
+        Whether the turning of axes is taken as constant.
+    """
+
+    times: Array
+    q: Array
+    links: Array
+    loads: Array
+    displacements: Array
+    rates: Array | None
+    thesis: bool = False
+
+
+def forces(motion: ElasticMotion, equations: BeamEquations, found: Motion) -> list[Variable]:
+    """Return the force on every elastic link at both ends, and the torque on the crank unless it is free.
+
+    They are of the whole motion, rigid and elastic, on fixed axes: of every link M s'' + C s' + K s - Q at
+    its end displacements, Eq. (7.27). The axial force of a link that keeps its length is of its constraint.
+    """
+    accelerations = _accelerations(motion, equations, found)
+    bound = _bound(motion, equations, found, accelerations)
+    crank, free, made = motion.info.crank, motion.info.mode == "free", []
+    for k, beam in enumerate(motion.beams):
+        axes, name = frames(found.links[:, k]), beam.info.link
+        rows = _link(motion, found, accelerations, k, axes)
+        ends = [np.column_stack(axes.fixed(rows[:, u], rows[:, w])) for u, w in beam.ends]
+        if name in bound:
+            places = [motion.layout.of_links[k][list(end)] for end in beam.ends]
+            felt = [bound[name][:, place] if place[0] >= 0 else None for place in places]
+            for end, here in enumerate(felt):
+                if here is not None:
+                    ends[end] += here
+                elif (there := felt[1 - end]) is not None:  # the ground holds it
+                    ends[end] -= there
+        for point, force in zip((beam.info.start, beam.info.end), ends, strict=True):
+            about = f"force on {name} at {point}"
+            made.append(Variable(f"{name}.{point}.force", "N", about, ("x", "y"), force))
+        if name == crank and not free:
+            made.append(_torque(name, rows[:, beam.dofs.index("theta@0")]))
+    if f"{crank}_drive" in bound:
+        made.append(_torque(crank, _of_drive(motion, found, bound[f"{crank}_drive"])))
+    return made
+
+
+def _torque(crank: str, values: Array) -> Variable:
+    return Variable(
+        f"{crank}.torque", "N*m", f"torque of the shaft on {crank}, counter-clockwise", (), values
+    )
+
+
+def _accelerations(motion: ElasticMotion, equations: BeamEquations, found: Motion) -> Array:
+    """Return S'' at the times, (times, unknowns)."""
+    made = np.zeros_like(found.displacements)
+    if found.rates is not None:
+        for i in np.argsort(found.times, kind="stable"):
+            state = np.concatenate([found.displacements[i], found.rates[i]])
+            made[i] = equations.accelerations(float(found.times[i]), state)
+    return made
+
+
+def _link(motion: ElasticMotion, found: Motion, accelerations: Array, k: int, axes: Frames) -> Array:
+    """Return what acts on a link from outside at each of its unknowns, on its own axes, (times, n)."""
+    beam = motion.beams[k]
+    s, v, a = own_motion(motion, found, accelerations, k, axes)
+    made = np.zeros_like(s)
+    wanted = {*beam.ends[0], *beam.ends[1], *(j for j, dof in enumerate(beam.dofs) if dof == "theta@0")}
+    own = [i for i, name in enumerate(motion.info.loads) if name == beam.info.link]
+    loads = [found.loads[:, i] for i in own]
+    for piece in beam.pieces:
+        if wanted.intersection(piece.at):
+            at = list(piece.at)
+            made[:, at] += _piece(piece, axes, loads, s[:, at], v[:, at], a[:, at], found.rates is None)
+    return made
+
+
+def _piece(
+    piece: Piece,
+    axes: Frames,
+    forces: Sequence[Array],
+    s: Array,
+    v: Array,
+    a: Array,
+    static: bool,
+) -> Array:
+    """Return M s'' + C s' + K s - Q of a superelement on the link's axes, (times, n).
+
+    Static is K s - Q, with the axial forces in K. ``forces`` are weights of forces along it, (times, 3).
+    """
+    load = axes.load(piece.load_x, piece.load_y, piece.load_out, piece.load_turn)
+    for (x, y, _), shape_x, shape_y in zip((f.T for f in forces), piece.force_x, piece.force_y, strict=True):
+        load += np.outer(x, shape_x) + np.outer(y, shape_y)
+    found: Array = s @ piece.stiffness.T - load
+    found += axes.stiffness_geometric0[:, None] * (s @ piece.axial0.T)
+    found += axes.stiffness_geometric1[:, None] * (s @ piece.axial1.T)
+    found += axes.stiffness_geometric2[:, None] * (s @ piece.axial2.T)
+    for weights, stiffness in zip(forces, piece.force_axial, strict=True):
+        found += weights[:, 2:] * (s @ stiffness.T)
+    if static:
+        return found
+    found += a @ piece.mass.T + v @ piece.damping.T
+    found += axes.damping_gyroscopic[:, None] * (v @ piece.gyroscopic.T)
+    found += axes.stiffness_centrifugal[:, None] * (s @ piece.centrifugal.T)
+    found += axes.stiffness_gyroscopic[:, None] * (s @ piece.gyroscopic.T)
+    return found
+
+
+def own_motion(
+    motion: ElasticMotion, found: Motion, accelerations: Array, k: int, axes: Frames
+) -> tuple[Array, Array, Array]:
+    """Return s, s' and s'' of a link's unknowns on its own turning axes, each (times, n)."""
+    rates = np.zeros_like(found.displacements) if found.rates is None else found.rates
+    s, v, a = (own_unknowns(motion, k, found.links, x) for x in (found.displacements, rates, accelerations))
+    if found.rates is None or found.thesis:
+        return s, v, a
+    by_rate, twice = axes.stiffness_damping_quarter, axes.damping_mass_quarter
+    by_turn, ends = axes.stiffness_mass_quarter, axes.stiffness_mass_ends
+    for u, w in motion.beams[k].ends:
+        # Terms of the link's equation with S' and S are those of s' and s'' by mass and damping.
+        su, sw, vu, vw = s[:, u], s[:, w], v[:, u].copy(), v[:, w].copy()
+        v[:, u] += by_rate * sw
+        v[:, w] -= by_rate * su
+        a[:, u] += twice * vw + by_turn * sw + ends * su
+        a[:, w] += -twice * vu - by_turn * su + ends * sw
+    return s, v, a
+
+
+def _bound(
+    motion: ElasticMotion, equations: BeamEquations, found: Motion, accelerations: Array
+) -> dict[str, Array]:
+    """Return J^T lambda of M S'' + C S' + K S = Q - J^T lambda by constraint, (times, unknowns) each."""
+    if not motion.layout.constraints:
+        return {}
+    names = motion.constraints
+    still = np.zeros(motion.layout.unknowns)
+    made = np.zeros((len(names), *found.displacements.shape))
+    for i in np.argsort(found.times, kind="stable"):
+        t, s = float(found.times[i]), found.displacements[i]
+        if found.rates is None:
+            _, residual, rows = equations.residual(t, s, still, still, _beams.QUASI_STATIC)
+        else:
+            _, residual, rows = equations.residual(t, s, found.rates[i], accelerations[i])
+        multipliers = np.linalg.lstsq(rows.T, -residual, rcond=None)[0]
+        made[:, i] = multipliers[:, None] * rows
+    return dict(zip(names, made, strict=True))
+
+
+def crank_rotation(motion: ElasticMotion, found: Motion) -> Array:
+    """Return by how far the shaft of a crank that is not held turns from its rigid motion [rad], (times,)."""
+    if motion.layout.shaft >= 0:
+        return found.displacements[:, motion.layout.shaft]
+    arm = _arm(motion, found)
+    names, end = motion.layout.names, motion.rigid.description.links[motion.info.crank][1]
+    x, y = (found.displacements[:, names.index(f"{end}.{axis}")] for axis in "xy")
+    turned: Array = (arm[:, 0] * y - arm[:, 1] * x) / np.sum(arm**2, axis=1)
+    return turned
+
+
+def _of_drive(motion: ElasticMotion, found: Motion, bound: Array) -> Array:
+    """Return the torque of the shaft of a rigid crank from the forces that hold its direction."""
+    names, end = motion.layout.names, motion.rigid.description.links[motion.info.crank][1]
+    arm = _arm(motion, found)
+    force = -bound[:, [names.index(f"{end}.{axis}") for axis in "xy"]]
+    torque: Array = arm[:, 0] * force[:, 1] - arm[:, 1] * force[:, 0]
+    return torque
+
+
+def _arm(motion: ElasticMotion, found: Motion) -> Array:
+    """Return the vector along the crank in the rigid motion [m], (times, 2)."""
+    d = motion.rigid.description
+    start, end = d.links[motion.info.crank][:2]
+    fixed = motion.rigid.initial_state().positions
+
+    def place(point: str) -> Array:
+        if point not in d.free:
+            return np.asarray(fixed[point], dtype=float)[None, :]
+        k = 2 * d.free.index(point)
+        return found.q[:, k : k + 2]
+
+    return place(end) - place(start)

@@ -1,0 +1,85 @@
+"""Elastic links in a rigid motion over time: their directions, and the weights of their constants."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symgen.runtime.beams.elements import integral
+from symgen.runtime.beams.links import Beam
+
+Array = NDArray[np.float64]
+
+#: Columns of the kernel ``links``, as in ``rigid_motion.h``: see :mod:`symgen.mechanics.elastic.weights`.
+MOTION = (
+    "cosine", "sine",
+    "damping_gyroscopic", "damping_mass_quarter", "stiffness_centrifugal", "stiffness_damping_quarter",
+    "stiffness_gyroscopic", "stiffness_gyroscopic_quarter", "stiffness_mass_ends", "stiffness_mass_quarter",
+    "load_out", "load_turn", "load_x", "load_y", "stiffness_geometric0", "stiffness_geometric1",
+    "stiffness_geometric2",
+)  # fmt: skip
+#: Columns of the kernel ``loads``.
+APPLIED = ("load_force_x", "load_force_y", "stiffness_geometric_force")
+
+
+@dataclass(frozen=True, slots=True)
+class Frames:
+    """The direction of one link at many times and the weights of its constants, each field (times,)."""
+
+    cosine: Array
+    sine: Array
+    damping_gyroscopic: Array
+    damping_mass_quarter: Array
+    stiffness_centrifugal: Array
+    stiffness_damping_quarter: Array
+    stiffness_gyroscopic: Array
+    stiffness_gyroscopic_quarter: Array
+    stiffness_mass_ends: Array
+    stiffness_mass_quarter: Array
+    load_out: Array
+    load_turn: Array
+    load_x: Array
+    load_y: Array
+    stiffness_geometric0: Array
+    stiffness_geometric1: Array
+    stiffness_geometric2: Array
+
+    def local(self, x: Array, y: Array) -> tuple[Array, Array]:
+        """Return components along and across the link of vectors on fixed axes."""
+        return self.cosine * x + self.sine * y, self.cosine * y - self.sine * x
+
+    def fixed(self, u: Array, w: Array) -> tuple[Array, Array]:
+        """Return components on fixed axes of vectors on the link's axes."""
+        return self.cosine * u - self.sine * w, self.sine * u + self.cosine * w
+
+    def axial_force(self, beam: Beam, fractions: Array) -> Array:
+        """Return the axial force of the rigid motion [N] at fractions of the length, (times, fractions).
+
+        It stands in the geometric stiffness with the same weights as here.
+        """
+        p = beam.properties
+        x = np.asarray(fractions, dtype=float) * p.length
+        before = [(lump.mass * (x >= lump.at), lump.mass * lump.at * (x >= lump.at)) for lump in beam.lumps]
+        mass = np.array([integral(p.mass, v) for v in x.tolist()]) + sum(m for m, _ in before)
+        moment = np.array([integral((0.0, *p.mass), v) for v in x.tolist()]) + sum(s for _, s in before)
+        found: Array = self.stiffness_geometric0[:, None] + (
+            self.stiffness_geometric1[:, None] * mass + self.stiffness_geometric2[:, None] * moment
+        )
+        return found
+
+    def load(self, x: Array, y: Array, out: Array, turn: Array) -> Array:
+        """Return the load of the rigid motion by the load vectors of a link, (times, n)."""
+        found: Array = (
+            np.outer(self.load_x, x)
+            + np.outer(self.load_y, y)
+            + np.outer(self.load_out, out)
+            + np.outer(self.load_turn, turn)
+        )
+        return found
+
+
+def frames(motion: Array) -> Frames:
+    """Return what a link's rows of the kernel ``links`` are, (times, columns)."""
+    return Frames(*motion.T)

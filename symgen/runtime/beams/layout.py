@@ -1,0 +1,245 @@
+"""Where everything goes in the equations of an elastic motion: unknowns, superelements, constraints."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symgen.runtime.beams.links import Beam, Piece
+from symgen.runtime.kernels.description import BlockInfo, Description
+from symgen.runtime.kernels.elastic_description import ElasticInfo
+
+Indices = NDArray[np.intp]
+Array = NDArray[np.float64]
+
+_BLOCKS = ("load", "mass_matrix", "damping", "stiffness", "jacobian", "jacobian_rate", "jacobian_second_rate")
+
+
+@dataclass(frozen=True, slots=True)
+class Layout:
+    """What :class:`symgen.runtime._beams.BeamEquations` is made from; index arrays end with one spare entry.
+
+    Attributes
+    ----------
+    unknowns, constraints
+        Numbers of unknowns and of constraints between them.
+    names
+        What each unknown is called: ``A.x``, ``coupler.theta@0``.
+    of_links
+        For each link the unknown of each of its own; -1 where it is held. Ends are on fixed axes.
+    rows, columns, band
+        Entries of the matrices that may not be zero, and their distance from the diagonal.
+    loads_at
+        For link k its forces are those from ``loads_at[k]`` to ``loads_at[k + 1]``.
+    """
+
+    unknowns: int
+    constraints: int
+    names: tuple[str, ...]
+    of_links: tuple[Indices, ...]
+    rows: Indices
+    columns: Indices
+    band: int
+    sizes: Indices
+    constants_at: Indices
+    constants: Array
+    link_of: Indices
+    ends: NDArray[np.intp]
+    places: Indices
+    places_at: Indices
+    slots: Indices
+    slots_at: Indices
+    joint_places: Indices
+    joint_at: Indices
+    mass_slots: Indices
+    damping_slots: Indices
+    stiffness_slots: Indices
+    loads_at: Indices
+    shaft: int
+    shaft_slot: int
+    shaft_link: int
+    flywheel: float
+
+
+def layout(
+    description: Description,
+    info: ElasticInfo,
+    beams: Sequence[Beam],
+    joints: Mapping[str, BlockInfo],
+    flywheel: float,
+) -> Layout:
+    """Return the layout of the elastic motion of a linkage.
+
+    Parameters
+    ----------
+    description, info
+        The linkage.
+    beams
+        Its elastic links.
+    joints
+        Blocks of the kernel ``joints``.
+    flywheel
+        Moment of inertia on the shaft of an elastic crank [kg m^2].
+    """
+    joint = {p: 2 * i for i, p in enumerate(description.free)}
+    names, of_links, shaft = _unknowns(description, info, beams)
+    block = joints.get("jacobian")
+    constraints = block.shape[0] if block else 0
+    pairs = _pairs(beams, of_links, joints, joint, shaft)
+    n = len(names)
+    order = np.arange(n) if constraints else _by_least_band(n, pairs)
+    new = np.empty(n + 1, dtype=np.intp)
+    new[order], new[-1] = np.arange(n), -1
+    pairs = np.unique(new[pairs], axis=0)
+    slot = {(int(i), int(j)): k for k, (i, j) in enumerate(pairs)}
+    renumbered = tuple(new[np.array(places, dtype=np.intp)] for places in of_links)
+    shaft = int(new[shaft])
+    entries = {
+        name: _spare([slot[int(new[i]), int(new[j])] for i, j in _of_joints(joints, name, joint)])
+        for name in ("mass_matrix", "damping", "stiffness")
+    }
+    return Layout(
+        unknowns=n,
+        constraints=constraints,
+        names=tuple(names[i] for i in order),
+        of_links=renumbered,
+        rows=np.ascontiguousarray(pairs[:, 0]),
+        columns=np.ascontiguousarray(pairs[:, 1]),
+        band=int(np.max(np.abs(pairs[:, 0] - pairs[:, 1]), initial=0)),
+        **_of_pieces(beams, renumbered, slot),
+        joint_places=_spare(new[: len(description.free) * len(description.axes)].tolist()),
+        joint_at=np.array([joints[b].offset if b in joints else 0 for b in _BLOCKS], dtype=np.intp),
+        mass_slots=entries["mass_matrix"],
+        damping_slots=entries["damping"],
+        stiffness_slots=entries["stiffness"],
+        loads_at=_starts([*(info.loads.count(b.info.link) for b in beams), 0]),
+        shaft=shaft,
+        shaft_link=next((k for k, b in enumerate(beams) if b.info.link == info.crank), -1),
+        shaft_slot=slot.get((shaft, shaft), -1),
+        flywheel=flywheel,
+    )
+
+
+def _unknowns(
+    description: Description, info: ElasticInfo, beams: Sequence[Beam]
+) -> tuple[list[str], list[list[int]], int]:
+    """Return what the unknowns are called, where those of each link are among them, and where the shaft is.
+
+    Those of the joints come first. -1 stands for what is held, and for a shaft that is.
+    """
+    joint = {p: 2 * i for i, p in enumerate(description.free)}
+    names = [f"{p}.{axis}" for p in description.free for axis in description.axes]
+    of_links: list[list[int]] = []
+    shaft = -1
+    for beam in beams:
+        held, turn = set(beam.fixed), -1
+        if beam.info.link == info.crank:
+            turn = beam.dofs.index("theta@0")
+            if info.mode == "held":
+                held.add(turn)
+        ends = {
+            dof: (point, axis)
+            for pair, point in zip(beam.ends, (beam.info.start, beam.info.end), strict=True)
+            for axis, dof in enumerate(pair)
+        }
+        places = []
+        for k, dof in enumerate(beam.dofs):
+            if k in ends:
+                point, axis = ends[k]
+                places.append(joint[point] + axis if point in joint else -1)
+            elif k in held:
+                places.append(-1)
+            else:
+                places.append(len(names))
+                if k == turn:
+                    shaft = len(names)
+                names.append(f"{beam.info.link}.{dof}")
+        of_links.append(places)
+    return names, of_links, shaft
+
+
+def _of_pieces(
+    beams: Sequence[Beam], of_links: Sequence[Indices], slot: Mapping[tuple[int, int], int]
+) -> dict[str, Any]:
+    """Return what the layout says of the pieces of all links, one behind the other."""
+    pieces = [(k, piece) for k, beam in enumerate(beams) for piece in beam.pieces]
+    places = [of_links[k][list(piece.at)] for k, piece in pieces]
+    slots = [np.array([slot.get((int(i), int(j)), -1) for i in p for j in p], dtype=np.intp) for p in places]
+    constants = [np.concatenate([np.ravel(a) for a in _constants(piece)]) for _, piece in pieces]
+    return {
+        "sizes": np.array([len(p) for p in places], dtype=np.intp),
+        "constants_at": _starts([len(c) for c in constants]),
+        "constants": np.concatenate([*constants, np.zeros(1)]),
+        "link_of": np.array([k for k, _ in pieces], dtype=np.intp),
+        "ends": np.array([_ends(beams[k], piece.at) for k, piece in pieces], dtype=np.intp),
+        "places": np.concatenate([*places, np.array([-1])]).astype(np.intp),
+        "places_at": _starts([len(p) for p in places]),
+        "slots": np.concatenate([*slots, np.array([-1])]).astype(np.intp),
+        "slots_at": _starts([len(s) for s in slots]),
+    }
+
+
+def _pairs(
+    beams: Sequence[Beam],
+    of_links: Sequence[Sequence[int]],
+    joints: Mapping[str, BlockInfo],
+    joint: Mapping[str, int],
+    shaft: int,
+) -> NDArray[np.intp]:
+    """Return all pairs of unknowns that an entry of a matrix may couple."""
+    found = {(i, i) for places in of_links for i in places if i >= 0}
+    for beam, places in zip(beams, of_links, strict=True):
+        for piece in beam.pieces:
+            there = [places[k] for k in piece.at if places[k] >= 0]
+            found |= {(i, j) for i in there for j in there}
+    for name in ("mass_matrix", "damping", "stiffness"):
+        found |= {pair for i, j in _of_joints(joints, name, joint) for pair in ((i, j), (j, i))}
+    if shaft >= 0:
+        found.add((shaft, shaft))
+    return np.array(sorted(found), dtype=np.intp).reshape(-1, 2)
+
+
+def _of_joints(joints: Mapping[str, BlockInfo], name: str, joint: Mapping[str, int]) -> list[tuple[int, int]]:
+    """Return the places of the entries that the kernel ``joints`` gives of a matrix."""
+    if name not in joints:
+        return []
+    made = []
+    for row in joints[name].rows:
+        places = [q.rpartition("_") for q in row.split()]
+        made.append(tuple(joint[point] + "xy".index(axis) for point, _, axis in places))
+    return made  # type: ignore[return-value]
+
+
+def _by_least_band(n: int, pairs: NDArray[np.intp]) -> Indices:
+    """Return the unknowns in an order that keeps the matrices' entries near the diagonal."""
+    from scipy.sparse import csr_array
+    from scipy.sparse.csgraph import reverse_cuthill_mckee
+
+    graph = csr_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(n, n))
+    return np.asarray(reverse_cuthill_mckee(graph, symmetric_mode=True), dtype=np.intp)
+
+
+def _constants(piece: Piece) -> list[Array]:
+    """Return the matrices and load vectors of a piece, in the order that the assembly reads them."""
+    order = ("mass", "centrifugal", "gyroscopic", "stiffness", "damping", "axial0", "axial1", "axial2",
+             "load_x", "load_y", "load_out", "load_turn")  # fmt: skip
+    forces = zip(piece.force_x, piece.force_y, piece.force_axial, strict=True)
+    return [*(getattr(piece, name) for name in order), *(a for force in forces for a in force)]
+
+
+def _ends(beam: Beam, at: Sequence[int]) -> tuple[int, int, int, int]:
+    """Return where the end displacements (u, w) are in a piece; -1 where it has none of an end."""
+    found = [at.index(dof) if dof in at else -1 for pair in beam.ends for dof in pair]
+    return found[0], found[1], found[2], found[3]
+
+
+def _starts(sizes: Sequence[int]) -> Indices:
+    return np.concatenate([[0], np.cumsum(sizes)[:-1]]).astype(np.intp)
+
+
+def _spare(indices: Sequence[int]) -> Indices:
+    return np.array([*indices, -1], dtype=np.intp)

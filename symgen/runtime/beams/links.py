@@ -1,0 +1,177 @@
+"""Elastic links as superelements: constant matrices in the link's axes, and rows for what is recovered."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symgen.errors import ModelError
+from symgen.runtime.beams.damping import modal, rayleigh
+from symgen.runtime.beams.data import BeamInfo, Lump, Piece, Profile, Properties, StationRows
+from symgen.runtime.beams.elements import SHAPES, Segment, at, names, segment_at, segments
+from symgen.runtime.beams.pieces import pieces, transformed, whole
+from symgen.runtime.beams.reduction import of_one_length, reduced
+
+__all__ = ["Beam", "BeamInfo", "Lump", "Piece", "Profile", "Properties", "StationRows", "beam"]
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Beam:
+    """An elastic link, ready to be assembled.
+
+    Attributes
+    ----------
+    info, properties, lumps
+        What it was made from.
+    dofs
+        Names of its unknowns: ``w@0`` of the first node, ``w@n`` of the last of n + 1, ``mid@0.1`` inside an
+        element, ``mode@1`` of a reduction.
+    ends
+        Places of (u, w) of the first and of the last node.
+    fixed
+        Unknowns that are zero: curvatures where no couple acts.
+    pieces
+        Its matrices: one piece per element, or one in all where a reduction or modal damping couples them.
+    segments
+        The elements.
+    expansion
+        Unknowns of the elements from ``dofs``, (all, n); None where they are the same.
+    """
+
+    info: BeamInfo
+    properties: Properties
+    lumps: tuple[Lump, ...]
+    dofs: tuple[str, ...]
+    ends: tuple[tuple[int, int], tuple[int, int]]
+    fixed: tuple[int, ...]
+    pieces: tuple[Piece, ...]
+    segments: tuple[Segment, ...]
+    expansion: Array | None
+
+    def rows(self, at: float) -> StationRows:
+        """Return what recovers displacement and strain at a fraction of the length, 0 to 1.
+
+        Where two elements meet it is the mean of both: their strains may differ.
+
+        Raises
+        ------
+        ModelError
+            When the fraction is not between 0 and 1.
+        """
+        return StationRows(*self.table((at,))[:, 0])
+
+    def table(self, fractions: Sequence[float]) -> Array:
+        """Return the rows at many fractions, shape (6, fractions, n), in the order of ``StationRows``."""
+        size = len(self.dofs) if self.expansion is None else len(self.expansion)
+        found = np.zeros((len(SHAPES), len(fractions), size))
+        for k, fraction in enumerate(fractions):
+            if not 0.0 <= fraction <= 1.0:
+                raise ModelError(
+                    f"a station of link {self.info.link!r} is a fraction of its length from 0 to 1, "
+                    f"got {fraction!r}"
+                )
+            x = fraction * self.properties.length
+            parts = segment_at(self.segments, x)
+            for part in parts:
+                local = min(max(x - part.start, 0.0), part.length)
+                found[:, k, list(part.dofs)] += part.shape(local) / len(parts)
+        return found if self.expansion is None else found @ self.expansion
+
+
+def beam(
+    info: BeamInfo,
+    properties: Properties,
+    lumps: Sequence[Lump] = (),
+    profiles: Sequence[Profile] = (),
+) -> Beam:
+    """Return an elastic link.
+
+    Parameters
+    ----------
+    info, properties
+        Choices and numbers.
+    lumps
+        Masses fixed to the link between its ends; those of its end points belong to the points. One at an
+        end is part of the link: the axial force N0 is the one before it.
+    profiles
+        Where the forces along it act.
+
+    Raises
+    ------
+    ModelError
+        When a number makes no sense, or a reduction or damping cannot be had, naming the link.
+    """
+    _check(info, properties, lumps)
+    parts = segments(info, properties)
+    dofs = names(info)
+    found = pieces(parts, properties, lumps, profiles, info.geometric_stiffness)
+    expansion = None
+    if not info.axial:
+        total = whole(found, len(dofs))
+        dofs, expansion = of_one_length(info, dofs, parts, total.stiffness)
+        found = (transformed(total, expansion),)
+    if info.reduction:
+        total = whole(found, len(dofs))
+        dofs, basis = reduced(info, dofs, _fixed(info, properties, dofs), total)
+        expansion = basis if expansion is None else expansion @ basis
+        found = (transformed(total, basis),)
+    fixed = _fixed(info, properties, dofs)
+    last = f"@{info.elements}"
+    ends = (
+        (dofs.index("u@0"), dofs.index("w@0")),
+        (dofs.index("u" + last), dofs.index("w" + last)),
+    )
+    damped = _damped(info, properties, dofs, fixed, found)
+    return Beam(info, properties, tuple(lumps), dofs, ends, fixed, damped, parts, expansion)
+
+
+def _damped(
+    info: BeamInfo,
+    properties: Properties,
+    dofs: Sequence[str],
+    fixed: Sequence[int],
+    found: tuple[Piece, ...],
+) -> tuple[Piece, ...]:
+    """Return the pieces with their damping: one piece where modes are damped, for these couple them all."""
+    if properties.ratio:
+        found = (whole(found, len(dofs)),)
+    damped = [replace(piece, damping=rayleigh(piece, properties)) for piece in found]
+    if properties.ratio:
+        by_modes = modal(info, dofs, fixed, damped[0], properties)
+        damped[0] = replace(damped[0], damping=damped[0].damping + by_modes)
+    return tuple(damped)
+
+
+def _fixed(info: BeamInfo, properties: Properties, dofs: Sequence[str]) -> tuple[int, ...]:
+    """Return the curvatures that are zero because the moment is, at ends that have bending stiffness."""
+    ends = (
+        (0, 0.0, info.clamped or info.moments[0]),
+        (info.elements, properties.length, info.moments[1]),
+    )
+    largest = max(abs(at(properties.bending, properties.length * k / 8)) for k in range(9))
+    return tuple(
+        dofs.index(f"kappa@{node}")
+        for node, x, bent in ends
+        if not bent and f"kappa@{node}" in dofs and at(properties.bending, x) > 1e-9 * largest
+    )
+
+
+def _check(info: BeamInfo, properties: Properties, lumps: Sequence[Lump]) -> None:
+    where = f"elastic link {info.link!r}"
+    if info.elements < 1:
+        raise ModelError(f"{where} needs one element or more, got {info.elements}")
+    if not 0.0 < properties.length < float("inf"):
+        raise ModelError(f"{where} needs a length above zero, got {properties.length!r} m")
+    for lump in lumps:
+        if not 0.0 <= lump.at <= properties.length:
+            raise ModelError(
+                f"a lumped mass of {where} lies at {lump.at!r} m, expected 0 to its length "
+                f"{properties.length!r} m"
+            )
+        if not 0.0 <= lump.mass < float("inf"):
+            raise ModelError(f"a lumped mass of {where} is zero or more, got {lump.mass!r} kg")

@@ -1,0 +1,160 @@
+"""How far linear theory is off: the terms of second order that it omits, estimated from its own result.
+
+The displacements S of linear theory stretch the links by w'^2/2, give them axial forces that differ from
+those of the rigid motion, and violate constraints to the second order. These are put on the structure as
+loads, which its stiffness alone carries: (K + K_N) S2 = -f2(S), J S2 = -c2(S).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symgen.runtime import _beams
+from symgen.runtime.beams.elements import SHAPES, at
+from symgen.runtime.beams.forces import Motion
+from symgen.runtime.beams.frames import frames
+from symgen.runtime.elastic.motion import ElasticMotion
+from symgen.runtime.result.elastic import own_unknowns
+
+Array = NDArray[np.float64]
+
+#: Part of the peak strain of a link that the omitted terms may come to without a note.
+SECOND_ORDER = 0.2
+#: Points of the Gauss rule on each element, the most times that are looked at, and unknowns times these.
+_GAUSS, _TIMES, _WORTH = 4, 24, 6000
+#: Displacements of second order vibrate twice as fast as those of first order: inertia counts four times.
+_DOUBLED = 4.0
+#: Least singular value, over the largest, of a stiffness without motions that strain nothing.
+_SINGULAR = 1e-10
+_NOTHING = 1e-12
+
+#: The axial force of the rigid motion [N] of link k at fractions of its length, (times, fractions).
+AxialForce = Callable[[ElasticMotion, int, Motion, Array], Array]
+
+
+def omitted(
+    motion: ElasticMotion, equations: _beams.BeamEquations, recorded: Motion, axial_force: AxialForce
+) -> list[float]:
+    """Return for every link the strain that terms of second order add, over its peak strain, an estimate.
+
+    Bending by the changed axial force counts as it is. Displacements of second order bend the links by their
+    inertia; they add to the bending by elastic inertia in the proportion of the displacements.
+    """
+    times = _chosen(recorded, motion.layout.unknowns)
+    kept = _at(recorded, times)
+    loads = _loads(motion, kept, axial_force)
+    second, static = np.zeros_like(kept.displacements), np.zeros_like(kept.displacements)
+    for i in np.argsort(kept.times, kind="stable"):
+        second[i], static[i] = _carried(motion, equations, kept, int(i), loads[i])
+    inertia = kept.displacements - static
+    return [_added(motion, k, kept, second, inertia) for k in range(len(motion.beams))]
+
+
+def _added(motion: ElasticMotion, k: int, kept: Motion, second: Array, inertia: Array) -> float:
+    """Return the strain that displacements of second order add to link k, over its peak strain."""
+    beam = motion.beams[k]
+    places = np.linspace(0.0, 1.0, 4 * beam.info.elements + 1)
+    rows = dict(zip(SHAPES, beam.table(places.tolist()), strict=True))
+    fibre = np.abs([at(beam.properties.fibre, x) for x in (places * beam.properties.length).tolist()])
+
+    def largest(displacements: Array, *shapes: str) -> Array:
+        own = own_unknowns(motion, k, kept.links, displacements)
+        found: Array = np.sqrt(np.sum([(own @ rows[shape].T) ** 2 for shape in shapes], axis=0))
+        return found
+
+    bent, axial = (
+        largest(kept.displacements, "curvature") * fibre,
+        largest(kept.displacements, "axial_strain"),
+    )
+    peak = float(np.max(bent + axial))
+    if peak <= _NOTHING:
+        return 0.0
+    added = float(np.max(largest(second, "curvature") * fibre))
+    moved = float(np.max(largest(kept.displacements, "u", "w")))
+    if kept.rates is not None and moved > _NOTHING * beam.properties.length:
+        share = float(np.max(largest(second, "u", "w"))) / moved
+        added += _DOUBLED * share * float(np.max(largest(inertia, "curvature") * fibre))
+    return added / peak
+
+
+def _chosen(recorded: Motion, unknowns: int) -> NDArray[np.intp]:
+    count = max(3, min(_TIMES, _WORTH // unknowns, len(recorded.times)))
+    return np.unique(np.linspace(0, len(recorded.times) - 1, count).round().astype(np.intp))
+
+
+def _at(recorded: Motion, places: NDArray[np.intp]) -> Motion:
+    rates = None if recorded.rates is None else recorded.rates[places]
+    return Motion(
+        recorded.times[places],
+        recorded.q[places],
+        recorded.links[places],
+        recorded.loads[places],
+        recorded.displacements[places],
+        rates,
+        recorded.thesis,
+    )
+
+
+def _loads(motion: ElasticMotion, kept: Motion, axial_force: AxialForce) -> Array:
+    """Return f2 of the elastic links on all unknowns, (times, unknowns)."""
+    points, weights = np.polynomial.legendre.leggauss(_GAUSS)
+    found = np.zeros((len(kept.times), motion.layout.unknowns + 1))
+    for k, beam in enumerate(motion.beams):
+        n, length = beam.info.elements, beam.properties.length
+        nodes = np.array([beam.info.node(e) for e in range(n + 1)])
+        places = (nodes[:-1, None] + np.diff(nodes)[:, None] * (1 + points) / 2).ravel()
+        table = dict(zip(SHAPES, beam.table(places.tolist()), strict=True))
+        own = own_unknowns(motion, k, kept.links, kept.displacements)
+        slope, stiffness = (
+            own @ table["slope"].T,
+            np.array([at(beam.properties.axial, x) for x in places * length]),
+        )
+        rigid = axial_force(motion, k, kept, places) if beam.info.geometric_stiffness else 0.0
+        changed = (
+            own @ table["axial_strain"].T * stiffness - rigid if beam.info.axial else np.zeros_like(slope)
+        )
+        by = np.outer(np.diff(nodes), weights).ravel() * length / 2
+        load = (stiffness * slope**2 / 2 * by) @ table["axial_strain"] * beam.info.axial
+        load += (changed * slope * by) @ table["slope"]
+        axes = frames(kept.links[:, k])
+        for u, w in beam.ends:
+            load[:, u], load[:, w] = axes.fixed(load[:, u].copy(), load[:, w].copy())
+        found[:, motion.layout.of_links[k]] += load
+    return found[:, :-1]
+
+
+def _carried(
+    motion: ElasticMotion, equations: _beams.BeamEquations, kept: Motion, i: int, load: Array
+) -> tuple[Array, Array]:
+    """Return S2, and the displacements under the loads of the rigid motion alone, at one recorded time."""
+    t, still = float(kept.times[i]), np.zeros(motion.layout.unknowns)
+    status, _, _, stiffness, rigid, basis = equations.matrices(t, _beams.QUASI_STATIC)
+    motion.check(equations, status, t)
+    forced: Array = still
+    if basis is not None:
+        _, empty, rows = equations.residual(t, still, still, still, _beams.QUASI_STATIC)
+        forced = np.asarray(
+            np.linalg.lstsq(rows, -_violation(motion, kept, i, rows), rcond=None)[0], dtype=float
+        )
+        load = load + equations.residual(t, forced, still, still, _beams.QUASI_STATIC)[1] - empty
+    own = np.eye(len(still)) if basis is None else basis[0]
+    sides = np.column_stack([-own.T @ load, rigid])
+    found = own @ np.linalg.lstsq(stiffness, sides, rcond=_SINGULAR)[0]
+    return forced + found[:, 0], found[:, 1]
+
+
+def _violation(motion: ElasticMotion, kept: Motion, i: int, rows: Array) -> Array:
+    """Return c2: by how much the displacements violate the kept constraints, to the second order."""
+    rigid, d = motion.rigid, motion.rigid.description
+    t, q, s = float(kept.times[i]), kept.q[i], kept.displacements[i]
+    columns = [motion.layout.names.index(f"{p}.{axis}") for p in d.free for axis in d.axes]
+    still = np.zeros(d.coordinates)
+    blocks = rigid.evaluator.blocks("constraints", t, q + s[columns], still)
+    first = rigid.evaluator.blocks("constraints", t, q, still)["constraints"]
+    violated = (blocks["constraints"] - first) / blocks["constraint_scale"]
+    of = {name: violated[j] for j, name in enumerate(d.constraints)}
+    found: Array = np.array([of[name] for name in motion.constraints]) - rows @ s
+    return found

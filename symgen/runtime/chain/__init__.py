@@ -1,0 +1,1 @@
+"""Open chains and trees of rods, solved by recursion."""

@@ -1,0 +1,1 @@
+"""Assembly modes, mobility and redundancy of closed loops."""

@@ -1,0 +1,241 @@
+"""The closures of a loop at one time: found from many starts, and ordered by their distance from a guess."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from itertools import product
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symgen.runtime import _core
+from symgen.runtime.closure.closed_form import closed_forms
+from symgen.runtime.integrate.pace import check_wall
+from symgen.runtime.loop.frames import ball_angles, standing
+from symgen.runtime.loop.kernels import LoopKernels
+
+Array = NDArray[np.float64]
+
+#: Starts where some close, where none does, and closures of a loop that has a continuum of them.
+_TRIES, _MORE_TRIES, _MOST = 120, 1000, 48
+_SEED, _SAME = 20, 1e-6
+#: Spread of starts around the guess [half turns, or sizes of the loop]; the others are spread evenly.
+_AROUND = (0.03, 0.1, 0.3)
+_WHOLE = 2 * np.pi
+#: Revolutions of a screw that are tried at once.
+_REVOLUTIONS = (-32, -8, -2, -1, 1, 2, 8, 32)
+#: Starts without a nearer closure after which there is taken to be none, and those of one round.
+_NEARER, _ROUND = 240, 48
+
+
+@dataclass(slots=True)
+class Search:
+    """What a search for closures found: one pose for each assembly, and the pose of least defect."""
+
+    closures: list[Array] = field(default_factory=list)
+    closest: Array | None = None
+    defect: float = np.inf
+
+
+def assemblies(kernels: LoopKernels, t: float, guess: Array, by: Sequence[int] = ()) -> list[Array]:
+    """Return the closures at a time, each assembly once, nearest to the guess first.
+
+    Arguments as of :func:`search`.
+    """
+    return search(kernels, t, guess, by).closures
+
+
+def search(kernels: LoopKernels, t: float, guess: Array, by: Sequence[int] = ()) -> Search:
+    """Search for the closures at a time from many starts, the same every time; more where none closes.
+
+    Parameters
+    ----------
+    by
+        Numbers of the variables that the distance from the guess is measured by; the others decide where
+        these do not. All dependent variables when absent.
+    """
+    close, near = Closing(kernels, t), _Near(kernels, guess, by)
+    found, poses, last = Search(), np.zeros((0, len(standing(kernels, t, guess)))), 0
+    for k, start in enumerate(_starts(kernels, t, near)):
+        if found.closures and (k >= max(_TRIES, 2 * last) or len(found.closures) >= _MOST):
+            break
+        check_wall("searching for the closures of the loop")
+        q = close(start)
+        if close.defect < found.defect:
+            found.closest, found.defect = close.reached, close.defect
+        if q is None:
+            continue
+        pose = standing(kernels, t, q)
+        if np.any(np.max(np.abs(poses - pose), axis=1, initial=0.0) < _SAME):
+            continue
+        q = _nearest(kernels, close, q, near)
+        if q is not None:
+            last = k
+            poses = np.vstack([poses, pose])
+            found.closures.append(q)
+    if found.closures and np.any(kernels.pitches[close.solved]):
+        found.closures.append(_unscrewed(kernels, close, min(found.closures, key=near.order), near))
+    kept: list[Array] = []
+    for q in sorted(found.closures, key=near.order):
+        if not any(same_assembly(kernels, t, q, other) for other in kept):
+            kept.append(q)
+    found.closures = kept
+    return found
+
+
+class _Near:
+    """Order of poses by their distance from a guess, and random poses around it and elsewhere."""
+
+    def __init__(self, kernels: LoopKernels, guess: Array, by: Sequence[int]) -> None:
+        d = kernels.description
+        self.kernels, self.guess, self.solved = kernels, guess, d.having("dependent")
+        self.by = list(by) or self.solved
+        self.guided = np.isin(self.solved, self.by)
+        self._lengths = np.array([v.is_length for v in d.variables])[self.solved]
+        self._unit = np.where(self._lengths, d.size, np.pi)
+        table = kernels("rows", 0.0, guess, np.zeros_like(guess))["rows"]
+        self._extent = max(d.size, float(np.sum(np.abs(table[:, [1, 4]]))))
+        pitch = kernels.pitches[self.solved]
+        self._screws = pitch > 0.0
+        # As far as the translation of a screw may have to reach.
+        self._advance = np.where(self._screws, 2.0 * self._extent / np.where(self._screws, pitch, 1.0), 0.0)
+        self._random = np.random.default_rng(_SEED)
+
+    def order(self, q: Array) -> tuple[float, float]:
+        """Return the distance from the guess by the variables that count, and that by all dependent ones."""
+        near = [distance(self.kernels, q, self.guess, of) for of in (self.by, self.solved)]
+        return round(near[0], 6), round(near[1], 6)
+
+    def anywhere(self, far: bool) -> Array:
+        """Return a random pose; ``far`` goes for lengths and screws."""
+        size = self._extent if far else self.kernels.description.size
+        reach = np.where(self._lengths, 2.0 * size, np.pi)
+        q = self.guess.copy()
+        q[self.solved] = self._random.uniform(-reach, reach) + np.where(self._screws, q[self.solved], 0.0)
+        if far:
+            q[self.solved] += self._random.uniform(-self._advance, self._advance)
+        return q
+
+    def around(self, centre: Array, width: float, rest: Array) -> Array:
+        """Return a random pose around another one, in half turns and sizes of the loop.
+
+        The variables that do not count are those of ``rest``.
+        """
+        q = rest.copy()
+        spread = width * self._unit * self._random.standard_normal(len(self.solved))
+        q[self.solved] = np.where(self.guided, centre[self.solved] + spread, q[self.solved])
+        return q
+
+
+def _unscrewed(kernels: LoopKernels, close: Closing, q: Array, near: _Near) -> Array:
+    """Return the nearest closure to the guess that is found from one closure on, by ever nearer starts.
+
+    A loop with screws may close at hundreds of their revolutions, of which the first search finds some.
+    """
+    screws = [j for j in close.solved if kernels.pitches[j] > 0.0]
+    tries = 0
+    while tries < _NEARER:
+        width, starts = near.order(q)[0], []
+        for j, revolutions in product(screws, _REVOLUTIONS):
+            starts.append(q.copy())
+            starts[-1][j] += _WHOLE * revolutions
+        for k in range(_ROUND):
+            centre = near.guess if k % 2 else (q + near.guess) / 2
+            starts.append(near.around(centre, width, q if k % 4 == 0 else near.anywhere(k % 4 > 1)))
+        nearer = q
+        for start in starts:
+            other = close(start)
+            other = None if other is None else _nearest(kernels, close, other, near)
+            if other is not None and near.order(other) < near.order(nearer):
+                nearer = other
+        tries = tries + _ROUND if nearer is q else 0
+        q = nearer
+    return q
+
+
+class Closing:
+    """Closes a loop at one time from any start: near to a closure at any rank, then by Newton's method."""
+
+    def __init__(self, kernels: LoopKernels, t: float) -> None:
+        self.kernels, self.t = kernels, t
+        self.solved = kernels.description.having("dependent")
+        self._equations = {r: kernels.equations(self.solved, r) for r in (self.most,)}
+        self.reached, self.defect = np.array([]), np.inf
+
+    @property
+    def most(self) -> int:
+        """The largest rank that the screws of the dependent variables can have."""
+        return min(len(self.solved), 6)
+
+    def __call__(self, start: Array) -> Array | None:
+        """Return the closure that a start leads to; None where it leads to none.
+
+        ``reached`` and ``defect`` are the pose of least defect on the way, and that defect.
+        """
+        equations, q = self._equations[self.most], np.append(start, 0.0)
+        status, rank = equations.assemble(self.t, q)
+        self.reached, self.defect = q[:-1].copy(), equations.closure
+        near = status == _core.DONE or equations.closure <= self.kernels.tolerance
+        return self.polished(q[:-1], rank) if near else None
+
+    def polished(self, q: Array, rank: int) -> Array | None:
+        """Return a pose closed to rounding at a rank of the screws, or as near as is tolerated."""
+        if rank not in self._equations:
+            self._equations[rank] = self.kernels.equations(self.solved, rank)
+        whole = np.append(q, 0.0)
+        return whole[:-1] if self._equations[rank].close(self.t, whole) == _core.DONE else None
+
+
+def distance(kernels: LoopKernels, q: Array, other: Array, of: Sequence[int] | None = None) -> float:
+    """Return by how much two poses differ in all variables, or some of them.
+
+    Lengths are measured by the size of the loop, angles in half turns, less whole revolutions; those of
+    screws, which advance with every revolution, are measured whole.
+    """
+    lengths = np.array([v.is_length for v in kernels.description.variables])
+    gap = q - other
+    gap = np.where(kernels.periodic, (gap + np.pi) % _WHOLE - np.pi, gap)
+    gap = gap / np.where(lengths, kernels.description.size, np.pi)
+    return float(np.linalg.norm(gap if of is None else gap[list(of)]))
+
+
+def same_assembly(kernels: LoopKernels, t: float, q: Array, other: Array) -> bool:
+    """Tell whether all links stand alike in two poses, but for whole revolutions of screws."""
+    apart = np.max(np.abs(standing(kernels, t, q) - standing(kernels, t, other)), initial=0.0)
+    return bool(apart < _SAME) or _advanced(kernels, q, other)
+
+
+def _advanced(kernels: LoopKernels, q: Array, other: Array) -> bool:
+    """Tell whether screws have made whole revolutions between two poses, and no angle differs else."""
+    angles = np.array([not v.is_length for v in kernels.description.variables])
+    gap = np.where(angles, q - other, 0.0)
+    screws = angles & ~kernels.periodic
+    turned = np.abs((gap + np.pi) % _WHOLE - np.pi)
+    return bool(np.any(np.abs(gap[screws]) > np.pi) and np.all(turned < _SAME))
+
+
+def _starts(kernels: LoopKernels, t: float, near: _Near) -> Iterator[Array]:
+    """Yield the guess, closures in closed form, and random poses: around the guess, near, and far.
+
+    Around the guess are the variables by which the distance is measured; these starts are more where these
+    are not all.
+    """
+    yield near.guess
+    yield from closed_forms(kernels, t, near.guess)
+    often = 4 if np.all(near.guided) else 2
+    for k in range(_MORE_TRIES):
+        q = near.anywhere(k % 2 == 1)
+        yield near.around(near.guess, _AROUND[k // often % len(_AROUND)], q) if k % often == 0 else q
+
+
+def _nearest(kernels: LoopKernels, close: Closing, q: Array, near: _Near) -> Array | None:
+    """Return the same pose with the angles nearest to the guess, closed with these."""
+    solved = np.isin(np.arange(len(q)), near.solved)
+    whole = solved & kernels.periodic
+    written = [
+        a - np.where(whole, _WHOLE * np.round((a - near.guess) / _WHOLE), 0.0)
+        for a in ball_angles(kernels, q)
+    ]
+    nearest = min(written, key=near.order)
+    return q if np.array_equal(nearest, q) else close(nearest)

@@ -1,0 +1,105 @@
+/* The first closure of a loop: Levenberg's damped least squares, from any start and at any rank.
+ *
+ * The rotation R and the displacement p by which the loop is open give |R - 1|^2/2 + |p|^2, which the steps
+ * x = A^T (A A^T + damping)^-1 b decrease. The damping falls with the defect, so that steps become those of
+ * Gauss and Newton of minimum norm. Source: J. Nocedal and S. J. Wright, Numerical Optimization, 10.3.
+ */
+#include <string.h>
+
+#include "loop.h"
+
+/* Newton's method takes over from here. */
+#define NEAR real_sqrt(REAL_EPSILON)
+/* Damping over the square of the defect: at the start, and where steps no longer help. */
+#define DAMPING R(0.01)
+#define HOPELESS R(1e12)
+/* Least decrease of a step, and least damping, of which so many in a row show a minimum. */
+#define DECREASE R(1e-3)
+#define FREE R(1e-6)
+enum { STEPS = 200, IDLE = 4 };
+
+/* Evaluate the loop at q: columns of scaled screws into l->matrix, what is missing into b; return its square. */
+static real missing(struct loop *l, real t, const real *q, real *b) {
+    const long n = l->sizes.n;
+    const real *e = l->screws;
+    real total = 0;
+    l->kernels.position(&t, q, l->u, l->base.p, l->work2, l->screws);
+    const real p[3] = {e[3], e[7], e[11]};
+    for (int i = 0; i < 12; i++)
+        total += i % 4 == 3 ? e[i] / l->size * (e[i] / l->size) : R(0.5) * e[i] * e[i];
+    b[0] = R(-0.5) * (e[9] - e[6]);
+    b[1] = R(-0.5) * (e[2] - e[8]);
+    b[2] = R(-0.5) * (e[4] - e[1]);
+    for (int i = 0; i < 3; i++)
+        b[3 + i] = -p[i] / l->size;
+    for (long k = 0; k < l->sizes.solved; k++) {
+        const long j = l->solved[k];
+        real s[ROWS], *column = l->matrix + ROWS * k;
+        for (int i = 0; i < ROWS; i++)
+            s[i] = e[12 + n * i + j] * l->scale[j];
+        for (int i = 0; i < 3; i++) {
+            const int y = (i + 1) % 3, z = (i + 2) % 3;
+            column[i] = s[i];
+            column[3 + i] = (s[3 + i] + s[y] * p[z] - s[z] * p[y]) / l->size;
+        }
+    }
+    return total;
+}
+
+/* Write (A A^T + damping)^-1 b into y, by Cholesky's method. */
+static void damped(const struct loop *l, real damping, const real *b, real *y) {
+    real h[ROWS][ROWS];
+    for (int i = 0; i < ROWS; i++)
+        for (int k = 0; k <= i; k++) {
+            real total = i == k ? damping : 0;
+            for (long j = 0; j < l->sizes.solved; j++)
+                total += l->matrix[ROWS * j + i] * l->matrix[ROWS * j + k];
+            for (int j = 0; j < k; j++)
+                total -= h[i][j] * h[k][j];
+            h[i][k] = i > k ? total / h[k][k] : real_sqrt(real_fmax(total, damping));
+        }
+    for (int i = 0; i < ROWS; i++) {
+        y[i] = b[i];
+        for (int k = 0; k < i; k++)
+            y[i] -= h[i][k] * y[k];
+        y[i] /= h[i][i];
+    }
+    for (int i = ROWS - 1; i >= 0; i--) {
+        for (int k = i + 1; k < ROWS; k++)
+            y[i] -= h[k][i] * y[k];
+        y[i] /= h[i][i];
+    }
+}
+
+int loop_assemble(struct loop *l, real t, real *q, long *rank) {
+    const size_t row = (size_t)l->sizes.n * sizeof(real);
+    real b[ROWS], y[ROWS], ratio = DAMPING, *next = l->trial;
+    int idle = 0;
+    loop_prescribe(l, t, q);
+    memcpy(next, q, row);
+    real left = missing(l, t, q, b);
+    for (int k = 0; k < STEPS && left > NEAR * NEAR && real_isfinite(left) && ratio < HOPELESS && idle < IDLE; k++) {
+        damped(l, real_fmax(ratio * left, R(4) * REAL_EPSILON), b, y);
+        for (long i = 0; i < l->sizes.solved; i++)
+            next[l->solved[i]] = q[l->solved[i]] + l->scale[l->solved[i]] * qr_dot(l->matrix + ROWS * i, y);
+        real c[ROWS];
+        const real found = missing(l, t, next, c);
+        if (found < left) {
+            idle = left - found < DECREASE * left && ratio < FREE ? idle + 1 : 0;
+            memcpy(q, next, row);
+            memcpy(b, c, sizeof b);
+            left = found;
+            ratio *= R(0.1);
+        } else {
+            missing(l, t, q, b);
+            ratio *= R(10);
+        }
+        l->seen->iterations = k + 1;
+    }
+    const real defect = loop_look(l, t, q);
+    const struct qr *f = &l->factor;
+    for (*rank = 0; *rank < f->steps; ++*rank)
+        if (!(real_fabs(f->r[(ROWS + 1) * *rank]) > R(10) * NEAR * real_fabs(f->r[0])))
+            break;
+    return !real_isfinite(defect) ? NOT_FINITE : left <= NEAR * NEAR ? DONE : OPEN;
+}

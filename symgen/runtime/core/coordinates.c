@@ -1,0 +1,41 @@
+/* Changes of coordinates between steps, where equations have a choice of them. */
+#include "run.h"
+
+#include <string.h>
+
+/* Start the method again from y, which was written in other coordinates. */
+static void begin_again(struct run *run) {
+    run->scheme.kind->begin(run);
+    memcpy(run->y_old, run->y, (size_t)run->dim * sizeof(real));
+    memcpy(run->f_old, run->f, (size_t)run->dim * sizeof(real));
+}
+
+int rewritten(struct run *run, real h) {
+    struct equations *e = run->e;
+    for (int k = 1; e->sizes.choices && k <= GLANCES / 2; k++) {
+        roughly(run, h, R(2 * k) / R(GLANCES), run->stage);
+        if (e->of->rewrite(e, run->stage, run->y, 0)) {
+            begin_again(run);
+            if (run->scheme.adaptive)
+                run->state->h = h;
+            return 1;
+        }
+    }
+    return 0;
+}
+
+void rewrite_back(struct run *run) {
+    if (run->e->sizes.choices && run->e->of->rewrite(run->e, run->y, run->y, 1))
+        begin_again(run);
+}
+
+void release_choices(struct run *run) {
+    struct equations *e = run->e;
+    const struct sizes *sizes = &e->sizes;
+    if (sizes->choices == 0)
+        return;
+    e->of->as_usual(e, run->y);
+    for (long k = 0; k < sizes->choices; k++)
+        e->p[sizes->parameters - sizes->switches - sizes->choices + k] = 0;
+    set_up(e);
+}

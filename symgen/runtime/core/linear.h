@@ -1,0 +1,45 @@
+/* Small dense linear systems in the core's number type. Matrices are stored row by row.
+ *
+ * Complex numbers are pairs (real part, imaginary part), so that every number type has them. Banded matrices are in
+ * bands.h, the orthogonal factorisation of six rows in qr.h.
+ */
+#ifndef SYMGEN_LINEAR_H
+#define SYMGEN_LINEAR_H
+
+#include <stddef.h>
+
+#include "real.h"
+
+/* A smaller pivot over the largest means that rows are dependent. */
+#define RANK_TOLERANCE real_fmax(R(1e-9), R(100) * REAL_EPSILON)
+
+/* LU factorisation of a, n by n, in place, with partial pivoting; swaps (n) receives the row exchanged at each step.
+ * Returns 0 where a pivot is zero or not finite, else 1. */
+int factor_dense(ptrdiff_t n, real *a, ptrdiff_t *swaps);
+
+/* Solve in place with that factorisation: one right-hand side, or `wide` of them, a row of b for each unknown. */
+void solve_dense(ptrdiff_t n, const real *a, const ptrdiff_t *swaps, real *b);
+void solve_dense_wide(ptrdiff_t n, const real *a, const ptrdiff_t *swaps, ptrdiff_t wide, real *b);
+
+/* The same for complex a (n by n pairs) and b (n pairs). */
+int factor_complex(ptrdiff_t n, real *a, ptrdiff_t *swaps);
+void solve_complex(ptrdiff_t n, const real *a, const ptrdiff_t *swaps, real *b);
+
+/* Cholesky factorisation of a symmetric matrix, whose lower triangle is given, in place. Pivots are raised to `least`;
+ * returns the first row whose pivot keeps no more than `part` of its diagonal entry, or n. */
+ptrdiff_t factor_positive(ptrdiff_t n, real *a, real part, real least);
+void solve_positive(ptrdiff_t n, const real *a, real *b);
+
+/* The least pivot of an elimination with complete pivoting over the first one, and its row. */
+struct least_pivot {
+    double part;
+    ptrdiff_t row;
+};
+
+/* Choose as many independent columns of a (rows by columns, overwritten) as it has rows, by complete pivoting. Their
+ * numbers go into `chosen`, those of the other columns into `others`, which has room for all. Returns 0 where the rows
+ * are dependent: a pivot is no more than RANK_TOLERANCE of the first. */
+int choose_columns(ptrdiff_t rows, ptrdiff_t columns, real *a, ptrdiff_t *chosen, ptrdiff_t *others,
+                   struct least_pivot *least);
+
+#endif

@@ -1,0 +1,101 @@
+/* The angles of a loop's balls in a run: see balls.h. */
+#include <string.h>
+
+#include "loop.h"
+
+/* Sine of the angle from a pole at which the angles change, and at which the table's own serve again. */
+#define NEAR_POLE R(0.1)
+#define FAR_POLE R(0.3)
+#define RIGHT_ANGLE R(1.570796326794896619231321691639751442L)
+
+/* The turns in front of the balls are the last parameters. */
+static real *turn_of(const struct loop *l, long k) {
+    return l->base.p + l->sizes.parameters - l->sizes.balls + k;
+}
+
+static int is_turned(const struct loop *l, long k) {
+    return *turn_of(l, k) != 0;
+}
+
+/* Take the angles that these turns in front of the balls ask for. */
+static void take(struct loop *l, const char *turned) {
+    for (long k = 0; k < l->sizes.balls; k++)
+        *turn_of(l, k) = turned[k] ? RIGHT_ANGLE : 0;
+    set_up(&l->base);
+}
+
+/* Write a state, in the angles in use, in those of the table; balls behind go first. */
+static void to_table(const struct loop *l, const real *near, real *q, real *u, real *a) {
+    for (long k = l->sizes.balls - 1; k >= 0; k--)
+        if (is_turned(l, k))
+            ball_rewrite(l->balls + k, 1, near, q, u, a);
+}
+
+/* Write a state, in the table's angles, in those in use. */
+static void from_table(const struct loop *l, real *q, real *u) {
+    for (long k = 0; k < l->sizes.balls; k++)
+        if (is_turned(l, k))
+            ball_rewrite(l->balls + k, 0, q, q, u, NULL);
+}
+
+int loop_rewrite(struct equations *e, const real *seen, real *y, int back) {
+    struct loop *l = e->owner;
+    const long n = l->sizes.n;
+    int changed = 0, any = 0;
+    char turned[MOST];
+    for (long k = 0; k < l->sizes.balls; k++) {
+        const int now = is_turned(l, k);
+        const real off = ball_off_pole(l->balls + k, now, seen);
+        turned[k] = now ? !(back && off > FAR_POLE) : off < NEAR_POLE;
+        changed |= turned[k] != now;
+        any |= now;
+    }
+    if (!back && !changed)
+        return 0;
+    memcpy(l->trial, y, (size_t)n * sizeof(real));
+    memcpy(l->step, y + n, (size_t)n * sizeof(real));
+    if (any)
+        to_table(l, l->usual, l->trial, l->step, NULL);
+    memcpy(l->usual, l->trial, (size_t)n * sizeof(real));
+    if (!changed)
+        return 0;
+    take(l, turned);
+    from_table(l, l->trial, l->step);
+    memcpy(y, l->trial, (size_t)n * sizeof(real));
+    memcpy(y + n, l->step, (size_t)n * sizeof(real));
+    return 1;
+}
+
+void loop_as_usual(const struct equations *e, real *y) {
+    const struct loop *l = e->owner;
+    to_table(l, l->usual, y, y + l->sizes.n, NULL);
+}
+
+void loop_in_table(const struct loop *l, const real *near, real *q, real *u, real *a) {
+    to_table(l, near, q, u, a);
+}
+
+int loop_turn_near(struct loop *l, const real *y) {
+    const long n = l->sizes.n;
+    int near = 0;
+    char turned[MOST];
+    for (long k = 0; k < l->sizes.balls; k++) {
+        if (is_turned(l, k))
+            return 0;
+        turned[k] = ball_off_pole(l->balls + k, 0, y) < NEAR_POLE;
+        near |= turned[k];
+    }
+    if (!near)
+        return 0;
+    memcpy(l->near_y, y, (size_t)(2 * n) * sizeof(real));
+    memcpy(l->usual, y, (size_t)n * sizeof(real));
+    take(l, turned);
+    from_table(l, l->near_y, l->near_y + n);
+    return 1;
+}
+
+void loop_turn_back(struct loop *l, real *a) {
+    const char none[MOST] = {0};
+    to_table(l, l->usual, l->near_y, l->near_y + l->sizes.n, a);
+    take(l, none);
+}

@@ -1,0 +1,56 @@
+/* The end of a step brought back onto the constraints, and what that says of the step. */
+#include "run.h"
+
+#include <string.h>
+
+/* Largest part of a step's motion that the projection may change near a loss of rank. */
+#define ASTRAY 0.01
+/* The tightest relative tolerance that a number type meets, over its epsilon: TIGHTEST of runtime/integrate/options.py. */
+#define ROUNDINGS 100.0
+
+/* What the projection took away, over the tolerance or, where that is less, over ROUNDINGS of the largest coordinate
+ * or rate: so much comes back however short the step is. */
+static real correction(struct run *run) {
+    long n = run->e->n;
+    real total = 0, atol = R(run->task.atol), rtol = R(run->task.rtol);
+    real least[2] = {largest_of(run->y_new, n), largest_of(run->y_new + n, n)};
+    for (long i = 0; i < 2 * n; i++) {
+        real scale = atol + rtol * real_fmax(real_fabs(run->y[i]), real_fabs(run->y_new[i]));
+        real part = (run->error[i] - run->y_new[i]) / real_fmax(scale, R(ROUNDINGS) * REAL_EPSILON * least[i / n]);
+        total += part * part;
+    }
+    return real_sqrt(total / R(run->dim));
+}
+
+/* Whether the projection moved the points by more than a small part of the step. Near a loss of rank its corrections are
+ * magnified and not judged by the tolerance, but so much may lead to another branch: where drives determine the motion,
+ * nothing else limits the step. */
+static int is_astray(const struct run *run) {
+    real moved = 0, taken = 0, size = largest_of(run->y_new, run->e->n);
+    for (long i = 0; i < run->e->n; i++) {
+        moved = real_fmax(moved, real_fabs(run->y_new[i] - run->y[i]));
+        taken = real_fmax(taken, real_fabs(run->y_new[i] - run->error[i]));
+    }
+    return taken > R(ASTRAY) * moved + real_sqrt(REAL_EPSILON) * size;
+}
+
+int settle(struct run *run, real t_new) {
+    struct state *s = run->state;
+    struct equations *e = run->e;
+    s->settled = 1, s->correction = 0;
+    if (e->m == 0)
+        return DONE;
+    if (run->task.stabilisation != PROJECTION || run->scheme.kind->keeps_constraints)
+        return e->of->factorise(e, t_new, run->y_new);
+    memcpy(run->error, run->y_new, (size_t)run->dim * sizeof(real));
+    int status = e->of->project(e, t_new, run->y_new);
+    if (!run->scheme.adaptive)
+        return status;
+    if (status == PROJECTION_FAILED || (status == DONE && s->sound < NEAR && is_astray(run))) {
+        s->shrink = R(SHRINK);
+        return AGAIN;
+    }
+    if (status == DONE && s->sound >= NEAR)
+        s->correction = correction(run);
+    return status;
+}

@@ -1,0 +1,285 @@
+/* Switching points: where the argument of a sign or of an absolute value in a load passes zero.
+ *
+ * The loads of a step are those of one branch of each, as smooth as without them; the branches are parameters that
+ * the run holds at 1 or -1. A step that passes a switching point is taken again up to it, the branch changes there,
+ * and the method starts again. Where both branches lead back to the point (friction at rest), the motion slides along
+ * it, and the run ends.
+ *
+ * Looks are at both ends of a step and GLANCES - 1 times in between, not equally far apart, so that no repetition of a
+ * load falls in with them. What passes zero and comes back between two looks is not seen.
+ */
+#include "run.h"
+
+#include <string.h>
+
+/* Newton steps that bring the end of a step to the switching point, passes over one step, and halvings of a part. */
+enum { POLISHINGS = 4, PASSES = 64, HALVINGS = 40 };
+/* Distances below this part of the farthest seen are looked at where a motion is stiff. */
+#define CLOSE R(1e-6)
+/* What stands for the tolerance of coordinates and rates where steps are fixed. */
+#define FIXED R(1e-12)
+
+static real *branch_of(struct run *run, long k) {
+    const struct sizes *sizes = &run->e->sizes;
+    return run->e->p + sizes->parameters - sizes->switches + k;
+}
+
+static void hold(struct run *run, long k, int branch) {
+    *branch_of(run, k) = R(branch);
+    set_up(run->e);
+}
+
+/* Write the distances from all switching points at a state. */
+static const real *distances(struct run *run, real t, const real *y) {
+    look_at_events(run->e, t, y);
+    return run->e->gaps + run->e->sizes.events;
+}
+
+/* Where look number j is in a step. */
+static real glance(int j) {
+    real shift = R(0.6180339887498949) * R(j);
+    shift -= R((long)shift);
+    return j == 0 || j == GLANCES ? R(j) / R(GLANCES) : (R(j) + R(0.8) * (shift - R(0.5))) / R(GLANCES);
+}
+
+/* Return how far the tolerance of a state, and the rounding of a time, move it from a switching point. */
+static real blur(struct run *run, long k, real t, const real *y) {
+    struct equations *e = run->e;
+    int adaptive = run->scheme.adaptive;
+    real at = distances(run, t, y)[k], later = t + R(8) * REAL_EPSILON * real_fabs(t), total = 0;
+    real least[2] = {largest_of(y, e->n), largest_of(y + e->n, e->n)};
+    total += real_fabs(distances(run, later, y)[k] - at);
+    memcpy(run->error, y, (size_t)run->dim * sizeof(real));
+    for (long i = 0; i < 2 * e->n; i++) {
+        real size = adaptive ? R(run->task.atol) + R(run->task.rtol) * real_fabs(y[i]) : FIXED * (R(1) + least[i / e->n]);
+        run->error[i] += real_fmax(size, R(8) * REAL_EPSILON * least[i / e->n]);
+        total += real_fabs(distances(run, t, run->error)[k] - at);
+        run->error[i] = y[i];
+    }
+    return total;
+}
+
+/* Return the rate of the distance from a switching point along dy/dt, over a small part of a time. */
+static real rate_of(struct run *run, long k, real t, const real *y, const real *f, real h) {
+    real part = real_fmax(R(1e-5) * h, R(64) * REAL_EPSILON * real_fabs(t)), at = distances(run, t, y)[k];
+    for (long i = 0; i < run->dim; i++)
+        run->error[i] = y[i] + part * f[i];
+    return (distances(run, t + part, run->error)[k] - at) / part;
+}
+
+/* A length of time for differences: that of the step, or at the start a part of the run. */
+static real scale_of(const struct run *run) {
+    return run->state->h > 0 ? run->state->h : R(1e-6) * (R(run->task.t_end) - run->state->t);
+}
+
+/* Leave in run->f the derivative on this branch, and return how fast the state leaves the point there. */
+static real leaving(struct run *run, long k, int branch) {
+    struct state *s = run->state;
+    hold(run, k, branch);
+    run->e->of->derivative(run->e, s->t, run->y, run->f);
+    return R(branch) * rate_of(run, k, s->t, run->y, run->f, scale_of(run));
+}
+
+int begin_switches(struct run *run) {
+    struct state *s = run->state;
+    for (long k = 0; k < run->e->sizes.switches; k++) {
+        hold(run, k, distances(run, s->t, run->y)[k] < 0 ? -1 : 1);
+        run->switched[k] = s->t;
+    }
+    for (long k = 0; k < run->e->sizes.switches; k++) {
+        real least = blur(run, k, s->t, run->y), far = real_fabs(distances(run, s->t, run->y)[k]);
+        run->farthest[k] = far;
+        if (far > least)
+            continue;
+        real above = leaving(run, k, 1);
+        if (above * scale_of(run) >= -least)
+            continue;
+        if (leaving(run, k, -1) * scale_of(run) < -least) {
+            s->slid = k;
+            return SLIDING;
+        }
+    }
+    return DONE;
+}
+
+/* Look at the distances along the step, times their branches: below zero they are past the point. */
+static void look_along(struct run *run, real t_new, real h) {
+    long switches = run->e->sizes.switches;
+    for (int j = 0; j <= GLANCES; j++) {
+        real theta = glance(j), t = j == GLANCES ? t_new : run->state->t + theta * h;
+        const real *y = j == 0 ? run->y : j == GLANCES ? run->y_new : run->stage, *at;
+        if (j > 0 && j < GLANCES)
+            roughly(run, h, theta, run->stage);
+        at = distances(run, t, y);
+        for (long k = 0; k < switches; k++)
+            run->glances[j * switches + k] = at[k] * *branch_of(run, k);
+    }
+}
+
+/* Return the distance from a switching point on the interpolant of the step, times its branch. */
+static real on_the_way(struct run *run, real h, long k, real theta) {
+    move_to(run, h, theta);
+    return run->e->gaps[run->e->sizes.events + k] * *branch_of(run, k);
+}
+
+/* Return where between looks j - 1 and j of the step a switching point is passed; 2: it is not, on the interpolant. */
+static real passed_at(struct run *run, real h, long k, int j) {
+    long switches = run->e->sizes.switches, index = run->e->sizes.events + k;
+    real start = glance(j - 1), a = start, b = glance(j), from = run->glances[(j - 1) * switches + k], to;
+    to = j < GLANCES ? on_the_way(run, h, k, b) : run->glances[j * switches + k];
+    if (j > 1)
+        from = on_the_way(run, h, k, a);
+    if (!(to < 0))
+        return 2;
+    /* From the point itself, where the last step ended, the state may leave it and come back. */
+    for (int i = 0; i < HALVINGS && !(from > 0); i++) {
+        real middle = start + (b - start) / R(2), at = on_the_way(run, h, k, middle);
+        if (at > 0)
+            a = middle, from = at;
+        else
+            b = middle, to = at;
+    }
+    if (!(from > 0))
+        return start;
+    return narrowed(run, h, index, a, from * *branch_of(run, k), b, to * *branch_of(run, k));
+}
+
+/* Return which switching point is passed first in the step (-1: none), and where. */
+static long first_passed(struct run *run, real t_new, real h, real *theta) {
+    long switches = run->e->sizes.switches, first = -1;
+    int prepared = 0;
+    look_along(run, t_new, h);
+    *theta = 2;
+    for (int j = 1; j <= GLANCES && first < 0; j++) {
+        for (long k = 0; k < switches; k++) {
+            real to = run->glances[j * switches + k], at;
+            if (!(to < 0) || !(to < -blur(run, k, run->state->t, run->y)))
+                continue;
+            if (!prepared)
+                run->scheme.kind->prepare(run, h);
+            prepared = 1;
+            at = passed_at(run, h, k, j);
+            if (at < *theta)
+                *theta = at, first = k;
+        }
+    }
+    return first;
+}
+
+/* Take the step again with another length. */
+static int retaken(struct run *run, real h, real t_new) {
+    real planned = run->state->h;
+    int status = try_step(run, h, t_new);
+    if (status != DONE)
+        return status;
+    run->state->h = planned;
+    status = run->scheme.kind->finish(run, h, t_new);
+    return status == DONE && !all_finite(run->f_new, run->dim) ? NOT_FINITE : status;
+}
+
+/* Bring the end of a step, near a switching point, onto it. */
+static int polished(struct run *run, long k, real most, real *t_new, real *h) {
+    struct state *s = run->state;
+    for (int i = 0; i < POLISHINGS; i++) {
+        real at = distances(run, *t_new, run->y_new)[k], rate, change;
+        if (real_fabs(at) <= R(1e-3) * blur(run, k, *t_new, run->y_new))
+            break;
+        rate = rate_of(run, k, *t_new, run->y_new, run->f_new, *h);
+        change = -at / rate;
+        if (!real_isfinite(change) || real_fabs(change) > R(0.1) * *h || *h + change > most)
+            break;
+        *h += change, *t_new = s->t + (*h + s->t_left);
+        int status = retaken(run, *h, *t_new);
+        if (status != DONE)
+            return status;
+    }
+    return DONE;
+}
+
+int end_at_switch(struct run *run, real *t_new, real *h, long *crossed) {
+    struct state *s = run->state;
+    *crossed = -1;
+    for (int pass = 0; pass < PASSES; pass++) {
+        int status;
+        real theta, most = *h;
+        long k = first_passed(run, *t_new, *h, &theta);
+        if (k < 0)
+            return DONE;
+        *crossed = k;
+        if (theta * *h <= R(64) * REAL_EPSILON * real_fmax(*h, real_fabs(s->t))) {
+            *h = 0;
+            return DONE;
+        }
+        *h *= theta, *t_new = s->t + (*h + s->t_left);
+        status = retaken(run, *h, *t_new);
+        if (status == DONE)
+            status = polished(run, k, most, t_new, h);
+        if (status != DONE)
+            return status;
+    }
+    return DONE;
+}
+
+int switch_over(struct run *run, long k) {
+    struct state *s = run->state;
+    real least = blur(run, k, s->t, run->y), h = scale_of(run);
+    int branch = *branch_of(run, k) > 0 ? -1 : 1;
+    s->flips = s->t_switched == s->t && s->switchings ? s->flips + 1 : 0;
+    /* Where it switched twice, the next step is not to look past many more times. */
+    if (run->scheme.adaptive && run->switched[k] < s->t && run->switched[k] > R(run->task.t0))
+        s->h = real_fmin(s->h, R(2) * (s->t - run->switched[k]));
+    s->switchings++, s->t_switched = run->switched[k] = s->t;
+    real ahead = leaving(run, k, branch) * h;
+    if (ahead < -least || s->flips > 2 * run->e->sizes.switches) {
+        s->slid = k;
+        return SLIDING;
+    }
+    int status = run->scheme.kind->begin(run);
+    return status == DONE && !all_finite(run->f, run->dim) ? NOT_FINITE : status;
+}
+
+/* Whether what makes the motion stiff is the load near a switching point: whether twice the distance from it changes
+ * the rate of that by a good part of it in a step. */
+static int makes_stiff(struct run *run, long k) {
+    struct equations *e = run->e;
+    struct state *s = run->state;
+    real at = distances(run, s->t, run->y)[k], squares = 0, before, after;
+    for (long i = 0; i < 2 * e->n; i++) {
+        memcpy(run->error, run->y, (size_t)run->dim * sizeof(real));
+        run->error[i] += at;
+        run->stage[i] = (distances(run, s->t, run->error)[k] - at) / at;
+        squares += run->stage[i] * run->stage[i];
+    }
+    if (!(squares > 0))
+        return 0;
+    for (long i = 0; i < 2 * e->n; i++)
+        run->stage[i] = run->y[i] + run->stage[i] * at / squares;
+    for (long i = 2 * e->n; i < run->dim; i++)
+        run->stage[i] = run->y[i];
+    before = rate_of(run, k, s->t, run->y, run->f, s->h);
+    e->of->derivative(e, s->t, run->stage, run->f_new);
+    after = rate_of(run, k, s->t, run->stage, run->f_new, s->h);
+    return real_fabs(after - before) * s->h > R(0.5) * real_fabs(at);
+}
+
+int watch_switches(struct run *run) {
+    struct state *s = run->state;
+    const real *at = distances(run, s->t, run->y);
+    for (long k = 0; k < run->e->sizes.switches; k++) {
+        real far = real_fabs(at[k]);
+        run->farthest[k] = real_fmax(run->farthest[k], far);
+        if (s->stiff && far > 0 && far < CLOSE * run->farthest[k]) {
+            if (makes_stiff(run, k)) {
+                s->slid = k;
+                return SLIDING;
+            }
+            at = distances(run, s->t, run->y);
+        }
+    }
+    return DONE;
+}
+
+void release_switches(struct run *run) {
+    for (long k = 0; k < run->e->sizes.switches; k++)
+        hold(run, k, 0);
+}

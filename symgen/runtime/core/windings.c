@@ -1,0 +1,82 @@
+/* Angles that are continuous over revolutions, where atan2 gives them to a revolution.
+ *
+ * Angles in loads: each is written as a reference and the nearer way round from there; the reference is a parameter, 0
+ * outside runs, which is held during a step and then brought within a quarter turn of the angle. The angle itself does
+ * not change by that, but for rounding, as long as no step turns by more than a quarter of a revolution.
+ *
+ * Angles of links that are recorded: each is followed from step to step, and from the step's start to a sample in it, by
+ * as many revolutions as bring its change nearest to what the rates at both ends say.
+ */
+#include "run.h"
+
+#include <string.h>
+
+real *references_of_angles(const struct equations *e) {
+    const struct sizes *sizes = &e->sizes;
+    return e->p + sizes->parameters - sizes->switches - sizes->windings;
+}
+
+/* Angles of links to a revolution, and behind them their rates, as look_at_events left them. */
+static const real *links(const struct run *run) {
+    const struct sizes *sizes = &run->e->sizes;
+    return run->e->gaps + sizes->events + sizes->switches + sizes->windings;
+}
+
+/* Return the angle of a link at the last look, a time after y. */
+static real turned(const struct run *run, long k, real after) {
+    const real revolution = R(6.283185307179586476925286766559005768L);
+    const long turns = run->e->sizes.turns;
+    const real *now = links(run);
+    real expected = run->turned[k] + after * (run->turned[turns + k] + now[turns + k]) / R(2);
+    if (!real_isfinite(expected))
+        expected = run->turned[k];
+    return now[k] + R(rint((double)((expected - now[k]) / revolution))) * revolution;
+}
+
+static void follow_turns(struct run *run, real after) {
+    const long turns = run->e->sizes.turns;
+    for (long k = 0; k < turns; k++)
+        run->turned[k] = turned(run, k, after);
+    memcpy(run->turned + turns, links(run) + turns, (size_t)turns * sizeof(real));
+}
+
+int follow_references(struct equations *e) {
+    const struct sizes *sizes = &e->sizes;
+    const real quarter = R(1.570796326794896619231321691639751442L);
+    real *reference = references_of_angles(e);
+    const real *angle = e->gaps + sizes->events + sizes->switches;
+    int moved = 0;
+    for (long k = 0; k < sizes->windings; k++) {
+        if (!(real_fabs(angle[k] - reference[k]) > quarter))
+            continue;
+        /* whole quarters, so that samples of a run share few references */
+        reference[k] = R(rint((double)(angle[k] / quarter))) * quarter;
+        moved = 1;
+    }
+    if (moved)
+        set_up(e);
+    return moved;
+}
+
+void follow_windings(struct run *run, real before) {
+    const struct sizes *sizes = &run->e->sizes;
+    if ((sizes->windings == 0 && sizes->turns == 0) || sizes->choices)
+        return;
+    look_at_events(run->e, run->state->t, run->y);
+    if (sizes->turns)
+        follow_turns(run, run->state->t - before);
+    follow_references(run->e);
+}
+
+void keep_windings(struct run *run) {
+    const struct sizes *sizes = &run->e->sizes;
+    const struct state *s = run->state;
+    if (sizes->windings)
+        memcpy(run->references + s->recorded * sizes->windings, references_of_angles(run->e),
+               (size_t)sizes->windings * sizeof(real));
+    if (sizes->turns == 0)
+        return;
+    look_at_events(run->e, run->times[s->recorded], run->samples + s->recorded * run->dim);
+    for (long k = 0; k < sizes->turns; k++)
+        run->turns[s->recorded * sizes->turns + k] = turned(run, k, run->times[s->recorded] - s->t);
+}

@@ -1,0 +1,1 @@
+"""Models and analyses of linkages with elastic links."""

@@ -1,0 +1,147 @@
+"""Elements along elastic links: where they meet, their default number, and the error that it leaves."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symgen.runtime import _core
+from symgen.runtime.beams.checks import held_alone
+from symgen.runtime.beams.data import BeamInfo, Lump, Profile, Properties
+from symgen.runtime.beams.elements import SHAPES
+from symgen.runtime.beams.elements import at as value_at
+from symgen.runtime.beams.frames import APPLIED, MOTION, frames
+from symgen.runtime.beams.links import Beam, beam
+from symgen.runtime.beams.pieces import whole
+from symgen.runtime.result.result import Variable
+
+if TYPE_CHECKING:
+    from symgen.runtime.elastic.motion import ElasticMotion
+
+Array = NDArray[np.float64]
+
+#: Error of the number of elements chosen by default, over the peak stress of a station and over a frequency.
+ENOUGH = 1e-2
+#: The most elements chosen by default, and the frequencies of a link that are looked at.
+_MOST, _MODES = 16, 2
+#: Poses of a revolution in which loads are looked at.
+_POSES = 12
+#: Shortest element next to a load, as a part of the length: shorter ones are stiff and change nothing.
+_SHORTEST = 0.01
+
+
+def meshed(info: BeamInfo, length: float, lumps: Sequence[Lump], profiles: Sequence[Profile]) -> BeamInfo:
+    """Return a link with a node at every mass and force along it, and elements as asked between these."""
+    at = [lump.at for lump in lumps] + [profile.at for profile in profiles if profile.is_point]
+    bounds = [0.0]
+    for place in sorted(at):
+        fraction = place / length
+        if bounds[-1] + _SHORTEST < fraction < 1.0 - _SHORTEST:
+            bounds.append(fraction)
+    if len(bounds) == 1:
+        return info
+    nodes = [0.0]
+    for start, end in pairwise([*bounds, 1.0]):
+        count = max(1, math.ceil((end - start) * info.elements - 1e-9))
+        nodes += [start + (end - start) * k / count for k in range(1, count)] + [end]
+    return replace(info, elements=len(nodes) - 1, nodes=tuple(nodes))
+
+
+def halved(info: BeamInfo) -> BeamInfo:
+    """Return a link with every element divided in two."""
+    nodes = tuple(x for a, b in pairwise(info.nodes) for x in (a, (a + b) / 2))
+    return replace(info, elements=2 * info.elements, nodes=(*nodes, info.nodes[-1]) if nodes else ())
+
+
+def chosen(motion: ElasticMotion, k: int, info: BeamInfo, properties: Properties) -> BeamInfo:
+    """Return a link with so many elements that halving them changes stresses and frequencies by ``ENOUGH``.
+
+    The link is taken alone, its ends held as in Euler's load, under the loads of the rigid motion.
+    """
+    lumps, profiles = motion.lumps(info.link), motion.profiles(info.link)
+    poses = _loads_of_poses(motion, k)
+    places = [at for _, link, at, _ in motion.stations if link == k] or [0.5]
+    # What the joints pull is the same for any number of elements, and counts in the peak only.
+    pull = np.zeros((len(poses[0]), len(places)))
+    coarse = meshed(replace(info, elements=1), properties.length, lumps, profiles)
+    if f"u@{coarse.elements}" in held_alone(motion, coarse):
+        area = [value_at(properties.axial, at * properties.length) / properties.modulus for at in places]
+        pull += np.abs(frames(poses[0]).stiffness_geometric0)[:, None] / area
+
+    def response(info: BeamInfo) -> tuple[Array, Array]:
+        made = beam(replace(info, reduction="", modes=0), replace(properties, ratio=0.0), lumps, profiles)
+        return _alone(motion, k, made, poses, places)
+
+    count, before = 1, response(coarse)
+    while count < _MOST:
+        fine = halved(coarse)
+        after = response(fine)
+        if _gap(before[0], after[0], pull) <= ENOUGH and np.all(np.abs(before[1] / after[1] - 1) <= ENOUGH):
+            break
+        count, coarse, before = 2 * count, fine, after
+    return coarse
+
+
+def _gap(coarse: Array, fine: Array, besides: Array | float = 0.0) -> float:
+    """Return the largest difference of stresses (poses, stations) over the peak of their station.
+
+    ``besides`` are sizes of stresses that both leave out.
+    """
+    peak = np.max(np.abs(fine) + besides, axis=0, initial=0.0)
+    largest = np.max(np.abs(coarse - fine), axis=0, initial=0.0)
+    shown = peak > 1e-9 * np.max(peak, initial=0.0)
+    return float(np.max(largest[shown] / peak[shown], initial=0.0))
+
+
+def _loads_of_poses(motion: ElasticMotion, k: int) -> tuple[Array, Array]:
+    """Return the weights of a link and those of forces along links (poses, forces, 3) in some poses."""
+    end = motion.period if motion.speed else motion.rigid.description.t_end
+    moved = motion.moved()
+    links, loads = [], []
+    for t in [0.0] if motion.undetermined else np.linspace(0.0, end, _POSES, endpoint=False).tolist():
+        status, _, found, _, _, forces = moved.evaluate(t)
+        if status != _core.DONE:
+            break  # the run says why
+        links.append(found.reshape(-1, len(MOTION))[k])
+        loads.append(forces.reshape(-1, len(APPLIED)))
+    return np.array(links).reshape(-1, len(MOTION)), np.array(loads).reshape(len(links), -1, len(APPLIED))
+
+
+def _alone(
+    motion: ElasticMotion, k: int, made: Beam, poses: tuple[Array, Array], places: Sequence[float]
+) -> tuple[Array, Array]:
+    """Return stresses (poses, stations) in the outer fibre and the lowest frequencies of a link alone."""
+    from scipy.linalg import eigh
+
+    info, properties = made.info, made.properties
+    held = {made.dofs[j] for j in made.fixed} | held_alone(motion, info)
+    free = [j for j, dof in enumerate(made.dofs) if dof not in held]
+    total = whole(made.pieces, len(made.dofs))
+    axes = frames(poses[0])
+    load = axes.load(total.load_x, total.load_y, total.load_out, total.load_turn)
+    own = [i for i, name in enumerate(motion.info.loads) if name == info.link]
+    for i, x, y in zip(own, total.force_x, total.force_y, strict=True):
+        load += np.outer(poses[1][:, i, 0], x) + np.outer(poses[1][:, i, 1], y)
+    there = np.ix_(free, free)
+    shape = np.zeros_like(load)
+    shape[:, free] = np.linalg.solve(total.stiffness[there], load[:, free].T).T
+    table = dict(zip(SHAPES, made.table(places), strict=True))
+    fibre = np.array([value_at(properties.fibre, x * properties.length) for x in places])
+    stress = shape @ table["axial_strain"].T, fibre * (shape @ table["curvature"].T)
+    count = min(_MODES, len(free))
+    squares = eigh(
+        total.stiffness[there], total.mass[there], eigvals_only=True, subset_by_index=(0, count - 1)
+    )
+    return properties.modulus * (stress[0] + stress[1]), np.sqrt(squares)
+
+
+def mesh_error(coarse: Sequence[Variable], fine: Sequence[Variable]) -> float:
+    """Return the difference of stresses of two runs over their peak at a station, the largest of all."""
+    pairs = [(a.values, b.values) for a, b in zip(coarse, fine, strict=True) if b.name.endswith(".stress")]
+    return _gap(*(np.stack(values, axis=1) for values in zip(*pairs, strict=True))) if pairs else 0.0

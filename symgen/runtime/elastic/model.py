@@ -1,0 +1,305 @@
+"""A compiled linkage with elastic links."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Callable, Mapping, Sequence
+from functools import cache
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from symgen.calls import checked
+from symgen.errors import ModelError, nearest
+from symgen.runtime.integrate.checkpoint import Keeping, keeping
+from symgen.runtime.integrate.pace import limited, uncounted
+from symgen.runtime.kernels.arguments import count as whole
+from symgen.runtime.kernels.arguments import real
+from symgen.runtime.kernels.description import Description
+from symgen.runtime.model.model import Model
+
+if TYPE_CHECKING:
+    from symgen.runtime.beams.layout import Layout
+    from symgen.runtime.beams.links import Beam
+    from symgen.runtime.elastic.modes import ElasticModes
+    from symgen.runtime.elastic.motion import ElasticMotion
+    from symgen.runtime.model.rods import RodModel
+    from symgen.runtime.result.elastic import ElasticResult
+    from symgen.runtime.result.result import Result
+    from symgen.runtime.result.state import State
+    from symgen.runtime.result.sweep import Sweep
+    from symgen.runtime.rods.equilibrium import Equilibrium
+
+#: Integration methods of elastic motions.
+METHODS = (
+    "gauss",
+    "gauss4",
+    "newmark",
+    "generalized-alpha",
+    "wilson-theta",
+    "dop853",
+    "rk4",
+)
+FORMS = ("exact", "thesis")
+
+
+#: Gives the linkage with its elastic links in so many rods; for None with rigid links and its motor.
+Remade = Callable[[int | None], "RodModel"]
+
+
+@checked
+class ElasticModel(Model):
+    """A planar linkage some of whose links bend, moving about the motion it would have if all were rigid.
+
+    Made by :func:`symgen.build`. ``rigid`` is that linkage, its crank driven: a :class:`RodModel`.
+    """
+
+    description: Description
+    MISSING: ClassVar[Mapping[str, str]] = {
+        "": "it has elastic links; those of the rigid linkage are model.rigid.accelerations()"
+    }
+
+    def __init__(self, rigid: RodModel, remade: Remade | None = None) -> None:
+        self.rigid, self._remade, self._typed = rigid, remade, rigid._typed
+        self.description = rigid.description
+        self._motion = cache(self._made)
+
+    def _made(self, geometric_stiffness: bool) -> ElasticMotion:
+        from symgen.runtime.elastic.motion import ElasticMotion  # it loads SciPy
+
+        return ElasticMotion(self.rigid, geometric_stiffness, self._turned_by_motor)
+
+    def _turned_by_motor(self) -> RodModel:
+        """Return the rigid linkage with its motor in place of the drive of the crank."""
+        self._refuse_types("motions of a crank with a motor are")
+        return self._of_scene(None)
+
+    def _of_scene(self, segments: int | None) -> RodModel:
+        if self._remade is None:
+            raise ModelError(f"{self.name} was made without its scene: build it with symgen.build")
+        with uncounted():
+            return self._remade(segments).with_parameters(**self.parameters)
+
+    def __repr__(self) -> str:
+        motion = self._motion(True)
+        links = ", ".join(b.info.link for b in motion.beams)
+        return f"<ElasticModel {self.name!r}: {links} elastic, {self.unknowns} unknowns>"
+
+    #: An elastic motion is found in time.
+    is_driven = False
+
+    @property
+    def parameters(self) -> Mapping[str, float]:  # type: ignore[override]
+        """Values of the tunable parameters, in SI units."""
+        return self.rigid.parameters
+
+    @property
+    def backend(self) -> str:
+        """Where the kernels of the rigid motion come from."""
+        return self.rigid.backend
+
+    def _evaluate_many(self, *arguments: Any) -> Any:
+        return self.rigid._evaluate_many(*arguments)
+
+    @property
+    def equations(self) -> Any:
+        """The derived SymPy matrices of the rigid motion by name."""
+        return self.rigid.equations
+
+    @property
+    def is_changed(self) -> bool:
+        """Whether a parameter has another value than in the scene."""
+        return self.rigid.is_changed
+
+    @property
+    def redundant(self) -> tuple[str, ...]:
+        """Constraints of the rigid motion that others imply."""
+        return self.rigid.redundant
+
+    @property
+    def beams(self) -> tuple[Beam, ...]:
+        """The elastic links, with their constant matrices."""
+        return self._motion(True).beams
+
+    @property
+    def unknowns(self) -> int:
+        """Number of unknowns of the elastic motion, those that constraints leave."""
+        return self.layout.unknowns - self.layout.constraints
+
+    @property
+    def layout(self) -> Layout:
+        """Where everything stands in the matrices of the elastic motion."""
+        return self._motion(True).layout
+
+    @property
+    def crank_speed(self) -> float:
+        """Angular velocity of the crank [rad/s]; that at the start where it is driven or free."""
+        return self._motion(True).speed
+
+    @property
+    def lowest_frequency(self) -> float:
+        """The lowest frequency [Hz] of the structure at rest, over the poses of a turn."""
+        return self._motion(True).lowest_frequency
+
+    def with_parameters(self, /, **values: float) -> ElasticModel:
+        """Return the same model with other values of its tunable parameters, in SI units."""
+        return ElasticModel(self.rigid.with_parameters(**values), self._remade)
+
+    def _refused(self, name: str) -> str | None:
+        if name in ("kinematics", "inverse_dynamics", "assemblies"):
+            return self.rigid._refused(name)
+        return super()._refused(name)
+
+    def _kinematics(self, **options: Any) -> Result:
+        return self.rigid.kinematics(**options)
+
+    def _inverse_dynamics(self, **options: Any) -> Result:
+        return self.rigid.inverse_dynamics(**options)
+
+    def _assemblies(self, **options: Any) -> tuple[State, ...]:
+        return self.rigid._assemblies(**options)
+
+    def _modes(self, at: Equilibrium | float | None = None, moving: bool = False) -> ElasticModes:
+        from symgen.runtime.elastic.modes import modes_with_errors
+
+        motion = self._motion(True)
+        angle = motion.angle if at is None else real(at, "the direction of the crank")
+        return modes_with_errors(motion, motion.time_at(angle), moving)
+
+    def _simulate(
+        self,
+        t_end: float | None = None,
+        method: str = "gauss",
+        rtol: float = 1e-4,
+        steps: int | None = None,
+        revolutions: float | None = None,
+        samples: int = 361,
+        at: ArrayLike | None = None,
+        form: str = "exact",
+        geometric_stiffness: bool = True,
+        max_step: float | None = None,
+        max_wall: float | None = None,
+        checkpoint: str | os.PathLike[str] | None = None,
+        checkpoint_every: float = 10.0,
+        resume: str | os.PathLike[str] | None = None,
+        progress: Callable[[float], None] | None = None,
+    ) -> ElasticResult:
+        if method not in METHODS:
+            own = {"quasi-static": "quasi_static()", "periodic": "periodic()", "exact": "large_rotation()"}
+            hint = f"It is model.{own[method]}." if method in own else nearest(method, METHODS)
+            raise ModelError(f"there is no method {method!r} of integration. {hint}")
+        if t_end is not None:
+            if revolutions is not None:
+                raise ModelError("give t_end or revolutions, not both")
+            if not t_end > 0.0:
+                raise ModelError(f"expected t_end above zero, got {t_end!r}")
+            period = self._motion(geometric_stiffness).period
+            revolutions = t_end / period if math.isfinite(period) else None
+        kept_in = keeping(checkpoint, checkpoint_every, resume)
+        turns = 1.0 if revolutions is None else revolutions
+        task = (turns, steps, rtol, samples, at, form, max_step, max_wall)
+        return self._run(method, geometric_stiffness, *task, progress, kept_in, t_end)
+
+    def _periodic(
+        self,
+        steps: int | None = None,
+        rtol: float = 1e-4,
+        samples: int = 361,
+        at: ArrayLike | None = None,
+        form: str = "exact",
+        geometric_stiffness: bool = True,
+        max_step: float | None = None,
+        max_wall: float | None = None,
+        progress: Callable[[float], None] | None = None,
+    ) -> ElasticResult:
+        task = (1.0, steps, rtol, samples, at, form, max_step, max_wall)
+        return self._run("periodic", geometric_stiffness, *task, progress)
+
+    def _quasi_static(
+        self,
+        revolutions: float = 1.0,
+        samples: int = 361,
+        at: ArrayLike | None = None,
+        form: str = "exact",
+        geometric_stiffness: bool = True,
+        max_wall: float | None = None,
+        progress: Callable[[float], None] | None = None,
+    ) -> ElasticResult:
+        task = (revolutions, None, 1e-4, samples, at, form, None, max_wall)
+        return self._run("quasi-static", geometric_stiffness, *task, progress)
+
+    def _run(
+        self,
+        method: str,
+        geometric_stiffness: bool,
+        revolutions: float,
+        steps: int | None,
+        rtol: float,
+        samples: int,
+        at: ArrayLike | None,
+        form: str,
+        max_step: float | None,
+        max_wall: float | None,
+        progress: Callable[[float], None] | None,
+        kept_in: Keeping | None = None,
+        t_end: float | None = None,
+    ) -> ElasticResult:
+        from symgen.runtime.elastic.run import Task, run
+
+        self._refuse_types("runs of elastic links are", but="types of C")
+        if form not in FORMS:
+            raise ModelError(f"there is no form {form!r}. {nearest(form, FORMS)}")
+        angles = None if at is None else tuple(np.ravel(np.asarray(at, dtype=float)).tolist())
+        task = Task(method, revolutions, steps, rtol, samples, angles, form, max_step, t_end)
+        with limited(max_wall):
+            return run(self._motion(geometric_stiffness), task, progress, kept_in)
+
+    def _sweep(
+        self,
+        speeds: Sequence[float],
+        rtol: float = 1e-4,
+        samples: int = 361,
+        max_wall: float | None = None,
+        progress: Callable[[float], None] | None = None,
+    ) -> Sweep:
+        from symgen.runtime.elastic.sweep import sweep
+
+        self._refuse_types("sweeps are")
+        with limited(max_wall):
+            return sweep(self, speeds, rtol, samples, progress)
+
+    def in_segments(self, count: int = 12) -> RodModel:
+        """Return the linkage with every elastic link in so many rigid rods with torsion springs between them.
+
+        It is derived and compiled when first requested. ``LINK__k.angle`` are the directions of the rods.
+        """
+        return self._of_scene(whole(count, "segments"))
+
+    def _equilibrium(self, segments: int = 12, t: float | None = None, stable: bool = True) -> Equilibrium:
+        if self.crank_speed and self._motion(True).info.mode == "held":
+            return self.rigid._equilibrium()  # which names the drive that moves, before rods are derived
+        return self.in_segments(segments)._equilibrium(t=t, stable=stable)
+
+    def _large_rotation(
+        self,
+        segments: int = 12,
+        revolutions: float = 1.0,
+        rtol: float = 1e-7,
+        samples: int = 361,
+        max_step: float | None = None,
+        max_wall: float | None = None,
+        checkpoint: str | os.PathLike[str] | None = None,
+        checkpoint_every: float = 10.0,
+        resume: str | os.PathLike[str] | None = None,
+        progress: Callable[[float], None] | None = None,
+    ) -> ElasticResult:
+        from symgen.runtime.elastic.exact import ExactTask, exact_run
+
+        self._refuse_types("runs in rods with springs are")
+        task = ExactTask(segments, revolutions, rtol, samples)
+        kept = {"checkpoint": checkpoint, "checkpoint_every": checkpoint_every, "resume": resume}
+        with limited(max_wall):
+            rods, kept["max_step"] = self.in_segments(segments), max_step
+            return exact_run(self._motion(True), rods, task, progress, kept)

@@ -1,0 +1,345 @@
+"""Frequencies and shapes of the structure in a pose, at rest or moving, and its response to held loads."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symgen.calls import checked
+from symgen.errors import ModelError
+from symgen.runtime import _beams
+from symgen.runtime.beams.frames import MOTION, frames
+from symgen.runtime.elastic.motion import ElasticMotion
+
+Array = NDArray[np.float64]
+
+#: Strain energy of a shape over the sum of its terms' sizes, up to which it is round-off of a rigid motion. A
+#: slender bar of a thousand elements keeps 1e-12.
+_ROUND_OFF = 1e-14
+#: Unknowns up to which all modes are found at once.
+_DENSE = 60
+
+
+@checked
+@dataclass(frozen=True, slots=True, repr=False)
+class ElasticModes:
+    """Modes of the structure in one pose of its rigid links, by rising frequency.
+
+    Attributes
+    ----------
+    frequencies
+        [Hz].
+    shapes
+        (unknowns, modes) in the order of ``names``, on fixed axes: of unit modal mass, or complex with 1 as
+        their largest component where the links move.
+    growth
+        Of each mode in motion [1/s], below zero where it decays; empty at rest.
+    without_reduction
+        Where links are reduced: the frequencies [Hz] without that, as many of the lowest, and the number of
+        unknowns then. Empty and the same number where none is.
+    rigid
+        Number of the first modes that strain nothing: the nullity of the stiffness at rest.
+    ratios
+        Damping of each mode at rest over its critical damping, each mode taken alone; zero of rigid ones. The
+        ``damping.ratio`` of a link is another: of modes of the link with free ends.
+    """
+
+    name: str
+    angle: float
+    frequencies: Array
+    shapes: NDArray[Any]
+    names: tuple[str, ...]
+    growth: Array = field(default_factory=lambda: np.zeros(0))
+    without_reduction: tuple[Array, int] | None = None
+    rigid: int = 0
+    ratios: Array = field(default_factory=lambda: np.zeros(0))
+
+    def __repr__(self) -> str:
+        found = ", ".join(f"{f:.6g}" for f in self.frequencies[:3].tolist())
+        more = ", ..." if len(self.frequencies) > 3 else ""
+        pose = f"{math.degrees(self.angle):.6g} degrees"
+        return f"<ElasticModes {self.name!r} at {pose}: {found}{more} Hz, {len(self.frequencies)} modes>"
+
+    @property
+    def errors(self) -> Array:
+        """Parts by which the reduction of links makes frequencies too high; empty where none is reduced.
+
+        Frequencies of zero have none.
+        """
+        if self.without_reduction is None:
+            return np.zeros(0)
+        exact = self.without_reduction[0]
+        found = self.frequencies[: len(exact)]
+        return np.divide(found, exact, out=np.ones_like(exact), where=exact > 0.0) - 1.0
+
+    def summary(self) -> dict[str, Any]:
+        """Return them in plain numbers: what ``symgen modes --json`` prints."""
+        found: dict[str, Any] = {
+            "scene": self.name,
+            "analysis": "modes",
+            "angle_deg": math.degrees(self.angle),
+            "unknowns": len(self.frequencies),
+            "frequencies_hz": self.frequencies.tolist(),
+        }
+        if np.any(self.ratios):
+            found["damping_ratios"] = self.ratios.tolist()
+        if len(self.growth):
+            found["growth_per_s"] = self.growth.tolist()
+        if self.without_reduction is not None:
+            found["unknowns_without_reduction"] = self.without_reduction[1]
+            found["errors_of_reduction"] = self.errors.tolist()
+        return found
+
+
+def modes_with_errors(motion: ElasticMotion, t: float, moving: bool) -> ElasticModes:
+    """Return the modes in the pose of a time, and where links are reduced those without that.
+
+    Raises
+    ------
+    SimulationError, ModelError
+        As :func:`elastic_modes` and :func:`moving_modes`.
+    """
+    solve = moving_modes if moving else elastic_modes
+    found, whole = solve(motion, motion.equations(), t), motion.unreduced()
+    if whole is None:
+        return found
+    exact = solve(whole, whole.equations(), t).frequencies
+    return replace(found, without_reduction=(exact[: len(found.frequencies)], len(exact)))
+
+
+def elastic_modes(motion: ElasticMotion, equations: _beams.BeamEquations, t: float) -> ElasticModes:
+    """Return the modes of the structure at rest in the pose of a time.
+
+    Raises
+    ------
+    SimulationError
+        When the linkage cannot be assembled there.
+    ModelError
+        When the structure is unstable at rest.
+    """
+    status, mass, damping, stiffness, _, basis = equations.matrices(t, _beams.AT_REST)
+    motion.check(equations, status, t)
+    shown = np.eye(len(mass)) if basis is None else basis[0]
+    speeds, shapes, rigid = _at_rest(motion, mass, stiffness, stiffness_sizes(equations, shown))
+    return ElasticModes(
+        motion.rigid.name,
+        float(motion.angle_at(np.array(t))),
+        speeds / (2 * math.pi),
+        shown @ shapes,
+        motion.layout.names,
+        rigid=rigid,
+        ratios=_ratios(damping, speeds, shapes),
+    )
+
+
+def _ratios(damping: Array, speeds: Array, shapes: Array) -> Array:
+    """Return phi^T C phi / (2 w) of shapes phi of unit modal mass; zero where w is."""
+    damped = np.einsum("ik,ij,jk->k", shapes, damping, shapes, optimize=True)
+    return np.divide(damped, 2 * speeds, out=np.zeros_like(speeds), where=speeds > 0.0)
+
+
+def stiffness_sizes(equations: _beams.BeamEquations, basis: Array) -> Array:
+    """Return the roots of the sums of sizes of the terms of the diagonal of B^T K B, (columns of B,).
+
+    Large terms may cancel where a constraint forbids a link to stretch.
+    """
+    from scipy.sparse import csr_array
+
+    rows, columns, entries = equations.full_stiffness()
+    terms = csr_array((np.abs(entries), (rows, columns)), shape=(len(basis), len(basis)))
+    found = np.sqrt(np.sum(np.abs(basis) * (terms @ np.abs(basis)), axis=0))
+    return np.where(found > 0.0, found, 1.0)
+
+
+def _at_rest(motion: ElasticMotion, mass: Array, stiffness: Array, sizes: Array) -> tuple[Array, Array, int]:
+    """Return angular frequencies [rad/s] by rising size, shapes of unit modal mass, and how many are rigid.
+
+    Frequencies are singular values of G L^-T with K = G^T G and M = L L^T, so that round-off is a part of the
+    largest frequency and not of its square.
+
+    Raises
+    ------
+    ModelError
+        When the structure is unstable at rest, or something moves without mass.
+    """
+    from scipy.linalg import LinAlgError, cholesky, solve_triangular, svd
+
+    factor = _factor(motion, stiffness, sizes)
+    try:
+        root = cholesky((mass + mass.T) / 2, lower=True)
+    except LinAlgError:
+        raise ModelError(
+            f"{motion.rigid.name} has no modes: something of the structure has no mass"
+        ) from None
+    _, speeds, vectors = svd(solve_triangular(root, factor.T, lower=True).T)
+    rigid = len(mass) - len(factor)
+    shapes = solve_triangular(root, vectors[::-1].T, lower=True, trans="T")
+    return np.concatenate([np.zeros(rigid), speeds[::-1]]), shapes, rigid
+
+
+def _factor(motion: ElasticMotion, stiffness: Array, sizes: Array) -> Array:
+    """Return G of K = G^T G, with as many rows as K has rank.
+
+    Pivots are compared with the round-off of their own unknown: see :func:`stiffness_sizes`.
+
+    Raises
+    ------
+    ModelError
+        When K has a negative eigenvalue.
+    """
+    from scipy.linalg.lapack import dpstrf
+
+    symmetric = (stiffness + stiffness.T) / 2
+    n = len(symmetric)
+    scaled = symmetric / np.outer(sizes, sizes)
+    upper, order, rank, _ = dpstrf(scaled, tol=n * np.finfo(float).eps)
+    order = order - 1
+    upper = np.triu(upper)[:rank]
+    null = np.vstack([-np.linalg.solve(upper[:, :rank], upper[:, rank:]), np.eye(n - rank)])
+    left = null.T @ scaled[np.ix_(order, order)] @ null
+    noise = np.sum(np.abs(null) * (np.abs(scaled[np.ix_(order, order)]) @ np.abs(null)), axis=0)
+    if np.any(np.diagonal(left) < -_ROUND_OFF * n * noise):
+        raise ModelError(f"{motion.rigid.name} is unstable at rest in this pose: a spring pushes it away")
+    found: Array = np.empty((rank, n))
+    found[:, order] = upper
+    return found * sizes
+
+
+def lowest(motion: ElasticMotion, equations: _beams.BeamEquations, t: float) -> float:
+    """Return the lowest frequency [Hz] of the structure at rest in the pose of a time that strains it.
+
+    Raises
+    ------
+    SimulationError, ModelError
+        As :func:`elastic_modes`.
+    """
+    if motion.layout.unknowns <= _DENSE:
+        modes = elastic_modes(motion, equations, t)
+        return float(modes.frequencies[modes.rigid])
+    return _lowest_of_many(motion, equations, t)
+
+
+def _lowest_of_many(motion: ElasticMotion, equations: _beams.BeamEquations, t: float) -> float:
+    """Return the same by inverse iteration about a shift below all squared frequencies."""
+    from scipy.sparse import coo_array
+    from scipy.sparse.linalg import eigsh
+
+    status, rows, columns, (mass, _, stiffness) = equations.sparse(t, _beams.AT_REST)
+    motion.check(equations, status, t)
+    k, m = (coo_array((values, (rows, columns))).tocsc() for values in (stiffness, mass))
+    k, m = (k + k.T) / 2, (m + m.T) / 2
+    # Below zero, so that a free crank does not make the shifted matrix singular.
+    shift = -(motion.speed**2)
+    for count in range(3, m.shape[0]):
+        squares, shapes = eigsh(k, count, m, shift, v0=np.ones(m.shape[0]))
+        strained = np.sum(shapes * (k @ shapes), axis=0) > _ROUND_OFF * np.sum(
+            np.abs(shapes) * (abs(k) @ np.abs(shapes)), axis=0
+        )
+        if np.any(strained):
+            return float(np.sqrt(np.min(squares[strained]))) / (2 * math.pi)
+    raise ModelError(f"{motion.rigid.name}: nothing of the structure is strained in any of its modes")
+
+
+def moving_modes(motion: ElasticMotion, equations: _beams.BeamEquations, t: float) -> ElasticModes:
+    """Return the modes of (M z^2 + C z + K) y = 0 as the linkage moves at a time, its matrices held.
+
+    Each joint is followed on the axes of the first elastic link that has it, so that they are exact for a
+    link that turns at constant speed. Of several links they hold for modes much faster than the crank.
+
+    Raises
+    ------
+    SimulationError
+        When the linkage cannot be assembled there.
+    """
+    from scipy.linalg import eig
+
+    status, mass, damping, stiffness, _, basis = equations.matrices(t)
+    motion.check(equations, status, t)
+    status, _, _, resting, _, _ = equations.matrices(t, _beams.AT_REST)
+    motion.check(equations, status, t)
+    turned, rate, second = _axes(motion, equations, t, basis)
+    # In the modes at rest all entries are of the size of their own frequencies, and small ones are not lost.
+    speeds, modes, rigid = _at_rest(
+        motion,
+        turned.T @ mass @ turned,
+        turned.T @ resting @ turned,
+        stiffness_sizes(equations, turned if basis is None else basis[0] @ turned),
+    )
+    added = turned.T @ ((stiffness - resting) @ turned + damping @ rate + mass @ second)
+    damping = modes.T @ (turned.T @ (damping @ turned + 2 * mass @ rate)) @ modes
+    stiffness = modes.T @ added @ modes + np.diag(speeds**2)
+    n = len(stiffness)
+    scale = np.where(speeds > 0.0, speeds, speeds[min(rigid, n - 1)] or 1.0)
+    values, vectors = eig(np.block([[np.zeros((n, n)), np.diag(scale)], [-stiffness / scale, -damping]]))
+    kept = _one_of_each(values, n)
+    shapes = turned @ modes @ (vectors[:n, kept] / scale[:, None])
+    whole = shapes if basis is None else basis[0] @ shapes
+    whole = whole / whole[np.argmax(np.abs(whole), axis=0), np.arange(whole.shape[1])]
+    angle = float(motion.angle_at(np.array(t)))
+    frequencies = np.abs(values[kept].imag) / (2 * math.pi)
+    return ElasticModes(motion.rigid.name, angle, frequencies, whole, motion.layout.names, values[kept].real)
+
+
+def _axes(
+    motion: ElasticMotion, equations: _beams.BeamEquations, t: float, basis: Array | None
+) -> tuple[Array, Array, Array]:
+    """Return P of p = P y with y on the axes of links, P' and P''.
+
+    A joint that moves along one line only is followed along that, one that depends on others stays.
+    """
+    links = equations.motion.evaluate(t)[2].reshape(-1, len(MOTION))
+    columns: dict[int, int] = {}
+    if basis is None:
+        columns = {i: i for i in range(motion.layout.unknowns)}
+    else:  # the free unknowns are those that R copies
+        for i, row in enumerate(basis[0]):
+            at = np.flatnonzero(row)
+            if len(at) == 1 and row[at[0]] == 1.0 and int(at[0]) not in columns.values():
+                columns[i] = int(at[0])
+    n = motion.layout.unknowns if basis is None else basis.shape[2]
+    turned, rate, second = np.eye(n), np.zeros((n, n)), np.zeros((n, n))
+    done: set[int] = set()
+    for k, beam in enumerate(motion.beams):
+        axes = frames(links[k])
+        rotation = np.array(axes.fixed(*np.eye(2)))
+        quarter = np.array([[0.0, -1.0], [1.0, 0.0]])
+        by_rate, by_turn = axes.stiffness_damping_quarter, axes.stiffness_mass_quarter
+        for end in beam.ends:
+            pair = [columns.get(int(i), -1) for i in motion.layout.of_links[k][list(end)]]
+            if min(pair) < 0 or done.intersection(pair):
+                continue
+            done.update(pair)
+            there = np.ix_(pair, pair)
+            turned[there], rate[there] = rotation, by_rate * rotation @ quarter
+            second[there] = rotation @ (by_turn * quarter + axes.stiffness_mass_ends * np.eye(2))
+    if basis is not None:
+        for point in motion.rigid.description.free:
+            pair = [motion.layout.names.index(f"{point}.{axis}") for axis in "xy"]
+            own = [(axis, columns[i]) for axis, i in enumerate(pair) if i in columns]
+            if len(own) == 1 and np.all(np.delete(basis[0][pair], own[0][1], axis=1) == 0.0):
+                axis, j = own[0]
+                turned[j, j], rate[j, j], second[j, j] = _along(*basis[:, pair, j])[:, axis]
+    return turned, rate, second
+
+
+def _along(r: Array, rate: Array, second: Array) -> Array:
+    """Return the unit vector d along a vector in the plane, d' and d'', shape (3, 2)."""
+    square, cross = r @ r, r[0] * rate[1] - r[1] * rate[0]
+    w = cross / square
+    turn = (r[0] * second[1] - r[1] * second[0]) / square - 2 * (r @ rate) * cross / square**2
+    d = r / np.sqrt(square)
+    left = np.array([-d[1], d[0]])
+    return np.array([d, w * left, turn * left - w**2 * d])
+
+
+def _one_of_each(values: NDArray[np.complex128], n: int) -> NDArray[np.intp]:
+    """Return the places of n eigenvalues by rising frequency: one of each pair z, z*, the larger of reals."""
+    still = np.flatnonzero(values.imag == 0.0)
+    still = still[np.argsort(-values[still].real, kind="stable")][: len(still) // 2]
+    moving = np.flatnonzero(values.imag > 0.0)
+    moving = moving[np.argsort(values[moving].imag, kind="stable")]
+    return np.concatenate([still, moving])[:n]

@@ -1,0 +1,377 @@
+"""The elastic motion of one linkage, ready to be evaluated: its links, its layout, its compiled equations."""
+
+from __future__ import annotations
+
+import copy
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symgen.errors import ModelError, SimulationError
+from symgen.runtime import _beams, _core
+from symgen.runtime._beams import RigidMotion
+from symgen.runtime.beams.data import BeamInfo, Lump, Profile, Properties
+from symgen.runtime.beams.frames import APPLIED, MOTION
+from symgen.runtime.beams.layout import Layout, layout
+from symgen.runtime.beams.links import Beam, beam
+from symgen.runtime.kernels.description import KernelInfo
+
+if TYPE_CHECKING:
+    from symgen.runtime.elastic.path import Machine, Path
+    from symgen.runtime.model.rods import RodModel
+
+Array = NDArray[np.float64]
+
+#: Angle [rad] of the crank over which a pose is a good guess of the next.
+_STRIDE = 0.02
+#: Poses of a turn in which frequencies are looked for.
+_POSES = 24
+#: How closely the time at which a crank locks is found, over that time.
+_LOCKED = 1e-7
+#: Parts of a turn in which it is looked for.
+_SAMPLES = 64
+#: Least singular value of the constraint Jacobian over the largest, and least component of a free motion.
+_RANK = 1e-9
+
+
+class ElasticMotion:
+    """What all analyses of elastic links start from.
+
+    Parameters
+    ----------
+    rigid
+        The linkage with all links rigid, its crank driven.
+    geometric_stiffness
+        Leave it out where false, whatever the scene says.
+    with_motor
+        Gives the rigid linkage with its motor in place of the drive of the crank.
+    """
+
+    def __init__(
+        self,
+        rigid: RodModel,
+        geometric_stiffness: bool = True,
+        with_motor: Callable[[], RodModel] | None = None,
+    ) -> None:
+        info = rigid.description.elastic
+        if info is None:
+            raise ModelError(f"{rigid.name} has no elastic link")
+        self.rigid, self.info = rigid, info
+        self._stiffened, self._with_motor = geometric_stiffness, with_motor
+        self._path: Path | None = None
+        self._driven: ElasticMotion | None = None
+        self._motion, self._joints = rigid.analysis("elastic_motion"), rigid.analysis("elastic_joints")
+        start = rigid.initial_state()
+        self._start = np.concatenate([start.q, start.u])
+        found = self._motion.blocks("constants", 0.0, start.q, start.u)
+        self._tables = {name: np.atleast_2d(values) for name, values in found.items()}
+        crank = self._tables.get("crank", np.zeros((1, 3)))[0]
+        self.angle, self.speed, self.flywheel = (float(x) for x in crank)
+
+    @cached_property
+    def machine(self) -> Machine:
+        """The rigid linkage with its motor."""
+        from symgen.runtime.elastic.path import Machine
+
+        if self._with_motor is None:
+            raise ModelError(f"{self.rigid.name} was made without its motor: build it with symgen.build")
+        return Machine(self, self._with_motor())
+
+    @property
+    def has_motor(self) -> bool:
+        """Whether a motor gives the crank its rigid motion."""
+        return self.info.mode == "motor" and bool(self.speed)
+
+    def about(self, path: Path) -> ElasticMotion:
+        """Return the motion about a rigid motion that was integrated with the motor."""
+        made = copy.copy(self)
+        made._path, made._driven = path, self
+        return made
+
+    @property
+    def period(self) -> float:
+        """Time of one turn of the crank [s], at the speed of the scene unless steady; infinite at rest."""
+        if self._path and self._path.repeats:
+            return self._path.end
+        return 2 * math.pi / abs(self.speed) if self.speed else math.inf
+
+    def time_at(self, angle: float, revolutions: int = 0) -> float:
+        """Return the first time [s], after so many revolutions, at which the crank has a direction [rad]."""
+        if not self.speed:
+            if math.isclose(math.cos(angle - self.angle), 1.0, abs_tol=1e-12):
+                return 0.0
+            raise ModelError(
+                f"the crank stands still at {math.degrees(self.angle):g} degrees: it has no speed"
+            )
+        if self._path:
+            return self._path.time_of(angle, revolutions)
+        turned = math.fmod(angle - self.angle, 2 * math.pi) / self.speed
+        if turned:
+            self.check_determined()
+        return self.period * revolutions + (turned if turned >= 0.0 else turned + self.period)
+
+    def angle_at(self, t: Array) -> Array:
+        """Return directions of the crank [rad], from its start on, at times [s]."""
+        if self._path:
+            return self._path.angle_at(np.asarray(t, dtype=float))
+        return self.angle + self.speed * np.asarray(t)
+
+    @cached_property
+    def beams(self) -> tuple[Beam, ...]:
+        """The elastic links."""
+        from symgen.runtime.elastic.mesh import chosen, meshed
+
+        infos = self.info.beams
+        if not self._stiffened:
+            infos = tuple(replace(info, geometric_stiffness=False) for info in infos)
+        rows = self._tables["properties"]
+        made = []
+        for k, (info, row) in enumerate(zip(infos, rows, strict=True)):
+            properties, lumps, profiles = _properties(row), self.lumps(info.link), self.profiles(info.link)
+            if not info.elements:
+                info = chosen(self, k, info, properties)  # noqa: PLW2901
+            elif not info.nodes:
+                info = meshed(info, properties.length, lumps, profiles)  # noqa: PLW2901
+            made.append(beam(info, properties, lumps, profiles))
+        return tuple(made)
+
+    def unreduced(self) -> ElasticMotion | None:
+        """Return the same with no link reduced; None where none is."""
+        if not any(info.reduction for info in self.info.beams):
+            return None
+        return self._with(tuple(replace(beam.info, reduction="", modes=0) for beam in self.beams))
+
+    def refined(self) -> ElasticMotion:
+        """Return the same with every element of every link divided in two."""
+        from symgen.runtime.elastic.mesh import halved
+
+        return self._with(tuple(halved(beam.info) for beam in self.beams))
+
+    def _with(self, beams: tuple[BeamInfo, ...]) -> ElasticMotion:
+        made = ElasticMotion(self.rigid, self._stiffened, self._with_motor)
+        made.info = replace(self.info, beams=beams)
+        made._path, made._driven = self._path, self._driven
+        return made
+
+    def lumps(self, link: str) -> tuple[Lump, ...]:
+        """Return the masses along a link."""
+        rows = zip(self.info.lumps, self._tables.get("lumps", ()), strict=True)
+        return tuple(Lump(float(at), float(mass)) for name, (at, mass) in rows if name == link)
+
+    def profiles(self, link: str) -> tuple[Profile, ...]:
+        """Return how the forces along a link lie, in the order of those in ``rigid_motion``."""
+        rows = zip(self.info.loads, self._tables.get("profiles", ()), strict=True)
+        return tuple(Profile(*map(float, row)) for name, row in rows if name == link)
+
+    @cached_property
+    def stations(self) -> tuple[tuple[str, int, float, float], ...]:
+        """Name, number of the link, fraction of its length and fibre [m] of every station."""
+        links = [b.link for b in self.info.beams]
+        rows = zip(self.info.stations, self._tables.get("stations", ()), strict=True)
+        return tuple((name, links.index(link), float(at), float(h)) for (name, link), (at, h) in rows)
+
+    @cached_property
+    def layout(self) -> Layout:
+        """Where everything goes."""
+        d = self.rigid.description
+        kernel = self._joints.info("joints")
+        blocks = {b.name: b for b in kernel.blocks}
+        return layout(d, self.info, self.beams, blocks, self.flywheel)
+
+    @property
+    def constraints(self) -> tuple[str, ...]:
+        """Names of the constraints that the elastic motion keeps."""
+        blocks = self._joints.info("joints").blocks
+        return next((b.rows for b in blocks if b.name == "jacobian"), ())
+
+    @property
+    def kernels_of_motion(self) -> tuple[KernelInfo, ...]:
+        """What is known of the kernels of the rigid motion that elastic links move about."""
+        return self._motion.description.kernels
+
+    @property
+    def kernels_of_joints(self) -> tuple[KernelInfo, ...]:
+        """What is known of the kernels of what joins elastic links."""
+        return self._joints.description.kernels
+
+    @property
+    def kernel_sizes(self) -> list[int]:
+        """Sizes of what the kernels of the motion write; 0 of those that are not there.
+
+        They are links, joints, torque and loads, then the set-up of these and that of joints.
+        """
+        of_motion = {k.name: k.out_size for k in self.kernels_of_motion}
+        joints = self._joints.info("joints").out_size
+        written = [of_motion["links"], joints, of_motion.get("torque", 0), of_motion.get("loads", 0)]
+        return [*written, self._motion.description.derived, self._joints.description.derived]
+
+    @property
+    def stride(self) -> float:
+        """The longest time [s] over which a pose is a good guess of the next."""
+        return _STRIDE / abs(self.speed) if self.speed else math.inf
+
+    @property
+    def told(self) -> tuple[str, ...]:
+        """What the numbers of a run depend on, besides the rigid linkage and its parameters."""
+        made = self._motion.description.equations, self._joints.description.equations
+        return *made, repr(self.info), repr(self._stiffened), self.layout.constants.tobytes().hex()
+
+    def equations(self, thesis: bool = False, stepping: bool = False) -> _beams.BeamEquations:
+        """Return the compiled equations, at the start of the motion; for ``stepping`` in the type of runs."""
+        made = _beams.BeamEquations(self.moved(stepping), self.layout, thesis)
+        self.check(made, made.matrices(0.0)[0], 0.0)
+        return made
+
+    def moved(self, stepping: bool = False) -> RigidMotion:
+        """Return the rigid motion at its start, to be followed in time."""
+        d = self.rigid.description
+        joined = ("elastic_motion", "elastic_joints")
+        links, joints = (self.rigid.analysis(kind, stepping).library.addresses for kind in joined)
+        typed = self.rigid.typed if stepping else None
+        driven = self.rigid.evaluator.equations(len(d.redundant), typed=typed)
+        return RigidMotion(
+            self.machine.equations() if self._path else driven,
+            links,
+            joints,
+            self.kernel_sizes,
+            0.0,
+            self._start,
+            self.stride,
+            self._path,
+        )
+
+    def rigid_motion(self, equations: _beams.BeamEquations, times: Array) -> tuple[Array, Array, Array]:
+        """Return what the rigid motion is at times.
+
+        Coordinates (times, coordinates) [m], and the weights of links (times, links, columns) and of forces
+        along links (times, forces, 3): see :mod:`symgen.runtime.beams.frames`.
+        """
+        order = np.argsort(times, kind="stable")
+        status, *found = equations.motion.along(np.ascontiguousarray(times[order]))
+        self.check(equations, status, equations.motion.t)
+        back = np.argsort(order)
+        y, links, loads = (rows[back] for rows in found)
+        count = len(times)
+        q = y[:, : self.rigid.description.coordinates]
+        return q, links.reshape(count, -1, len(MOTION)), loads.reshape(count, -1, len(APPLIED))
+
+    @cached_property
+    def euler_loads(self) -> tuple[float, ...]:
+        """The axial load [N] under which each elastic link buckles alone."""
+        from symgen.runtime.beams.checks import euler_load
+
+        return tuple(euler_load(self, k) for k in range(len(self.beams)))
+
+    @cached_property
+    def lowest_frequency(self) -> float:
+        """The lowest frequency [Hz] of the structure at rest, over the poses of a turn."""
+        from symgen.runtime.elastic.modes import lowest
+
+        if self._driven:
+            return self._driven.lowest_frequency
+        self.check_determined()
+        equations = self.equations()
+        poses = np.linspace(0.0, self.period, _POSES, endpoint=False).tolist()
+        return min(lowest(self, equations, t) for t in poses)
+
+    @cached_property
+    def undetermined(self) -> tuple[str, ...]:
+        """Points whose rigid motion the crank and the drivers leave free, at the start."""
+        d = self.rigid.description
+        q, still = self._start[: d.coordinates], np.zeros(d.coordinates)
+        found = self.rigid.evaluator.blocks("constraint_jacobian", 0.0, q, still)["constraint_jacobian"]
+        jacobian = found.reshape(-1, d.coordinates)
+        jacobian = jacobian / np.linalg.norm(jacobian, axis=1)[:, None]
+        values, right = np.linalg.svd(jacobian)[1:]
+        free = right[np.count_nonzero(values > _RANK * values.max(initial=0.0)) :]
+        moves = np.max(np.abs(free), axis=0, initial=0.0).reshape(-1, 2).max(axis=1)
+        return tuple(p for p, size in zip(d.free, moves, strict=True) if size > _RANK)
+
+    def check_determined(self) -> None:
+        """Check that the crank and the drivers determine the rigid motion of every point.
+
+        Raises
+        ------
+        ModelError
+            Naming the points that they leave free.
+        """
+        if self.undetermined:
+            raise ModelError(
+                f"{self.rigid.name}: the crank, {self.info.crank}, does not determine the rigid motion of "
+                f"{', '.join(self.undetermined)}: linear theory needs a rigid motion that crank and drivers "
+                "prescribe\n"
+                "  Run it with --method exact, which integrates free coordinates, or drive what is "
+                "left free: rigid links by [[drivers]], elastic ones by guides or further links."
+            )
+
+    def check(self, equations: _beams.BeamEquations, status: int, t: float) -> None:
+        """Raise SimulationError where the equations could not be assembled at a time, or a step failed."""
+        if status == _core.DONE:
+            return
+        d = self.rigid.description
+        locked = status in (_core.SINGULAR, _core.PROJECTION_FAILED)
+        bound = status == _core.SINGULAR and equations.soundness <= equations.rank_tolerance
+        if locked and not bound:
+            t = self._last_near(t)
+        at = f"{math.degrees(float(self.angle_at(np.array(t)))):.4g} degrees"
+        if bound:
+            problem = f"the rigid links and guides bind each other at crank angle {at}: they lose rank"
+        elif locked:
+            problem = (
+                f"the crank, {self.info.crank}, cannot turn past {at}: the linkage comes to a dead centre or "
+                "cannot be assembled beyond\n"
+                "  Change the lengths so that it closes at every angle of the crank."
+            )
+        elif status in (_core.STEP_TOO_SMALL, _core.MORE):
+            problem = (
+                f"the steps are too short for the run to come to its end at crank angle {at}: the links are "
+                "too stiff for this method, or the tolerance cannot be met\n"
+                "  Take method gauss, or a larger rtol."
+            )
+        else:
+            problem = f"a number that is not finite appeared at crank angle {at}"
+        raise SimulationError(f"{d.file or d.title}: {problem}", time=t)
+
+    def _last_near(self, t: float) -> float:
+        """Return the last time [s] that the rigid motion comes to, near the one where it was lost."""
+        if not t or self._path:
+            return t
+        low, high, motion = 0.0, t, self.equations().motion
+        # It may be the last that was reached, up to a sample before.
+        step = self.period / _SAMPLES if self.speed else 0.0
+        for _ in range(_SAMPLES if step else 0):
+            if motion.evaluate(high)[0] != _core.DONE:
+                break
+            low, high = high, high + step
+        while high - low > _LOCKED * t:
+            motion = self.equations().motion
+            middle = (low + high) / 2
+            if motion.evaluate(middle)[0] == _core.DONE:
+                low = middle
+            else:
+                high = middle
+        return low
+
+
+def _properties(row: Array) -> Properties:
+    """Return what a row of the table ``properties`` says."""
+    x = [float(v) for v in row]
+    return Properties(
+        length=x[0],
+        mass=(x[1], x[2], x[3]),
+        rotary=(x[4], x[5], x[6], x[7], x[8]),
+        axial=(x[9], x[10], x[11]),
+        bending=(x[12], x[13], x[14], x[15], x[16]),
+        shear=(x[17], x[18], x[19]),
+        fibre=(x[20], x[21]),
+        modulus=x[22],
+        mass_damping=x[23],
+        stiffness_damping=x[24],
+        ratio=x[25],
+        yield_stress=x[26] or math.inf,
+    )

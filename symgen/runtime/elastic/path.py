@@ -1,0 +1,272 @@
+"""The rigid motion of a linkage that a motor turns: integrated with its torque, and its steady revolution."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symgen.errors import ModelError, SimulationError
+from symgen.runtime import _core
+from symgen.runtime.elastic.motion import ElasticMotion
+from symgen.runtime.integrate.failures import problem
+from symgen.runtime.integrate.options import options
+from symgen.runtime.integrate.pace import check_wall
+from symgen.runtime.integrate.simulate import drive
+from symgen.runtime.model.rods import RodModel
+from symgen.runtime.result.recording import wound
+
+Array = NDArray[np.float64]
+
+#: Angle [rad] of the crank between rows of a path, tolerance of the integration.
+_SPACING, _RTOL = 0.01, 1e-11
+#: Revolutions at the speed of the scene within which a crank must come round.
+_LONGEST = 64.0
+#: Times the speed of the scene beyond which no steady speed is looked for.
+_FASTEST = 100.0
+#: Rounds of the search for the steady speed, and the part of it within which it repeats itself.
+_ROUNDS, _REPEATS = 60, 1e-10
+#: Part of the largest acceleration and force by which these may differ one revolution later.
+_PERIODIC = 1e-6
+
+
+@dataclass(frozen=True)
+class Path:
+    """States of a rigid motion at equal spacing from time zero on.
+
+    Attributes
+    ----------
+    rows
+        q, q' and q'', (times, 3 coordinates).
+    references
+        References of the angles in loads [rad], (times, angles).
+    spacing
+        Time between them [s].
+    absent
+        Number of the crank's drive among the constraints of the driven linkage.
+    angles, rates
+        Directions of the crank [rad], counted on over revolutions, and their rates [rad/s].
+    repeats
+        Whether it is one revolution of a steady state.
+    """
+
+    rows: Array
+    references: Array
+    spacing: float
+    absent: int
+    angles: Array
+    rates: Array
+    repeats: bool = False
+
+    @property
+    def end(self) -> float:
+        """The last time [s]."""
+        return self.spacing * (len(self.rows) - 1)
+
+    def angle_at(self, times: Array) -> Array:
+        """Return directions of the crank [rad] at times [s]."""
+        from scipy.interpolate import CubicHermiteSpline
+
+        nodes = self.spacing * np.arange(len(self.rows))
+        found: Array = CubicHermiteSpline(nodes, self.angles, self.rates)(times)
+        return found
+
+    def time_at(self, angle: float) -> float | None:
+        """Return the first time [s] at which the crank has turned to a direction [rad], or None."""
+        from scipy.optimize import brentq
+
+        forward = 1.0 if angle >= self.angles[0] else -1.0
+        past = np.flatnonzero(forward * (self.angles - angle) >= 0.0)
+        if not len(past):
+            return None
+        k = int(past[0])
+        if k == 0:
+            return 0.0
+        low, high = self.spacing * (k - 1), self.spacing * k
+        return float(
+            brentq(lambda t: float(self.angle_at(np.array(t))) - angle, low, high, xtol=1e-15 * high)
+        )
+
+    def time_of(self, direction: float, revolutions: int = 0) -> float:
+        """Return the first time [s] at which the crank has a direction [rad], after so many revolutions.
+
+        Raises
+        ------
+        ModelError
+            When it does not come there.
+        """
+        ahead = math.fmod(direction - self.angles[0], 2 * math.pi)
+        if ahead * self.rates[0] < 0.0:
+            ahead += math.copysign(2 * math.pi, self.rates[0])
+        around = math.copysign(2 * math.pi * revolutions, self.rates[0])
+        found = self.time_at(self.angles[0] + ahead + around)
+        if found is None:
+            raise ModelError(
+                f"the motor does not turn the crank to {math.degrees(direction):g} degrees within "
+                f"{self.end:g} s"
+            )
+        return found
+
+
+class Machine:
+    """The rigid linkage of an elastic motion with its motor: integrated from its start."""
+
+    def __init__(self, motion: ElasticMotion, model: RodModel) -> None:
+        self._motion, self._model = motion, model
+        driven = motion.rigid.description
+        self._absent = driven.constraints.index(f"{motion.info.crank}_drive")
+        self._equations = self.equations()
+        start = motion.rigid.initial_state()
+        self._q, self._u = start.q, start.u
+        first, last = driven.links[motion.info.crank][:2]
+        self._pivot = np.asarray(start.positions[first], dtype=float)
+        self._tip = 2 * driven.free.index(last)
+
+    def equations(self) -> _core.Equations:
+        """Return equations of the linkage with its motor."""
+        return self._model.evaluator.equations(len(self._model.description.redundant))
+
+    def _turned(self, rows: Array) -> tuple[Array, Array]:
+        """Return angles and rates of the crank from rows of q and q'."""
+        n = len(self._q)
+        arm = rows[:, self._tip : self._tip + 2] - self._pivot
+        v = rows[:, n + self._tip : n + self._tip + 2]
+        angles = np.unwrap(np.arctan2(arm[:, 1], arm[:, 0]))
+        angles += self._motion.angle - angles[0]
+        return angles, (arm[:, 0] * v[:, 1] - arm[:, 1] * v[:, 0]) / np.sum(arm**2, axis=1)
+
+    def path(self, end: float, ratio: float = 1.0) -> Path:
+        """Return the motion to a time [s], from the start with its velocities times a ratio.
+
+        Raises
+        ------
+        SimulationError
+            When the linkage cannot be followed.
+        """
+        motion, evaluator = self._motion, self._model.evaluator
+        n, equations = len(self._q), self._equations
+        speed = abs(motion.speed) * max(1.0, abs(ratio))
+        count = max(16, math.ceil(end * speed / _SPACING)) + 1
+        times = np.linspace(0.0, end, count)
+        chosen = options(end, "dop853", _RTOL, None, None, count, 1_000_000)
+        y0 = np.concatenate([self._q, ratio * self._u, np.zeros(equations.dim - 2 * n)])
+        stepper = _core.Run(
+            equations, chosen.method, 0.0, y0, end, chosen.rtol, chosen.atol, chosen.step, times
+        )
+        status, _ = drive(stepper, 0.0, chosen, None)
+        check_wall("following the rigid linkage with its motor")
+        if status != _core.DONE:
+            said = problem(status, stepper, equations, evaluator, chosen)
+            raise SimulationError(f"{said}\n  This is the rigid linkage with its motor.", time=stepper.t)
+        states, references = np.ascontiguousarray(stepper.result[:, : 2 * n]), stepper.references
+        accelerations = self._solutions(times, states, references)[:, :n]
+        rows = np.ascontiguousarray(np.hstack([states, accelerations]))
+        return Path(rows, references, end / (count - 1), self._absent, *self._turned(states))
+
+    def _solutions(self, times: Array, states: Array, references: Array) -> Array:
+        """Return accelerations and multipliers at times, a row each."""
+        equations, evaluator = self._equations, self._model.evaluator
+        whole = np.zeros((len(times), equations.dim))
+        whole[:, : states.shape[1]] = states
+        found = np.zeros((len(times), equations.solutions(times[:1], whole[:1]).shape[1]))
+        for held, rows in wound(evaluator, references):
+            equations.set_parameters(held)
+            found[rows] = equations.solutions(times[rows], whole[rows])
+        equations.set_parameters(evaluator.given)
+        return found
+
+    def revolutions(self, count: int) -> Path:
+        """Return the motion from the start until the crank has come round so many times.
+
+        Raises
+        ------
+        SimulationError
+            When it does not come round.
+        """
+        found = self.path(self._motion.period * count)
+        while (
+            found.time_at(self._motion.angle + math.copysign(2 * math.pi * count, self._motion.speed)) is None
+        ):
+            if found.end > _LONGEST * count * self._motion.period:
+                raise self._stalled()
+            found = self.path(1.5 * found.end)
+        return found
+
+    def _stalled(self) -> SimulationError:
+        motion = self._motion
+        return SimulationError(
+            f"{motion.rigid.name}: the motor does not turn the crank, {motion.info.crank}, round: it "
+            "has no steady speed\n  Give the motor more torque, or the crank a flywheel."
+        )
+
+    def revolution(self, ratio: float) -> tuple[float, float]:
+        """Return the time of one revolution [s], and the speed of the crank after it over that of the scene.
+
+        Raises
+        ------
+        SimulationError
+            When the crank does not come round.
+        """
+        motion = self._motion
+        goal = motion.angle + math.copysign(2 * math.pi, motion.speed)
+        span = 1.25
+        while span < _LONGEST:
+            path = self.path(span * motion.period, ratio)
+            t = path.time_at(goal)
+            if t is not None:
+                last = self.path(t, ratio)
+                return t, float(last.rates[-1]) / motion.speed
+            span *= 2
+        raise self._stalled()
+
+    def steady(self) -> Path:
+        """Return one revolution of the crank after which its speed is what it was.
+
+        Raises
+        ------
+        SimulationError
+            When the crank does not come round, or its speed does not settle.
+        ModelError
+            When torque or loads depend on the time or count revolutions, so that none repeats.
+        """
+        # Kinetic energy falls in nearly linearly with that of the revolution before: secants in its place.
+        x, before = 1.0, None
+        for _ in range(_ROUNDS):
+            period, ratio = self.revolution(math.sqrt(x))
+            change = math.copysign(ratio**2, ratio) - x
+            if abs(change) <= _REPEATS * x:
+                found = replace(self.path(period, math.sqrt(x)), repeats=True)
+                self._check_repeats(found)
+                return found
+            step = change
+            if before is not None and change != before[1]:
+                secant = -change * (x - before[0]) / (change - before[1])
+                if secant * change > 0.0:  # towards where it settles
+                    step = secant
+            before = x, change
+            x = min(max(x + step, x / 4), 4 * x)
+            if x > _FASTEST**2:
+                break
+        raise SimulationError(
+            f"{self._motion.rigid.name}: the speed of the crank, {self._motion.info.crank}, does not settle: "
+            "the torque of the motor does not balance the loads over a revolution at any speed near "
+            f"{abs(self._motion.speed) * 30 / math.pi:g} rpm\n"
+            "  Let the torque fall with the speed: this.rate."
+        )
+
+    def _check_repeats(self, path: Path) -> None:
+        n = len(self._q)
+        times = np.linspace(0.0, path.end, len(path.rows))
+        states, references = path.rows[:, : 2 * n], path.references
+        gone = 2 * math.pi * np.round((references[-1] - references[0]) / (2 * math.pi))
+        now = self._solutions(times, states, references)[:, :-1]
+        later = self._solutions(path.end + times, states, references + gone)[:, :-1]
+        size = np.max(np.abs(now), axis=0)
+        for part in (slice(0, n), slice(n, None)):
+            if np.any(np.abs(later - now)[:, part] > _PERIODIC * np.max(size[part], initial=0.0)):
+                raise ModelError(
+                    f"{self._motion.rigid.name}: torque or loads depend on the time t, or on the number of "
+                    "revolutions, so that none repeats\n  Run it from the start: method gauss."
+                )

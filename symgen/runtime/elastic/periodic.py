@@ -1,0 +1,264 @@
+"""The steady state of a crank at constant speed or with a motor, by shooting, and its Floquet multipliers."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symgen.errors import ModelError, SimulationError
+from symgen.runtime import _beams
+from symgen.runtime.beams.methods import GAUSS
+from symgen.runtime.elastic.motion import ElasticMotion
+from symgen.runtime.elastic.steps import (
+    Counts,
+    Errors,
+    Found,
+    Task,
+    first_steps,
+    step_counts,
+    stepped,
+)
+from symgen.runtime.integrate.pace import OutOfTime, Pace
+from symgen.runtime.result.elastic import FLOQUET_SETTLED
+
+Array = NDArray[np.float64]
+
+#: Steps a turn that shooting begins with, and the most that it is doubled to.
+_FIRST, _MOST = 64, 1 << 16
+#: Poses of a revolution that are compared with those of the next, the part of its largest value by which a
+#: number may differ, and the part of the largest number that is none.
+_LOOKS, _PERIODIC, _NOTHING = 7, 1e-6, 1e-12
+#: The most unknowns of which all states of one turn are stepped together.
+_SHOOTING = 400
+#: How near to one the multiplier of the phase of a crank with a motor is, but for the elastic deflections.
+_OPEN = 0.2
+#: How near to one, over the largest, a multiplier leaves the steady state undetermined.
+_RESONANT = 1e-9
+#: The most steps times squared states that are spent on the largest multiplier alone: vibrations too fast to
+#: show in a strain have multipliers too.
+_WORTH = 1 << 23
+
+
+def periodic(
+    motion: ElasticMotion,
+    equations: _beams.BeamEquations,
+    task: Task,
+    times: Array,
+    pace: Pace,
+    passes: list[Found],
+) -> Found:
+    """Find the state that repeats after a turn, (I - Phi) y = y of a turn from rest, and the multipliers.
+
+    What was found with fewer steps is appended to ``passes``.
+
+    Raises
+    ------
+    OutOfTime
+        When the wall time is spent.
+    ModelError
+        When the crank stands still, or there are more unknowns than are stepped together.
+    SimulationError
+        When the linkage cannot turn, or the most steps do not suffice.
+    """
+    if not motion.speed:
+        raise ModelError(f"{motion.rigid.name}: the crank stands still: there is no turn to repeat")
+    _check_size(motion)
+    if not motion.has_motor:
+        _check_repeats(motion, equations)
+    free = motion.layout.unknowns - motion.layout.constraints
+    errors = Errors(motion, equations, times, GAUSS.order)
+    # The estimates need two runs: with half the steps asked for, then with these.
+    per_turn = first_steps(motion, task, _FIRST)
+    if task.steps and task.steps > 1:
+        per_turn = task.steps // 2
+    worth = _WORTH / (2 * free + 1) ** 2
+    slowest = 2.0 * motion.lowest_frequency * motion.period
+    before: Array | None = None
+    largest, error = 0.0, None
+    shift: float | None = None
+    while True:
+        shot = _shot(motion, equations, per_turn, pace)
+        multipliers, steps = shot.multipliers, shot.steps
+        counts = step_counts(motion, times, per_turn)
+        found, rates = stepped(motion, equations, GAUSS, times, counts, shot.start, pace=pace)
+        passes.append(
+            Found(found, rates, steps + int(np.sum(counts)), error, multipliers, shift, counts=counts)
+        )
+        if before is not None:
+            error = errors.of(before, found)
+            # Steps longer than half a vibration turn all multipliers to one, and agree on it.
+            shift = abs(abs(multipliers[0]) - largest) if per_turn >= slowest else None
+        known = shift is not None and shift <= FLOQUET_SETTLED * abs(multipliers[0])
+        enough = error is not None and error <= task.rtol
+        enough = enough and (known or max(2 * per_turn, slowest) > worth)
+        if per_turn == task.steps or (enough and task.steps is None):
+            found, rates = _in_phase(motion, equations, times, counts, shot, (found, rates), pace)
+            return Found(found, rates, steps + int(np.sum(counts)), error, multipliers, shift)
+        if per_turn >= _MOST:
+            raise SimulationError(
+                f"{motion.rigid.name}: shooting does not come within {task.rtol:g} of the peak stress"
+            )
+        before, largest = found, abs(multipliers[0])
+        per_turn = task.steps or 2 * per_turn
+
+
+def _check_repeats(motion: ElasticMotion, equations: _beams.BeamEquations) -> None:
+    """Check that loads at constant speed are the same one revolution later."""
+    times = motion.period * np.linspace(0.0, 1.0, _LOOKS, endpoint=False)
+    both = []
+    for found in ([equations.motion.evaluate(t) for t in times + late] for late in (0.0, motion.period)):
+        for status, *_ in found:
+            motion.check(equations, status, equations.motion.t)
+        both.append([np.array(part) for part in zip(*(rest for _, _, *rest in found), strict=True)])
+    for now, later in zip(*both, strict=True):
+        size = np.abs(now)
+        least = _NOTHING * np.max(size, initial=0.0)
+        if np.any(np.abs(later - now) > _PERIODIC * np.max(size, initial=0.0, axis=0) + least):
+            raise ModelError(
+                f"{motion.rigid.name}: loads depend on the time t, or on the number of revolutions, so that "
+                "no revolution repeats\n  Run it from the start: method gauss."
+            )
+
+
+def again(
+    motion: ElasticMotion, equations: _beams.BeamEquations, times: Array, counts: Counts, pace: Pace
+) -> Array:
+    """Return displacements of the steady state found with such steps from time to time.
+
+    Raises
+    ------
+    ModelError
+        When there are more unknowns than are stepped together.
+    """
+    _check_size(motion)
+    shot = _shot(motion, equations, int(np.sum(counts)), pace)
+    found = stepped(motion, equations, GAUSS, times, counts, shot.start, pace=pace)
+    return _in_phase(motion, equations, times, counts, shot, found, pace)[0]
+
+
+def _check_size(motion: ElasticMotion) -> None:
+    free = motion.layout.unknowns - motion.layout.constraints
+    if free > _SHOOTING:
+        raise ModelError(
+            f"{motion.rigid.name}: shooting steps {2 * free} states together, "
+            f"expected at most {2 * _SHOOTING}\n"
+            '  Reduce the links: reduction = { kind = "craig-bampton", modes = 3 } under elastic.'
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class _Shot:
+    """The periodic state (S, S') at time zero, the Floquet multipliers, and the number of steps.
+
+    ``phase`` is absent where the rotation of the shaft is prescribed. A motor leaves the phase of the crank
+    open: of the displacements along that, ``phase`` (S, S') at time zero with the multiplier ``unit``, near
+    one, the loads add ``lag`` times in a revolution, which is a small change of the period.
+    """
+
+    start: tuple[Array, Array]
+    multipliers: tuple[complex, ...]
+    steps: int
+    phase: tuple[Array, Array] | None = None
+    unit: float = 1.0
+    lag: float = 0.0
+
+
+def _in_phase(
+    motion: ElasticMotion,
+    equations: _beams.BeamEquations,
+    times: Array,
+    counts: NDArray[np.intp],
+    shot: _Shot,
+    found: tuple[Array, Array],
+    pace: Pace,
+) -> tuple[Array, Array]:
+    """Return displacements and rates from the rigid motion of the same phase: without the lag."""
+    if shot.phase is None:
+        return found
+    ahead = shot.start[0] + shot.phase[0], shot.start[1] + shot.phase[1]
+    moved = stepped(motion, equations, GAUSS, times, counts, ahead, pace=pace)
+    part = times / motion.period
+    lag = (shot.lag * part * shot.unit**-part)[:, None]
+    s, v = (f - lag * (m - f) for f, m in zip(found, moved, strict=True))
+    return s, v
+
+
+def _shot(motion: ElasticMotion, equations: _beams.BeamEquations, per_turn: int, pace: Pace) -> _Shot:
+    """Step all states over one revolution, and solve for the one that repeats."""
+    status, *_, basis = equations.matrices(0.0)
+    motion.check(equations, status, 0.0)
+    n = motion.layout.unknowns
+    own = np.array([np.eye(n), np.zeros((n, n)), np.zeros((n, n))]) if basis is None else basis
+    free = own.shape[2]
+    s = np.hstack([np.zeros((n, 1)), own[0], np.zeros((n, free))])
+    v = np.hstack([np.zeros((n, 1)), own[1], own[0]])
+    steps = _beams.BeamSteps(equations, GAUSS, 2 * free + 1)
+    motion.check(equations, steps.start(0.0, s, v), 0.0)
+    _turn(motion, equations, steps, per_turn, pace)
+    ends_s, ends_v = steps.displacements, steps.rates
+    # The free unknowns are those that R copies: one row of R is a unit row for each.
+    rows = [int(np.flatnonzero(np.all(own[0] == np.eye(free)[k], axis=1))[0]) for k in range(free)]
+    end = np.vstack([ends_s[rows], ends_v[rows]])
+    if not np.all(np.isfinite(end)):
+        raise SimulationError(f"{motion.rigid.name}: the motion grows out of all bounds within one turn")
+    transition, forced = end[:, 1:], end[:, 0]
+
+    def state(y: Array) -> tuple[Array, Array]:
+        p, pv = y[:free], y[free:]
+        return (own[0] @ p)[:, None], (own[1] @ p + own[0] @ pv)[:, None]
+
+    open_phase = _open_phase(transition) if motion.has_motor else None
+    if open_phase is not None:
+        unit, right, left = open_phase
+        lag = float(left @ forced)
+        forced = forced - lag * right
+        # The phase keeps its place in the sums, far from one, and has no part in the state.
+        transition = transition - unit * np.outer(right, left)
+    multipliers = np.linalg.eigvals(transition)
+    multipliers = multipliers[np.argsort(-np.abs(multipliers), kind="stable")]
+    if open_phase is not None:
+        multipliers = multipliers[:-1]
+    if np.min(np.abs(multipliers - 1.0)) <= _RESONANT * max(1.0, abs(multipliers[0])):
+        raise SimulationError(
+            f"{motion.rigid.name}: no single steady state: a vibration repeats itself each turn, so that "
+            "the load builds it up without end, or any of it may be there\n"
+            "  Change the speed, or give the links damping: elastic.damping."
+        )
+    y = np.asarray(np.linalg.solve(np.eye(2 * free) - transition, forced), dtype=float)
+    found = tuple(complex(z) for z in multipliers)
+    if open_phase is None:
+        return _Shot(state(y), found, steps.steps)
+    return _Shot(state(y), found, steps.steps, state(right), unit, lag)
+
+
+def _open_phase(transition: Array) -> tuple[float, Array, Array] | None:
+    """Return the real multiplier nearest to one, and its right and left vectors with the product one."""
+    from scipy.linalg import eig
+
+    values, left, right = eig(transition, left=True, right=True)
+    real = np.flatnonzero(values.imag == 0.0)
+    if not len(real):
+        return None
+    k = int(real[np.argmin(np.abs(values[real].real - 1.0))])
+    r, x = np.array(right[:, k].real), np.array(left[:, k].real)
+    if abs(values[k].real - 1.0) > _OPEN or abs(x @ r) < _RESONANT:
+        return None
+    return float(values[k].real), r, x / (x @ r)
+
+
+def _turn(
+    motion: ElasticMotion, equations: _beams.BeamEquations, steps: _beams.BeamSteps, per_turn: int, pace: Pace
+) -> None:
+    """Step all states together over one revolution."""
+    taken = 0
+    pace.restart(0.0)
+    while taken < per_turn:
+        to = min(taken + pace.chunk(), per_turn)
+        motion.check(equations, steps.advance(0.0, motion.period, per_turn, taken, to), motion.period)
+        taken = to
+        if pace.spent(motion.period * taken / per_turn, f", with {per_turn} steps a revolution"):
+            none: Counts = np.zeros(0, dtype=np.intp)
+            empty = np.zeros((0, motion.layout.unknowns))
+            raise OutOfTime(motion.period * taken / per_turn, Found(empty, empty, steps.steps), none)

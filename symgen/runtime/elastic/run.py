@@ -1,0 +1,386 @@
+"""One run of an elastic motion, by any method, and what is said of it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symgen.errors import ModelError, SimulationError
+from symgen.runtime import _beams
+from symgen.runtime.beams.checks import SLOPE, warnings
+from symgen.runtime.beams.forces import Motion, crank_rotation, forces
+from symgen.runtime.beams.methods import BEAM_METHODS, GAUSS
+from symgen.runtime.beams.recovery import recovered
+from symgen.runtime.elastic.mesh import mesh_error
+from symgen.runtime.elastic.modes import elastic_modes
+from symgen.runtime.elastic.motion import ElasticMotion
+from symgen.runtime.elastic.periodic import again, periodic
+from symgen.runtime.elastic.power import mean_powers, of_powers
+from symgen.runtime.elastic.static import quasi_static
+from symgen.runtime.elastic.steps import Found, Task, doubled, explicit, recorded_times, step_counts, stepped
+from symgen.runtime.integrate.checkpoint import Keeping
+from symgen.runtime.integrate.pace import (
+    OutOfTime,
+    Pace,
+    check_wall,
+    is_spent,
+    limited,
+    out_of_time,
+    wall_left,
+)
+from symgen.runtime.kernels.typed import made_with
+from symgen.runtime.result.elastic import ElasticResult, is_stable, outputs, selected
+from symgen.runtime.result.recording import of_jumps
+from symgen.runtime.result.result import Drift
+
+Array = NDArray[np.float64]
+Progress = Callable[[float], None]
+
+#: Poses of a quasi-static motion between two looks at the clock.
+_HELD = 32
+#: Steps a revolution with which explicit runs are repeated, implicitly, on finer elements.
+_EXPLICIT = 512
+#: Modes whose damping ratios are reported.
+_DAMPED = 3
+#: How near one a multiplier may come: double ones, of a free crank, are split by the root of round-off.
+_UNIT = 1e-4
+
+
+def run(
+    motion: ElasticMotion, task: Task, progress: Progress | None, keeping: Keeping | None = None
+) -> ElasticResult:
+    """Return the result of a run.
+
+    Raises
+    ------
+    ModelError
+        For options out of range, a method that does not suit the linkage, or a rigid motion that the crank
+        does not determine.
+    SimulationError
+        When the linkage cannot turn, or the motion grows out of all bounds.
+    ResultError
+        When a checkpoint cannot be written, or is of another run.
+    """
+    if keeping is not None and task.method in ("quasi-static", "periodic"):
+        raise ModelError(
+            f"there are no checkpoints of {task.method} motions: they are not found step by step in time"
+        )
+    times = recorded_times(motion, task)
+    motion.check_determined()
+    if motion.has_motor:
+        motion = _with_motor(motion, task)
+        times = recorded_times(motion, task)
+    equations = motion.equations(task.form == "thesis", stepping=True)
+    if task.form == "thesis":
+        _check_thesis(motion)
+    check_wall("preparing the elastic links")
+    pace = Pace(0.0, float(np.max(times)))
+    passes: list[Found] = []
+    try:
+        if task.method == "quasi-static":
+            found = _held(motion, equations, times, pace)
+        elif task.method == "periodic":
+            found = periodic(motion, equations, task, times, pace, passes)
+        elif task.method in BEAM_METHODS:
+            found = doubled(motion, equations, task, times, progress, keeping, pace, passes)
+        else:
+            found = explicit(motion, equations, task, times, progress, keeping)
+    except OutOfTime as stop:
+        raise _out_of_time(motion, equations, task, times, stop, passes, pace) from None
+    if not np.all(np.isfinite(found.displacements)):
+        raise SimulationError(
+            f"{motion.rigid.name}: the motion grows out of all bounds: the step is too long for "
+            f"{task.method}, or the motion is unstable\n"
+            "  Take more steps, or look at the Floquet multipliers: method periodic."
+        )
+    made = _result(motion, equations, task, times, found, found.spent + pace.wall)
+    made.estimate_later(partial(_mesh_error, motion, equations, task, times, found, passes, wall_left()))
+    return made
+
+
+def _mesh_error(
+    motion: ElasticMotion,
+    equations: _beams.BeamEquations,
+    task: Task,
+    times: Array,
+    found: Found,
+    passes: list[Found],
+    max_wall: float | None,
+) -> float | None:
+    """Return by how much stresses change when all elements are halved, over their peak; None if not known.
+
+    Runs are repeated with the fewest of the steps that were taken last: errors in time are the same in both.
+    """
+    with limited(max_wall):
+        return _error_of_halves(motion, equations, task, times, found, passes)
+
+
+def _error_of_halves(
+    motion: ElasticMotion,
+    equations: _beams.BeamEquations,
+    task: Task,
+    times: Array,
+    found: Found,
+    passes: list[Found],
+) -> float | None:
+    pace = Pace(0.0, float(np.max(times)))
+    finer = motion.refined()
+    last = min(passes[-2:], key=lambda one: one.steps) if passes else None
+    method = BEAM_METHODS.get(task.method, GAUSS)
+
+    def repeated(one: ElasticMotion, of: _beams.BeamEquations) -> Array:
+        if task.method == "quasi-static":
+            return _held(one, of, times, pace).displacements
+        counts = step_counts(motion, times, _EXPLICIT) if last is None or last.counts is None else last.counts
+        if task.method == "periodic":
+            return again(one, of, times, counts, pace)
+        return stepped(one, of, method, times, counts, pace=pace)[0]
+
+    try:
+        # The phase of a crank with a motor is taken out of the final displacements only.
+        again_too = last is None or (task.method == "periodic" and motion.has_motor)
+        coarse = repeated(motion, equations) if last is None or again_too else last.displacements
+        fine = repeated(finer, finer.equations(task.form == "thesis", stepping=True))
+    except (OutOfTime, SimulationError, ModelError):
+        return None
+    if not np.all(np.isfinite(fine)):
+        return None
+    links = motion.rigid_motion(equations, times)[1]
+    return mesh_error(outputs(motion, links, coarse), outputs(finer, links, fine))
+
+
+def _held(motion: ElasticMotion, equations: _beams.BeamEquations, times: Array, pace: Pace) -> Found:
+    """Return the quasi-static displacements at the times, in parts so that the wall time is watched."""
+    parts = []
+    for first in range(0, len(times), _HELD):
+        parts.append(quasi_static(motion, equations, times[first : first + _HELD]))
+        done = min(first + _HELD, len(times))
+        if done < len(times) and pace.spent(float(times[done - 1])):
+            reached = np.arange(done)
+            raise OutOfTime(float(times[done - 1]), Found(np.concatenate(parts), None, done), reached)
+    return Found(np.concatenate(parts), None, len(times))
+
+
+def _out_of_time(
+    motion: ElasticMotion,
+    equations: _beams.BeamEquations,
+    task: Task,
+    times: Array,
+    stop: OutOfTime,
+    passes: list[Found],
+    pace: Pace,
+) -> SimulationError:
+    """Return the error of a run that took all of its wall time, with the best that it found."""
+    found, reached = (passes[-1], np.arange(len(times))) if passes else (stop.found, stop.reached)
+    problem = f"{motion.rigid.name}: {out_of_time(stop.t, float(np.max(times)))}"
+    if passes:
+        problem += (
+            f"\n  The result of {found.steps} steps is kept; the run with more steps, from which its error "
+            "would follow, was not finished."
+        )
+    finite = len(reached) and bool(np.all(np.isfinite(found.displacements)))
+    partial = _result(motion, equations, task, times[reached], found, pace.wall) if finite else None
+    return SimulationError(problem, time=stop.t, partial=partial)
+
+
+def _with_motor(motion: ElasticMotion, task: Task) -> ElasticMotion:
+    """Return the motion about that of the rigid linkage with its motor: steady, or from the start."""
+    if task.method == "periodic":
+        return motion.about(motion.machine.steady())
+    if task.at is not None:
+        return motion.about(motion.machine.revolutions(math.ceil(task.revolutions)))
+    return motion.about(motion.machine.path(motion.period * task.revolutions))
+
+
+def _check_thesis(motion: ElasticMotion) -> None:
+    """Refuse the thesis' form where what rigid links leave free turns: without R' it is no definite form."""
+    status, *_, basis = motion.equations().matrices(0.0)
+    motion.check(motion.equations(), status, 0.0)
+    if basis is not None and np.any(basis[1]):
+        raise ModelError(
+            f"{motion.rigid.name}: where links keep their length, the thesis' form depends on the "
+            "coordinates\n"
+            "  Let them stretch: axial = true under elastic, on every link that moves and is not the crank."
+        )
+
+
+def _result(
+    motion: ElasticMotion,
+    equations: _beams.BeamEquations,
+    task: Task,
+    times: Array,
+    found: Found,
+    wall: float,
+) -> ElasticResult:
+    d = motion.rigid.description
+    q, links, loads = motion.rigid_motion(equations, times)
+    thesis = task.form == "thesis"
+    whole = Motion(times, q, links, loads, found.displacements, found.rates, thesis)
+    variables = [*outputs(motion, links, found.displacements), *recovered(motion, whole)]
+    variables += forces(motion, equations, whole)
+    notes = [
+        *_of_speed(motion),
+        *_of_motor(motion, task),
+        *_of_stability(found),
+        *_of_steps(motion, task, found),
+    ]
+    shaft = next((v.values for v in variables if v.name == f"{motion.info.crank}.torque"), None)
+    steady = task.method == "periodic" and task.at is None
+    powers = mean_powers(motion, whole, shaft) if steady else None
+    notes += d.remarks
+    notes += of_powers(powers)
+    notes += _of_crank(motion, whole)
+    notes += _of_reductions(motion)
+    notes += _of_lengths(motion)
+    notes += of_jumps(d.jumps, "take steps, or max_step,")
+    notes += warnings(motion, equations, whole, _moments(motion, times))
+    if task.at is not None and task.method != "quasi-static":
+        notes.append("peaks, and limits of linear theory, are those at the crank angles asked for only")
+    if thesis:
+        notes.append("the thesis' form, which takes the turning of axes as constant: for comparison only")
+    return ElasticResult(
+        name=d.name,
+        title=d.title,
+        axes=d.axes,
+        time=times,
+        variables=selected(variables, motion),
+        drift=Drift(0.0, 0.0, 0.0, 0.0),
+        final={},
+        statistics={
+            "angle_deg": np.degrees(motion.angle_at(times)).tolist(),
+            "turns": bool(motion.speed),
+            "unknowns": motion.layout.unknowns - motion.layout.constraints,
+            "steps": found.steps,
+            "error": found.error,
+            "damping_ratios": _damping(motion),
+            "mean_powers_w": list(powers or ()),
+            "wall_s": wall,
+            "floquet": [[z.real, z.imag] for z in found.floquet],
+            "floquet_error": found.floquet_error,
+        },
+        provenance={
+            "kind": "elastic",
+            "equations": d.equations,
+            "method": task.method,
+            "form": task.form,
+            "rtol": task.rtol,
+            "t_end": float(np.max(times)),
+            **made_with(motion.rigid.evaluator.library, motion.rigid.typed),
+            "parameters": dict(motion.rigid.parameters),
+        },
+        notes=tuple(notes),
+    )
+
+
+def _moments(motion: ElasticMotion, times: Array) -> list[str]:
+    if not motion.speed:
+        return [f"{t:.6g} s" for t in times.tolist()]
+    return [f"crank angle {angle:.6g} degrees" for angle in np.degrees(motion.angle_at(times)).tolist()]
+
+
+def _of_speed(motion: ElasticMotion) -> list[str]:
+    """Say where the crank turns faster than the lowest frequency of the structure, if wall time is left."""
+    if not motion.speed or is_spent():
+        return []
+    crank, lowest = 1.0 / motion.period, motion.lowest_frequency
+    if crank < lowest:
+        return []
+    return [
+        f"the crank turns at {crank:.4g} Hz, above the first critical speed: the lowest frequency of the "
+        f"structure over the turn is {lowest:.4g} Hz"
+    ]
+
+
+def _of_motor(motion: ElasticMotion, task: Task) -> list[str]:
+    """Report the speed at which a motor settles."""
+    if not motion.has_motor or task.method != "periodic":
+        return []
+    return [f"mean speed of the crank with its motor in the steady state: {60.0 / motion.period:.6g} rpm"]
+
+
+def _of_crank(motion: ElasticMotion, found: Motion) -> list[str]:
+    """Report a crank, not held, that turns away from its rigid motion."""
+    if motion.info.mode == "held":
+        return []
+    ahead = crank_rotation(motion, found)
+    k = int(np.argmax(np.abs(ahead)))
+    if abs(ahead[k]) <= SLOPE:
+        return []
+    of = (
+        "that of the rigid linkage with its motor"
+        if motion.has_motor
+        else "the constant speed of a free crank"
+    )
+    return [
+        f"{motion.info.crank}: at {_moments(motion, found.times[k : k + 1])[0]} the crank is {ahead[k]:.3g} "
+        f"rad off its rigid motion, {of}, beyond the {SLOPE:g} rad of linear theory; "
+        "compare with method exact"
+    ]
+
+
+def _of_steps(motion: ElasticMotion, task: Task, found: Found) -> list[str]:
+    """Report steps that were added to those requested: every recorded time ends one."""
+    if (
+        task.steps is None
+        or found.counts is None
+        or np.sum(found.counts) <= math.ceil(task.steps * max(task.revolutions, 1.0))
+    ):
+        return []
+    return [
+        f"{task.steps} steps a revolution were requested, and {int(np.sum(found.counts))} were taken: every "
+        "recorded time ends a step; request fewer samples for longer steps"
+    ]
+
+
+def _of_lengths(motion: ElasticMotion) -> list[str]:
+    """Say whose stress lacks that of the axial force."""
+    kept = [b.info.link for b in motion.beams if not b.info.axial]
+    if not kept:
+        return []
+    return [f"{', '.join(kept)}: kept at constant length, so that stress is that of bending only"]
+
+
+def _damping(motion: ElasticMotion) -> list[float]:
+    """Return the damping ratios of the lowest modes at the start, where links have one of their own."""
+    if not any(beam.properties.ratio for beam in motion.beams):
+        return []
+    modes = elastic_modes(motion, motion.equations(), 0.0)
+    ratios: list[float] = modes.ratios[modes.rigid : modes.rigid + _DAMPED].tolist()
+    return ratios
+
+
+def _of_reductions(motion: ElasticMotion) -> list[str]:
+    """Say of which links the estimated error is not the whole one."""
+    return [
+        f"{info.link}: reduced ({info.reduction}): what that leaves out is not in the estimated error"
+        + ("; loads between its ends do not bend it" if info.reduction == "guyan" else "")
+        for info in (beam.info for beam in motion.beams)
+        if info.reduction
+    ]
+
+
+def _of_stability(found: Found) -> list[str]:
+    if not found.floquet:
+        return []
+    stable = is_stable(abs(found.floquet[0]), found.floquet_error)
+    if stable is None:
+        return [
+            "not known whether it is stable: the Floquet multipliers still change as steps are halved, by "
+            "vibrations that these do not resolve; take more steps a turn, or a reduction"
+        ]
+    nearest = min(abs(z - 1.0) for z in found.floquet)
+    if stable and nearest < _UNIT:
+        return [
+            f"a Floquet multiplier is one within {nearest:.1g}: the steady state is not the only one, or in "
+            "resonance; which is shown is left to round-off"
+        ]
+    if stable:
+        return []
+    return [
+        f"unstable: the largest Floquet multiplier is {abs(found.floquet[0]):.6g}; the steady state found "
+        "grows away from itself by that factor a turn"
+    ]

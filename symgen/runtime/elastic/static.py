@@ -1,0 +1,93 @@
+"""The shape of elastic links under loads and axial forces of the rigid motion, without their own inertia."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symgen.errors import ModelError, SimulationError
+from symgen.runtime import _beams
+from symgen.runtime.elastic.modes import stiffness_sizes
+from symgen.runtime.elastic.motion import ElasticMotion
+
+Array = NDArray[np.float64]
+
+
+def quasi_static(motion: ElasticMotion, equations: _beams.BeamEquations, times: Array) -> Array:
+    """Return displacements (times, unknowns) of (K + K_N) S = Q, with the loads Q of the rigid motion.
+
+    K_N is the geometric stiffness of the axial forces of the rigid motion; zero without geometric stiffness.
+
+    Raises
+    ------
+    ModelError
+        When nothing holds the crank, so that the structure has a motion without stiffness.
+    SimulationError
+        When the axial forces of a pose are beyond the buckling load of the structure.
+    """
+    found = np.zeros((len(times), motion.layout.unknowns))
+    for k in np.argsort(times, kind="stable").tolist():
+        t = float(times[k])
+        status, _, _, stiffness, load, basis = equations.matrices(t, _beams.QUASI_STATIC)
+        motion.check(equations, status, t)
+        sizes = stiffness_sizes(equations, np.eye(len(load)) if basis is None else basis[0])
+        shape = _solved(stiffness, load, sizes)
+        if shape is None:
+            raise _no_shape(motion, equations, t, stiffness, sizes)
+        found[k] = shape if basis is None else basis[0] @ shape
+    return found
+
+
+def _solved(stiffness: Array, load: Array, sizes: Array) -> Array | None:
+    """Return K^-1 load; None where K is not positive definite.
+
+    Pivots are compared with the round-off of their own unknown: see :func:`stiffness_sizes`.
+    """
+    from scipy.linalg import cho_solve_banded, cholesky_banded
+
+    try:
+        factor = cholesky_banded(
+            _banded((stiffness + stiffness.T) / (2 * np.outer(sizes, sizes))), lower=True
+        )
+    except np.linalg.LinAlgError:
+        return None
+    if np.min(factor[0]) ** 2 <= len(load) * np.finfo(float).eps:
+        return None
+    found: Array = cho_solve_banded((factor, True), load / sizes) / sizes
+    return found
+
+
+def _no_shape(
+    motion: ElasticMotion, equations: _beams.BeamEquations, t: float, loaded: Array, sizes: Array
+) -> ModelError | SimulationError:
+    """Return the error of a structure whose stiffness under axial forces is not positive definite."""
+    from scipy.linalg import eigh
+
+    status, _, _, stiffness, load, _ = equations.matrices(t, _beams.AT_REST)
+    motion.check(equations, status, t)
+    if _solved(stiffness, load, sizes) is None:
+        return ModelError(
+            f"{motion.rigid.name}: the structure can move without being strained, so that loads alone do "
+            'not determine its shape\n  Hold the crank: mode = "held" under [crank].'
+        )
+    # Buckling under p times the axial forces: (K + p K_N) x = 0.
+    change = stiffness - loaded
+    largest = float(eigh((change + change.T) / 2, (stiffness + stiffness.T) / 2, eigvals_only=True)[-1])
+    at = f"crank angle {math.degrees(float(motion.angle_at(np.array(t)))):.6g} degrees"
+    return SimulationError(
+        f"{motion.rigid.name}: the links buckle at {at if motion.speed else f'{t:g} s'}: the axial forces of "
+        f"the rigid motion are {largest:.4g} times those under which the straight links are unstable\n"
+        "  Take a lower speed or load, stiffer links, or large rotation: --method exact.",
+        time=t,
+    )
+
+
+def _banded(matrix: Array) -> Array:
+    """Return the diagonals of a symmetric matrix from the main one down, for banded solvers."""
+    rows, columns = np.nonzero(matrix)
+    made = np.zeros((int(np.max(rows - columns, initial=0)) + 1, len(matrix)))
+    for k in range(len(made)):
+        made[k, : len(matrix) - k] = np.diagonal(matrix, -k)
+    return made

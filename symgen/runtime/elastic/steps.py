@@ -1,0 +1,399 @@
+"""An elastic motion in time: steps, doubled until they suffice, and how far off they are."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symgen.errors import ModelError, SimulationError
+from symgen.precision import FLOAT64
+from symgen.runtime import _beams, _core
+from symgen.runtime.beams.methods import BEAM_METHODS, BeamMethod
+from symgen.runtime.elastic.kept import Stages
+from symgen.runtime.elastic.motion import ElasticMotion
+from symgen.runtime.integrate.checkpoint import Keeping, mark_of, mark_of_kernels
+from symgen.runtime.integrate.options import TIGHTEST
+from symgen.runtime.integrate.pace import OUT_OF_TIME, OutOfTime, Pace
+from symgen.runtime.kernels.arguments import is_real, out_of_range
+from symgen.runtime.kernels.typed import library_of_runs
+from symgen.runtime.result.elastic import outputs
+
+Array = NDArray[np.float64]
+Counts = NDArray[np.intp]
+Progress = Callable[[float], None]
+
+#: Steps a turn that a run begins with, and the most that it is doubled to.
+_FIRST, _MOST = 256, 1 << 18
+#: Part of a revolution that an adaptive run tries as its first step.
+_FIRST_TRIED = 4096
+#: Part of the largest stress below which one is round-off.
+_NOISE = 1e-9
+#: Part of an error that doubling the steps leaves: assumed where one doubling alone is known, for vibrations
+#: that are not resolved leave as much as the runs differ by; and the largest that is assumed.
+_UNSEEN, _STALLED = 0.6, 0.9
+#: Doublings in a row after which differences that grow are round-off, in types coarser than doubles.
+_ROUNDED = 2
+
+
+@dataclass(frozen=True, slots=True)
+class Task:
+    """What is asked of a run; see :meth:`symgen.Model.simulate`; ``t_end`` is of cranks that stand still."""
+
+    method: str
+    revolutions: float
+    steps: int | None
+    rtol: float
+    samples: int
+    at: tuple[float, ...] | None
+    form: str
+    max_step: float | None = None
+    t_end: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Found:
+    """Displacements and their rates (times, unknowns) at the recorded times, and what they cost.
+
+    ``rates`` is None where the elastic motion itself adds nothing: quasi-static. ``floquet_error`` is that of
+    the largest multiplier, ``spent`` the wall time [s] taken before the run was resumed, ``counts`` the steps
+    to each time from the one before.
+    """
+
+    displacements: Array
+    rates: Array | None
+    steps: int
+    error: float | None = None
+    floquet: tuple[complex, ...] = ()
+    floquet_error: float | None = None
+    spent: float = 0.0
+    counts: Counts | None = None
+
+
+def recorded_times(motion: ElasticMotion, task: Task) -> Array:
+    """Return the times [s] that a run records.
+
+    Raises
+    ------
+    ModelError
+        For options out of range.
+    """
+    if not task.revolutions > 0 or not math.isfinite(task.revolutions):
+        raise ModelError(f"expected revolutions above zero, got {task.revolutions!r}")
+    if not 2 <= task.samples <= 10_000_000:
+        raise ModelError(f"expected between 2 and 10 million samples, got {task.samples!r}")
+    if not 0.0 < task.rtol < 1.0:
+        raise ModelError(f"expected rtol above zero and below one, got {task.rtol!r}")
+    if task.max_step is not None and not (is_real(task.max_step) and task.max_step > 0):
+        raise out_of_range("max_step", task.max_step)
+    if task.rtol < TIGHTEST * FLOAT64.epsilon:
+        raise ModelError(f"expected rtol of at least {TIGHTEST * FLOAT64.epsilon:.2g}, got {task.rtol!r}")
+    if task.at is not None:
+        if len(task.at) == 0 or not all(map(math.isfinite, task.at)):
+            raise ModelError(f"expected finite crank angles [rad], at least one, got {list(task.at)!r}")
+        last = math.ceil(task.revolutions) - 1 if motion.speed else 0
+        # The start of the first revolution is its end, unless the angle is zero.
+        again = bool(motion.speed) and last == 0
+        return np.array(
+            [motion.time_at(a, last) or (motion.time_at(a, 1) if again and a else 0.0) for a in task.at]
+        )
+    if not motion.speed:
+        end = motion.rigid.description.t_end if task.t_end is None else task.t_end
+        return np.linspace(0.0, end, task.samples)
+    return np.linspace(0.0, motion.period * task.revolutions, task.samples)
+
+
+def turn(motion: ElasticMotion) -> float:
+    """Return the time [s] that steps are counted over."""
+    return motion.period if motion.speed else motion.rigid.description.t_end
+
+
+def first_steps(motion: ElasticMotion, task: Task, least: int) -> int:
+    """Return the steps a revolution to begin with: those given, or so many that none is above ``max_step``.
+
+    Raises
+    ------
+    ModelError
+        When both are given, or a number of steps below one.
+    """
+    if task.steps is None:
+        return least if task.max_step is None else max(least, math.ceil(turn(motion) / task.max_step))
+    if task.max_step is not None:
+        raise ModelError("give steps (a revolution) or max_step, not both")
+    if task.steps < 1:
+        raise ModelError(f"expected 1 step a turn or more, got {task.steps!r}")
+    return task.steps
+
+
+def step_counts(motion: ElasticMotion, times: Array, per_turn: int) -> Counts:
+    """Return the number of steps to each time, in rising order, from the one before it, at least one."""
+    gaps = np.diff(np.sort(times), prepend=0.0)
+    counts = np.maximum(1, np.ceil(gaps / turn(motion) * per_turn - 1e-9)).astype(np.intp)
+    return np.where(gaps > 0.0, counts, 0)
+
+
+def stepped(
+    motion: ElasticMotion,
+    equations: _beams.BeamEquations,
+    method: BeamMethod,
+    times: Array,
+    counts: Counts,
+    start: tuple[Array, Array] | None = None,
+    progress: Progress | None = None,
+    stages: Stages | None = None,
+    pace: Pace | None = None,
+) -> tuple[Array, Array]:
+    """Return displacements and rates at the times, stepping from time zero.
+
+    Displacements are not a number where the motion grows beyond all numbers.
+
+    Parameters
+    ----------
+    counts
+        See :func:`step_counts`.
+    start
+        S and S' at time zero, (unknowns, 1) each; at rest and undeformed if absent.
+    stages
+        What keeps this run and those before it.
+    pace
+        What follows the run by the clock.
+
+    Raises
+    ------
+    OutOfTime
+        When the wall time is spent.
+    SimulationError
+        When the linkage cannot turn.
+    ResultError
+        When a checkpoint cannot be written, or is of another run.
+    """
+    before = stages.next() if stages else None
+    if before:
+        return before
+    n, pace = motion.layout.unknowns, pace or Pace(0.0, float(np.max(times)))
+    pace.restart(0.0)
+    steps = _beams.BeamSteps(equations, method, 1)
+    s, v = start or (np.zeros((n, 1)), np.zeros((n, 1)))
+    motion.check(equations, steps.start(0.0, s, v), 0.0)
+    order = np.argsort(times, kind="stable")
+    found, rates = np.zeros((len(times), n)), np.zeros((len(times), n))
+    reached, taken = stages.resumed(steps, found, rates) if stages else (0, 0)
+    now = float(times[order[reached - 1]]) if reached else 0.0
+    cause = f", with {int(np.sum(counts))} steps"
+    for place in range(reached, len(times)):
+        k, count = order[place], int(counts[place])
+        t = float(times[k])
+        while taken < count:
+            to = min(taken + pace.chunk(), count)
+            status = steps.advance(now, t, count, taken, to)
+            if status == _core.NOT_FINITE:
+                found[:] = np.nan
+                return stages.finished(found, rates) if stages else (found, rates)
+            motion.check(equations, status, t)
+            taken = to
+            at = now + (t - now) * taken / count
+            over = pace.spent(at, cause)
+            if stages:
+                stages.look(at, steps, found, rates, (place, taken), last=over)
+            if progress:
+                progress(at / float(times[order[-1]]))
+            if over:
+                done = np.sort(order[:place])
+                raise OutOfTime(at, Found(found[done], rates[done], int(np.sum(counts[done]))), done)
+        now, taken = t, 0
+        found[k], rates[k] = steps.displacements[:, 0], steps.rates[:, 0]
+    return stages.finished(found, rates) if stages else (found, rates)
+
+
+def doubled(
+    motion: ElasticMotion,
+    equations: _beams.BeamEquations,
+    task: Task,
+    times: Array,
+    progress: Progress | None,
+    keeping: Keeping | None,
+    pace: Pace,
+    passes: list[Found],
+) -> Found:
+    """Step with what is asked, or double the steps until two runs agree; append complete runs to ``passes``.
+
+    Raises
+    ------
+    OutOfTime
+        When the wall time is spent.
+    ModelError
+        For options out of range.
+    SimulationError
+        When the linkage cannot turn, or the most steps do not suffice.
+    ResultError
+        When a checkpoint cannot be written, or is of another run.
+    """
+    method = BEAM_METHODS[task.method]
+    stages = None
+    if keeping is not None:
+        told = (repr(task), times.tobytes().hex(), *motion.told)
+        library = library_of_runs(motion.rigid.evaluator.library, motion.rigid.typed)
+        stages = Stages(mark_of_kernels(motion.rigid.evaluator, library, equations, *told), keeping)
+    spent = stages.spent if stages else 0.0
+    errors = Errors(motion, equations, times, method.order)
+    counts = step_counts(motion, times, first_steps(motion, task, _FIRST))
+
+    def run(counts: Counts, shown: Progress | None = None) -> tuple[Array, Array]:
+        found, rates = stepped(
+            motion, equations, method, times, counts, progress=shown, stages=stages, pace=pace
+        )
+        passes.append(Found(found, rates, int(np.sum(counts)), spent=spent, counts=counts))
+        return found, rates
+
+    if task.steps is not None:
+        halved = np.where(counts > 0, np.maximum(1, counts // 2), 0)
+        fine, rates = run(counts, progress)
+        if np.array_equal(halved, counts):
+            return Found(fine, rates, int(np.sum(counts)), spent=spent, counts=counts)
+        coarse, _ = run(halved)
+        return Found(fine, rates, int(np.sum(counts)), errors.of(coarse, fine), spent=spent, counts=counts)
+    coarse, _ = run(counts)
+    while np.sum(counts) < _MOST * max(1.0, task.revolutions):
+        counts = 2 * counts
+        fine, rates = run(counts, progress)
+        error = errors.of(coarse, fine)
+        if error <= task.rtol:
+            return Found(fine, rates, int(np.sum(counts)), error, spent=spent)
+        _check_round_off(motion, task, errors)
+        coarse = fine
+    raise SimulationError(
+        f"{motion.rigid.name}: {task.method} does not come within {task.rtol:g} of the peak stress "
+        f"with {_MOST} steps a turn\n"
+        "  A turn may have too many vibrations to follow from rest: take method periodic or quasi-static, or "
+        "fewer revolutions."
+    )
+
+
+def _check_round_off(motion: ElasticMotion, task: Task, errors: Errors) -> None:
+    """Raise SimulationError where more steps only add round-off."""
+    typed = motion.rigid.typed
+    if typed and typed.precision.epsilon > FLOAT64.epsilon and errors.grown >= _ROUNDED:
+        raise SimulationError(
+            f"{motion.rigid.name}: {task.method} does not come within {task.rtol:g} of the peak stress in "
+            f"{typed.precision.name}: shorter steps only add round-off, and {errors.least:.1e} is the best\n"
+            "  Give a larger --rtol, or take float64."
+        )
+
+
+class Errors:
+    """Errors of runs whose steps are doubled, over the peak stress at a station, the largest of all stations.
+
+    The differences between runs fall as a series. Its rate is the one seen last, not better than the order of
+    the method says: vibrations that the steps do not resolve would else hide behind a high order.
+    """
+
+    def __init__(
+        self, motion: ElasticMotion, equations: _beams.BeamEquations, times: Array, order: int
+    ) -> None:
+        self._motion, self._equations, self._times = motion, equations, times
+        self._best = 0.5**order
+        self._before: float | None = None
+        #: Differences that grew in a row, and the least error so far.
+        self.grown, self.least = 0, math.inf
+
+    def of(self, coarse: Array, fine: Array) -> float:
+        """Return the error of the finer of two runs, each after the other (times, unknowns)."""
+        difference = self._difference(coarse, fine)
+        rate = _UNSEEN
+        if self._before:
+            rate = min(max(difference / self._before, self._best), _STALLED)
+        self.grown = self.grown + 1 if self._before and difference > self._before else 0
+        self._before = difference if math.isfinite(difference) else None
+        error = difference * rate / (1 - rate)
+        self.least = min(self.least, error)
+        return error
+
+    @cached_property
+    def _links(self) -> Array:
+        """Return the rigid motion of the links, which takes as long as many steps: once it is needed."""
+        links: Array = self._motion.rigid_motion(self._equations, self._times)[1]
+        return links
+
+    def _difference(self, coarse: Array, fine: Array) -> float:
+        if not (np.all(np.isfinite(coarse)) and np.all(np.isfinite(fine))):
+            return math.inf
+        before, found = (outputs(self._motion, self._links, values) for values in (coarse, fine))
+        pairs = [
+            (a.values, b.values) for a, b in zip(before, found, strict=True) if b.name.endswith(".stress")
+        ]
+        least = _NOISE * max((float(np.max(np.abs(b))) for _, b in pairs), default=0.0)
+        worst = 0.0
+        for a, b in pairs:
+            peak = float(np.max(np.abs(b)))
+            if peak > least:
+                worst = max(worst, float(np.max(np.abs(a - b))) / peak)
+        return worst
+
+
+def explicit(
+    motion: ElasticMotion,
+    equations: _beams.BeamEquations,
+    task: Task,
+    times: Array,
+    progress: Progress | None,
+    keeping: Keeping | None = None,
+) -> Found:
+    """Step by an explicit method of the step loop of rods.
+
+    Raises
+    ------
+    OutOfTime
+        When the wall time is spent.
+    SimulationError
+        When the linkage cannot turn.
+    ResultError
+        When a checkpoint cannot be written, or is of another run.
+    """
+    from symgen.runtime.integrate.options import options
+    from symgen.runtime.integrate.simulate import drive
+
+    n = motion.layout.unknowns
+    end = float(np.max(times))
+    fixed = task.method == "rk4"
+    step = turn(motion) / (task.steps or 2048) if fixed else None
+    typed = motion.rigid.typed
+    kind = typed.precision if typed else FLOAT64
+    rtol = None if fixed else task.rtol
+    limits = {"precision": kind, "max_step": task.max_step}
+    chosen = options(end, task.method, rtol, None, step, 2, 1_000_000_000, **limits)
+    order = np.argsort(times, kind="stable")
+    stepper = _core.Run(
+        equations,
+        chosen.method,
+        0.0,
+        np.zeros(2 * n),
+        end,
+        chosen.rtol,
+        chosen.atol,
+        # A first step guessed from rest would look ahead to the end of the run, along the rigid motion.
+        chosen.step or turn(motion) / _FIRST_TRIED,
+        times[order],
+        max_step=chosen.max_step,
+    )
+    checkpoints = None
+    if keeping is not None:
+        told = (repr(task), times.tobytes().hex(), *motion.told)
+        library = library_of_runs(motion.rigid.evaluator.library, typed)
+        mark = mark_of(motion.rigid.evaluator, library, equations, chosen, 0.0, np.zeros(2 * n), *told)
+        checkpoints = keeping.of(stepper, mark)
+    status, _ = drive(stepper, 0.0, chosen, progress, checkpoints)
+    spent = checkpoints.spent if checkpoints else 0.0
+    if status == _core.NOT_FINITE:
+        return Found(np.full((len(times), n), np.nan), None, stepper.steps)
+    motion.check(equations, _core.DONE if status == OUT_OF_TIME else status, stepper.t)
+    reached = order[: stepper.recorded]
+    found = np.zeros((len(times), 2 * n))
+    found[reached] = stepper.result[:, : 2 * n]
+    if status == OUT_OF_TIME:
+        found, reached = found[np.sort(reached)], np.sort(reached)
+        raise OutOfTime(stepper.t, Found(found[:, :n], found[:, n:], stepper.steps, spent=spent), reached)
+    return Found(found[:, :n], found[:, n:], stepper.steps, spent=spent)

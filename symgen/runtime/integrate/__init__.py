@@ -1,0 +1,1 @@
+"""Time integration: options, step loop, checkpoints and failures."""

@@ -1,0 +1,276 @@
+"""Checkpoints: the whole state of a run in a file, from which it goes on to the same bits.
+
+A checkpoint is the memory of the run and of its equations, byte for byte, with what Python remembers of it.
+It belongs to one run: equations, parameters, start and options, machine and version must be the same.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import platform
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.lib.npyio import NpzFile
+from numpy.typing import NDArray
+
+from symgen.atomic import replacing
+from symgen.errors import ModelError, ResultError
+from symgen.runtime import _core
+from symgen.runtime.integrate.options import Options
+from symgen.runtime.kernels.arguments import is_real
+from symgen.runtime.kernels.description import Described
+from symgen.runtime.kernels.library import Library
+
+Array = NDArray[np.float64]
+FORMAT = 2
+#: Wall time [s] between two checkpoints when nothing else is asked for.
+EVERY = 10.0
+
+
+#: Options that the numbers of a run do not depend on.
+_OF_NO_RUN = ("method", "max_steps")
+
+
+class Kernels(Protocol):
+    """Kernels of a model at one set of parameters."""
+
+    @property
+    def description(self) -> Described:
+        """What is known of the model."""
+
+    @property
+    def given(self) -> Array:
+        """Its parameters, in SI units."""
+
+
+def mark_of(
+    kernels: Kernels,
+    library: Library,
+    equations: _core.Integrable,
+    chosen: Options,
+    t0: float,
+    y0: Array,
+    *more: object,
+) -> str:
+    """Return what tells one run of the step loop from another; see :func:`mark_of_kernels`.
+
+    ``more`` is what its numbers depend on besides.
+    """
+    method = chosen.method
+    options = [getattr(chosen, name) for name in chosen.__slots__ if name not in _OF_NO_RUN]
+    numbers = np.asarray(method.numbers).tobytes().hex()
+    how = (method.name, method.kind, method.counts, numbers, options, t0, y0.tobytes().hex())
+    return mark_of_kernels(kernels, library, equations, *how, *more)
+
+
+def mark_of_kernels(kernels: Kernels, library: Library, equations: _core.Integrable, *more: object) -> str:
+    """Return a hash of all that a run's numbers depend on: symgen, machine, kernels, parameters, and more.
+
+    ``library`` are the kernels that it goes through.
+    """
+    from symgen import __version__
+
+    told = (
+        __version__,
+        platform.machine(),
+        platform.system(),
+        kernels.description.equations,
+        library.backend,
+        sorted(library.provenance.items()),
+        equations.core_type.name,
+        kernels.given.tobytes().hex(),
+        *more,
+    )
+    return hashlib.sha256(repr(told).encode()).hexdigest()
+
+
+@dataclass(slots=True)
+class Checkpoints:
+    """Where a run leaves its state, and how often.
+
+    Parameters
+    ----------
+    mark
+        What :func:`mark_of` gives for the run.
+    file
+        The file, written anew every time; None: none is written.
+    every
+        Wall time between two of them [s].
+    spent
+        Wall time that the run had taken before it was resumed [s].
+    """
+
+    mark: str
+    file: Path | None = None
+    every: float = EVERY
+    spent: float = 0.0
+    written: float = field(default_factory=time.perf_counter)
+
+    def look(self, run: _core.Run, wall: float, last: bool = False) -> None:
+        """Write a checkpoint if it is time, or the last; ``wall`` is the time of this part of the run [s]."""
+        file = self.file if last else self.due()
+        if file is not None:
+            write(file, run, self.mark, self.spent + wall)
+
+    def due(self) -> Path | None:
+        """Return the file if it is time to write it, and count from now."""
+        now = time.perf_counter()
+        if self.file is None or now - self.written < self.every:
+            return None
+        self.written = now
+        return self.file
+
+
+@dataclass(frozen=True, slots=True)
+class Keeping:
+    """Where a run leaves checkpoints, how often [s of wall time], and the one it goes on from."""
+
+    file: Path | None
+    every: float
+    resume: Path | None
+
+    def of(self, run: _core.Run, mark: str) -> Checkpoints:
+        """Return what keeps a run that has not begun, which goes on from where it was left, if from anywhere.
+
+        Raises
+        ------
+        ResultError
+            When the checkpoint to go on from is missing, broken, or of another run.
+        """
+        spent = 0.0 if self.resume is None else resume(self.resume, run, mark)
+        return Checkpoints(mark, self.file, self.every, spent)
+
+
+def keeping(
+    file: str | os.PathLike[str] | None, every: float, resumed: str | os.PathLike[str] | None
+) -> Keeping | None:
+    """Check what is asked for checkpoints; None when nothing is.
+
+    Raises
+    ------
+    ModelError, ResultError
+        When the time is none, or the file cannot be written.
+    """
+    if file is None and resumed is None:
+        return None
+    for given in (file, resumed):
+        if given is not None and not isinstance(given, str | os.PathLike):
+            raise ModelError(f"expected the path of a checkpoint, got {given!r}")
+    if not (is_real(every) and every >= 0):
+        raise ModelError(f"expected checkpoint_every to be a number of seconds, got {every!r}")
+    path = None if file is None else Path(file)
+    if path is not None and not path.parent.is_dir():
+        raise ResultError(f"cannot write the checkpoint {path}: there is no folder {path.parent}")
+    if path is not None and (path.is_dir() or not os.access(path.parent, os.W_OK)):
+        what = "it is a folder" if path.is_dir() else f"nothing can be written into {path.parent}"
+        raise ResultError(f"cannot write the checkpoint {path}: {what}")
+    return Keeping(path, every, None if resumed is None else Path(resumed))
+
+
+def write(file: Path, run: _core.Run, mark: str, wall: float) -> None:
+    """Write the state of a run between two steps, whole or not at all.
+
+    Raises
+    ------
+    ResultError
+        When the file cannot be written.
+    """
+    equations, memory = run.save()
+    arrays = {
+        "equations": np.frombuffer(equations, np.uint8),
+        "run": np.frombuffer(memory, np.uint8),
+        "passages": np.array(run.passages, dtype=float).reshape(-1, 3),
+        "events": np.array([event[:3] for event in run.events], dtype=float).reshape(-1, 3),
+        "event_states": np.array([event[3] for event in run.events], dtype=float).reshape(-1, run.dim),
+    }
+    store(file, mark, run.t, wall, arrays)
+
+
+def store(file: Path, mark: str, t: float, wall: float, arrays: Mapping[str, Any]) -> None:
+    """Write a checkpoint at a time [s] of the motion, after so much wall time [s], whole or not at all.
+
+    Raises
+    ------
+    ResultError
+        When the file cannot be written.
+    """
+    header = {
+        "symgen_checkpoint": FORMAT,
+        "mark": mark,
+        "t": t,
+        "wall_s": wall,
+        "digest": _digest(arrays),
+    }
+    try:
+        with replacing(file) as temporary, temporary.open("wb") as stream:
+            np.savez(stream, header=np.array(json.dumps(header)), **arrays)
+    except OSError as error:
+        raise ResultError(f"cannot write the checkpoint {file}: {error.strerror or error}") from None
+
+
+def resume(file: str | os.PathLike[str], run: _core.Run, mark: str) -> float:
+    """Bring a run that has not begun to where a checkpoint left it; return the wall time spent till then [s].
+
+    Raises
+    ------
+    ResultError
+        When the file is missing, broken, or of another run.
+    """
+    found, spent = stored(file, mark)
+    try:
+        run.restore(found["equations"].tobytes(), found["run"].tobytes())
+        run.passages.extend((t, sound, int(k)) for t, sound, k in found["passages"].tolist())
+        run.events.extend(
+            (t, int(i), bool(rising), state)
+            for (t, i, rising), state in zip(found["events"].tolist(), found["event_states"], strict=True)
+        )
+        return spent
+    except (KeyError, TypeError, ValueError) as error:
+        raise ResultError(f"{file} is not a whole checkpoint: {error}") from error
+
+
+def stored(file: str | os.PathLike[str], mark: str) -> tuple[dict[str, Any], float]:
+    """Return the arrays of a checkpoint, and the wall time spent till then [s].
+
+    Raises
+    ------
+    ResultError
+        When the file is missing, broken, or of another run.
+    """
+    path = Path(file)
+    try:
+        with path.open("rb") as stream, NpzFile(stream, allow_pickle=False) as archive:
+            header: dict[str, Any] = json.loads(str(archive["header"]))
+            found = {name: archive[name] for name in archive.files if name != "header"}
+        known, theirs = header["symgen_checkpoint"], header["mark"]
+        stopped, spent = float(header["t"]), float(header["wall_s"])
+        if known == FORMAT and header["digest"] != _digest(found):
+            raise ValueError("its bytes are not those that were written")
+    except FileNotFoundError:
+        raise ResultError(f"there is no checkpoint {path}") from None
+    except Exception as error:  # any fault inside a foreign or broken file
+        raise ResultError(f"{path} is not a checkpoint of symgen, or is broken: {error}") from error
+    if known != FORMAT:
+        raise ResultError(f"{path} has checkpoint format {known}, this symgen reads {FORMAT}")
+    if theirs != mark:
+        raise ResultError(
+            f"{path} is the checkpoint of another run, stopped at t = {stopped:g} s\n"
+            "  Resume with the scene, parameters, options, machine and version of symgen it was begun with."
+        )
+    return found, spent
+
+
+def _digest(arrays: Mapping[str, Any]) -> str:
+    """Return a hash of the arrays of a checkpoint."""
+    digest = hashlib.sha256()
+    for name in sorted(arrays):
+        digest.update(name.encode())
+        digest.update(np.ascontiguousarray(arrays[name]).tobytes())
+    return digest.hexdigest()

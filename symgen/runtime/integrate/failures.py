@@ -1,0 +1,187 @@
+"""What is said when a run cannot go on: where, why, and what to do."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+
+from symgen.runtime import _core
+from symgen.runtime.integrate.causes import without_direction
+from symgen.runtime.integrate.options import Options
+from symgen.runtime.integrate.pace import OUT_OF_TIME, out_of_time
+from symgen.runtime.kernels.description import Description
+from symgen.runtime.kernels.evaluate import Evaluator
+
+#: Units of the state in loads, by the last word of its name.
+_UNITS = {"vx": "m/s", "vy": "m/s", "vz": "m/s", "rate": "rad/s", "angular_velocity": "rad/s"}
+_UNITS |= {"x": "m", "y": "m", "z": "m", "length": "m", "angle": "rad", "t": "s"}
+#: Pivots that keep less than this are worth a word when a run fails.
+_NEAR = 1e-2
+
+
+def problem(
+    status: int,
+    stepper: _core.Run,
+    equations: _core.Equations,
+    evaluator: Evaluator,
+    chosen: Options,
+) -> str:
+    """Return what is said of a run that ended with this status, at the state it had reached."""
+    description = evaluator.description
+    free, axes = description.free, description.axes
+    at = f"at t = {stepper.t:.9g} s after {stepper.steps} steps"
+    points = ", ".join(
+        f"{p} ({', '.join(f'{x:.6g}' for x in stepper.state[i * len(axes) : (i + 1) * len(axes)])}) m"
+        for i, p in enumerate(free[:8])
+    )
+    where = f"State: {points}."
+    if status == OUT_OF_TIME:
+        return f"{out_of_time(stepper.t, chosen.t_end)} {where}"
+    if status == _core.DRIFTED:
+        return (
+            f"{description.labels[stepper.worst]} strayed by {stepper.position_drift:.4g} m, more than "
+            f"max_drift = {chosen.max_drift:g} m, {at}\n  Use the stabilisation 'projection', tighter "
+            f"tolerances or a smaller step. {where}"
+        )
+    if status == _core.SLIDING:
+        return _of_sliding(description.switches[stepper.slid], at, where)
+    if status in (_core.CONTRADICTED, _core.SINGULAR):
+        return _of_constraints(status, equations, description, at, where)
+    lost_rank = _near_singular(stepper, equations, description)
+    failed = status in (_core.PROJECTION_FAILED, _core.UNSOLVED)
+    if failed and not lost_rank:
+        return _of_the_step(status, chosen, at, where)
+    slow = status == _core.STEP_TOO_SMALL or (status == _core.MORE and stepper.steps < chosen.max_steps)
+    if failed or (slow and lost_rank):
+        return _of_a_dead_centre(description, f"{at}{lost_rank}", where)
+    return _of_the_loads(status, stepper, evaluator, chosen, lost_rank, at, where)
+
+
+def unfinished(stepper: _core.Run, chosen: Options, at: str, why: str = "") -> str:
+    """Say that a run would have taken more than ``max_steps``, or has, and why, as far as it can be told."""
+    if stepper.steps < chosen.max_steps:
+        return (
+            f"the steps are too short for the run to come to its end {at}: at {stepper.h:.2g} s a step "
+            f"it would take more than max_steps = {chosen.max_steps}{why}\n"
+            "  Shorten the run, loosen rtol and atol, or raise max_steps."
+        )
+    return f"the run was not finished within max_steps, {at}\n  Raise max_steps or shorten the run."
+
+
+def _of_sliding(jump: str, at: str, where: str) -> str:
+    """Say which load keeps the motion at its jump, and what to write instead."""
+    return (
+        f"the motion stays at the jump of {jump} {at}: on both sides the load drives it back there, as "
+        "friction does at rest, and no step can follow\n"
+        f"  {_smooth(jump)} Run it by the method radau5. {where}"
+    )
+
+
+def _smooth(jump: str) -> str:
+    """Return the smooth function to write in a scene instead of a jump, with its width."""
+    written, _, place = jump.rpartition(" in ")
+    x = written[written.index("(") + 1 : -1]
+    inner = x if re.fullmatch(r"[\w.]+", x) else f"({x})"
+    smooth = f"tanh({inner}/w) instead of {written}"
+    if not written.startswith("sign"):
+        smooth = f"sqrt({inner}**2 + w**2) instead of {written}, or tanh({inner}/w) for a quotient by it"
+    words = set(re.findall(r"\.([a-z_]+)", x)) or {x}
+    units = {"m/s" if w == "rate" and "actuators" in place else _UNITS.get(w, "") for w in words}
+    unit = "" if len(units) > 1 or re.search(r"[*/(]", x) else units.pop()
+    width = f'w = "1e-3 {unit}"' if unit else f"w, in the unit of {x}"
+    return f"Write {smooth}, with a small width under [parameters]: {width}."
+
+
+def _of_constraints(
+    status: int, equations: _core.Equations, description: Description, at: str, where: str
+) -> str:
+    """Say which constraint contradicts the others, or no longer stands by itself."""
+    if status == _core.CONTRADICTED:
+        return (
+            f"a redundant constraint contradicts the others by {equations.missed:.2g} m {at}: the linkage "
+            f"cannot be in two places\n  Make the lengths, drives and motions of the ground agree. {where}"
+        )
+    if equations.lost < equations.redundant:
+        return (
+            f"a constraint that was redundant at the start is no longer so {at}: the linkage contradicts "
+            f"itself by more than can be told from a free motion\n  {where}"
+        )
+    name = description.unknown(equations.weakest)
+    if equations.weakest < description.coordinates:
+        return f"the mass matrix lost its positive definiteness {at}: {name} carries no mass"
+    return (
+        f"the constraints lost rank {at}: {name} is no longer independent of the others (a dead centre "
+        f"of the linkage, or a redundant link)\n  {where}"
+    )
+
+
+def _of_the_step(status: int, chosen: Options, at: str, where: str) -> str:
+    """Say that a step was too large: its equations could not be solved, or it left the constraints."""
+    if status == _core.UNSOLVED:
+        return (
+            f"the implicit equations of a step of {chosen.method.name} could not be solved {at}: the step is "
+            f"too large for the motion\n  Use a smaller step. {where}"
+        )
+    return (
+        f"the state could not be brought back onto the constraints {at}: the step is too large for the "
+        f"motion, or the start is off the constraints\n  Use a smaller step or tighter tolerances. {where}"
+    )
+
+
+def _of_a_dead_centre(description: Description, at: str, where: str) -> str:
+    """Say that constraints nearly lose rank there, and what that means with drives and without."""
+    cause = "the linkage comes to a dead centre, which it cannot be taken through"
+    hint = "Start elsewhere, or change the lengths."
+    if description.drives:
+        cause = "the linkage comes to a dead centre, beyond which its drives cannot take it"
+        hint = "'symgen kinematics SCENE' shows how far the drives go."
+    return f"the run cannot go on {at}: {cause}\n  {hint} {where}"
+
+
+def _of_the_loads(
+    status: int,
+    stepper: _core.Run,
+    evaluator: Evaluator,
+    chosen: Options,
+    lost_rank: str,
+    at: str,
+    where: str,
+) -> str:
+    """Say what made forces or accelerations too large for any step, as far as it can be told."""
+    n = evaluator.description.coordinates
+    q, u, _ = np.split(stepper.state, [n, 2 * n])
+    reached = 2 * stepper.h * float(np.max(np.abs(u), initial=0.0))
+    line = without_direction(evaluator, stepper.t, q, u, reached)
+    near = f"; {line}" if line else lost_rank
+    if status == _core.NOT_FINITE and not stepper.recorded:
+        return (
+            f"there are no finite accelerations at the start{near}\n"
+            f"  Change the load that has no value there, or the start. {where}"
+        )
+    if status == _core.NOT_FINITE:
+        return (
+            f"a number that is not finite appeared in the step {at}{near}\n"
+            f"  Use a smaller step. Last good state: {where.removeprefix('State: ')}"
+        )
+    if status == _core.STEP_TOO_SMALL:
+        return (
+            f"the step became too small to go on {at}: the tolerance cannot be met there"
+            f"{near or _stiff(stepper)}\n  Loosen rtol and atol. {where}"
+        )
+    return unfinished(stepper, chosen, at, near or (_stiff(stepper) if stepper.stiff else ""))
+
+
+def _stiff(stepper: _core.Run) -> str:
+    if stepper.stiff:
+        return f", the motion has been stiff since t = {stepper.t_stiff:.6g} s"
+    return ", the motion may be stiff"
+
+
+def _near_singular(stepper: _core.Run, equations: _core.Equations, description: Description) -> str:
+    """Say so when the constraints of the last good state are close to losing rank."""
+    equations.check(stepper.t, np.append(stepper.state, 0.0))
+    if equations.soundness > _NEAR:
+        return ""
+    name = description.unknown(equations.weakest)
+    return f"; the constraints nearly lose rank there: {name} keeps {equations.soundness:.1e} of its pivot"

@@ -1,0 +1,30 @@
+"""The integrators, one file each; a new one is a file and a line in ``INTEGRATORS``."""
+
+from __future__ import annotations
+
+from symgen.errors import ModelError, nearest
+from symgen.runtime.integrate.integrators import alpha, dop853, dopri5, radau5, rattle, rk4
+from symgen.runtime.integrate.integrators.method import Method
+from symgen.runtime.integrate.integrators.tableau import ExplicitRungeKutta
+
+Integrator = ExplicitRungeKutta | Method
+
+INTEGRATORS: dict[str, Integrator] = {
+    "dop853": dop853.METHOD,
+    "dopri5": dopri5.METHOD,
+    "rk4": rk4.METHOD,
+    "rattle": rattle.RATTLE,
+    "rattle4": rattle.RATTLE4,
+    "rattle6": rattle.RATTLE6,
+    "rattle8": rattle.RATTLE8,
+    "radau5": radau5.METHOD,
+    "generalized-alpha": alpha.GENERALIZED_ALPHA,
+    "newmark": alpha.NEWMARK,
+}
+
+
+def integrator(name: str) -> Integrator:
+    """Return the integrator called ``name``; raise ModelError with the nearest name otherwise."""
+    if name not in INTEGRATORS:
+        raise ModelError(f"there is no integrator {name!r}. {nearest(name, INTEGRATORS)}")
+    return INTEGRATORS[name]

@@ -1,0 +1,187 @@
+"""The pace of a run: its estimated remaining wall time, and the wall time that it may take."""
+
+from __future__ import annotations
+
+import math
+import time
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symgen.errors import SimulationError, SlowRunWarning
+from symgen.runtime.kernels.arguments import is_real, out_of_range
+
+#: Answer of a run that was ended by ``max_wall``; the core's own answers are not negative.
+OUT_OF_TIME = -1
+#: Wall time [s] over which the pace is measured at least, and its part of the wall time spent.
+_SPAN, _SHARE = 1.5, 0.25
+#: Remaining wall time [s] that is worth a note, and the factor that is worth another one.
+_LONG, _AGAIN = 20.0, 10.0
+#: Wall time [s] between two looks at the clock, and the largest growth of the number of steps between them.
+_LOOK, _GROWTH = 0.05, 64.0
+
+
+@dataclass(slots=True)
+class _Limit:
+    """A limit of wall time [s], and the clock at its begin [s], moved on by what is not counted."""
+
+    seconds: float
+    begun: float
+
+    def passed(self) -> bool:
+        return time.perf_counter() - self.begun >= self.seconds
+
+
+_LIMIT: ContextVar[_Limit | None] = ContextVar("wall time", default=None)
+
+
+@contextmanager
+def limited(max_wall: object) -> Iterator[None]:
+    """Limit the wall time [s] of a run and its assembly, but for :func:`uncounted`; None: no limit.
+
+    Raises
+    ------
+    ModelError
+        When it is not a finite number above zero.
+    """
+    if max_wall is None:
+        yield
+        return
+    if not is_real(max_wall) or not max_wall > 0:  # type: ignore[operator]
+        raise out_of_range("max_wall", max_wall)
+    token = _LIMIT.set(_Limit(float(max_wall), time.perf_counter()))  # type: ignore[arg-type]
+    try:
+        yield
+    finally:
+        _LIMIT.reset(token)
+
+
+@contextmanager
+def uncounted() -> Iterator[None]:
+    """Do not count deriving and compiling, inside: they cannot be ended, and are kept for the next run."""
+    begun, limit = time.perf_counter(), _LIMIT.get()
+    try:
+        yield
+    finally:
+        if limit is not None:
+            limit.begun += time.perf_counter() - begun
+
+
+def is_spent() -> bool:
+    """Return whether the wall time of the run is spent."""
+    limit = _LIMIT.get()
+    return limit is not None and limit.passed()
+
+
+def wall_left() -> float | None:
+    """Return the wall time that is left [s], at least a millisecond; None without a limit."""
+    limit = _LIMIT.get()
+    return None if limit is None else max(limit.begun + limit.seconds - time.perf_counter(), 1e-3)
+
+
+def check_wall(doing: str) -> None:
+    """Raise SimulationError when the wall time is spent in the set-up of a run, which names what it does."""
+    limit = _LIMIT.get()
+    if limit is not None and limit.passed():
+        raise SimulationError(
+            f"the run was ended after max_wall = {limit.seconds:g} s of wall time, before its first step, "
+            f"{doing}\n  Raise max_wall."
+        )
+
+
+class Pace:
+    """Follows a run from ``start`` to ``end`` (times of the motion [s]) by the clock.
+
+    The remaining time is estimated from the progress of the last seconds, not from that since the start: a
+    run that has come into a region of short steps has slowed down for good more often than not.
+    The limit of wall time is that of :func:`limited`.
+    """
+
+    def __init__(self, start: float, end: float) -> None:
+        self._end = end
+        self._begun = self._marked = time.perf_counter()
+        self._at, self._announced = start, _LONG / _AGAIN
+        self._chunk, self._looked = 4, math.nan
+
+    @property
+    def wall(self) -> float:
+        """Wall time since the start [s]."""
+        return time.perf_counter() - self._begun
+
+    def chunk(self) -> int:
+        """Return the number of steps until the next look at the clock, from the speed of those before it."""
+        now = time.perf_counter()
+        if not math.isnan(self._looked):
+            scale = _LOOK / max(now - self._looked, 1e-6)
+            self._chunk = max(1, min(1 << 20, int(self._chunk * min(scale, _GROWTH))))
+        self._looked = now
+        return self._chunk
+
+    def restart(self, at: float) -> None:
+        """Begin another run over the same range, whose wall time counts towards the same limit."""
+        self._marked, self._at, self._looked = time.perf_counter(), at, math.nan
+
+    def spent(self, t: float, why: str = "") -> bool:
+        """Return whether the wall time is spent at the time ``t`` of the motion; warn of a long run.
+
+        ``why`` is appended to the warning: what is known of the cause.
+        """
+        now = time.perf_counter()
+        wall, span = now - self._begun, now - self._marked
+        if span >= max(_SPAN, _SHARE * wall):
+            made, left = t - self._at, self._end - t
+            self._marked, self._at = now, t
+            remaining = left * span / made if made > 0.0 else math.inf
+            if remaining >= _AGAIN * self._announced:
+                self._announced = remaining
+                self._warn(t, wall, remaining, why)
+        return is_spent()
+
+    def _warn(self, t: float, wall: float, remaining: float, why: str) -> None:
+        estimate = f"about {in_words(remaining)} remain" if math.isfinite(remaining) else "no end is in sight"
+        limited_to = _LIMIT.get()
+        limit = (
+            "max_wall (--max-wall) ends a run earlier and keeps what was recorded"
+            if limited_to is None
+            else f"the run ends after max_wall = {limited_to.seconds:g} s"
+        )
+        warnings.warn(
+            f"t = {t:.6g} s of {self._end:.6g} s after {wall:.1f} s: {estimate} at this pace{why}; {limit}",
+            SlowRunWarning,
+            stacklevel=3,
+        )
+
+
+class OutOfTime(Exception):
+    """An elastic motion took all of its wall time at a time ``t`` [s].
+
+    ``found`` is what was found at the ``reached`` ones of the recorded times.
+    """
+
+    def __init__(self, t: float, found: Any, reached: NDArray[np.intp]) -> None:
+        self.t, self.found, self.reached = t, found, reached
+        super().__init__(t)
+
+
+def out_of_time(t: float, end: float) -> str:
+    """Return the reason of the end of a run that took all of its wall time."""
+    limit = _LIMIT.get()
+    return (
+        f"the run was ended after max_wall = {limit.seconds if limit else math.nan:g} s of wall time, "
+        f"at t = {t:.9g} s of {end:.9g} s\n"
+        "  Raise max_wall, shorten the run, or loosen its tolerance."
+    )
+
+
+def in_words(seconds: float) -> str:
+    """Return a duration to one or two digits in the unit that suits it."""
+    for unit, size in (("years", 31557600.0), ("days", 86400.0), ("hours", 3600.0), ("min", 60.0)):
+        if seconds >= 2 * size:
+            return f"{seconds / size:.2g} {unit}" if seconds < 100 * size else f"{seconds / size:.0f} {unit}"
+    return f"{seconds:.0f} s"

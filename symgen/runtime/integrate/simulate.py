@@ -1,0 +1,143 @@
+"""One run: the compiled loop driven in chunks, and what is said when it cannot go on."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symgen.errors import ModelError, SimulationError
+from symgen.runtime import _core
+from symgen.runtime.integrate.checkpoint import Checkpoints, Keeping, mark_of
+from symgen.runtime.integrate.failures import problem
+from symgen.runtime.integrate.options import Options
+from symgen.runtime.integrate.pace import OUT_OF_TIME, Pace
+from symgen.runtime.kernels.evaluate import Evaluator
+from symgen.runtime.kernels.typed import Typed, library_of_runs
+from symgen.runtime.result.recording import Recording
+from symgen.runtime.result.result import Result
+from symgen.runtime.rods.redundancy import slack
+
+Array = NDArray[np.float64]
+Progress = Callable[[float], None]
+
+#: Times of runs with no more samples are kept for the next run.
+_KEPT = 10_000
+#: Steps after which an adaptive run is ended that would not come to its end at their pace in ``max_steps``.
+_JUDGED = 100_000
+
+
+def run(
+    evaluator: Evaluator,
+    t0: float,
+    y: Array,
+    redundant: tuple[int, ...],
+    chosen: Options,
+    progress: Progress | None,
+    typed: Typed | None = None,
+    keeping: Keeping | None = None,
+    tangent: Evaluator | None = None,
+) -> Result:
+    """Integrate from y = (q, u) and return the result; ``redundant`` constraints follow from the others.
+
+    ``typed`` are kernels in the type to integrate in, those of the evaluator when absent; ``tangent`` the
+    kernels of the analysis of that name, for methods that need it.
+
+    Raises
+    ------
+    SimulationError
+        When the run cannot go on, naming time and cause; the error carries what was recorded till then.
+    """
+    if chosen.t_end <= t0:
+        raise ModelError(f"expected t_end after the start at t = {t0:g} s, got {chosen.t_end:g} s")
+    allowed = slack(evaluator, y[: len(y) // 2]) if redundant else np.inf
+    if redundant and typed is not None:
+        allowed = typed.precision.coarsened(allowed)
+    equations = evaluator.equations(
+        len(redundant), allowed, stabilisation=chosen.rate, typed=typed, tangent=tangent
+    )
+    y0 = np.append(y, 0.0) if equations.extra else y
+    events = evaluator.description.events
+    stepper = _core.Run(
+        equations,
+        chosen.method,
+        t0,
+        y0,
+        chosen.t_end,
+        chosen.rtol,
+        chosen.atol,
+        chosen.step,
+        (_times if chosen.samples <= _KEPT else _times.__wrapped__)(t0, chosen.t_end, chosen.samples),
+        stabilisation=_core.STABILISATIONS.index(chosen.stabilisation),
+        max_drift=chosen.max_drift,
+        max_step=chosen.max_step,
+        places_only=evaluator.outputs_by_places,
+        directions=[e.direction for e in events] if events else (),
+        terminal=[e.ends_run | 2 * e.revolves for e in events] if events else (),
+    )
+    library = library_of_runs(evaluator.library, typed)
+    checkpoints = None
+    if keeping is not None:
+        checkpoints = keeping.of(stepper, mark_of(evaluator, library, equations, chosen, t0, y0, *events))
+    status, wall = drive(stepper, t0, chosen, progress, checkpoints)
+    if evaluator.description.switches or evaluator.description.windings:
+        equations.set_parameters(evaluator.given)  # what is recorded is evaluated by no branch that is held
+    result = Result._later(Recording(evaluator, equations, stepper, redundant, chosen, wall, library))
+    if status in (_core.DONE, _core.ENDED):
+        return result
+    raise SimulationError(
+        problem(status, stepper, equations, evaluator, chosen),
+        time=stepper.t,
+        partial=result if stepper.recorded else None,
+    )
+
+
+@lru_cache(maxsize=16)
+def _times(t0: float, t_end: float, samples: int) -> Array:
+    """Return equally spaced times, the last exactly the end; not to be written to."""
+    times: Array = np.arange(samples, dtype=float) * ((t_end - t0) / (samples - 1)) + t0
+    times[-1] = t_end
+    times.flags.writeable = False
+    return times
+
+
+def drive(
+    stepper: _core.Run,
+    t0: float,
+    chosen: Options,
+    progress: Progress | None,
+    checkpoints: Checkpoints | None = None,
+) -> tuple[int, float]:
+    """Step to the end in chunks of time; return the last status and the wall time [s].
+
+    The status is MORE where ``max_steps`` were too few, or are too few at the pace of the last steps, and
+    OUT_OF_TIME where ``max_wall`` was spent. A run that was resumed goes on where it was.
+    """
+    pace = Pace(stepper.t, chosen.t_end)
+    spent = checkpoints.spent if checkpoints else 0.0
+    status = _core.MORE if stepper.recorded else stepper.begin()
+    judged = stepper.steps, stepper.t
+    while status == _core.MORE:
+        if stepper.steps >= chosen.max_steps:
+            break
+        if stepper.steps - judged[0] >= _JUDGED:
+            advance = (stepper.t - judged[1]) / (stepper.steps - judged[0])
+            if chosen.rtol and advance * (chosen.max_steps - stepper.steps) < chosen.t_end - stepper.t:
+                break
+            judged = stepper.steps, stepper.t
+        status = stepper.advance(min(pace.chunk(), chosen.max_steps - stepper.steps))
+        over = pace.spent(stepper.t, _short(stepper)) and status == _core.MORE
+        if checkpoints and status == _core.MORE:
+            checkpoints.look(stepper, pace.wall, last=over)
+        if progress:
+            progress((stepper.t - t0) / (chosen.t_end - t0))
+        if over:
+            status = OUT_OF_TIME
+    return status, spent + pace.wall
+
+
+def _short(stepper: _core.Run) -> str:
+    """Return what the steps show of the cause of a slow run."""
+    return f", in steps of {stepper.h:.2g} s{' (the motion is stiff)' if stepper.stiff else ''}"

@@ -1,0 +1,1 @@
+"""Compiled kernels: their description, their library, and calls of them."""

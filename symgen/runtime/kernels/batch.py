@@ -1,0 +1,221 @@
+"""Kernels evaluated at many states in one call, in the type that a model was asked for."""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from symgen.errors import ModelError, nearest
+from symgen.runtime._core import address_of
+from symgen.runtime.kernels.arguments import count as whole
+from symgen.runtime.kernels.description import Described, KernelInfo
+from symgen.runtime.kernels.evaluate import part
+from symgen.runtime.kernels.library import Library
+from symgen.runtime.kernels.typed import Typed
+
+Rows = NDArray[Any]
+
+#: Kernels that use their work memory by themselves; all others find results of 'accelerations' there.
+_OWN_WORK = ("accelerations", "factor", "solve")
+#: Kernels that have no results for each state.
+_WITHIN = ("solve", "setup")
+_CACHE_LINE = 64
+
+
+@dataclass(frozen=True, slots=True)
+class _States:
+    """Times, coordinates, velocities and work memory, a row a state; ``rest`` is what ``work`` leaves."""
+
+    t: Rows
+    q: Rows
+    u: Rows
+    work: Rows | None = None
+    rest: Rows | None = None
+
+
+class Batch:
+    """Calls the kernels of one model at many states.
+
+    Parameters
+    ----------
+    description
+        What is known of the model.
+    typed
+        Its kernels.
+    parameters
+        Values of its parameters, as kernels take them.
+    """
+
+    def __init__(self, description: Described, typed: Typed, parameters: Sequence[float]) -> None:
+        self.description, self.typed = description, typed
+        self.library: Library = typed.kernels(True)
+        self.dtype = np.dtype(object if typed.digits else typed.precision.dtype)
+        tolerance = typed.precision.coarsened(getattr(description, "rank_tolerance", 0.0))
+        derived = np.zeros(self.library.derived)  # until the kernel 'setup' writes them
+        taken = np.array([*parameters, *derived, tolerance], np.float64).astype(self.dtype)
+        self._parameters = taken
+        self._evaluate = self._in_python
+        if self.library.functions:
+            self._parameters = taken[:, None]
+            if len(derived):
+                behind = self._parameters[len(parameters) :]
+                self.library.functions["setup"](None, None, None, self._parameters, None, behind)
+        else:
+            self._evaluate = self._in_c
+            owner, name = self.library.owner, description.name
+            self._lanes, self._size = (ctypes.c_int * 2).in_dll(owner, f"{name}_lanes")
+            self._in_library = owner[f"{name}_batch"]
+            self._in_library.restype, self._in_library.argtypes = None, _ARGUMENTS
+
+    def __call__(
+        self, what: str, t: ArrayLike, q: ArrayLike, u: ArrayLike | None, work: ArrayLike | None, threads: int
+    ) -> tuple[dict[str, Rows], dict[str, Rows]]:
+        """Return the results of a kernel by name, and what these leave of wider numbers."""
+        info = self._kernel(what)
+        if whole(threads, "threads") < 1:
+            raise ModelError(f"expected one thread or more, got {threads}")
+        n = self.description.coordinates
+        rows = self._rows("q", q, n)
+        rates = np.zeros_like(rows) if u is None else self._rows("u", u, n, len(rows))
+        states = _States(self._times(t, len(rows)), rows, rates)
+        high, low = self._evaluate(info, self._with_work(info, states, work, threads), threads)
+        blocks = info.blocks
+        rest = {} if low is None else {b.name: part(low, b) for b in blocks}
+        return {b.name: part(high, b) for b in blocks}, rest
+
+    def _kernel(self, what: str) -> KernelInfo:
+        """Return the kernel of this name, or the one that has such a result."""
+        kernels = [k for k in self.description.kernels if k.blocks and k.name not in _WITHIN]
+        for k in kernels:
+            if k.name == what:
+                return k
+        for k in kernels:
+            if any(b.name == what for b in k.blocks):
+                return k
+        known = {k.name for k in kernels} | {b.name for k in kernels for b in k.blocks}
+        name = self.description.name
+        raise ModelError(f"{name} has no kernel or result {what!r}. {nearest(str(what), known)}")
+
+    def _rows(self, name: str, values: ArrayLike, size: int, count: int | None = None) -> Rows:
+        try:
+            found = np.asarray(values, dtype=self.dtype)
+        except (TypeError, ValueError):
+            found = np.zeros(0)
+        if found.ndim != 2 or found.shape[1] != size:
+            raise ModelError(f"expected rows of {size} numbers for {name}, got the shape {np.shape(values)}")
+        if any(step % found.itemsize for step in found.strides):
+            found = found.copy()
+        if count is not None and len(found) != count:
+            raise ModelError(f"expected as many rows of {name} as of q, {count}, got {len(found)}")
+        return found
+
+    def _times(self, t: ArrayLike, count: int) -> Rows:
+        times = np.empty(count, self.dtype)
+        try:
+            times[...] = t
+        except (TypeError, ValueError):
+            raise ModelError(f"expected one time or {count} of them for t, got {t!r}") from None
+        return times
+
+    def _with_work(self, info: KernelInfo, states: _States, work: ArrayLike | None, threads: int) -> _States:
+        """Add what a kernel finds in its work memory: what was given, or the motion of each state."""
+        if info.name in _OWN_WORK or not info.work_size:
+            return states
+        if work is not None:
+            return replace(states, work=self._rows("work", work, info.work_size, len(states.q)))
+        motion = self.description.kernel("accelerations")
+        if motion is None:
+            raise ModelError(
+                f"the kernel {info.name!r} needs {info.work_size} numbers of work memory a state: give work"
+            )
+        high, low = self._evaluate(motion, states, threads)
+        rest = None if low is None else _fitted(low, info.work_size)
+        return replace(states, work=_fitted(high, info.work_size), rest=rest)
+
+    def _in_c(self, info: KernelInfo, states: _States, threads: int) -> tuple[Rows, Rows | None]:
+        count = len(states.q)
+        high = _columns(info.out_size, count, self.dtype)
+        low = _columns(info.out_size, count, self.dtype) if self.typed.precision.low else None
+        given = (_Given * 5)(
+            _given(states.t[:, None], None),
+            _given(states.q, None),
+            _given(states.u, None),
+            _given(self._parameters[None, :], None),
+            _given(states.work, states.rest, info.work_size),
+        )
+        memory_size = self._size * (sum(g.size for g in given) + self.library.derived + info.out_size)
+        results = info.out_size, high.strides[0] // high.itemsize, _pointer(high), _pointer(low)
+        address = self.library.addresses[info.name]
+
+        def run(first: int, last: int) -> None:
+            memory = np.empty(memory_size + _CACHE_LINE, np.uint8)
+            begin = _pointer(memory) or 0
+            self._in_library(address, first, last, given, *results, begin + -begin % _CACHE_LINE)
+
+        groups = -(-count // self._lanes)
+        if threads == 1 or groups < 2:
+            run(0, count)
+            return high.T, None if low is None else low.T
+        edges = [min(count, self._lanes * (groups * k // threads)) for k in range(threads + 1)]
+        parts = [(a, b) for a, b in pairwise(edges) if a < b]
+        with ThreadPoolExecutor(len(parts)) as pool:
+            list(pool.map(lambda ends: run(*ends), parts))
+        return high.T, None if low is None else low.T
+
+    def _in_python(self, info: KernelInfo, states: _States, threads: int) -> tuple[Rows, Rows | None]:
+        count, work = len(states.q), states.work
+        memory = np.zeros((info.work_size, count), self.dtype) if work is None else work.T.copy()
+        out = np.zeros((info.out_size, count), self.dtype)
+        arrays = states.t[None, :], states.q.T, states.u.T, self._parameters, memory, out
+        self.library.functions[info.name](*arrays)
+        return out.T, None
+
+
+def _fitted(rows: Rows, size: int) -> Rows:
+    """Return rows with so many entries: cut, or filled with zeros."""
+    fitted = np.zeros((len(rows), size), rows.dtype)
+    kept = min(size, rows.shape[1])
+    fitted[:, :kept] = rows[:, :kept]
+    return fitted
+
+
+def _columns(size: int, count: int, dtype: np.dtype[Any]) -> Rows:
+    """Return memory for results, each in a row of its own that starts in another set of cache lines."""
+    in_line = max(1, _CACHE_LINE // dtype.itemsize)
+    lines = -(-count // in_line) | 1
+    return np.empty((size, lines * in_line), dtype)[:, :count]
+
+
+class _Given(ctypes.Structure):
+    """The struct ``rows`` of the generated C."""
+
+    _fields_ = (
+        ("start", ctypes.c_void_p), ("rest", ctypes.c_void_p),
+        ("size", ctypes.c_ssize_t), ("state", ctypes.c_ssize_t), ("next", ctypes.c_ssize_t),
+    )  # fmt: skip
+
+
+def _given(rows: Rows | None, rest: Rows | None, size: int = 0) -> _Given:
+    """Return where the rows of an argument stand; of what is not there, only its size."""
+    if rows is None:
+        return _Given(None, None, size, 0, 0)
+    if rest is not None and rest.strides != rows.strides:
+        raise ValueError("both parts of wide numbers must lie alike")
+    (state, entry), item = rows.strides, rows.itemsize
+    return _Given(_pointer(rows), _pointer(rest), rows.shape[1], state // item, entry // item)
+
+
+def _pointer(array: Rows | None) -> int | None:
+    return None if array is None else address_of(array)
+
+
+_SIZE, _POINTER = ctypes.c_ssize_t, ctypes.c_void_p
+#: Of the batch function of the generated C.
+_ARGUMENTS = (_POINTER, _SIZE, _SIZE, _Given * 5, _SIZE, _SIZE, _POINTER, _POINTER, _POINTER)

@@ -1,0 +1,381 @@
+"""What a compiled model is, without its equations: names, sizes, units and the start; stored as JSON."""
+
+from __future__ import annotations
+
+import json
+from abc import ABC, abstractmethod
+from collections.abc import Iterable
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from symgen.runtime.kernels.elastic_description import ElasticInfo
+from symgen.runtime.kernels.records import record
+
+
+@dataclass(frozen=True, slots=True)
+class ParameterInfo:
+    """A parameter that may be changed without compiling again."""
+
+    name: str
+    unit: str
+    about: str
+    default: float
+
+
+@dataclass(frozen=True, slots=True)
+class BlockInfo:
+    """A named part of a kernel's ``out``: ``shape`` entries from ``offset`` on, row by row."""
+
+    name: str
+    offset: int
+    shape: tuple[int, int]
+    unit: str
+    about: str
+    rows: tuple[str, ...]
+    columns: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class EventInfo:
+    """Where an entry of the kernel 'events' passes zero: rising (1), falling (-1) or either way (0).
+
+    ``revolves`` tells that it is an angle, which runs continue over revolutions.
+    """
+
+    name: str
+    unit: str
+    direction: int
+    ends_run: bool
+    about: str
+    revolves: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class PlaneInfo:
+    """Where a linkage written in space stays: its coordinate [m] on the axis of this number is constant."""
+
+    across: int
+    level: float
+
+
+@dataclass(frozen=True, slots=True)
+class KernelInfo:
+    """Sizes, results and cost of a kernel, and whether it reads velocities."""
+
+    name: str
+    work_size: int
+    reads_rates: bool
+    out_size: int
+    operations: dict[str, int]
+    blocks: tuple[BlockInfo, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Described(ABC):
+    """What the runtime needs to know of any model, besides the code."""
+
+    name: str
+    file: str
+    title: str
+    equations: str
+    parameters: tuple[ParameterInfo, ...]
+    kernels: tuple[KernelInfo, ...]
+    references: tuple[str, ...]
+    left_out: tuple[str, ...]
+
+    @property
+    @abstractmethod
+    def method(self) -> str:
+        """Name of the method, a row of ``symgen.methods``."""
+
+    @property
+    @abstractmethod
+    def coordinates(self) -> int:
+        """Number of coordinates."""
+
+    @property
+    def held(self) -> int:
+        """Number of parameters, the last ones, that runs hold during a step and users do not see."""
+        return 0
+
+    @property
+    def tunable(self) -> tuple[ParameterInfo, ...]:
+        """The parameters that users can change."""
+        return self.parameters[: len(self.parameters) - self.held]
+
+    @property
+    def derived(self) -> int:
+        """Number of doubles that the kernel 'setup' leaves behind the parameters; 0 where there is none."""
+        setup = self.kernel("setup")
+        return setup.out_size if setup else 0
+
+    @property
+    def sizes(self) -> tuple[int, int, int, int]:
+        """Number of doubles in the arrays t, q, u and p of every kernel: p ends with the rank tolerance."""
+        return 1, self.coordinates, self.coordinates, len(self.parameters) + self.derived + 1
+
+    def kernel(self, name: str) -> KernelInfo | None:
+        """Return what is known of a kernel; None when the model has none of that name."""
+        return next((k for k in self.kernels if k.name == name), None)
+
+    def sizes_of(self, kernel: str) -> tuple[int, int, int, int, int, int]:
+        """Return how many doubles of t, q, u, p, work and out a kernel may read or write."""
+        info = self.kernel(kernel)
+        work, out = (info.work_size, info.out_size) if info else (0, 0)
+        return (*self.sizes, work, out)
+
+    @property
+    def work_size(self) -> int:
+        """Number of doubles of work memory that the largest kernel needs."""
+        return max((k.work_size for k in self.kernels), default=0)
+
+    def to_json(self) -> str:
+        """Return the description as JSON text."""
+        return json.dumps({"method": self.method, **asdict(self)}, indent=1)
+
+
+@dataclass(frozen=True, slots=True)
+class Description(Described):
+    """What the runtime needs to know of a linkage of points and links.
+
+    ``free`` are the points that have coordinates, along ``axes``: those of ``plane`` where a linkage written
+    in space stays in one. ``links`` holds the points of each link; ``labels`` say what each constraint is
+    called in messages. ``kinematic`` tells that there is no dynamics, ``remarks`` what results
+    note of the scene. ``start`` holds the coordinates and
+    then the velocities at the scene's own parameters, ``first_pivot`` is where the kernel 'factor' leaves its
+    pivots in ``work``.
+    """
+
+    axes: tuple[str, ...]
+    points: tuple[str, ...]
+    free: tuple[str, ...]
+    ground: tuple[str, ...]
+    links: dict[str, list[str]]
+    constraints: tuple[str, ...]
+    labels: tuple[str, ...]
+    work_of_loads: bool
+    first_pivot: int
+    start: tuple[float, ...]
+    redundant: tuple[int, ...]
+    t_end: float
+    assembly_tolerance: float
+    rank_tolerance: float
+    plane: PlaneInfo | None = None
+    kinematic: bool = False
+    elastic: ElasticInfo | None = None
+    events: tuple[EventInfo, ...] = ()
+    windings: int = 0
+    turns: tuple[str, ...] = ()
+    switches: tuple[str, ...] = ()
+    jumps: tuple[str, ...] = ()
+    remarks: tuple[str, ...] = ()
+
+    @property
+    def method(self) -> str:
+        """``elastic`` with elastic links, else ``rods``."""
+        return "elastic" if self.elastic else "rods"
+
+    @property
+    def held(self) -> int:
+        """Number of the last parameters: references of angles, then branches of switching points."""
+        return self.windings + len(self.switches)
+
+    @property
+    def coordinates(self) -> int:
+        """Number of coordinates."""
+        return len(self.free) * len(self.axes)
+
+    @property
+    def shown_axes(self) -> tuple[str, ...]:
+        """Names of the axes that the scene is written in, and that results have."""
+        return ("x", "y", "z") if self.plane else self.axes
+
+    def unknown(self, index: int) -> str:
+        """Return what an unknown of the equations of motion is called in messages."""
+        axes, n = self.axes, self.coordinates
+        if index < n:
+            return f"the {axes[index % len(axes)]} motion of point {self.free[index // len(axes)]}"
+        return self.labels[index - n]
+
+    @property
+    def drives(self) -> tuple[int, ...]:
+        """Numbers of the constraints that drive a link."""
+        return tuple(i for i, label in enumerate(self.labels) if label.startswith("the drive"))
+
+    def place(self, constraint: int) -> str:
+        """Return the key of the scene that makes a constraint."""
+        name = self.constraints[constraint].removesuffix("_drive")
+        return self.driver(name) if constraint in self.drives else f"links.{name}"
+
+    def driver(self, link: str) -> str:
+        """Return the key of the scene that drives a link."""
+        return "crank" if self.elastic and self.elastic.crank == link else f"drivers.{link}"
+
+
+@dataclass(frozen=True, slots=True)
+class VariableInfo:
+    """A joint variable of a loop: see :class:`symgen.scene.loop.loop.Variable`.
+
+    ``unit`` is ``rad`` or ``m``; ``unknown`` tells whether the effort of its drive is to be found. ``start``
+    is the first guess of a dependent variable; ``guessed`` tells whether the scene gives it.
+    """
+
+    name: str
+    unit: str
+    row: int
+    role: str
+    unknown: bool
+    start: float
+    start_rate: float
+    guessed: bool = False
+
+    @property
+    def is_length(self) -> bool:
+        """Whether it is a displacement."""
+        return self.unit == "m"
+
+
+@dataclass(frozen=True, slots=True)
+class BallInfo:
+    """A ball joint whose angles runs write otherwise near their pole.
+
+    ``row`` is its row, counted from 0, and ``angles`` are the numbers of the variables theta, eta and alpha.
+    Where alpha is constant its number is -1, and ``behind`` are those of the ball behind: it takes over the
+    idle spin.
+    """
+
+    row: int
+    angles: tuple[int, ...]
+    behind: tuple[int, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class LoopDescription(Described):
+    """What the runtime needs to know of a closed loop.
+
+    ``joints`` and ``links`` name each row of the table. ``span`` is the range of the first input, empty where
+    variables are free; ``lead`` is the name of that input, the first written in the scene, empty where there
+    is none. ``units`` gives the name and the size in SI of the scene's units of length, force
+    and angle. ``start`` are the variables at the start, at the scene's own parameters, ``rank`` is the rank
+    of the screws of the dependent variables. ``begin`` is the value of the first input at the start: the
+    beginning of the range, or the first value of it at which the loop closes. ``assembly_tolerance`` is the
+    defect of closure [m], of rotations times the size of the loop, that dependent equations may leave.
+    The turns in front of ``balls`` are the last parameters.
+    """
+
+    joints: tuple[str, ...]
+    links: tuple[str, ...]
+    variables: tuple[VariableInfo, ...]
+    span: tuple[float, ...]
+    lead: str
+    t_end: float
+    size: float
+    units: dict[str, list[Any]]
+    start: tuple[float, ...]
+    rank: int
+    begin: float = 0.0
+    jumps: tuple[str, ...] = ()
+    assembly_tolerance: float = 0.0
+    balls: tuple[BallInfo, ...] = ()
+
+    @property
+    def method(self) -> str:
+        """``loop``."""
+        return "loop"
+
+    @property
+    def tunable(self) -> tuple[ParameterInfo, ...]:
+        """The parameters without the turns in front of balls, which come last."""
+        return self.parameters[: len(self.parameters) - len(self.balls)]
+
+    @property
+    def coordinates(self) -> int:
+        """Number of joint variables."""
+        return len(self.variables)
+
+    def having(self, *roles: str) -> list[int]:
+        """Return the numbers of the variables of these roles."""
+        return [i for i, v in enumerate(self.variables) if v.role in roles]
+
+    def row(self, index: int) -> str:
+        """Return what the row of a variable is called in messages."""
+        v = self.variables[index]
+        return f"{v.name} of row {v.row + 1} (joint {self.joints[v.row]}, link {self.links[v.row]})"
+
+
+@dataclass(frozen=True, slots=True)
+class ArrayInfo:
+    """An argument array: what it is, and name, unit and meaning of each entry."""
+
+    about: str
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    meanings: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class SystemDescription(Described):
+    """What the runtime needs to know of a user's own derivation: its argument arrays by name."""
+
+    arrays: dict[str, ArrayInfo]
+
+    @property
+    def method(self) -> str:
+        """``system``."""
+        return "system"
+
+    def size(self, array: str) -> int:
+        """Return the number of entries of an argument array; 0 when there is none of that name."""
+        return len(self.arrays[array].names) if array in self.arrays else 0
+
+    @property
+    def coordinates(self) -> int:
+        """Number of entries of q."""
+        return self.size("q")
+
+    @property
+    def sizes(self) -> tuple[int, int, int, int]:
+        """Number of doubles in the arrays t, q, u and p of every kernel."""
+        return 1, self.size("q"), self.size("u"), self.size("p") + self.derived + 1
+
+
+#: The class of descriptions of each method.
+_KINDS: dict[str, type[Described]] = {
+    "rods": Description,
+    "elastic": Description,
+    "loop": LoopDescription,
+    "system": SystemDescription,
+}
+
+
+def read_description(text: str) -> Described:
+    """Read what ``to_json`` wrote; raise ValueError for anything else."""
+    data = json.loads(text)
+    if not isinstance(data, dict):
+        raise ValueError(f"expected an object, got {text[:100]}")
+    kind = _KINDS.get(data.pop("method", ""))
+    if kind is None:
+        raise ValueError(f"expected the description of a method of {', '.join(_KINDS)}")
+    made = record(kind, data)
+    entries = len(getattr(made, "start", ()))
+    if entries not in (0, made.coordinates, 2 * made.coordinates):
+        raise ValueError(f"expected a start of {made.coordinates} coordinates, got {entries} numbers")
+    return made
+
+
+def kernel_infos(kernels: Iterable[Any]) -> tuple[KernelInfo, ...]:
+    """Return what the runtime keeps of the kernels of a program."""
+    return tuple(
+        KernelInfo(
+            k.name,
+            k.work_size,
+            "u" in k.reads,
+            k.out_size,
+            {kind: getattr(k.counts, kind) for kind in ("add", "mul", "div", "neg", "call", "flops")},
+            tuple(
+                BlockInfo(b.name, b.offset, b.shape, b.unit, b.description, b.rows, b.columns)
+                for b in k.blocks
+            ),
+        )
+        for k in kernels
+    )

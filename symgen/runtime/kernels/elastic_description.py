@@ -1,0 +1,26 @@
+"""What the runtime needs to know of the elastic links of a linkage, besides the code."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from symgen.runtime.beams.data import BeamInfo
+
+
+@dataclass(frozen=True, slots=True)
+class ElasticInfo:
+    """Elastic links, the crank, and where strains are asked for.
+
+    ``stations`` are pairs of a name and a link, ``lumps`` and ``loads`` the links of the masses and forces
+    along links, all in the order of the rows that kernels give. ``outputs`` are those the scene selects.
+    ``shaft_alone``: nothing but the shaft of the crank and damping of the links does work over a revolution.
+    """
+
+    beams: tuple[BeamInfo, ...]
+    crank: str
+    mode: str
+    stations: tuple[tuple[str, str], ...]
+    lumps: tuple[str, ...]
+    loads: tuple[str, ...]
+    outputs: tuple[str, ...] | None = None
+    shaft_alone: bool = False

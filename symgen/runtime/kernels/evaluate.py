@@ -1,0 +1,136 @@
+"""Kernels as functions of NumPy arrays."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symgen.errors import ModelError
+from symgen.runtime import _core
+from symgen.runtime.kernels.description import BlockInfo, Description, KernelInfo
+from symgen.runtime.kernels.library import Library
+from symgen.runtime.kernels.tangent import places
+from symgen.runtime.kernels.typed import Typed
+
+Array = NDArray[np.float64]
+
+
+class Evaluator:
+    """Calls the kernels of one model at one set of parameters."""
+
+    def __init__(self, description: Description, library: Library, parameters: Array) -> None:
+        self.description, self.library = description, library
+        self.given = np.array(parameters, dtype=float)
+        self.work_size = description.work_size
+        self._infos = {k.name: k for k in description.kernels}
+        outputs = self._infos.get("outputs")
+        #: Whether the places of the points are all that the scene's outputs depend on.
+        self.outputs_by_places = outputs is not None and not (outputs.reads_rates or outputs.work_size)
+
+    @cached_property
+    def parameters(self) -> Array:
+        """The parameters as the kernels take them: see :func:`as_taken`."""
+        return as_taken(self.library, self.given, self.description.rank_tolerance)
+
+    def has(self, kernel: str) -> bool:
+        """Tell whether the model has this kernel."""
+        return kernel in self.library.addresses
+
+    def find(self, kernel: str) -> KernelInfo | None:
+        """Return what is known of a kernel, None when the model has none of that name."""
+        return self._infos.get(kernel)
+
+    def info(self, kernel: str) -> KernelInfo:
+        """Return what is known of a kernel; raise ModelError when the model has none of that name."""
+        info = self.find(kernel)
+        if info is None:
+            raise ModelError(f"{self.description.name} has no kernel {kernel!r}")
+        return info
+
+    def __call__(self, kernel: str, t: float, q: Array, u: Array, work: Array | None = None) -> Array:
+        """Return the ``out`` array of a kernel."""
+        info, address = self.info(kernel), self.library.addresses[kernel]
+        sizes = (*self.description.sizes, info.work_size, info.out_size)
+        q, u = np.ascontiguousarray(q, dtype=float), np.ascontiguousarray(u, dtype=float)
+        return _core.evaluate(address, sizes, t, q, u, self.parameters, work)
+
+    def blocks(
+        self, kernel: str, t: float, q: Array, u: Array, work: Array | None = None
+    ) -> dict[str, Array]:
+        """Return the results of a kernel by name, shaped."""
+        out = self(kernel, t, q, u, work)
+        return {b.name: part(out, b) for b in self.info(kernel).blocks}
+
+    def equations(
+        self,
+        redundant: int = 0,
+        slack: float = np.inf,
+        work_of_loads: bool = True,
+        *,
+        stabilisation: float = 0.0,
+        tangent: Evaluator | None = None,
+        typed: Typed | None = None,
+    ) -> _core.Equations:
+        """Return the compiled view of the kernels, which solves and steps; of those of a type, if given.
+
+        The work of loads without potential is integrated along where there is any, unless told not to.
+        ``stabilisation`` is the rate [1/s] of Baumgarte's terms, ``tangent`` the kernels of the analysis of
+        that name, for implicit methods.
+        """
+        d = self.description
+        own = typed if typed and not typed.is_plain else None
+        library = own.kernels(False) if own else self.library
+        addresses = library.addresses
+        entries = None
+        if tangent is not None:
+            # It is of other equations, with a set-up of its own, which is not called for these.
+            theirs = tangent.library.addresses
+            addresses = {
+                **addresses,
+                "tangent": theirs["tangent"],
+                "tangent_setup": theirs.get("setup", 0),
+            }
+            entries = places(d, tangent.description)
+        return _core.Equations(
+            addresses,
+            d.coordinates,
+            len(d.constraints),
+            int(d.work_of_loads and work_of_loads),
+            self.given,
+            self.work_size,
+            d.first_pivot,
+            own.precision.coarsened(d.rank_tolerance) if own else d.rank_tolerance,
+            redundant,
+            slack,
+            events=len(d.events),
+            switches=len(d.switches),
+            windings=d.windings,
+            turns=len(d.turns),
+            core=own.stepping if own else _core.DOUBLE,
+            stabilisation=stabilisation,
+            tangent=() if entries is None else entries,
+            derived=library.derived,
+            tangent_derived=tangent.library.derived if tangent else 0,
+        )
+
+
+def as_taken(library: Library, values: Sequence[float] | Array, rank_tolerance: float = 0.0) -> Array:
+    """Return parameters in double precision as the kernels of a library take them.
+
+    They are those given, then what the kernel 'setup' makes of them, and the rank tolerance. Runs do the same
+    in their own type, in ``set_up`` of the core, and batches in the generated C.
+    """
+    taken = np.array([*values, *np.zeros(library.derived), rank_tolerance])
+    if library.derived:
+        _core.set_up(library.addresses["setup"], taken, len(values), library.derived)
+    return taken
+
+
+def part(out: Array, block: BlockInfo) -> Array:
+    """Return one block of an ``out`` array (or of rows of them), shaped; single columns lose that axis."""
+    rows, columns = block.shape
+    flat = out[..., block.offset : block.offset + rows * columns]
+    return flat if columns == 1 else flat.reshape((*out.shape[:-1], rows, columns))

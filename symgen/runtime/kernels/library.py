@@ -1,0 +1,213 @@
+"""Kernels in memory: a shared library, a shipped extension module, or the NumPy backend."""
+
+from __future__ import annotations
+
+import ctypes
+import importlib
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import ModuleType
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from symgen.errors import StaleBinaryError
+from symgen.precision import FLOAT64, Precision
+from symgen.runtime.kernels.description import Described
+
+if TYPE_CHECKING:
+    from symgen.runtime._core import Core
+
+_KERNEL = ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * 6)
+
+
+@dataclass(frozen=True)
+class Library:
+    """Kernels of one model.
+
+    Parameters
+    ----------
+    backend
+        What they are: ``c``, ``shipped``, ``numpy`` or ``mpmath``.
+    addresses
+        Address of each by name.
+    owner
+        Keeps them alive.
+    derived
+        How many numbers the kernel 'setup' leaves behind the parameters; 0 where there is none.
+    functions
+        Those in Python, each taking arrays (entries, states); empty for all others.
+    provenance
+        What decides the last bits of their results.
+    """
+
+    backend: str
+    addresses: Mapping[str, int]
+    owner: Any
+    derived: int = 0
+    functions: Mapping[str, Callable[..., None]] = field(default_factory=dict)
+    provenance: Mapping[str, str] = field(default_factory=dict)
+
+
+def open_library(path: Path, description: Described) -> Library:
+    """Open a compiled shared library and check that it computes the described equations.
+
+    Raises
+    ------
+    StaleBinaryError
+        When it was compiled from other equations, or cannot be opened.
+    """
+    try:
+        library = ctypes.CDLL(str(path))
+        tag = (
+            (ctypes.c_char * 65)
+            .in_dll(library, f"{description.name}_equations")
+            .value.decode("ascii", "replace")
+        )
+        functions = {k.name: getattr(library, f"{description.name}_{k.name}") for k in description.kernels}
+    except (OSError, ValueError, AttributeError) as error:
+        raise StaleBinaryError(f"cannot use the compiled kernels {path}: {error}") from None
+    _check_tag(tag, description.equations, str(path))
+    addresses = {name: ctypes.cast(f, ctypes.c_void_p).value or 0 for name, f in functions.items()}
+    return Library("c", addresses, library, description.derived)
+
+
+def open_core(path: Path) -> Core:
+    """Open a core of runs that was compiled for another type than double.
+
+    Raises
+    ------
+    StaleBinaryError
+        When it cannot be opened, or does not go with this version of symgen.
+    """
+    from symgen.runtime._core import Core
+
+    try:
+        library = ctypes.CDLL(str(path))
+        table = ctypes.c_char.in_dll(library, "symgen_core")
+        return Core(ctypes.addressof(table), library)
+    except (OSError, ValueError) as error:
+        raise StaleBinaryError(f"cannot use the compiled core {path}: {error}") from None
+
+
+def open_shipped(description: Described) -> Library | None:
+    """Return the kernels compiled at install when they are of exactly these equations, else None."""
+    try:
+        module = shipped_module(description.name)
+    except ImportError:
+        return None
+    if description.equations != module.EQUATIONS:
+        return None
+    return Library("shipped", module.ADDRESSES, module, description.derived)
+
+
+def shipped_module(name: str) -> ModuleType:
+    """Import a shipped extension module, refusing one that does not belong to the manifest beside it.
+
+    Raises
+    ------
+    ImportError
+        When no such module was compiled.
+    StaleBinaryError
+        When it was compiled from other equations than ``generated/manifest.json`` lists.
+    """
+    package = importlib.import_module("symgen.generated")
+    manifest = json.loads(
+        (Path(str(package.__file__)).with_name("manifest.json")).read_text(encoding="utf-8")
+    )
+    module = importlib.import_module(f"symgen.generated.{name}")
+    expected = manifest["models"][name]["equations"]
+    _check_tag(module.EQUATIONS, expected, f"symgen.generated.{name}")
+    return module
+
+
+def _check_tag(tag: str, expected: str, what: str) -> None:
+    if tag != expected:
+        raise StaleBinaryError(
+            f"{what} was compiled from the equations {tag[:12]}..., expected {expected[:12]}...\n"
+            "  Compile it again: 'pip install -e .' in a checkout, 'symgen cache clear' for a scene."
+        )
+
+
+def open_numpy(source: str, description: Described, precision: Precision = FLOAT64) -> Library:
+    """Return the kernels of the NumPy backend from their generated Python source."""
+    functions = {name: _quietly(f) for name, f in _defined(source, description, "NumPy").items()}
+    return _in_python("numpy", functions, description, np.dtype(precision.dtype))
+
+
+def open_mpmath(source: str, description: Described, digits: int) -> Library:
+    """Return the kernels of the mpmath backend; behind addresses, their arrays are in double precision."""
+    import mpmath
+
+    def in_digits(function: Callable[..., None]) -> Callable[..., None]:
+        def kernel(t: Any, q: Any, u: Any, p: Any, work: Any, out: Any) -> None:
+            with mpmath.workdps(digits):
+                for state in range(1 if out is None or out.ndim == 1 else out.shape[1]):
+                    given = [_numbers(a, state, mpmath) for a in (t, q, u, p, work, out)]
+                    try:
+                        function(*given)
+                    except ZeroDivisionError:
+                        given[5] = [mpmath.nan] * len(given[5])
+                    for array, values in zip((work, out), given[4:], strict=True):
+                        if array is not None:
+                            _column(array, state)[:] = [_real(x, mpmath) for x in values]
+
+        return kernel
+
+    functions = {name: in_digits(f) for name, f in _defined(source, description, "mpmath").items()}
+    return _in_python("mpmath", functions, description, np.dtype(np.float64))
+
+
+def _column(array: Any, state: int) -> Any:
+    """Return the entries of one state; parameters are the same for all."""
+    return array if array.ndim == 1 else array[:, min(state, array.shape[1] - 1)]
+
+
+def _numbers(array: Any, state: int, mpmath: Any) -> list[Any]:
+    return [] if array is None else [mpmath.mpf(x) for x in _column(array, state)]
+
+
+def _real(value: Any, mpmath: Any) -> Any:
+    """Return a real number; what has none, such as the root of a negative one, is not a number."""
+    return value if isinstance(value, mpmath.mpf) else mpmath.nan
+
+
+def _defined(source: str, description: Described, what: str) -> dict[str, Callable[..., None]]:
+    namespace: dict[str, Any] = {}
+    exec(compile(source, f"<{description.name} {what} kernels>", "exec"), namespace)  # noqa: S102 - our own code
+    _check_tag(namespace["equations"], description.equations, f"the {what} kernels")
+    return {k.name: namespace[k.name] for k in description.kernels}
+
+
+def _quietly(function: Callable[..., None]) -> Callable[..., None]:
+    def kernel(*arrays: Any) -> None:
+        with np.errstate(all="ignore"):
+            function(*arrays)
+
+    return kernel
+
+
+def _in_python(
+    backend: str, functions: Mapping[str, Callable[..., None]], description: Described, dtype: Any
+) -> Library:
+    callbacks = {}
+    for kernel in description.kernels:
+        entries = (*description.sizes, kernel.work_size, kernel.out_size)
+        sizes = tuple(dtype.itemsize * k for k in entries)
+        callbacks[kernel.name] = _KERNEL(_over_pointers(functions[kernel.name], sizes, dtype))
+    addresses = {name: ctypes.cast(c, ctypes.c_void_p).value or 0 for name, c in callbacks.items()}
+    return Library(backend, addresses, callbacks, description.derived, functions)
+
+
+def _over_pointers(function: Callable[..., None], sizes: tuple[int, ...], dtype: Any) -> Callable[..., None]:
+    def kernel(*pointers: int | None) -> None:
+        function(
+            *(
+                np.frombuffer((ctypes.c_char * n).from_address(p), dtype) if p and n else None  # type: ignore[call-overload]
+                for p, n in zip(pointers, sizes, strict=True)
+            )
+        )
+
+    return kernel

@@ -1,0 +1,53 @@
+"""Kernels in the type that a model was asked for, beside those in double precision that all else uses."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from symgen.precision import FLOAT64, Precision
+from symgen.runtime._core import DOUBLE, Core
+from symgen.runtime.kernels.library import Library
+
+
+@dataclass(frozen=True, slots=True)
+class Typed:
+    """Kernels of one scene in one type.
+
+    Parameters
+    ----------
+    precision
+        The type of their numbers.
+    digits
+        Digits of kernels in mpmath, which have no such type; 0 for all others.
+    kernels
+        Gives the kernels, made when first asked for: of one state a call, or of many when given true.
+    core
+        Gives the core of runs in the type, made when first asked for.
+    """
+
+    precision: Precision
+    digits: int
+    kernels: Callable[[bool], Library]
+    core: Callable[[], Core]
+
+    @property
+    def is_plain(self) -> bool:
+        """Whether they are what all else uses too."""
+        return not self.digits and self.precision is FLOAT64
+
+    @property
+    def stepping(self) -> Core:
+        """The core that runs of these kernels go through; those in mpmath hand it doubles."""
+        return DOUBLE if self.is_plain or self.digits else self.core()
+
+
+def library_of_runs(library: Library, typed: Typed | None) -> Library:
+    """Return the kernels that runs go through: typed ones, where given."""
+    return typed.kernels(False) if typed and not typed.is_plain else library
+
+
+def made_with(library: Library, typed: Typed | None) -> dict[str, str]:
+    """Return what the kernels of runs were made with and where they come from: typed ones, where given."""
+    chosen = library_of_runs(library, typed)
+    return {"backend": chosen.backend, **chosen.provenance}

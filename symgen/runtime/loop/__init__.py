@@ -1,0 +1,1 @@
+"""Closed loops of links: models, following and motion."""

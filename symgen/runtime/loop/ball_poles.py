@@ -1,0 +1,46 @@
+"""Poles of the three angles of ball joints: poses at which angles lose rank although the loop does not."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symgen.runtime.closure.mobility import scaled_screws
+from symgen.runtime.loop.frames import standing
+from symgen.runtime.loop.kernels import LoopKernels
+
+Array = NDArray[np.float64]
+
+#: Change of the angles by which their effect on the links is judged [rad], and the part of it that is none.
+_STEP, _MOVES = 1e-4, 1e-6
+#: Least singular value, of the largest, of angles that are far from a pole; its multiple that moves no link.
+_FAR, _MARGIN = 1e-2, 30.0
+#: Least part of a variable that counts.
+_TAKES_PART = 1e-3
+
+
+def ball_pole(kernels: LoopKernels, t: float, q: Array) -> list[str]:
+    """Return the angles whose split a pole leaves undetermined; none where the loop itself loses rank.
+
+    At a pole the least held combination of the dependent variables moves no link, but for the spin of a link
+    about the line of its two balls: it belongs to the angles and not to the mechanism.
+    """
+    d = kernels.description
+    solved = d.having("dependent")
+    if "S" not in d.joints or not solved:
+        return []
+    scale = np.array([d.size if v.is_length else 1.0 for v in d.variables])
+    _, values, right = np.linalg.svd(scaled_screws(kernels, t, q)[:, solved])
+    least = float(values[-1] / values[0]) if len(values) == len(solved) else 0.0
+    if least > _FAR:
+        return []
+    weakest = np.zeros(len(scale))
+    weakest[solved] = right[len(solved) - 1]
+    part = np.flatnonzero(np.abs(weakest) > _TAKES_PART * np.max(np.abs(weakest)))
+    rows = {d.variables[j].row for j in part}
+    own = all(v.role == "dependent" for v in d.variables if v.row in rows)
+    if not own or any(d.joints[k] != "S" for k in rows):
+        return []
+    ahead, behind = (standing(kernels, t, q + x * scale * weakest) for x in (_STEP, -_STEP))
+    moved = float(np.max(np.abs(ahead - behind))) / (2.0 * _STEP)
+    return [d.variables[j].name for j in part] if moved < _MOVES + _MARGIN * least else []

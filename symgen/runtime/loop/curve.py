@@ -1,0 +1,167 @@
+"""A driven loop followed by arc length, through the values at which its input turns back."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symgen.errors import SimulationError
+from symgen.runtime.closure.start import Closed
+from symgen.runtime.loop.ball_poles import ball_pole
+from symgen.runtime.loop.kernels import LoopKernels
+from symgen.runtime.rods.continuation import Curve, CurvePoint
+
+Array = NDArray[np.float64]
+
+_MOST, _EXACT = 100_000, 1e-11
+#: Points after which a pole of angles is looked for: a revolution has about a hundred.
+_LOOK = 300
+
+
+class LoopBonds:
+    """Closure as constraints in metres: angles and rotations times the size of the loop.
+
+    The unknowns are the dependent variables, angles times the size, so that a curve has one unit.
+    """
+
+    def __init__(self, kernels: LoopKernels, q: Array) -> None:
+        d = kernels.description
+        self.kernels, self.whole, self.solved = kernels, q.copy(), d.having("dependent")
+        self.scale = np.array([1.0 if v.is_length else d.size for v in d.variables])
+        self.size = d.size
+
+    def pose(self, x: Array, t: float) -> Array:
+        """Return all variables [rad, m] at the unknowns x [m] and the time t [s]."""
+        q = self.whole.copy()
+        q[self.solved] = x / self.scale[self.solved]
+        q[self.kernels.inputs] = self.kernels.prescribed(t)[:, 0]
+        return q
+
+    def unknowns(self, q: Array) -> Array:
+        """Return the unknowns [m] of a pose."""
+        found: Array = (q * self.scale)[self.solved]
+        return found
+
+    def residual(self, x: Array, t: float) -> Array:
+        """Return the small rotation, times the size, and the displacement by which the loop is open [m]."""
+        e = self._position(x, t)["closure_defect"]
+        turn = 0.5 * np.array([e[2, 1] - e[1, 2], e[0, 2] - e[2, 0], e[1, 0] - e[0, 1]])
+        return np.concatenate([self.size * turn, e[:, 3]])
+
+    def jacobian(self, x: Array, t: float) -> Array:
+        """Return its derivative by the unknowns [1], shape (6, unknowns)."""
+        jacobian: Array = self._screws(x, t)[:, self.solved] / self.scale[self.solved]
+        return jacobian
+
+    def drift(self, x: Array, t: float) -> Array:
+        """Return its rate at fixed unknowns [m/s]."""
+        inputs = self.kernels.inputs
+        drift: Array = self._screws(x, t)[:, inputs] @ self.kernels.prescribed(t)[:, 1]
+        return drift
+
+    def _screws(self, x: Array, t: float) -> Array:
+        screws = self._position(x, t)["closure_jacobian"].copy()
+        screws[:3] *= self.size
+        return screws
+
+    def _position(self, x: Array, t: float) -> dict[str, Array]:
+        q = self.pose(x, t)
+        return self.kernels("position", t, q, np.zeros_like(q))
+
+
+def walk(kernels: LoopKernels, begin: Closed, stop: float, samples: int) -> tuple[Array, Array, list[float]]:
+    """Follow the closed loop by arc length till its input leaves the range or the curve closes.
+
+    Parameters
+    ----------
+    begin
+        The pose at the beginning of the range.
+    stop
+        The time at which the range ends [s].
+    samples
+        How many poses to return, at equal distances along the curve.
+
+    Returns
+    -------
+    tuple
+        Times, poses (samples, variables), and the times at which the input turns back.
+
+    Raises
+    ------
+    SimulationError
+        When the curve cannot be followed from its beginning.
+    """
+    bonds = LoopBonds(kernels, begin.q)
+    curve = Curve(bonds, bonds.size, abs(stop - begin.t))
+    if np.max(np.abs(bonds.residual(bonds.unknowns(begin.q), begin.t))) > _EXACT * bonds.size:
+        raise SimulationError(
+            f"the loop closes within its assembly tolerance only at {kernels.value_at(begin.t)}, and turning "
+            "points of the input are followed where a loop closes exactly\n  Evaluate it without through.",
+            time=begin.t,
+        )
+    onward = np.append(np.zeros(len(bonds.solved)), np.sign(stop - begin.t))
+    start = curve.point(curve.join(bonds.unknowns(begin.q), begin.t), onward)
+    ends = min(begin.t, stop), max(begin.t, stop)
+    path = curve.walk(start, ends, True, _LOOK)
+    if len(path) >= _LOOK:
+        _check_pole(kernels, bonds, curve, path[-1])
+        path = curve.walk(start, ends, True, _MOST)
+    low, high = (e / curve.duration for e in ends)
+    outside = next((i for i, p in enumerate(path) if i and not low <= p.x[-1] <= high), len(path))
+    path = path[: outside + 1]  # a turn of the input beyond the range is not gone through
+    if len(path) < 2:
+        raise SimulationError(
+            f"the loop cannot be followed from {kernels.value_at(begin.t)}: its screws lose rank there",
+            time=begin.t,
+        )
+    turning = [
+        float(b.x[-1] * curve.duration)
+        for a, b, c in zip(path, path[1:], path[2:], strict=False)
+        if (b.x[-1] - a.x[-1]) * (c.x[-1] - b.x[-1]) < 0.0
+    ]
+    points = _resampled(curve, _inside(curve, path, low, high), samples)
+    split = [curve.split(p.x) for p in points]
+    return (
+        np.array([t for _, t in split]),
+        np.array([bonds.pose(x, t) for x, t in split]),
+        turning,
+    )
+
+
+def _check_pole(kernels: LoopKernels, bonds: LoopBonds, curve: Curve[LoopBonds], last: CurvePoint) -> None:
+    """Refuse to go past a pole of angles that is missed by little: the way about it is too long."""
+    x, t = curve.split(last.x)
+    if names := ball_pole(kernels, t, bonds.pose(x, t)):
+        raise SimulationError(
+            f"the loop cannot be followed by arc length at {kernels.value_at(t)}: it misses by little a "
+            f"pole of the angles {', '.join(names)} of a ball joint, which is no singularity of the loop\n"
+            "  Evaluate it without through, which steps over such poles, or turn the axes of the rows next "
+            "to the ball (theta, alpha) so that its pole lies elsewhere.",
+            time=t,
+        )
+
+
+def _inside(curve: Curve[LoopBonds], path: list[CurvePoint], low: float, high: float) -> list[CurvePoint]:
+    """Return the path with its last point, where that left the range, put back to the end itself."""
+    last = path[-1]
+    if low <= last.x[-1] <= high:
+        return path
+    duration = curve.duration
+    end = curve.at_time(path[-2], last, duration * (high if last.x[-1] > high else low))
+    return [*path[:-1], *([end] if end is not None else [])]
+
+
+def _resampled(curve: Curve[LoopBonds], path: list[CurvePoint], samples: int) -> list[CurvePoint]:
+    """Return points at equal distances along the path."""
+    along = np.concatenate([[0.0], np.cumsum([np.linalg.norm(b.x - a.x) for a, b in pairwise(path)])])
+    found = []
+    for s in np.linspace(0.0, along[-1], samples):
+        i = min(max(int(np.searchsorted(along, s)), 1), len(path) - 1)
+        part = float((s - along[i - 1]) / (along[i] - along[i - 1]))
+        point = path[i - 1] if part <= 0.0 else path[i] if part >= 1.0 else None
+        point = point or curve.between(path[i - 1], path[i], part)
+        if point is not None:
+            found.append(point)
+    return found

@@ -1,0 +1,366 @@
+"""Following a driven loop over values of its input."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symgen.errors import ModelError, SimulationError
+from symgen.runtime import _core, _loop
+from symgen.runtime.closure.assemblies import same_assembly
+from symgen.runtime.closure.redundancy import component_names, note, ranges_of, undetermined
+from symgen.runtime.closure.start import Closed
+from symgen.runtime.kernels.description import LoopDescription
+from symgen.runtime.kernels.typed import made_with
+from symgen.runtime.loop.curve import walk
+from symgen.runtime.loop.following import follow_over
+from symgen.runtime.loop.kernels import LoopKernels, in_words
+from symgen.runtime.loop.limits import Samples, of_blind, refine
+from symgen.runtime.loop.obstacles import why_stopped
+from symgen.runtime.loop.poles import PoleAt, beside_pole, poles
+from symgen.runtime.result.result import Drift, Variable
+from symgen.runtime.result.turn import Pole, Turn, converters, variables
+
+Array = NDArray[np.float64]
+
+#: Parts of the range that are the longest step.
+PARTS = 36
+#: Where following would take hours, and angles lose their digits.
+_FARTHEST = 1e6
+#: Defect of closure above rounding.
+_CLOSED = 1e-11
+#: Units of outputs of the motion alone.
+_OF_MOTION = {"m", "m/s", "m/s^2", "rad", "rad/s", "rad/s^2"}
+#: Components named in a note; the result lists all.
+_SHOWN = 6
+
+
+def follow(
+    kernels: LoopKernels,
+    begin: Closed,
+    values: Array | None = None,
+    times: Array | None = None,
+    forces: bool = True,
+) -> Turn:
+    """Return the loop at values of its first input, or at times, followed from a closed pose on one branch.
+
+    Without ``forces`` outputs of the motion alone are returned.
+
+    Raises
+    ------
+    ModelError
+        When the loop has no input, or free variables besides.
+    SimulationError
+        When the loop cannot be followed to a value, naming it and the row that holds it; the error carries
+        what was reached.
+    """
+    d = kernels.description
+    driven(d)
+    over = "input" if times is None else "time"
+    if times is not None:
+        values = kernels.leads_at(times)[:, 0] if len(times) and np.all(np.isfinite(times)) else times
+    if values is None or not len(values) or not np.all(np.isfinite(values)):
+        raise ModelError(f"expected finite values of the {over}, at least one")
+    if np.max(np.abs(values)) > _FARTHEST * (d.size if kernels.lead.is_length else 1.0):
+        raise ModelError(
+            f"expected values of {kernels.lead.name} below {_FARTHEST:g} radians or sizes of the loop"
+        )
+    begun = time.perf_counter()
+    times = kernels.times_of(values) if times is None else times
+    equations = kernels.stepping(d.having("dependent"), begin.rank)
+    order = np.argsort(times, kind="stable")
+    ahead = times[order]
+    first = int(np.searchsorted(ahead, begin.t))  # those before it are followed backwards
+    rows = _rows(d, len(times))
+    failed, low, high = None, first, first
+    for way in (slice(None, first), slice(first, None)):  # of two ends the earlier is reported
+        wanted = ahead[way] if way.start is not None else ahead[way][::-1].copy()
+        if not len(wanted):
+            continue
+        made = tuple(a[way] for a in rows) if way.start is not None else _rows(d, first)
+        longest = max(abs(wanted[-1] - begin.t), 1e-12) / PARTS
+        q = np.append(begin.q, 0.0)  # in the end the last pose that was reached
+        status, count, at = follow_over(kernels, equations, begin.t, q, wanted, longest, made)
+        if way.start is not None:
+            high = first + count
+        else:
+            low = first - count
+            for whole, found in zip(rows, made, strict=True):
+                whole[low:first] = found[:count][::-1]
+        if status != _core.DONE and failed is None:
+            failed = status, at, q[:-1], float(wanted[min(count, len(wanted) - 1)])
+    kept = order[low:high]
+    states, out, diagnosis = (a[low:high] for a in rows)
+    if np.any(np.diff(kept) < 0):
+        asked = np.argsort(kept)
+        kept, states, out, diagnosis = kept[asked], states[asked], out[asked], diagnosis[asked]
+    if failed and not len(kept):
+        raise SimulationError(why_stopped(kernels, equations, *failed), time=failed[1])
+    turn = _recorded(
+        kernels,
+        begin,
+        times[kept],
+        states,
+        out,
+        diagnosis,
+        values[kept],
+        time.perf_counter() - begun,
+        over,
+        forces,
+    )
+    if failed:
+        raise SimulationError(why_stopped(kernels, equations, *failed), time=failed[1], partial=turn)
+    return turn
+
+
+def follow_through(
+    kernels: LoopKernels, begin: Closed, stop: float, samples: int, forces: bool = True
+) -> Turn:
+    """Return the loop by equal parts of the way from the closed pose, beyond where its input turns back.
+
+    Poses at which the input turns back, where rates have no bound, are left out; the notes tell them.
+
+    Raises
+    ------
+    ModelError
+        As :func:`follow`.
+    SimulationError
+        When the curve cannot be followed from its beginning.
+    """
+    d = kernels.description
+    begun = time.perf_counter()
+    times, poses, turning = walk(kernels, begin, kernels.time_of(stop), samples)
+    equations = kernels.stepping(d.having("dependent"), begin.rank)
+    count = len(times)
+    rows = _rows(d, count)
+    kept = [
+        i
+        for i in range(count)
+        if equations.follow(
+            times[i], np.append(poses[i], 0.0), times[i : i + 1], 1.0, *(a[i : i + 1] for a in rows)
+        )[0]
+        == _core.DONE
+    ]
+    states, out, diagnosis = (a[kept] for a in rows)
+    values = np.array([kernels.lead_at(t)[0] for t in times[kept]])
+    wall = time.perf_counter() - begun
+    turn = _recorded(kernels, begin, times[kept], states, out, diagnosis, values, wall, "input", forces)
+    first = kernels.lead
+    ends = ", ".join(kernels.value_at(t).partition(" = ")[2] for t in turning[:_SHOWN])
+    if not turning:
+        return turn
+    more = ", ..." if len(turning) > _SHOWN else ""
+    told = f"{first.name} turns back at {ends}{more}, where rates have no bound"
+    return replace(turn, notes=(told, *turn.notes))
+
+
+def followed(kernels: LoopKernels, begin: Closed, value: float) -> Closed:
+    """Return the closed pose at a value of the first input, followed from another one.
+
+    Raises
+    ------
+    SimulationError
+        When it cannot be followed there.
+    """
+    t, states = moving(kernels, begin, value)
+    return Closed(t, states[: kernels.description.coordinates].copy(), begin.rank)
+
+
+def moving(kernels: LoopKernels, begin: Closed, value: float) -> tuple[float, Array]:
+    """Return time and state at a value of the first input: variables, rates, accelerations, closing wrench.
+
+    Raises
+    ------
+    SimulationError
+        When it cannot be followed there.
+    """
+    d = kernels.description
+    equations, t = kernels.equations(d.having("dependent"), begin.rank), kernels.time_of(value)
+    rows, q = _rows(d, 1), np.append(begin.q, 0.0)
+    longest = max(abs(t - begin.t), 1e-12) / PARTS
+    status, _, at = follow_over(kernels, equations, begin.t, q, np.array([t]), longest, rows)
+    if status != _core.DONE:
+        raise SimulationError(why_stopped(kernels, equations, status, at, q[:-1], t), time=at)
+    return t, rows[0][0]
+
+
+def _rows(d: LoopDescription, count: int) -> tuple[Array, Array, Array]:
+    """Return arrays for states, outputs and diagnosis of so many samples."""
+    info = d.kernel("outputs")
+    size = info.out_size if info else 0
+    return np.zeros((count, 3 * d.coordinates + 7)), np.zeros((count, size + 1)), np.zeros((count, 5))
+
+
+def driven(d: LoopDescription) -> None:
+    """Check that inputs alone move the loop; raise ModelError otherwise."""
+    free = [v.name for v in d.variables if v.role == "free"]
+    if free:
+        raise ModelError(
+            f"{d.name} has free variables ({', '.join(free)}): its motion follows from forces\n"
+            "  Run it in time ('symgen run SCENE', model.simulate()), or make them inputs."
+        )
+    if not d.having("input"):
+        raise ModelError(f"{d.name} has no input: nothing moves. Give one under loop.inputs")
+
+
+def _recorded(
+    kernels: LoopKernels,
+    begin: Closed,
+    times: Array,
+    states: Array,
+    out: Array,
+    diagnosis: Array,
+    values: Array,
+    wall: float,
+    over: str,
+    forces: bool,
+) -> Turn:
+    d = kernels.description
+    equations = kernels.equations(d.having("dependent"), begin.rank)
+    limits = tuple(refine(kernels, equations, begin, Samples(times, states, out, diagnosis)))
+    told: list[Pole] = []
+    if forces:
+        told = [_pole(kernels, p) for p in poles(kernels, equations, times, states, diagnosis)]
+    made = _known(kernels, equations, times, states, out, diagnosis, told)
+    blind = diagnosis[:, _loop.STATUS] == _loop.BLIND  # of those that have no limit
+    masks = {name: mask & ~blind[:, None] for name, mask in undetermined(kernels, times, states).items()}
+    ranges = ranges_of(made, masks) if forces else {}
+    if not forces:
+        info = d.kernel("outputs")
+        moved = {b.name for b in info.blocks if b.unit in _OF_MOTION} if info else set()
+        made = tuple(v for v in made if v.name in moved)
+    first = kernels.lead
+    unit, size = converters(d)[first.unit]
+    last = {v.name: np.atleast_1d(v.values[-1]).tolist() if len(times) else [] for v in made}
+    end = float(times[-1]) if len(times) else begin.t
+    closure = float(np.max(diagnosis[:, _loop.CLOSURE], initial=0.0))
+    rates = float(np.max(diagnosis[:, _loop.RATES], initial=0.0))
+    return Turn(
+        name=d.name,
+        title=d.title,
+        axes=("x", "y", "z"),
+        time=times,
+        variables=made,
+        drift=Drift(closure * d.size, rates, math.nan, math.nan),
+        final={name: {"value": v[0] if len(v) == 1 else v} for name, v in last.items()},
+        statistics={
+            "input": first.name,
+            "over": over,
+            "unit": unit,
+            "values": (values / size).tolist(),
+            "t": end,
+            "steps": len(times),
+            "closure": closure,
+            "least_singular": float(np.min(diagnosis[:, _loop.SOUNDNESS], initial=1.0)),
+            "rank": begin.rank,
+            "poles": [asdict(p) for p in told],
+            "undetermined": ranges,
+            "wall_s": wall,
+        },
+        provenance={
+            "equations": d.equations,
+            "method": "closure",
+            "t_end": end,
+            **made_with(kernels.library, kernels.typed),
+            "parameters": {p.name: x for p, x in zip(d.parameters, kernels.given.tolist(), strict=True)},
+        },
+        notes=(
+            *_of_open(kernels, closure),
+            *of_blind(kernels, times[blind]),
+            *limits,
+            *_notes(kernels, times, states, told, ranges),
+        ),
+    )
+
+
+def _known(
+    kernels: LoopKernels,
+    equations: _loop.LoopEquations,
+    times: Array,
+    states: Array,
+    out: Array,
+    diagnosis: Array,
+    told: Sequence[Pole],
+) -> tuple[Variable, ...]:
+    """Return the outputs, not a number where a pole stands or forces cannot be found."""
+    d = kernels.description
+    met = diagnosis[:, _loop.STATUS] == _loop.POLE
+    for k in np.flatnonzero(met):
+        out[k] = beside_pole(kernels, equations, float(times[k]), states[k, : d.coordinates], out[k])
+    made = tuple(variables(d, out))
+    blind = diagnosis[:, _loop.STATUS] == _loop.BLIND
+    placed = {x.name for x in d.variables}
+    for v in made:
+        columns = v.values.reshape(len(times), -1)
+        for i, name in enumerate(component_names(v)):
+            if any(name in p.residues for p in told):
+                columns[met, i] = np.nan
+        if v.name not in placed:
+            v.values[blind] = np.nan
+    return made
+
+
+def _pole(kernels: LoopKernels, pole: PoleAt) -> Pole:
+    """Return a pole in the scene's units, by the value of the input."""
+    d = kernels.description
+    first = kernels.lead
+    value, rate, _ = kernels.lead_at(pole.t)
+    units = converters(d)
+    size = units[first.unit][1]
+    info = d.kernel("outputs")
+    residues = {}
+    for b in info.blocks if info else ():
+        entries = np.atleast_1d(pole.residue[b.name]).ravel() * rate / units[b.unit][1] / size
+        for c, x in zip(b.rows if len(entries) > 1 else ("",), entries.tolist(), strict=True):
+            if x:
+                residues[f"{b.name}.{c}" if c else b.name] = x
+    largest = max(map(abs, residues.values()), default=0.0)
+    return Pole(float(value) / size, {k: x for k, x in residues.items() if abs(x) > 1e-12 * largest})
+
+
+def _of_open(kernels: LoopKernels, closure: float) -> Iterator[str]:
+    """Yield the defect of closure of a loop that closes only within its assembly tolerance."""
+    d = kernels.description
+    if closure > _CLOSED and d.assembly_tolerance:
+        yield (
+            f"the loop closes by least squares only, to {closure * d.size:.2g} m (rotations times its size, "
+            f"{d.size:.4g} m), within the assembly tolerance of {d.assembly_tolerance:.2g} m"
+        )
+
+
+def _notes(
+    kernels: LoopKernels,
+    times: Array,
+    states: Array,
+    told: list[Pole],
+    ranges: Mapping[str, Sequence[Sequence[int]]],
+) -> Iterator[str]:
+    d = kernels.description
+    n = d.coordinates
+    first = kernels.lead
+    unit, size = converters(d)[first.unit]
+    for p in told:
+        drives = {name: x for name, x in p.residues.items() if name.endswith(".drive")} or p.residues
+        names = ", ".join(f"{name} {x:.9g}" for name, x in list(drives.items())[:_SHOWN])
+        yield (
+            f"dead centre at {first.name} = {in_words(p.at * size, first.is_length, d)}: the given efforts "
+            f"cannot hold the loop there, and {len(p.residues)} components have a pole, with the residue "
+            f"(value times the way of {first.name} from there, in {unit}) {names}"
+            f"{' and others' if len(p.residues) > len(drives) else ''}"
+        )
+    yield from note(kernels, ranges, len(times))
+    if len(times) > 1:
+        inputs = states[:, kernels.inputs]
+        gap = inputs[-1] - inputs[0]
+        turned = np.where(kernels.periodic[kernels.inputs], (gap + np.pi) % (2 * np.pi) - np.pi, gap)
+        whole = np.max(np.abs(turned)) < 1e-9 * max(1.0, d.size) and np.max(np.abs(gap)) > 1.0
+        if whole and not same_assembly(kernels, float(times[0]), states[-1, :n], states[0, :n]):
+            yield (
+                "the inputs came back to where they began, but the loop did not: after the turn it is on "
+                "another branch"
+            )

@@ -1,0 +1,188 @@
+"""Following a driven loop past poles of the angles of ball joints, next to which the angles turn too fast.
+
+A path that misses such a pole by little turns its angles by half a revolution in a tiny part of the input.
+Z(theta) Y(eta) X(alpha) is the same rotation with (theta + pi, pi - eta, alpha + pi): the links move
+smoothly, and angles that go straight on describe the same closure on the far side.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symgen.runtime import _core, _loop
+from symgen.runtime.loop.ball_poles import ball_pole
+from symgen.runtime.loop.frames import standing
+from symgen.runtime.loop.kernels import LoopKernels
+
+Array = NDArray[np.float64]
+Rows = tuple[Array, ...]
+
+#: Distances [rad, or sizes of the loop] of the input by which a pole is stepped over: the first to succeed.
+_OVER = (0.02, 0.01, 0.005, 0.0025)
+#: Places before the pole, in such distances, and the weights of extrapolation to the first one behind it.
+_BEFORE = np.array([-5.0, -4.0, -3.0, -2.0, -1.0])
+_ONWARD = np.array([5.0, -24.0, 45.0, -40.0, 15.0])
+#: Error of extrapolated places of links, and the defect of closure that rounding leaves.
+_LINKS, _CLOSED = 1e-4, 1e-11
+#: Poles that are stepped over at most.
+_MOST = 10_000
+#: First part of the way to a time next to a pole, tries to get there, and the largest turn at a time [rad].
+_FIRST, _TRIES, _TURN = 1.0 / 64.0, 300, 0.3
+
+
+def follow_over(
+    kernels: LoopKernels,
+    equations: _loop.LoopEquations,
+    t: float,
+    q: Array,
+    wanted: Array,
+    longest: float,
+    rows: Rows,
+) -> tuple[int, int, float]:
+    """Follow the loop as ``equations.follow`` does, stepping over poles of the angles of ball joints.
+
+    Times so near a pole that the angles cannot be followed there get a closed pose and the status BLIND.
+    """
+    begin, reached = (t, q[:-1].copy()), 0
+    for _ in range(_MOST):
+        rest = tuple(a[reached:] for a in rows)
+        status, count, at = equations.follow(begin[0], q, wanted[reached:], longest, *rest)
+        reached += count
+        if status == _core.DONE or status in (_core.NOT_FINITE, _loop.INCONSISTENT):
+            return status, reached, at
+        far = _beyond(kernels, equations, begin, (at, q[:-1]), float(wanted[reached]), rows)
+        if far is None:
+            return status, reached, at
+        way = np.sign(far[0] - at)
+        inside = int(np.count_nonzero((far[0] - wanted[reached:]) * way > 0.0))
+        part = slice(reached, reached + inside)
+        between = tuple(a[part] for a in rows)
+        if inside and not _inside(kernels, equations, begin, (at, q[:-1]), far, wanted[part], between):
+            return status, reached, at
+        reached += inside
+        begin = far
+        q[:-1] = far[1]
+        if reached == len(wanted):
+            return _core.DONE, reached, float(wanted[-1])
+    return status, reached, at
+
+
+def _like(rows: Rows, count: int) -> Rows:
+    """Return empty rows of states, outputs and diagnosis for so many samples."""
+    return tuple(np.zeros((count, a.shape[1])) for a in rows)
+
+
+def _beyond(
+    kernels: LoopKernels,
+    equations: _loop.LoopEquations,
+    begin: tuple[float, Array],
+    stopped: tuple[float, Array],
+    target: float,
+    rows: Rows,
+) -> tuple[float, Array] | None:
+    """Return a closed pose behind the pole at which following stopped; None without such a pole."""
+    t, q = stopped
+    rate = kernels.lead_at(t)[1]
+    if rate == 0.0 or not ball_pole(kernels, t, q):
+        return None
+    way = 1.0 if target > t else -1.0
+    n = len(q)
+    for distance in _OVER:
+        size = kernels.description.size if kernels.lead.is_length else 1.0
+        step = way * distance * size / abs(rate)
+        before = _before(equations, begin, t + step * _BEFORE, way, _like(rows, len(_BEFORE)))
+        if before is None:
+            continue
+        poses = before[:, :n]
+        far = t + step, np.append(_ONWARD @ poses, 0.0)
+        if equations.close(*far) != _core.DONE:
+            continue
+        found = far[1][:-1]
+        times = t + step * _BEFORE
+        links = [standing(kernels, float(x), pose) for x, pose in zip(times, poses, strict=True)]
+        if np.max(np.abs(_ONWARD @ np.array(links) - standing(kernels, far[0], found))) < _LINKS:
+            return far[0], found
+    return None
+
+
+def _before(
+    equations: _loop.LoopEquations, begin: tuple[float, Array], times: Array, way: float, rows: Rows
+) -> Array | None:
+    """Return the states at times that approach a pole, followed from a pose; None where that fails."""
+    first = int(np.count_nonzero((times - begin[0]) * way < 0.0))  # those behind the pose
+    for part, turn in ((slice(0, first), -1), (slice(first, None), 1)):
+        wanted = times[part][::turn].copy()
+        if not len(wanted):
+            continue
+        own = _like(rows, len(wanted))
+        longest = max(float(np.max(np.abs(wanted - begin[0]))), 1e-12)
+        status, *_ = equations.follow(begin[0], np.append(begin[1], 0.0), wanted, longest, *own)
+        if status != _core.DONE or np.any(own[2][:, _loop.STATUS] == _loop.BLIND):
+            return None
+        rows[0][part] = own[0][::turn]
+    return rows[0]
+
+
+def _inside(
+    kernels: LoopKernels,
+    equations: _loop.LoopEquations,
+    begin: tuple[float, Array],
+    near: tuple[float, Array],
+    far: tuple[float, Array],
+    wanted: Array,
+    rows: Rows,
+) -> bool:
+    """Give poses at times between the place where following stopped and the far side of the pole."""
+    back, q = _like(rows, len(wanted)), np.append(far[1], 0.0)
+    longest = max(abs(far[0] - near[0]), 1e-12)
+    _, count, at = equations.follow(far[0], q, wanted[::-1].copy(), longest, *back)
+    left = len(wanted) - count
+    for whole, found in zip(rows, back, strict=True):
+        whole[left:] = found[:count][::-1]
+    sides = [near, (at, q[:-1]), far, begin]
+    for i in range(left):
+        t = float(wanted[i])
+        sides.sort(key=lambda side: abs(side[0] - t))
+        closed = (_closed_at(equations, side, t) for side in sides)
+        pose = next((x for x in closed if x is not None), None)
+        if pose is None:
+            return False
+        _write(kernels, equations, t, pose, tuple(a[i] for a in rows))
+    return True
+
+
+def _closed_at(equations: _loop.LoopEquations, start: tuple[float, Array], target: float) -> Array | None:
+    """Return the closed pose next to a pole, reached by closing alone: rates have no bound there."""
+    at, q = start[0], np.append(start[1], 0.0)
+    step, rate = (target - at) * _FIRST, np.zeros_like(q)
+    for _ in range(_TRIES):
+        if at == target:
+            break
+        new = at + step if abs(target - at) > 1.0001 * abs(step) else target
+        pose = q + (new - at) * rate
+        if equations.close(new, pose) == _core.DONE and np.max(np.abs(pose - q)) < _TURN and new != at:
+            at, q, rate, step = new, pose, (pose - q) / (new - at), 1.5 * (new - at)
+        else:
+            step /= 2.0
+    return q[:-1] if equations.closed_screws(target, q)[1] < _CLOSED else None
+
+
+def _write(
+    kernels: LoopKernels, equations: _loop.LoopEquations, t: float, pose: Array, row: tuple[Array, ...]
+) -> None:
+    """Write a closed pose next to a pole and its outputs, status BLIND."""
+    n = len(pose)
+    defect = equations.closed_screws(t, np.append(pose, 0.0))[1]
+    state, out, diagnosis = row
+    state[:] = 0.0
+    state[:n] = pose
+    diagnosis[:] = 0.0
+    diagnosis[_loop.CLOSURE], diagnosis[_loop.STATUS] = defect, _loop.BLIND
+    info = kernels.description.kernel("outputs")
+    if info:
+        work, made = np.zeros((1, kernels.work_size + 1)), np.zeros((1, len(out)))
+        address = kernels.library.addresses["outputs"]
+        sizes, y = kernels.description.sizes_of("outputs"), np.append(state[: 2 * n], 0.0)[None]
+        _core.call_many(address, sizes, np.array([t]), y, n, kernels.parameters, work, made)
+        out[:] = made[0]

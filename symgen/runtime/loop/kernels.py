@@ -1,0 +1,224 @@
+"""The kernels of a closed loop as functions of NumPy arrays, at one set of parameters."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symgen.errors import ModelError
+from symgen.runtime import _core, _loop
+from symgen.runtime.kernels.description import LoopDescription, VariableInfo
+from symgen.runtime.kernels.evaluate import as_taken, part
+from symgen.runtime.kernels.library import Library
+from symgen.runtime.kernels.typed import Typed
+from symgen.runtime.loop.times import first_times
+
+Array = NDArray[np.float64]
+
+_CLOSE = 4 * float(np.finfo(float).eps)
+#: Columns of the link-joint table that are lengths.
+_LENGTHS = [False, True, False, False, True]
+
+
+class LoopKernels:
+    """Calls the kernels of one loop; ``typed`` are those in another type, for runs."""
+
+    def __init__(
+        self,
+        description: LoopDescription,
+        library: Library,
+        parameters: Sequence[float],
+        typed: Typed | None = None,
+    ) -> None:
+        self.description, self.library = description, library
+        self.typed = None if typed is None or typed.is_plain else typed
+        self.given = np.array(parameters, dtype=float)
+        self.parameters = as_taken(library, self.given)
+        self.work_size = max(description.work_size, description.coordinates + 6)
+        self.inputs = description.having("input")
+        names = [description.variables[i].name for i in self.inputs]
+        self._lead = names.index(description.lead) if description.lead else 0
+
+    def __call__(
+        self, kernel: str, t: float, q: Array, u: Array, work: Array | None = None
+    ) -> dict[str, Array]:
+        """Return the results of a kernel by name, shaped."""
+        info = self.description.kernel(kernel)
+        if info is None:
+            raise ModelError(f"{self.description.name} has no kernel {kernel!r}")
+        out, memory = np.zeros(info.out_size + 1), np.zeros(self.work_size + 1)
+        if work is not None:
+            memory[: len(work)] = work
+        address = self.library.addresses[kernel]
+        given = np.array([float(t)]), np.append(q, 0.0), np.append(u, 0.0), self.parameters
+        _core.call(address, self.description.sizes_of(kernel), *given, memory, out)
+        return {b.name: part(out, b) for b in info.blocks}
+
+    def many(self, kernel: str, times: Array, rows: Array, work: Array) -> dict[str, Array]:
+        """Return the results of a kernel at many states by name, shape (states, entries).
+
+        ``rows`` hold variables and rates, and one number more; ``work`` has ``work_size`` + 1 columns.
+        """
+        info = self.description.kernel(kernel)
+        if info is None:
+            raise ModelError(f"{self.description.name} has no kernel {kernel!r}")
+        out, address = np.zeros((len(times), info.out_size + 1)), self.library.addresses[kernel]
+        n, sizes = self.description.coordinates, self.description.sizes_of(kernel)
+        _core.call_many(address, sizes, times, rows, n, self.parameters, work, out)
+        return {b.name: out[:, b.offset : b.offset + b.shape[0] * b.shape[1]] for b in info.blocks}
+
+    def has(self, kernel: str) -> bool:
+        """Tell whether the loop has this kernel."""
+        return kernel in self.library.addresses
+
+    def equations(self, solved: Sequence[int], rank: int) -> _loop.LoopEquations:
+        """Return the compiled view of the kernels in double precision: solves for these variables."""
+        return self._made_of(self.library, _core.DOUBLE, solved, rank)
+
+    def stepping(self, solved: Sequence[int], rank: int) -> _loop.LoopEquations:
+        """Return the same in the type that was asked for: what follows inputs and runs."""
+        if self.typed is None:
+            return self.equations(solved, rank)
+        return self._made_of(self.typed.kernels(False), self.typed.stepping, solved, rank)
+
+    def _made_of(
+        self, library: Library, core: _core.Core, solved: Sequence[int], rank: int
+    ) -> _loop.LoopEquations:
+        arguments = self._arguments(solved, rank)
+        return _loop.LoopEquations(
+            library.addresses,
+            *arguments,
+            core=core,
+            derived=library.derived,
+            tolerance=self.tolerance,
+            balls=self.balls,
+        )
+
+    def _arguments(self, solved: Sequence[int], rank: int) -> tuple[Any, ...]:
+        d = self.description
+        outputs = d.kernel("outputs")
+        return (
+            self.given,
+            self.work_size,
+            outputs.out_size if outputs else 0,
+            [v.is_length for v in d.variables],
+            solved,
+            self.inputs,
+            [i for i, v in enumerate(d.variables) if v.unknown],
+            d.size,
+            rank,
+        )
+
+    @property
+    def tolerance(self) -> float:
+        """Defect of closure that is tolerated: of rotations, and of lengths over the size of the loop."""
+        return self.description.assembly_tolerance / self.description.size
+
+    @cached_property
+    def _slopes(self) -> Array:
+        """What each variable changes in the link-joint table, shape (variables, rows, 5)."""
+        unit = np.eye(self.description.coordinates)
+        still = np.zeros(len(unit))
+        table = [self("rows", 0.0, q, still)["rows"] for q in (still, *unit)]
+        slopes: Array = np.array(table[1:]) - table[0]
+        return slopes
+
+    @cached_property
+    def balls(self) -> list[tuple[list[int], float]]:
+        """Ball joints whose angles runs may write otherwise, as ``LoopEquations`` takes them."""
+        d = self.description
+        if not d.balls:
+            return []
+        nothing = np.zeros(d.coordinates)
+        alphas = self("rows", 0.0, nothing, nothing)["rows"][:, 3]
+        return [([*b.angles, *(b.behind or (-1, -1, -1))], float(alphas[b.row])) for b in d.balls]
+
+    @cached_property
+    def pitches(self) -> Array:
+        """Translation along a joint for each radian of an angle [m/rad]; zero of all but helical joints."""
+        angles = np.array([not v.is_length for v in self.description.variables])
+        slopes = np.max(np.abs(self._slopes[:, :, _LENGTHS]), axis=(1, 2), initial=0.0)
+        pitches: Array = np.where(angles & (slopes > 1e-14 * self.description.size), slopes, 0.0)
+        return pitches
+
+    @cached_property
+    def periodic(self) -> NDArray[np.bool_]:
+        """Of every variable, whether a whole revolution of it leaves all links where they are."""
+        angles = np.array([not v.is_length for v in self.description.variables])
+        turns = self._slopes[:, :, np.logical_not(_LENGTHS)]
+        whole = np.all(np.abs(turns - np.round(turns)) < 1e-14, axis=(1, 2))
+        periodic: NDArray[np.bool_] = angles & whole & (self.pitches == 0.0)
+        return periodic
+
+    def prescribed(self, t: float) -> Array:
+        """Return value, rate and acceleration of every input at a time, shape (inputs, 3)."""
+        if not self.inputs:
+            return np.zeros((0, 3))
+        nothing = np.zeros(self.description.coordinates)
+        return self("inputs", t, nothing, nothing)["inputs"].reshape(-1, 3)
+
+    @property
+    def lead(self) -> VariableInfo:
+        """The first input of the scene."""
+        return self.description.variables[self.inputs[self._lead]]
+
+    def lead_at(self, t: float) -> tuple[float, float, float]:
+        """Return value, rate and acceleration of the first input at a time."""
+        value, rate, acceleration = self.prescribed(t)[self._lead].tolist()
+        return value, rate, acceleration
+
+    def leads_at(self, times: Array) -> Array:
+        """Return value, rate and acceleration of the first input at many times, shape (times, 3)."""
+        rows = np.zeros((len(times), 2 * self.description.coordinates + 1))
+        jets = self.many("inputs", times, rows, np.zeros((len(times), self.work_size + 1)))["inputs"]
+        return jets[:, 3 * self._lead : 3 * self._lead + 3]
+
+    def times_of(self, values: Array) -> Array:
+        """Return the first times, from 0 on, at which the first input has these values [rad, m].
+
+        Raises
+        ------
+        ModelError
+            When the input is not found to come to one of them.
+        """
+        start, rate, _ = self.lead_at(0.0)
+        if rate:
+            times = (values - start) / rate
+            found = self.leads_at(times)
+            met = np.abs(found[:, 0] - values) <= _CLOSE * np.maximum(1.0, np.abs(values))
+            if np.all(met) and np.all(found[:, 1] == rate):
+                return np.asarray(times)
+        times = first_times(self.leads_at, values)
+        missed = np.flatnonzero(np.isnan(times))
+        if len(missed):
+            value = in_words(float(values[missed[0]]), self.lead.is_length, self.description)
+            raise ModelError(
+                f"{self.lead.name} does not come to {value} by its motion in time\n"
+                "  Give the input a motion that reaches it, or evaluate the loop over time "
+                '(--t-end, over="time").'
+            )
+        return times
+
+    def time_of(self, value: float) -> float:
+        """Return the first time, from 0 on, at which the first input has a value [rad, m]; see above."""
+        return float(self.times_of(np.array([float(value)]))[0])
+
+    def value_at(self, t: float) -> str:
+        """Return the first input at a time, in words: ``theta1 = 45 deg``."""
+        if not self.inputs:
+            return f"t = {t:.9g} s"
+        at = in_words(self.lead_at(t)[0], self.lead.is_length, self.description)
+        return f"{self.lead.name} = {at}"
+
+
+def in_words(value: float, is_length: bool, description: LoopDescription) -> str:
+    """Return an angle in degrees or a displacement in the scene's unit, as messages give it."""
+    if is_length:
+        name, size = description.units["length"]
+        return f"{value / size:.9g} {name}"
+    return f"{math.degrees(value):.9g} deg"

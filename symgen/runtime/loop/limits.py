@@ -1,0 +1,235 @@
+"""Rates and forces of a driven loop near a change point, where the equations lose them to rounding.
+
+At a distance s from a change point, with s the least singular value of the screws, a pose is known to eps/s,
+rates to eps/s^2, accelerations and forces to eps/s^3. Along its branch they are smooth through the change
+point: near it they follow from poses on both sides that are well conditioned, by a polynomial.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symgen.runtime import _core, _loop
+from symgen.runtime.closure.start import Closed
+from symgen.runtime.loop.ball_poles import ball_pole
+from symgen.runtime.loop.following import follow_over
+from symgen.runtime.loop.frames import standing
+from symgen.runtime.loop.kernels import LoopKernels
+
+Array = NDArray[np.float64]
+
+#: Least singular value, of the largest, below which accelerations have lost digits that matter.
+_WEAK = 3e-3
+#: Distance of the poses on either side from one another [rad, or sizes of the loop], of the input.
+_APART = 0.02
+#: Their distances, and the weights of interpolation halfway, of all of them and of all but the farthest.
+_STEPS = np.array([-4, -3, -2, -1, 1, 2, 3, 4])
+_FINE = np.array([-1, 8, -28, 56, 56, -28, 8, -1]) / 70.0
+_COARSE = np.array([0, 1, -6, 15, 15, -6, 1, 0]) / 20.0
+#: Error of the finer interpolation over its difference from the coarser one, at most.
+_NEXT = 0.1
+#: By what factor they must be better conditioned than the pose between them.
+_BETTER = 3.0
+#: Part of the estimated error that a difference may exceed it by, and the error of interpolated poses.
+_MARGIN, _POSE = 1e3, 1e-8
+#: Closure that rounding leaves, and the relative error that is reported.
+CLOSED, REPORTED = 18 * float(np.finfo(float).eps), 1e-6
+#: Errors of interpolated places of links at a pole of angles, and of outputs that are smooth there.
+_LINKS, _SMOOTH, _NOISE = 1e-5, 1e-4, 1e-9
+#: Rounding, and the largest part of a force that its rounding near a pole of angles explains.
+_EPS, _PART = float(np.finfo(float).eps), 1e-2
+_SHOWN = 6
+
+
+@dataclass(frozen=True, slots=True)
+class Samples:
+    """Samples of a followed loop: times, states, outputs and diagnosis, row by row."""
+
+    times: Array
+    states: Array
+    out: Array
+    diagnosis: Array
+
+
+def refine(
+    kernels: LoopKernels, equations: _loop.LoopEquations, begin: Closed, samples: Samples
+) -> Iterator[str]:
+    """Replace outputs near change points by their limits along the branch, and report the error of the rest.
+
+    Outputs are replaced in place, and only where they differ by no more than their own estimated error.
+    """
+    if kernels.typed is not None or not len(samples.times):
+        return
+    sound = samples.diagnosis[:, _loop.SOUNDNESS]
+    done = samples.diagnosis[:, _loop.STATUS] == _core.DONE
+    good = np.flatnonzero(done & (sound > _BETTER * _WEAK))
+    poor = []
+    for i in np.flatnonzero(done & (sound < _WEAK)):
+        start = _nearest(samples, begin, good, int(i))
+        q = samples.states[i, : len(begin.q)]
+        if _refined(kernels, equations, start, samples, int(i)):
+            continue
+        if not ball_pole(kernels, float(samples.times[i]), q):
+            poor.append(i)
+        else:
+            _continued(kernels, equations, start, samples, int(i))
+    for i in np.flatnonzero(samples.diagnosis[:, _loop.STATUS] == _loop.BLIND):
+        t, q = float(samples.times[i]), samples.states[i, : len(begin.q)]
+        names = ball_pole(kernels, t, q)
+        start = _nearest(samples, begin, good, int(i))
+        left = _continued(kernels, equations, start, samples, int(i)) if names else None
+        if left is not None:
+            yield (
+                f"at {kernels.value_at(t)} the angles of a ball joint have a pole, which is no singularity "
+                f"of the loop: {', '.join(names)} are split there as along the branch, and rates, "
+                "accelerations and forces are limits from both sides"
+                f"{'; left open, since they change too fast there: ' if left else ''}{', '.join(left)}"
+            )
+    errors = CLOSED / sound[poor] ** 3
+    if poor and np.max(errors) > REPORTED:
+        told = [i for i, error in zip(poor, errors, strict=True) if error > REPORTED]
+        values = ", ".join(kernels.value_at(float(samples.times[i])) for i in told[:_SHOWN])
+        yield (
+            f"near a loss of rank of the screws ({values}{', ...' if len(told) > _SHOWN else ''}) rounding "
+            f"limits accelerations and forces: relative error up to {min(1.0, np.max(errors)):.0e}"
+        )
+
+
+def _nearest(samples: Samples, begin: Closed, good: NDArray[np.intp], i: int) -> tuple[float, Array]:
+    """Return time and pose of the nearest sample that is well conditioned, else of the start."""
+    if not len(good):
+        return begin.t, begin.q
+    j = int(good[np.argmin(np.abs(good - i))])
+    return float(samples.times[j]), samples.states[j, : len(begin.q)]
+
+
+def _continued(
+    kernels: LoopKernels,
+    equations: _loop.LoopEquations,
+    start: tuple[float, Array],
+    samples: Samples,
+    i: int,
+) -> list[str] | None:
+    """Give a sample at a pole of angles the limits of its outputs; return those that have none.
+
+    Near a pole, where the angles are known and so are their rates, forces alone are replaced, where they
+    differ by what rounding explains. None where the branch is not smooth.
+    """
+    d, t = kernels.description, float(samples.times[i])
+    n, info = d.coordinates, d.kernel("outputs")
+    around = _around(kernels, equations, start, samples, t)
+    if around is None or info is None:
+        return None
+    links = [standing(kernels, float(x), q) for x, q in zip(around.times, around.states[:, :n], strict=True)]
+    here = standing(kernels, t, samples.states[i, :n])
+    if not np.max(np.abs(_FINE @ np.array(links) - here)) < _LINKS:
+        return None
+    limit, coarse = _FINE @ around.out, _COARSE @ around.out
+    size = np.max(np.abs(around.out), axis=0)
+    size = np.maximum(size, _NOISE * np.max(size))  # of outputs that are zero but for rounding
+    rough = np.abs(limit - coarse) > _SMOOTH * size
+    at_pole = samples.diagnosis[i, _loop.STATUS] == _loop.BLIND
+    change = np.abs(limit - samples.out[i])
+    explained = _MARGIN * _EPS / np.maximum(samples.diagnosis[i, _loop.SOUNDNESS], _EPS) ** 2
+    better = ~rough & (_NEXT * np.abs(limit - coarse) < change) & (change < min(explained, _PART) * size)
+    names, left = {v.name for v in d.variables}, []
+    for b in info.blocks:
+        entries = slice(b.offset, b.offset + b.shape[0] * b.shape[1])
+        name, _, what = b.name.partition(".")
+        if at_pole and b.name not in names:  # values of variables are those of the pose
+            samples.out[i, entries] = np.where(rough[entries], np.nan, limit[entries])
+            left += [b.name] if np.any(rough[entries]) else []
+        elif not at_pole and (name not in names or what == "drive"):
+            samples.out[i, entries] = np.where(better[entries], limit[entries], samples.out[i, entries])
+    samples.diagnosis[i, _loop.STATUS] = _core.DONE
+    return left
+
+
+def _around(
+    kernels: LoopKernels,
+    equations: _loop.LoopEquations,
+    start: tuple[float, Array],
+    samples: Samples,
+    t: float,
+) -> Samples | None:
+    """Return poses on both sides of a time; None where the input rests or they cannot be reached."""
+    rate = kernels.lead_at(t)[1]
+    if rate == 0.0:
+        return None
+    reach = _APART * (kernels.description.size if kernels.lead.is_length else 1.0) / abs(rate)
+    return _followed(kernels, equations, start, t + reach * _STEPS, samples)
+
+
+def _refined(
+    kernels: LoopKernels,
+    equations: _loop.LoopEquations,
+    start: tuple[float, Array],
+    samples: Samples,
+    i: int,
+) -> bool:
+    """Replace the outputs of a sample by interpolation; tell whether its branch is smooth there."""
+    t, n = float(samples.times[i]), kernels.description.coordinates
+    around = _around(kernels, equations, start, samples, t)
+    if around is None:
+        return False
+    sound = float(samples.diagnosis[i, _loop.SOUNDNESS])
+    if not np.min(around.diagnosis[:, _loop.SOUNDNESS]) > _BETTER * sound:
+        return False
+    scale = np.array(
+        [kernels.description.size if v.is_length else 1.0 for v in kernels.description.variables]
+    )
+    pose = np.abs(_FINE @ around.states[:, :n] - samples.states[i, :n]) / scale
+    if not np.max(pose) < _POSE + _MARGIN * CLOSED / sound:
+        return False
+    limit, coarse = _FINE @ around.out, _COARSE @ around.out
+    size = np.maximum(np.max(np.abs(around.out), axis=0), 1e-300)
+    change = np.abs(limit - samples.out[i])
+    better = (_NEXT * np.abs(limit - coarse) < change) & (change < _MARGIN * size * CLOSED / sound**3)
+    samples.out[i, better] = limit[better]
+    return True
+
+
+def _followed(
+    kernels: LoopKernels,
+    equations: _loop.LoopEquations,
+    start: tuple[float, Array],
+    times: Array,
+    like: Samples,
+) -> Samples | None:
+    """Return the loop at increasing times, followed from a pose; None where it cannot be followed."""
+    count = len(times)
+    made = Samples(
+        times,
+        np.zeros((count, like.states.shape[1])),
+        np.zeros((count, like.out.shape[1])),
+        np.zeros((count, like.diagnosis.shape[1])),
+    )
+    first = int(np.searchsorted(times, start[0]))
+    for part, way in ((slice(first, None), 1), (slice(0, first), -1)):
+        wanted = times[part][::way].copy()
+        if not len(wanted):
+            continue
+        rows = tuple(np.zeros((len(wanted), a.shape[1])) for a in (made.states, made.out, made.diagnosis))
+        longest = max(float(np.max(np.abs(wanted - start[0]))), 1e-12)
+        q = np.append(start[1], 0.0)
+        status, *_ = follow_over(kernels, equations, start[0], q, wanted, longest, rows)
+        if status != _core.DONE or np.any(rows[2][:, _loop.STATUS] != _core.DONE):
+            return None
+        for whole, row in zip((made.states, made.out, made.diagnosis), rows, strict=True):
+            whole[part] = row[::way]
+    return made
+
+
+def of_blind(kernels: LoopKernels, times: Array) -> Iterator[str]:
+    """Say where the screws lose rank at a sample itself."""
+    if len(times):
+        values = ", ".join(kernels.value_at(float(t)).partition(" = ")[2] for t in times[:_SHOWN])
+        more = ", ..." if len(times) > _SHOWN else ""
+        yield (
+            f"at {kernels.lead.name} = {values}{more} the screws of the joints lose rank: rates and forces "
+            "are not determined there and left open, and the loop could branch"
+        )

@@ -1,0 +1,236 @@
+"""A compiled closed loop of a link-joint table."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from symgen.calls import checked
+from symgen.errors import InitialStateError, ModelError
+from symgen.runtime import _core
+from symgen.runtime.closure.assemblies import assemblies
+from symgen.runtime.closure.later import closed_later
+from symgen.runtime.closure.start import Closed, close_near, counted
+from symgen.runtime.integrate.checkpoint import keeping
+from symgen.runtime.integrate.options import options
+from symgen.runtime.integrate.pace import limited
+from symgen.runtime.kernels.arguments import reals
+from symgen.runtime.kernels.description import LoopDescription
+from symgen.runtime.kernels.library import Library
+from symgen.runtime.kernels.typed import Typed
+from symgen.runtime.loop.driven import driven, follow, follow_through, followed
+from symgen.runtime.loop.kernels import LoopKernels
+from symgen.runtime.model.model import Model
+from symgen.runtime.result.turn import Turn
+
+if TYPE_CHECKING:
+    from symgen.runtime.result.result import Result
+
+Array = NDArray[np.float64]
+
+#: Steps in which parameters go from the scene's to other values while the loop is kept closed.
+_STAGES = 16
+
+
+@checked
+class LoopModel(Model):
+    """Compiled equations of one closed loop of links, given as a link-joint table.
+
+    Made by :func:`symgen.build`. Parameters that the scene declares tunable can be changed with
+    :meth:`with_parameters` without compiling again.
+    """
+
+    description: LoopDescription
+    MISSING: ClassVar[Mapping[str, str]] = {
+        "": "it is a link-joint table, and this analysis is for linkages of points and links"
+    }
+
+    def __init__(
+        self,
+        description: LoopDescription,
+        library: Library,
+        derive: Callable[[], Any],
+        parameters: Mapping[str, float] | None = None,
+        typed: Typed | None = None,
+    ) -> None:
+        super().__init__(description, library, derive, parameters, typed)
+        self._kernels = LoopKernels(description, library, self.given, typed)
+        self._start: Closed | None = None
+
+    def __repr__(self) -> str:
+        d = self.description
+        return (
+            f"<LoopModel {d.name!r}: {' '.join(d.joints)}, {d.coordinates} variables, {self.backend} backend>"
+        )
+
+    @property
+    def is_driven(self) -> bool:
+        """Whether its inputs alone move it; otherwise its motion follows from forces."""
+        return not self.description.having("free")
+
+    def with_parameters(self, /, **values: float) -> LoopModel:
+        """Return the same loop with other values of its tunable parameters, in SI units."""
+        changed = {**self.parameters, **values}
+        return LoopModel(self.description, self._library, self._derive, changed, self._typed)
+
+    @property
+    def kernels(self) -> LoopKernels:
+        """Its kernels as functions of arrays."""
+        return self._kernels
+
+    def closed_start(self) -> Closed:
+        """Return the closed pose from which the loop is followed, found once."""
+        if self._start is None:
+            d = self.description
+            t = self._kernels.time_of(d.begin) if d.span else 0.0  # free motion starts at t = 0
+            q = np.array(d.start)
+            if self.is_changed:
+                try:
+                    self._start = self._kept_closed() or close_near(self._kernels, t, q)
+                except InitialStateError as error:
+                    self._start = closed_later(self._kernels, q, (), error)
+            else:
+                self._start = Closed(t, q, d.rank)
+        return self._start
+
+    def _kept_closed(self) -> Closed | None:
+        """Follow the closure from the scene's own parameters to these; None where that does not lead here."""
+        d = self.description
+        q, kernels = np.append(d.start, 0.0), self._kernels
+        own = np.array([p.default for p in d.parameters])
+        asked = np.array(self.given)
+        t = 0.0
+        for part in np.linspace(0.0, 1.0, _STAGES + 1)[1:]:
+            kernels = LoopKernels(d, self._library, ((1 - part) * own + part * asked).tolist())
+            try:
+                t = kernels.time_of(d.begin) if d.span else 0.0
+            except ModelError:
+                return None
+            before = q.copy()
+            if kernels.equations(d.having("dependent"), d.rank).close(t, q) != _core.DONE:
+                return None
+            scale = np.array([d.size if v.is_length else 1.0 for v in d.variables])
+            if np.max(np.abs(q - before)[:-1] / scale) > 1.0:
+                return None
+        return counted(self._kernels, t, q[:-1])
+
+    def _refused(self, name: str) -> str | None:
+        d = self.description
+        free = [v.name for v in d.variables if v.role == "free"]
+        if name == "simulate" and not free:
+            return (
+                "it has no free variable: its inputs move it\n"
+                "  Evaluate it over its range ('symgen run SCENE', model.inverse_dynamics()), or give a "
+                "variable under loop.free."
+            )
+        if name in ("kinematics", "inverse_dynamics") and free:
+            return (
+                f"it has free variables ({', '.join(free)}): its motion follows from forces\n"
+                "  Run it in time ('symgen run SCENE', model.simulate()), or make them inputs."
+            )
+        if name in ("kinematics", "inverse_dynamics") and not d.having("input"):
+            return "it has no input: nothing moves. Give one under loop.inputs"
+        return super()._refused(name)
+
+    def _kinematics(
+        self,
+        start: float | None = None,
+        stop: float | None = None,
+        at: ArrayLike | None = None,
+        over: str | None = None,
+        samples: int | None = None,
+        through: bool = False,
+    ) -> Turn:
+        return self._evaluated(start, stop, at, over, samples, through, False)
+
+    def _inverse_dynamics(
+        self,
+        start: float | None = None,
+        stop: float | None = None,
+        at: ArrayLike | None = None,
+        over: str | None = None,
+        samples: int | None = None,
+        through: bool = False,
+    ) -> Turn:
+        return self._evaluated(start, stop, at, over, samples, through, True)
+
+    def _evaluated(
+        self,
+        start: float | None,
+        stop: float | None,
+        at: ArrayLike | None,
+        over: str | None,
+        samples: int | None,
+        through: bool,
+        forces: bool,
+    ) -> Turn:
+        if over not in (None, "input", "time"):
+            raise ModelError(f"expected over to be 'input' or 'time', got {over!r}")
+        in_time = over == "time"
+        if at is not None:
+            if through or not (start is stop is samples is None):
+                raise ModelError("give values at which to evaluate the loop, or a range of them, not both")
+            values = reals(at, "times" if in_time else "values of the input")
+        else:
+            ends = (0.0, self.description.t_end) if in_time else self.description.span
+            low, high = ends[0] if start is None else start, ends[1] if stop is None else stop
+            number = 361 if samples is None else samples
+            if not 2 <= number <= 10_000_000:
+                raise ModelError(f"expected between 2 and 10 million samples, got {number}")
+            if not low < high:
+                raise ModelError(f"expected a range with start before stop, got {low:g} to {high:g}")
+            if through:
+                if in_time:
+                    raise ModelError("through is for a range of the input, not of the time")
+                begin = followed(self._kernels, self.closed_start(), low)
+                return follow_through(self._kernels, begin, high, number, forces)
+            values = np.linspace(low, high, number)
+        given = {"times": values} if in_time else {"values": values}
+        return follow(self._kernels, self.closed_start(), forces=forces, **given)
+
+    def _assemblies(self, at: float | None = None, over: str | None = None) -> tuple[dict[str, float], ...]:
+        begin = self.closed_start()
+        t = begin.t
+        if at is not None:
+            driven(self.description)
+            t = at if over == "time" else self._kernels.time_of(at)
+        names = [v.name for v in self.description.variables]
+        return tuple(dict(zip(names, q.tolist(), strict=True)) for q in assemblies(self._kernels, t, begin.q))
+
+    def _simulate(
+        self,
+        t_end: float | None = None,
+        method: str | None = None,
+        rtol: float | None = None,
+        atol: float | None = None,
+        step: float | None = None,
+        samples: int = 201,
+        max_steps: int = 1_000_000_000,
+        stabilisation: str = "projection",
+        max_drift: float | None = None,
+        max_step: float | None = None,
+        max_wall: float | None = None,
+        checkpoint: str | os.PathLike[str] | None = None,
+        checkpoint_every: float = 10.0,
+        resume: str | os.PathLike[str] | None = None,
+        progress: Callable[[float], None] | None = None,
+    ) -> Result:
+        from symgen.runtime.loop.motion import run
+
+        d = self.description
+        end = d.t_end if t_end is None else t_end
+        kept = (stabilisation, None, max_drift, self._type)
+        chosen = options(end, method, rtol, atol, step, samples, max_steps, *kept, max_step=max_step)
+        if chosen.stabilisation == "baumgarte":
+            raise ModelError("baumgarte is for linkages of points and links: loops take projection, or raw")
+        if chosen.method.kind != "explicit":
+            raise ModelError(
+                f"{chosen.method.name} is for linkages of points and links, not for loops of joints"
+            )
+        kept_in = keeping(checkpoint, checkpoint_every, resume)
+        with limited(max_wall):
+            return run(self._kernels, self.closed_start(), chosen, progress, kept_in)

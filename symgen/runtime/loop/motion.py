@@ -1,0 +1,240 @@
+"""The motion of a loop under forces: the compiled step loop over its joint variables."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symgen.errors import SimulationError
+from symgen.runtime import _core, _loop
+from symgen.runtime.closure.mobility import scaled_screws
+from symgen.runtime.closure.redundancy import note, ranges_of
+from symgen.runtime.closure.start import Closed
+from symgen.runtime.integrate.checkpoint import Keeping, mark_of
+from symgen.runtime.integrate.failures import unfinished
+from symgen.runtime.integrate.options import Options
+from symgen.runtime.integrate.pace import OUT_OF_TIME, out_of_time
+from symgen.runtime.integrate.simulate import drive
+from symgen.runtime.kernels.typed import library_of_runs, made_with
+from symgen.runtime.loop.ball_poles import ball_pole
+from symgen.runtime.loop.kernels import LoopKernels, in_words
+from symgen.runtime.loop.limits import CLOSED, REPORTED
+from symgen.runtime.loop.samples import Samples
+from symgen.runtime.result.recording import of_jumps
+from symgen.runtime.result.result import Drift, Result
+from symgen.runtime.result.turn import converters, variables
+
+Array = NDArray[np.float64]
+
+_AXES = ("x", "y", "z")
+#: Times named in a note.
+_SHOWN = 6
+
+
+def run(
+    kernels: LoopKernels,
+    begin: Closed,
+    chosen: Options,
+    progress: Callable[[float], None] | None,
+    keeping: Keeping | None = None,
+) -> Result:
+    """Integrate from the closed start and return the result, outputs in the scene's units.
+
+    Raises
+    ------
+    SimulationError
+        When the run cannot go on, naming time, row and cause; the error carries what was recorded till then.
+    ResultError
+        When a checkpoint cannot be written, or is of another run.
+    """
+    d = kernels.description
+    equations = kernels.stepping([*d.having("dependent"), *d.having("free")], begin.rank)
+    y0 = np.concatenate([begin.q, rates_at_start(kernels, begin), [0.0]])
+    times = np.linspace(begin.t, chosen.t_end, chosen.samples)
+    stepper = _core.Run(
+        equations,
+        chosen.method,
+        begin.t,
+        y0,
+        chosen.t_end,
+        chosen.rtol,
+        chosen.atol,
+        chosen.step,
+        times,
+        stabilisation=_core.STABILISATIONS.index(chosen.stabilisation),
+        max_drift=chosen.max_drift,
+        max_step=chosen.max_step,
+    )
+    checkpoints = None
+    if keeping is not None:
+        library = library_of_runs(kernels.library, kernels.typed)
+        checkpoints = keeping.of(stepper, mark_of(kernels, library, equations, chosen, begin.t, y0))
+    status, wall = drive(stepper, begin.t, chosen, progress, checkpoints)
+    result = _recorded(kernels, equations, stepper, chosen, wall)
+    if status == _core.DONE:
+        return result
+    problem = _problem(kernels, stepper, chosen, status)
+    raise SimulationError(problem, time=stepper.t, partial=result if stepper.recorded else None)
+
+
+def rates_at_start(kernels: LoopKernels, begin: Closed) -> Array:
+    """Return the rates at the start: those given, and the dependent ones that go with them."""
+    d = kernels.description
+    u = np.array([v.start_rate for v in d.variables])
+    u[kernels.inputs] = kernels.prescribed(begin.t)[:, 1]
+    scale = np.array([d.size if v.is_length else 1.0 for v in d.variables])
+    solved, given = d.having("dependent"), d.having("input", "free")
+    screws = scaled_screws(kernels, begin.t, begin.q)
+    asked = screws[:, given] @ (u / scale)[given]
+    u[solved] = -np.linalg.lstsq(screws[:, solved], asked, rcond=None)[0] * scale[solved]
+    return u
+
+
+def _recorded(
+    kernels: LoopKernels,
+    equations: _loop.LoopEquations,
+    stepper: _core.Run,
+    chosen: Options,
+    wall: float,
+) -> Result:
+    d = kernels.description
+    n, times = d.coordinates, stepper.sampled
+    rows = np.column_stack([stepper.result, np.zeros(len(times))])
+    samples = Samples(kernels, equations.rank, times, rows, stepper.references)
+    q, u = np.split(stepper.state[: 2 * n], 2)
+    units = converters(d)
+    made = tuple(variables(d, samples.outputs()))
+    ranges = ranges_of(made, samples.undetermined())
+    return Result(
+        name=d.name,
+        title=d.title,
+        axes=_AXES,
+        time=times,
+        variables=made,
+        drift=Drift(
+            stepper.position_drift,
+            stepper.velocity_drift,
+            stepper.energy_drift,
+            max(
+                stepper.kinetic_max - stepper.kinetic_min, stepper.potential_max - stepper.potential_min, 0.0
+            ),
+        ),
+        final={
+            v.name: {"value": x / units[v.unit][1], "rate": s / units[v.unit][1], "unit": units[v.unit][0]}
+            for v, x, s in zip(d.variables, q.tolist(), u.tolist(), strict=True)
+        },
+        statistics={
+            "t": stepper.t,
+            "steps": stepper.steps,
+            "rejected": stepper.rejected,
+            "evaluations": equations.evaluations,
+            "factorisations": equations.factorisations,
+            "undetermined": ranges,
+            "wall_s": wall,
+        },
+        provenance={
+            "equations": d.equations,
+            "method": chosen.method.name,
+            "rtol": chosen.rtol,
+            "atol": chosen.atol,
+            "step": chosen.step,
+            "t_end": chosen.t_end,
+            "stabilisation": chosen.stabilisation,
+            **made_with(kernels.library, kernels.typed),
+            "parameters": {p.name: x for p, x in zip(d.parameters, kernels.given.tolist(), strict=True)},
+        },
+        notes=(
+            *_of_passages(stepper, samples),
+            *samples.notes(),
+            *note(kernels, ranges, len(times)),
+            *of_jumps(d.jumps, "give max_step, or a step,"),
+        ),
+    )
+
+
+def _of_passages(stepper: _core.Run, samples: Samples) -> Iterator[str]:
+    """Say where the run passed change points, and which samples are so near that forces lose digits."""
+    if not stepper.passages:
+        return
+    d = samples.kernels.description
+    times = ", ".join(f"{t:.9g}" for t, _, _ in stepper.passages[:_SHOWN])
+    more = ", ..." if len(stepper.passages) > _SHOWN else ""
+    names = ", ".join(dict.fromkeys(d.variables[k].name for _, _, k in stepper.passages))
+    losses = "1 loss" if len(stepper.passages) == 1 else f"{len(stepper.passages)} losses"
+    yield (
+        f"passed {losses} of rank of the screws ({names}) at t = {times}{more} s: the motion may branch, and "
+        "continued smoothly; rounding errors are magnified there "
+        f"(energy drift {stepper.energy_drift:.1e} J)"
+    )
+    solved = [*d.having("dependent"), *d.having("free")]
+    sound = np.ones(len(samples.times))
+    for part in samples.parts:
+        for i, t, row in zip(part.rows, part.times, part.states, strict=True):
+            values = np.linalg.svd(scaled_screws(part.kernels, t, row[: d.coordinates])[:, solved])[1]
+            sound[i] = values[d.rank - 1] / values[0]
+    errors = CLOSED / np.maximum(sound, 1e-100) ** 3
+    if np.max(errors, initial=0.0) > REPORTED:
+        near = ", ".join(f"{t:.9g}" for t in stepper.sampled[errors > REPORTED][:_SHOWN])
+        yield (
+            f"at the samples t = {near} s near such a loss of rank rounding limits accelerations and forces: "
+            f"relative error up to {min(1.0, float(np.max(errors))):.0e}"
+        )
+
+
+def _component(entry: int, size: float) -> str:
+    """Return in words an entry of the closure (3 x 4, row by row)."""
+    row, column = divmod(entry, 4)
+    if column == 3:
+        return f"displacement along {_AXES[row]} of frame 1"
+    # a small rotation is seen in the entries off the diagonal, that about an axis in those of the other two
+    about = "" if row == column else f" about {_AXES[3 - row - column]} of frame 1"
+    return f"rotation{about}, times {size:.4g} m"
+
+
+def _problem(kernels: LoopKernels, stepper: _core.Run, chosen: Options, status: int) -> str:
+    d = kernels.description
+    q = stepper.state[: d.coordinates]
+    solved = d.having("dependent", "free")
+    _, values, right = np.linalg.svd(scaled_screws(kernels, stepper.t, q)[:, solved])
+    rank = d.rank
+    weakest = d.row(solved[int(np.argmax(np.abs(right[min(rank, len(right)) - 1])))])
+    at = f"at t = {stepper.t:.9g} s after {stepper.steps} steps"
+    where = ", ".join(
+        f"{v.name} {in_words(float(x), v.is_length, d)}" for v, x in zip(d.variables, q, strict=True)
+    )
+    if status == OUT_OF_TIME:
+        return f"{out_of_time(stepper.t, chosen.t_end)} State: {where}."
+    if status == _core.DRIFTED:
+        return (
+            f"the closure of the loop strayed by {stepper.position_drift:.4g} m "
+            f"({_component(stepper.worst, d.size)}), more than max_drift = {chosen.max_drift:g} m, {at}\n"
+            f"  Use the stabilisation 'projection', tighter tolerances or a smaller step. State: {where}."
+        )
+    near = values[rank - 1] / values[0]
+    if status == _core.NOT_FINITE:
+        return (
+            f"no finite accelerations {at}: a free motion has no inertia, or a load has no value there\n"
+            f"  Give the links that move freely a mass and an inertia. State: {where}."
+        )
+    if near < 1e-2 and (names := ball_pole(kernels, stepper.t, q)):
+        return (
+            f"the run cannot go on {at}: the angles {', '.join(names)} of a ball joint have a pole there, a "
+            "property of these angles and not of the loop\n"
+            "  Turn the axes of the rows next to the ball (theta, alpha) so that its pole lies elsewhere. "
+            f"State: {where}."
+        )
+    if status == _core.SINGULAR or near < 1e-2:
+        return (
+            f"the run cannot go on {at}: the screws lose rank there (least singular value {near:.1e} of the "
+            f"largest, {weakest} the least held), a dead centre of the loop\n  State: {where}."
+        )
+    if status == _core.PROJECTION_FAILED:
+        return f"the loop could not be closed again {at}: the step is too large\n  State: {where}."
+    if status == _core.STEP_TOO_SMALL:
+        return (
+            f"the step became too small to go on {at}: the tolerance cannot be met there\n"
+            f"  Loosen rtol and atol. State: {where}."
+        )
+    return unfinished(stepper, chosen, at)

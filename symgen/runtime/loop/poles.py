@@ -1,0 +1,173 @@
+"""Where given loads cannot hold the loop, and which components of the wrenches nothing determines.
+
+Let E be the dependent variables of unknown effort, and G = dq_E/dq_i what the inputs i of given effort do to
+them. The unknown efforts x solve G^T x = needed - given; where G loses rank, at a dead centre, x has a true
+pole in the input. Its residue follows from the rate of G, which the rates of the screws give.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symgen.errors import ModelError
+from symgen.runtime import _core, _loop
+from symgen.runtime.loop.kernels import LoopKernels
+
+Array = NDArray[np.float64]
+
+_RANK = 1e-8
+#: Steps [rad, or sizes of the loop] of the input in which a limit at a pole is approached.
+_BESIDE = 0.01
+
+
+@dataclass(frozen=True, slots=True)
+class PoleAt:
+    """A pole: the time [s], the state there, and the residue of each output in time, SI units."""
+
+    t: float
+    q: Array
+    residue: dict[str, Array]
+
+
+def poles(
+    kernels: LoopKernels, equations: _loop.LoopEquations, times: Array, states: Array, diagnosis: Array
+) -> list[PoleAt]:
+    """Return the poles met and passed between the samples of a followed loop, in order."""
+    d = kernels.description
+    if not kernels.has("inverse") or not any(d.variables[i].unknown for i in d.having("dependent")):
+        return []
+    n, before = d.coordinates, -1
+    found: list[tuple[float, Array]] = []
+    for i in np.argsort(times, kind="stable"):
+        t, hold, status = float(times[i]), diagnosis[i, _loop.HOLD], diagnosis[i, _loop.STATUS]
+        if status == _loop.POLE:
+            if not found or found[-1][0] != t:
+                found.append((t, states[i, :n]))
+        elif before >= 0 and status == _core.DONE and diagnosis[before, _loop.HOLD] * hold < 0.0:
+            passed = _between(kernels, equations, float(times[before]), t, states[before, :n])
+            found += [passed] if passed else []
+        before = i if status == _core.DONE else -1
+    return [PoleAt(t, q, _residue(kernels, equations, t, q)) for t, q in found]
+
+
+def _between(
+    kernels: LoopKernels, equations: _loop.LoopEquations, low: float, high: float, q: Array
+) -> tuple[float, Array] | None:
+    """Return where the hold of the drives changes its sign between two times; None where it does not."""
+    follower = _Follower(kernels, equations, low, q)
+    ends = follower(low), follower(high)
+    if not ends[0] * ends[1] < 0.0:
+        return None  # the input turned back between the samples, or the loop could not be followed
+    from scipy.optimize import brentq  # loaded only where a pole is
+
+    at = float(brentq(follower, low, high, xtol=1e-15 * max(1.0, abs(high)), rtol=8.9e-16))
+    follower(at)
+    return (at, follower.q) if abs(follower.hold) < 1e-6 else None
+
+
+class _Follower:
+    """The hold of the drives as a function of the time, followed from a state."""
+
+    def __init__(self, kernels: LoopKernels, equations: _loop.LoopEquations, t: float, q: Array) -> None:
+        self.equations, self.t, self.start = equations, t, q
+        info = kernels.description.kernel("outputs")
+        self.out = np.zeros((1, (info.out_size if info else 0) + 1))
+        self.states = np.zeros((1, 3 * len(q) + 7))
+        self.q, self.hold = q, 0.0
+
+    def __call__(self, t: float) -> float:
+        q, diagnosis = np.append(self.start, 0.0), np.zeros((1, 5))
+        span = max(abs(t - self.t), 1e-12)
+        status, *_ = self.equations.follow(self.t, q, np.array([t]), span, self.states, self.out, diagnosis)
+        self.q = q[:-1]
+        self.hold = float(diagnosis[0, _loop.HOLD]) if status == _core.DONE else np.nan
+        return self.hold
+
+
+def beside_pole(
+    kernels: LoopKernels, equations: _loop.LoopEquations, t: float, q: Array, out: Array
+) -> Array:
+    """Return the outputs at a pole: those that have none there are the limit from both sides.
+
+    What is solved for at the pole meets the loads but not the drives that are given, so ``out`` is right for
+    motions only. The limit is the even polynomial through three values on either side.
+    """
+    rate = kernels.lead_at(t)[1]
+    if rate == 0.0:
+        return np.full_like(out, np.nan)
+    turns = not kernels.lead.is_length
+    step = _BESIDE * (1.0 if turns else kernels.description.size) / rate
+    rows = []
+    for side in (-1, 1):
+        follower = _Follower(kernels, equations, t, q)
+        for k in (1, 2, 3):
+            follower(t + side * k * step)
+            if not np.isfinite(follower.hold) or follower.hold == 0.0:
+                return np.full_like(out, np.nan)
+            rows.append(follower.out[0, : len(out)].copy())
+    limit = np.array([15.0, -6.0, 1.0, 15.0, -6.0, 1.0]) @ rows / 20.0
+    return np.where(np.abs(limit - out) <= 1e-9 * np.maximum(1.0, np.abs(out)), out, limit)
+
+
+def at_state(kernels: LoopKernels, equations: _loop.LoopEquations, t: float, q: Array) -> tuple[Array, Array]:
+    """Return rates, and accelerations with the closing wrench, of the closed loop at (t, q)."""
+    n = kernels.description.coordinates
+    info = kernels.description.kernel("outputs")
+    states, out = np.zeros((1, 3 * n + 7)), np.zeros((1, (info.out_size if info else 0) + 1))
+    status, *_ = equations.follow(t, np.append(q, 0.0), np.array([t]), 1.0, states, out, np.zeros((1, 5)))
+    if status != _core.DONE:
+        return np.zeros(n), np.zeros(n + 6)
+    return states[0, n : 2 * n], states[0, 2 * n : 3 * n + 6]
+
+
+def _residue(kernels: LoopKernels, equations: _loop.LoopEquations, t: float, q: Array) -> dict[str, Array]:
+    """Return lim (t - t*) times every output, at a pole t* of the efforts."""
+    d = kernels.description
+    solved, inputs = d.having("dependent"), d.having("input")
+    unknown = [k for k, j in enumerate(solved) if d.variables[j].unknown]
+    given = [j for j in inputs if not d.variables[j].unknown]
+    u, work = at_state(kernels, equations, t, q)
+    motion = kernels("motion", t, q, u)
+    screws, rates = motion["screws"], motion["screw_rates"]
+    inverse = np.linalg.pinv(screws[:, solved], rcond=_RANK)
+    gain = -inverse @ screws[:, given]
+    slope = -inverse @ (rates[:, given] + rates[:, solved] @ gain)
+    needed = kernels("inverse", t, q, u, work[: len(q)])["inverse_efforts"]
+    known = kernels("given", t, q, u)["given_efforts"] if kernels.has("given") else np.zeros(len(q))
+    across = np.vstack([screws[3:], screws[:3]])  # reciprocal product with (force, moment)
+    basis = np.linalg.pinv(across[:, solved].T, rcond=_RANK)
+    wrench = basis @ (known - needed)[solved]
+    missing = (needed + across.T @ wrench - known)[given]
+    left, _, right = np.linalg.svd(gain[unknown].T)
+    row, column = left[:, -1], right[-1]
+    rise, size = float(row @ slope[unknown].T @ column), float(np.max(np.abs(slope))) + 1e-300
+    if not abs(rise) > _RANK * size:
+        names = [
+            ", ".join(d.variables[j].name for j in which) for which in ([solved[k] for k in unknown], given)
+        ]
+        raise ModelError(
+            f"drives at {names[0]} have no hold on {names[1]} at {kernels.value_at(t)}, and none near it: "
+            "they cannot balance what is given\n  Choose other drives to be found."
+        )
+    strength = (row @ missing) / rise
+    effort = np.zeros(len(solved))
+    effort[unknown] = strength * column
+    return _differences(kernels, t, q, [basis @ effort])[0]
+
+
+def _differences(kernels: LoopKernels, t: float, q: Array, wrenches: list[Array]) -> list[dict[str, Array]]:
+    """Return what each of these closing wrenches, alone, does to the outputs, which are affine in it."""
+    base, u = np.zeros(len(q) + 6), np.zeros(len(q))
+    without = kernels("outputs", t, q, u, base)
+    found = []
+    for wrench in wrenches:
+        size = float(np.max(np.abs(wrench))) or 1.0
+        base[len(q) :] = wrench / size
+        with_it = kernels("outputs", t, q, u, base)
+        change = {name: with_it[name] - without[name] for name in without}
+        noise = {name: 1e-13 * (np.abs(without[name]) + 1.0) for name in without}
+        found.append({n: size * np.where(np.abs(x) > noise[n], x, 0.0) for n, x in change.items()})
+    return found

@@ -1,0 +1,206 @@
+"""Samples of a run, some of them in other angles of ball joints: their outputs in the table's own."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symgen.runtime import _core
+from symgen.runtime.closure.redundancy import Mask, undetermined
+from symgen.runtime.loop.frames import product
+from symgen.runtime.loop.kernels import LoopKernels
+
+Array = NDArray[np.float64]
+
+#: Sine of the angle from a pole below which rates of the table's own angles have no digits.
+_AT_POLE = 1e-6
+_SHOWN = 6
+
+
+@dataclass(frozen=True, slots=True)
+class Part:
+    """Samples in the same angles: their numbers, the kernels and equations in these, states and solutions."""
+
+    rows: NDArray[np.intp]
+    turned: bool
+    kernels: LoopKernels
+    times: Array
+    states: Array
+    found: Array
+
+
+class Samples:
+    """Samples of a run.
+
+    Parameters
+    ----------
+    states
+        A row each, q and u first and one number more than the run has, in the angles in use.
+    turns
+        The turns in front of the balls at each sample.
+    """
+
+    def __init__(self, kernels: LoopKernels, rank: int, times: Array, states: Array, turns: Array) -> None:
+        self.kernels, self.times, self.states, self.turns = kernels, times, states, turns
+        d = kernels.description
+        # States are recorded as doubles, and outputs follow from them.
+        self._solver = kernels.equations([*d.having("dependent"), *d.having("free")], rank)
+
+    @cached_property
+    def parts(self) -> tuple[Part, ...]:
+        """The samples by the angles they are recorded in."""
+        found = []
+        kinds, which = self.turns[:1], np.zeros(len(self.turns), dtype=np.intp)
+        if self.turns.any():
+            kinds, which = np.unique(self.turns, axis=0, return_inverse=True)
+        for kind, turns in enumerate(kinds):
+            rows = np.flatnonzero(which.ravel() == kind)
+            held = self._hold(turns)
+            kernels = LoopKernels(self.kernels.description, self.kernels.library, held.tolist())
+            times, states = self.times[rows], self.states[rows]
+            part = Part(
+                rows, bool(turns.any()), kernels, times, states, self._solver.solutions(times, states)
+            )
+            found.append(part)
+        self._hold(np.zeros(self.turns.shape[1]))
+        return tuple(found)
+
+    def _hold(self, turns: Array) -> Array:
+        held = self.kernels.given.copy()
+        held[len(held) - len(turns) :] = turns
+        self._solver.set_parameters(held)
+        return held
+
+    def outputs(self) -> Array:
+        """Return what the kernel 'outputs' gives at every sample, angles of balls as in the table."""
+        d = self.kernels.description
+        n, info = d.coordinates, d.kernel("outputs")
+        out = np.zeros((len(self.times), (info.out_size if info else 0) + 1))
+        if info is None:
+            return out
+        for part in self.parts:
+            work = np.zeros((len(part.rows), self.kernels.work_size + 1))
+            work[:, : n + 6] = part.found[:, : n + 6]
+            made = np.zeros((len(part.rows), out.shape[1]))
+            address, p = self.kernels.library.addresses["outputs"], part.kernels.parameters
+            sizes = d.sizes_of("outputs")
+            _core.call_many(address, sizes, part.times, part.states, n, p, work, made)
+            out[part.rows] = made
+        for i, q, u, a in self._in_table:
+            self._write(i, out[i], q, u, a)
+        return out
+
+    @cached_property
+    def _in_table(self) -> list[tuple[int, Array, Array, Array]]:
+        """Number, variables, rates and accelerations of samples in other angles, in those of the table."""
+        n = self.kernels.description.coordinates
+        solved = np.zeros((len(self.times), n))
+        for part in self.parts:
+            solved[part.rows] = part.found[:, :n]
+        found: list[tuple[int, Array, Array, Array]] = []
+        table = self.states[:, :n].copy()
+        signs = self._signs()
+        for i in np.flatnonzero(self.turns.any(axis=1)).tolist():
+            self._hold(self.turns[i])
+            near = table[max(i - 1, 0)].copy()
+            for _ in range(2):
+                q, u, a = self.states[i, :n].copy(), self.states[i, n : 2 * n].copy(), solved[i].copy()
+                self._solver.in_table(near, q, u, a)
+                near = q.copy()
+                for ball, sign in zip(self.kernels.description.balls, signs[i], strict=True):
+                    if sign * np.cos(q[ball.angles[1]]) < 0.0:
+                        theta, eta, alpha = ball.angles
+                        near[theta], near[eta] = q[theta] + np.pi, np.pi - q[eta]
+                        if alpha >= 0:
+                            near[alpha] += np.pi
+            table[i] = q
+            found.append((i, q, u, a))
+        self._hold(np.zeros(self.turns.shape[1]))
+        return found
+
+    def _signs(self) -> NDArray[np.intp]:
+        """Return the sign of cos(eta) of every ball at every sample, zero where nothing tells.
+
+        Of the two ways to write a rotation, samples in other angles take that of the sample before, and
+        beyond the nearest one to the pole that of the sample behind.
+        """
+        balls = self.kernels.description.balls
+        signs = np.zeros((len(self.times), len(balls)), dtype=np.intp)
+        for k, ball in enumerate(balls):
+            theta, eta = self.states[:, ball.angles[0]], self.states[:, ball.angles[1]]
+            turned = self.turns[:, k] != 0.0
+            signs[:, k] = np.where(turned, 0, np.sign(np.cos(eta)))
+            off = np.hypot(np.cos(theta) * np.cos(eta), np.sin(eta))
+            edges = np.flatnonzero(np.diff(np.concatenate([[False], turned, [False]])))
+            for first, end in edges.reshape(-1, 2):
+                before = signs[first - 1, k] if first else 0
+                behind = signs[end, k] if end < len(turned) else before
+                closest = first + int(np.argmin(off[first:end]))
+                signs[first:closest, k] = before or behind
+                signs[closest:end, k] = behind
+        return signs
+
+    def _blind(self, q: Array) -> list[int]:
+        """Return the variables whose rates have no digits in the table's own angles."""
+        balls = self.kernels.description.balls
+        near = (b for b in balls if abs(np.cos(q[b.angles[1]])) < _AT_POLE)
+        return sorted({j for b in near for j in (*b.angles, *b.behind) if j >= 0})
+
+    def _frames(self, i: int, q: Array) -> dict[str, Array]:
+        """Return by joint how the frame of a link that spins idly stands, in that of the table's own angles.
+
+        The wrench of the ball behind that link is given in its frame.
+        """
+        found = {}
+        balls = zip(self.kernels.description.balls, self.kernels.balls, self.turns[i], strict=True)
+        for ball, (_, alpha), turn in balls:
+            if turn and ball.behind:
+                at = ball.angles[:2]
+                own, used = (np.array([x[at[0]], 0.0, x[at[1]], alpha, 0.0]) for x in (q, self.states[i]))
+                ahead = np.array([0.0, 0.0, 0.0, turn, 0.0])
+                found[f"joint{ball.row + 2}"] = product([own])[:3, :3].T @ product([ahead, used])[:3, :3]
+        return found
+
+    def _write(self, i: int, row: Array, q: Array, u: Array, a: Array) -> None:
+        d, blind, frames = self.kernels.description, self._blind(q), self._frames(i, q)
+        info = d.kernel("outputs")
+        own = {j for b in d.balls for j in (*b.angles, *b.behind) if j >= 0}
+        for block in info.blocks if info else ():
+            name, _, what = block.name.partition(".")
+            for j in own:
+                if d.variables[j].name == name:
+                    values = {"": q, "rate": u, "acceleration": a}
+                    known = what in values and not (what and j in blind)
+                    row[block.offset] = values[what][j] if known else np.nan
+            for at, turned in frames.items():
+                if block.name.endswith((f".{at}.force", f".{at}.moment")):
+                    entries = slice(block.offset, block.offset + 3)
+                    row[entries] = turned @ row[entries]
+
+    def notes(self) -> Iterator[str]:
+        """Say at which samples angles have a pole."""
+        at = [(self.times[i], self._blind(q)) for i, q, _, _ in self._in_table if self._blind(q)]
+        if at:
+            names = ", ".join(
+                dict.fromkeys(self.kernels.description.variables[j].name for _, js in at for j in js)
+            )
+            times = ", ".join(f"{t:.9g}" for t, _ in at[:_SHOWN]) + (", ..." if len(at) > _SHOWN else "")
+            yield (
+                f"at the samples t = {times} s the angles of a ball joint have a pole, which is no "
+                f"singularity of the loop: {names} are split there as before, and their rates and "
+                "accelerations left open"
+            )
+
+    def undetermined(self) -> dict[str, Mask]:
+        """Return which entries of the outputs redundant closure leaves undetermined, at all samples."""
+        found: dict[str, Mask] = {}
+        for part in self.parts:
+            for name, mask in undetermined(part.kernels, part.times, part.states).items():
+                found.setdefault(name, np.zeros((len(self.times), mask.shape[1]), dtype=bool))[part.rows] = (
+                    mask
+                )
+        return found

@@ -1,0 +1,130 @@
+"""First times at which an input has given values, for many values at a time."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+#: Value, rate and acceleration of an input at many times, shape (times, 3).
+Input = Callable[[Array], Array]
+
+#: Steps of the search: their part of the time passed so far, how many, and how many at a time.
+_GROWTH, _STEPS, _CHUNK = 0.01, 6144, 512
+#: Parts of the way to the nearest value, at the first rate, that the first step is.
+_PARTS = 64
+#: First step where the input starts at rest and its acceleration gives no scale [s].
+_AT_REST = 1e-12
+_REFINEMENTS = 100
+#: Part of a value that rounding leaves.
+_CLOSE = 4 * float(np.finfo(float).eps)
+
+
+def first_times(lead: Input, values: Array) -> Array:
+    """Return the first times, from 0 on, at which an input has these values; not a number where it never has.
+
+    Values towards which the input moves at t = 0 are looked for at later times, the others at earlier ones;
+    all at later times where it starts at rest. A value at which the input turns back is reached there.
+    """
+    start, rate, acceleration = lead(np.zeros(1))[0].tolist()
+    gaps = values - start
+    ahead = gaps * rate > 0.0 if rate else np.ones(len(values), dtype=bool)
+    times = np.zeros(len(values))
+    for way, part in ((1.0, ahead & (gaps != 0.0)), (-1.0, ~ahead & (gaps != 0.0))):
+        if np.any(part):
+            nearest = float(np.min(np.abs(gaps[part])))
+            step = _AT_REST
+            if rate:
+                step = nearest / abs(rate) / _PARTS
+            elif acceleration:
+                step = float(np.sqrt(2.0 * nearest / abs(acceleration))) / _PARTS
+            nodes, reached = _path(lead, values[part], way * step)
+            times[part] = _passages(lead, values[part], nodes, reached)
+    return times
+
+
+def _path(lead: Input, values: Array, step: float) -> tuple[Array, Array]:
+    """Return times and values of the input, between which it is monotone, until it has come to all values."""
+    start = float(lead(np.zeros(1))[0, 0])
+    highest, lowest = max(start, float(np.max(values))), min(start, float(np.min(values)))
+    lengths = np.maximum(1.0, np.minimum(np.expm1(np.arange(_STEPS) * np.log1p(_GROWTH)) * _GROWTH, 1e300))
+    ends = step * np.cumsum(lengths)
+    nodes, reached = [np.zeros(1)], [np.array([start])]
+    for first in range(0, _STEPS, _CHUNK):
+        t = np.concatenate([nodes[-1][-1:], ends[first : first + _CHUNK]])
+        jets = lead(t)
+        finite = np.isfinite(jets[:, 0])
+        count = len(t) if np.all(finite) else int(np.argmin(finite))
+        t, x = _with_turns(lead, t[:count], jets[:count])
+        nodes.append(t[1:])
+        reached.append(x[1:])
+        whole = np.concatenate(reached)
+        met = np.max(whole) >= highest - _slack(highest) and np.min(whole) <= lowest + _slack(lowest)
+        if met or count <= _CHUNK:
+            break
+    return np.concatenate(nodes), np.concatenate(reached)
+
+
+def _with_turns(lead: Input, t: Array, jets: Array) -> tuple[Array, Array]:
+    """Return times and values, and between them those at which the input turns back, by bisection."""
+    with np.errstate(invalid="ignore"):
+        turns = np.flatnonzero(jets[:-1, 1] * jets[1:, 1] < 0.0)
+    if not len(turns):
+        return t, jets[:, 0]
+    low, high, sign = t[turns].copy(), t[turns + 1].copy(), np.sign(jets[turns, 1])
+    for _ in range(_REFINEMENTS):
+        middle = 0.5 * (low + high)
+        before = lead(middle)[:, 1] * sign > 0.0
+        low, high = np.where(before, middle, low), np.where(before, high, middle)
+        if np.all(np.abs(high - low) <= 2.0 * np.spacing(np.abs(high))):
+            break
+    whole = np.insert(t, turns + 1, high)
+    return whole, np.insert(jets[:, 0], turns + 1, lead(high)[:, 0])
+
+
+def _passages(lead: Input, values: Array, nodes: Array, reached: Array) -> Array:
+    """Return the first time of every value on a path of monotone pieces."""
+    times = np.full(len(values), np.nan)
+    brackets = []
+    for sign in (1.0, -1.0):
+        part = np.flatnonzero(sign * (values - reached[0]) > 0.0)
+        farthest = np.maximum.accumulate(sign * reached)
+        found = np.searchsorted(farthest, sign * values[part] - _slack(values[part]))
+        brackets.append((part[found < len(nodes)], found[found < len(nodes)]))
+    which, ends = (np.concatenate(x) for x in zip(*brackets, strict=True))
+    at_node = np.abs(reached[ends] - values[which]) <= _slack(values[which])
+    times[which[at_node]] = nodes[ends[at_node]]
+    which, ends = which[~at_node], ends[~at_node]
+    if len(which):
+        times[which] = _roots(lead, values[which], nodes[ends - 1], nodes[ends])
+    return times
+
+
+def _roots(lead: Input, values: Array, low: Array, high: Array) -> Array:
+    """Return the times between two at which a monotone input has its value: Newton's method, kept inside."""
+    low, high = low.copy(), high.copy()
+    rises = lead(high)[:, 0] > values
+    t, best, error = 0.5 * (low + high), 0.5 * (low + high), np.full(len(values), np.inf)
+    for k in range(_REFINEMENTS):
+        jets = lead(t)
+        gap = jets[:, 0] - values
+        better = np.abs(gap) < error
+        best, error = np.where(better, t, best), np.where(better, np.abs(gap), error)
+        below = (gap < 0.0) == rises
+        low, high = np.where(below, t, low), np.where(below, high, t)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            step = gap / jets[:, 1]
+        trial = t - step
+        inside = (trial - low) * (trial - high) <= 0.0
+        moved = np.where(inside & (k % 4 != 3), trial, 0.5 * (low + high))
+        still = (gap == 0.0) | (moved == t) | (np.abs(high - low) <= np.spacing(np.abs(high)))
+        if np.all(still | (inside & (np.abs(step) <= np.spacing(np.abs(t))))):
+            break
+        t = np.where(still, t, moved)
+    return best
+
+
+def _slack(value: Array | float) -> Array:
+    return _CLOSE * np.maximum(1e-3, np.abs(value))

@@ -1,0 +1,1 @@
+"""Compiled models of linkages and user-defined systems."""

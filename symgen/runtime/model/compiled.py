@@ -1,0 +1,148 @@
+"""Kernels, equations and parameters of a compiled model."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, Any
+
+from numpy.typing import ArrayLike
+
+from symgen.calls import checked
+from symgen.display import display
+from symgen.errors import ModelError, nearest
+from symgen.precision import FLOAT64, Precision
+from symgen.runtime.kernels.arguments import real
+from symgen.runtime.kernels.description import Described
+from symgen.runtime.kernels.library import Library
+from symgen.runtime.kernels.typed import Typed
+
+if TYPE_CHECKING:
+    from symgen.runtime.kernels.batch import Batch, Rows
+
+
+@checked
+class Compiled:
+    """Kernels of one scene with values of its tunable parameters."""
+
+    description: Described
+
+    def __init__(
+        self,
+        description: Described,
+        library: Library,
+        derive: Callable[[], Any],
+        parameters: Mapping[str, float] | None,
+        typed: Typed | None,
+    ) -> None:
+        self._typed = typed
+        self._batches: Batch | None = None
+        self.description, self._library, self._derive = description, library, derive
+        self.parameters: dict[str, float] = {p.name: p.default for p in description.tunable}
+        for name, value in (parameters or {}).items():
+            if name not in self.parameters:
+                raise ModelError(
+                    f"{description.name} has no tunable parameter {name!r}. {nearest(name, self.parameters)}"
+                )
+            self.parameters[name] = real(value, f"{name}, in SI units")
+        self._equations: Any = None
+
+    def _repr_html_(self) -> str:
+        html: str = display("model_html", self)
+        return html
+
+    @property
+    def name(self) -> str:
+        """Short name of the scene."""
+        return self.description.name
+
+    @property
+    def method(self) -> str:
+        """Name of the method that solves it, a row of ``symgen.methods``."""
+        return self.description.method
+
+    @property
+    def backend(self) -> str:
+        """Where the kernels come from: ``c`` (compiled for the scene), ``shipped``, ``numpy``, ``mpmath``."""
+        return "mpmath" if self._typed and self._typed.digits else self._library.backend
+
+    @property
+    def precision(self) -> str:
+        """The type that runs and batches are computed in: ``float64``, or as it was built."""
+        return self._type.name
+
+    @property
+    def typed(self) -> Typed | None:
+        """Kernels in the type of runs, where that is not float64."""
+        return None if self._typed is None or self._typed.is_plain else self._typed
+
+    @property
+    def _type(self) -> Precision:
+        return self._typed.precision if self._typed else FLOAT64
+
+    def _in_type(self, t: float, q: Any, u: Any, solution: Any) -> Any:
+        """Return accelerations and multipliers in the model's own type, where that is not float64."""
+        if self.typed is None:
+            return solution
+        found = self._batch("accelerations", t, q[None], u[None])
+        return [*found["accelerations"][0], *found["multipliers"][0]]
+
+    @property
+    def equations(self) -> Any:
+        """The derived SymPy matrices by name: ``model.equations["mass_matrix"]``."""
+        if self._equations is None:
+            self._equations = self._derive()
+        return self._equations
+
+    @property
+    def given(self) -> list[float]:
+        """Parameters as kernels take them: :attr:`parameters`, then those that runs hold during a step."""
+        d = self.description
+        return [*self.parameters.values(), *(p.default for p in d.parameters[len(d.tunable) :])]
+
+    @property
+    def operations(self) -> dict[str, dict[str, int]]:
+        """Operations of each kernel by kind."""
+        return {k.name: dict(k.operations) for k in self.description.kernels}
+
+    @property
+    def is_changed(self) -> bool:
+        """Whether a parameter has another value than in the scene."""
+        return any(self.parameters[p.name] != p.default for p in self.description.tunable)
+
+    def _batch(
+        self,
+        what: str,
+        t: ArrayLike,
+        q: ArrayLike,
+        u: ArrayLike | None = None,
+        work: ArrayLike | None = None,
+        threads: int = 1,
+    ) -> dict[str, Rows]:
+        return self._evaluate_many(what, t, q, u, work, threads)[0]
+
+    def _refuse_types(self, what: str, but: str = "") -> None:
+        """Refuse what is computed in doubles only, where another type was asked for; ``but`` those of C."""
+        if self.typed and (self.typed.digits or not but):
+            how = f"{self.typed.digits} digits" if self.typed.digits else self.precision
+            raise ModelError(
+                f"{what} computed in {but or 'float64'} only, and {self.name} was built for {how}\n"
+                f"  model.batch() evaluates its kernels in {how}."
+            )
+
+    def _evaluate_many(
+        self,
+        what: str,
+        t: ArrayLike,
+        q: ArrayLike,
+        u: ArrayLike | None = None,
+        work: ArrayLike | None = None,
+        threads: int = 1,
+    ) -> tuple[dict[str, Rows], dict[str, Rows]]:
+        """Return the results of a batch, and what float64 leaves of those of float128."""
+        if self._batches is None:
+            if self._typed is None:
+                raise ModelError(f"{self.name} has no kernels for batches: build it with symgen.build")
+            from symgen.runtime.kernels.batch import Batch
+
+            self._batches = Batch(self.description, self._typed, self.given)
+        return self._batches(what, t, q, u, work, threads)

@@ -1,0 +1,116 @@
+"""Analyses that linkages with elastic links alone support."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING
+
+from numpy.typing import ArrayLike
+
+from symgen.runtime.model.verbs import verb
+
+if TYPE_CHECKING:
+    from symgen.runtime.result.elastic import ElasticResult
+    from symgen.runtime.result.sweep import Sweep
+
+
+class ElasticAnalyses:
+    """Steady states and reference solutions of elastic links, declared for every model."""
+
+    @verb
+    def periodic(
+        self,
+        *,
+        steps: int | None = None,
+        rtol: float | None = None,
+        samples: int | None = None,
+        at: ArrayLike | None = None,
+        form: str | None = None,
+        geometric_stiffness: bool | None = None,
+        max_step: float | None = None,
+        max_wall: float | None = None,
+        progress: Callable[[float], None] | None = None,
+    ) -> ElasticResult:
+        """Return the steady state of one revolution, with its Floquet multipliers.
+
+        The crank has constant speed, or with a motor the speed that this gives it. Arguments and errors are
+        those of :meth:`simulate`.
+        """
+        raise NotImplementedError
+
+    @verb
+    def quasi_static(
+        self,
+        *,
+        revolutions: float | None = None,
+        samples: int | None = None,
+        at: ArrayLike | None = None,
+        form: str | None = None,
+        geometric_stiffness: bool | None = None,
+        max_wall: float | None = None,
+        progress: Callable[[float], None] | None = None,
+    ) -> ElasticResult:
+        """Return the deformation by the forces of the rigid motion, without inertia of the elastic motion.
+
+        Arguments and errors are those of :meth:`simulate`.
+        """
+        raise NotImplementedError
+
+    @verb
+    def large_rotation(
+        self,
+        segments: int = 12,
+        *,
+        revolutions: float | None = None,
+        rtol: float | None = None,
+        samples: int | None = None,
+        max_step: float | None = None,
+        max_wall: float | None = None,
+        checkpoint: str | os.PathLike[str] | None = None,
+        checkpoint_every: float | None = None,
+        resume: str | os.PathLike[str] | None = None,
+        progress: Callable[[float], None] | None = None,
+    ) -> ElasticResult:
+        """Run the motion with large rotation of the elastic links, in rods with springs between them.
+
+        It is the reference for :meth:`simulate`, which holds for small bending only. The error falls as the
+        square of the number of rods ``segments``; the cost rises faster than its cube, since the steps in
+        time shorten with its square. The notes of the result report what rods omit; see
+        ``docs/elastic_arbiter.md``.
+        ``rtol`` is the relative tolerance of the local error (1e-7); other arguments and errors are those of
+        :meth:`simulate`.
+        """
+        raise NotImplementedError
+
+    @verb
+    def sweep(
+        self,
+        speeds: Sequence[float],
+        *,
+        rtol: float = 1e-4,
+        samples: int = 361,
+        max_wall: float | None = None,
+        progress: Callable[[float], None] | None = None,
+    ) -> Sweep:
+        """Return the steady states at many crank speeds: peaks, Floquet multipliers, critical speeds.
+
+        Parameters
+        ----------
+        speeds
+            Angular velocities of the crank [rad/s]. It must be proportional to a tunable parameter.
+        rtol
+            Error over the peak stress of every run.
+        samples
+            Number of equally spaced times of a revolution at which peaks are evaluated.
+        max_wall
+            Wall time [s] after which the sweep ends with an error that carries the speeds so far.
+
+        Raises
+        ------
+        ModelError
+            When no tunable parameter sets the speed, or a speed is zero or not finite.
+        SimulationError
+            When the linkage cannot turn.
+        """
+        raise NotImplementedError

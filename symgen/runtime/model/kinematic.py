@@ -1,0 +1,56 @@
+"""A driven linkage of which nothing is asked but its motion: no masses, no loads, no forces."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import ClassVar
+
+import numpy as np
+
+from symgen.calls import checked
+from symgen.runtime.kernels.evaluate import Evaluator
+from symgen.runtime.model.linkage import LinkageModel
+from symgen.runtime.rods.constraints import Bonds
+from symgen.runtime.rods.start import Start, pose
+
+
+@checked
+class KinematicModel(LinkageModel):
+    """Compiled constraints and places of a scene that asks for kinematics.
+
+    Made by :func:`symgen.build` of a scene with ``kind = "kinematics"`` under ``[analysis]``.
+    """
+
+    MISSING: ClassVar[Mapping[str, str]] = {
+        "": 'its scene requests kinematics only, so that it has no forces\n  Write kind = "dynamics" under '
+        "[analysis], or give --set analysis.kind=dynamics."
+    }
+
+    def with_parameters(self, /, **values: float) -> KinematicModel:
+        """Return the same model with other values of its tunable parameters, in SI units."""
+        changed = {**self.parameters, **values}
+        return KinematicModel(self.description, self._library, self._derive, changed, typed=self._typed)
+
+    def _found(self) -> Start:
+        if self._start is None and self.is_changed:
+            self._start = posed(self._evaluator)
+        elif self._start is None:
+            q, u = np.split(np.array(self.description.start), 2)
+            self._start = Start(q, u, ())
+        return self._start
+
+    def _bonds(self) -> Bonds:
+        return Bonds(self._evaluator, self._evaluator)
+
+
+def posed(evaluator: Evaluator) -> Start:
+    """Return the pose at the start, with the velocities that the drives give it.
+
+    Raises
+    ------
+    InitialStateError
+        When the linkage cannot be assembled.
+    """
+    q, bonds = pose(evaluator), Bonds(evaluator, evaluator)
+    solved = np.linalg.lstsq(bonds.jacobian(q, 0.0), -bonds.drift(q, 0.0), rcond=None)[0]
+    return Start(q, np.asarray(solved, dtype=float), ())

@@ -1,0 +1,161 @@
+"""What models of linkages of points and links share: states, poses, kinematics."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Callable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from symgen.calls import checked
+from symgen.errors import ModelError
+from symgen.runtime.integrate.pace import uncounted
+from symgen.runtime.kernels.description import Description
+from symgen.runtime.kernels.evaluate import Evaluator
+from symgen.runtime.kernels.library import Library
+from symgen.runtime.kernels.typed import Typed
+from symgen.runtime.model.model import Model
+from symgen.runtime.result.state import State, coordinates
+from symgen.runtime.rods.start import Start
+
+if TYPE_CHECKING:
+    from symgen.runtime.result.motion import Motion
+    from symgen.runtime.rods.constraints import Bonds
+
+Array = NDArray[np.float64]
+#: Gives the kernels of one kind of analysis, made when first asked for.
+Analyses = Callable[[str, bool], tuple[Description, Library]]
+
+
+@checked
+class LinkageModel(Model):
+    """Compiled kernels of a linkage at one set of parameters."""
+
+    description: Description
+
+    def __init__(
+        self,
+        description: Description,
+        library: Library,
+        derive: Callable[[], Any],
+        parameters: Mapping[str, float] | None = None,
+        analyses: Analyses | None = None,
+        typed: Typed | None = None,
+    ) -> None:
+        super().__init__(description, library, derive, parameters, typed)
+        self._analyses = analyses
+        self._evaluator = Evaluator(description, library, np.array(self.given))
+        self._start: Start | None = None
+
+    def __repr__(self) -> str:
+        d = self.description
+        return (
+            f"<{type(self).__name__} {d.name!r}: {len(d.free)} moving points, "
+            f"{len(d.constraints)} constraints, {self.backend} backend>"
+        )
+
+    #: Whether its inputs alone move it; a linkage's motion is followed in time.
+    is_driven = False
+
+    @abstractmethod
+    def _found(self) -> Start:
+        """Return the start."""
+
+    def initial_state(self) -> State:
+        """Return the state in which a run starts.
+
+        Raises
+        ------
+        InitialStateError
+            When it cannot be assembled, is contradictory, or is singular.
+        """
+        found = self._found()
+        return self._state(0.0, found.q, found.u)
+
+    def _state(self, t: float, q: Array, u: Array) -> State:
+        if not np.isfinite(t):
+            raise ModelError(f"expected a finite time of the state, got {t!r}")
+        parts = self._evaluator.blocks("points", t, q, u)
+        named = [
+            dict(zip(self.description.points, parts[k], strict=True)) for k in ("positions", "velocities")
+        ]
+        return State(t, q.copy(), u.copy(), *named)
+
+    def state(
+        self,
+        positions: Mapping[str, ArrayLike],
+        velocities: Mapping[str, ArrayLike] | None = None,
+        t: float = 0.0,
+    ) -> State:
+        """Return a state from the positions [m] and velocities [m/s] of the moving points, by name.
+
+        Points left out of ``velocities`` are at rest; ground points may be given and are ignored. The state
+        is taken as it is: :meth:`simulate` projects it onto the constraints, :meth:`accelerations` does not.
+        """
+        d = self.description
+        q, u = coordinates(d, positions, "positions"), coordinates(d, velocities or {}, "velocities", 0.0)
+        return self._state(t, q, u)
+
+    @property
+    def evaluator(self) -> Evaluator:
+        """Its kernels as functions of arrays."""
+        return self._evaluator
+
+    def analysis(self, kind: str, stepping: bool = False) -> Evaluator:
+        """Return the kernels of a kind of analysis; for ``stepping`` in the type of runs, else in doubles."""
+        if self._analyses is None:
+            raise ModelError(
+                f"{self.name} was made without the kernels of {kind}: build it with symgen.build"
+            )
+        if not kind.isidentifier():  # it becomes part of the name of a folder
+            raise ModelError(f"there is no analysis {kind!r}")
+        with uncounted():
+            return Evaluator(*self._analyses(kind, stepping), self._evaluator.given)
+
+    def _bonds(self) -> Bonds:
+        from symgen.runtime.rods.constraints import Bonds
+
+        return Bonds(self._evaluator, self.analysis("kinematics"))
+
+    def _refused(self, name: str) -> str | None:
+        d = self.description
+        missing = d.coordinates - len(d.constraints)
+        if name in ("kinematics", "inverse_dynamics", "assemblies") and missing > 0:
+            return (
+                f"it has more degrees of freedom than drives and needs {missing} more "
+                f"drive{'s' if missing > 1 else ''}\n"
+                '  Add [[drivers]] with link = "..." and angle = "speed*t", give a massless link a length by '
+                "t, or a ground point a motion."
+            )
+        return super()._refused(name)
+
+    def _assemblies(self, at: float | None = None, over: str | None = None) -> tuple[State, ...]:
+        from symgen.runtime.rods.assemblies import assemblies
+        from symgen.runtime.rods.instants import instants
+
+        t, q, bonds = 0.0, self.initial_state().q, self._bonds()
+        if at is not None:
+            asked = instants(None, None, at, over or "input", 2, self.description.t_end)
+            t = float(asked.times(self.name, bonds.drives)[0])
+        found = assemblies(bonds, q, t)
+        return tuple(self._state(t, pose, np.zeros_like(pose)) for pose in found)
+
+    def _kinematics(
+        self,
+        start: float | None = None,
+        stop: float | None = None,
+        at: ArrayLike | None = None,
+        over: str | None = None,
+        samples: int = 181,
+        of: Sequence[str] | None = None,
+        state: State | None = None,
+        through: bool = False,
+    ) -> Motion:
+        from symgen.runtime.rods.instants import instants
+        from symgen.runtime.rods.kinematics import analyse
+
+        begin = self.initial_state() if state is None else state
+        asked = instants(start, stop, at, over, samples, self.description.t_end)
+        return analyse(self._bonds(), begin.q, begin.t, asked, through, of)

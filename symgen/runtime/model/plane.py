@@ -1,0 +1,91 @@
+"""A linkage in space whose runs are computed in the plane in which it stays."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+from symgen.calls import checked
+from symgen.runtime.model.rods import RodModel
+from symgen.runtime.result.result import Result
+from symgen.runtime.result.state import Accelerations, State
+
+if TYPE_CHECKING:
+    from symgen.runtime.result.forces import Forces
+    from symgen.runtime.result.motion import Motion
+    from symgen.runtime.rods.equilibrium import Equilibrium
+    from symgen.runtime.rods.modes import Modes
+
+
+@checked
+class PlaneModel(RodModel):
+    """Compiled equations of a linkage written in space, of its motion in a plane.
+
+    Runs and accelerations are those in the plane: nothing drives the motion across it. What asks for freedoms
+    rather than for a motion (poses, equilibria and their stability, modes) is answered by the model in
+    ``in_space``, which knows those across the plane too and is made when it is first needed.
+    """
+
+    def __init__(self, *args: Any, in_space: Callable[[], RodModel], **kwargs: Any) -> None:
+        super().__init__(*args, **kwargs)
+        self._made_in_space = in_space
+
+    def with_parameters(self, /, **values: float) -> RodModel:
+        """Return the same model with other values of its tunable parameters, in SI units."""
+        changed = {**self.parameters, **values}
+        return PlaneModel(
+            self.description,
+            self._library,
+            self._derive,
+            changed,
+            self._analyses,
+            self._typed,
+            in_space=self._made_in_space,
+        )
+
+    @cached_property
+    def in_space(self) -> RodModel:
+        """The model with all freedoms of the linkage, at the same parameters."""
+        return self._made_in_space().with_parameters(**self.parameters)
+
+    def _whole(self, state: State | None) -> State | None:
+        """Return a state by the coordinates in space."""
+        if state is None or len(state.q) == self.in_space.description.coordinates:
+            return state
+        return self.in_space.state(state.positions, state.velocities, state.t)
+
+    def _own(self, state: State | None) -> State | None:
+        """Return a state by the coordinates in the plane."""
+        if state is None or len(state.q) == self.description.coordinates:
+            return state
+        return self.state(state.positions, state.velocities, state.t)
+
+    def _accelerations(self, state: State | None = None) -> Accelerations:
+        return super()._accelerations(self._own(state))
+
+    def _simulate(  # type: ignore[override]  # the other options pass through
+        self, t_end: float | None = None, state: State | None = None, **options: Any
+    ) -> Result:
+        return super()._simulate(t_end, state=self._own(state), **options)
+
+    def _assemblies(self, at: float | None = None, over: str | None = None) -> tuple[State, ...]:
+        return self.in_space._assemblies(at, over)
+
+    def _kinematics(  # type: ignore[override]
+        self, state: State | None = None, **options: Any
+    ) -> Motion:
+        return self.in_space._kinematics(state=self._whole(state), **options)
+
+    def _inverse_dynamics(  # type: ignore[override]
+        self, state: State | None = None, **options: Any
+    ) -> Forces:
+        return self.in_space._inverse_dynamics(state=self._whole(state), **options)
+
+    def _equilibrium(
+        self, state: State | None = None, t: float | None = None, stable: bool = True
+    ) -> Equilibrium:
+        return self.in_space._equilibrium(self._whole(state), t, stable)
+
+    def _modes(self, at: Equilibrium | float | None = None) -> Modes:
+        return self.in_space._modes(at)

@@ -1,0 +1,182 @@
+"""Compiled equations of motion of a linkage of points and links."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Mapping, Sequence
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from symgen.calls import checked
+from symgen.errors import ModelError
+from symgen.runtime import _core
+from symgen.runtime.integrate.causes import without_direction
+from symgen.runtime.integrate.checkpoint import keeping
+from symgen.runtime.integrate.options import options
+from symgen.runtime.integrate.pace import limited
+from symgen.runtime.integrate.simulate import run
+from symgen.runtime.model.linkage import LinkageModel
+from symgen.runtime.result.result import Result
+from symgen.runtime.result.state import Accelerations, State, finite
+from symgen.runtime.rods.redundancy import least_norm, not_unique
+from symgen.runtime.rods.start import Start, start
+
+if TYPE_CHECKING:
+    from symgen.runtime._rhs import Rhs
+    from symgen.runtime.result.forces import Forces
+    from symgen.runtime.rods.equilibrium import Equilibrium
+    from symgen.runtime.rods.modes import Modes
+
+Array = NDArray[np.float64]
+
+
+@checked
+class RodModel(LinkageModel):
+    """Compiled equations of motion of a linkage of points and links.
+
+    Made by :func:`symgen.build`. Parameters that the scene declares tunable can be changed with
+    :meth:`with_parameters` without compiling again.
+    """
+
+    MISSING: ClassVar[Mapping[str, str]] = {"": "it has no elastic links"}
+
+    def with_parameters(self, /, **values: float) -> RodModel:
+        """Return the same model with other values of its tunable parameters, in SI units."""
+        changed = {**self.parameters, **values}
+        return RodModel(self.description, self._library, self._derive, changed, self._analyses, self._typed)
+
+    def _found(self) -> Start:
+        """Return the start: the one stored with the scene, unless a parameter was changed."""
+        d = self.description
+        if self._start is None and (self.is_changed or not d.start):
+            self._start = start(self._evaluator)
+        elif self._start is None:
+            q, u = np.split(np.array(d.start), 2)
+            self._start = Start(q, u, d.redundant)
+        return self._start
+
+    def _refused(self, name: str) -> str | None:
+        if name == "inverse_dynamics" and (len(self.description.axes) > 2 or self.description.plane):
+            return "joint forces by rigid elements are for linkages in the plane"
+        return super()._refused(name)
+
+    @property
+    def redundant(self) -> tuple[str, ...]:
+        """Constraints that follow from the others wherever the linkage goes, as messages call them."""
+        return tuple(self.description.labels[i] for i in self._found().redundant)
+
+    def _accelerations(self, state: State | None = None) -> Accelerations:
+        d = self.description
+        state = self.initial_state() if state is None else state
+        n = d.coordinates
+        redundant = self._found().redundant
+        equations = self._evaluator.equations(len(redundant))
+        row = np.concatenate([state.q, state.u, [0.0, 0.0]])
+        status = equations.check(state.t, row)
+        line = without_direction(self._evaluator, state.t, state.q, state.u)
+        if line:
+            raise ModelError(f"no finite accelerations at t = {state.t:g} s: {line}")
+        if status != _core.DONE:
+            name = "a redundant constraint is independent of the others there"
+            if equations.lost == equations.redundant:
+                name = f"{d.unknown(equations.weakest)} is not independent of the others"
+            raise ModelError(
+                f"the equations of motion are singular at t = {state.t:g} s, so accelerations are not "
+                f"determined: {name}"
+            )
+        work = equations.solutions(np.array([state.t]), row[None, :])[0]
+        work[:-1] = self._in_type(state.t, state.q, state.u, work[:-1])
+        if redundant:
+            work = least_norm(self._evaluator, state.t, state.q, work, len(redundant))
+        of_points = self._evaluator.blocks("point_accelerations", state.t, state.q, state.u, work)
+        points = dict(zip(d.points, of_points["point_accelerations"], strict=True))
+        reactions = {}
+        if self._evaluator.has("reactions"):
+            found = self._evaluator.blocks("reactions", state.t, state.q, state.u, work)
+            reactions = dict(zip(d.ground, found["reactions"], strict=True))
+        open_rows = not_unique(self._evaluator, state.t, state.q, len(redundant))
+        multipliers = dict(zip(d.constraints, work[n:-1].tolist(), strict=True))
+        return Accelerations(points, multipliers, reactions, tuple(d.constraints[i] for i in open_rows))
+
+    @property
+    def rhs(self) -> Rhs:
+        """The right-hand side for solvers of SciPy and others: see :mod:`symgen.runtime.model.rhs`."""
+        from symgen.runtime.model.rhs import right_hand_side
+
+        return right_hand_side(self)
+
+    def _inverse_dynamics(
+        self,
+        start: float | None = None,
+        stop: float | None = None,
+        at: ArrayLike | None = None,
+        over: str | None = None,
+        samples: int = 361,
+        elements: int = 1,
+        sections: Sequence[float] = (0.5,),
+        state: State | None = None,
+    ) -> Forces:
+        from symgen.runtime.rods.instants import instants
+        from symgen.runtime.rods.joint_forces import ForceTask, analyse
+
+        begin = self.initial_state() if state is None else state
+        asked = instants(start, stop, at, over, samples, self.description.t_end)
+        task = ForceTask(asked, elements, sections)
+        redundant = len(self._found().redundant)
+        return analyse(self._bonds(), self.analysis("forces"), begin.q, begin.t, redundant, task)
+
+    def _equilibrium(
+        self, state: State | None = None, t: float | None = None, stable: bool = True
+    ) -> Equilibrium:
+        from symgen.runtime.rods.equilibrium import at_rest, describe, find
+        from symgen.runtime.rods.linear import Statics
+
+        begin = self.initial_state() if state is None else state
+        when = begin.t if t is None else float(t)
+        bonds = self._bonds()
+        at_rest(bonds, begin.q, when)
+        statics = Statics(bonds, self.analysis("statics"), when)
+        return describe(statics, *find(statics, begin.q, stable))
+
+    def _modes(self, at: Equilibrium | float | None = None) -> Modes:
+        from symgen.runtime.rods.equilibrium import Equilibrium
+        from symgen.runtime.rods.modes import analyse
+
+        about = self.equilibrium() if at is None else at
+        if not isinstance(about, Equilibrium):
+            raise ModelError(f"expected an Equilibrium of {self.name} for at, got {at!r}")
+        return analyse(self._evaluator, about)
+
+    def _simulate(
+        self,
+        t_end: float | None = None,
+        method: str | None = None,
+        rtol: float | None = None,
+        atol: float | None = None,
+        step: float | None = None,
+        samples: int = 201,
+        max_steps: int = 1_000_000_000,
+        stabilisation: str = "projection",
+        stabilisation_rate: float | None = None,
+        max_drift: float | None = None,
+        max_step: float | None = None,
+        max_wall: float | None = None,
+        checkpoint: str | os.PathLike[str] | None = None,
+        checkpoint_every: float = 10.0,
+        resume: str | os.PathLike[str] | None = None,
+        state: State | None = None,
+        progress: Callable[[float], None] | None = None,
+    ) -> Result:
+        end = self.description.t_end if t_end is None else t_end
+        kept = (stabilisation, stabilisation_rate, max_drift, self._type)
+        chosen = options(end, method, rtol, atol, step, samples, max_steps, *kept, max_step=max_step)
+        kept_in = keeping(checkpoint, checkpoint_every, resume)
+        with limited(max_wall):
+            tangent = self.analysis("tangent", stepping=True) if chosen.method.needs_tangent else None
+            found = self._found()
+            t, y = (0.0, found.y) if state is None else finite(state)
+            return run(
+                self._evaluator, t, y, found.redundant, chosen, progress, self._typed, kept_in, tangent
+            )

@@ -1,0 +1,95 @@
+"""The compiled kernels of a user's own derivation: called by name, with arrays."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from symgen.calls import checked
+from symgen.errors import ModelError, nearest
+from symgen.runtime import _core
+from symgen.runtime.kernels.description import SystemDescription
+from symgen.runtime.kernels.evaluate import as_taken, part
+from symgen.runtime.kernels.library import Library
+from symgen.runtime.model.model import Model
+
+Array = NDArray[np.float64]
+
+
+@checked
+class SystemModel(Model):
+    """Kernels of a System that a Python file returned."""
+
+    description: SystemDescription
+    MISSING: ClassVar[Mapping[str, str]] = dict.fromkeys(
+        ("", "batch"),
+        "it is a user-defined system, of which symgen knows the kernels only\n"
+        "  model.evaluate(kernel, ...) calls them.",
+    )
+
+    def __init__(self, description: SystemDescription, library: Library, derive: Callable[[], Any]) -> None:
+        super().__init__(description, library, derive, None, None)
+
+    def __repr__(self) -> str:
+        return f"<SystemModel {self.name!r}: {', '.join(self.operations)}, {self.backend} backend>"
+
+    def with_parameters(self, /, **values: float) -> SystemModel:
+        """Return the same model; raise ModelError for any value: parameters are arguments of the kernels."""
+        if values:
+            raise ModelError(f"{self.name} has no tunable parameters: give the values of p to model.evaluate")
+        return self
+
+    def evaluate(
+        self,
+        kernel: str,
+        *,
+        t: float = 0.0,
+        q: ArrayLike = (),
+        u: ArrayLike = (),
+        p: ArrayLike = (),
+        work: ArrayLike = (),
+    ) -> dict[str, Array]:
+        """Return the results of a kernel by name, shaped; a single column loses that axis.
+
+        Parameters
+        ----------
+        kernel
+            One of :attr:`operations`.
+        t, q, u, p, work
+            The argument arrays, in the units that the System declares. What depends on ``p`` alone is
+            recomputed at every call, also where the System declares ``p`` constant over a run.
+
+        Raises
+        ------
+        ModelError
+            When there is no such kernel, or for arrays of other sizes.
+        """
+        info = self.description.kernel(kernel)
+        if info is None:
+            raise ModelError(f"{self.name} has no kernel {kernel!r}. {nearest(kernel, self.operations)}")
+        memory = np.zeros(max(info.work_size, self.description.size("work")) + 1)
+        if np.size(work):
+            memory[: self.description.size("work")] = self._array("work", work)[:-1]
+        out = np.zeros(info.out_size + 1)
+        parameters = as_taken(self._library, self._array("p", p)[:-1])
+        given = self._array("q", q), self._array("u", u), parameters
+        sizes, address = self.description.sizes_of(kernel), self._library.addresses[kernel]
+        _core.call(address, sizes, np.array([float(t)]), *given, memory, out)
+        return {b.name: part(out, b) for b in info.blocks}
+
+    def _array(self, name: str, values: ArrayLike) -> Array:
+        size = self.description.size(name)
+        try:
+            given = np.asarray(values, dtype=float)
+        except (TypeError, ValueError):
+            given = np.zeros((0, 0))
+        if given.shape != (size,):
+            info = self.description.arrays.get(name)
+            names = f" ({', '.join(info.names)})" if info else ""
+            raise ModelError(f"expected {size} numbers for {name}{names}, got the shape {np.shape(values)}")
+        if not np.isfinite(given).all():
+            raise ModelError(f"expected finite numbers for {name}, got {given.tolist()}")
+        return np.append(given, 0.0)

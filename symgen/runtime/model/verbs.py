@@ -1,0 +1,92 @@
+"""Analyses of models: one declaration each, carried out by every model that supports it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cache, wraps
+from inspect import Parameter, signature
+from types import MethodType
+from typing import TYPE_CHECKING, Any, TypeVar
+
+from symgen.calls import checked
+from symgen.errors import CapabilityError, ModelError
+
+if TYPE_CHECKING:
+    from symgen.runtime.model.model import Model
+
+F = TypeVar("F", bound=Callable[..., Any])
+
+
+class Verb:
+    """An analysis that :class:`~symgen.runtime.model.model.Model` declares, with signature and description.
+
+    A model carries out the analysis NAME by its method ``_NAME``, which receives the arguments that differ
+    from the declared defaults. Arguments that ``_NAME`` does not accept are refused by name.
+    """
+
+    def __init__(self, declared: Callable[..., Any]) -> None:
+        self.name = declared.__name__
+
+        @wraps(declared)
+        def call(model: Model, *values: Any, **named: Any) -> Any:
+            return _carry_out(model, declared, values, named)
+
+        call.__qualname__ = f"Model.{self.name}"
+        self.call = checked(call)
+
+    def __get__(self, model: Model | None, owner: type[Model] | None = None) -> Any:
+        """Return the bound analysis; raise CapabilityError where the model does not support it."""
+        if model is None:
+            return self.call
+        reason = model._refused(self.name)
+        if reason is not None:
+            raise CapabilityError(f"{model.name} does not support {self.name}: {reason}")
+        return MethodType(self.call, model)
+
+
+if TYPE_CHECKING:
+
+    def verb(declared: F) -> F:
+        """Declare an analysis of models."""
+        return declared
+
+else:
+    verb = Verb
+
+
+def _carry_out(
+    model: Model, declared: Callable[..., Any], values: tuple[Any, ...], named: dict[str, Any]
+) -> Any:
+    name, defaults = declared.__name__, _defaults(declared)
+    given = {n: v for n, v in zip(defaults, values, strict=False) if v is not defaults[n]}
+    given |= {n: v for n, v in named.items() if v is not defaults[n]}
+    of: Any = type(model)
+    accepted = _accepted(of, name)
+    refused = [n for n in given if accepted and n not in accepted]
+    if refused:
+        raise ModelError(
+            f"{name} of {model.name} does not accept {', '.join(refused)}\n"
+            f"  It accepts {', '.join(sorted(accepted)) or 'no arguments'}."
+        )
+    return getattr(model, f"_{name}")(**given)
+
+
+@cache
+def _defaults(declared: Callable[..., Any]) -> dict[str, Any]:
+    """Return the default of every argument in order, without ``self``."""
+    return {n: p.default for n, p in [*signature(declared).parameters.items()][1:]}
+
+
+@cache
+def _accepted(of: type[Model], name: str) -> frozenset[str]:
+    """Return the arguments that a class of models accepts; none where it passes all on."""
+    found = set[str]()
+    for base in of.__mro__:
+        method = vars(base).get(f"_{name}")
+        if method is None:
+            continue
+        parameters = [*signature(method).parameters.values()][1:]
+        found |= {p.name for p in parameters if p.kind is not Parameter.VAR_KEYWORD}
+        if all(p.kind is not Parameter.VAR_KEYWORD for p in parameters):
+            return frozenset(found)
+    return frozenset()

@@ -1,0 +1,1 @@
+"""Results: labelled arrays with units, drift and provenance."""

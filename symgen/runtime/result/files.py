@@ -1,0 +1,81 @@
+"""Results read back from files."""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+
+import numpy as np
+from numpy.lib.npyio import NpzFile
+from numpy.typing import NDArray
+
+from symgen.calls import checked
+from symgen.errors import ResultError
+from symgen.runtime.result.elastic import ElasticResult
+from symgen.runtime.result.forces import Forces
+from symgen.runtime.result.motion import Motion
+from symgen.runtime.result.result import FORMAT, SAVED_AS, Drift, Event, Result, Variable
+from symgen.runtime.result.sweep import Sweep
+from symgen.runtime.result.turn import Turn
+
+Array = NDArray[np.float64]
+
+#: Key of a file's provenance, its value, and the class of the result that it marks; a plain Result otherwise.
+_CLASSES: tuple[tuple[str, str, type[Result]], ...] = (
+    ("method", "continuation", Motion),
+    ("method", "sweep", Sweep),
+    ("kind", "elastic", ElasticResult),
+    ("method", "closure", Turn),
+    ("method", "elements", Forces),
+)
+
+
+@checked
+def load_result(file: str | os.PathLike[str]) -> Result:
+    """Read a result that :meth:`Result.save` wrote.
+
+    Raises
+    ------
+    ResultError
+        When the file is missing, broken, or not a result.
+    """
+    path = Path(file)
+    if path.suffix.lower() not in SAVED_AS:
+        raise ResultError(f"expected a file ending in {' or '.join(SAVED_AS)}, got {path.name!r}")
+    try:
+        arrays, meta = (_read_netcdf if path.suffix.lower() == ".nc" else _read_npz)(path)
+        data = json.loads(meta)
+        if data["symgen_result"] != FORMAT:
+            raise ResultError(f"{path} has result format {data['symgen_result']}, this symgen reads {FORMAT}")
+        made = next((c for key, word, c in _CLASSES if data["provenance"].get(key) == word), Result)
+        return made(
+            name=data["name"],
+            title=data["title"],
+            axes=tuple(data["axes"]),
+            time=arrays["time"],
+            variables=tuple(Variable(n, u, a, tuple(c), arrays[n]) for n, u, a, c in data["variables"]),
+            drift=Drift(**data["drift"]),
+            final=data["final"],
+            statistics=data["statistics"],
+            provenance=data["provenance"],
+            notes=tuple(data.get("notes", ())),
+            events=tuple(Event(**e) for e in data.get("events", ())),
+        )
+    except ResultError:
+        raise
+    except Exception as error:  # any fault inside a foreign or broken file
+        raise ResultError(f"{path} is not a result of symgen, or is broken: {error}") from error
+
+
+def _read_netcdf(path: Path) -> tuple[dict[str, Array], str]:
+    import xarray
+
+    with xarray.open_dataset(path, engine="scipy") as dataset:
+        names = [*dataset.data_vars, "time"]
+        return {str(n): np.array(dataset[n].values, dtype=float) for n in names}, dataset.attrs["symgen"]
+
+
+def _read_npz(path: Path) -> tuple[dict[str, Array], str]:
+    with path.open("rb") as stream, NpzFile(stream, allow_pickle=False) as stored:
+        return {n: stored[n] for n in stored.files if n != "symgen"}, str(stored["symgen"])

@@ -1,0 +1,98 @@
+"""What an analysis of the forces in rigid links gives: a result over the motion of the drive."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symgen.calls import checked
+from symgen.runtime.result.motion import SingularPose
+from symgen.runtime.result.result import Result
+
+Array = NDArray[np.float64]
+
+
+@checked
+class Forces(Result):
+    """Joint forces, section forces and driving torques over a motion of rigid links.
+
+    ``LINK.POINT.force`` is what acts on a link at a point, ``POINT.reaction`` the force of the ground on the
+    linkage, ``LINK.torque`` the torque of a drive, ``LINK.POINT.guide_force`` the force of a guide on a point
+    to the left of the link. Of a section at a part s of the length, ``LINK@s.axial_force`` is positive in
+    tension; ``LINK@s.shear_force`` pushes what lies before the section to the left; ``LINK@s.moment`` is
+    positive where it stretches the fibres to the left of the link (thesis, Chapter IV; minus E I w'' of the
+    elastic link).
+    """
+
+    def __repr__(self) -> str:
+        return f"<Forces {self.name!r}: {len(self.time)} poses, condition {self.condition:.3g}>"
+
+    @property
+    def over(self) -> tuple[Array, str]:
+        """What plots have along their axis: the direction of the driven link in degrees, else the time."""
+        drive = self.drive
+        if not drive:
+            return self.time, "time [s]"
+        return np.degrees(self.variable(drive).values), f"{drive} [deg]"
+
+    @property
+    def drive(self) -> str:
+        """Name of the output that is the direction of the driven link; empty where none is driven."""
+        return str(self.statistics["drive"])
+
+    @property
+    def condition(self) -> float:
+        """Largest condition number of the equations of the joint forces over the poses."""
+        return float(self.statistics["condition"])
+
+    @property
+    def singular_poses(self) -> tuple[SingularPose, ...]:
+        """Dead centres and bifurcations of the motion, at which forces are not determined."""
+        return tuple(
+            SingularPose(**{**p, "collinear": tuple((a, b) for a, b in p["collinear"])})
+            for p in self.statistics["singular_poses"]
+        )
+
+    @property
+    def peaks(self) -> Mapping[str, tuple[float, float]]:
+        """Largest magnitude of every output, and the direction [deg] or time [s] at which it is."""
+        along, found = self.over[0], {}
+        for v in self.variables:
+            if v.name != self.drive:
+                size = np.linalg.norm(v.values.reshape(len(along), -1), axis=1)
+                found[v.name] = float(np.max(size)), float(along[np.argmax(size)])
+        return found
+
+    @property
+    def headline(self) -> str:
+        """What a plot says of the analysis."""
+        elements = self.statistics["elements"]
+        parts = "one element" if elements == 1 else f"{elements} elements"
+        poses = "one pose" if len(self.time) == 1 else f"{len(self.time)} poses"
+        return f"rigid links of {parts}, {poses}; condition up to {self.condition:.3g}"
+
+    def summary(self) -> dict[str, Any]:
+        """Return the analysis in plain numbers: what ``symgen forces --json`` prints."""
+        along, label = self.over
+        return {
+            "scene": self.name,
+            "analysis": "forces",
+            "elements": self.statistics["elements"],
+            "backend": self.provenance["backend"],
+            "equations": self.provenance["equations"],
+            "parameters": dict(self.provenance["parameters"]),
+            "over": label,
+            "at": along.tolist(),
+            "time": self.time.tolist(),
+            "outputs": {v.name: {"unit": v.unit, "values": v.values.tolist()} for v in self.variables},
+            "peaks": {name: {"value": value, "at": at} for name, (value, at) in self.peaks.items()},
+            "condition": self.condition,
+            "residual": self.statistics["residual"],
+            "singular_poses": [asdict(p) for p in self.singular_poses],
+            "wall_s": self.statistics["wall_s"],
+            "notes": list(self.notes),
+        }

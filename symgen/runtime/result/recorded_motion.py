@@ -1,0 +1,156 @@
+"""What a kinematic analysis records: points and links over the times that were reached."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symgen.errors import ModelError, nearest
+from symgen.runtime.result.motion import Motion, Range, SingularPose
+from symgen.runtime.result.recording import nearest_turn
+from symgen.runtime.result.result import Drift, Variable
+from symgen.runtime.rods.constraints import Bonds
+
+Array = NDArray[np.float64]
+#: Poses, each with its time, coordinates, velocities and accelerations.
+Samples = list[tuple[float, Array, Array, Array]]
+
+
+@dataclass(frozen=True, slots=True)
+class Along:
+    """Poses along the curve that was followed, by time and coordinates, and the one next to each sample."""
+
+    bonds: Bonds
+    path: Sequence[tuple[float, Array]]
+    near: Sequence[int]
+
+    def counted(self, link: str, angles: Array) -> Array:
+        """Return the angles of a link at the samples over its revolutions along the curve [rad]."""
+        points = self.bonds.description.points
+        i, j = (points.index(p) for p in self.bonds.description.links[link][:2])
+        lines = np.array([r[j] - r[i] for r in (self.bonds.places(q, t) for t, q in self.path)])
+        return nearest_turn(angles, np.unwrap(np.arctan2(lines[:, 1], lines[:, 0]))[list(self.near)])
+
+
+def chosen_names(bonds: Bonds, of: Sequence[str] | None) -> list[str]:
+    """Return the points and links to record: all that move when none is named."""
+    d = bonds.description
+    moving = [
+        p for p in d.points if p not in d.ground or any(n.startswith(f"{p}.") for n in bonds.drives(0.0))
+    ]
+    turning = [k for k, points in d.links.items() if not set(points[:2]) <= set(d.ground)]
+    if of is None and d.kinematic and d.kernel("outputs"):
+        return []  # what the scene asks for
+    if of is None:
+        return [*moving, *(turning if len(d.axes) == 2 else [])]
+    known = [*d.points, *(turning if len(d.axes) == 2 else [])]
+    for name in of:
+        if name not in known:
+            raise ModelError(f"there is no point or moving link {name!r} to record. {nearest(name, known)}")
+    return list(dict.fromkeys(of))
+
+
+def recorded(
+    bonds: Bonds,
+    rows: Samples,
+    along: Along,
+    poses: list[SingularPose],
+    unassemblable: Sequence[Range],
+    out_of_reach: Sequence[Range],
+    chosen: Sequence[str],
+    stop: float,
+) -> Motion:
+    """Return samples, singular poses and ranges as a result."""
+    d, evaluator = bonds.description, bonds.evaluator
+    kinds: list[list[Array]] = [[], [], []]
+    errors = np.zeros(2)
+    for t, q, u, acceleration in rows:
+        both = evaluator.blocks("points", t, q, u)
+        work = np.concatenate([acceleration, np.zeros(bonds.m + 1)])
+        third = evaluator.blocks("point_accelerations", t, q, u, work)["point_accelerations"]
+        for kind, values in zip(kinds, (both["positions"], both["velocities"], third), strict=True):
+            kind.append(values)
+        rate = bonds.jacobian(q, t) @ u + bonds.drift(q, t)
+        found = [np.max(np.abs(e), initial=0.0) for e in (bonds.residual(q, t), rate)]
+        errors = np.maximum(errors, found)
+    r, v, a = (np.array(kind) for kind in kinds)
+    drives = [bonds.drives(t) for t, *_ in rows]
+    variables = [
+        Variable(name, unit, f"drive {name}", (), np.array([values[name] for values in drives]))
+        for name, unit in bonds.units().items()
+    ]
+    taken = {x.name for x in variables}
+    if not chosen and d.kinematic:
+        variables += [x for x in _asked(bonds, rows, along) if x.name not in taken]
+    for name in chosen:
+        made = (
+            _of_point(d.points.index(name), name, d.axes, r, v, a)
+            if name in d.points
+            else _of_link(along, name, r, v, a)
+        )
+        variables += [x for x in made if x.name not in taken]
+    last = rows[-1]
+    return Motion(
+        name=d.name,
+        title=d.title,
+        axes=d.axes,
+        time=np.array([row[0] for row in rows]),
+        variables=tuple(variables),
+        drift=Drift(float(errors[0]), float(errors[1]), math.nan, math.nan),
+        final={
+            p: {"position": r[-1, i].tolist(), "velocity": v[-1, i].tolist()} for i, p in enumerate(d.points)
+        },
+        statistics={
+            "t": last[0],
+            "steps": len(rows),
+            "singular_poses": [asdict(p) for p in poses],
+            "unassemblable": [list(r) for r in unassemblable],
+            "out_of_reach": [list(r) for r in out_of_reach],
+        },
+        provenance={
+            "equations": d.equations,
+            "method": "continuation",
+            "t_end": stop,
+            "backend": evaluator.library.backend,
+            "parameters": {p.name: x for p, x in zip(d.tunable, evaluator.given.tolist(), strict=False)},
+        },
+    )
+
+
+def _asked(bonds: Bonds, rows: Samples, along: Along) -> list[Variable]:
+    """Return the outputs of the scene."""
+    found = [
+        bonds.evaluator.blocks("outputs", t, q, u, np.concatenate([a, np.zeros(bonds.m + 1)]))
+        for t, q, u, a in rows
+    ]
+    info = bonds.evaluator.info("outputs")
+    made = [
+        Variable(b.name, b.unit, b.about, b.rows, np.array([np.squeeze(x[b.name]) for x in found]))
+        for b in info.blocks
+    ]
+    angles = {f"{link}.angle": link for link in bonds.description.links}
+    return [
+        replace(x, values=along.counted(angles[x.name], x.values)) if x.name in angles else x for x in made
+    ]
+
+
+def _of_point(i: int, name: str, axes: tuple[str, ...], r: Array, v: Array, a: Array) -> list[Variable]:
+    words = (("position", "m", r), ("velocity", "m/s", v), ("acceleration", "m/s^2", a))
+    return [Variable(f"{name}.{w}", unit, f"{w} of {name}", axes, x[:, i]) for w, unit, x in words]
+
+
+def _of_link(along: Along, name: str, r: Array, v: Array, a: Array) -> list[Variable]:
+    """Return direction, angular velocity and angular acceleration of a link in the plane."""
+    known = along.bonds.description
+    i, j = (known.points.index(p) for p in known.links[name][:2])
+    d, e, f = (x[:, j] - x[:, i] for x in (r, v, a))
+    squared = np.sum(d * d, axis=1)
+    rate = (d[:, 0] * e[:, 1] - d[:, 1] * e[:, 0]) / squared
+    second = (d[:, 0] * f[:, 1] - d[:, 1] * f[:, 0] - 2 * rate * np.sum(d * e, axis=1)) / squared
+    angle = along.counted(name, np.arctan2(d[:, 1], d[:, 0]))
+    words = (("angle", "rad", angle), ("rate", "rad/s", rate), ("acceleration", "rad/s^2", second))
+    return [Variable(f"{name}.{w}", unit, f"{w} of {name}", (), x) for w, unit, x in words]

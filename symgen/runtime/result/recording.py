@@ -1,0 +1,303 @@
+"""From a finished or broken run to its Result: outputs evaluated, drift gathered, what must be said of it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symgen.runtime import _core
+from symgen.runtime.integrate.options import Options
+from symgen.runtime.kernels.description import KernelInfo
+from symgen.runtime.kernels.evaluate import Evaluator, part
+from symgen.runtime.kernels.library import Library
+from symgen.runtime.result.result import Drift, Event, Variable
+from symgen.runtime.rods.redundancy import least_norm, not_unique
+
+Array = NDArray[np.float64]
+
+#: Passages told by their times; of more, only the number.
+_SHOWN = 6
+
+
+@dataclass(slots=True)
+class Recording:
+    """A run that has ended, whatever the cause; its methods give the fields of its :class:`Result`.
+
+    ``library`` are the kernels that it went through, ``wall`` its wall time [s].
+    """
+
+    evaluator: Evaluator
+    equations: _core.Equations
+    stepper: _core.Run
+    redundant: tuple[int, ...]
+    chosen: Options
+    wall: float
+    library: Library
+
+    def name(self) -> str:
+        """Return the scene's name."""
+        return self.evaluator.description.name
+
+    def title(self) -> str:
+        """Return the scene's title."""
+        return self.evaluator.description.title
+
+    def axes(self) -> tuple[str, ...]:
+        """Return the names of the axes."""
+        return self.evaluator.description.shown_axes
+
+    def time(self) -> Array:
+        """Return the recorded times [s]."""
+        return self.stepper.sampled
+
+    def variables(self) -> tuple[Variable, ...]:
+        """Return the scene's outputs at those times."""
+        run, evaluator, lost = self.stepper, self.evaluator, len(self.redundant)
+        info = evaluator.find("outputs")
+        if info is None or not run.recorded:
+            return ()
+        in_doubles = self.equations.core_type is _core.DOUBLE
+        references = run.references
+        if in_doubles and not info.work_size and not references.any():
+            sizes = evaluator.description.sizes_of("outputs")
+            out = run.called(evaluator.library.addresses["outputs"], sizes, evaluator.parameters)
+            return self._continued(_shaped(info, out))
+        # States are recorded as doubles, and outputs follow from them.
+        solver = self.equations if in_doubles else evaluator.equations(lost)
+        if not references.any():
+            return self._continued(outputs(evaluator, solver, run.sampled, run.result, lost))
+        return self._continued(self._wound(solver, references))
+
+    def _wound(self, solver: _core.Equations, references: Array) -> tuple[Variable, ...]:
+        """Return the outputs with the angles in loads taken from their references at each sample."""
+        evaluator, times, states = self.evaluator, self.stepper.sampled, self.stepper.result
+        parts, places = [], []
+        for held, rows in wound(evaluator, references):
+            solver.set_parameters(held)
+            at = Evaluator(evaluator.description, evaluator.library, held)
+            parts.append(outputs(at, solver, times[rows], states[rows], len(self.redundant)))
+            places.append(rows)
+        solver.set_parameters(evaluator.given)
+        order = np.argsort(np.concatenate(places))
+        return tuple(
+            replace(same[0], values=np.concatenate([v.values for v in same])[order])
+            for same in zip(*parts, strict=True)
+        )
+
+    def _continued(self, variables: tuple[Variable, ...]) -> tuple[Variable, ...]:
+        """Return the variables with the angles of links over the revolutions that the run counted."""
+        links = self.evaluator.description.turns
+        counted = {f"{link}.angle": turned for link, turned in zip(links, self.stepper.turns.T, strict=True)}
+
+        def continued(variable: Variable) -> Variable:
+            turned = counted.get(variable.name)
+            if turned is None:
+                return variable
+            return replace(variable, values=nearest_turn(variable.values, turned))
+
+        return tuple(map(continued, variables))
+
+    def drift(self) -> Drift:
+        """Return how far the run strayed."""
+        run = self.stepper
+        exchanged = max(run.kinetic_max - run.kinetic_min, run.potential_max - run.potential_min, 0.0)
+        return Drift(run.position_drift, run.velocity_drift, run.energy_drift, exchanged)
+
+    def final(self) -> dict[str, dict[str, list[float]]]:
+        """Return the motion of all points at the end."""
+        return motion(self.evaluator, self.stepper.t, self.stepper.state)
+
+    def statistics(self) -> dict[str, float]:
+        """Return counts, the last time and the wall time [s]."""
+        return {
+            "t": self.stepper.t,
+            "steps": self.stepper.steps,
+            "rejected": self.stepper.rejected,
+            "evaluations": self.equations.evaluations,
+            "factorisations": self.equations.factorisations,
+            "wall_s": self.wall,
+        }
+
+    def provenance(self) -> dict[str, Any]:
+        """Return what the numbers come from."""
+        d, chosen = self.evaluator.description, self.chosen
+        parameters = zip(d.tunable, self.evaluator.given.tolist(), strict=False)
+        return {
+            "equations": d.equations,
+            "method": chosen.method.name,
+            "rtol": chosen.rtol,
+            "atol": chosen.atol,
+            "step": chosen.step,
+            "t_end": chosen.t_end,
+            "stabilisation": chosen.stabilisation,
+            **({"stabilisation_rate": chosen.rate} if chosen.rate else {}),
+            "backend": self.library.backend,
+            **self.library.provenance,
+            "parameters": {p.name: value for p, value in parameters},
+        }
+
+    def notes(self) -> tuple[str, ...]:
+        """Return what must be said of the run."""
+        return (
+            *self.evaluator.description.remarks,
+            *_of_redundancy(self.evaluator, self.stepper, self.redundant),
+            *_of_passages(self.evaluator, self.stepper),
+            *_of_stiffness(self.stepper, self.chosen),
+            *_of_the_end(self.evaluator, self.stepper),
+            *_of_switches(self.evaluator, self.stepper),
+            *_of_blind_events(self.evaluator, self.stepper),
+        )
+
+    def events(self) -> tuple[Event, ...]:
+        """Return the moments that the scene told the run to look for."""
+        known = self.evaluator.description.events
+        return tuple(
+            Event(known[i].name, t, rising, motion(self.evaluator, t, y))
+            for t, i, rising, y in self.stepper.events
+        )
+
+
+def motion(evaluator: Evaluator, t: float, y: Array) -> dict[str, dict[str, list[float]]]:
+    """Return position [m] and velocity [m/s] of every point in a state (q, u, ...)."""
+    d = evaluator.description
+    n = d.coordinates
+    found = evaluator.blocks("points", t, y[:n], y[n : 2 * n])
+    positions, velocities = found["positions"].tolist(), found["velocities"].tolist()
+    return {
+        p: {"position": x, "velocity": v} for p, x, v in zip(d.points, positions, velocities, strict=True)
+    }
+
+
+def outputs(
+    evaluator: Evaluator, equations: _core.Equations, times: Array, states: Array, redundant: int
+) -> tuple[Variable, ...]:
+    """Return what the scene asks to record, at these times and states (q, u, ...), a row each."""
+    info = evaluator.find("outputs")
+    if info is None or not len(times):
+        return ()
+    n = evaluator.description.coordinates
+    rows = states if n else np.zeros((len(times), 1))
+    work = np.zeros((len(times), 1))
+    if info.work_size:
+        work = equations.solutions(times, rows)
+    if info.work_size and redundant:
+        work = np.array(
+            [
+                least_norm(evaluator, t, y[:n], solution, redundant)
+                for t, y, solution in zip(times, states, work, strict=True)
+            ]
+        )
+    out = np.zeros((len(times), info.out_size + 1))
+    address = evaluator.library.addresses["outputs"]
+    sizes = evaluator.description.sizes_of("outputs")
+    _core.call_many(address, sizes, times, rows, n, evaluator.parameters, work, out)
+    return _shaped(info, out)
+
+
+def wound(evaluator: Evaluator, references: Array) -> Iterator[tuple[Array, NDArray[np.intp]]]:
+    """Yield parameters with the references of angles in loads, and the rows that have these references."""
+    d, given = evaluator.description, evaluator.given
+    if not references.any():
+        yield given, np.arange(len(references))
+        return
+    first = len(given) - d.held
+    kinds, which = np.unique(references, axis=0, return_inverse=True)
+    for kind, reference in enumerate(kinds):
+        held = given.copy()
+        held[first : first + d.windings] = reference
+        yield held, np.flatnonzero(which.ravel() == kind)
+
+
+def nearest_turn(angles: Array, to: Array) -> Array:
+    """Return angles [rad] moved by the whole revolutions that bring them nearest to others."""
+    revolution = 2 * np.pi
+    nearest: Array = angles + np.round((to - angles) / revolution) * revolution
+    return nearest
+
+
+def _shaped(info: KernelInfo, out: Array) -> tuple[Variable, ...]:
+    """Return rows of a kernel's results as named variables; single numbers lose the axis of components."""
+    return tuple(
+        [
+            Variable(b.name, b.unit, b.about, b.rows, out[:, b.offset] if b.shape == (1, 1) else part(out, b))
+            for b in info.blocks
+        ]
+    )
+
+
+def _of_redundancy(evaluator: Evaluator, stepper: _core.Run, redundant: tuple[int, ...]) -> Iterator[str]:
+    """Say which constraints follow from others, by how much they contradict them, and what is not unique."""
+    if not redundant:
+        return
+    d = evaluator.description
+    q, u = np.split(stepper.state[: 2 * d.coordinates], 2)
+    blocks = evaluator.blocks("constraints", stepper.t, q, u)
+    miss = float(np.max(np.abs(blocks["constraints"] / blocks["constraint_scale"])[list(redundant)]))
+    rows = ", ".join(d.labels[i] for i in redundant)
+    yield f"{len(redundant)} of {len(d.constraints)} constraints redundant ({rows}), missed by {miss:.1e} m"
+    names = ", ".join(d.constraints[i] for i in not_unique(evaluator, stepper.t, q, len(redundant)))
+    yield f"constraint forces are not unique in {names}: those of least norm are given, and reactions by them"
+
+
+def _of_passages(evaluator: Evaluator, stepper: _core.Run) -> Iterator[str]:
+    """Say where the run passed configurations in which constraints lose rank."""
+    if stepper.passages:
+        d = evaluator.description
+        times = ", ".join(f"{t:.9g}" for t, _, _ in stepper.passages[:_SHOWN])
+        more = ", ..." if len(stepper.passages) > _SHOWN else ""
+        names = ", ".join(dict.fromkeys(d.unknown(index) for _, _, index in stepper.passages))
+        losses = "1 loss" if len(stepper.passages) == 1 else f"{len(stepper.passages)} losses"
+        yield (
+            f"passed {losses} of rank of the constraints ({names}), at "
+            f"t = {times}{more} s: the motion may branch there, and went on smoothly"
+        )
+    if stepper.moved:
+        samples = "1 sample" if stepper.moved == 1 else f"{stepper.moved} samples"
+        yield f"{samples} moved in time from where rank is lost and forces are not determined"
+
+
+def _of_stiffness(stepper: _core.Run, chosen: Options) -> Iterator[str]:
+    """Say that an implicit method would do better."""
+    if stepper.stiff:
+        yield (
+            f"the motion is stiff from t = {stepper.t_stiff:.6g} s on: stability, not accuracy, sets the "
+            f"steps of {chosen.method.name}, and an implicit method would take longer ones"
+        )
+
+
+def _of_the_end(evaluator: Evaluator, stepper: _core.Run) -> Iterator[str]:
+    """Say which event ended the run."""
+    if stepper.ended_by >= 0:
+        name = evaluator.description.events[stepper.ended_by].name
+        yield f"the event {name!r} ended the run at t = {stepper.t:.9g} s"
+
+
+def _of_switches(evaluator: Evaluator, stepper: _core.Run) -> Iterator[str]:
+    """Say how often loads changed their branch."""
+    if stepper.switchings:
+        jumps = "; ".join(evaluator.description.switches[:_SHOWN])
+        points = "1 switching point" if stepper.switchings == 1 else f"{stepper.switchings} switching points"
+        yield f"steps end on {points} of the loads ({jumps})"
+
+
+def of_jumps(jumps: tuple[str, ...], remedy: str) -> Iterator[str]:
+    """Name the jumps of loads on which no step of this motion ends."""
+    if jumps:
+        yield (
+            f"loads jump, and steps do not end there ({'; '.join(jumps[:_SHOWN])}): {remedy} shorter than "
+            "the time between jumps"
+        )
+
+
+def _of_blind_events(evaluator: Evaluator, stepper: _core.Run) -> Iterator[str]:
+    """Say that an event may have been missed, since it had no value."""
+    if stepper.blind >= 0:
+        name = evaluator.description.events[stepper.blind].name
+        yield (
+            f"the event {name!r} has no finite value near t = {stepper.t_blind:.6g} s, where its expression "
+            "is not defined: that it passes its value may have been missed"
+        )

@@ -1,0 +1,121 @@
+"""Positions, velocities and accelerations of a model's points, by name."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from symgen.calls import checked
+from symgen.errors import ModelError, nearest
+from symgen.runtime.kernels.description import Description
+
+Array = NDArray[np.float64]
+
+#: Part of a vector that may lead out of a plane, as what rounding left of an analysis in space.
+_ROUNDING = 1e-12
+
+
+@dataclass(frozen=True, slots=True)
+class State:
+    """A state of a model: time [s], coordinates [m] and velocities [m/s] of the moving points in order.
+
+    ``positions`` and ``velocities`` hold every point, ground included, each an array of its components.
+    """
+
+    t: float
+    q: Array
+    u: Array
+    positions: dict[str, Array]
+    velocities: dict[str, Array]
+
+
+def finite(state: State) -> tuple[float, Array]:
+    """Return a time and (q, u) to start from; raise ModelError when a number is not finite."""
+    y = np.concatenate((state.q, state.u))
+    if not (math.isfinite(state.t) and np.isfinite(y).all()):
+        raise ModelError("the start state holds a number that is not finite")
+    return state.t, y
+
+
+@checked
+@dataclass(frozen=True, slots=True)
+class Accelerations:
+    """The solution of the equations of motion at a state.
+
+    Attributes
+    ----------
+    points
+        Acceleration of every point [m/s^2].
+    multipliers
+        Lagrange multiplier of every constraint by its link; times the link's length: tension [N/m].
+    reactions
+        Force of the ground on the linkage at every ground point [N].
+    not_unique
+        Constraints whose multipliers are not determined, since some constraints are redundant: those of least
+        norm are given, and reactions by them.
+    """
+
+    points: dict[str, Array]
+    multipliers: dict[str, float]
+    reactions: dict[str, Array]
+    not_unique: tuple[str, ...] = ()
+
+    def __getitem__(self, point: str) -> Array:
+        """Return the acceleration of a point [m/s^2]."""
+        if point not in self.points:
+            raise ModelError(f"there is no point {point!r}. {nearest(point, self.points)}")
+        return self.points[point]
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return plain lists and numbers, for JSON."""
+        return {
+            "points": {k: v.tolist() for k, v in self.points.items()},
+            "multipliers": dict(self.multipliers),
+            "reactions": {k: v.tolist() for k, v in self.reactions.items()},
+            "not_unique": list(self.not_unique),
+        }
+
+
+def coordinates(
+    d: Description, values: Mapping[str, ArrayLike], what: str, default: float | None = None
+) -> Array:
+    """Return the coordinates, or rates, of the moving points given by name; ``what`` they are, for errors.
+
+    Raises
+    ------
+    ModelError
+        When a point is not known, is missing without a default, or has no such numbers.
+    """
+    for name in values:
+        if name not in d.points:
+            raise ModelError(f"{what}: there is no point {name!r}. {nearest(name, d.points)}")
+    parts = []
+    for point in d.free:
+        if point not in values and default is None:
+            raise ModelError(f"{what}: the point {point} is missing")
+        size = len(d.shown_axes)
+        component = np.asarray(values.get(point, np.full(size, default)), dtype=float)
+        if component.shape != (size,) or not np.all(np.isfinite(component)):
+            raise ModelError(f"{what}: expected {size} finite numbers for {point}, got {values[point]!r}")
+        if d.plane:
+            level = d.plane.level if default is None else default
+            component = _in_plane(d, d.plane.across, level, component, f"{what}: {point}")
+        parts.append(component)
+    return np.concatenate(parts)
+
+
+def _in_plane(d: Description, across: int, level: float, vector: Array, what: str) -> Array:
+    """Return the components of a vector in the plane in which a linkage stays; raise where it leaves that."""
+    if abs(vector[across] - level) > _ROUNDING * max(float(np.max(np.abs(vector))), abs(level)):
+        axis = d.shown_axes[across]
+        raise ModelError(
+            f"{what}: expected {level:g} along {axis}, got {vector[across]:g}: "
+            f"the equations of {d.name} are those of its motion in that plane\n"
+            '  Write motion = "space" under [analysis] of the scene to let it leave.'
+        )
+    return np.array([vector[d.shown_axes.index(axis)] for axis in d.axes])

@@ -1,0 +1,88 @@
+"""What a sweep of crank speeds gives: steady states over the speed, and where they are dangerous."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symgen.calls import checked
+from symgen.runtime.result.elastic import is_stable, panel_by_kind
+from symgen.runtime.result.result import Result, Variable
+
+Array = NDArray[np.float64]
+
+
+@checked
+class Sweep(Result):
+    """Steady states of an elastic linkage over crank speeds; ``sweep["coupler.stress"]`` has peaks of a turn.
+
+    ``time`` holds the time of a turn [s] at each speed. ``floquet`` is the largest Floquet multiplier.
+    """
+
+    def __repr__(self) -> str:
+        return f"<Sweep {self.name!r}: {len(self.time)} speeds, {len(self.resonances)} resonances>"
+
+    @property
+    def speeds(self) -> Array:
+        """The crank speeds [rpm]."""
+        return np.array(self.statistics["speeds_rpm"])
+
+    @property
+    def over(self) -> tuple[Array, str]:
+        """What plots have along their axis, and what it is called."""
+        return self.speeds, "crank speed [rpm]"
+
+    def panel(self, variable: Variable) -> str:
+        """Return the panel of a plot that an output is drawn in: multipliers would hide the strains."""
+        return panel_by_kind(variable)
+
+    @property
+    def first_critical(self) -> float:
+        """Crank speed [rpm] equal to the lowest frequency of the structure at rest in any pose."""
+        return float(self.statistics["first_critical_rpm"])
+
+    @property
+    def resonances(self) -> tuple[float, ...]:
+        """Speeds [rpm] of the sweep at which the largest stress is larger than at both neighbours."""
+        stress = np.max([v.values for v in self.variables if v.name.endswith(".stress")], axis=0)
+        inside = (stress[1:-1] > stress[:-2]) & (stress[1:-1] > stress[2:])
+        return tuple(self.speeds[1:-1][inside].tolist())
+
+    @property
+    def verdicts(self) -> tuple[bool | None, ...]:
+        """Whether the steady state at each speed is stable; None where its multipliers do not tell."""
+        largest = self.variable("floquet").values.tolist()
+        return tuple(map(is_stable, largest, self.statistics["floquet_errors"]))
+
+    @property
+    def unstable(self) -> tuple[float, ...]:
+        """Speeds [rpm] of the sweep whose steady state grows away from itself."""
+        return tuple(
+            s for s, stable in zip(self.speeds.tolist(), self.verdicts, strict=True) if stable is False
+        )
+
+    @property
+    def headline(self) -> str:
+        """What a plot says of the sweep."""
+        return f"steady states, estimated error {self.statistics['error']:.1e} of the peak stress at most"
+
+    def summary(self) -> dict[str, Any]:
+        """Return the sweep in plain numbers: what ``symgen sweep --json`` prints."""
+        return {
+            "scene": self.name,
+            "analysis": "sweep",
+            "speeds_rpm": self.speeds.tolist(),
+            "first_critical_rpm": self.first_critical,
+            "resonances_rpm": list(self.resonances),
+            "unstable_rpm": list(self.unstable),
+            "stable": list(self.verdicts),
+            "outputs": {v.name: {"unit": v.unit, "peaks": v.values.tolist()} for v in self.variables},
+            "error_over_peak": self.statistics["error"],
+            "wall_s": self.statistics["wall_s"],
+            "backend": self.provenance["backend"],
+            "equations": self.provenance["equations"],
+            "parameters": dict(self.provenance["parameters"]),
+            "notes": list(self.notes),
+        }

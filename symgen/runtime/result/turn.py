@@ -1,0 +1,180 @@
+"""What evaluating a driven loop gives: outputs over the values of its input, in the scene's units."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symgen.calls import checked
+from symgen.runtime.kernels.description import LoopDescription
+from symgen.runtime.result.result import Result, Variable
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Pole:
+    """A dead centre at which given loads cannot hold the loop: some efforts have a pole in the input.
+
+    Attributes
+    ----------
+    at
+        Value of the input there, in the scene's unit.
+    residues
+        For each component with a pole, the limit of its value times (input - at), in their units.
+    """
+
+    at: float
+    residues: Mapping[str, float]
+
+
+@checked
+class Turn(Result):
+    """A driven loop over values of its first input. ``turn["theta2"]`` is an array over them.
+
+    ``time`` holds the times at which the input has those values. Where an output has a pole at a value, it
+    is not a number there, and :attr:`poles` gives its residue.
+    """
+
+    def __repr__(self) -> str:
+        return (
+            f"<Turn {self.name!r}: {len(self.time)} values of {self.input}, {len(self.variables)} outputs, "
+            f"closed within {self.closure:.1e}>"
+        )
+
+    @property
+    def input(self) -> str:
+        """Name of the first input."""
+        return str(self.statistics["input"])
+
+    @property
+    def values_of_input(self) -> Array:
+        """The values of the first input, in the scene's unit."""
+        return np.array(self.statistics["values"])
+
+    @property
+    def unit_of_input(self) -> str:
+        """The scene's unit of the first input."""
+        return str(self.statistics["unit"])
+
+    @property
+    def over(self) -> tuple[Array, str]:
+        """What plots have along their axis, and what it is called."""
+        if self.over_time:
+            return super().over
+        return self.values_of_input, f"{self.input} [{self.unit_of_input}]"
+
+    @property
+    def over_time(self) -> bool:
+        """Whether it was evaluated over time, in which its input may rest and turn back."""
+        return bool(self.statistics["over"] == "time")
+
+    @property
+    def closure(self) -> float:
+        """Largest defect of closure: of rotations in radians, of displacements over the size of the loop."""
+        return float(self.statistics["closure"])
+
+    @property
+    def poles(self) -> tuple[Pole, ...]:
+        """The poles of the efforts in the range, in order."""
+        return tuple(Pole(p["at"], dict(p["residues"])) for p in self.statistics["poles"])
+
+    @property
+    def indeterminate(self) -> tuple[str, ...]:
+        """Force components that redundant constraints leave undetermined at any pose.
+
+        Their values are those of the closing wrench of minimum norm; :attr:`undetermined` says where.
+        """
+        return tuple(self.statistics["undetermined"])
+
+    @property
+    def undetermined(self) -> dict[str, NDArray[np.bool_]]:
+        """By component: the poses at which redundant constraints leave it undetermined (True)."""
+        found = {}
+        for name, ranges in self.statistics["undetermined"].items():
+            mask = found[name] = np.zeros(len(self.time), dtype=bool)
+            for first, last in ranges:
+                mask[first : last + 1] = True
+        return found
+
+    @property
+    def headline(self) -> str:
+        """What a plot says of the run."""
+        return f"{len(self.time)} poses, closed within {self.closure:.1e}"
+
+    def summary(self) -> dict[str, Any]:
+        """Return everything in plain numbers: what ``symgen run --json`` prints for a driven loop.
+
+        ``values`` has an entry for every value of the input; what has a pole there is None. ``undetermined``
+        has by component the poses at which it is so, as ranges (first, last) of their numbers from 0.
+        """
+        columns = [
+            (f"{v.name}.{c}" if c else v.name, v.unit, v.values.reshape(len(self.time), -1)[:, i])
+            for v in self.variables
+            for i, c in enumerate(v.components or ("",))
+        ]
+        return {
+            "scene": self.name,
+            "input": self.input,
+            "at": self.values_of_input.tolist(),
+            "time": self.time.tolist(),
+            "unit": self.unit_of_input,
+            "backend": self.provenance["backend"],
+            "equations": self.provenance["equations"],
+            "parameters": dict(self.provenance["parameters"]),
+            "units": {name: unit for name, unit, _ in columns},
+            "values": [
+                {name: None if np.isnan(values[i]) else float(values[i]) for name, _, values in columns}
+                for i in range(len(self.time))
+            ],
+            "closure": self.closure,
+            "least_singular": self.statistics["least_singular"],
+            "poles": [{"at": p.at, "residues": dict(p.residues)} for p in self.poles],
+            "indeterminate": list(self.indeterminate),
+            "undetermined": self.statistics["undetermined"],
+            "wall_s": self.statistics["wall_s"],
+            "notes": list(self.notes),
+        }
+
+
+def converters(description: LoopDescription) -> dict[str, tuple[str, float]]:
+    """Return the scene's unit for every SI unit of an output, and its size in SI."""
+    (length, per_length), (force, per_force), (angle, per_angle) = (
+        description.units[what] for what in ("length", "force", "angle")
+    )
+    work = ("J" if (length, force) == ("m", "N") else f"{force}*{length}", per_length * per_force)
+    power = ("W" if (length, force) == ("m", "N") else f"{force}*{length}/s", per_length * per_force)
+    return {
+        "m": (length, per_length),
+        "m/s": (f"{length}/s", per_length),
+        "m/s^2": (f"{length}/s^2", per_length),
+        "rad": (angle, per_angle),
+        "rad/s": (f"{angle}/s", per_angle),
+        "rad/s^2": (f"{angle}/s^2", per_angle),
+        "N": (force, per_force),
+        "N*m": (f"{force}*{length}", per_length * per_force),
+        "J": work,
+        "W": power,
+        "1": ("1", 1.0),
+    }
+
+
+def variables(description: LoopDescription, out: Array) -> list[Variable]:
+    """Return the outputs of rows of what the kernel 'outputs' gave, in the scene's units."""
+    info = description.kernel("outputs")
+    units = converters(description)
+    made = []
+    for b in info.blocks if info else ():
+        unit, size = units[b.unit]
+        count = b.shape[0] * b.shape[1]
+        values = out[:, b.offset : b.offset + count] / size
+        made.append(
+            Variable(
+                b.name, unit, b.about, b.rows if count > 1 else (), values if count > 1 else values[:, 0]
+            )
+        )
+    return made

@@ -1,0 +1,1 @@
+"""Analyses of linkages of points and links."""

@@ -1,0 +1,79 @@
+"""All the ways in which a linkage goes together at one time, found from many starting poses."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symgen.errors import ModelError
+from symgen.runtime.rods.constraints import Bonds
+
+Array = NDArray[np.float64]
+
+_SEED, _SAME, _CLOSED = 20, 1e-6, 1e-12
+
+
+def assemblies(bonds: Bonds, near: Array, t: float, *, tries: int = 40) -> list[Array]:
+    """Return coordinates of the assemblies found at the time t, the nearest to ``near`` first.
+
+    Starting poses are ``near``, its mirror images and random ones of the same seed every time. What is
+    found is a solution to round-off; what is not found may still exist, though for linkages of few loops
+    that is unlikely. Poses in which the drives do not hold the linkage are left out. There must be at least
+    as many constraints, drives among them, as coordinates.
+
+    Raises
+    ------
+    ModelError
+        When the drives have no finite values at that time.
+    """
+    from scipy.optimize import least_squares
+
+    if not np.all(np.isfinite(bonds.residual(near, t))):
+        raise ModelError(f"the drives have no finite values at t = {t:g} s")
+    length = bonds.length(near)
+    found: list[Array] = []
+    for start in _poses(bonds, near, length, tries):
+        solved = least_squares(
+            bonds.residual,
+            start,
+            bonds.jacobian,
+            method="lm",
+            args=(t,),
+            xtol=1e-12,
+            ftol=1e-12,
+            max_nfev=100,
+        )
+        q = polished(bonds, solved.x, t) if np.max(np.abs(solved.fun)) < 1e-6 * length else None
+        if q is None or bonds.turned_over(q, t) or not _isolated(bonds, q, t):
+            continue
+        if all(np.max(np.abs(q - other)) > _SAME * length for other in found):
+            found.append(q)
+    return sorted(found, key=lambda q: (round(float(np.linalg.norm(q - near) / length), 6), q.tolist()))
+
+
+def _isolated(bonds: Bonds, q: Array, t: float) -> bool:
+    values = np.linalg.svd(bonds.jacobian(q, t), compute_uv=False)
+    return bool(values[-1] > _SAME * values[0])
+
+
+def polished(bonds: Bonds, q: Array, t: float) -> Array | None:
+    """Return q brought to round-off by Newton's method; None where it does not get there."""
+    for _ in range(8):
+        residual = bonds.residual(q, t)
+        if np.max(np.abs(residual), initial=0.0) <= 4e-16 * max(float(np.max(np.abs(q))), 1e-300):
+            break
+        q = q - np.linalg.lstsq(bonds.jacobian(q, t), residual, rcond=1e-12)[0]
+    size = max(float(np.max(np.abs(q))), 1e-300)
+    return q if np.max(np.abs(bonds.residual(q, t)), initial=0.0) <= _CLOSED * size else None
+
+
+def _poses(bonds: Bonds, near: Array, length: float, tries: int) -> list[Array]:
+    axes = len(bonds.description.axes)
+    centre = np.tile(bonds.places(near, 0.0).mean(axis=0), bonds.n // axes)
+    mirrored = [2 * centre - near]
+    for axis in range(axes):
+        other = near.copy()
+        other[axis::axes] = 2 * centre[axis::axes] - near[axis::axes]
+        mirrored.append(other)
+    random = np.random.default_rng(_SEED)
+    return [near, *mirrored, *(centre + length * random.uniform(-1, 1, bonds.n) for _ in range(tries))]

@@ -1,0 +1,105 @@
+"""The constraints of a model as numbers: residual, Jacobian and right-hand sides, each in metres."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symgen.runtime import _core
+from symgen.runtime.kernels.evaluate import Evaluator
+from symgen.runtime.rods.redundancy import extent
+
+Array = NDArray[np.float64]
+
+
+class Bonds:
+    """Constraints Phi(q, t) = 0 of a model, every row divided by its scale, so that errors are in metres.
+
+    Parameters
+    ----------
+    evaluator
+        The kernels of the equations of motion.
+    kinematics
+        Those of the analysis ``kinematics``.
+    """
+
+    def __init__(self, evaluator: Evaluator, kinematics: Evaluator) -> None:
+        self.evaluator, self.kinematics = evaluator, kinematics
+        self.description = evaluator.description
+        self.n, self.m = self.description.coordinates, len(self.description.constraints)
+        self._rest = np.zeros(self.n)
+        self._arguments = np.zeros(1), np.zeros(self.n + 1), np.zeros(self.n + 1)
+        self._work = np.zeros(evaluator.work_size + 1)
+        self._kept: dict[str, tuple[int, _core.Sizes, Array, Array]] = {}
+
+    def residual(self, q: Array, t: float) -> Array:
+        """Return Phi over its scale [m], shape (m,)."""
+        return self._scaled("constraints", q, self._rest, t)
+
+    def jacobian(self, q: Array, t: float) -> Array:
+        """Return dPhi/dq over the scale [1], shape (m, n)."""
+        return self._scaled("constraint_jacobian", q, self._rest, t, self.n).reshape(self.m, self.n)
+
+    def drift(self, q: Array, t: float) -> Array:
+        """Return dPhi/dt at fixed q over the scale [m/s], shape (m,)."""
+        return self._scaled("velocity_constraints", q, self._rest, t)
+
+    def gamma(self, q: Array, u: Array, t: float) -> Array:
+        """Return the right-hand side of J a = gamma over the scale [m/s^2], shape (m,)."""
+        return self._scaled("acceleration_rhs", q, u, t)
+
+    def _scaled(self, kernel: str, q: Array, u: Array, t: float, columns: int = 1) -> Array:
+        if not self.m:
+            return np.zeros(0)
+        found = self._call("constraints", q, u, t)
+        value, scale = found[: self.m], found[self.m : 2 * self.m]
+        if kernel != "constraints":
+            value = self._call(kernel, q, u, t)[: self.m * columns]
+        scaled: Array = (value.reshape(self.m, columns) / scale[:, None]).ravel()
+        return scaled
+
+    def _call(self, kernel: str, q: Array, u: Array, t: float) -> Array:
+        """Call a kernel with arrays that are kept: a curve takes thousands of calls."""
+        if kernel not in self._kept:
+            source = self.kinematics if kernel == "acceleration_rhs" else self.evaluator
+            out = np.zeros(source.info(kernel).out_size + 1)
+            address, sizes = source.library.addresses[kernel], source.description.sizes_of(kernel)
+            self._kept[kernel] = address, sizes, source.parameters, out
+        address, sizes, parameters, out = self._kept[kernel]
+        self._arguments[0][0] = t
+        self._arguments[1][: self.n] = q
+        self._arguments[2][: self.n] = u
+        _core.call(address, sizes, *self._arguments, parameters, self._work, out)
+        return out
+
+    def drives(self, t: float) -> dict[str, float]:
+        """Return the value of every drive by name [rad or m]."""
+        if not self.kinematics.has("drives"):
+            return {}
+        found = self.kinematics.blocks("drives", t, self._rest, self._rest)
+        return {name: float(value[0]) for name, value in found.items()}
+
+    def units(self) -> dict[str, str]:
+        """Return the unit of every drive."""
+        info = self.kinematics.description.kernel("drives")
+        return {b.name: b.unit for b in info.blocks} if info else {}
+
+    def length(self, q: Array) -> float:
+        """Return the size of the linkage [m]: the largest extent of its points."""
+        return extent(self.evaluator, q)
+
+    def places(self, q: Array, t: float) -> Array:
+        """Return the positions of all points [m], shape (points, axes)."""
+        return self.evaluator.blocks("points", t, q, self._rest)["positions"]
+
+    def turned_over(self, q: Array, t: float) -> bool:
+        """Tell whether a driven link points against its prescribed direction, which the constraint allows."""
+        places = dict(zip(self.description.points, self.places(q, t), strict=True))
+        for name, angle in self.drives(t).items():
+            link, _, what = name.partition(".")
+            if what == "angle":
+                start, end = self.description.links[link][:2]
+                along = places[end] - places[start]
+                if along[0] * np.cos(angle) + along[1] * np.sin(angle) < 0:
+                    return True
+        return False

@@ -1,0 +1,248 @@
+"""The solution curve of Phi(q, t) = 0 by pseudo-arc-length continuation, with its singular points.
+
+A *limit point* of the curve, where it turns back in t, is a dead centre: dPhi/dq loses rank and
+[dPhi/dq dPhi/dt] keeps it. Where the latter loses rank too, branches cross: a *bifurcation*.
+
+Source: E. L. Allgower and K. Georg, *Introduction to Numerical Continuation Methods*, chapters 2 and 8.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Generic, Protocol, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+class Constraints(Protocol):
+    """Phi(q, t) = 0 in metres, with its derivatives by q and by t."""
+
+    def residual(self, q: Array, t: float) -> Array:
+        """Return Phi [m], shape (m,)."""
+
+    def jacobian(self, q: Array, t: float) -> Array:
+        """Return dPhi/dq [1], shape (m, n)."""
+
+    def drift(self, q: Array, t: float) -> Array:
+        """Return dPhi/dt at fixed q [m/s], shape (m,)."""
+
+
+Held = TypeVar("Held", bound=Constraints)
+
+_EPS = float(np.finfo(float).eps)
+#: Round-off of a residual against the size of the coordinates, and the rank tolerance of singular values.
+_ACCEPT, _RANK = 256 * _EPS, 1e-7
+_NEWTON, _HALVINGS = 12, 40
+#: Largest angle between tangents of one step [rad], and the longest step over the size of the linkage.
+_TURN, LONGEST, _FIRST = 0.15, 0.25, 0.02
+
+
+@dataclass(frozen=True, slots=True)
+class CurvePoint:
+    """A point of the curve: x = (q/length, t/duration), unit tangent, and the least singular value there."""
+
+    x: Array
+    tangent: Array
+    soundness: float
+
+    @property
+    def speed(self) -> float:
+        """Component of the tangent along t."""
+        return float(self.tangent[-1])
+
+
+class Curve(Generic[Held]):
+    """Phi(q, t) = 0 over x = (q/length, t/duration), made dimensionless with these two."""
+
+    def __init__(self, bonds: Held, length: float, duration: float) -> None:
+        self.bonds, self.length, self.duration = bonds, length, duration
+
+    def split(self, x: Array) -> tuple[Array, float]:
+        """Return q [m] and t [s]."""
+        return x[:-1] * self.length, float(x[-1] * self.duration)
+
+    def join(self, q: Array, t: float) -> Array:
+        """Return x."""
+        return np.append(q / self.length, t / self.duration)
+
+    def residual(self, x: Array) -> Array:
+        """Return Phi over scale and length."""
+        return self.bonds.residual(*self.split(x)) / self.length
+
+    def slope(self, x: Array) -> Array:
+        """Return its derivative by x, shape (m, n + 1)."""
+        q, t = self.split(x)
+        by_time = self.bonds.drift(q, t) * (self.duration / self.length)
+        return np.column_stack([self.bonds.jacobian(q, t), by_time])
+
+    def point(self, x: Array, like: Array | None = None) -> CurvePoint:
+        """Return the point at x with its tangent: on the side of ``like``, or towards growing t."""
+        n = len(x) - 1
+        _, values, right = np.linalg.svd(self.slope(x))
+        rank = int(np.count_nonzero(values[:n] > _RANK * values[0]))
+        like = np.append(np.zeros(n), 1.0) if like is None else like
+        kernel = right[rank:]
+        if rank < n:  # branches cross here: go on as straight as can be
+            kernel = (kernel @ like)[None, :] @ kernel
+        tangent = kernel[0] / np.linalg.norm(kernel[0])
+        return CurvePoint(x, tangent if tangent @ like >= 0 else -tangent, float(values[n - 1] / values[0]))
+
+    def corrected(self, x: Array, normal: Array) -> Array | None:
+        """Return the point of the curve in the plane through x with this normal; None where Newton fails."""
+        start, before = x, np.inf
+        for _ in range(_NEWTON):
+            residual = self.residual(x)
+            worst = float(np.max(np.abs(residual), initial=0.0))
+            size = max(1.0, float(np.max(np.abs(x))))
+            if worst <= _EPS * size or (worst <= _ACCEPT * size and worst > 0.25 * before):
+                return x
+            if not worst < 0.5 * before:
+                return None
+            before = worst
+            matrix = np.vstack([self.slope(x), normal])
+            rhs = np.append(-residual, -normal @ (x - start))
+            x = x + np.linalg.lstsq(matrix, rhs, rcond=1e-13)[0]
+        return None
+
+    def between(self, a: CurvePoint, b: CurvePoint, part: float) -> CurvePoint | None:
+        """Return the point of the curve at a part of the way from a to b, predicted by Hermite's cubic."""
+        x, along = hermite(a, b, part)
+        found = self.corrected(x, along / np.linalg.norm(along))
+        return None if found is None else self.point(found, along)
+
+    def at_time(self, a: CurvePoint, b: CurvePoint, t: float) -> CurvePoint | None:
+        """Return the point at the time t between a and b, along which t is monotone."""
+        from scipy.optimize import brentq
+
+        target = t / self.duration
+        across = np.append(np.zeros(len(a.x) - 1), 1.0)
+        for _ in range(_HALVINGS):
+            gap = float(np.linalg.norm(b.x - a.x))
+            ends = a.x[-1] - target, b.x[-1] - target
+            if ends[0] == 0.0 or ends[1] == 0.0 or gap <= 4 * _EPS:
+                return a if abs(ends[0]) <= abs(ends[1]) else b
+            slopes = float(gap * a.tangent[-1]), float(gap * b.tangent[-1])
+            part = brentq(_cubic, 0.0, 1.0, (float(ends[0]), float(ends[1]), *slopes), xtol=1e-15)
+            x, along = hermite(a, b, part)
+            x[-1] = target
+            found = self.corrected(x, across)
+            if found is not None and np.linalg.norm(found - x) <= 0.01 * gap:
+                return self.point(found, along)
+            middle = self.between(a, b, 0.5)
+            if middle is None:
+                return None
+            a, b = (middle, b) if (middle.x[-1] - target) * ends[0] > 0 else (a, middle)
+        return None
+
+    def walk(
+        self, start: CurvePoint, ends: tuple[float, float], through: bool, most: int
+    ) -> list[CurvePoint]:
+        """Follow the curve until t leaves ``ends``; unless ``through``, no farther than a dead centre.
+
+        Dead centres are points of the list. It goes on two points beyond ``ends``, so that what is singular
+        there is seen from both sides. It ends early where no further point was found, or, with ``through``,
+        where the curve is back at its start.
+        """
+        points, step, outside = [start], _FIRST, 0
+        low, high = (e / self.duration for e in ends)
+        longest = max(high - low, 1e-12) / 64
+        while len(points) < most:
+            last = points[-1]
+            step = min(step, LONGEST, longest / max(abs(last.speed), 1e-3))
+            new = self._step(last, step)
+            if new is None:
+                step /= 2
+                if step < 1e-9:
+                    return points
+                continue
+            if last.speed * new.speed < 0:
+                points.append(self.fold(last, new))
+                if not through:
+                    return points
+            points.append(new)
+            outside = outside + 1 if not low <= new.x[-1] <= high else 0
+            if outside > 2:
+                return points
+            if (
+                len(points) > 8
+                and np.linalg.norm(new.x - start.x) < 2 * step
+                and new.tangent @ start.tangent > 0.9
+            ):
+                points.append(start)
+                return points
+            step *= 1.5 if new.tangent @ last.tangent > np.cos(_TURN / 2) else 1.0
+        return points
+
+    def _step(self, last: CurvePoint, step: float) -> CurvePoint | None:
+        found = self.corrected(last.x + step * last.tangent, last.tangent)
+        if found is None:
+            return None
+        new = self.point(found, last.tangent)
+        return new if new.tangent @ last.tangent >= np.cos(_TURN) else None
+
+    def fold(self, a: CurvePoint, b: CurvePoint) -> CurvePoint:
+        """Return the limit point between a and b, where the tangent's t-component changes its sign."""
+        for k in range(100):
+            part = a.speed / (a.speed - b.speed) if k % 3 < 2 else 0.5
+            middle = self.between(a, b, min(max(part, 1e-3), 1 - 1e-3) if k else 0.5)
+            if middle is None or np.linalg.norm(b.x - a.x) <= 8 * _EPS:
+                break
+            if middle.speed == 0.0:
+                return middle
+            a, b = (middle, b) if middle.speed * a.speed > 0 else (a, middle)
+        return a if abs(a.speed) < abs(b.speed) else b
+
+    def crossings(self, points: list[CurvePoint]) -> list[CurvePoint]:
+        """Return the bifurcations along the curve: where the least singular value of its slope vanishes."""
+        found: list[CurvePoint] = []
+        for a, b, c in zip(points, points[1:], points[2:], strict=False):
+            if b.soundness <= a.soundness and b.soundness < c.soundness:
+                lowest = self._lowest(a, b, c)
+                near = any(np.linalg.norm(lowest.x - p.x) < 1e-5 for p in found)
+                if lowest.soundness < 10 * _RANK and not near:
+                    found.append(lowest)
+        return [p for p in found if p.soundness < 10 * _RANK]
+
+    def _lowest(self, a: CurvePoint, b: CurvePoint, c: CurvePoint) -> CurvePoint:
+        def gap(p: CurvePoint, q: CurvePoint) -> float:
+            return max(float(np.linalg.norm(p.x - q.x)), _EPS)
+
+        steepest = 3 * max(
+            abs(a.soundness - b.soundness) / gap(a, b), abs(c.soundness - b.soundness) / gap(b, c)
+        )
+        for _ in range(120):
+            width = gap(a, c)
+            if b.soundness < _RANK / 10 or b.soundness > steepest * width or width < 1e-9:
+                break
+            left = gap(a, b) > gap(b, c)
+            new = self.between(a, b, 0.618) if left else self.between(b, c, 0.382)
+            if new is None:
+                break
+            if new.soundness < b.soundness:
+                a, b, c = (a, new, b) if left else (b, new, c)
+            else:
+                a, b, c = (new, b, c) if left else (a, b, new)
+        return b
+
+
+def _cubic(w: float, start: float, end: float, first: float, last: float) -> float:
+    """Return Hermite's cubic through two values with two slopes."""
+    v = 1 - w
+    return v * v * ((1 + 2 * w) * start + w * first) + w * w * ((3 - 2 * w) * end - v * last)
+
+
+def hermite(a: CurvePoint, b: CurvePoint, part: float) -> tuple[Array, Array]:
+    """Return place and direction at a part of Hermite's cubic between two points."""
+    w, chord = part, float(np.linalg.norm(b.x - a.x))
+    x = (
+        (1 + 2 * w) * (1 - w) ** 2 * a.x
+        + w**2 * (3 - 2 * w) * b.x
+        + chord * (w * (1 - w) ** 2 * a.tangent - w**2 * (1 - w) * b.tangent)
+    )
+    along = 6 * w * (1 - w) * (b.x - a.x) + chord * (
+        (1 - w) * (1 - 3 * w) * a.tangent + w * (3 * w - 2) * b.tangent
+    )
+    return x, along

@@ -1,0 +1,246 @@
+"""Static equilibrium: forces and constraint forces in balance, at rest."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symgen.calls import checked
+from symgen.errors import ModelError, SimulationError
+from symgen.runtime.result.state import State
+from symgen.runtime.rods.assemblies import polished
+from symgen.runtime.rods.constraints import Bonds
+from symgen.runtime.rods.linear import Linearised, Statics
+
+Array = NDArray[np.float64]
+
+_STEPS, _AWAY = 500, 1e4
+
+
+@checked
+@dataclass(frozen=True, slots=True)
+class Equilibrium:
+    """A pose at rest in which all forces balance.
+
+    Attributes
+    ----------
+    state
+        The pose, with zero velocities.
+    stability
+        ``stable``, ``neutral`` (some motion meets no resistance) or ``unstable``.
+    freedoms
+        Number of free motions.
+    residual, scale
+        Largest force that is left unbalanced, and the largest of the forces that balance [N].
+    multipliers
+        Lagrange multiplier of every constraint; of least norm where constraints are redundant.
+    reactions
+        Force of the ground on the linkage at every ground point [N].
+    outputs
+        What the scene asks to record, at this pose.
+    units
+        Units of these outputs.
+    """
+
+    state: State
+    stability: str
+    freedoms: int
+    residual: float
+    scale: float
+    multipliers: dict[str, float]
+    reactions: dict[str, Array]
+    outputs: dict[str, Array]
+    units: dict[str, str]
+    linearised: Linearised
+
+    def summary(self) -> dict[str, Any]:
+        """Return it in plain numbers: what ``symgen equilibrium --json`` prints."""
+        return {
+            "analysis": "equilibrium",
+            "t": self.state.t,
+            "stability": self.stability,
+            "freedoms": self.freedoms,
+            "residual": self.residual,
+            "largest_force": self.scale,
+            "positions": {k: v.tolist() for k, v in self.state.positions.items()},
+            "multipliers": dict(self.multipliers),
+            "reactions": {k: v.tolist() for k, v in self.reactions.items()},
+            "outputs": {k: {"unit": self.units[k], "value": v.tolist()} for k, v in self.outputs.items()},
+        }
+
+
+def at_rest(bonds: Bonds, q: Array, t: float) -> None:
+    """Check that no drive and no ground point is in motion at the time t.
+
+    Raises
+    ------
+    ModelError
+        Naming what moves.
+    """
+    d, rest = bonds.description, np.zeros(bonds.n)
+    moving = [
+        label
+        for label, rate, second in zip(d.labels, bonds.drift(q, t), bonds.gamma(q, rest, t), strict=True)
+        if rate != 0.0 or second != 0.0
+    ]
+    rates = bonds.evaluator.blocks("points", t, q, rest)["velocities"]
+    work = np.zeros(bonds.evaluator.work_size + bonds.n + bonds.m + 1)
+    second = bonds.evaluator.blocks("point_accelerations", t, q, rest, work)["point_accelerations"]
+    for i, name in enumerate(d.points):
+        if name in d.ground and (np.any(rates[i]) or np.any(second[i])):
+            moving.insert(0, f"the ground point {name}")
+    if moving:
+        raise ModelError(
+            f"there is no equilibrium while a drive is in motion: {moving[0]} moves at t = {t:g} s\n"
+            "  Give the drive a constant value, or ask for the kinematics or the motion."
+        )
+
+
+def find(statics: Statics, q: Array, stable: bool) -> tuple[Array, Linearised]:
+    """Return the pose of an equilibrium and the equations linearised there.
+
+    With ``stable`` the linkage is led downhill, by steps within a trust region that use the full second
+    derivative, the constraint forces' part included; the measure of a step is the work that the forces do
+    along it, so forces without potential are allowed. Otherwise Newton's method with damping leads to an
+    equilibrium of any kind near the start. A start that is in equilibrium already is handed back.
+
+    Raises
+    ------
+    SimulationError
+        When none is found; it names the points that are still pushed, and how hard.
+    """
+    bonds = statics.bonds
+    length = bonds.length(q)
+    here = polished(bonds, q, statics.t)
+    if here is None:
+        raise SimulationError(
+            f"the pose to start from cannot be assembled at t = {statics.t:g} s\n  Start from another pose."
+        )
+    radius, best, idle = 0.1 * length, statics.at(here), 0
+    for _ in range(_STEPS):
+        slope = -best.basis.T @ statics.force(here)
+        left = float(np.max(np.abs(slope), initial=0.0))
+        if left <= best.noise or (idle >= 3 and left <= _balanced(best)):
+            return here, best
+        step = _step(best.stiffness, slope, radius, stable)
+        there = polished(bonds, here + best.basis @ step, statics.t)
+        if there is None or np.linalg.norm(there - here) > 4 * radius:
+            radius /= 4
+            idle += radius < 1e-14 * length
+            if radius < 1e-15 * length:
+                break
+            continue
+        new = statics.at(there)
+        fallen = float(0.5 * (statics.force(here) + statics.force(there)) @ (there - here))
+        promised = -float(slope @ step + 0.5 * step @ best.stiffness @ step)
+        gain = float(np.linalg.norm(slope) - np.linalg.norm(new.basis.T @ statics.force(there)))
+        small = np.linalg.norm(step) < 1e-4 * length
+        good = gain > 0 if small or not stable else fallen > 0.05 * promised
+        idle = 0 if good and gain > 0.1 * np.linalg.norm(slope) else idle + 1
+        if good:
+            full = np.linalg.norm(step) > 0.8 * radius
+            wide = (fallen > 0.5 * promised) if stable else gain > 0
+            radius = 2 * radius if full and wide else radius
+            here, best = there, new
+        else:
+            radius = 0.25 * float(np.linalg.norm(step))
+        if np.max(np.abs(here - q)) > _AWAY * length or radius < 1e-15 * length:
+            break
+    left = float(np.max(np.abs(best.basis.T @ statics.force(here)), initial=0.0))
+    if left <= _balanced(best):
+        return here, best
+    raise _none(bonds, q, here, best, statics.force(here), length)
+
+
+def _balanced(found: Linearised) -> float:
+    """Return the residual that is accepted where steps no longer reduce it [N]."""
+    return max(100 * found.noise, 1e-10 * found.scale)
+
+
+def _step(stiffness: Array, slope: Array, radius: float, stable: bool) -> Array:
+    """Return the step of a trust region: downhill, or towards the nearest root of the slope."""
+    if not stable:
+        step = np.asarray(-np.linalg.lstsq(stiffness, slope, rcond=1e-12)[0], dtype=float)
+        size = float(np.linalg.norm(step))
+        if size <= radius:
+            return step
+        values, vectors = np.linalg.eigh(stiffness.T @ stiffness)
+        slope = stiffness.T @ slope
+    else:
+        values, vectors = np.linalg.eigh((stiffness + stiffness.T) / 2)
+        if values[0] > 1e-12 * values[-1]:
+            step = np.asarray(-np.linalg.solve(stiffness, slope), dtype=float)
+            if np.linalg.norm(step) <= radius:
+                return step
+    along = vectors.T @ slope
+    floor = 1e-14 * float(np.max(np.abs(values))) + 1e-10 * float(np.linalg.norm(slope)) / radius
+    low, high = (
+        max(0.0, -float(values[0])) + floor,
+        float(np.linalg.norm(slope)) / radius + abs(float(values[0])),
+    )
+    high = max(high, 2 * low)
+
+    def of(shift: float) -> Array:
+        return -along / (values + shift)
+
+    if np.linalg.norm(of(low)) > radius:
+        for _ in range(200):
+            middle = 0.5 * (low + high)
+            low, high = (middle, high) if np.linalg.norm(of(middle)) > radius else (low, middle)
+            if high - low <= 1e-3 * high:
+                break
+        return vectors @ of(high)
+    reached = of(low)
+    if values[0] < 0:  # downhill to both sides: leave by the lowest direction as far as the region goes
+        size = float(np.sqrt(max(radius**2 - float(reached @ reached), 0.0)))
+        sign = 1.0 if along[0] <= 0 else -1.0
+        reached = reached + sign * size * np.eye(len(values))[0]
+    return vectors @ reached
+
+
+def _none(
+    bonds: Bonds, start: Array, here: Array, best: Linearised, force: Array, length: float
+) -> SimulationError:
+    axes = len(bonds.description.axes)
+    pushed = np.linalg.norm((best.basis @ (best.basis.T @ force)).reshape(-1, axes), axis=1)
+    order = [int(i) for i in np.argsort(-pushed, kind="stable")[:3] if pushed[i] > 0]
+    what = ", ".join(f"{bonds.description.free[i]} by {pushed[i]:.3g} N" for i in order)
+    if np.max(np.abs(here - start)) > _AWAY * length:
+        return SimulationError(
+            "there is no equilibrium within reach: nothing holds the linkage, which is still pushed at "
+            f"{what}\n  Hold it: ground a point, or add a spring or a drive."
+        )
+    return SimulationError(
+        f"no equilibrium was found from this start: still pushed at {what}\n  Start from another pose."
+    )
+
+
+def describe(statics: Statics, q: Array, found: Linearised) -> Equilibrium:
+    """Return the equilibrium with its reactions and what the scene asks to record."""
+    bonds, t = statics.bonds, statics.t
+    d, evaluator, rest = bonds.description, bonds.evaluator, np.zeros(bonds.n)
+    work = np.zeros(evaluator.work_size + bonds.n + bonds.m + 1)
+    work[bonds.n : bonds.n + bonds.m] = found.multipliers
+    reactions = {}
+    if evaluator.has("reactions"):
+        rows = evaluator.blocks("reactions", t, q, rest, work)["reactions"]
+        reactions = dict(zip(d.ground, rows.reshape(len(d.ground), len(d.axes)), strict=True))
+    info = d.kernel("outputs")
+    outputs = evaluator.blocks("outputs", t, q, rest, work) if info else {}
+    parts = evaluator.blocks("points", t, q, rest)
+    named = [dict(zip(d.points, parts[k], strict=True)) for k in ("positions", "velocities")]
+    return Equilibrium(
+        state=State(t, q.copy(), rest, *named),
+        stability=found.stability(),
+        freedoms=found.freedoms,
+        residual=float(np.max(np.abs(found.unbalanced), initial=0.0)),
+        scale=found.scale,
+        multipliers=dict(zip(d.constraints, found.multipliers.tolist(), strict=True)),
+        reactions=reactions,
+        outputs=outputs,
+        units={b.name: b.unit for b in info.blocks} if info else {},
+        linearised=found,
+    )

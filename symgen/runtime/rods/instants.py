@@ -1,0 +1,159 @@
+"""Times at which the drive of a linkage has given values, and the times of a range."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from symgen.errors import ModelError
+from symgen.runtime.kernels.arguments import reals
+
+Array = NDArray[np.float64]
+#: Gives the values of the drives [rad or m] at a time, by name.
+Drives = Callable[[float], dict[str, float]]
+#: Times at which the drive is evaluated to bracket a value.
+_GRID = 1025
+#: By how much of a revolution a direction may lie beyond the range of the drive, by rounding.
+_SLACK = 1e-12
+
+
+@dataclass(frozen=True, slots=True)
+class Instants:
+    """Where a driven linkage is evaluated.
+
+    Attributes
+    ----------
+    start, stop
+        Range of time [s] over which the linkage is followed.
+    samples
+        Number of equally spaced times of the range.
+    at, over
+        Values to evaluate instead, or None: of the first drive (``input``) [rad or m], each at its first time
+        in the range, or of the ``time`` [s].
+    """
+
+    start: float
+    stop: float
+    samples: int
+    at: ArrayLike | None = None
+    over: str = "time"
+
+    def times(self, name: str, drives: Drives) -> Array:
+        """Return the times [s] to evaluate; ``name`` is that of the linkage. Errors are those of times_of."""
+        if self.at is None:
+            return np.linspace(self.start, self.stop, self.samples)
+        if self.over == "time":
+            return reals(self.at, "times")
+        return times_of(name, drives, self.at, self.start, self.stop)
+
+
+def instants(
+    start: float | None,
+    stop: float | None,
+    at: ArrayLike | None,
+    over: str | None,
+    samples: int,
+    end: float,
+) -> Instants:
+    """Return where to evaluate a linkage whose scene ends at a time [s].
+
+    Raises
+    ------
+    ModelError
+        For an empty range, or an unknown variable.
+    """
+    if over not in (None, "input", "time"):
+        raise ModelError(f"expected over to be 'input' or 'time', got {over!r}")
+    if at is None and over == "input":
+        if start is None or stop is None:
+            raise ModelError("a range of the input needs both start and stop")
+        first, last = _ordered(start, stop)
+        return Instants(0.0, end, samples, np.linspace(first, last, samples).tolist(), "input")
+    if at is not None and over == "time":
+        times = reals(at, "times")
+        if not len(times):
+            raise ModelError("expected at least one time")
+        low, high = min(0.0, float(np.min(times))), max(end, float(np.max(times)))
+        return Instants(low, high, samples, times.tolist(), "time")
+    first, last = _ordered(0.0 if start is None else start, end if stop is None else stop)
+    return Instants(first, last, samples, at, "input")
+
+
+def _ordered(start: float, stop: float) -> tuple[float, float]:
+    if not start < stop:
+        raise ModelError(f"expected a range with start before stop, got {start:g} to {stop:g}")
+    return start, stop
+
+
+def times_of(name: str, drives: Drives, values: ArrayLike, start: float, stop: float) -> Array:
+    """Return the first time in a range at which the first drive has each of the values [rad or m].
+
+    Parameters
+    ----------
+    name
+        Name of the linkage, for messages.
+    drives
+        The drives over time. A drive called ``LINK.angle`` is a direction, equal after a revolution.
+    values, start, stop
+        Values of the drive, and the range of time [s].
+
+    Raises
+    ------
+    ModelError
+        When there is no drive, or it does not take a value in the range.
+    """
+    wanted = reals(values, "values of the input").tolist()
+    if not wanted:
+        raise ModelError("expected at least one value of the input")
+    first = next(iter(drives(start)), None)
+    if first is None:
+        raise ModelError(
+            f"{name} has no driven link whose direction could be given\n  Give a range of time instead."
+        )
+    times = np.linspace(start, stop, _GRID)
+    taken = np.array([drives(t)[first] for t in times])
+    is_angle = first.endswith(".angle")
+    met = []
+    for value in wanted:
+        target = _target(taken, value, 2 * math.pi if is_angle else 0.0)
+        if target is None:
+            unit, size = ("deg", math.pi / 180) if is_angle else ("m", 1.0)
+            raise ModelError(
+                f"{first} is between {np.min(taken) / size:.9g} and {np.max(taken) / size:.9g} {unit} from "
+                f"t = {start:g} s to {stop:g} s, and does not come to {value / size:.9g} {unit}\n"
+                "  Give a longer range of time."
+            )
+        met.append(_first(lambda t: drives(t)[first], times, taken, target))
+    return np.array(met)
+
+
+def _target(taken: Array, value: float, period: float) -> float | None:
+    """Return the value of the drive that is equal to the given one and taken first; None without one."""
+    low, high = float(np.min(taken)), float(np.max(taken))
+    if not period:
+        return value if low <= value <= high else None
+    first = math.ceil((low - value) / period - _SLACK)
+    last = math.floor((high - value) / period + _SLACK)
+    targets = [min(max(value + period * k, low), high) for k in range(first, last + 1)]
+    return min(targets, key=lambda v: int(np.argmax(_crossed(taken, v))), default=None)
+
+
+def _crossed(taken: Array, target: float) -> NDArray[np.bool_]:
+    gap = taken - target
+    return gap[:-1] * gap[1:] <= 0.0
+
+
+def _first(drive: Callable[[float], float], times: Array, taken: Array, target: float) -> float:
+    """Return the first time at which a drive has a value."""
+    from scipy.optimize import brentq
+
+    i = int(np.argmax(_crossed(taken, target)))
+    for k in (i, i + 1):
+        if taken[k] == target:
+            return float(times[k])
+    ends = float(times[i]), float(times[i + 1])
+    return float(brentq(lambda t: drive(t) - target, *ends, xtol=1e-300, rtol=1e-15))

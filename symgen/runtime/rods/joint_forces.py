@@ -1,0 +1,293 @@
+"""Forces in a driven linkage of rigid links over its motion: from what is asked to a result."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict, dataclass, replace
+from time import perf_counter
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symgen.errors import ModelError, SimulationError
+from symgen.runtime.integrate.causes import without_direction
+from symgen.runtime.kernels.arguments import count, reals
+from symgen.runtime.kernels.evaluate import Evaluator
+from symgen.runtime.result.forces import Forces
+from symgen.runtime.result.motion import SingularPose
+from symgen.runtime.result.recorded_motion import Samples
+from symgen.runtime.result.result import Drift, Variable
+from symgen.runtime.rods.constraints import Bonds
+from symgen.runtime.rods.instants import Instants
+from symgen.runtime.rods.kinematics import Followed, Task, driven, follow
+from symgen.runtime.rods.rigid_forces import Assembly, Solution, solve
+
+Array = NDArray[np.float64]
+_MOST_ELEMENTS, _MOST_SAMPLES = 1000, 100_000
+#: A smaller part of an unknown in the forces that nothing balances is rounding.
+_OPEN = 1e-6
+
+
+@dataclass(frozen=True, slots=True)
+class ForceTask:
+    """What is asked of an analysis of forces.
+
+    Attributes
+    ----------
+    range
+        Where forces are evaluated.
+    elements
+        Into how many elements a link is cut.
+    sections
+        At which parts of the length of links section forces are given, besides those between elements.
+    """
+
+    range: Instants
+    elements: int
+    sections: Sequence[float]
+
+
+@dataclass(frozen=True, slots=True)
+class _Linkage:
+    """The linkage and its kernels, and how many of its constraints follow from others."""
+
+    bonds: Bonds
+    loads: Evaluator
+    redundant: int
+
+    def drives(self, t: float) -> dict[str, float]:
+        """Return the direction of every driven link [rad] at a time, by the name of its output."""
+        if not self.loads.has("driven_angles"):
+            return {}
+        nothing = np.zeros(self.bonds.n)
+        values = self.loads("driven_angles", t, nothing, nothing)
+        rows = self.loads.info("driven_angles").blocks[0].rows
+        return {f"{row.split(' ')[0]}.angle": float(v) for row, v in zip(rows, values, strict=True)}
+
+    def at(self, t: float) -> str:
+        """Return a time in words, with the directions of the driven links."""
+        directions = [f"{name} = {math.degrees(v):.9g} deg" for name, v in self.drives(t).items()]
+        return ", ".join([*directions, f"t = {t:.9g} s"])
+
+
+def analyse(bonds: Bonds, loads: Evaluator, q: Array, t: float, redundant: int, asked: ForceTask) -> Forces:
+    """Return the forces over a motion that starts from the pose q at the time t.
+
+    ``redundant`` is how many constraints follow from the others wherever the linkage goes.
+
+    Raises
+    ------
+    ModelError
+        For a request out of range, or drives that do not determine the motion.
+    SimulationError
+        When a pose asked for cannot be reached, or determines no forces: it names direction, rank and what is
+        left open.
+    """
+    began = perf_counter()
+    linkage, asked = _Linkage(bonds, loads, redundant), _checked(asked)
+    driven(bonds, q, t)
+    times = asked.range.times(bonds.description.name, linkage.drives)
+    found = follow(bonds, q, t, Task(asked.range.start, asked.range.stop, len(times), False), times)
+    rows = _rows(linkage, found, times, asked.range.at is not None)
+    assembly = Assembly(bonds, loads, rows, asked.elements)
+    solution = solve(assembly)
+    lost = np.flatnonzero(solution.rank < assembly.size - redundant)
+    notes = [*_notes(linkage, assembly, solution, found)]
+    if len(lost):
+        causes = [_undetermined(linkage, assembly, solution, i) for i in lost.tolist()]
+        if asked.range.at is not None or len(lost) == len(rows):
+            raise SimulationError(causes[0], time=rows[lost[0]][0])
+        notes += causes
+        rows = [row for i, row in enumerate(rows) if i not in lost]
+        assembly = Assembly(bonds, loads, rows, asked.elements)
+        solution = solve(assembly)
+    return _recorded(linkage, assembly, solution, rows, found, asked, notes, began)
+
+
+def _checked(asked: ForceTask) -> ForceTask:
+    elements = count(asked.elements, "the number of elements")
+    if not 1 <= elements <= _MOST_ELEMENTS:
+        raise ModelError(f"expected between 1 and {_MOST_ELEMENTS} elements of a link, got {elements}")
+    if not 2 <= asked.range.samples <= _MOST_SAMPLES:
+        raise ModelError(f"expected between 2 and {_MOST_SAMPLES} samples, got {asked.range.samples}")
+    sections = reals(asked.sections, "the sections, parts of the length of a link").tolist()
+    for share in sections:
+        if not 0.0 < share < 1.0:
+            raise ModelError(
+                f"expected sections between the ends of a link, at parts of its length between 0 and 1, got "
+                f"{share:g}\n  At its ends there are the joint forces, LINK.POINT.force."
+            )
+    cuts = [i / elements for i in range(1, elements)]
+    every = tuple(sorted({*cuts, *sections}))
+    return replace(asked, elements=elements, sections=every)
+
+
+def _rows(linkage: _Linkage, found: Followed, times: Array, every: bool) -> Samples:
+    """Return the samples in the order of the times asked for; raise SimulationError when one is missing."""
+    by_time = {row[0]: row for row in found.rows}
+    missing = [float(t) for t in times if float(t) not in by_time]
+    if missing and (every or not by_time):
+        poses = [_at_pose(linkage, p) for p in found.poses]
+        raise SimulationError(
+            "\n  ".join(
+                [
+                    f"no pose that determines forces was reached at {linkage.at(missing[0])}",
+                    *filter(None, poses),
+                ]
+            ),
+            time=missing[0],
+        )
+    rows = [by_time[float(t)] for t in times if float(t) in by_time]
+    for t, q, u, _ in rows:
+        line = without_direction(linkage.bonds.evaluator, t, q, u)
+        if line:
+            raise SimulationError(f"no finite forces at {linkage.at(t)}: {line}", time=t)
+    return rows
+
+
+def _at_pose(linkage: _Linkage, pose: SingularPose) -> str:
+    """Return what a singular pose of the motion means for the forces."""
+    d = linkage.bonds.description
+    q = np.concatenate([np.array(pose.positions[p]) for p in d.free])
+    still = np.zeros_like(q)
+    assembly = Assembly(linkage.bonds, linkage.loads, [(pose.t, q, still, still)], 1)
+    return f"{pose.describe()}; {_undetermined(linkage, assembly, solve(assembly), 0)}"
+
+
+def _undetermined(linkage: _Linkage, assembly: Assembly, solution: Solution, i: int) -> str:
+    """Say which forces are not determined at a pose, and why."""
+    names = ", ".join(_open(assembly, solution.loose[i]))
+    return (
+        f"forces are not determined at {linkage.at(assembly.times[i])}: the equations of {assembly.size} "
+        f"unknown components have rank {solution.rank[i]}; open: {names}"
+    )
+
+
+def _open(assembly: Assembly, loose: Array) -> list[str]:
+    """Return what unknowns that are left open are called, those most open first."""
+    size = {u: float(np.max(loose[u.column : u.column + u.width])) for u in assembly.unknowns}
+    return [u.describe() for u in sorted(size, key=lambda u: -size[u]) if size[u] > _OPEN]
+
+
+def _notes(linkage: _Linkage, assembly: Assembly, solution: Solution, found: Followed) -> Iterator[str]:
+    whole = np.flatnonzero(solution.rank >= assembly.size - linkage.redundant)
+    if linkage.redundant and len(whole):
+        names = ", ".join(_open(assembly, np.max(solution.loose[whole], axis=0)))
+        yield f"balance alone does not determine these, and those of least norm are given: {names}"
+    undivided = [k for k in assembly.names if assembly.distribution(k) is None]
+    if undivided:
+        yield (
+            f"how the mass is spread is not known of {', '.join(undivided)}: one element each, without "
+            "section forces (an even rod, or a section, tells it)"
+        )
+    for pose in found.poses:
+        yield _at_pose(linkage, pose)
+    for low, high in found.unassemblable:
+        yield f"no assembly was found from t = {low:.9g} s to {high:.9g} s"
+    for low, high in found.out_of_reach:
+        yield f"from t = {low:.9g} s to {high:.9g} s it can be assembled, but not driven there"
+
+
+def _variables(
+    linkage: _Linkage, assembly: Assembly, solution: Solution, asked: ForceTask
+) -> Iterator[Variable]:
+    axes, x = assembly.description.axes, solution.x
+    drives = [linkage.drives(t) for t in assembly.times]
+    for name in drives[0]:
+        yield Variable(name, "rad", f"drive {name}", (), np.array([d[name] for d in drives]))
+    for u in assembly.unknowns:
+        values = x[:, u.column : u.column + u.width]
+        if u.kind == "torque":
+            about = f"torque of the drive on {u.link}, counter-clockwise"
+            yield Variable(f"{u.link}.torque", "N*m", about, (), values[:, 0])
+    for point, force in assembly.reactions(x).items():
+        yield Variable(
+            f"{point}.reaction", "N", f"force of the ground on the linkage at {point}", axes, force
+        )
+    for u in assembly.unknowns:
+        values = x[:, u.column : u.column + u.width]
+        if u.kind == "force":
+            about = f"force on {u.link} at {u.point} by what it meets there"
+            yield Variable(f"{u.link}.{u.point}.force", "N", about, axes, values)
+        elif u.kind == "guide":
+            about = f"force of the guide along {u.link} on {u.point}, to the left of {u.link}"
+            yield Variable(f"{u.link}.{u.point}.guide_force", "N", about, (), values[:, 0])
+    for chain in assembly.chains:
+        if chain.distribution is None or not asked.sections:
+            continue
+        d = chain.places[:, 1] - chain.places[:, 0]
+        along = d / np.linalg.norm(d, axis=1)[:, None]
+        across = np.stack([-along[:, 1], along[:, 0]], axis=1)
+        forces = chain.sections(x, tuple(asked.sections))
+        for i, share in enumerate(asked.sections):
+            where = f"{chain.name}@{share:.6g}"
+            for word, unit, about, values in (
+                (
+                    "axial_force",
+                    "N",
+                    "axial force, tension positive",
+                    np.sum(forces[:, i, :2] * along, axis=1),
+                ),
+                (
+                    "shear_force",
+                    "N",
+                    "shear force, to the left on the part before",
+                    np.sum(forces[:, i, :2] * across, axis=1),
+                ),
+                ("moment", "N*m", "bending moment, stretching the left side", forces[:, i, 2]),
+            ):
+                yield Variable(
+                    f"{where}.{word}", unit, f"{about}, of {chain.name} at {share:.6g} of it", (), values
+                )
+
+
+def _recorded(
+    linkage: _Linkage,
+    assembly: Assembly,
+    solution: Solution,
+    rows: Samples,
+    found: Followed,
+    asked: ForceTask,
+    notes: Sequence[str],
+    began: float,
+) -> Forces:
+    d, bonds = linkage.bonds.description, linkage.bonds
+    errors = [np.max(np.abs(bonds.residual(q, t)), initial=0.0) for t, q, _, _ in rows]
+    rates = [np.max(np.abs(bonds.jacobian(q, t) @ u + bonds.drift(q, t)), initial=0.0) for t, q, u, _ in rows]
+    t, q, u, _ = rows[-1]
+    last = bonds.evaluator.blocks("points", t, q, u)
+    worst = int(np.argmax(solution.condition))
+    parameters = zip(d.tunable, bonds.evaluator.given.tolist(), strict=False)
+    return Forces(
+        name=d.name,
+        title=d.title,
+        axes=d.axes,
+        time=np.array([row[0] for row in rows]),
+        variables=tuple(_variables(linkage, assembly, solution, asked)),
+        drift=Drift(float(max(errors)), float(max(rates)), math.nan, math.nan),
+        final={
+            p: {"position": last["positions"][i].tolist(), "velocity": last["velocities"][i].tolist()}
+            for i, p in enumerate(d.points)
+        },
+        statistics={
+            "t": t,
+            "steps": len(rows),
+            "elements": asked.elements,
+            "unknowns": assembly.size,
+            "drive": next(iter(linkage.drives(t)), ""),
+            "condition": float(solution.condition[worst]),
+            "worst_at": linkage.at(assembly.times[worst]),
+            "residual": assembly.residual(solution.x),
+            "singular_poses": [asdict(p) for p in found.poses],
+            "wall_s": perf_counter() - began,
+        },
+        provenance={
+            "equations": d.equations,
+            "method": "elements",
+            "t_end": asked.range.stop,
+            "backend": bonds.evaluator.library.backend,
+            "parameters": {p.name: value for p, value in parameters},
+        },
+        notes=tuple(notes),
+    )

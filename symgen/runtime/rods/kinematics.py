@@ -1,0 +1,397 @@
+"""Kinematic analysis: positions, velocities and accelerations over a range of the drives."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symgen.errors import ModelError, SimulationError
+from symgen.runtime.result.motion import Motion, Range, SingularPose
+from symgen.runtime.result.recorded_motion import Along, Samples, chosen_names, recorded
+from symgen.runtime.rods.assemblies import assemblies
+from symgen.runtime.rods.constraints import Bonds
+from symgen.runtime.rods.continuation import LONGEST, Curve, CurvePoint
+from symgen.runtime.rods.instants import Instants
+
+Array = NDArray[np.float64]
+
+_STEPS, _PROBES, _RANK = 1_000_000, 5, 1e-9
+#: Component of the tangent along t that counts as none.
+_TURNING = 1e-9
+
+
+@dataclass(frozen=True, slots=True)
+class Task:
+    """What to follow: from ``start`` to ``stop`` [s], at so many times, through dead centres or not."""
+
+    start: float
+    stop: float
+    samples: int
+    through: bool
+
+
+def driven(bonds: Bonds, q: Array, t: float) -> None:
+    """Check that the drives determine the motion.
+
+    Raises
+    ------
+    ModelError
+        When there are fewer drives than freedoms; it says how many are missing.
+    """
+    values = np.linalg.svd(bonds.jacobian(q, t), compute_uv=False)
+    rank = int(np.count_nonzero(values > _RANK * values.max(initial=0.0)))
+    missing = bonds.n - rank
+    names = list(bonds.drives(t))
+    if (missing and bonds.n > bonds.m) or not names:
+        if not missing:
+            raise ModelError(f"{bonds.description.name} has no drive and no freedom: nothing moves")
+        freedoms = missing + len(names)
+        have = f"{_count(len(names), 'drive')} ({', '.join(names)})" if names else "no drive"
+        raise ModelError(
+            f"{bonds.description.name} has {_count(freedoms, 'degree')} of freedom and {have}: a kinematic "
+            f"analysis needs {_count(missing, 'more drive')}\n"
+            '  Add [[drivers]] with link = "..." and angle = "speed*t", give a massless link a length by t, '
+            "or a ground point a motion."
+        )
+
+
+def _count(number: int, what: str) -> str:
+    return f"{number} {what}{'' if number == 1 else 's'}"
+
+
+@dataclass(frozen=True, slots=True)
+class Followed:
+    """What following gave: samples, singular poses, and ranges of time [s] that were not reached.
+
+    ``path`` are time and coordinates along the curve, ``near`` which of these is next to each sample.
+    """
+
+    rows: Samples
+    near: list[int]
+    path: list[tuple[float, Array]]
+    poses: list[SingularPose]
+    unassemblable: list[Range]
+    out_of_reach: list[Range]
+
+
+def analyse(
+    bonds: Bonds, q: Array, t: float, asked: Instants, through: bool, of: Sequence[str] | None
+) -> Motion:
+    """Follow the linkage from the pose q at the time t over a range, and return its motion.
+
+    Raises
+    ------
+    ModelError, SimulationError
+        As :func:`follow` does, for an unknown name, and when no time of the range is reached, or not a time
+        that was given.
+    """
+    chosen = chosen_names(bonds, of)
+    if not 2 <= asked.samples <= 1_000_000:
+        raise ModelError(f"expected between 2 and 1 million points, got {asked.samples}")
+    if through and asked.at is not None:
+        raise ModelError("give at or through, not both: values are evaluated on one assembly branch")
+    driven(bonds, q, t)
+    times = asked.times(bonds.description.name, bonds.drives)
+    found = follow(bonds, q, t, Task(asked.start, asked.stop, len(times), through), times)
+    if not found.rows:
+        where = "; ".join(p.describe() for p in found.poses)
+        raise SimulationError(
+            f"the linkage does not get from t = {t:g} s to the range {asked.start:g} s to {asked.stop:g} s"
+            f"{f': {where}' if where else ''}\n  Choose another range, or another assembly to start from."
+        )
+    rows, near = found.rows, found.near
+    if asked.at is not None:
+        order = _order_of(found, times)
+        rows, near = [rows[i] for i in order], [near[i] for i in order]
+    return recorded(
+        bonds,
+        rows,
+        Along(bonds, found.path, near),
+        found.poses,
+        found.unassemblable,
+        found.out_of_reach,
+        chosen,
+        asked.stop,
+    )
+
+
+def _order_of(found: Followed, times: Array) -> list[int]:
+    """Return the samples of given times, in their order; raise SimulationError where one is missing."""
+    places = {row[0]: i for i, row in enumerate(found.rows)}
+    for t in times.tolist():
+        if t not in places:
+            where = "; ".join(p.describe() for p in found.poses)
+            raise SimulationError(
+                f"the linkage does not reach t = {t:.9g} s{f': {where}' if where else ''}", time=t
+            )
+    return [places[t] for t in times.tolist()]
+
+
+def follow(bonds: Bonds, q: Array, t: float, asked: Task, times: Array) -> Followed:
+    """Follow the linkage from the pose q at the time t over a range, and sample it at times in it.
+
+    Raises
+    ------
+    ModelError
+        For a range that is none, or missing drives.
+    SimulationError
+        When the curve cannot be followed, naming the time.
+    """
+    if not (math.isfinite(asked.start) and math.isfinite(asked.stop) and asked.start < asked.stop):
+        raise ModelError(
+            f"expected a range of time with start before stop, got {asked.start:g} to {asked.stop:g}"
+        )
+    driven(bonds, q, t)
+    curve = Curve(bonds, bonds.length(q), _duration(bonds, q, t, asked))
+    reach = _STEPS * LONGEST * curve.duration
+    if asked.stop - asked.start > reach:
+        raise ModelError(
+            f"expected a range of at most {reach:.3g} s, {_STEPS} steps at the speed of the drives, got "
+            f"{asked.start:g} to {asked.stop:g} s"
+        )
+    path = _path(curve, q, t, asked)
+    poses = _singular(curve, path, asked)
+    rows: Samples = []
+    near: list[int] = []
+    begin = 0
+    for part in _monotone(path):
+        sampled = _sampled(curve, part, times, poses)
+        rows += [row for row, _ in sampled]
+        near += [begin + i for _, i in sampled]
+        begin += len(part) - 1
+    covered = [_span(curve, part) for part in _monotone(path)]
+    others, apart = _elsewhere(curve, q, asked, covered)
+    poses += others
+    passed = [(t, q) for q, t in (curve.split(p.x) for p in path)]
+    return Followed(rows, near, passed, poses, _gaps([*covered, *apart], asked), apart)
+
+
+def _duration(bonds: Bonds, q: Array, t: float, asked: Task) -> float:
+    """Return a time in which the drives move by about the linkage's size, at most the range.
+
+    Points of the linkage would do as well, but next to a dead centre they are as fast as one likes.
+    """
+    whole = max(asked.stop, t) - min(asked.start, t)
+    fastest = float(np.max(np.abs(bonds.drift(q, t)), initial=0.0))
+    return min(whole, bonds.length(q) / fastest) if fastest > 0 else whole
+
+
+def _path(curve: Curve[Bonds], q: Array, t: float, asked: Task) -> list[CurvePoint]:
+    """Return the curve through the start, from low to high times where it does not fold."""
+    x = curve.corrected(curve.join(q, t), np.append(np.zeros(len(q)), 1.0))
+    if x is None:
+        raise SimulationError(f"the pose to start from does not meet the constraints at t = {t:g} s", time=t)
+    ends = min(asked.start, t), max(asked.stop, t)
+    forward = curve.walk(curve.point(x), ends, asked.through, _STEPS)
+    if forward[-1] is forward[0] and len(forward) > 1:
+        return forward
+    if forward[-1].speed > _TURNING and forward[-1].x[-1] < ends[1] / curve.duration:
+        raise _stuck(curve, forward[-1])
+    if asked.start >= t:
+        return forward
+    back = curve.walk(curve.point(x, np.append(np.zeros(len(q)), -1.0)), ends, asked.through, _STEPS)
+    if back[-1].speed < -_TURNING and back[-1].x[-1] > ends[0] / curve.duration:
+        raise _stuck(curve, back[-1])
+    turned = [CurvePoint(p.x, -p.tangent, p.soundness) for p in reversed(back[1:])]
+    return turned + forward
+
+
+def _stuck(curve: Curve[Bonds], last: CurvePoint) -> SimulationError:
+    t = curve.split(last.x)[1]
+    return SimulationError(
+        f"the curve of poses cannot be followed beyond t = {t:.9g} s (least singular value "
+        f"{last.soundness:.1e} of the largest there)\n  Look for a jump or a kink in a drive at this time.",
+        time=t,
+    )
+
+
+def _monotone(path: list[CurvePoint]) -> list[list[CurvePoint]]:
+    """Part the curve at its dead centres into pieces along which t grows or falls."""
+    parts, begin = [], 0
+    for i in range(1, len(path) - 1):
+        before, after = path[i].x[-1] - path[i - 1].x[-1], path[i + 1].x[-1] - path[i].x[-1]
+        if before * after < 0:
+            parts.append(path[begin : i + 1])
+            begin = i
+    parts.append(path[begin:])
+    return [p for p in parts if len(p) > 1]
+
+
+def _singular(curve: Curve[Bonds], path: list[CurvePoint], asked: Task) -> list[SingularPose]:
+    ends = [part[-1] for part in _monotone(path)[:-1]]
+    ends += [p for p in (path[0], path[-1]) if abs(p.speed) <= _TURNING]
+    found = [(p, "dead centre") for p in ends] + [(p, "bifurcation") for p in curve.crossings(path)]
+    unique: list[tuple[CurvePoint, str]] = []
+    order = {id(p): i for i, p in enumerate(path)}
+    for p, kind in found:
+        if any(p is other or np.linalg.norm(p.x - other.x) < 1e-6 for other, _ in unique):
+            continue
+        slack = 1e-7 * curve.duration
+        if asked.start - slack <= p.x[-1] * curve.duration <= asked.stop + slack:
+            unique.append((p, kind))
+
+    def along(item: tuple[CurvePoint, str]) -> int:
+        point = item[0]
+        return order.get(id(point), int(np.argmin([np.linalg.norm(point.x - p.x) for p in path])))
+
+    return [_pose(curve, p, kind, path) for p, kind in sorted(unique, key=along)]
+
+
+def _pose(curve: Curve[Bonds], p: CurvePoint, kind: str, path: list[CurvePoint]) -> SingularPose:
+    q, t = curve.split(p.x)
+    bonds = curve.bonds
+    places = dict(zip(bonds.description.points, bonds.places(q, t), strict=True))
+    others = [
+        dict(zip(bonds.description.points, bonds.places(*curve.split(o.x)), strict=True))
+        for o in path[:: max(1, len(path) // 8)]
+    ]
+    pairs = []
+    d = bonds.description
+    for a, b in combinations([k for k, points in d.links.items() if not set(points) <= set(d.ground)], 2):
+        always = all(_in_line(bonds, a, b, other, 1e-3) for other in others)
+        if _in_line(bonds, a, b, places, 1e-6) and not always:
+            pairs.append((a, b))
+    return SingularPose(
+        kind, t, bonds.drives(t), {name: r.tolist() for name, r in places.items()}, tuple(pairs)
+    )
+
+
+def _in_line(bonds: Bonds, a: str, b: str, places: dict[str, Array], tolerance: float) -> bool:
+    links = bonds.description.links
+    for joint in set(links[a]) & set(links[b]):
+        for p in set(links[a]) - {joint}:
+            for s in set(links[b]) - {joint}:
+                d, e = places[p] - places[joint], places[s] - places[joint]
+                size = np.linalg.norm(d) * np.linalg.norm(e)
+                across = math.sqrt(max(float((d @ d) * (e @ e) - (d @ e) ** 2), 0.0))
+                planar = abs(d[0] * e[1] - d[1] * e[0]) if len(d) == 2 else across
+                if planar <= tolerance * size:
+                    return True
+    return False
+
+
+def _rates(curve: Curve[Bonds], q: Array, t: float) -> tuple[Array, Array, float]:
+    """Return velocities, accelerations and the soundness of dPhi/dq at a pose."""
+    bonds = curve.bonds
+    left, values, right = np.linalg.svd(bonds.jacobian(q, t), full_matrices=False)
+    sound = float(values[-1] / values[0])
+    inverse = np.divide(1.0, values, out=np.zeros_like(values), where=values > 1e-14 * values[0])
+
+    def solve(rhs: Array) -> Array:
+        solved: Array = right.T @ (inverse * (left.T @ rhs))
+        return solved
+
+    u = solve(-bonds.drift(q, t))
+    return u, solve(bonds.gamma(q, u, t)), sound
+
+
+def _sampled(
+    curve: Curve[Bonds], part: list[CurvePoint], grid: Array, poses: list[SingularPose]
+) -> list[tuple[tuple[float, Array, Array, Array], int]]:
+    """Return the samples at the grid's times along one monotone piece, each with the point next to it."""
+    times = np.array([p.x[-1] for p in part]) * curve.duration
+    falling = times[-1] < times[0]
+    low, high = min(times[0], times[-1]), max(times[0], times[-1])
+    inside = grid[(grid >= low) & (grid <= high)]
+    rows = []
+    for t in inside[::-1] if falling else inside:
+        i = int(np.searchsorted(-times if falling else times, -t if falling else t))
+        i = min(max(i, 1), len(part) - 1)
+        row = _near_crossing(curve, part, float(t), poses) or _sample(curve, part[i - 1], part[i], float(t))
+        if row is not None:
+            rows.append((row, i if abs(times[i] - t) < abs(times[i - 1] - t) else i - 1))
+    return rows
+
+
+def _sample(
+    curve: Curve[Bonds], a: CurvePoint, b: CurvePoint, t: float
+) -> tuple[float, Array, Array, Array] | None:
+    point = curve.at_time(a, b, t)
+    if point is None:
+        return None
+    q = curve.split(point.x)[0]
+    u, acceleration, sound = _rates(curve, q, t)
+    return (t, q, u, acceleration) if sound > _RANK else None
+
+
+def _near_crossing(
+    curve: Curve[Bonds], part: list[CurvePoint], t: float, poses: list[SingularPose]
+) -> tuple[float, Array, Array, Array] | None:
+    """Return the limit along the smooth branch where a bifurcation makes the rates undetermined.
+
+    It is the value at t of the polynomial through eight neighbours, four on either side of the bifurcation.
+    """
+    width = 0.02 * curve.duration
+    for pose in poses:
+        if pose.kind != "bifurcation" or abs(pose.t - t) > 1e-3 * width:
+            continue
+        nodes = pose.t + width * np.array([-4.0, -3.0, -2.0, -1.0, 1.0, 2.0, 3.0, 4.0])
+        times = np.array([p.x[-1] for p in part]) * curve.duration
+        order = np.argsort(times)
+        if times[order[0]] > nodes[0] or times[order[-1]] < nodes[-1]:
+            # The range ends at the crossing: take the neighbours from one side only.
+            side = 1.0 if times[order[0]] > nodes[0] else -1.0
+            nodes = pose.t + side * width * np.arange(1.0, 9.0)
+            if times[order[0]] > nodes.min() or times[order[-1]] < nodes.max():
+                return None
+        rows = []
+        for node in nodes:
+            i = int(np.clip(np.searchsorted(times[order], node), 1, len(part) - 1))
+            k = sorted((order[i - 1], order[i]))
+            row = _sample(curve, part[k[0]], part[k[1]], float(node))
+            if row is None:
+                return None
+            rows.append(np.concatenate(row[1:]))
+        weights = [
+            math.prod((t - other) / (node - other) for other in nodes if other != node) for node in nodes
+        ]
+        q, u, acceleration = np.split(np.array(weights) @ np.array(rows), 3)
+        return t, q, u, acceleration
+    return None
+
+
+def _elsewhere(
+    curve: Curve[Bonds], q: Array, asked: Task, covered: list[Range]
+) -> tuple[list[SingularPose], list[Range]]:
+    """Look for assemblies in the times not covered; return their dead centres and ranges."""
+    poses: list[SingularPose] = []
+    apart: list[Range] = []
+    for low, high in _gaps(covered, asked):
+        for t in low + (high - low) * (np.arange(_PROBES) + 0.5) / _PROBES:
+            if any(a <= t <= b for a, b in apart):
+                continue
+            found = assemblies(curve.bonds, q, float(t), tries=8)
+            if not found:
+                continue
+            whole = Task(asked.start, asked.stop, 2, False)
+            start = curve.corrected(curve.join(found[0], float(t)), np.append(np.zeros(len(q)), 1.0))
+            if start is None:
+                continue
+            ways = [np.append(np.zeros(len(q)), s) for s in (1.0, -1.0)]
+            ends = [curve.walk(curve.point(start, w), (asked.start, asked.stop), False, _STEPS) for w in ways]
+            path = [CurvePoint(p.x, -p.tangent, p.soundness) for p in reversed(ends[1][1:])] + ends[0]
+            poses += _singular(curve, path, whole)
+            times = [p.x[-1] * curve.duration for p in path]
+            apart.append((float(max(min(times), asked.start)), float(min(max(times), asked.stop))))
+    return poses, apart
+
+
+def _span(curve: Curve[Bonds], part: list[CurvePoint]) -> Range:
+    ends = sorted(float(p.x[-1] * curve.duration) for p in (part[0], part[-1]))
+    return ends[0], ends[1]
+
+
+def _gaps(covered: list[Range], asked: Task) -> list[Range]:
+    gaps, at = [], asked.start
+    for low, high in sorted(covered):
+        if low > at:
+            gaps.append((float(at), float(min(low, asked.stop))))
+        at = max(at, high)
+    if at < asked.stop:
+        gaps.append((float(at), asked.stop))
+    return gaps

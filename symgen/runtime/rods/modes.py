@@ -1,0 +1,226 @@
+"""Small oscillations about an equilibrium: frequencies, damping ratios and mode shapes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symgen.calls import checked
+from symgen.errors import ModelError
+from symgen.runtime.kernels.evaluate import Evaluator
+from symgen.runtime.rods.equilibrium import Equilibrium
+from symgen.runtime.rods.linear import SMALL
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Mode:
+    """One small motion dq = shape * exp(s t) about an equilibrium.
+
+    Attributes
+    ----------
+    kind
+        ``oscillation``, ``decay`` (overdamped: no oscillation), ``neutral`` (no force drives it back) or
+        ``unstable`` (it grows).
+    s
+        Complex eigenvalue [1/s]; of a conjugate pair the one with a positive imaginary part.
+    shape
+        Displacement of every point, for unit modal mass when they are in m/sqrt(kg); real where nothing is
+        damped. The largest component is positive.
+    """
+
+    kind: str
+    s: complex
+    shape: dict[str, Array]
+
+    @property
+    def omega(self) -> float:
+        """Angular frequency of the motion, damped if it is [rad/s]; zero where it does not oscillate."""
+        return abs(self.s.imag)
+
+    @property
+    def frequency(self) -> float:
+        """Frequency of the motion [Hz]."""
+        return self.omega / (2 * np.pi)
+
+    @property
+    def natural(self) -> float:
+        """Undamped angular frequency abs(s) [rad/s]."""
+        return abs(self.s)
+
+    @property
+    def damping_ratio(self) -> float:
+        """Part of the critical damping, -Re(s)/abs(s): 1 for a decay, negative if it grows."""
+        return 0.0 if self.s.real == 0 else -self.s.real / abs(self.s)
+
+
+@checked
+@dataclass(frozen=True, slots=True)
+class Modes:
+    """All small motions about an equilibrium, by rising frequency; those that grow first."""
+
+    equilibrium: Equilibrium
+    modes: tuple[Mode, ...]
+
+    def __len__(self) -> int:
+        return len(self.modes)
+
+    def __iter__(self) -> Iterator[Mode]:
+        return iter(self.modes)
+
+    def __getitem__(self, i: int) -> Mode:
+        """Return the mode of this number, from 0; raise ModelError where there is none."""
+        if not -len(self.modes) <= i < len(self.modes):
+            raise ModelError(f"expected the number of one of {len(self.modes)} modes, from 0, got {i}")
+        return self.modes[i]
+
+    @property
+    def frequencies(self) -> Array:
+        """Frequencies [Hz] of the modes that oscillate, rising."""
+        return np.array([m.frequency for m in self.modes if m.kind == "oscillation"])
+
+    @property
+    def stable(self) -> bool:
+        """Whether nothing grows."""
+        return all(m.kind != "unstable" for m in self.modes)
+
+    def summary(self) -> dict[str, Any]:
+        """Return them in plain numbers: what ``symgen modes --json`` prints."""
+        return {
+            "analysis": "modes",
+            "stable": self.stable,
+            "modes": [
+                {
+                    "kind": m.kind,
+                    "frequency_hz": m.frequency,
+                    "omega": m.omega,
+                    "natural_omega": m.natural,
+                    "damping_ratio": m.damping_ratio,
+                    "s": [m.s.real, m.s.imag],
+                    "shape": {p: _plain(x) for p, x in m.shape.items()},
+                }
+                for m in self.modes
+            ],
+            "equilibrium": self.equilibrium.summary(),
+        }
+
+
+def _plain(x: Array) -> list[Any]:
+    return [[v.real, v.imag] for v in x.tolist()] if np.iscomplexobj(x) else list(x.tolist())
+
+
+def analyse(evaluator: Evaluator, equilibrium: Equilibrium) -> Modes:
+    """Return the small oscillations about an equilibrium.
+
+    Raises
+    ------
+    ModelError
+        When nothing can move.
+    """
+    lin = equilibrium.linearised
+    if lin.freedoms == 0:
+        raise ModelError(
+            f"{evaluator.description.name}: constraints and drives hold every freedom: nothing oscillates"
+        )
+    root = np.asarray(np.linalg.cholesky(lin.mass), dtype=float)
+    values: NDArray[Any]
+    free: NDArray[Any]
+    stiffness, damping = (_congruent(root, m) for m in (lin.stiffness, lin.damping))
+    if np.any(damping) or not _symmetric(stiffness):
+        values, vectors = _damped(stiffness, damping)
+        free = lin.basis @ np.linalg.solve(root.T, vectors)
+    else:
+        squares, shapes = np.linalg.eigh((stiffness + stiffness.T) / 2)
+        small = SMALL * float(np.max(np.abs(squares)))
+        squares = np.where(np.abs(squares) <= small, 0.0, squares)
+        values = np.where(squares < 0, np.sqrt(np.abs(squares)), 1j * np.sqrt(np.abs(squares)))
+        free = _separated(squares, lin.basis @ np.linalg.solve(root.T, shapes))
+    found = [
+        Mode(_kind(complex(s)), complex(s), _shape(evaluator, equilibrium, free[:, i]))
+        for i, s in enumerate(values)
+    ]
+    return Modes(equilibrium, tuple(found))
+
+
+def _congruent(root: Array, matrix: Array) -> Array:
+    """Return L^-1 A L^-T."""
+    half = np.linalg.solve(root, matrix)
+    whole: Array = np.linalg.solve(root, half.T).T
+    return whole
+
+
+def _symmetric(matrix: Array) -> bool:
+    return bool(np.max(np.abs(matrix - matrix.T)) <= 1e-10 * np.max(np.abs(matrix), initial=0.0))
+
+
+def _kind(s: complex) -> str:
+    if s == 0:
+        return "neutral"
+    if s.real > 0:
+        return "unstable"
+    return "oscillation" if s.imag else "decay"
+
+
+def _damped(stiffness: Array, damping: Array) -> tuple[NDArray[Any], NDArray[Any]]:
+    """Return eigenvalues and shapes of y'' + C y' + K y = 0, one of each conjugate pair.
+
+    Time is scaled, so that both blocks of the first-order form are of one size.
+    """
+    from scipy.linalg import eig
+
+    k = len(stiffness)
+    rate = float(max(np.sqrt(np.linalg.norm(stiffness, 2)), np.linalg.norm(damping, 2), 1e-300))
+    first = np.block([[np.zeros((k, k)), np.eye(k)], [-stiffness / rate**2, -damping / rate]])
+    values, vectors = eig(first)
+    small = np.sqrt(SMALL)
+    values = np.where(np.abs(values) <= small, 0.0, values)
+    values = np.where(np.abs(values.imag) <= small * np.abs(values), values.real, values)
+    values = np.where(np.abs(values.real) <= 1e-13, 1j * values.imag, values)
+    keep = [i for i in range(2 * k) if values[i].imag >= 0]
+    order = sorted(keep, key=lambda i: (values[i].real <= 0, abs(values[i]), values[i].real))
+    shapes = vectors[:k, order]
+    return values[order] * rate, shapes / np.linalg.norm(shapes, axis=0)
+
+
+def _separated(squares: Array, shapes: Array) -> Array:
+    """Fix the shapes within each set of equal frequencies, which round-off would turn at will.
+
+    Coordinate directions are projected onto their common space one after the other, and those are kept that
+    bring in something new. The turn is orthogonal, so unit modal masses stay what they are.
+    """
+    result = shapes.copy()
+    close = 1e-9 * float(np.max(np.abs(squares)))
+    groups = np.split(np.arange(len(squares)), np.flatnonzero(np.diff(squares) > close) + 1)
+    for group in groups:
+        space = shapes[:, group]
+        size = float(np.max(np.linalg.norm(space, axis=1)))
+        chosen: list[Array] = []
+        for least in (0.1, 1e-6):
+            for row in space / size:
+                new = row - sum((row @ c) * c for c in chosen)
+                if len(chosen) < len(group) and np.linalg.norm(new) > least:
+                    chosen.append(new / np.linalg.norm(new))
+        if len(chosen) == len(group) > 1:
+            result[:, group] = space @ np.array(chosen).T
+    return result
+
+
+def _shape(evaluator: Evaluator, equilibrium: Equilibrium, motion: NDArray[Any]) -> dict[str, Array]:
+    """Return the displacement of every point, its largest component real and positive."""
+    state, d = equilibrium.state, evaluator.description
+    parts = [np.real(motion), np.imag(motion)]
+    moved = [
+        evaluator.blocks("points", state.t, state.q, np.ascontiguousarray(m))["velocities"] for m in parts
+    ]
+    shape = moved[0] + 1j * moved[1] if np.iscomplexobj(motion) else moved[0]
+    flat = shape.ravel()
+    largest = flat[int(np.argmax(np.abs(flat) > (1 - 1e-6) * np.max(np.abs(flat))))]
+    shape = shape * (np.conj(largest) / abs(largest)) if largest else shape
+    if np.iscomplexobj(shape) and np.max(np.abs(shape.imag)) <= 1e-9 * np.max(np.abs(shape)):
+        shape = shape.real
+    return dict(zip(d.points, shape, strict=True))

@@ -1,0 +1,176 @@
+"""Constraints that follow from the others: told from a dead centre, their multipliers reproducible."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symgen.errors import InitialStateError
+from symgen.runtime import _core
+from symgen.runtime.kernels.evaluate import Evaluator
+
+Array = NDArray[np.float64]
+
+#: The share of the linkage's size that an assembly error may have unstated, and how it may grow on the way.
+_ASSEMBLED, _SLACK = 1e-8, 10.0
+_NEIGHBOURS, _AWAY, _NEWTON = 3, 1e-2, 50
+#: A row with a smaller part in every self-stress has a multiplier that is unique.
+_TAKES_PART = 1e-6
+
+
+def redundant_constraints(evaluator: Evaluator, q: Array) -> tuple[int, ...]:
+    """Return the numbers of the constraints that follow from those before them wherever the linkage goes.
+
+    Parameters
+    ----------
+    evaluator
+        The kernels.
+    q
+        Coordinates at the start [m].
+
+    Raises
+    ------
+    InitialStateError
+        When constraints are dependent at q alone, and not where the linkage can go from there: q is a dead
+        centre or a branching point, where the motion is not determined. Also when a point carries no mass.
+    """
+    lost = _lost(evaluator, q)
+    if not lost:
+        return lost
+    d = evaluator.description
+    rank = f"{len(d.constraints)} constraints of rank {len(d.constraints) - len(lost)}"
+    name, place = d.unknown(d.coordinates + lost[-1]), d.place(lost[-1])
+    drives = d.drives
+    for row in set(drives) & set(not_unique(evaluator, 0.0, q, len(lost))):
+        raise InitialStateError(
+            f"the constraints are singular at the start: {rank}; {d.labels[row]} is not independent of the "
+            "others\n  Drive each freedom of the linkage once, and start away from its dead centres.",
+            where=d.place(row),
+        )
+    near = _neighbours(evaluator, q, drives)
+    if near is None:
+        raise InitialStateError(
+            f"the constraints leave no freedom and are redundant: {rank}; {name} is not independent of the "
+            "others\n  Remove a redundant link.",
+            where=place,
+        )
+    if any(len(_lost(evaluator, other)) < len(lost) for other in near):
+        raise InitialStateError(
+            f"the constraints are singular at the start: {rank} there, and of a higher one nearby; {name} is "
+            "not independent of the others\n  Start away from the dead centre.",
+            where=place,
+        )
+    return lost
+
+
+def _lost(evaluator: Evaluator, q: Array) -> tuple[int, ...]:
+    equations = evaluator.equations()
+    n = evaluator.description.coordinates
+    status = equations.check(0.0, np.concatenate([q, np.zeros(n + 2)]))
+    if status == _core.NOT_FINITE or (status == _core.SINGULAR and equations.weakest < n):
+        raise not_positive(evaluator)
+    return tuple(equations.lost_rows())
+
+
+def _neighbours(evaluator: Evaluator, q: Array, drives: tuple[int, ...]) -> list[Array] | None:
+    """Return configurations near q that all constraints but the drives allow; None when nothing can move."""
+    jacobian = np.delete(_scaled_jacobian(evaluator, 0.0, q)[0], drives, axis=0)
+    _, values, right = np.linalg.svd(jacobian)
+    rank = int(np.sum(values > _rank(evaluator) * max(values[0], 1e-300)))
+    free = right[rank:]
+    if not len(free):
+        return None
+    size = extent(evaluator, q)
+    found = []
+    for k in range(_NEIGHBOURS):
+        direction = np.random.default_rng(k).standard_normal(len(free)) @ free
+        near = _onto(evaluator, q + _AWAY * size * direction / np.max(np.abs(direction)), size, drives)
+        if near is not None:
+            found.append(near)
+    return found
+
+
+def extent(evaluator: Evaluator, q: Array) -> float:
+    """Return the size of the linkage: the largest spread of its points along an axis [m]."""
+    positions = evaluator.blocks("points", 0.0, q, np.zeros_like(q))["positions"]
+    return float(np.max(np.ptp(positions, axis=0)))
+
+
+def assembly_tolerance(evaluator: Evaluator, q: Array) -> float:
+    """Return by how much [m] redundant constraints may contradict the others at the start."""
+    return max(_ASSEMBLED * extent(evaluator, q), evaluator.description.assembly_tolerance)
+
+
+def slack(evaluator: Evaluator, q: Array) -> float:
+    """Return by how much [m] a redundant constraint may contradict the others in a run."""
+    return _SLACK * assembly_tolerance(evaluator, q)
+
+
+def _rank(evaluator: Evaluator) -> float:
+    """Return what is left of a singular value where rank is lost: pivots go by its square."""
+    return float(evaluator.description.rank_tolerance**0.5)
+
+
+def _onto(evaluator: Evaluator, q: Array, size: float, drives: tuple[int, ...]) -> Array | None:
+    """Bring coordinates onto the constraints but the drives, as well as these allow if they contradict."""
+    for _ in range(_NEWTON):
+        jacobian, scale = _scaled_jacobian(evaluator, 0.0, q)
+        error = evaluator.blocks("constraints", 0.0, q, np.zeros_like(q))["constraints"] / scale
+        kept = np.delete(jacobian, drives, axis=0), np.delete(-error, drives)
+        step = np.linalg.lstsq(*kept, rcond=_rank(evaluator))[0]
+        q = q + step
+        if not np.max(np.abs(step)) <= size:
+            return None
+        if np.max(np.abs(step)) <= 1e-12 * size:
+            return q
+    return None
+
+
+def _scaled_jacobian(evaluator: Evaluator, t: float, q: Array) -> tuple[Array, Array]:
+    """Return the constraint Jacobian with every row over its scale [1], and the scales."""
+    zero = np.zeros_like(q)
+    scale = evaluator.blocks("constraints", t, q, zero)["constraint_scale"]
+    jacobian = evaluator.blocks("constraint_jacobian", t, q, zero)["constraint_jacobian"]
+    return jacobian.reshape(-1, len(q)) / scale[:, None], scale
+
+
+def least_norm(evaluator: Evaluator, t: float, q: Array, solution: Array, redundant: int) -> Array:
+    """Return a solution (accelerations, multipliers, ...) with the constraint forces of least norm.
+
+    Accelerations and J^T lambda are unique, single multipliers of redundant constraints are not. The forces
+    (multiplier times the scale of its row [N]) of least norm do not depend on how a constraint is written.
+    """
+    n = len(q)
+    self_stress, scale = _self_stress(evaluator, t, q, redundant)
+    forces = solution[n : n + len(scale)] * scale
+    forces = forces - self_stress @ (self_stress.T @ forces)
+    return np.concatenate([solution[:n], forces / scale, solution[n + len(scale) :]])
+
+
+def not_unique(evaluator: Evaluator, t: float, q: Array, redundant: int) -> tuple[int, ...]:
+    """Return the numbers of the constraints whose multipliers the redundant constraints leave open."""
+    if not redundant:
+        return ()
+    self_stress, _ = _self_stress(evaluator, t, q, redundant)
+    return tuple(np.flatnonzero(np.max(np.abs(self_stress), axis=1) > _TAKES_PART).tolist())
+
+
+def _self_stress(evaluator: Evaluator, t: float, q: Array, redundant: int) -> tuple[Array, Array]:
+    """Return an orthonormal basis of the constraint forces that do nothing, and the scales of the rows."""
+    jacobian, scale = _scaled_jacobian(evaluator, t, q)
+    left = np.linalg.svd(jacobian)[0]
+    return left[:, len(scale) - redundant :], scale
+
+
+def not_positive(evaluator: Evaluator) -> InitialStateError:
+    """Return the error for a mass matrix that is not positive definite."""
+    values = ", ".join(
+        f"{p.name} = {v:g} {p.unit}"
+        for p, v in zip(evaluator.description.tunable, evaluator.given, strict=False)
+    )
+    return InitialStateError(
+        f"the mass matrix is not positive definite{f' with {values}' if values else ''}: "
+        "some point carries no mass, or a negative one\n"
+        "  Give every link a positive mass and moment of inertia about its centre.",
+        where="links",
+    )

@@ -1,0 +1,280 @@
+"""Forces in a driven linkage of rigid links by elements: assembly over joints, and the solution.
+
+Source: the thesis on kineto-elastodynamics, Chapter IV, for any planar linkage. Unknown are the force on
+every link at each of its points, the forces of guides, normal to them, and the torques of drives. The
+equations are three for each link (what its elements leave, see ``rigid_chain``) and two for each point that
+is not ground, which carries its point mass and its loads.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symgen.runtime.kernels.description import BlockInfo
+from symgen.runtime.kernels.evaluate import Evaluator
+from symgen.runtime.result.recorded_motion import Samples
+from symgen.runtime.rods.constraints import Bonds
+from symgen.runtime.rods.rigid_chain import Attachment, Chain, Distribution, ElementKernels, even
+
+Array = NDArray[np.float64]
+#: A singular value that is a smaller part of the largest is lost rank; as in the kinematics.
+RANK = 1e-9
+
+
+@dataclass(frozen=True, slots=True)
+class Unknown:
+    """One or two unknown forces: ``kind`` is force, guide or torque, on a link at a point."""
+
+    kind: str
+    link: str
+    point: str
+    column: int
+
+    @property
+    def width(self) -> int:
+        """Number of its components."""
+        return 2 if self.kind == "force" else 1
+
+    def describe(self) -> str:
+        """Return what it is called in messages."""
+        of = {
+            "force": f"the force on {self.link} at {self.point}",
+            "guide": f"the force of the guide along {self.link} on {self.point}",
+            "torque": f"the torque of the drive of {self.link}",
+        }
+        return of[self.kind]
+
+
+class Assembly:
+    """The equations of the forces at some poses: times, coordinates, velocities, accelerations."""
+
+    def __init__(self, bonds: Bonds, loads: Evaluator, rows: Samples, elements: int) -> None:
+        d, self._loads, self._rows = bonds.description, loads, rows
+        self.description, self.elements = d, elements
+        self._kept: dict[str, Array] = {}
+        self.names = [k for k in d.links if k in self._block("link_masses").columns]
+        points = [bonds.evaluator.blocks("points", t, q, u)["positions"] for t, q, u, _ in rows]
+        moved = [
+            bonds.evaluator.blocks("point_accelerations", t, q, u, np.append(a, np.zeros(bonds.m + 1)))
+            for t, q, u, a in rows
+        ]
+        self.places = np.array(points)
+        self.accelerations = np.array([m["point_accelerations"] for m in moved])
+        self.unknowns = self._unknowns()
+        self.size = sum(u.width for u in self.unknowns)
+        self.times = [row[0] for row in rows]
+
+    def _block(self, name: str) -> BlockInfo:
+        return self._loads.info(name).blocks[0]
+
+    def _has(self, name: str) -> bool:
+        return self._loads.has(name)
+
+    def _labels(self, name: str) -> list[tuple[str, str]]:
+        """Return the two names in each row name of a matrix; none when there is no such matrix."""
+        pairs = [row.split(" ") for row in self._block(name).rows] if self._has(name) else []
+        return [(first, second) for first, second in pairs]
+
+    def _values(self, name: str) -> Array:
+        """Return a matrix of the loads at all poses, (poses, rows, columns)."""
+        if name not in self._kept:
+            found = np.array([self._loads(name, t, q, u) for t, q, u, _ in self._rows])
+            self._kept[name] = found.reshape(-1, *self._block(name).shape)
+        return self._kept[name]
+
+    def index(self, point: str) -> int:
+        """Return the number of a point."""
+        return self.description.points.index(point)
+
+    def _unknowns(self) -> tuple[Unknown, ...]:
+        found = [("force", link, p) for link in self.names for p in self.points_of(link)]
+        found += [("guide", link, p) for link, p in self._labels("guides")]
+        found += [("torque", link, p) for link, p in self._labels("driven_angles")]
+        made: list[Unknown] = []
+        for kind, link, point in found:
+            column = made[-1].column + made[-1].width if made else 0
+            made.append(Unknown(kind, link, point, column))
+        return tuple(made)
+
+    def points_of(self, link: str) -> list[str]:
+        """Return all points of a link."""
+        return list(self.description.links[link])
+
+    def distribution(self, link: str) -> Distribution | None:
+        """Return how the mass of a link is spread, where that is known."""
+        return self._distributions[link]
+
+    @cached_property
+    def _bodies(self) -> dict[str, tuple[float, float, float, float]]:
+        masses = self._values("link_masses")[0]
+        return {k: tuple(masses[:, i].tolist()) for i, k in enumerate(self._block("link_masses").columns)}
+
+    @cached_property
+    def _distributions(self) -> dict[str, Distribution | None]:
+        found: dict[str, Distribution | None] = {}
+        sections = self._block("sections").columns if self._has("sections") else ()
+        of_sections = self._values("sections")[0] if sections else np.zeros((8, 0))
+        for link in self.names:
+            i, k = (self.index(p) for p in self.points_of(link)[:2])
+            length = float(np.linalg.norm(self.places[0, k] - self.places[0, i]))
+            if link in sections:
+                c = of_sections[:, sections.index(link)]
+                found[link] = Distribution(tuple(c[:3].tolist()), tuple(c[3:].tolist()))
+            else:
+                found[link] = even(self._bodies[link], length)
+        return found
+
+    def cuts(self, link: str) -> int:
+        """Return into how many elements a link is cut: one where its mass is not known to be spread."""
+        return self.elements if self.distribution(link) else 1
+
+    @cached_property
+    def chains(self) -> tuple[Chain, ...]:
+        """Every link that moves, cut into elements."""
+        kernels, gravity = ElementKernels(), self._values("gravity")[0, :, 0]
+        made = []
+        for link in self.names:
+            ends = [self.index(p) for p in self.points_of(link)[:2]]
+            made.append(
+                Chain(
+                    link, self.cuts(link), self.places[:, ends], self.accelerations[:, ends], gravity,
+                    self._bodies[link], self.distribution(link), tuple(self._attached(link)), self.size,
+                    kernels,
+                )
+            )  # fmt: skip
+        return tuple(made)
+
+    def _attached(self, link: str) -> list[Attachment]:
+        """Return everything that acts on a link."""
+        found = []
+        normals = self._values("guides") if self._has("guides") else None
+        guides = [u for u in self.unknowns if u.kind == "guide"]
+        for u in (u for u in self.unknowns if u.link == link):
+            at, share = self._at(link, u.point)
+            # The guide pushes the point along the normal, and the point pushes the link back.
+            along = -normals[:, guides.index(u)] if normals is not None and u.kind == "guide" else None
+            found.append(Attachment(at, share, u.column, None, along, u.kind == "torque"))
+        for i, (name, point) in enumerate(self._labels("couples")):
+            if name == link:
+                found.append(
+                    Attachment(*self._at(link, point), -1, self._values("couples")[:, i], None, True)
+                )
+        return found
+
+    def _at(self, link: str, point: str) -> tuple[Array, Array]:
+        """Return where a point is, and at which share of the length of a link."""
+        start, end = (self.places[:, self.index(p)] for p in self.points_of(link)[:2])
+        at, d = self.places[:, self.index(point)], end - start
+        share = np.einsum("ki,ki->k", at - start, d) / np.einsum("ki,ki->k", d, d)
+        if point in self.points_of(link)[:2]:
+            share = np.full(len(at), float(self.points_of(link).index(point)))
+        return at, share
+
+    @cached_property
+    def _on_points(self) -> Array:
+        """Loads on each point less mass times acceleration, (poses, points, 2) [N]."""
+        masses = self._values("point_masses")[:, :, 0]
+        free_fall = self._values("gravity")[:, None, :, 0]
+        on_points: Array = self._values("point_loads") - masses[:, :, None] * (self.accelerations - free_fall)
+        return on_points
+
+    def _from_points(self, point: str) -> Array:
+        """Return how much of the unknowns a point gives away, (poses, 2, unknowns)."""
+        found = np.zeros((len(self._rows), 2, self.size))
+        guides = self._labels("guides")
+        for u in self.unknowns:
+            if u.point == point and u.kind == "force":
+                found[:, :, u.column : u.column + 2] += np.eye(2)
+            elif u.point == point and u.kind == "guide":
+                normal = self._values("guides")[:, guides.index((u.link, point))]
+                found[:, :, u.column] -= normal
+        return found
+
+    @cached_property
+    def scales(self) -> Array:
+        """What the unknowns are multiplied by to be forces [N]: torques are over the length of the link."""
+        lengths = {c.name: c.length for c in self.chains}
+        scales = [np.full(u.width, lengths[u.link] if u.kind == "torque" else 1.0) for u in self.unknowns]
+        return np.concatenate(scales)
+
+    @cached_property
+    def equations(self) -> tuple[Array, Array]:
+        """The matrix and the right-hand side over forces [N], (poses, rows, unknowns) and (poses, rows)."""
+        left, right = [], []
+        for chain in self.chains:
+            section, constant = chain.end()
+            size = np.array([1.0, 1.0, chain.length])
+            left.append(section / size[:, None])
+            right.append(-constant / size)
+        for point in self.description.points:
+            given = self._from_points(point)
+            if point not in self.description.ground and np.any(given):
+                left.append(given)
+                right.append(self._on_points[:, self.index(point)])
+        return np.concatenate(left, axis=1) * self.scales, np.concatenate(right, axis=1)
+
+    def residual(self, x: Array) -> float:
+        """Return what the equations miss at worst, over the largest force [1]."""
+        left, right = self.equations
+        forces = x / self.scales
+        missed = np.abs(np.einsum("kij,kj->ki", left, forces) - right)
+        size = float(np.max(np.abs(forces), initial=0.0))
+        return float(np.max(missed)) / size if size else float(np.max(missed))
+
+    def reactions(self, x: Array) -> dict[str, Array]:
+        """Return the force of the ground on each ground point that bears something, (poses, 2) [N].
+
+        What pushes a link between two ground points is borne by these, as by a beam on two supports.
+        """
+        found: dict[str, Array] = {}
+
+        def add(point: str, force: Array) -> None:
+            found[point] = found.get(point, np.zeros_like(force)) + force
+
+        for point in self.description.ground:
+            given, on_point = self._from_points(point), self._on_points[:, self.index(point)]
+            if np.any(given) or np.any(on_point):
+                add(point, np.einsum("kij,kj->ki", given, x) - on_point)
+        for i, (link, point) in enumerate(self._labels("guides")):
+            if link not in self.names:
+                u = next(u for u in self.unknowns if (u.kind, u.link, u.point) == ("guide", link, point))
+                push = x[:, u.column, None] * self._values("guides")[:, i]
+                share = self._at(link, point)[1][:, None]
+                for end, part in zip(self.points_of(link)[:2], (1.0 - share, share), strict=True):
+                    add(end, part * push)
+        return found
+
+
+@dataclass(frozen=True, slots=True)
+class Solution:
+    """Unknowns at all poses, (poses, unknowns), and how well they are determined.
+
+    ``rank`` of the equations at each pose, ``condition`` the ratio of the greatest to the least singular
+    value that is not lost, ``loose`` for each unknown how much of it forces that nothing balances leave open.
+    """
+
+    x: Array
+    rank: NDArray[np.int_]
+    condition: Array
+    loose: Array
+
+
+def solve(assembly: Assembly) -> Solution:
+    """Solve the equations at all poses; where some forces are open, those of least norm are taken."""
+    left, right = assembly.equations
+    u, s, vt = np.linalg.svd(left)
+    k = s.shape[1]
+    kept = s > RANK * s[:, :1]
+    inverse = np.divide(1.0, s, out=np.zeros_like(s), where=kept)
+    projected = np.einsum("kij,ki->kj", u[:, :, :k], right) * inverse
+    x = np.einsum("kij,ki->kj", vt[:, :k], projected)
+    rank = np.count_nonzero(kept, axis=1)
+    least = np.min(np.where(kept, s, np.inf), axis=1)
+    open_ = np.ones(vt.shape[:2])
+    open_[:, :k] = ~kept
+    loose = np.sqrt(np.einsum("kij,ki->kj", vt**2, open_))
+    return Solution(x * assembly.scales, rank, s[:, 0] / least, loose)

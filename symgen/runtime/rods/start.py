@@ -1,0 +1,269 @@
+"""The start of a run: assembled from the drawing, and velocities made consistent, or a clear refusal."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symgen.errors import InitialStateError
+from symgen.runtime.integrate.causes import without_direction
+from symgen.runtime.integrate.pace import check_wall
+from symgen.runtime.kernels.evaluate import Evaluator
+from symgen.runtime.rods.redundancy import assembly_tolerance, extent, not_positive, redundant_constraints
+
+Array = NDArray[np.float64]
+
+_STEPS, _SMALLEST = 32, 1 / 4096
+_NEWTON, _ROUNDING, _CONSISTENT = 30, 1e-14, 1e-9
+#: The largest assembly tolerance over the linkage's size.
+_MOST = 1e-5
+
+
+@dataclass(frozen=True, slots=True)
+class Start:
+    """Coordinates [m] and velocities [m/s] at the start, and the numbers of the redundant constraints.
+
+    ``y`` holds both, one behind the other.
+    """
+
+    q: Array
+    u: Array
+    redundant: tuple[int, ...]
+    y: Array = field(init=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "y", np.concatenate((self.q, self.u)))
+
+
+def start(evaluator: Evaluator) -> Start:
+    """Return coordinates and velocities at the start, and which constraints follow from the others.
+
+    The drawing is led step by step to the lengths and angles asked for, so that a linkage stays on the
+    branch it is drawn on. Velocities are those of least kinetic energy that meet the constraints and what
+    the start asks for.
+
+    Raises
+    ------
+    InitialStateError
+        When the linkage cannot be assembled, is singular, or the velocities asked for contradict the
+        constraints.
+    """
+    q = pose(evaluator)
+    redundant = redundant_constraints(evaluator, q)
+    u = _velocities(evaluator, q, redundant) if evaluator.has("mass_matrix") else np.zeros(len(q))
+    line = without_direction(evaluator, 0.0, q, u)
+    if line:
+        raise InitialStateError(f"{line}\n  Draw its points apart.", where="springs")
+    return Start(q, u, redundant)
+
+
+def pose(evaluator: Evaluator) -> Array:
+    """Return the coordinates at the start [m].
+
+    Raises
+    ------
+    InitialStateError
+        When the linkage cannot be assembled.
+    """
+    n = evaluator.description.coordinates
+    q = evaluator("drawn", 0.0, np.zeros(n), np.zeros(n))
+    if evaluator.has("assembly"):
+        q = _assemble(evaluator, q)
+    if evaluator.has("constraints"):
+        parts = evaluator.blocks("constraints", 0.0, q, np.zeros_like(q))
+        _check_scales(evaluator, parts["constraint_scale"])
+        check_closed(evaluator, q, parts["constraints"], parts["constraint_scale"])
+    return q
+
+
+def check_closed(evaluator: Evaluator, q: Array, values: Array, scales: Array) -> None:
+    """Refuse a start that misses a constraint by more than the assembly tolerance.
+
+    ``values`` over ``scales`` are the errors [m], evaluated by other means than those that assembled.
+    """
+    errors, tolerance = np.abs(values / scales), assembly_tolerance(evaluator, q)
+    worst = int(np.argmax(np.nan_to_num(errors, nan=np.inf)))
+    if not errors[worst] <= tolerance:
+        d = evaluator.description
+        raise InitialStateError(
+            f"the start misses {d.labels[worst]} by {errors[worst]:.3g} m, and may miss it by "
+            f"{tolerance:.3g} m\n"
+            "  Its assembly did not see this: please report it, with the scene, as a fault of symgen.",
+            where=d.place(worst),
+        )
+
+
+def _check_scales(evaluator: Evaluator, scales: Array) -> None:
+    """Refuse lengths that tunable parameters made zero or less."""
+    d = evaluator.description
+    for i in np.flatnonzero(~(scales > 0))[:1]:
+        raise InitialStateError(
+            f"{d.labels[i]} needs a length above zero, got {scales[i]:g} m\n  Change the parameters.",
+            where=d.place(int(i)),
+        )
+
+
+def _check_directions(evaluator: Evaluator, q: Array) -> None:
+    """Refuse links whose ends tunable parameters draw at one place: they have no direction to start from."""
+    d = evaluator.description
+    rows = evaluator.blocks("points", 0.0, q, np.zeros_like(q))["positions"]
+    places = dict(zip(d.points, rows, strict=True))
+    least = _ROUNDING * np.max(np.ptp(rows, axis=0))
+    for link, (first, second, *_) in d.links.items():
+        if not np.max(np.abs(places[second] - places[first])) > least:
+            raise InitialStateError(
+                f"{first} and {second} are drawn at the same place: the link {link} has no direction there\n"
+                "  Change the parameters, or draw them apart.",
+                where=f"links.{link}",
+            )
+
+
+def _assemble(evaluator: Evaluator, q: Array) -> Array:
+    _check_directions(evaluator, q)
+    if evaluator.has("constraints"):  # residuals are over these scales
+        _check_scales(
+            evaluator, evaluator.blocks("constraints", 0.0, q, np.zeros_like(q))["constraint_scale"]
+        )
+    at, step = 0.0, 1.0 / _STEPS
+    while at < 1.0:
+        check_wall("assembling the linkage")
+        target = min(1.0, at + step)
+        new = _newton(evaluator, target, q)
+        if new is not None:
+            q, at, step = new, target, min(2 * step, 1.0 / _STEPS)
+            continue
+        step /= 2
+        if step < _SMALLEST:
+            end = np.append(1.0, np.zeros(len(q) - 1))
+            residual = evaluator.blocks("assembly", 0.0, q, end)["assembly_residual"]
+            raise _unassembled(evaluator, at, residual)
+    return q
+
+
+def _newton(evaluator: Evaluator, at: float, q: Array) -> Array | None:
+    wide = extent(evaluator, q)
+    size = max(wide, float(np.max(np.abs(q), initial=0.0)))
+    tolerance = assembly_tolerance(evaluator, q)
+    if tolerance > _MOST * wide:
+        raise InitialStateError(
+            f"an assembly tolerance of {tolerance:g} m is too large for a linkage of {wide:g} m: redundant "
+            f"constraints could not be told from independent ones\n  Give at most {_MOST * wide:.2g} m.",
+            where="analysis.assembly_tolerance",
+        )
+    previous = np.inf
+    for _ in range(_NEWTON):
+        parts = evaluator.blocks("assembly", 0.0, q, np.append(at, np.zeros(len(q) - 1)))
+        residual = parts["assembly_residual"]
+        worst = float(np.max(np.abs(residual)))
+        if worst <= _ROUNDING * size and worst > 0.5 * previous:
+            return q
+        if not worst < 2.0 * previous:
+            return None
+        previous = worst
+        jacobian = np.atleast_2d(parts["assembly_jacobian"].reshape(len(residual), -1))
+        # Below the assembly error no singular value can be told from zero.
+        correction = np.linalg.lstsq(jacobian, -residual, rcond=10 * tolerance / wide)[0]
+        if not np.max(np.abs(correction)) <= max(size, 1e-300):
+            return None
+        q = q + correction
+        if worst == 0.0 or (worst <= tolerance and np.max(np.abs(correction)) <= _ROUNDING * size):
+            return q
+    return q if previous <= _ROUNDING * size else None
+
+
+def _unassembled(evaluator: Evaluator, reached: float, residual: Array) -> InitialStateError:
+    rows = [_label(evaluator, row) for row in _rows(evaluator, "assembly")]
+    order = [i for i in np.argsort(-np.abs(residual))[:3] if residual[i] != 0.0]
+    missing = ", ".join(f"{rows[i]} by {abs(residual[i]):.3g} m" for i in order)
+    if not np.all(np.isfinite(residual)):
+        bad = rows[int(np.flatnonzero(~np.isfinite(residual))[0])]
+        return InitialStateError(
+            f"{bad} has no finite value where the linkage is drawn\n  Change {_values(evaluator)}.",
+            where=_place(evaluator, bad),
+        )
+    return InitialStateError(
+        f"the linkage cannot be assembled with these lengths and start angles: led from the drawing it came "
+        f"{reached:.0%} of the way; from there it still misses {missing}\n"
+        "  Check the lengths of these links and the start angles, or draw it nearer to where it can close. "
+        "If a link is redundant and this its error of manufacture, give analysis.assembly_tolerance.",
+        where=_place(evaluator, rows[order[0]]) if order else "start",
+    )
+
+
+def _values(evaluator: Evaluator) -> str:
+    """Return the tunable parameters with their values."""
+    given = zip(evaluator.description.tunable, evaluator.given, strict=False)
+    return ", ".join(f"{p.name} = {v:g} {p.unit}" for p, v in given) or "the drawing"
+
+
+def _label(evaluator: Evaluator, row: str) -> str:
+    """Return what a row is called in messages: constraints by their label, conditions as they are."""
+    d = evaluator.description
+    return d.labels[d.constraints.index(row)] if row in d.constraints else row
+
+
+def _place(evaluator: Evaluator, row: str) -> str:
+    """Return the key of the scene that asks for a row of the start."""
+    bond, _, link = row.rpartition(" link ")
+    if bond.startswith("the "):
+        return evaluator.description.driver(link) if "drive" in bond else f"links.{link}"
+    if row.startswith("the guide"):
+        return "guides"
+    name, _, what = row.partition(" ")
+    if what == "angle" and f"{name}_drive" in evaluator.description.constraints:
+        return evaluator.description.driver(name)
+    tables = {"": "links", "angle": "start.angles", "rate": "start.rates", "velocity": "start.velocities"}
+    return f"{tables.get(what.partition(' ')[0], 'links')}.{name}"
+
+
+def _velocities(evaluator: Evaluator, q: Array, redundant: tuple[int, ...]) -> Array:
+    n = len(q)
+    zero = np.zeros(n)
+    rows, rhs = [np.zeros((0, n))], [np.zeros(0)]
+    kept = np.arange(0)
+    if evaluator.has("constraint_jacobian"):
+        scale = evaluator.blocks("constraints", 0.0, q, zero)["constraint_scale"]
+        jacobian = evaluator.blocks("constraint_jacobian", 0.0, q, zero)["constraint_jacobian"].reshape(-1, n)
+        kept = np.setdiff1d(np.arange(len(scale)), redundant)
+        rows.append((jacobian / scale[:, None])[kept])
+        rhs.append((-evaluator("velocity_constraints", 0.0, q, zero) / scale)[kept])
+    asked = 0
+    if evaluator.has("start_velocity"):
+        wanted = evaluator.blocks("start_velocity", 0.0, q, zero)
+        rows.append(wanted["start_jacobian"].reshape(-1, n))
+        rhs.append(wanted["start_rates"])
+        asked = len(wanted["start_rates"])
+    matrix, vector = np.vstack(rows), np.concatenate(rhs)
+    mass = evaluator.blocks("mass_matrix", 0.0, q, zero)["mass_matrix"].reshape(n, n)
+    try:
+        root = np.linalg.cholesky(mass)
+    except np.linalg.LinAlgError:
+        raise not_positive(evaluator) from None
+    # Least kinetic energy: u = L^-T x with x of least norm, M = L L^T.
+    reduced = np.linalg.solve(root, matrix.T).T
+    x = np.linalg.lstsq(reduced, vector, rcond=1e-10)[0]
+    u: Array = np.linalg.solve(root.T, x)
+    miss = np.abs(matrix @ u - vector)
+    size = float(np.max(np.abs(vector), initial=0.0))
+    if np.max(miss, initial=0.0) <= _CONSISTENT * size:
+        return u
+    of_constraints, of_start = np.split(miss, [len(miss) - asked])
+    if asked:
+        worst = int(np.argmax(of_start))
+        row, by = _rows(evaluator, "start_velocity")[worst], of_start[worst]
+    else:
+        worst = int(np.argmax(of_constraints))
+        row, by = evaluator.description.labels[kept[worst]], of_constraints[worst]
+    raise InitialStateError(
+        f"the velocities at the start contradict the constraints: {row} is missed by {by:.3g} m/s, "
+        f"a constraint by {np.max(of_constraints, initial=0.0):.3g} m/s\n"
+        "  Ask for fewer of them: the others follow.",
+        where=_place(evaluator, row) if asked else "drivers",
+    )
+
+
+def _rows(evaluator: Evaluator, kernel: str) -> tuple[str, ...]:
+    info = evaluator.description.kernel(kernel)
+    return info.blocks[0].rows if info else ()

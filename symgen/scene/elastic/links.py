@@ -1,0 +1,112 @@
+"""Elastic links of a scene: material, section, elements, and the motion of the crank."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import sympy as sp
+
+#: Highest powers of x, the distance from the first point of a link, in the properties of a section.
+AREA_POWER, INERTIA_POWER = 2, 4
+
+Polynomial = tuple[sp.Expr, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Section:
+    """Properties of a link along it, as polynomials in x [m] from its first point: coefficients by power.
+
+    Attributes
+    ----------
+    mass
+        Mass per length [kg/m]; powers up to ``AREA_POWER``.
+    rotary
+        Rotary inertia per length, density times second moment of area [kg m]; up to ``INERTIA_POWER``.
+    axial
+        Axial stiffness E A [N]; up to ``AREA_POWER``.
+    bending
+        Bending stiffness E I [N m^2]; up to ``INERTIA_POWER``.
+    shear
+        Shear stiffness k G A [N]; up to ``AREA_POWER``; zero where the element needs none.
+    fibre
+        Distance of the outer fibre from the neutral axis [m]; powers 0 and 1.
+    """
+
+    mass: Polynomial
+    rotary: Polynomial
+    axial: Polynomial
+    bending: Polynomial
+    shear: Polynomial
+    fibre: Polynomial
+
+
+@dataclass(frozen=True, slots=True)
+class ElasticLink:
+    """A link that bends.
+
+    Attributes
+    ----------
+    link
+        Its name; the :class:`~symgen.scene.rods.linkage.RigidLink` of that name is the link undeformed.
+    element, elements
+        Name of the finite element, of ``symgen.elements.ELEMENTS``, and how many of them; zero where symgen
+        chooses.
+    modulus
+        Young's modulus [Pa].
+    axial
+        Whether it stretches; otherwise its length is kept.
+    geometric_stiffness
+        Whether the axial force stiffens or softens it.
+    mass_damping, stiffness_damping, damping_ratio
+        Rayleigh damping: times mass matrix [1/s], times stiffness matrix [s]; and the part of the critical
+        damping of every mode of the link with free ends. All of the motion relative to the link's own axes.
+    reduction, modes
+        ``""``, ``"guyan"`` or ``"craig-bampton"``, and for the last how many modes of held ends are kept.
+    yield_stress
+        Stress [Pa] beyond which a result warns; None where none is given.
+    """
+
+    link: str
+    element: str
+    elements: int
+    section: Section
+    modulus: sp.Expr
+    axial: bool
+    geometric_stiffness: bool
+    mass_damping: sp.Expr
+    stiffness_damping: sp.Expr
+    damping_ratio: sp.Expr
+    reduction: str
+    modes: int
+    yield_stress: sp.Expr | None
+
+
+@dataclass(frozen=True, slots=True)
+class Crank:
+    """How the input turns: the link's direction is ``angle + speed*t`` in the rigid motion.
+
+    ``mode`` is ``held`` (its shaft turns exactly so), ``free`` (nothing holds it: its turning departs from
+    the rigid motion) or ``motor``: driven by a torque [N m] which may use the time t and the states
+    ``LINK.angle`` and ``LINK.angular_velocity``, with the moment of inertia ``flywheel`` [kg m^2] on it,
+    which is in the ``inertia`` of its link.
+    """
+
+    link: str
+    mode: str
+    angle: sp.Expr
+    speed: sp.Expr
+    torque: sp.Expr
+    flywheel: sp.Expr
+
+
+@dataclass(frozen=True, slots=True)
+class Station:
+    """Station of strain output: at the fraction ``at`` of a link, at ``fibre`` [m] from the neutral axis.
+
+    ``fibre`` is None for the outer fibre of the section.
+    """
+
+    name: str
+    link: str
+    at: sp.Expr
+    fibre: sp.Expr | None

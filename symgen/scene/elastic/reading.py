@@ -1,0 +1,332 @@
+"""Elastic links and stations of a scene, and what may be joined to a link that bends."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING
+
+import sympy as sp
+
+from symgen.errors import SceneError, nearest
+from symgen.loads.measure import Term
+from symgen.scene import units
+from symgen.scene.elastic import sections
+from symgen.scene.elastic.links import AREA_POWER, ElasticLink, Polynomial, Section, Station
+from symgen.scene.elastic.schema import Elastic, Shear
+from symgen.scene.reading import Reader
+from symgen.scene.rods.linkage import TIME, Linkage, RigidLink
+from symgen.scene.units import Dimension
+
+if TYPE_CHECKING:
+    from symgen.elements.element import Element
+
+_ZERO = sp.Integer(0)
+_MOST_ELEMENTS = 1000
+#: By how much the outer fibre may be exceeded where both are computed.
+_ROUNDED = 1e-9
+
+
+def has_rotary_inertia(elastic: Elastic | None, where: str) -> bool:
+    """Return whether the elements of a link have rotary inertia; False for a rigid link."""
+    return elastic is not None and _element(elastic, where).rotary
+
+
+def _element(elastic: Elastic, where: str) -> Element:
+    # Rigid scenes do without the elements.
+    from symgen.elements import ELEMENTS
+
+    if elastic.element not in ELEMENTS:
+        raise SceneError(
+            f"there is no element {elastic.element!r}",
+            where=f"{where}.element",
+            hint=nearest(elastic.element, ELEMENTS),
+        )
+    return ELEMENTS[elastic.element]
+
+
+def elastic_links(read: Reader, links: Sequence[RigidLink]) -> Iterator[ElasticLink]:
+    """Yield the elastic links, each checked against the components joined to it."""
+    for name, link in read.scene.links.items():
+        if link.elastic is not None:
+            if read.dimension != 2:
+                raise SceneError("links bend in the plane, not in space", where=f"links.{name}.elastic")
+            read.moving_link(name, f"links.{name}.elastic")
+    _check_ends(read, links)
+    _check_neighbours(read)
+    for rigid in links:
+        elastic = read.scene.links[rigid.name].elastic
+        if elastic is not None:
+            yield _elastic_link(read, rigid, elastic, f"links.{rigid.name}")
+
+
+def _elastic_link(read: Reader, rigid: RigidLink, elastic: Elastic, place: str) -> ElasticLink:
+    where = f"{place}.elastic"
+    if TIME.symbol in rigid.length.free_symbols:
+        raise SceneError("the length of an elastic link does not depend on the time", where=f"{place}.length")
+    if elastic.elements is not None:
+        _count(elastic.elements, 1, _MOST_ELEMENTS, f"{where}.elements")
+    along = sections.line(read, read.scene.links[rigid.name], rigid.length, place)
+    shape = along.shape
+    modulus = read.positive(elastic.E, units.PRESSURE, f"{where}.E")
+    reduction, modes = _reduction(elastic, f"{where}.reduction")
+    damping = elastic.damping
+
+    def coefficient(key: str, dim: Dimension) -> sp.Expr:
+        return read.not_negative(getattr(damping, key) or 0, dim, f"{where}.damping.{key}")
+
+    return ElasticLink(
+        link=rigid.name,
+        element=elastic.element,
+        elements=elastic.elements or 0,
+        section=Section(
+            mass=along.mass,
+            rotary=along.rotary,
+            axial=tuple(modulus * c for c in shape.area),
+            bending=tuple(modulus * c for c in shape.second_moment),
+            shear=_shear(read, elastic, modulus, shape, where),
+            fibre=shape.fibre,
+        ),
+        modulus=modulus,
+        axial=elastic.axial,
+        geometric_stiffness=elastic.geometric_stiffness,
+        mass_damping=coefficient("mass", units.ANGULAR_RATE),
+        stiffness_damping=coefficient("stiffness", units.TIME),
+        damping_ratio=_ratio(read, coefficient("ratio", units.NUMBER), f"{where}.damping.ratio"),
+        reduction=reduction,
+        modes=modes,
+        yield_stress=None
+        if elastic.yield_stress is None
+        else read.positive(elastic.yield_stress, units.PRESSURE, f"{where}.yield_stress"),
+    )
+
+
+def _ratio(read: Reader, ratio: sp.Expr, where: str) -> sp.Expr:
+    if read.number(ratio) >= 1:
+        raise SceneError(
+            f"expected a damping ratio below 1, that of critical damping, got {read.number(ratio):g}",
+            where=where,
+            hint="Two percent is 0.02.",
+        )
+    return ratio
+
+
+def _count(value: int, least: int, most: int, where: str) -> None:
+    if not least <= value <= most:
+        raise SceneError(f"expected a whole number from {least} to {most}, got {value}", where=where)
+
+
+def _reduction(elastic: Elastic, where: str) -> tuple[str, int]:
+    """Return kind of the reduction and number of modes; empty and zero without one."""
+    reduction = elastic.reduction
+    if reduction is None:
+        return "", 0
+    if not elastic.axial:
+        raise SceneError(
+            "a link that keeps its length is not reduced as well",
+            where=where,
+            hint="Leave out the reduction, or axial = false.",
+        )
+    if reduction.kind == "guyan":
+        if reduction.modes is not None:
+            raise SceneError(
+                "a guyan reduction keeps no modes",
+                where=f"{where}.modes",
+                hint='Write kind = "craig-bampton", or leave modes out.',
+            )
+        return "guyan", 0
+    if reduction.modes is None:
+        raise SceneError(
+            "a craig-bampton reduction needs the number of modes to keep",
+            where=f"{where}.modes",
+            hint='Write reduction = { kind = "craig-bampton", modes = 3 }.',
+        )
+    _count(reduction.modes, 0, _MOST_ELEMENTS, f"{where}.modes")
+    return "craig-bampton", reduction.modes
+
+
+def _shear(read: Reader, elastic: Elastic, modulus: sp.Expr, shape: sections.Shape, where: str) -> Polynomial:
+    """Return the shear stiffness k G A along a link; zero where its elements do not shear."""
+    shear = elastic.shear
+    if _element(elastic, where).rotation is None:
+        if shear is not None:
+            raise SceneError(
+                f"the element {elastic.element} does not shear",
+                where=f"{where}.shear",
+                hint='Leave it out, or write element = "timoshenko".',
+            )
+        return (_ZERO,) * (AREA_POWER + 1)
+    if shear is None:
+        raise SceneError(
+            f"the element {elastic.element} needs the shear modulus of the material",
+            where=f"{where}.shear",
+            hint='Write shear = { poisson = 0.3 }, or shear = { modulus = "80 GPa" }.',
+        )
+    factor = shape.shear_factor
+    if shear.factor is not None:
+        factor = read.positive(shear.factor, units.NUMBER, f"{where}.shear.factor")
+    if factor is None:
+        raise SceneError(
+            "a section by its area needs its shear factor",
+            where=f"{where}.shear.factor",
+            hint="It is 5/6 of a rectangle, 9/10 of a circle, and about 1/2 of a thin tube.",
+        )
+    stiffness = factor * _shear_modulus(read, shear, modulus, f"{where}.shear")
+    return tuple(stiffness * c for c in shape.area)
+
+
+def _shear_modulus(read: Reader, shear: Shear, modulus: sp.Expr, where: str) -> sp.Expr:
+    if (shear.modulus is None) == (shear.poisson is None):
+        raise SceneError("give modulus or poisson, one of them", where=where)
+    if shear.modulus is not None:
+        return read.positive(shear.modulus, units.PRESSURE, f"{where}.modulus")
+    ratio = read.value(shear.poisson or 0, units.NUMBER, f"{where}.poisson")
+    if not -1 < read.number(ratio) <= 0.5:
+        raise SceneError(
+            f"expected a Poisson's ratio above -1 and up to 0.5, got {shear.poisson!r}",
+            where=f"{where}.poisson",
+        )
+    return modulus / (2 * (1 + ratio))
+
+
+def _check_ends(read: Reader, links: Sequence[RigidLink]) -> None:
+    """Refuse ends at points that another link carries: these have no displacement of their own."""
+    carrier = {carried.name: link.name for link in links for carried in link.carried}
+    for link in links:
+        if read.scene.links[link.name].elastic is None:
+            continue
+        for point in link.base:
+            if point in carrier and not read.points[point].ground:
+                owner = carrier[point]
+                raise SceneError(
+                    f"{point} is a further point of {owner}; an elastic link can only be joined to the "
+                    "first two points of a link",
+                    where=f"links.{link.name}.points",
+                    hint=f"Name {point} first or second in links.{owner}.points, or leave the elastic of "
+                    f"{link.name} out.",
+                )
+
+
+def _check_neighbours(read: Reader) -> None:
+    """Refuse links, guides and drives that are joined to an elastic link between its ends or turn it."""
+    scene = read.scene
+    elastic = {name for name, link in scene.links.items() if link.elastic is not None}
+    between = {name: point.on for name, point in scene.points.items() if point.on in elastic}
+    for name, on in between.items():
+        where = f"points.{name}.fraction"
+        fraction = read.value(scene.points[name].fraction or 0, units.NUMBER, where)
+        if not 0 <= read.number(fraction) <= 1:
+            raise SceneError(
+                f"a point of the elastic link {on} lies between its ends: a fraction from 0 to 1",
+                where=where,
+            )
+    named = [(f"links.{name}.points", link.points) for name, link in scene.links.items()]
+    named += [(f"guides.{i}.points", guide.points) for i, guide in enumerate(scene.guides)]
+    for where, points in named:
+        for point in points:
+            if point in between:
+                raise _lies_along(point, between[point], where)
+    turned = [(f"guides.{i}.along", guide.along) for i, guide in enumerate(scene.guides)]
+    turned += [(f"drivers.{i}.link", driver.link) for i, driver in enumerate(scene.drivers)]
+    for where, link in turned:
+        if link in elastic:
+            key = where.rpartition(".")[2]
+            raise SceneError(_NOT_ELASTIC.get(key, _NO_COUPLE).format(link), where=where, hint=_hint(where))
+
+
+def check_loads(linkage: Linkage) -> None:
+    """Refuse the loads that no elastic link carries: those that are no forces on its points or along it."""
+    elastic = {beam.link: linkage.link(beam.link) for beam in linkage.elastic}
+    places = {c.name: link for link in elastic.values() for c in link.carried}
+    for table, i, load in linkage.placed_loads if elastic else ():
+        terms = list(load.terms(linkage.dimension))
+        carried = [t for t in terms if any(_carries(link, t) for link in elastic.values())]
+        if carried and len(carried) < len(terms):
+            raise SceneError(
+                f"a {load.noun} acts on an elastic link and elsewhere: these take loads of their own alone",
+                where=f"{table}.{i}",
+                hint="Leave the elastic of the link out.",
+            )
+        for measure in (t.on for t in terms if t not in carried):
+            for key, point in measure.points:
+                if point in places:
+                    raise _lies_along(point, places[point].name, f"{table}.{i}.{key}")
+            for key, name in measure.links:
+                if name in elastic:
+                    where = f"{table}.{i}.{key}"
+                    raise SceneError(_NO_COUPLE.format(name), where=where, hint=_hint(where))
+
+
+def _carries(link: RigidLink, term: Term) -> bool:
+    """Return whether a term is a force along an elastic link."""
+    places = {c.name: c.along * link.length for c in link.carried}
+    return any(term.on.along(link.name, link.length, places, term.total))
+
+
+def _lies_along(point: str, link: str, where: str) -> SceneError:
+    return SceneError(
+        f"{point} lies along the elastic link {link}: only masses and forces act there",
+        where=where,
+        hint=f"Leave the elastic of {link} out: two elastic links that meet at {point} would be hinged "
+        "there.",
+    )
+
+
+_NOT_ELASTIC = {"along": "{} is elastic, and a guide runs along a straight link"}
+_NO_COUPLE = "{} is elastic and has no one angle"
+
+
+def _hint(where: str) -> str:
+    if where.startswith("drivers"):
+        return "Prescribe the input motion in [crank]; other drivers act on rigid links."
+    if where.startswith("guides"):
+        return "Leave the elastic of this link out, or guide the other link."
+    return "Put it on a rigid link; the torque of a motor belongs in [crank]."
+
+
+def stations(read: Reader, links: Sequence[RigidLink], elastic: Sequence[ElasticLink]) -> Iterator[Station]:
+    """Yield the stations: those of the scene, or the middle of every elastic link."""
+    if not read.scene.stations:
+        yield from (Station(link.link, link.link, sp.Rational(1, 2), None) for link in elastic)
+    by_name = {link.link: link for link in elastic}
+    length = {link.name: link.length for link in links}
+    taken: set[str] = set()
+    for i, station in enumerate(read.scene.stations):
+        where = f"stations.{i}"
+        read.known_link(station.link, f"{where}.link")
+        if station.link not in by_name:
+            raise SceneError(
+                f"the link {station.link} is not elastic: it has no strain",
+                where=f"{where}.link",
+                hint=nearest(station.link, by_name),
+            )
+        at = read.value(station.at, units.NUMBER, f"{where}.at")
+        if not 0 <= (fraction := read.number(at)) <= 1:
+            raise SceneError(
+                f"expected a fraction of the link from 0 to 1, got {station.at!r}", where=f"{where}.at"
+            )
+        name = station.name or f"{station.link}_{100 * fraction:.6g}".replace(".", "_")
+        others = {*read.scene.links, *read.scene.points} - {station.link}
+        if name in taken or name in others:
+            owner = "a link or a point" if name in others else "another station"
+            raise SceneError(
+                f"{name!r} is {owner} already",
+                where=f"{where}.name",
+                hint="Give the station a name of its own.",
+            )
+        taken.add(name)
+        fibre = None
+        if station.fibre is not None:
+            fibre = read.value(station.fibre, units.LENGTH, f"{where}.fibre")
+            h0, h1 = by_name[station.link].section.fibre
+            _check_fibre(read, fibre, h0 + h1 * at * length[station.link], f"{where}.fibre")
+        yield Station(name, station.link, at, fibre)
+
+
+def _check_fibre(read: Reader, fibre: sp.Expr, outer: sp.Expr, where: str) -> None:
+    """Check that a fibre lies in the section."""
+    if abs(read.number(fibre)) > read.number(outer) * (1 + _ROUNDED):
+        raise SceneError(
+            f"expected a fibre of the section, which ends {read.number(outer):g} m from the neutral axis, "
+            f"got one at {read.number(fibre):g} m",
+            where=where,
+        )

@@ -1,0 +1,118 @@
+"""Elastic links as the user writes them: section, elastic, crank and stations."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from pydantic import Field, GetJsonSchemaHandler, model_validator
+from pydantic_core import CoreSchema
+
+from symgen.scene.table import Name, Table, Value
+
+#: Two values; their number is checked by the reader, which has the better message.
+Ends = Annotated[list[Value], Field(json_schema_extra={"minItems": 2, "maxItems": 2})]
+
+
+class Section(Table):
+    """The section of a rod: a rectangle, a circle, or its area and second moment of area.
+
+    A list of two values is a taper: at the first point and at the second, linear between them.
+    """
+
+    width: Value | Ends | None = Field(
+        default=None, description="Of a rectangle, across the plane of the bending."
+    )
+    thickness: Value | Ends | None = Field(
+        default=None, description="Of a rectangle, in the plane of the bending."
+    )
+    diameter: Value | Ends | None = Field(default=None, description="Of a circle.")
+    area: Value | Ends | None = Field(default=None, description="Of any other section.")
+    second_moment: Value | Ends | None = Field(
+        default=None, description="Of the area, about the neutral axis."
+    )
+    fibre: Value | Ends | None = Field(default=None, description="From the neutral axis to the outer fibre.")
+
+
+class Damping(Table):
+    """Damping of the bending and stretching of a link, relative to its own axes."""
+
+    ratio: Value | None = Field(default=None, description="Of the critical damping of each of its modes.")
+    mass: Value | None = Field(default=None, description="Times its mass matrix [1/s].")
+    stiffness: Value | None = Field(default=None, description="Times its stiffness matrix [s].")
+
+
+class Shear(Table):
+    """Shear of the section, for elements that have it."""
+
+    modulus: Value | None = Field(default=None, description="Shear modulus.")
+    poisson: Value | None = Field(default=None, description="Poisson's ratio, instead of the shear modulus.")
+    factor: Value | None = Field(
+        default=None, description="Shear factor; 5/6 of a rectangle and 9/10 of a circle if absent."
+    )
+
+
+class Reduction(Table):
+    """Which degrees of freedom of a link are kept."""
+
+    kind: Literal["guyan", "craig-bampton"] = Field(
+        description="guyan: those of its two ends; craig-bampton: and some modes with held ends."
+    )
+    modes: int | None = Field(default=None, description="How many modes (craig-bampton).")
+
+    @model_validator(mode="before")
+    @classmethod
+    def _bare_kind(cls, data: Any) -> Any:
+        return {"kind": data} if isinstance(data, str) else data
+
+    @classmethod
+    def __get_pydantic_json_schema__(cls, core: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+        """Tell editors that the bare kind may stand for the table."""
+        table = handler(core)
+        return {"anyOf": [table, handler.resolve_ref_schema(table)["properties"]["kind"]]}
+
+
+class Elastic(Table):
+    """A link that bends and stretches, by finite elements."""
+
+    E: Value = Field(description="Young's modulus.")
+    element: str = Field("beam8", description="The finite element: beam8, cubic, timoshenko, ...")
+    elements: int | None = Field(
+        None, description="How many of them; so many that their error is small if absent."
+    )
+    axial: bool = Field(True, description="Whether it stretches; otherwise it keeps its length.")
+    geometric_stiffness: bool = Field(True, description="Whether tension stiffens it and pressure softens.")
+    damping: Damping = Field(default=Damping())
+    shear: Shear | None = None
+    reduction: Reduction | None = None
+    yield_stress: Value | None = Field(default=None, description="Stress beyond which a result warns.")
+
+
+class Crank(Table):
+    """How the input of a linkage with elastic links turns: at constant speed, but for its elastic motion."""
+
+    link: Name = Field(description="Its first point is on the ground.")
+    mode: Literal["held", "free", "motor"] = Field(
+        "held", description="Whether its shaft turns exactly so, runs freely, or is driven by a motor."
+    )
+    speed: Value
+    angle: Value | None = Field(default=None, description="Its direction at t = 0; as drawn if absent.")
+    torque: Value | None = Field(
+        default=None,
+        description="Of the motor. May use the time t, and the crank's this.angle and this.rate.",
+    )
+    flywheel: Value | None = Field(default=None, description="Moment of inertia on its shaft.")
+
+
+class Station(Table):
+    """A position on an elastic link for the output of strains and stresses."""
+
+    link: Name
+    at: Value = Field(description="Where along it: 0 at its first point, 1 at its second.")
+    fibre: Value | None = Field(
+        default=None,
+        description="Distance from the neutral axis, positive to the right of the link; the outer fibre "
+        "there if absent.",
+    )
+    name: Name | None = Field(
+        default=None, description="Name in the results; link and percent of its length by default."
+    )

@@ -1,0 +1,51 @@
+"""Ball joints of motions under forces: a leading rotation of their angles, set by runs near their pole."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import count
+
+import sympy as sp
+
+from symgen.scene.loop.loop import Ball, Loop, Row
+from symgen.scene.rods.linkage import Parameter
+from symgen.symbolic.quantity import quantity
+
+
+def with_ball_turns(loop: Loop) -> Loop:
+    """Return a loop with a leading rotation at every ball whose angles are separate variables.
+
+    Loops that inputs alone move have no runs that set it.
+    """
+    if not loop.having("free"):
+        return loop
+    taken = {p.quantity.name for p in loop.parameters}
+    names = (name for name in map("ball_{}".format, count(1)) if name not in taken)
+    angles = [_angles(loop, row) for row in loop.rows]
+    balls = []
+    for k, own in enumerate(angles):
+        behind = angles[k + 1] if k + 1 < len(angles) else ()
+        if own and own[2] >= 0:
+            behind = ()
+        elif not (own and behind and behind[2] >= 0):
+            continue
+        turn = quantity(next(names), "rad", f"leading rotation of the ball of row {k + 1}, held by runs")
+        balls.append(Ball(k, (own[0], own[1], own[2]), behind, turn))
+    rows = list(loop.rows)
+    for ball in balls:
+        rows[ball.row] = replace(rows[ball.row], ahead=ball.turn.symbol)
+    added = tuple(Parameter(ball.turn, sp.S.Zero) for ball in balls)
+    return replace(loop, rows=tuple(rows), parameters=(*loop.parameters, *added), balls=tuple(balls))
+
+
+def _angles(loop: Loop, row: Row) -> tuple[int, ...]:
+    """Return the numbers of the variables theta, eta, alpha of a ball, a constant alpha as -1; else none."""
+    if row.joint != "S":
+        return ()
+    symbols = [v.quantity.symbol for v in loop.variables]
+    moving = [j for j, v in enumerate(loop.variables) if v.role == "input"]
+    found = [symbols.index(x) if x in symbols else -1 for x in (row.theta, row.eta, row.alpha)]
+    entries = [x for r in loop.rows for x in (r.theta, r.S, r.eta, r.alpha, r.a)]
+    alone = all(sum(x.has(symbols[j]) for x in entries) == 1 for j in found if j >= 0)
+    held = found[2] >= 0 or not row.alpha.has(*symbols)
+    return tuple(found) if min(found[:2]) >= 0 and held and alone and not set(found) & set(moving) else ()

@@ -1,0 +1,196 @@
+"""Resolved scene of a link-joint table: one closed loop of links, in SI units."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import ClassVar, Literal
+
+import sympy as sp
+
+from symgen.scene.rods.linkage import Parameter, number
+from symgen.symbolic.quantity import Quantity
+
+Vector = tuple[sp.Expr, sp.Expr, sp.Expr]
+
+#: The entries of a row, in the order of their motions: T = Z(theta + eps S) Y(eta) X(alpha + eps a).
+ENTRIES = ("theta", "S", "eta", "alpha", "a")
+
+
+@dataclass(frozen=True, slots=True)
+class Variable:
+    """A joint variable.
+
+    Attributes
+    ----------
+    quantity, rate, acceleration
+        Its symbols, with units; the rate is called ``NAME_rate``, the acceleration ``NAME_acceleration``.
+    row
+        Its row, counted from 0.
+    role
+        ``input``: its motion is prescribed; ``free``: an independent coordinate of the motion;
+        ``dependent``: follows from closure.
+    motion
+        Of an input: its value by the time t.
+    start, start_rate
+        Of a free variable: where it starts and how fast. Of a dependent one: a first guess (and zero).
+    effort
+        Torque or force of a drive between the link before and the link after the joint, positive where it
+        drives the variable up; may hold t, and the variables and their rates. None where it is unknown.
+    guessed
+        Of a dependent variable: whether ``start`` is given.
+    """
+
+    quantity: Quantity
+    rate: Quantity
+    acceleration: Quantity
+    row: int
+    role: Literal["input", "free", "dependent"]
+    motion: sp.Expr
+    start: sp.Expr
+    start_rate: sp.Expr
+    effort: sp.Expr | None
+    guessed: bool = False
+
+    @property
+    def name(self) -> str:
+        """Its name in the scene."""
+        return self.quantity.name
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """Row i of the table: joint i, and the link from it to joint i + 1.
+
+    The entries are exact expressions over the tunable parameters, linear in the joint variables.
+    ``joint`` is a key of the registry of joints, ``link`` the link the row ends on; that of the last row is
+    the frame. ``ahead`` is a leading rotation about i: see ``Ball``.
+    """
+
+    joint: str
+    link: str
+    theta: sp.Expr
+    S: sp.Expr
+    eta: sp.Expr
+    alpha: sp.Expr
+    a: sp.Expr
+    ahead: sp.Expr = sp.S.Zero
+
+
+@dataclass(frozen=True, slots=True)
+class Ball:
+    """A ball joint with a leading rotation, which runs use near the pole of its angles.
+
+    Attributes
+    ----------
+    row
+        Its row, counted from 0.
+    angles
+        Numbers of the variables theta, eta and alpha; the last one -1 where alpha is constant.
+    behind
+        Where alpha is constant, those of the ball behind, which takes over the idle spin of the link between.
+    turn
+        The parameter that runs hold: 0, or 90 deg.
+    """
+
+    row: int
+    angles: tuple[int, int, int]
+    behind: tuple[int, ...]
+    turn: Quantity
+
+
+@dataclass(frozen=True, slots=True)
+class LoopBody:
+    """Mass properties of the link of a row, in the frame that its row places (origin at its distal joint).
+
+    Attributes
+    ----------
+    mass, centre, inertia
+        Mass [kg], centre of mass [m], inertia matrix about the centre of mass [kg m^2], row by row.
+    idle
+        Whether the joints leave it free to spin about the line of its two balls, and a constant entry holds
+        that spin: then it is axisymmetric, and its inertia about that line is left out.
+    """
+
+    link: str
+    row: int
+    mass: sp.Expr
+    centre: Vector
+    inertia: tuple[Vector, Vector, Vector]
+    idle: bool
+
+
+@dataclass(frozen=True, slots=True)
+class LoopLoad:
+    """A force [N] at a point [m] of a link, and a couple [N m].
+
+    The point is given in the frame of the link, force and couple in that frame or, where ``in_ground``, in
+    the frame {1}; they may hold t, and the variables and their rates.
+    """
+
+    name: str
+    link: str
+    row: int
+    at: Vector
+    force: Vector
+    torque: Vector
+    in_ground: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Unit:
+    """A unit results are given in: its name, and its size in SI units."""
+
+    name: str
+    size: float
+
+
+@dataclass(frozen=True)
+class Loop:
+    """A single closed loop, resolved. ``variables`` are in the order of the rows, and of their entries.
+
+    ``span`` is the range of the first input over which it is evaluated when nothing else is asked; None
+    where variables are free. ``lead`` is that input, the first written in the scene, empty where there is
+    none. ``size`` is a length typical of it [m]. ``outputs`` is what to record, None for everything.
+    ``assembly_tolerance`` is the defect of closure [m] that is tolerated where its equations are dependent.
+    The turns of ``balls`` are the last of the parameters.
+    """
+
+    method: ClassVar[str] = "loop"
+    name: str
+    file: str
+    title: str
+    parameters: tuple[Parameter, ...]
+    rows: tuple[Row, ...]
+    variables: tuple[Variable, ...]
+    bodies: tuple[LoopBody, ...]
+    gravity: Vector
+    loads: tuple[LoopLoad, ...]
+    span: tuple[sp.Expr, sp.Expr] | None
+    lead: str
+    t_end: sp.Expr
+    size: float
+    length: Unit
+    force: Unit
+    angle: Unit
+    outputs: tuple[str, ...] | None
+    assembly_tolerance: sp.Expr = sp.S.Zero
+    balls: tuple[Ball, ...] = ()
+
+    @cached_property
+    def defaults(self) -> Mapping[sp.Symbol, sp.Expr]:
+        """Value of every tunable parameter in the scene."""
+        return {p.quantity.symbol: p.default for p in self.parameters}
+
+    def number(self, expression: sp.Expr) -> float:
+        """Return the value of an expression at the scene's own parameters and t = 0."""
+        return number(expression, self.defaults)
+
+    def body(self, row: int) -> LoopBody | None:
+        """Return the mass properties of the link of a row, where it has any."""
+        return next((b for b in self.bodies if b.row == row), None)
+
+    def having(self, role: str) -> tuple[Variable, ...]:
+        """Return the variables of one role."""
+        return tuple(v for v in self.variables if v.role == role)

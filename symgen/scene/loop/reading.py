@@ -1,0 +1,199 @@
+"""Reading the values of a loop: names of variables, and expressions that hold them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Literal
+
+import sympy as sp
+
+from symgen.errors import SceneError, nearest
+from symgen.scene import units
+from symgen.scene.expressions import Names, parse_any, parse_value, tonne_hint
+from symgen.scene.loop.schema import SpatialLoop
+from symgen.scene.names import check_word
+from symgen.scene.reading import Values, at
+from symgen.scene.rods.linkage import TIME
+from symgen.scene.schema import Scene
+from symgen.scene.units import Dimension
+from symgen.symbolic.quantity import Quantity, quantity
+
+ZERO = sp.Integer(0)
+#: Entry of a row whose variable follows from closure, and of a drive that is unknown.
+UNKNOWN = "?"
+
+
+@dataclass(frozen=True, slots=True)
+class Named:
+    """An input or a free variable named in the scene; see :class:`~symgen.scene.loop.loop.Variable`."""
+
+    name: str
+    dimension: Dimension
+    role: Literal["input", "free"]
+    motion: sp.Expr = ZERO
+    start: sp.Expr = ZERO
+    start_rate: sp.Expr = ZERO
+
+    @property
+    def symbol(self) -> sp.Symbol:
+        """What stands for it in expressions."""
+        return sp.Symbol(self.name, real=True)
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """A variable at its position in the table; ``named`` is None if it follows from closure."""
+
+    name: str
+    row: int
+    entry: str
+    dimension: Dimension
+    named: Named | None
+
+
+class LoopReader(Values):
+    """Reads a scene with a loop; ``named`` are its inputs and free variables, in order."""
+
+    def __init__(self, scene: Scene, loop: SpatialLoop) -> None:
+        super().__init__(scene)
+        self.loop = loop
+        self.named: dict[str, Named] = {}
+        self._read_inputs()
+        self._read_free()
+        if not self.named:
+            raise SceneError(
+                "nothing moves this loop: it has no inputs and no free variables",
+                where="loop.inputs",
+                hint='Prescribe a motion, as in inputs = { theta1 = "speed*t" }, or name a free variable.',
+            )
+
+    def _read_inputs(self) -> None:
+        names = dict(self.with_time)
+        for name, text in self.loop.inputs.items():
+            where = f"loop.inputs.{name}"
+            self._check_name(name, where)
+            dim = self._dimension(name, text, where, names)
+            motion = self.value(text, dim, where, names)
+            self.moving(motion, where)
+            if not self.named and not motion.has(TIME.symbol):
+                raise SceneError(
+                    f"the first input stands still, got {text!r}",
+                    where=where,
+                    hint='It leads the loop through its range: give it by the time t, as in "speed*t".',
+                )
+            names[name] = motion, dim
+            self.named[name] = Named(name, dim, "input", motion=motion)
+
+    def _read_free(self) -> None:
+        for name, table in self.loop.free.items():
+            where = f"loop.free.{name}"
+            if name in self.named:
+                raise SceneError(
+                    f"{name} is an input, whose motion is prescribed, and cannot be free as well", where=where
+                )
+            self._check_name(name, where)
+            dim = self._dimension(name, table.at, f"{where}.at", self.names)
+            self.named[name] = Named(
+                name,
+                dim,
+                "free",
+                start=self.folded(self.value(table.at, dim, f"{where}.at"), f"{where}.at"),
+                start_rate=self.folded(
+                    self.value(table.rate, rate_of(dim), f"{where}.rate"), f"{where}.rate"
+                ),
+            )
+
+    def folded(self, expression: sp.Expr, where: str) -> sp.Expr:
+        """Return a value of which the model keeps the number alone: it may hold no tunable parameter."""
+        held = sorted(s.name for s in expression.free_symbols if s in self.defaults)
+        if held:
+            raise SceneError(
+                f"expected a value that stays as it is, got one by the tunable parameter {held[0]}",
+                where=where,
+                hint=f"It is folded: make {held[0]} not tunable, or give a plain value.",
+            )
+        return expression
+
+    @property
+    def free(self) -> list[Named]:
+        """The free variables."""
+        return [v for v in self.named.values() if v.role == "free"]
+
+    def _check_name(self, name: str, where: str) -> None:
+        check_word(name, where)
+        if name in self.scene.parameters:
+            raise SceneError(
+                f"{name!r} is a parameter already", where=where, hint="Choose another name for the variable."
+            )
+
+    def _dimension(self, name: str, text: str | int | float, where: str, names: Names) -> Dimension:
+        """Return whether a value is an angle or a length: nothing else is a joint variable."""
+        with at(where):
+            _, dim = parse_any(text, names)
+            if dim not in (units.NUMBER, units.LENGTH):
+                raise SceneError(
+                    f"expected an angle or a length, got {text!r}, {units.describe(dim)}",
+                    hint=tonne_hint(text),
+                )
+        return dim
+
+    @property
+    def with_named(self) -> Names:
+        """Names for entries of rows: parameters, inputs and free variables."""
+        return {**self.names, **{v.name: (v.symbol, v.dimension) for v in self.named.values()}}
+
+    def with_variables(self, places: Iterable[Place]) -> Names:
+        """Names for drives and loads: the time, the variables, and their rates as ``NAME.rate``."""
+        found = dict(self.with_time)
+        for place in places:
+            value, rate, _ = symbols(place.name, place.dimension, place.entry)
+            found[place.name] = value.symbol, place.dimension
+            found[f"{place.name}.rate"] = rate.symbol, rate_of(place.dimension)
+        return found
+
+    def entry(self, text: str | int | float, dim: Dimension, where: str) -> tuple[sp.Expr, Named | None]:
+        """Return an entry of a row, and the variable it holds; it must be linear in it."""
+        with at(where):
+            expression = parse_value(text, self.with_named, dim)
+            held = [v for v in self.named.values() if v.symbol in expression.free_symbols]
+            if not held:
+                self.number(expression)
+                return expression, None
+            if len(held) > 1:
+                both = " and ".join(v.name for v in held[:2])
+                raise SceneError(
+                    f"an entry holds one variable, got {text!r} with {both}",
+                    hint="Make an input of the sum, and name that.",
+                )
+            slope = sp.diff(expression, held[0].symbol)
+            if held[0].symbol in slope.free_symbols:
+                raise SceneError(
+                    f"an entry is linear in its variable, got {text!r}",
+                    hint="Make an input of the expression, and name that.",
+                )
+            self.number(expression.xreplace({held[0].symbol: ZERO}))
+            if self.number(slope) == 0:
+                raise SceneError(f"{held[0].name} has no effect in {text!r}")
+        return expression, held[0]
+
+    def known(self, name: str, known: Iterable[str], what: str, where: str) -> None:
+        """Check that a name is one of those that can stand here."""
+        words = list(known)
+        if name not in words:
+            raise SceneError(f"there is no {what} called {name!r}", where=where, hint=nearest(name, words))
+
+
+def rate_of(dim: Dimension) -> Dimension:
+    """Return the dimension of the rate of a variable."""
+    return dim.times(units.ANGULAR_RATE)
+
+
+def symbols(name: str, dim: Dimension, about: str) -> tuple[Quantity, Quantity, Quantity]:
+    """Return the quantities of a variable, its rate and its acceleration."""
+    unit = "m" if dim == units.LENGTH else "rad"
+    return (
+        quantity(name, unit, about),
+        quantity(f"{name}_rate", f"{unit}/s", f"rate of {name}"),
+        quantity(f"{name}_acceleration", f"{unit}/s^2", f"acceleration of {name}"),
+    )

@@ -1,0 +1,218 @@
+"""From a scene with a link-joint table to a loop: every value read, every name looked up."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping, Sequence
+
+import sympy as sp
+
+from symgen.errors import SceneError, nearest
+from symgen.scene import units
+from symgen.scene.angles import with_pi
+from symgen.scene.loop.ball_turns import with_ball_turns
+from symgen.scene.loop.bodies import NOWHERE, bodies, efforts, loads
+from symgen.scene.loop.loop import Loop, LoopBody, Row, Unit, Variable, Vector
+from symgen.scene.loop.reading import ZERO, LoopReader, symbols
+from symgen.scene.loop.rows import Rows, rows_of
+from symgen.scene.loop.schema import SpatialLoop
+from symgen.scene.reading import at
+from symgen.scene.schema import Scene
+from symgen.scene.units import Dimension, is_quantity, parse_quantity
+
+#: Names of components of vectors of a motion or a link, and of the closing wrench, in the derivation.
+_OF_LOOP = re.compile(
+    r"[a-z]+(_own)?_(link|net|theta|S|eta|alpha|a)\d+_(.*_)?[xyz]|vc2_link\d+|fall\d+|closing_[fm][xyz]"
+)
+_SUCH_AS = {units.LENGTH: "mm", units.FORCE: "kN", units.NUMBER: "deg"}
+_ANGLES = ("rad", "deg", "rev")
+#: Largest assembly tolerance, over the size of the loop.
+_MOST_OPEN = 1e-3
+
+
+def loop_of(scene: Scene, table: SpatialLoop) -> Loop:
+    """Return the loop a scene describes; what needs numbers of its assembly is checked there.
+
+    Raises
+    ------
+    SceneError
+        For a wrong unit, an unknown name, a wrong count, a value that is not physical; with table and key.
+    """
+    read = LoopReader(scene, table)
+    rows = rows_of(read)
+    _check_names(scene, rows)
+    names = read.with_variables(rows.places)
+    variables = tuple(_variables(read, rows, efforts(read, rows, names)))
+    masses = tuple(bodies(read, rows))
+    size = _size(read, rows.rows, variables, masses)
+    resolved = Loop(
+        name=scene.name,
+        file=scene.file,
+        title=scene.title or scene.name,
+        parameters=tuple(read.parameters),
+        rows=rows.rows,
+        variables=variables,
+        bodies=masses,
+        gravity=_gravity(read),
+        loads=tuple(loads(read, rows, names)),
+        span=_span(read),
+        lead=next(iter(table.inputs), ""),
+        t_end=read.folded(
+            read.positive(scene.analysis.t_end, units.TIME, "analysis.t_end"), "analysis.t_end"
+        ),
+        size=size,
+        assembly_tolerance=_assembly_tolerance(read, size),
+        length=_unit(table.units.length, units.LENGTH, "loop.units.length"),
+        force=_unit(table.units.force, units.FORCE, "loop.units.force"),
+        angle=_angle(table.units.angle),
+        outputs=_outputs(scene),
+    )
+    return with_ball_turns(resolved)
+
+
+def _variables(read: LoopReader, rows: Rows, drives: Mapping[str, sp.Expr | None]) -> Iterator[Variable]:
+    places = {p.name: p for p in rows.places}
+    for name in read.loop.start:
+        where = f"loop.start.{name}"
+        read.known(name, places, "variable", where)
+        if places[name].named is not None:
+            raise SceneError(
+                f"{name} does not follow from closure and needs no guess",
+                where=where,
+                hint="The start of a free variable is at, that of an input its value at t = 0.",
+            )
+    for place in rows.places:
+        about = f"{place.entry} of joint {place.row + 1}, between {rows.joined(place.row)}"
+        value, rate, acceleration = symbols(place.name, place.dimension, about)
+        named = place.named
+        guess = read.loop.start.get(place.name, 0)
+        yield Variable(
+            value,
+            rate,
+            acceleration,
+            place.row,
+            named.role if named else "dependent",
+            named.motion if named else ZERO,
+            named.start if named else read.value(guess, place.dimension, f"loop.start.{place.name}"),
+            named.start_rate if named else ZERO,
+            drives[place.name],
+            guessed=place.name in read.loop.start,
+        )
+
+
+def _check_names(scene: Scene, rows: Rows) -> None:
+    """Refuse names that stand for something of the loop already."""
+    variables = {p.name for p in rows.places}
+    made = {f"{name}_{what}" for name in variables for what in ("rate", "acceleration")}
+    for name in sorted(variables & made):
+        raise SceneError(f"{name!r} is what symgen calls the rate of a variable", where=f"loop.inputs.{name}")
+    for name, parameter in scene.parameters.items():
+        problem = ""
+        if name in variables:
+            problem = f"{name!r} is a variable of the loop"
+        elif parameter.tunable and (name in made or _OF_LOOP.fullmatch(name)):
+            problem = f"{name!r} is what symgen calls a quantity of the loop"
+        if problem:
+            raise SceneError(problem, where=f"parameters.{name}", hint="Choose another name.")
+    for i, row in enumerate(rows.rows):
+        if row.link in variables:
+            raise SceneError(
+                f"{row.link!r} is a variable of the loop",
+                where=f"loop.rows.{i}.link",
+                hint="Choose another name.",
+            )
+
+
+def _gravity(read: LoopReader) -> Vector:
+    if read.scene.gravity is None:
+        return NOWHERE
+    x, y, z = read.vector(read.scene.gravity.acceleration, units.ACCELERATION, "gravity.acceleration")
+    return x, y, z
+
+
+def _span(read: LoopReader) -> tuple[sp.Expr, sp.Expr] | None:
+    """Return the range of the first input, by default one revolution; None where variables are free."""
+    written = read.loop.range
+    if read.free:
+        if written is not None:
+            raise SceneError(
+                f"a range is that of the first input, but with {read.free[0].name} free the motion runs by "
+                "the time",
+                where="loop.range",
+                hint="Omit range: analysis.t_end is the end of the motion.",
+            )
+        return None
+    first = next(iter(read.named.values()))
+    if written is None:
+        if first.dimension == units.LENGTH:
+            raise SceneError(
+                f"the range of {first.name} is missing",
+                where="loop.range",
+                hint='Say from where to where it goes, as in range = ["0 mm", "100 mm"].',
+            )
+        return ZERO, 2 * sp.pi
+    start, stop = (
+        read.folded(with_pi(read.value(text, first.dimension, where)), where)
+        for text, where in zip(written, ("loop.range.0", "loop.range.1"), strict=True)
+    )
+    if not read.number(start) < read.number(stop):
+        raise SceneError(
+            f"expected a range with start before stop, got {written[0]!r} and {written[1]!r}",
+            where="loop.range",
+        )
+    return start, stop
+
+
+def _size(
+    read: LoopReader, rows: Sequence[Row], variables: Sequence[Variable], masses: Sequence[LoopBody]
+) -> float:
+    """Return the largest length of the table, or of its first guesses; that of the links, or 1 m, if none."""
+    held = {v.quantity.symbol: ZERO for v in variables}
+    table = [getattr(row, key).xreplace(held) for row in rows for key in ("a", "S")]
+    guesses = [v.start for v in variables if v.quantity.unit == "m"]
+    largest = 0.0
+    for lengths in ((*table, *guesses), [c for body in masses for c in body.centre]):
+        largest = largest or max((abs(read.number(x)) for x in lengths), default=0.0)
+    return largest or 1.0
+
+
+def _unit(text: str, dim: Dimension, where: str) -> Unit:
+    name = text.strip()
+    if not name or not is_quantity(f"1 {name}"):
+        raise SceneError(f"expected a unit such as {_SUCH_AS[dim]!r}, got {text!r}", where=where)
+    with at(where):
+        size, found = parse_quantity(f"1 {name}")
+    if found != dim:
+        raise SceneError(
+            f"expected the unit of {units.describe(dim)}, got {text!r}, {units.describe(found)}", where=where
+        )
+    return Unit(name, float(size))
+
+
+def _angle(text: str) -> Unit:
+    where = "loop.units.angle"
+    if text.strip() not in _ANGLES:
+        raise SceneError(
+            f"expected rad, deg or rev, got {text!r}", where=where, hint=nearest(text.strip(), _ANGLES)
+        )
+    return _unit(text, units.NUMBER, where)
+
+
+def _assembly_tolerance(read: LoopReader, size: float) -> sp.Expr:
+    """Return the defect of closure [m] that is tolerated."""
+    asked, where = read.scene.analysis.assembly_tolerance, "analysis.assembly_tolerance"
+    if asked is None:
+        return ZERO
+    tolerance = read.folded(read.positive(asked, units.LENGTH, where), where)
+    if read.number(tolerance) > _MOST_OPEN * size:
+        raise SceneError(
+            f"expected an assembly tolerance of at most {_MOST_OPEN * size:.3g} m for a loop of "
+            f"{size:.3g} m, got {asked!r}",
+            where=where,
+            hint="Larger errors are not of manufacture: check the lengths and twists of the table.",
+        )
+    return tolerance
+
+
+def _outputs(scene: Scene) -> tuple[str, ...] | None:
+    return None if scene.analysis.outputs is None else tuple(scene.analysis.outputs)

@@ -1,0 +1,1 @@
+"""Scenes with points and links: tables, and the linkage they resolve to."""

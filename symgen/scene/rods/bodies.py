@@ -1,0 +1,207 @@
+"""Points and links of a scene: where they are drawn, lengths, masses and moments of inertia."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import sympy as sp
+
+from symgen.errors import SceneError
+from symgen.scene import units
+from symgen.scene.elastic import sections
+from symgen.scene.elastic.reading import has_rotary_inertia
+from symgen.scene.reading import Reader
+from symgen.scene.rods.linkage import TIME, CarriedPoint, PlacedPoint, RigidLink, Vector
+from symgen.scene.schema import Link, Point
+
+_ZERO = sp.Integer(0)
+
+
+def points(read: Reader) -> None:
+    """Place every point of the scene where it is drawn, those on a link after the ends of that link."""
+    for name in read.scene.points:
+        _place(read, name, ())
+    read.points = {name: read.points[name] for name in read.scene.points}
+
+
+def _place(read: Reader, name: str, waiting: tuple[str, ...]) -> None:
+    """Place a point, and before it those that it needs; ``waiting`` are the points that need this one."""
+    if name in read.points or name not in read.scene.points:
+        return
+    point, where = read.scene.points[name], f"points.{name}"
+    if name in waiting:
+        ring = " on ".join((*waiting[waiting.index(name) :], name))
+        raise SceneError(f"these points are placed by each other: {ring}", where=where)
+    if point.at is not None and point.on is None and point.fraction is None:
+        read.points[name] = _drawn(read, name, point, point.at)
+        return
+    if point.at is not None or point.on is None or point.fraction is None:
+        raise SceneError(
+            "expected either at, or on and fraction",
+            where=where,
+            hint='Write at = ["1 m", "0 m"], or on = "link" and fraction = 0.5 for a point of a link.',
+        )
+    if point.ground or point.motion is not None:
+        raise SceneError("a point on a link moves with the link: it is no ground point", where=where)
+    read.known_link(point.on, f"{where}.on")
+    ends = read.scene.links[point.on].points[:2]
+    for end in ends:
+        _place(read, end, (*waiting, name))
+    first, second = (read.known_point(p, f"links.{point.on}.points").at for p in ends)
+    fraction = read.value(point.fraction, units.NUMBER, f"{where}.fraction")
+    at = tuple(a + fraction * (b - a) for a, b in zip(first, second, strict=True))
+    read.points[name] = PlacedPoint(name, at, False, at)
+
+
+def on_link(read: Reader, link: str) -> Iterator[tuple[str, sp.Expr]]:
+    """Yield the points that are placed on a link, with their fraction of it."""
+    for name, point in read.scene.points.items():
+        if point.on == link and point.fraction is not None:
+            if name in read.scene.links[link].points:
+                raise SceneError(f"{name} is one of the base points of {link}", where=f"points.{name}.on")
+            yield name, read.value(point.fraction, units.NUMBER, f"points.{name}.fraction")
+
+
+def _drawn(read: Reader, name: str, point: Point, place: list[str | int | float]) -> PlacedPoint:
+    """Return a point where it is drawn, with the motion of a ground point."""
+    where = f"points.{name}"
+    at = read.vector(place, units.LENGTH, f"{where}.at")
+    if point.motion is None:
+        return PlacedPoint(name, at, point.ground, at)
+    if not point.ground:
+        raise SceneError("only a ground point has a motion of its own", where=f"{where}.motion")
+    moved = read.vector(point.motion, units.LENGTH, f"{where}.motion", read.with_time)
+    for i, component in enumerate(moved):
+        read.moving(component, f"{where}.motion.{i}")
+    return PlacedPoint(name, at, True, tuple(a + b for a, b in zip(at, moved, strict=True)))
+
+
+def own_points(read: Reader, link: Link, where: str) -> list[PlacedPoint]:
+    """Return the points a link names, each once."""
+    named = [read.known_point(p, f"{where}.points") for p in link.points]
+    if len({p.name for p in named}) < len(named):
+        raise SceneError(
+            "a link names each of its points once; with one point twice it has zero length",
+            where=f"{where}.points",
+        )
+    return named
+
+
+def link(read: Reader, name: str, link: Link) -> RigidLink:
+    """Return a link with its length, mass and inertia, and the further points that it carries."""
+    where = f"links.{name}"
+    named = own_points(read, link, where)
+    start, end, *others = named
+    drawn = tuple(b - a for a, b in zip(start.at, end.at, strict=True))
+    squared = sp.Add(*(c**2 for c in drawn))
+    if link.length is None and read.number(squared) == 0:
+        raise SceneError(
+            f"the rod has zero length: {start.name} and {end.name} are the same place",
+            where=f"{where}.points",
+            hint="Move one of the points, or join the other links at one point and leave this rod out.",
+        )
+    length = sp.sqrt(squared)
+    if link.length is not None:
+        length = read.positive(link.length, units.LENGTH, f"{where}.length", read.with_time)
+        read.moving(length, f"{where}.length")
+        at_start = {TIME.symbol: _ZERO}
+        places = ([c.xreplace(at_start) for c in (p.motion if p.ground else p.at)] for p in (start, end))
+        if read.number(sp.Add(*((b - a) ** 2 for a, b in zip(*places, strict=True)))) == 0:
+            raise SceneError(
+                f"{start.name} and {end.name} are drawn at the same place: the link has no direction there",
+                where=f"{where}.points",
+                hint="Draw them apart: from the drawing the linkage is led to the length of the link.",
+            )
+        if start.ground and end.ground:
+            raise SceneError(
+                "the length of a link between two ground points is their distance",
+                where=f"{where}.length",
+            )
+    if (others or isinstance(link.centre, list)) and link.length is not None:
+        raise SceneError(
+            "a body with more than two points, or a centre off its line, takes its length from the drawing",
+            where=f"{where}.length",
+        )
+    carried = [CarriedPoint(p.name, *in_frame(drawn, squared, start.at, p.at)) for p in others]
+    carried += [CarriedPoint(p, fraction, _ZERO) for p, fraction in on_link(read, name)]
+    mass, centre, offset, inertia = body(read, link, length, drawn, start.at, bool(others), where)
+    moving = start.ground and end.ground and (start.motion, end.motion) != (start.at, end.at)
+    if moving and mass != 0:
+        raise SceneError(
+            "the motion of a link between ground points that move is prescribed, and reactions do not "
+            "include its inertia",
+            where=f"{where}.mass",
+            hint="Leave its mass out, or free one of its points and drive the link: then its weight and "
+            "inertia are in the reactions.",
+        )
+    if TIME.symbol in length.free_symbols and mass != 0:
+        raise SceneError(
+            "a length that depends on the time is for a massless link",
+            where=f"{where}.length",
+            hint='Write mass = "0 kg", and put the mass on points or on other links.',
+        )
+    return RigidLink(
+        name, start.name, end.name, length, mass, centre, offset, inertia, link.length is None, tuple(carried)
+    )
+
+
+def in_frame(drawn: Vector, squared: sp.Expr, start: Vector, place: Vector) -> Vector:
+    """Return a place in a body's frame: along d and along d turned left, d as the unit."""
+    x, y = (p - s for p, s in zip(place, start, strict=True))
+    return (x * drawn[0] + y * drawn[1]) / squared, (y * drawn[0] - x * drawn[1]) / squared
+
+
+def body(
+    read: Reader, link: Link, length: sp.Expr, drawn: Vector, start: Vector, several: bool, where: str
+) -> tuple[sp.Expr, sp.Expr, sp.Expr, sp.Expr]:
+    """Return mass, centre along and off the line, and inertia about the centre."""
+    if sections.is_line(link):
+        along = sections.line(read, link, length, where)
+        rotary = has_rotary_inertia(link.elastic, f"{where}.elastic")
+        mass, centre, inertia = sections.rigid(along, length, rotary)
+        return mass, centre, _ZERO, inertia
+    mass = link_mass(read, link, length, several, where)
+    centre, offset = length / 2, _ZERO
+    if isinstance(link.centre, list):
+        squared = sp.Add(*(c**2 for c in drawn))
+        place = read.vector(link.centre, units.LENGTH, f"{where}.centre")
+        along, across = in_frame(drawn, squared, start, place)
+        centre, offset = along * length, across * length
+    elif link.centre is not None:
+        centre = read.value(link.centre, units.NUMBER, f"{where}.centre") * length
+    if isinstance(link.inertia, list):
+        raise SceneError(
+            "a rod, or a body in the plane, has one moment of inertia",
+            where=f"{where}.inertia",
+            hint='Write inertia = "0.02 kg*m^2".',
+        )
+    if link.inertia is not None:
+        return mass, centre, offset, read.not_negative(link.inertia, units.INERTIA, f"{where}.inertia")
+    if mass != 0 and (several or isinstance(link.centre, list)):
+        raise SceneError(
+            "a body that is not a rod needs its moment of inertia about the centre of mass",
+            where=where,
+            hint='Write inertia = "0.02 kg*m^2", and centre = [...] where it is.',
+        )
+    return mass, centre, offset, mass * length**2 / 12
+
+
+def link_mass(read: Reader, link: Link, length: sp.Expr, several: bool, where: str) -> sp.Expr:
+    """Return the mass of a link; zero for a rail between ground points, and where kinematics has none."""
+    if several and link.mass_per_length is not None:
+        raise SceneError("only a rod has a mass per length", where=f"{where}.mass_per_length")
+    match link.mass, link.mass_per_length:
+        case None, None:
+            ground = all(read.known_point(p, where).ground for p in link.points)
+            if ground or read.scene.analysis.kind == "kinematics":
+                return _ZERO
+            raise SceneError(
+                "this link has no mass",
+                where=where,
+                hint='Give it mass = "1 kg" or mass_per_length = "1 kg/m"; "0 kg" for a massless rod.',
+            )
+        case (str() | int() | float()) as mass, None:
+            return read.not_negative(mass, units.MASS, f"{where}.mass")
+        case None, (str() | int() | float()) as density:
+            return read.not_negative(density, units.MASS_PER_LENGTH, f"{where}.mass_per_length") * length
+    raise SceneError("give mass or mass_per_length, not both", where=f"{where}.mass")

@@ -1,0 +1,98 @@
+"""Remarks on a scene for readers of its results: omissions that may be intended or not."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import combinations
+
+from symgen.scene.rods.linkage import TIME, Linkage, RigidLink, SpatialBody
+from symgen.scene.schema import Scene
+
+
+def remarks(scene: Scene, linkage: Linkage) -> tuple[str, ...]:
+    """Return the remarks on a linkage, which the results of its runs repeat as notes."""
+    return (*_of_loose_parts(linkage), *_of_loads(scene, linkage), *_of_reactions(linkage))
+
+
+def _of_loose_parts(linkage: Linkage) -> Iterator[str]:
+    """Yield the parts that nothing joins to the rest; a scene that is one floating part has none."""
+    groups = _joined(linkage)
+    for group in groups if len(groups) > 1 else ():
+        links = [k.name for k in _parts(linkage) if k.base[0] in group]
+        if any(linkage.point(p).ground for p in group):
+            continue
+        subject = f"link {links[0]} is" if len(links) == 1 else f"links {', '.join(links)} are"
+        if not links:
+            subject = f"the point mass at {', '.join(sorted(group))} is"
+        yield f"{subject} joined to nothing else in the scene: no point, guide or spring is shared"
+
+
+def _parts(linkage: Linkage) -> list[RigidLink | SpatialBody]:
+    return [*linkage.links, *linkage.bodies]
+
+
+def _points(part: RigidLink | SpatialBody) -> set[str]:
+    return {*part.base, *(p.name for p in part.carried)}
+
+
+def _joined(linkage: Linkage) -> list[set[str]]:
+    """Return the points in groups that links, guides and springs join; the ground is one of them."""
+    of_link = {k.name: _points(k) for k in _parts(linkage)}
+    sets = [set(points) for points in of_link.values()]
+    sets += [{*guide.points, *of_link[guide.along]} for guide in linkage.guides]
+    ground = {p.name for p in linkage.points if p.ground}
+    sets += [ground, *({m.point} for m in linkage.masses)]
+    for measure in (m for load in linkage.loads for m in load.measures(len(linkage.axes)) if m.joins):
+        links = [of_link[name] if name else ground for _, name in measure.links]
+        sets.append({p for _, p in measure.points}.union(*links) if all(links) else set())
+    groups: list[set[str]] = []
+    for points in filter(None, sets):
+        apart = [g for g in groups if not g & points]
+        groups = [*apart, points.union(*(g for g in groups if g & points))]
+    return groups
+
+
+def _of_loads(scene: Scene, linkage: Linkage) -> Iterator[str]:
+    """Yield that nothing loads the linkage, unless gravity is written as zero or the motion is prescribed."""
+    prescribed = (
+        *(k.length for k in linkage.links),
+        *(d.angle for d in linkage.drivers),
+        *(c for p in linkage.points if p.ground for c in p.motion),
+    )
+    moved = any(TIME.symbol in e.free_symbols for e in prescribed)
+    crank = linkage.crank
+    turned = crank is not None and (crank.speed != 0 or crank.torque != 0)
+    driven = moved or turned or linkage.kinematic
+    if scene.gravity is None and not linkage.loads and not driven:
+        yield (
+            "the scene has no gravity and no load; a gravity whose acceleration is written as zero says that "
+            "none is meant"
+        )
+
+
+def _of_reactions(linkage: Linkage) -> Iterator[str]:
+    """Yield the reactions that statics does not determine."""
+    ground = {p.name for p in linkage.points if p.ground}
+    for body in linkage.bodies:
+        held = [p for p in body.base if p in ground]
+        if len(held) > 1:
+            shares = "equal parts are given" if len(held) == 2 else "the parts given are one choice of many"
+            yield (
+                f"body {body.name} is held at the ground points {' and '.join(held)}: of the reactions along "
+                f"the line between them only the sum is determined; {shares}"
+            )
+    for link in linkage.links:
+        if link.mass != 0 and ground.issuperset(link.base):
+            yield (
+                f"link {link.name} lies between the ground points {link.start} and {link.end}: of the "
+                "reactions along it only the sum is determined; parts by the lever rule are given"
+            )
+    wanted = linkage.outputs or ()
+    for a, b in combinations(_parts(linkage) if linkage.dimension == 3 else (), 2):
+        shared = sorted(_points(a) & _points(b))
+        forces = (f"{part.name}.{p}.force" for part in (a, b) for p in shared)
+        if len(shared) > 1 and not ground.issuperset(shared) and any(f in wanted for f in forces):
+            yield (
+                f"links {a.name} and {b.name} share the points {' and '.join(shared)}: of the forces along "
+                "the line between them only the sum is determined; the parts given are one choice of many"
+            )

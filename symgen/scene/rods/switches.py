@@ -1,0 +1,149 @@
+"""Switching points of loads: the jumps and kinks in their expressions, with a branch that runs hold."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Set
+from dataclasses import replace
+from functools import partial
+from itertools import count
+
+import sympy as sp
+
+from symgen.scene.loop.loop import Loop
+from symgen.scene.rods.held import Switch
+from symgen.scene.rods.linkage import TIME, Linkage, Parameter, Vector
+from symgen.symbolic.quantity import quantity
+from symgen.symbolic.switch import Sign
+
+#: Functions that change about an argument of zero, and hardly elsewhere.
+_EDGES = (sp.tanh, sp.cosh, sp.atan)
+
+
+def with_switches(linkage: Linkage) -> Linkage:
+    """Return a linkage whose loads have a branch b for each of their jumps: sign(x) as b + (1 - b^2) sign(x).
+
+    At b = 0, the value of the parameter that is added, this is sign(x); runs hold b at 1 or -1 during a step.
+    Smooth pulses in the time have one in their middle, on which no load depends: a step ends there.
+    Elastic links and kinematics have no such steps, and keep their expressions.
+    """
+    if linkage.elastic or linkage.kinematic:
+        return linkage
+    found = _Switches(linkage)
+    changed = replace(
+        linkage,
+        loads=tuple(
+            load.with_expressions(partial(found.held, _place(table, i), own=load.name))
+            for table, i, load in linkage.placed_loads
+        ),
+    )
+    for where, expressions, own in loads_of(linkage):
+        found.stop_at_pulses(where, expressions, own)
+    if not found.switches:
+        return linkage
+    added = tuple(Parameter(s.branch, sp.Integer(0)) for s in found.switches)
+    return replace(changed, parameters=(*linkage.parameters, *added), switches=tuple(found.switches))
+
+
+def jumps(resolved: Linkage | Loop) -> tuple[str, ...]:
+    """Return the jumps of loads whose branches no run holds: those of loops and of elastic links."""
+    if isinstance(resolved, Linkage) and not resolved.elastic:
+        return ()
+    found = _Switches(resolved)
+    for where, expressions, own in _of_loop(resolved) if isinstance(resolved, Loop) else loads_of(resolved):
+        for expression in expressions:
+            found.held(where, expression, own)
+    return tuple(s.text for s in found.switches)
+
+
+def _of_loop(loop: Loop) -> Iterator[tuple[str, Vector, str]]:
+    for load in loop.loads:
+        yield load.name, (*load.force, *load.torque), ""
+    for variable in loop.variables:
+        if variable.effort is not None:
+            yield f"the drive of {variable.name}", (variable.effort,), ""
+
+
+def loads_of(linkage: Linkage) -> Iterator[tuple[str, Vector, str]]:
+    """Yield the loads written as expressions: where, these, and the owner of the state called ``this``."""
+    for table, i, load in linkage.placed_loads:
+        if load.expressions:
+            yield _place(table, i), load.expressions, load.name
+
+
+def _place(table: str, index: int) -> str:
+    """Return the name of the table of a load in messages."""
+    return f"[[{table}]] no. {index + 1}"
+
+
+class _Switches:
+    def __init__(self, resolved: Linkage | Loop) -> None:
+        self._constant = {p.quantity.symbol for p in resolved.parameters}
+        self._taken = {str(s.name) for s in self._constant}
+        self._own = ""
+        self._branches: dict[sp.Expr, sp.Expr] = {}
+        self.switches: list[Switch] = []
+
+    def held(self, where: str, expression: sp.Expr, own: str = "") -> sp.Expr:
+        """Return an expression with the branches of its jumps put in, from the inside out.
+
+        ``own`` is the owner of the state that the scene calls ``this``.
+        """
+        self._own = own
+        return self._of(where, expression)
+
+    def stop_at_pulses(self, where: str, expressions: Vector, own: str = "") -> None:
+        """Add a switching point in the middle of every smooth pulse and edge in the time alone."""
+        self._own = own
+        for node in (n for e in expressions for n in sp.preorder_traversal(e)):
+            gap = _middle(node, self._constant)
+            if gap is not None:
+                self._branch(where, gap, node)
+
+    def _of(self, where: str, expression: sp.Expr) -> sp.Expr:
+        if not expression.has(sp.Abs, Sign):
+            return expression
+        rebuilt = expression.func(*(self._of(where, a) for a in expression.args))
+        if rebuilt.func not in (sp.Abs, Sign) or rebuilt.free_symbols <= self._constant:
+            return rebuilt
+        (gap,) = rebuilt.args
+        sign = self._branch(where, gap, expression)
+        return gap * sign if rebuilt.func is sp.Abs else sign
+
+    def _branch(self, where: str, gap: sp.Expr, written: sp.Expr) -> sp.Expr:
+        """Return the sign of a gap with its branch; gaps that differ by a sign have one branch."""
+        if -gap in self._branches:
+            return -self._branches[-gap]
+        if gap not in self._branches:
+            name = next(n for n in map("switch_{}".format, count()) if n not in self._taken)
+            self._taken.add(name)
+            text = f"{_written(written, self._own)} in {where}"
+            b = quantity(name, "1", f"branch of {text}: 0, or 1 and -1 while a run holds it")
+            self.switches.append(Switch(gap, b, text))
+            self._branches[gap] = b.symbol + (1 - b.symbol**2) * Sign(gap)
+        return self._branches[gap]
+
+
+def _middle(node: sp.Basic, constant: Set[sp.Symbol]) -> sp.Expr | None:
+    """Return the switching expression in the middle of a pulse or an edge of a polynomial in time, if any.
+
+    Polynomials have few extrema: a periodic load has no such point, and needs none.
+    """
+    t = TIME.symbol
+    divides = isinstance(node, sp.Pow) and not (node.exp.is_Integer and node.exp > 0)
+    if not (divides or isinstance(node, (sp.exp, *_EDGES))):
+        return None
+    u = node.args[0]
+    if t not in u.free_symbols or not u.free_symbols <= constant | {t} or not u.is_polynomial(t):
+        return None
+    slope = sp.diff(u, t)
+    return slope if t in slope.free_symbols else u if isinstance(node, _EDGES) else None
+
+
+def _written(expression: sp.Expr, own: str) -> str:
+    """Return a jump nearly as it is written in a scene, with numbers to six digits."""
+    rounded = {x: sp.Float(x, 6) for x in expression.atoms(sp.Rational) if not x.is_Integer}
+    text: str = sp.sstr(expression.xreplace(rounded))
+    if own:
+        text = re.sub(rf"(?<![\w.]){re.escape(own)}\.", "this.", text)
+    return text.replace("Abs(", "abs(").replace("Sign(", "sign(")

@@ -1,0 +1,1 @@
+"""Errors of compiled kernels against their original matrices."""

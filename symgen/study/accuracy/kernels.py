@@ -1,0 +1,267 @@
+"""Compiled kernels of a scene or building block, with their states and reference values."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import mpmath
+import numpy as np
+from numpy.typing import NDArray
+
+from symgen.codegen.emit import emit, equations_hash
+from symgen.codegen.target import Target
+from symgen.errors import ModelError
+from symgen.lowering.kernel import Program
+from symgen.lowering.program import lower_system
+from symgen.lowering.tape import Tape
+from symgen.models import BLOCKS, SHIPPED_BLOCKS
+from symgen.models.analyses import elastic_systems
+from symgen.pipeline.build import build, derive, with_forces
+from symgen.precision import FLOAT64, Precision
+from symgen.precision import precision as precision_named
+from symgen.runtime import _core
+from symgen.runtime.elastic.model import ElasticModel
+from symgen.runtime.kernels.batch import Batch
+from symgen.runtime.kernels.evaluate import Evaluator
+from symgen.runtime.kernels.library import shipped_module
+from symgen.runtime.loop.kernels import LoopKernels
+from symgen.runtime.loop.model import LoopModel
+from symgen.runtime.model.rods import RodModel
+from symgen.runtime.model.system import SystemModel
+from symgen.scene.loading import load_scene, override, read_scene
+from symgen.scene.resolve import resolve_linkage
+from symgen.study.accuracy.loop_states import of_loop
+from symgen.study.accuracy.states import At, States, of_beams, of_block, of_linkage
+from symgen.symbolic.exact import Exact, number
+from symgen.symbolic.system import Export, System
+
+Array = NDArray[np.float64]
+#: Outputs by kernel and argument arrays.
+Call = Callable[[str, Mapping[str, Array]], Array]
+
+
+@dataclass(eq=False)
+class Kernels:
+    """Compiled kernels of one System, with states and reference values.
+
+    Attributes
+    ----------
+    prefix
+        Prefix of the kernel names; empty for the equations of motion.
+    call
+        Function that evaluates a compiled kernel.
+    states
+        States at which the kernels are compared.
+    redundant
+        Redundant constraints: their multipliers are zero, and nothing is solved off the constraints.
+    without
+        Kernels that cannot be called separately.
+    """
+
+    prefix: str
+    system: System
+    call: Call
+    states: States
+    redundant: tuple[int, ...] = ()
+    without: tuple[str, ...] = ()
+
+    @cached_property
+    def exact(self) -> Exact:
+        """The original matrices."""
+        return Exact(self.system)
+
+    @cached_property
+    def program(self) -> Program:
+        """The straight-line programs."""
+        return lower_system(self.system)
+
+    @cached_property
+    def tapes(self) -> dict[str, Tape]:
+        """Operations of every kernel with results, starting from the parameters, by name."""
+        setup, without = self.program.setup, self.without
+        results = (k for k in self.program.kernels if k.out_size and k is not setup)
+        fixed = {f"p[{self.program.tolerance_place}]": self.program.rank_tolerance}
+        return {k.name: Tape(k, setup, fixed) for k in results if k.name not in without}
+
+    @cached_property
+    def exports(self) -> dict[str, tuple[str, ...]]:
+        """The matrices written by each kernel, except for 'solve'."""
+        return {e.kernel: e.matrices for e in self.system.exports if e.kernel in self.tapes}
+
+    def of_matrix(self, name: str) -> Kernels:
+        """Return a copy with a single kernel that writes one matrix; it cannot be called.
+
+        Raises
+        ------
+        DerivationError
+            If there is no such matrix.
+        """
+        matrix = self.system[name]
+        export = Export(name, matrix.description, (name,))
+        system = replace(self.system, exports=(export,), saddle_point=None)
+        return Kernels(self.prefix, system, self.call, self.states)
+
+    def exports_at(self, at: At) -> dict[str, tuple[str, ...]]:
+        """Return the kernels that are meaningful at a state, with the matrices that they write."""
+        return {k: m for k, m in self.exports.items() if not (at.closed and k in _LEADING)}
+
+    def solves(self, at: At) -> bool:
+        """Return whether the equations of motion can be solved at a state."""
+        return self.system.saddle_point is not None and (at.closed or not self.redundant)
+
+
+def kernels_of(
+    scene: str | os.PathLike[str],
+    *,
+    set: Mapping[str, Any] | None = None,
+    count: int,
+    seed: int,
+    run: bool,
+    precision: str,
+) -> tuple[str, list[Kernels]]:
+    """Return the title of a scene or building block, and all kernels to compare.
+
+    Raises
+    ------
+    SceneError, ModelError
+        If there is no such scene, block or precision, or values are given for a block.
+    """
+    typed = precision_named(precision)
+    if scene in BLOCKS:
+        if set or typed != FLOAT64:
+            raise ModelError(
+                f"{scene} is a building block: it has no values to set, and is in {FLOAT64.name}"
+            )
+        system = BLOCKS[str(scene)]()
+        call = _shipped(str(scene)) if scene in SHIPPED_BLOCKS else _in_numpy(system)
+        return system.title, [Kernels("", system, call, of_block(system, count, seed))]
+    model = build(scene, set=set, precision=precision)
+    if isinstance(model, SystemModel):
+        system = derive(scene)
+        states = of_block(system, count, seed)
+        return system.title, [Kernels("", system, _of_system(model), states, without=("solve",))]
+    model = with_forces(model)
+    system = derive(override(read_scene(scene), set or {}))
+    if isinstance(model, LoopModel):
+        own = Kernels("", system, _of_loop(model.kernels), of_loop(model, count, seed, run))
+        return system.title, [own if typed == FLOAT64 else _in_type(own, model, typed)]
+    rigid = model.rigid if isinstance(model, ElasticModel) else model
+    own = _of_linkage(rigid, system, count, seed, run)
+    if typed != FLOAT64:
+        return system.title, [_in_type(own, rigid, typed)]
+    elastic = _of_elastic(scene, set, model, own.states, count, seed) if rigid is not model else ()
+    return system.title, [own, *elastic]
+
+
+#: Kernels of the initial assembly: their velocity argument holds the position along the path.
+_LEADING = ("assembly",)
+
+
+def _of_linkage(model: RodModel, system: System, count: int, seed: int, run: bool) -> Kernels:
+    labels = model.description.labels
+    redundant = tuple(labels.index(name) for name in model.redundant)
+    if system.saddle_point:
+        tolerance = repr(model.description.rank_tolerance)
+        system = replace(system, saddle_point=replace(system.saddle_point, rank_tolerance=tolerance))
+    states = of_linkage(model, count, seed, run)
+    return Kernels("", system, _of_evaluator(model.evaluator), states, redundant)
+
+
+def _of_elastic(
+    scene: Any, set_: Any, model: Any, states: States, count: int, seed: int
+) -> Iterator[Kernels]:
+    for kind, made in elastic_systems(resolve_linkage(load_scene(scene, set_))).items():
+        yield Kernels(f"{kind}.", made, _of_evaluator(model.rigid.analysis(kind)), states)
+    for element in sorted({b.info.element for b in model.beams}):
+        name, block = f"element_{element}", BLOCKS[f"element_{element}"]()
+        yield Kernels(f"{name}.", block, _shipped(name), of_beams(model, element, block, count, seed))
+
+
+def _in_type(own: Kernels, model: RodModel | LoopModel, typed: Precision) -> Kernels:
+    """Return the same kernels in another number type, with the states that it can represent."""
+    if model._typed is None:
+        raise ModelError(f"{model.name} has no kernels for batches: build it with symgen.build")
+    types = model._typed
+
+    def call(kernel: str, arrays: Mapping[str, Array]) -> Array:
+        tuned = Batch(model.description, types, arrays["p"].tolist())
+        size = next(k.work_size for k in model.description.kernels if k.name == kernel)
+        rows = (arrays["q"][None, :], arrays["u"][None, :], arrays["work"][None, :size] if size else None)
+        found, rest = tuned(kernel, arrays["t"], *rows, 1)
+        wide = [number(x) for block in found.values() for x in block.ravel()]
+        low = [number(x) for block in rest.values() for x in block.ravel()] or [0.0] * len(wide)
+        whole = [mpmath.fadd(a, b, exact=True) for a, b in zip(wide, low, strict=True)]
+        return np.array(whole, dtype=object)
+
+    def held(at: At) -> At:
+        kept = {k: a.astype(typed.dtype).astype(float) for k, a in at.arrays.items()}
+        return replace(at, arrays=kept)
+
+    states = replace(own.states, all=tuple(held(at) for at in own.states.all))
+    return Kernels(own.prefix, own.system, call, states, own.redundant, ("solve",))
+
+
+def _of_evaluator(evaluator: Evaluator) -> Call:
+    def call(kernel: str, arrays: Mapping[str, Array]) -> Array:
+        own = Evaluator(evaluator.description, evaluator.library, arrays["p"])
+        t, q, u = float(arrays["t"][0]), arrays["q"], arrays["u"]
+        work = np.zeros(max(own.work_size, len(arrays["work"])) + 1)
+        work[: len(arrays["work"])] = arrays["work"]
+        if kernel != "solve":
+            return own(kernel, t, q, u, work)
+        own("factor", t, q, u, work)  # stores its factors in work
+        out = np.append(arrays["rhs"], 0.0)
+        q, u = np.append(q, 0.0), np.append(u, 0.0)
+        address, sizes = own.library.addresses[kernel], own.description.sizes_of(kernel)
+        _core.call(address, sizes, arrays["t"], q, u, own.parameters, work, out)
+        return out[:-1]
+
+    return call
+
+
+def _of_loop(kernels: LoopKernels) -> Call:
+    def call(kernel: str, arrays: Mapping[str, Array]) -> Array:
+        own = LoopKernels(kernels.description, kernels.library, arrays["p"].tolist())
+        found = own(kernel, float(arrays["t"][0]), arrays["q"], arrays["u"], arrays["work"])
+        return np.concatenate([block.ravel() for block in found.values()])
+
+    return call
+
+
+def _of_system(model: SystemModel) -> Call:
+    def call(kernel: str, arrays: Mapping[str, Array]) -> Array:
+        given: dict[str, Any] = {k: arrays[k] for k in ("q", "u", "p", "work") if k in arrays}
+        found = model.evaluate(kernel, t=float(arrays["t"][0]) if "t" in arrays else 0.0, **given)
+        return np.concatenate([block.ravel() for block in found.values()])
+
+    return call
+
+
+def _in_numpy(block: System) -> Call:
+    """Return the kernels of a building block that is not compiled, as NumPy code."""
+    program = lower_system(block)
+    (source,) = emit(program, Target("numpy"), equations_hash(program, Target()))
+    functions: dict[str, Any] = {}
+    exec(compile(source.text, source.name, "exec"), functions)  # noqa: S102 - our own code
+    sizes = {k.name: k.out_size for k in program.kernels}
+
+    def call(kernel: str, arrays: Mapping[str, Array]) -> Array:
+        found = np.zeros(sizes[kernel])
+        functions[kernel](None, *(arrays.get(k) for k in ("q", "u", "p")), None, found)
+        return found
+
+    return call
+
+
+def _shipped(name: str) -> Call:
+    module = shipped_module(name)
+
+    def call(kernel: str, arrays: Mapping[str, Array]) -> Array:
+        found: Array = getattr(module, kernel)(**{k: arrays[k] for k in ("q", "u", "p") if k in arrays})
+        return found
+
+    return call

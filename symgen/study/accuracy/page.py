@@ -1,0 +1,162 @@
+"""Error reports of kernels for the terminal and as a Markdown table."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+
+from rich.console import Console
+
+from symgen.atomic import write_text
+from symgen.report.tables import table
+from symgen.study.accuracy.accuracy import Accuracy
+from symgen.study.accuracy.cancelling import Cancelling
+from symgen.study.accuracy.kernel_errors import OutputAccuracy, Worst
+
+#: File name extensions of saved reports.
+SAVED_AS = (".json", ".md")
+_KINDS = {"run": "along the run", "closed": "at random on the constraints", "open": "at random off them"}
+#: Columns of the table of several scenes.
+COLUMNS = (
+    "scene",
+    "outputs",
+    "accelerations over largest",
+    "condition of equations",
+    "beyond condition",
+    "in",
+    "beyond largest",
+    "in",
+    "lost by",
+)
+
+
+def print_accuracy(found: Accuracy, console: Console) -> None:
+    """Print a report: states, errors of every output, and the sums with the largest cancellation."""
+    console.print(head(found), soft_wrap=True)
+    rows = [(o, o.worst) for o in found.outputs]
+    shown = table(
+        "",
+        ("output", "ulps", "of entry", "of largest", "condition", "beyond", "entry and state", "lost by"),
+        (_row(o, worst) for o, worst in rows if worst),
+    )
+    shown.columns[6].justify = shown.columns[7].justify = "left"
+    console.print(shown)
+    exact = ", ".join(_name(o) for o, worst in rows if not worst)
+    if exact:
+        console.print(f"Without any error: {exact}.", soft_wrap=True)
+    console.print(_MEANING)
+    if found.condition:
+        size, where = found.condition
+        console.print(f"Condition of the equations of motion, scaled: at most {size:.2g} ({where}).")
+    print_cancelling(found.cancelling, console)
+    for note in found.notes:
+        console.print(f"Note: {note}.", soft_wrap=True)
+
+
+_MEANING = """\
+ulps: the largest error in units in the last place of its entry; of entry, of largest: that error over the
+entry, the largest error over the largest entry of the output; condition: sum |x df/dx| / |f| over all inputs;
+beyond: the largest error relative to the effect of input rounding, epsilon times condition."""
+
+
+def head(found: Accuracy) -> str:
+    """Return one line with the kernels, states and number types compared."""
+    states = ", ".join(f"{n} {_KINDS[kind]}" for kind, n in found.states.items())
+    kernels = len(dict.fromkeys(o.kernel for o in found.outputs))
+    return (
+        f"{found.title}: {len(found.outputs)} outputs of {kernels} kernels in {found.precision} against "
+        f"{found.digits} digits, at {sum(found.states.values())} states ({states}; seed {found.seed})"
+    )
+
+
+def _row(o: OutputAccuracy, worst: Worst) -> Sequence[str]:
+    return (
+        _name(o),
+        _short(worst.ulps),
+        f"{worst.relative:.1e}",
+        f"{o.of_largest:.1e}",
+        _short(worst.condition),
+        _short(o.beyond),
+        f"{worst.entry}; {worst.state}" if worst.entry else worst.state,
+        o.verdict,
+    )
+
+
+def print_cancelling(found: Sequence[Cancelling], console: Console) -> None:
+    """Print the sums with the largest loss of digits."""
+    if not found:
+        console.print("No sum cancels.")
+        return
+    shown = table(
+        "Sums that cancel",
+        ("of output", "digits", "in output", "needless", "sum"),
+        (
+            (c.output, *map(_digits, (c.digits, c.in_output, c.needless)), f"{c.name} = {c.expression}")
+            for c in found
+        ),
+    )
+    shown.columns[4].justify = "left"
+    console.print(shown)
+    console.print(
+        "digits: lost in the sum itself; in output: lost in the output as a result, near its largest error;\n"
+        "needless: part of these that the condition does not explain. Sorted by this column."
+    )
+
+
+def _digits(x: float) -> str:
+    return f"{max(0.0, x):.1f}"
+
+
+def _short(x: float) -> str:
+    return f"{x:.1f}" if x < 100 else f"{x:.1e}"
+
+
+def print_summaries(found: Iterable[Accuracy], console: Console) -> None:
+    """Print a table with one row per report."""
+    console.print(table("Errors of kernels", COLUMNS, map(summary_row, found)))
+
+
+def markdown(found: Iterable[Accuracy]) -> str:
+    """Return the Markdown table of several reports."""
+    lines = [f"| {' | '.join(COLUMNS)} |", f"|{'---|' * len(COLUMNS)}"]
+    lines += [f"| {' | '.join(summary_row(a))} |" for a in found]
+    return "\n".join(lines) + "\n"
+
+
+def summary_row(found: Accuracy) -> tuple[str, ...]:
+    """Return the table row of a scene: its solution, and its largest errors relative to their conditions."""
+    by_largest = max(found.outputs, key=lambda o: o.beyond_largest)
+    solved = next((o for o in found.outputs if o.output == "accelerations"), None)
+    verdicts = {o.verdict for o in found.outputs}
+    return (
+        found.scene,
+        str(len(found.outputs)),
+        f"{solved.of_largest:.1e}" if solved else "",
+        _short(found.condition[0]) if found.condition else "",
+        _short(found.worst.beyond),
+        _name(found.worst),
+        _short(by_largest.beyond_largest),
+        _name(by_largest),
+        next((v for v in ("code", "small entry", "problem") if v in verdicts), ""),
+    )
+
+
+def _name(o: OutputAccuracy) -> str:
+    return o.output if o.kernel in (o.output, "outputs") else f"{o.kernel}: {o.output}"
+
+
+def save(found: Sequence[Accuracy], file: Path) -> None:
+    """Write reports as JSON or as a Markdown table, depending on the file name extension.
+
+    Raises
+    ------
+    ResultError
+        If the file cannot be written.
+    """
+    if file.suffix.lower() == ".md":
+        text = markdown(found)
+    else:
+        data = [a.summary() for a in found]
+        text = json.dumps(data[0] if len(data) == 1 else {"scenes": data}, indent=1, allow_nan=False) + "\n"
+    write_text(file, text)

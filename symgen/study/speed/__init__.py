@@ -1,0 +1,1 @@
+"""Work-precision measurements, and comparison with other programs."""

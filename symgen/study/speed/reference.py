@@ -1,0 +1,222 @@
+"""Integration of compiled kernels with external solvers: SciPy, SUNDIALS, or a user's function."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+from functools import partial
+from types import MappingProxyType
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symgen.calls import checked
+from symgen.errors import ModelError, SimulationError, nearest
+from symgen.runtime._rhs import Rhs
+from symgen.runtime.kernels.arguments import count, real
+from symgen.runtime.kernels.evaluate import Evaluator
+from symgen.runtime.model.rhs import right_hand_side
+from symgen.runtime.model.rods import RodModel
+from symgen.runtime.result.recording import outputs
+from symgen.runtime.result.result import Drift, Result
+from symgen.runtime.result.state import State
+
+Array = NDArray[np.float64]
+#: Solver: from dy/dt, times, initial state, rtol and atol to the states at all times, one per row.
+Solver = Callable[[Callable[[float, Array], Array], Array, Array, float, float], Array]
+
+#: Maximum number of SUNDIALS steps between two recorded times.
+_STEPS = 10_000_000
+
+
+def _scipy(
+    method: str, f: Callable[[float, Array], Array], times: Array, y0: Array, rtol: float, atol: float
+) -> Array:
+    from scipy.integrate import solve_ivp
+
+    found = solve_ivp(f, (times[0], times[-1]), y0, method=method, t_eval=times, rtol=rtol, atol=atol)
+    if not found.success:
+        raise SimulationError(f"SciPy's {method} gave up: {found.message}", time=float(found.t[-1]))
+    states: Array = found.y.T
+    return states
+
+
+def _cvode(
+    method: str, f: Callable[[float, Array], Array], times: Array, y0: Array, rtol: float, atol: float
+) -> Array:
+    try:
+        from sksundae.cvode import CVODE
+    except ImportError:
+        raise ModelError(
+            f"the solver 'cvode-{method}' needs SUNDIALS\n  Install it: pip install 'symgen[sundials]'"
+        ) from None
+
+    def slope(t: float, y: Array, yp: Array) -> None:
+        yp[:] = f(t, y)
+
+    found = CVODE(slope, method=method, rtol=rtol, atol=atol, max_num_steps=_STEPS).solve(times, y0)
+    if not found.success:
+        raise SimulationError(f"CVODE's {method} gave up: {found.message}", time=float(found.t[-1]))
+    states: Array = found.y
+    return states
+
+
+#: Solvers by name; those of SUNDIALS come with the extra ``sundials``.
+SOLVERS: Mapping[str, Solver] = MappingProxyType(
+    {f"scipy-{m}": partial(_scipy, m) for m in ("DOP853", "RK45", "Radau", "BDF", "LSODA")}
+    | {f"cvode-{m}": partial(_cvode, m) for m in ("Adams", "BDF")}
+)
+
+
+@checked
+def reference(
+    model: RodModel,
+    solver: str | Callable[..., Array] = "scipy-DOP853",
+    *,
+    t_end: float | None = None,
+    rtol: float = 1e-10,
+    atol: float | None = None,
+    samples: int = 201,
+    state: State | None = None,
+) -> Result:
+    """Integrate a linkage with an external solver and return a result as from ``model.simulate``.
+
+    Only the initial state is projected onto the constraints: the solver integrates an ordinary differential
+    equation, and ``drift`` shows the resulting drift at the recorded times.
+
+    Parameters
+    ----------
+    model
+        A linkage of points and links.
+    solver
+        A name from :data:`SOLVERS`, or a function of dy/dt = f(t, y), the times [s], the initial state, rtol
+        and atol, that returns the states at all times, one per row.
+    t_end
+        End of the run [s]; default: the scene's.
+    rtol, atol
+        Tolerances of the solver; the default of ``atol`` is rtol/1000.
+    samples
+        Number of equally spaced times at which the outputs are recorded.
+    state
+        Initial state; default: the scene's.
+
+    Raises
+    ------
+    ModelError
+        If an option is out of range, the solver is unknown or not installed, or it returns an invalid
+        result.
+    SimulationError
+        If the solver fails.
+    """
+    name, solve = _named(solver)
+    begin = model.initial_state() if state is None else state
+    end = model.description.t_end if t_end is None else real(t_end, "t_end")
+    count(samples, "samples")
+    atol = 1e-3 * rtol if atol is None else atol
+    for what, value in (
+        ("rtol", rtol),
+        ("atol", atol),
+        ("t_end after the start", end - begin.t),
+        ("samples", samples - 1),
+    ):
+        if not real(value, what) > 0:
+            raise ModelError(f"expected {what} above zero, got {value!r}")
+    f = right_hand_side(model, work_of_loads=True)
+    times = np.linspace(begin.t, end, samples)
+    start = np.zeros(len(f.start))
+    start[: 2 * len(begin.q)] = np.concatenate([begin.q, begin.u])
+    start = f.project(begin.t, start)
+    calls = [0]
+
+    def counted(t: float, y: Array) -> Array:
+        calls[0] += 1
+        return f(t, y)
+
+    begun = time.perf_counter()
+    states = np.ascontiguousarray(solve(counted, times, start, rtol, atol), dtype=float)
+    wall = time.perf_counter() - begun
+    if states.shape != (samples, len(start)):
+        raise ModelError(
+            f"{name} returned states of shape {states.shape}, expected {(samples, len(start))} (times, state)"
+        )
+    lost = ~np.isfinite(states).all(axis=1)
+    if lost.any():
+        raise SimulationError(f"{name} returned states that are not finite", time=float(times[lost.argmax()]))
+    return _result(model, name, f, times, states, {"rtol": rtol, "atol": atol}, calls[0], wall)
+
+
+def _named(solver: str | Solver) -> tuple[str, Solver]:
+    if not isinstance(solver, str):
+        return getattr(solver, "__name__", "solver"), solver
+    if solver not in SOLVERS:
+        raise ModelError(f"there is no solver {solver!r}. {nearest(solver, SOLVERS)}")
+    return solver, SOLVERS[solver]
+
+
+def _result(
+    model: RodModel,
+    name: str,
+    f: Rhs,
+    times: Array,
+    states: Array,
+    tolerances: Mapping[str, float],
+    evaluations: int,
+    wall: float,
+) -> Result:
+    d, evaluator = model.description, model.evaluator
+    redundant = len(model.redundant)
+    n = d.coordinates
+    final = evaluator.blocks("points", times[-1], states[-1, :n], states[-1, n : 2 * n])
+    return Result(
+        name=d.name,
+        title=d.title,
+        axes=d.axes,
+        time=times,
+        variables=outputs(evaluator, evaluator.equations(redundant), times, states, redundant),
+        drift=_drift(evaluator, times, states),
+        final={
+            p: {"position": final["positions"][i].tolist(), "velocity": final["velocities"][i].tolist()}
+            for i, p in enumerate(d.points)
+        },
+        statistics={
+            "t": float(times[-1]),
+            "steps": 0,
+            "rejected": 0,
+            "evaluations": evaluations,
+            "factorisations": 0,
+            "wall_s": wall,
+        },
+        provenance={
+            "equations": d.equations,
+            "method": name,
+            **tolerances,
+            "step": 0.0,
+            "t_end": float(times[-1]),
+            "backend": model.backend,
+            "parameters": dict(model.parameters),
+        },
+        notes=("the steps of an external solver are not counted; drift is that of the recorded times",),
+    )
+
+
+def _drift(evaluator: Evaluator, times: Array, states: Array) -> Drift:
+    """Return the drift of the recorded states from the constraints and the energy balance."""
+    n = evaluator.description.coordinates
+    position = velocity = 0.0
+    energies = []
+    for t, y in zip(times, states, strict=True):
+        q, u = y[:n], y[n : 2 * n]
+        kinetic, potential = evaluator("energy", t, q, u)[:2]
+        energies.append((kinetic, potential, kinetic + potential - sum(y[2 * n :])))
+        if evaluator.has("constraints"):
+            found = evaluator.blocks("constraints", t, q, u)
+            rates = evaluator("velocity_constraints", t, q, u)
+            position = max(position, float(np.max(np.abs(found["constraints"] / found["constraint_scale"]))))
+            velocity = max(velocity, float(np.max(np.abs(rates / found["constraint_scale"]))))
+    kinetic, potential, total = np.array(energies).T
+    return Drift(
+        constraint=position,
+        velocity=velocity,
+        energy=float(np.max(np.abs(total - total[0]))),
+        energy_exchanged=float(max(np.ptp(kinetic), np.ptp(potential))),
+    )

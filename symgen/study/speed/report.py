@@ -1,0 +1,110 @@
+"""Work-precision results as tables and as a plot."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from rich.console import Console
+
+from symgen.atomic import replacing, writable
+from symgen.errors import ResultError
+from symgen.report.page.notebook import seconds
+from symgen.report.page.plots import DRAWN_AS
+from symgen.report.tables import table
+from symgen.study.speed.orders import Order
+from symgen.study.speed.work_precision import Point, WorkPrecision
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+_MARKERS = "osD^vP*Xd<>p"
+
+
+def print_work_precision(found: WorkPrecision, console: Console) -> None:
+    """Print errors and times of every setting, the orders of convergence, and remarks."""
+    error = f"error at end [{found.unit}]"
+    about = f"{found.title}: to t = {found.t_end:g} s, {found.samples} samples"
+    head = ("method", "setting", error, "largest", "best", "median", "steps", "evaluations")
+    console.print(table(about, head, (_row(p, found) for p in found.points)))
+    columns = ("method", "order seen", "by theory", "over steps", "within 0.2")
+    console.print(table("Order of convergence, at fixed steps", columns, map(_of_order, found.orders)))
+    console.print(f"Error: {found.measured}. Times are those of the whole call, result included, warm.")
+    console.print(f"Reference: {found.reference}; it differs by {found.uncertainty:.1e} from a looser one.")
+    for note in found.notes:
+        console.print(f"Note: {note}.")
+
+
+def _row(p: Point, found: WorkPrecision) -> tuple[str, ...]:
+    mark = "" if p.told else "~"
+    errors = (f"{mark}{p.end:.1e}", f"{mark}{p.along:.1e}")
+    times = (seconds(p.best), seconds(p.median))
+    counts = ("" if n is None else str(n) for n in (p.steps, p.evaluations))
+    return (_name(p), p.setting, *errors, *times, *counts)
+
+
+def _of_order(o: Order) -> tuple[str, ...]:
+    name = o.method if o.precision == "float64" else f"{o.method}, {o.precision}"
+    if o.observed is None:
+        return name, "none seen", str(o.theoretical), "", ""
+    verdict = "yes" if o.agrees else "NO"
+    return name, f"{o.observed:.2f}", str(o.theoretical), f"{o.steps[0]} to {o.steps[-1]}", verdict
+
+
+def _name(p: Point) -> str:
+    return p.method if p.precision == "float64" else f"{p.method}, {p.precision}"
+
+
+def draw(found: WorkPrecision, file: str | os.PathLike[str]) -> None:
+    """Plot errors over wall time with one curve per method, and save the figure.
+
+    Raises
+    ------
+    ResultError
+        If the file cannot be written.
+    """
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(7.5, 5.2), layout="constrained")
+    axes = figure.subplots()
+    curves: dict[str, list[Point]] = {}
+    for p in found.points:
+        curves.setdefault(_name(p), []).append(p)
+    for k, (name, points) in enumerate(curves.items()):
+        curve(axes, name, [(p.along, p.best) for p in points], k)
+    if found.uncertainty > 0:
+        axes.axvspan(axes.get_xlim()[0], found.uncertainty, color="0.9", label="reference not told from it")
+    finish(axes, found.measured, found.unit)
+    figure.suptitle(f"{found.title}, to t = {found.t_end:g} s", fontsize="medium")
+    save(figure, file)
+
+
+def curve(axes: Axes, name: str, points: Sequence[tuple[float, float]], k: int) -> None:
+    """Plot the errors and times [s] of one program."""
+    shown = [(error, 1e3 * time) for error, time in points if 0.0 < error < 10.0]
+    if shown:
+        axes.loglog(*zip(*shown, strict=True), marker=_MARKERS[k % len(_MARKERS)], markersize=4, label=name)
+
+
+def finish(axes: Axes, measured: str, unit: str) -> None:
+    """Label the axes; errors decrease to the right."""
+    axes.set_xlabel(f"{measured} [{unit}]")
+    axes.set_ylabel("time of the whole call [ms]")
+    axes.invert_xaxis()
+    axes.grid(alpha=0.3, which="both")
+    axes.legend(fontsize="small", frameon=False)
+
+
+def save(figure: object, file: str | os.PathLike[str]) -> None:
+    """Save a figure atomically; equal numbers give identical bytes."""
+    import matplotlib
+
+    path = writable(file, DRAWN_AS, "plot")
+    ending = path.suffix.lower()
+    stamp = {"Date": None} if ending == ".svg" else {"CreationDate": None} if ending == ".pdf" else {}
+    try:
+        with replacing(path) as temporary, matplotlib.rc_context({"svg.hashsalt": "symgen"}):
+            figure.savefig(temporary, dpi=110, metadata=stamp)  # type: ignore[attr-defined]
+    except (OSError, ValueError) as error:
+        raise ResultError(f"cannot write the plot to {path}: {error}") from None

@@ -1,0 +1,335 @@
+"""Subjects of work-precision measurements: scenes integrated in time, with their error measures."""
+
+from __future__ import annotations
+
+import os
+from abc import ABC, abstractmethod
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symgen.errors import BuildError, ModelError, SimulationError, nearest
+from symgen.methods import method_of
+from symgen.pipeline.build import build_scene
+from symgen.precision import FLOAT64, PRECISIONS, precision
+from symgen.runtime.integrate.integrators import INTEGRATORS
+from symgen.runtime.integrate.options import TIGHTEST
+from symgen.runtime.loop.model import LoopModel
+from symgen.runtime.model.rods import RodModel
+from symgen.runtime.result.result import Result
+from symgen.scene.loading import load_scene
+from symgen.scene.resolve import resolve
+from symgen.scene.rods.linkage import Linkage
+from symgen.scene.schema import Scene
+from symgen.study.speed.measures import distance, sizes
+from symgen.study.speed.peers import PEERS, PeerSetting
+from symgen.study.speed.planar_chain import PlanarChain, planar_chain
+from symgen.study.speed.sweeps import Setting, fixed_steps, tolerances
+
+Array = NDArray[np.float64]
+
+#: Tolerance of the reference, and ratio to that of the looser run for its uncertainty. Both are loosened
+#: tenfold, at most this many times, if the motion does not allow them.
+_REFERENCE, _JUDGE, _LOOSENED = {"float128": 1e-17, "float64": 3e-14}, 30.0, 3
+
+
+@dataclass(frozen=True, slots=True)
+class Run:
+    """Recorded values (times, quantities) of one run in the subject's unit, with its statistics.
+
+    Some other programs record only the final state at an exact time.
+    """
+
+    along: Array
+    steps: int | None
+    evaluations: int | None
+
+
+@dataclass(frozen=True, slots=True)
+class Reference:
+    """Reference solution; ``uncertainty`` is its distance from a looser one."""
+
+    along: Array
+    uncertainty: float
+    about: str
+
+
+class Subject(ABC):
+    """A scene to be integrated with many methods.
+
+    Attributes
+    ----------
+    title
+        Title of the scene.
+    t_end
+        End time [s].
+    unit, measured
+        Unit and description of the errors.
+    orders
+        The methods with their theoretical orders.
+    """
+
+    title: str
+    t_end: float
+    unit: str
+    measured: str
+    orders: Mapping[str, int]
+
+    @abstractmethod
+    def settings(self, method: str, precision: str) -> Iterator[Setting]:
+        """Yield the settings of a method in a precision, loose to tight."""
+
+    @abstractmethod
+    def order_settings(self, method: str, precision: str) -> Iterator[Setting]:
+        """Yield the settings for the order of a method: increasing numbers of fixed steps."""
+
+    @abstractmethod
+    def call(self, setting: Setting) -> Any:
+        """Run once; this call is timed."""
+
+    @abstractmethod
+    def read(self, result: Any) -> Run:
+        """Return the recorded values of a run."""
+
+    def peers(self) -> tuple[list[Iterator[Setting]], list[str]]:
+        """Return sweeps of other programs, and the reasons for those that are unavailable.
+
+        Raises
+        ------
+        ModelError
+            If other programs cannot represent the scene.
+        """
+        raise ModelError(f"other programs are given open chains of rods in the plane, not {self.title}")
+
+    @abstractmethod
+    def reference(self) -> Reference:
+        """Return the reference solution."""
+
+    @abstractmethod
+    def size(self) -> float:
+        """Return the size of the motion, in the unit of the errors."""
+
+    def chosen(self, methods: Sequence[str] | None) -> list[str]:
+        """Return the selected methods, by default all; raise ModelError for an unknown one."""
+        asked = list(self.orders if methods is None else dict.fromkeys(methods))
+        for name in asked:
+            if name not in self.orders:
+                raise ModelError(f"there is no integrator {name!r}. {nearest(name, self.orders)}")
+        return asked
+
+
+def subject(
+    scene: Scene | str | os.PathLike[str],
+    set: Mapping[str, str] | None = None,
+    backend: str = "auto",
+    t_end: float | None = None,
+    samples: int = 21,
+    precisions: Sequence[str] = (FLOAT64.name,),
+) -> Subject:
+    """Return a scene as a subject, to be run in the given precisions.
+
+    Raises
+    ------
+    ModelError
+        If the scene is not integrated in time, or not in a precision.
+    """
+    for name in precisions:
+        precision(name)
+    checked = scene if isinstance(scene, Scene) else load_scene(scene, set=set)
+    model = build_scene(checked, backend=backend)
+    asked = Asked(checked, backend, precisions, t_end, samples)
+    found: Subject = method_of(model).load("subject")(model, asked)
+    return found
+
+
+class Asked(NamedTuple):
+    """What is studied, and how: see :func:`subject`."""
+
+    scene: Scene
+    backend: str
+    precisions: Sequence[str]
+    t_end: float | None
+    samples: int
+
+
+def loop(model: LoopModel, asked: Asked) -> Subject:
+    """Return a loop under forces as a subject; errors as of :func:`subject`."""
+    if model.is_driven:
+        raise ModelError(
+            f"the inputs of {model.name} move it: nothing is integrated in time\n"
+            "  'symgen run' evaluates it and prints its closure error."
+        )
+    return FreeLoop(_and_widest(asked, in_types(asked, model)), asked.t_end, asked.samples)
+
+
+def rods(model: RodModel, asked: Asked) -> Subject:
+    """Return a linkage of rods and bodies as a subject."""
+    wanted = [f"{p}.position" for p in model.description.free]
+    analysis = asked.scene.analysis.model_copy(update={"outputs": wanted})
+    watched = asked._replace(scene=asked.scene.model_copy(update={"analysis": analysis}))
+    models = _and_widest(watched, in_types(watched))
+    return Rods(models, asked.t_end, asked.samples, watched.scene)
+
+
+def in_types(asked: Asked, plain: Any = None) -> dict[str, Any]:
+    """Return the model in each number type, including float64."""
+    scene, backend = asked.scene, asked.backend
+    models = {FLOAT64.name: plain or build_scene(scene, backend=backend)}
+    for name in asked.precisions:
+        if name not in models:
+            models[name] = build_scene(scene, backend=backend, precision=name)
+    return models
+
+
+def _and_widest(asked: Asked, models: dict[str, Any]) -> dict[str, Any]:
+    """Add the model in the reference's number type, or double precision if no compiler supports it."""
+    with suppress(BuildError, ModelError):
+        if "float128" not in models:
+            models["float128"] = build_scene(asked.scene, backend=asked.backend, precision="float128")
+    return models
+
+
+class Rods(Subject):
+    """A linkage of rods and bodies; errors are distances [m] between points and their reference positions."""
+
+    unit = "m"
+    measured = "largest distance of a moving point from its reference position"
+
+    def __init__(
+        self,
+        models: Mapping[str, RodModel | LoopModel],
+        t_end: float | None,
+        samples: int,
+        scene: Scene | None = None,
+    ) -> None:
+        self.models, self.samples, self._scene = models, samples, scene
+        self._others: dict[Setting, tuple[PlanarChain, PeerSetting]] = {}
+        model = models[FLOAT64.name]
+        self.title = model.description.title
+        self.t_end = model.description.t_end if t_end is None else float(t_end)
+        self.orders = {name: m.order for name, m in INTEGRATORS.items()}
+
+    def settings(self, method: str, precision: str) -> Iterator[Setting]:
+        """Yield tolerances for adaptive methods, numbers of steps for others."""
+        if not INTEGRATORS[method].adaptive:
+            return self.order_settings(method, precision)
+        found = tolerances(method, TIGHTEST * PRECISIONS[precision].epsilon)
+        return (replace(setting, precision=precision) for setting in found)
+
+    def order_settings(self, method: str, precision: str) -> Iterator[Setting]:
+        """Yield fixed steps; nothing for methods that are always adaptive."""
+        known = INTEGRATORS[method]
+        if known.adaptive and known.kind != "explicit":
+            return iter(())
+        return (replace(setting, precision=precision) for setting in fixed_steps(method, self.t_end))
+
+    def peers(self) -> tuple[list[Iterator[Setting]], list[str]]:
+        """Return sweeps of other programs for the same open chain."""
+        linkage, model = self._scene and resolve(self._scene), self.models[FLOAT64.name]
+        if not (isinstance(linkage, Linkage) and isinstance(model, RodModel)):
+            return super().peers()
+        chain, sweeps, missing = planar_chain(linkage, model, self.t_end, self.samples), [], []
+        for name, (packages, make) in PEERS.items():
+            try:
+                sweeps += [self._of_peer(chain, sweep) for sweep in make(chain)]
+            except ImportError as error:
+                missing.append(
+                    f"{name} could not be run: {error}; 'pip install {packages}' (the extra 'peers')"
+                )
+        return sweeps, missing
+
+    def _of_peer(self, chain: PlanarChain, sweep: Iterator[PeerSetting]) -> Iterator[Setting]:
+        for peer in sweep:
+            setting = Setting(f"{peer.program}: {peer.series}", peer.text)
+            self._others[setting] = chain, peer
+            yield setting
+
+    def call(self, setting: Setting) -> Any:
+        """Run the motion in symgen or in another program."""
+        if setting in self._others:
+            peer = self._others[setting][1]
+            try:
+                return setting, peer.run()
+            except Exception as error:  # other programs may raise any exception
+                raise SimulationError(f"{peer.program}: {error}") from error
+        result = self.models[setting.precision].simulate(
+            self.t_end, method=setting.method, rtol=setting.rtol, step=setting.step, samples=self.samples
+        )
+        if result.statistics["t"] < self.t_end:
+            last = result.events[-1]
+            raise SimulationError(
+                f"the event {last.name!r} ends the run at t = {last.time:.9g} s",
+                time=last.time,
+                partial=result,
+            )
+        return result
+
+    def read(self, result: Any) -> Run:
+        """Return the positions of all moving points, (times, points, axes)."""
+        if isinstance(result, tuple):
+            return self._read_peer(*result)
+        along = np.stack([v.values for v in result.variables], axis=1)
+        return Run(along, result.statistics["steps"], result.statistics["evaluations"])
+
+    def _read_peer(self, setting: Setting, found: Any) -> Run:
+        chain, peer = self._others[setting]
+        places = chain.places(peer.angles(found))
+        if len(places) not in (1, self.samples) or not np.isfinite(places).all():
+            raise SimulationError(f"{peer.program} did not reach the end")
+        model = self.models[FLOAT64.name]
+        order = [chain.names.index(p) for p in model.description.free]  # type: ignore[union-attr]
+        return Run(places[:, order], None, None)
+
+    def reference(self) -> Reference:
+        """Return a run at the tightest possible tolerance, in the widest available precision."""
+        name = next(p for p in _REFERENCE if p in self.models)
+        for k in range(_LOOSENED + 1):
+            rtol = _REFERENCE[name] * 10.0**k
+            try:
+                tight, loose = self._along(rtol, name), self._along(_JUDGE * rtol, name)
+            except SimulationError:
+                if k == _LOOSENED:
+                    raise
+                continue
+            moved = float(np.max(distance(tight, loose)))
+            return Reference(tight, moved, f"dop853 at rtol {rtol:.0e}, {name}")
+        raise AssertionError("the last failure is raised")
+
+    def _along(self, rtol: float, precision: str = FLOAT64.name) -> Array:
+        return self.read(self.call(Setting("dop853", "", rtol=rtol, precision=precision))).along
+
+    def size(self) -> float:
+        """Return the largest range of a coordinate [m]."""
+        return float(np.max(np.ptp(self._along(1e-6), axis=0)))
+
+
+class FreeLoop(Rods):
+    """A loop with free variables; errors are those of the recorded outputs."""
+
+    unit = "of the largest"
+    measured = "largest error of a recorded output over its largest value"
+
+    def __init__(self, models: Mapping[str, LoopModel], t_end: float | None, samples: int) -> None:
+        super().__init__(models, t_end, samples)
+        self.orders = {name: m.order for name, m in INTEGRATORS.items() if m.kind == "explicit"}
+        model = models[FLOAT64.name]
+        result = self.call(Setting("dop853", "", rtol=1e-6))
+        found = self._outputs(result)
+        if not found.size:
+            raise ModelError(f"{model.name} records no outputs to compare: list some under analysis.outputs")
+        units = [v.unit for v in result.variables for _ in range(v.values.size // len(result.time))]
+        self._sizes = sizes(np.max(np.abs(found), axis=0), units)
+
+    @staticmethod
+    def _outputs(result: Result) -> Array:
+        rows = [v.values.reshape(len(result.time), -1) for v in result.variables]
+        return np.concatenate([*rows, np.zeros((len(result.time), 0))], axis=1)
+
+    def read(self, result: Any) -> Run:
+        """Return all recorded outputs relative to their largest values, (times, outputs)."""
+        along = self._outputs(result) / self._sizes
+        return Run(along, result.statistics["steps"], result.statistics["evaluations"])

@@ -1,0 +1,287 @@
+"""The C compiler: detection, identification and execution."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import re
+import shlex
+import shutil
+import signal
+import subprocess
+import tempfile
+import time
+import warnings
+from collections.abc import Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from symgen.errors import BuildError, ModelError, SlowBackendWarning, nearest
+
+#: Default flags. Straight-line code compiles in four fifths of the time of ``-O1`` and runs as fast.
+#: Contraction is off so that results are reproducible bit for bit.
+FLAGS = ("-std=c11", "-Og", "-ffp-contract=off")
+DEFAULT = ("-Og",)
+#: Instead of ``-Og`` where sines and cosines dominate: sine and cosine of an angle share one call.
+OF_FUNCTIONS = ("-O1",)
+#: Instead of ``-Og`` for batches of states: SIMD lanes call functions in loops, which need inlining, and
+#: a square root is a single instruction only if it need not set errno.
+OF_LANES = ("-O3", "-fno-math-errno")
+#: Instead of ``-Og`` for the core of runs, which consists of loops.
+OF_CORE = ("-O2",)
+#: Options that affect the last bits of results or the portability of a binary, with the flags of each value.
+CONTRACTIONS = {"off": "-ffp-contract=off", "fast": "-ffp-contract=fast"}
+VECTORS = {"none": (), "native": ("-march=native",)}
+#: Instead of ``-Og`` for a specific processor: there a longer compilation pays off.
+_OF_NATIVE = ("-O2", "-fno-semantic-interposition", "-finline-functions", "-finline-limit=10000")
+#: Time limits [s] for compiling or linking one file, and for printing the compiler's version.
+_LIMIT, _VERSION_LIMIT = 600.0, 30.0
+_ORIGIN = "  Flags come from SYMGEN_CFLAGS, the compiler from CC"
+
+
+@dataclass(frozen=True, slots=True)
+class Compiler:
+    """A C compiler with its flags: ``command`` invokes it, ``version`` is the first line it prints."""
+
+    command: tuple[str, ...]
+    version: str
+    flags: tuple[str, ...]
+
+    def with_options(self, contraction: str, vector: str) -> Compiler:
+        """Return the same compiler with another contraction mode or vector instruction set.
+
+        Raises
+        ------
+        ModelError
+            If an option does not have this value.
+        """
+        for value, known in ((contraction, CONTRACTIONS), (vector, VECTORS)):
+            if value not in known:
+                option = "contraction" if known is CONTRACTIONS else "vector"
+                raise ModelError(f"there is no {option} {value!r}. {nearest(str(value), known)}")
+        flags = self.flags
+        if contraction != "off":
+            kept = (f for f in flags if not f.startswith("-ffp-contract"))
+            flags = (*kept, CONTRACTIONS[contraction])
+        return replace(self, flags=(*flags, *VECTORS[vector]))
+
+    @property
+    def identity(self) -> str:
+        """All settings that may change the binary, including the CPU if the flags tune to it."""
+        tuned = any(flag.startswith(("-march", "-mtune", "-mcpu")) for flag in self.flags)
+        return "\n".join((*self.command, self.version, *self.flags, _cpu() if tuned else ""))
+
+    def start(
+        self,
+        sources: Sequence[Path],
+        library: Path,
+        instead: Sequence[str] = DEFAULT,
+        libraries: Sequence[str] = ("m",),
+    ) -> Compilation:
+        """Start compiling C sources in parallel to a shared library.
+
+        Parameters
+        ----------
+        sources
+            The C files; object files are placed next to them.
+        library
+            Path of the library.
+        instead
+            Flags that replace ``-Og``, unless the user has set flags.
+        libraries
+            Libraries to link with.
+        """
+        if tuple(instead) == DEFAULT and set(VECTORS["native"]) <= set(self.flags):
+            instead = _OF_NATIVE
+        flags = [flag for f in self.flags for flag in (instead if f == "-Og" else (f,))]
+        with ExitStack() as opened:
+            running = []
+            for source in sources:
+                made = source.with_suffix(".o")
+                command = [*self.command, *flags, "-fPIC", "-c", str(source), "-o", str(made)]
+                running.append((opened.enter_context(Process(command)), made))
+            linked = tuple(f"-l{name}" for name in libraries)
+            return Compilation(self, tuple(running), library, linked, opened.pop_all())
+
+
+@dataclass(frozen=True, slots=True)
+class Compilation:
+    """Running compiler processes; a context manager that kills the remaining ones on exit."""
+
+    compiler: Compiler
+    running: tuple[tuple[Process, Path], ...]
+    library: Path
+    linked: tuple[str, ...]
+    opened: ExitStack
+
+    def __enter__(self) -> Compilation:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.opened.close()
+
+    def finish(self) -> Path:
+        """Wait for the objects, link them, and return the path of the library.
+
+        Files that exceed the time limit are compiled again at ``-O0``, with a warning.
+
+        Raises
+        ------
+        BuildError
+            With the command and the compiler's own output, or with the exceeded time limit.
+        """
+        with self:
+            slow = [process for process, _ in self.running if not process.ended(_LIMIT)]
+            for process in slow:
+                process.kill()
+            again = [self.opened.enter_context(_unoptimised(process)) for process in slow]
+            for process in (*again, *(p for p, _ in self.running if p not in slow)):
+                process.check(_LIMIT)
+            objects = [made for _, made in self.running]
+            command = [*self.compiler.command, *self.compiler.flags, "-shared", "-o", str(self.library)]
+            link = self.opened.enter_context(Process([*command, *map(str, objects), *self.linked]))
+            link.check(_LIMIT)
+        if not self.library.is_file():
+            raise BuildError(
+                f"the C compiler reported success but wrote no library: {shlex.join(link.command)}\n"
+                f"{_ORIGIN}; they must let it compile and link (no -E, -S, -fsyntax-only)."
+            )
+        for made in objects:
+            made.unlink(missing_ok=True)
+        return self.library
+
+
+def _unoptimised(process: Process) -> Process:
+    """Restart a compilation that exceeded the limit at ``-O0``; raise BuildError if it ran at ``-O0``."""
+    plain = [word for word in process.command if not re.fullmatch(r"-O\w*", word)]
+    if plain == process.command or "-O0" in process.command:
+        raise BuildError(process.over_limit(_LIMIT))
+    warnings.warn(
+        f"the C compiler exceeded the limit of {_LIMIT:g} s with {Path(plain[-3]).name} and was killed; that "
+        "file is compiled again at -O0, so runs take longer",
+        SlowBackendWarning,
+        stacklevel=2,
+    )
+    return Process([*plain, "-O0"])
+
+
+class Process:
+    """A compiler in its own process group, so that its child processes end with it."""
+
+    def __init__(self, command: list[str]) -> None:
+        self.command = command
+        try:
+            # A file, not a pipe: a pipe stays open as long as any process of the group lives.
+            self._output = tempfile.TemporaryFile()  # noqa: SIM115 - closed by __exit__
+            self._process = subprocess.Popen(
+                command,
+                stdin=subprocess.DEVNULL,
+                stdout=self._output,
+                stderr=subprocess.STDOUT,
+                start_new_session=True,
+            )
+        except OSError as error:
+            raise BuildError(f"cannot run the C compiler {command[0]}: {error}") from None
+        self._begun = time.monotonic()
+
+    def __enter__(self) -> Process:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.kill()
+        self._output.close()
+
+    def ended(self, limit: float) -> bool:
+        """Wait until the compiler has ended; return False if it has run for longer than the limit [s]."""
+        try:
+            self._process.wait(max(0.0, limit - (time.monotonic() - self._begun)))
+        except subprocess.TimeoutExpired:
+            return False
+        return True
+
+    def kill(self) -> None:
+        """Kill the compiler and all processes of its group."""
+        if self._process.poll() is None:
+            if os.name == "nt":
+                self._process.kill()
+            else:
+                os.killpg(self._process.pid, signal.SIGKILL)
+            self._process.wait()
+
+    @property
+    def output(self) -> str:
+        """Return the compiler's output so far."""
+        self._output.seek(0)
+        return self._output.read().decode("utf-8", "replace").strip()
+
+    def check(self, limit: float) -> None:
+        """Wait for the compiler; raise BuildError unless it succeeds within the limit [s]."""
+        if not self.ended(limit):
+            raise BuildError(self.over_limit(limit))
+        code = self._process.returncode
+        if code:
+            how = f"killed by signal {-code}" if code < 0 else f"exit code {code}"
+            said = f"{self.output}\n" if self.output else ""
+            raise BuildError(f"the C compiler failed ({how}): {shlex.join(self.command)}\n{said}{_ORIGIN}.")
+
+    def over_limit(self, limit: float) -> str:
+        """Kill the compiler, and return the message for one that exceeded the limit [s]."""
+        self.kill()
+        lines = (
+            f"the C compiler exceeded the limit of {limit:g} s and was killed: {shlex.join(self.command)}",
+            self.output,
+            "  The backend numpy (--backend numpy) needs no compiler; a smaller model compiles faster.",
+        )
+        return "\n".join(filter(None, lines))
+
+
+def find_compiler() -> Compiler | None:
+    """Return the compiler named by ``CC``, or the first of cc, gcc and clang; None if there is none.
+
+    Raises
+    ------
+    BuildError
+        If the compiler in ``CC`` does not exist, or ``CC`` or ``SYMGEN_CFLAGS`` cannot be parsed.
+    """
+    chosen = os.environ.get("CC")
+    candidates = [_words("CC", chosen)] if chosen else [["cc"], ["gcc"], ["clang"]]
+    flags = os.environ.get("SYMGEN_CFLAGS")
+    for command in candidates:
+        path = shutil.which(command[0]) if command else None
+        if path:
+            full = (path, *command[1:])
+            of_user = FLAGS if flags is None else tuple(_words("SYMGEN_CFLAGS", flags))
+            return Compiler(full, _version(full), of_user)
+    if chosen:
+        raise BuildError(f"CC names the compiler {chosen!r}, which is not there; unset CC or correct it")
+    return None
+
+
+def _words(variable: str, value: str) -> list[str]:
+    try:
+        return shlex.split(value)
+    except ValueError as error:  # an unclosed quote or a trailing backslash
+        raise BuildError(
+            f"the environment variable {variable} cannot be split into words: {error}, got {value!r}"
+        ) from None
+
+
+def _version(command: tuple[str, ...]) -> str:
+    with Process([*command, "--version"]) as process:
+        if not process.ended(_VERSION_LIMIT):
+            raise BuildError(process.over_limit(_VERSION_LIMIT))
+        return process.output.partition("\n")[0].strip()
+
+
+def _cpu() -> str:
+    """Return the CPU's name and features, as far as the platform provides them."""
+    import platform
+
+    try:
+        text = Path("/proc/cpuinfo").read_text(encoding="utf-8")
+    except OSError:
+        text = ""
+    wanted = [line for line in text.splitlines() if line.startswith(("model name", "flags", "Features"))]
+    features = hashlib.sha256("\n".join(sorted(set(wanted))).encode()).hexdigest()
+    return f"{platform.machine()} {platform.processor()} {features}"

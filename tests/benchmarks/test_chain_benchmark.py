@@ -1,0 +1,55 @@
+"""The exact solution that benchmarks/chain.py measures errors by, and what it asks of Pinocchio."""
+
+from __future__ import annotations
+
+import importlib.util
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+FOLDER = Path(__file__).parents[2] / "benchmarks"
+
+
+@pytest.fixture(scope="module")
+def benchmark():
+    sys.path.insert(0, str(FOLDER))
+    try:
+        spec = importlib.util.spec_from_file_location("chain_benchmark", FOLDER / "chain.py")
+        module = importlib.util.module_from_spec(spec)
+        spec.loader.exec_module(module)
+        yield module
+    finally:
+        sys.path.remove(str(FOLDER))
+
+
+@pytest.mark.parametrize("where", ["plane", "space"])
+def test_exact_solution_is_that_of_the_whole_system(benchmark, where):
+    state = benchmark.State(where, 6)
+    found = state.exact()
+    state.check(found)
+    motion = state.chain.accelerations(along=state.along, rates=state.rates)
+    assert benchmark.relative_error(motion.accelerations, found) < 1e-14
+    found[3][0] += 1e-20
+    with pytest.raises(ArithmeticError, match="differ"):
+        state.check(found)
+
+
+@pytest.mark.parametrize("where", ["plane", "space"])
+def test_kernels_and_lanes_find_it(benchmark, where):
+    state = benchmark.State(where, 6)
+    for kernel in (benchmark.Kernel(state), benchmark.Batch(state)):
+        kernel.times = 2
+        kernel.run()
+        assert kernel.error(state.exact()) < 1e-14
+
+
+def test_pinocchio_is_given_the_same_chain(benchmark):
+    pin = pytest.importorskip("pinocchio", reason="the extra 'peers' is not installed")
+    state = benchmark.State("plane", 6)
+    peer = benchmark.Peer(pin, state)
+    assert peer.error() < 1e-13
+    peer.run()
+    angle = np.cumsum(peer.q)
+    assert np.allclose(state.along, np.stack([np.cos(angle), -np.sin(angle)], axis=1), atol=1e-14)

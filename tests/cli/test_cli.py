@@ -1,0 +1,362 @@
+"""The command line."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from shared.commands import call
+from typer.testing import CliRunner
+
+import symgen
+from symgen.cli import app
+from symgen.errors import ResultError, SymgenError
+
+runner = CliRunner()
+
+
+def test_json_is_one_object_and_nothing_else():
+    done = subprocess.run(
+        [sys.executable, "-m", "symgen", "run", "peaucellier", "--t-end", "1.0", "--rtol", "1e-12"]
+        + ["--atol", "1e-14", "--json"],
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert done.stderr == ""
+    run = json.loads(done.stdout)
+    assert {
+        "scene",
+        "method",
+        "steps",
+        "evaluations",
+        "wall_s",
+        "energy_drift",
+        "constraint_drift",
+        "final",
+    } <= set(run)
+    assert run["scene"] == "peaucellier" and run["method"] == "dop853"
+    assert run["final"]["C"]["position"] == pytest.approx([0.06, 0.0012604868770946], abs=1e-11)
+    assert set(run["final"]) == set("OABCDE")
+    assert run["constraint_drift"] < 1e-13
+    assert run["energy_drift"] < 1e-12 * run["energy_exchanged"]
+
+
+def test_errors_are_one_message_and_exit_code_2():
+    for arguments, words in (
+        (["run", "peaucelier"], "Did you mean 'peaucellier'"),
+        (["run", "peaucellier", "--method", "rk4", "--rtol", "1e-3"], "give step instead of rtol"),
+        (["run", "peaucellier", "--t-end", "-1"], "expected --t-end"),
+        (["run", "peaucellier", "--set", "rho"], "KEY=VALUE"),
+        (["run", "peaucellier", "--set", "roh=1 kg/m"], "Did you mean 'rho'"),
+        (["run", "peaucellier", "--set", "rho=1 kg"], "expected a quantity in kg/m"),
+        (["show", "peaucellier", "mass"], "Did you mean 'mass_matrix'"),
+    ):
+        done = subprocess.run([sys.executable, "-m", "symgen", *arguments], capture_output=True, text=True)
+        assert done.returncode == 2
+        assert done.stdout == ""
+        assert words in done.stderr
+        assert "Traceback" not in done.stderr
+
+
+def test_set_changes_tunable_and_folded_values():
+    plain = json.loads(call("run", "peaucellier", "--json"))
+    heavy = json.loads(call("run", "peaucellier", "--json", "--set", 'rho="2 kg/m"'))
+    assert heavy["parameters"] == {"rho": 2.0}
+    assert heavy["equations"] == plain["equations"]
+    assert heavy["energy_exchanged"] == pytest.approx(2 * plain["energy_exchanged"], rel=1e-6)
+    other = json.loads(call("run", "peaucellier", "--json", "--set", "links.OA.mass_per_length=3 kg/m"))
+    assert other["equations"] != plain["equations"]
+
+
+def test_set_takes_lists_as_they_stand_in_the_file(tmp_path):
+    file = tmp_path / "run.npz"
+    wanted = 'analysis.outputs=["energy", "B.velocity"]'
+    call("run", "four_bar", "--t-end", "0.1", "--set", wanted, "--out", file)
+    assert list(symgen.load_result(file)) == ["energy", "B.velocity"]
+    done = subprocess.run(
+        [sys.executable, "-m", "symgen", "run", "four_bar", "--set", "gravity.acceleration=[0, 1 m/s^2"],
+        capture_output=True,
+        text=True,
+    )
+    assert done.returncode == 2 and "expected a list in square brackets, got '[0, 1 m/s^2'" in done.stderr
+
+
+@pytest.mark.parametrize("ending", [".nc", ".npz"])
+def test_out_saves_what_load_result_reads(tmp_path, ending):
+    file = tmp_path / f"run{ending}"
+    call("run", "four_bar", "--t-end", "0.5", "--samples", "11", "--out", file)
+    run = symgen.load_result(file)
+    assert run.time.tolist() == np.linspace(0, 0.5, 11).tolist()
+    assert run["A.position"].shape == (11, 2)
+
+
+def test_plot_writes_a_picture(tmp_path):
+    call("run", "four_bar", "--plot", tmp_path / "run.svg")
+    assert (tmp_path / "run.svg").read_text().count("<path") > 10
+
+
+def test_a_failed_run_saves_what_it_had(tmp_path):
+    file = tmp_path / "run.npz"
+    with pytest.raises(SymgenError, match="at t ="):
+        call("run", "triple_pendulum", "--step", "0.4", "--t-end", "20", "--out", file)
+    partial = symgen.load_result(file)
+    assert 0 < partial.statistics["t"] < 20
+    assert np.all(np.isfinite(partial["A.position"].values))
+
+
+@pytest.mark.parametrize("model", ["four_bar", "rod"])
+def test_show(model):
+    listed = call("show", model)
+    assert "mass_matrix" in listed and "constraint_jacobian" in listed
+    assert "⎡" in call("show", model, "mass_matrix")
+    assert r"\begin{matrix}" in call("show", model, "constraint_jacobian", "--format", "latex")
+    assert "out[0] = " in call("show", model, "constraint_jacobian", "--format", "c")
+
+
+@pytest.mark.parametrize("model", ["peaucellier", "slider_crank"])
+def test_every_listed_matrix_is_shown(model):
+    """Names with dots too, as outputs have."""
+    names = [m.name for m in symgen.derive(model).matrices]
+    assert any("." in name for name in names)
+    for name in (names[0], *[name for name in names if "." in name][:3]):
+        assert call("show", model, name, "--format", "c")
+
+
+def test_show_lists_the_steps_of_a_derivation():
+    listed = call("show", "element_beam8")
+    assert listed.index("weak_form") < listed.index("geometric0") < listed.index("global_stiffness")
+    assert "(6.12); rotary inertia added" in " ".join(listed.replace("│", " ").split())
+    assert "uₜ + vₓ" in call("show", "element_cubic", "velocity")
+    assert "mass matrix" in call("show", "element_timoshenko", "mass")
+
+
+def test_show_says_what_rows_and_symbols_are():
+    shown = call("show", "element_beam8", "load_x")
+    assert "rows: u1, w1, theta1, kappa1, u2, w2, theta2, kappa2" in shown
+    assert "L   length of the element [m]" in shown and "m2  mass per length" in shown
+    assert "j0" not in shown  # only what stands there
+
+
+def test_show_lists_what_elastic_links_take():
+    listed = call("show", "elastic_four_bar")
+    assert (
+        listed.index("mass_matrix")
+        < listed.index("elastic_motion.links")
+        < listed.index("elastic_joints.load")
+    )
+    text = call("show", "elastic_four_bar", "elastic_motion.links", "--format", "numeric")
+    crank = next(line for line in text.splitlines() if line.startswith("  crank"))
+    cosine, sine, gyroscopic = (float(x) for x in crank.split()[1:4])
+    assert cosine == 1.0 and abs(sine) < 1e-15
+    assert gyroscopic == pytest.approx(-2 * 373 * math.pi / 30, rel=1e-9)
+    assert "out[0] = " in call("show", "elastic_four_bar", "elastic_joints.mass_matrix", "--format", "c")
+    assert "elastic_motion" not in call("show", "four_bar")
+
+
+def test_show_numbers_at_the_start():
+    text = call("show", "four_bar", "positions", "--format", "numeric")
+    rows = {line.split()[0]: [float(x) for x in line.split()[1:]] for line in text.splitlines()[2:]}
+    assert rows["A"] == pytest.approx([np.cos(1.1), np.sin(1.1)], abs=1e-10)
+    with pytest.raises(SymgenError, match="no state"):
+        call("show", "rod", "mass_matrix", "--format", "numeric")
+    with pytest.raises(SymgenError, match="no format 'tex'"):
+        call("show", "rod", "mass_matrix", "--format", "tex")
+
+
+def test_lists_and_schema(monkeypatch, tmp_path):
+    monkeypatch.setenv("SYMGEN_CACHE", str(tmp_path))
+    assert all(name in call("scenes") for name in symgen.shipped_scenes())
+    assert "accelerations" in call("build", "four_bar")
+    assert "1 entries" in call("cache", "info")
+    assert "removed 1 entries" in call("cache", "clear")
+    schema = json.loads(call("schema"))
+    assert {"points", "links", "drivers"} <= set(schema["properties"])
+    assert call("--version").strip() == symgen.__version__
+    assert "generated/ is current" in call("generate", "--check")
+
+
+@pytest.mark.parametrize("command", ["scenes", "run", "show", "generate", "build", "schema", "cache"])
+def test_help(command):
+    assert "Usage" in call(command, "--help")
+
+
+@pytest.fixture
+def entry(monkeypatch, capfd):
+    """Call what the console script calls, in this process: exit code, standard output and error."""
+    import gc
+    import warnings
+
+    from symgen import cli
+
+    # The entry keeps the command alone that is named, which must last no longer than the call.
+    commands, groups = cli.app.registered_commands, cli.app.registered_groups
+
+    def called(*arguments):
+        monkeypatch.setattr(cli.app, "registered_commands", commands)
+        monkeypatch.setattr(cli.app, "registered_groups", groups)
+        monkeypatch.setattr(sys, "argv", ["symgen", *map(str, arguments)])
+        with pytest.raises(SystemExit) as ended:
+            cli.main()
+        said = capfd.readouterr()
+        return ended.value.code or 0, said.out, said.err
+
+    monkeypatch.setattr(warnings, "showwarning", warnings.showwarning)
+    monkeypatch.setattr(cli.atexit, "register", lambda *_: None)
+    yield called
+    gc.enable()
+
+
+@pytest.mark.parametrize(
+    "arguments, words",
+    [
+        (["--method", "rk4"], "give it one, such as step"),
+        (["--method", "rk4", "--step", "0.01", "--atol", "1e-9"], "give step instead of rtol and atol"),
+        (
+            ["--method", "dop853", "--step", "0.01", "--rtol", "1e-6"],
+            "takes fixed steps or meets a tolerance",
+        ),
+        (["--method", "dop583"], "Did you mean 'dop853'"),
+        (["--rtol", "0"], "expected --rtol"),
+        (["--rtol", "1e-20"], "tightest that float64 can meet"),
+        (["--atol", "nan"], "expected a finite number for --atol"),
+        (["--step", "-0.1"], "expected --step"),
+        (["--t-end", "0"], "expected --t-end"),
+        (["--t-end", "inf"], "expected a finite number for --t-end"),
+        (["--samples", "1"], "samples"),
+        (["--backend", "fortran"], "no backend 'fortran'"),
+        (["--set", "rho=nan kg/m"], "finite number"),
+        (
+            ["--set", "rho=-1 kg/m"],
+            "[links.OA] mass_per_length: expected a mass per length of at least zero, got 'rho', which is -1 kg/m",
+        ),
+        (["--set", "links.OA.mass=1 kg"], "mass or mass_per_length, not both"),
+        (["--set", "points.A.at.0=open('x')"], "calls 'open'"),
+        (["--out", "run.csv"], "ending in .nc or .npz"),
+        (["--out", "no/such/folder/run.nc"], "cannot write the result"),
+        (["--plot", "no/such/folder/run.png"], "cannot write the plot"),
+        (["--plot", "run.nothing"], "ending in .png or .svg or .pdf"),
+    ],
+    ids=lambda x: "=".join(x) if isinstance(x, list) else "",
+)
+def test_wrong_options(entry, arguments, words, tmp_path, monkeypatch):
+    """One message, exit code 2, and no file, whole or in part."""
+    monkeypatch.chdir(tmp_path)
+    code, out, err = entry("run", "peaucellier", "--json", *arguments)
+    assert code == 2
+    assert out == ""
+    assert err.startswith("symgen: ") and err.count("symgen: ") == 1
+    assert words in err
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_the_entry_point_gives_0_when_all_is_well(entry):
+    code, out, err = entry("run", "peaucellier", "--json", "--samples", "2")
+    assert (code, err) == (0, "")
+    assert json.loads(out)["scene"] == "peaucellier"
+    code, out, err = entry("nonsense")
+    assert code == 2 and out == "" and "nonsense" in err
+
+
+@pytest.mark.parametrize("ending", [".nc", ".npz"])
+def test_saved_arrays_are_those_of_the_run(tmp_path, ending):
+    file = tmp_path / f"run{ending}"
+    call("run", "four_bar", "--t-end", "0.4", "--samples", "7", "--step", "0.01", "--out", file)
+    saved = symgen.load_result(file)
+    fresh = symgen.build("four_bar").simulate(0.4, samples=7, step=0.01)
+    assert {v.name for v in saved.variables} == {v.name for v in fresh.variables}
+    for variable in fresh.variables:
+        assert np.array_equal(saved[variable.name].values, variable.values)
+        assert saved[variable.name].attrs["units"] == variable.unit
+    assert saved.provenance == fresh.provenance
+    assert saved.drift == fresh.drift
+    assert [p.name for p in tmp_path.iterdir()] == [file.name]
+
+
+def test_a_dotted_key_means_what_the_file_would(tmp_path):
+    by_key = json.loads(call("run", "four_bar", "--json", "--set", "links.crank.mass=3 kg"))
+    text = (symgen.scene.loading.SHIPPED / "four_bar.toml").read_text()
+    (tmp_path / "four_bar.toml").write_text(text.replace('mass = "1 kg"', 'mass = "3 kg"'))
+    assert by_key["final"] == json.loads(call("run", tmp_path / "four_bar.toml", "--json"))["final"]
+    assert by_key["final"] != json.loads(call("run", "four_bar", "--json"))["final"]
+
+
+@pytest.mark.parametrize("command", [["cache", "info"], ["cache", "clear"], []])
+def test_help_of_the_rest(command):
+    assert "Usage" in call(*command, "--help")
+
+
+@pytest.mark.parametrize("option", ["--out", "--plot"])
+@pytest.mark.parametrize("file", ["result.xyz", "missing/result.nc", "missing/plot.png"])
+def test_a_file_that_cannot_be_written_is_refused_before_the_run(option, file, tmp_path):
+    """A run that cannot end, asked for a file that cannot be written: the answer comes at once."""
+    done = runner.invoke(app, ["run", "peaucellier", "--t-end", "1e9", option, str(tmp_path / file)])
+    assert isinstance(done.exception, ResultError)
+    assert re.search("file ending in|no folder", str(done.exception))
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_set_whole_numbers_and_choices():
+    changed = ["--set", "links.coupler.elastic.elements=3", "--set", "links.output.elastic.axial=false"]
+    said = " ".join(call("explain", "elastic_four_bar", *changed).split())
+    assert "link coupler, 3 elements beam8" in said
+    assert "link output, 1 element beam8, inextensible" in said
+
+
+def test_help_lists_every_command_with_a_whole_sentence():
+    listed = call("--help").partition("Commands:")[2].strip().splitlines()
+    assert len(listed) == len(app.registered_commands) + len(app.registered_groups)
+    assert all(line.rstrip().endswith(".") and not line.rstrip().endswith("..") for line in listed), listed
+
+
+def test_a_run_prints_the_outputs_that_were_asked_for():
+    printed = call("run", "peaucellier")
+    ended = symgen.build("peaucellier").simulate()
+    for axis, values in zip("xy", ended.variable("E.reaction").values.T, strict=True):
+        row = next(line for line in printed.splitlines() if f"E.reaction.{axis}" in line)
+        least, greatest = np.argmin(values), np.argmax(values)
+        numbers = values[-1], values[least], ended.time[least], values[greatest], ended.time[greatest]
+        assert row.split()[2:] == [f"{round(x, 12) + 0.0:.6g}" for x in numbers]
+
+
+def test_a_scene_file_named_without_its_ending(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "mine.toml").write_text("symgen = 1\n")
+    done = runner.invoke(app, ["run", "mine"])
+    assert "Did you mean 'mine.toml'?" in str(done.exception)
+
+
+def test_tables_hold_no_minus_zero():
+    from symgen.report.tables import _text
+
+    assert _text(-0.0) == "0" and _text(-1e-300) == "-1e-300"
+    rates = call("run", "slider_crank", "--at", "45")
+    assert not re.search(r" -0 ", rates)
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full, a device that is always full")
+@pytest.mark.parametrize("arguments, unbuffered", [("scenes", ""), ("schema", "1"), ("--help", "")])
+def test_output_that_does_not_fit_is_one_clear_line(arguments, unbuffered):
+    with Path("/dev/full").open("w") as full:
+        done = subprocess.run(
+            [sys.executable, "-m", "symgen", arguments],
+            stdout=full,
+            stderr=subprocess.PIPE,
+            text=True,
+            env={**os.environ, "PYTHONUNBUFFERED": unbuffered},
+        )
+    assert done.returncode == 1
+    assert done.stderr == "symgen: cannot write the output: No space left on device\n"
+
+
+def test_a_number_of_sums_below_zero_is_refused(entry):
+    code, out, err = entry("accuracy", "rod", "--top", "-3")
+    assert (code, out) == (2, "")
+    assert err == "symgen: expected a number of sums from 0 on for top, got -3\n"

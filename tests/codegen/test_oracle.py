@@ -1,0 +1,143 @@
+"""Every kernel of every shipped model, on every backend, against 40-digit evaluation at random states."""
+
+from __future__ import annotations
+
+import importlib
+
+import mpmath
+import numpy as np
+import pytest
+from shared.full import full_unless
+from shared.oracle import Oracle, relative_error
+from shared.rich_scenes import joined_bodies, rich_scene
+from shared.shipped import LINKAGES, LOOPS, rigid
+from shared.states import random_values
+
+import symgen
+from symgen.codegen.emit import emit, equations_hash
+from symgen.codegen.target import Target
+from symgen.lowering.program import lower_system
+from symgen.models import BLOCKS, SHIPPED_BLOCKS
+from symgen.runtime.kernels.evaluate import Evaluator
+from symgen.runtime.loop.kernels import LoopKernels
+
+#: Scenes that use every word of the vocabulary in the plane, and in space.
+WORDS = {"plane": symgen.Scene(**rich_scene(everything=True)), "space": symgen.Scene(**joined_bodies())}
+STATES = 3
+#: Relative to the largest entry of a kernel's result. The assembly residual cancels to nothing by design.
+TOLERANCE = 1e-13
+SOLUTION_TOLERANCE = 2e-11
+#: Away from what the constraints allow, a redundant one is nearly dependent on the others.
+REDUNDANT_TOLERANCE = 1e-9
+#: Unknowns beyond which one state must do: their solution off the constraints takes long.
+MANY = 60
+
+
+@pytest.mark.parametrize(
+    ("scene", "backend"),
+    full_unless(
+        lambda scene, backend: backend == "c" or scene in ("four_bar", "peaucellier", *WORDS),
+        [(scene, backend) for scene in (*LINKAGES, *WORDS) for backend in ("c", "numpy")],
+    ),
+)
+def test_scene_kernels(scene, backend):
+    scene = WORDS.get(scene, scene)
+    model = rigid(symgen.build(scene, backend=backend))
+    system = symgen.derive(scene)
+    oracle = Oracle(system)
+    exports = {e.kernel: e.matrices for e in system.exports}
+    rng = np.random.default_rng(0x5EED)
+    checked = set()
+    tolerance = REDUNDANT_TOLERANCE if model.redundant else SOLUTION_TOLERANCE
+    for _ in range(STATES if len(system.group("work").quantities) < MANY else 1):
+        values = random_values(system, model, rng)
+        evaluate = Evaluator(model.description, model._library, values["p"])
+        t, q, u, work = values["t"][0], values["q"], values["u"], np.append(values["work"], 0.0)
+        for kernel, matrices in exports.items():
+            found = evaluate.blocks(kernel, t, q, u, work.copy())
+            for name in matrices:
+                exact = oracle.matrix(name, values)
+                assert relative_error(found[name].ravel(), exact) < TOLERANCE, (kernel, name)
+            checked.add(kernel)
+        solution = evaluate("accelerations", t, q, u)
+        assert relative_error(solution, oracle.solve(values)) < tolerance
+        memory = np.zeros(evaluate.work_size + 1)
+        evaluate("factor", t, q, u, memory)
+        rhs = rng.standard_normal(len(solution))
+        solved = np.append(rhs, 0.0)
+        _solve_in_place(evaluate, t, q, u, memory, solved)
+        assert relative_error(solved[:-1], oracle.solve(values, mpmath.matrix(rhs))) < tolerance
+        checked |= {"accelerations", "factor", "solve"}
+    # What the set-up kernel leaves is in all of these numbers.
+    assert checked == {k.name for k in model.description.kernels} - {"setup"}
+
+
+def _solve_in_place(evaluate, t, q, u, memory, solved):
+    from symgen.runtime import _core
+
+    address, sizes = evaluate.library.addresses["solve"], evaluate.description.sizes_of("solve")
+    given = np.array([t]), np.append(q, 0), np.append(u, 0), evaluate.parameters
+    _core.call(address, sizes, *given, memory, solved)
+
+
+@pytest.mark.parametrize("backend", ["c", "numpy"])
+@pytest.mark.parametrize("scene", LOOPS)
+def test_kernels_of_loops(scene, backend):
+    """Anywhere, closed or not: no kernel takes the loop for closed."""
+    model, system = symgen.build(scene, backend=backend), symgen.derive(scene)
+    oracle, rng = Oracle(system), np.random.default_rng(0x1009)
+    values = {g.name: rng.uniform(-1.5, 1.5, len(g.quantities)) for g in system.groups}
+    tuned = np.array(model.given)
+    values["p"] = np.where(tuned == 0, 1, tuned) * rng.uniform(0.7, 1.4, len(tuned))
+    kernels = LoopKernels(model.description, model._library, values["p"])
+    for export in system.exports:
+        found = kernels(export.kernel, values["t"][0], values["q"], values["u"], values["work"])
+        for name in export.matrices:
+            exact = oracle.matrix(name, values)
+            assert relative_error(found[name].ravel(), exact) < TOLERANCE, (export.kernel, name)
+    assert {e.kernel for e in system.exports} == {k.name for k in model.description.kernels} - {"setup"}
+
+
+def block_values(system, rng):
+    values = {g.name: rng.uniform(0.5, 2.0, len(g.quantities)) for g in system.groups}
+    return {name: values.get(name, np.zeros(0)) for name in ("t", "q", "u", "p", "work")} | values
+
+
+@pytest.mark.parametrize("name", SHIPPED_BLOCKS)
+def test_shipped_blocks(name):
+    """The extension modules compiled at install, and the NumPy source of the same program."""
+    system = BLOCKS[name]()
+    oracle = Oracle(system)
+    module = importlib.import_module(f"symgen.generated.{name}")
+    program = lower_system(system)
+    equations = equations_hash(program, Target())
+    assert equations == module.EQUATIONS
+    (source,) = emit(program, Target("numpy"), equations)
+    namespace = {}
+    exec(source.text, namespace)
+    rng = np.random.default_rng(7)
+    for _ in range(STATES):
+        values = block_values(system, rng)
+        for export in system.exports:
+            exact = [x for matrix in export.matrices for x in oracle.matrix(matrix, values)]
+            arrays = {k: values[k] for k in ("q", "u", "p")}
+            found = getattr(module, export.kernel)(**arrays)
+            assert relative_error(found, exact) < TOLERANCE
+            slow = np.zeros(len(found))
+            namespace[export.kernel](None, values["q"], values["u"], values["p"], None, slow)
+            assert relative_error(slow, exact) < TOLERANCE
+
+
+def test_shipped_module_checks_its_arguments():
+    module = importlib.import_module("symgen.generated.element_beam8")
+    with pytest.raises(ValueError, match="q has 3 entries, expected 20"):
+        module.shape(q=np.zeros(3), u=np.ones(1))
+    with pytest.raises(TypeError, match="q is missing"):
+        module.shape(u=np.ones(1))
+
+
+def test_backends_agree_to_the_bit_where_no_function_is_called():
+    compiled, slow = (symgen.build("peaucellier", backend=b) for b in ("c", "numpy"))
+    state = compiled.initial_state()
+    a, b = (m.accelerations(state) for m in (compiled, slow))
+    assert a.as_dict() == b.as_dict()

@@ -1,0 +1,165 @@
+"""Runs of elastic links that are stopped and resumed: the same to the bit."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from shared.full import full
+
+import symgen
+from symgen.errors import ModelError, ResultError, SimulationError
+from symgen.runtime.integrate import checkpoint
+
+
+class Stopped(Exception):
+    """What ends a run after a checkpoint."""
+
+
+def stopped_after(count, monkeypatch):
+    """Let a run be stopped when it has written so many checkpoints; return how many it has."""
+    written = []
+    own = checkpoint.store
+
+    def store(*arguments):
+        own(*arguments)
+        written.append(arguments)
+        if len(written) == count:
+            raise Stopped
+
+    for module in ("integrate.checkpoint", "elastic.kept"):
+        monkeypatch.setattr(f"symgen.runtime.{module}.store", store)
+    monkeypatch.setattr("symgen.runtime.integrate.pace._LOOK", 0.0)
+    return written
+
+
+def bits(result):
+    statistics = {**result.statistics, "wall_s": 0}
+    return [v.values.tobytes() for v in result.variables], result.time.tobytes(), statistics, result.notes
+
+
+@pytest.fixture(scope="module")
+def models():
+    """Built once each; one of links that keep their length, so that unknowns are chosen anew at every step."""
+    return {name: symgen.build(name) for name in ("elastic_four_bar", "elastic_slider_crank")}
+
+
+GAUSS = {"rtol": 1e-2, "samples": 40}
+RUNS = [
+    ("gauss", GAUSS),
+    ("gauss4", {"steps": 600, "samples": 7}),
+    ("newmark", {"steps": 1500, "at": (1.0,)}),
+    ("generalized-alpha", {"steps": 700, "at": (1.0, 1.0, 0.0)}),
+    ("wilson-theta", {"steps": 700, "samples": 5, "revolutions": 2.0}),
+]
+
+
+@pytest.mark.parametrize(
+    ("name", "method", "asked"),
+    [
+        *(("elastic_four_bar", *run) for run in RUNS),
+        ("elastic_slider_crank", *RUNS[0]),
+        *(full("elastic_slider_crank", *run) for run in RUNS[1:]),
+    ],
+)
+def test_a_resumed_run_is_the_same_to_the_bit_wherever_it_was_stopped(
+    name, method, asked, models, tmp_path, monkeypatch
+):
+    model, file = models[name], tmp_path / "kept"
+    whole = model.simulate(method=method, **asked)
+    with monkeypatch.context() as patch:
+        written = stopped_after(0, patch)
+        assert bits(model.simulate(method=method, **asked, checkpoint=file, checkpoint_every=0)) == bits(
+            whole
+        )
+    for count in {1, *np.random.default_rng(3).integers(1, len(written) + 1, 3).tolist(), len(written)}:
+        with monkeypatch.context() as patch, pytest.raises(Stopped):
+            stopped_after(count, patch)
+            model.simulate(method=method, **asked, checkpoint=file, checkpoint_every=0)
+        assert bits(model.simulate(method=method, **asked, resume=file)) == bits(whole)
+
+
+def test_a_run_may_be_stopped_again_and_again(models, tmp_path, monkeypatch):
+    """Each time from the last checkpoint, which holds all that was found before, and the time that it took."""
+    model, file, asked = models["elastic_slider_crank"], tmp_path / "kept", {"rtol": 1e-6, "samples": 40}
+    whole = model.simulate(method="gauss", **asked)
+    kept, stops = {"checkpoint": file, "checkpoint_every": 0}, 0
+    while True:
+        try:
+            with monkeypatch.context() as patch:
+                stopped_after(29, patch)
+                found = model.simulate(method="gauss", **asked, **kept)
+            break
+        except Stopped:
+            kept["resume"] = file
+            stops += 1
+    assert stops > 3
+    assert bits(found) == bits(whole)
+
+
+@pytest.mark.parametrize("asked", [{"method": "rk4", "steps": 20000}, {"method": "dop853", "rtol": 1e-8}])
+@pytest.mark.parametrize("name", ["elastic_four_bar", "elastic_slider_crank"])
+def test_explicit_runs_resume(name, asked, models, tmp_path, monkeypatch):
+    model, file = models[name], tmp_path / "kept"
+    asked = {**asked, "revolutions": 0.3, "samples": 11}
+    whole = model.simulate(**asked)
+    for count in (1, 7):
+        with monkeypatch.context() as patch, pytest.raises(Stopped):
+            stopped_after(count, patch)
+            model.simulate(**asked, checkpoint=file, checkpoint_every=0)
+        assert bits(model.simulate(**asked, resume=file)) == bits(whole)
+
+
+@pytest.mark.parametrize("asked", [{"method": "gauss", "rtol": 1e-6}, {"method": "dop853", "rtol": 1e-8}])
+def test_runs_that_max_wall_ended_are_resumed_without_it(asked, models, tmp_path):
+    model, file = models["elastic_four_bar"], tmp_path / "kept"
+    asked = {**asked, "revolutions": 2.0, "samples": 11}
+    whole = model.simulate(**asked)
+    for limit in np.geomspace(1e-3, 10.0, 60):  # the shortest that leaves time for a step
+        with pytest.raises(SimulationError, match="max_wall"):
+            model.simulate(**asked, max_wall=float(limit), checkpoint=file)
+        if file.exists():
+            break
+    assert bits(model.simulate(**asked, max_wall=60.0, resume=file)) == bits(whole)
+    assert bits(model.simulate(**asked, resume=file)) == bits(whole)
+
+
+def test_a_run_in_rods_resumes(models, tmp_path, monkeypatch):
+    model, file = models["elastic_slider_crank"], tmp_path / "kept"
+    asked = {"revolutions": 1.0, "samples": 5, "rtol": 1e-11}
+    whole = model.large_rotation(4, **asked)
+    with monkeypatch.context() as patch, pytest.raises(Stopped):
+        stopped_after(2, patch)
+        model.large_rotation(4, **asked, checkpoint=file, checkpoint_every=0)
+    assert bits(model.large_rotation(4, **asked, resume=file)) == bits(whole)
+    with pytest.raises(ResultError, match="of another run"):
+        model.large_rotation(4, revolutions=1.1, samples=5, rtol=1e-11, resume=file)
+
+
+def test_in_another_type(tmp_path, monkeypatch):
+    model, file = symgen.build("elastic_four_bar", precision="longdouble"), tmp_path / "kept"
+    whole = model.simulate(method="gauss", **GAUSS)
+    with monkeypatch.context() as patch, pytest.raises(Stopped):
+        stopped_after(50, patch)
+        model.simulate(method="gauss", **GAUSS, checkpoint=file, checkpoint_every=0)
+    assert bits(model.simulate(method="gauss", **GAUSS, resume=file)) == bits(whole)
+    with pytest.raises(ResultError, match="of another run"):
+        symgen.build("elastic_four_bar").simulate(method="gauss", **GAUSS, resume=file)
+
+
+def test_checkpoints_of_other_runs_are_refused(models, tmp_path, monkeypatch):
+    model, file = models["elastic_four_bar"], tmp_path / "kept"
+    for method, asked in (("gauss", GAUSS), ("dop853", {"rtol": 1e-8, "revolutions": 0.2, "samples": 11})):
+        with monkeypatch.context() as patch, pytest.raises(Stopped):
+            stopped_after(1, patch)
+            model.simulate(method=method, **asked, checkpoint=file, checkpoint_every=0)
+        changes = {"samples": 9}, {"rtol": 2e-3}, {"revolutions": 0.5}, {"geometric_stiffness": False}
+        for changed in (*changes, {"form": "thesis"}):
+            with pytest.raises(ResultError, match="of another run, stopped at t = "):
+                model.simulate(method=method, **{**asked, **changed}, resume=file)
+        with pytest.raises(ResultError, match="of another run"):
+            model.simulate(method="gauss4", **asked, resume=file)
+        with pytest.raises(ResultError, match="of another run"):
+            models["elastic_slider_crank"].simulate(method=method, **asked, resume=file)
+    for method in (model.periodic, model.quasi_static):
+        with pytest.raises(ModelError, match="checkpoint"):
+            method(checkpoint=file)

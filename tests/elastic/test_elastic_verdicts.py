@@ -1,0 +1,163 @@
+"""What results of elastic links say of themselves: stability, what a reduction leaves out, panels of plots."""
+
+from __future__ import annotations
+
+import io
+import math
+
+import numpy as np
+import pytest
+from rich.console import Console
+
+import symgen
+from symgen.errors import ModelError, SimulationError
+from symgen.report.elastic import print_elastic_result
+from symgen.runtime.result.elastic import is_stable
+from symgen.scene.loading import read_scene
+
+RPM = math.pi / 30
+
+
+@pytest.fixture(scope="module")
+def four_bar():
+    return symgen.build("elastic_four_bar")
+
+
+def test_undamped_vibrations_that_strains_do_not_show_do_not_make_it_unstable(four_bar):
+    """With the steps that its strains need, the largest multiplier at 60 rpm came out as 1.09; it is one."""
+    run = four_bar.with_parameters(speed=60 * RPM).periodic(samples=91)
+    assert abs(run.floquet[0]) == pytest.approx(1.0, abs=1e-6)
+    assert run.stable is True
+    assert not any("unstable" in note for note in run.notes)
+
+
+def test_multipliers_of_too_few_steps_do_not_tell(four_bar):
+    run = four_bar.with_parameters(speed=60 * RPM).periodic(samples=91, steps=512)
+    assert abs(run.floquet[0]) > 1.05
+    assert run.stable is None and run.summary()["stable"] is None
+    assert run.summary()["floquet_error"] > 0.01
+    assert any("not known whether it is stable" in note for note in run.notes)
+    sweep = four_bar.sweep([20 * RPM, 110 * RPM], rtol=1e-2, samples=31)
+    assert sweep.unstable == pytest.approx((110.0,))
+
+
+def test_a_crank_too_slow_for_its_vibrations_to_be_followed():
+    """All multipliers of a damped linkage are near zero then; steps of many vibrations would give one."""
+    run = symgen.build("elastic_slider_crank", set={"speed": "0.01 rpm"}).periodic(samples=31)
+    assert run.stable is None and run.statistics["floquet_error"] is None
+    assert run.statistics["error"] < 1e-4
+
+
+def test_verdict():
+    assert is_stable(1.0 + 5e-7, 0.0) is True
+    assert is_stable(1.0001, 1e-9) is False
+    assert is_stable(1.0001, 5e-4) is True
+    assert is_stable(1.2, 0.01) is None
+    assert is_stable(0.3, None) is None
+
+
+def test_error_of_steps_that_are_given(four_bar):
+    assert four_bar.periodic(steps=256, samples=31).statistics["error"] < 1e-2
+    assert four_bar.periodic(steps=1, samples=2).statistics["error"] is None
+
+
+@pytest.mark.parametrize("kind", ["guyan", "craig-bampton"])
+def test_a_reduction_is_told(kind):
+    data = read_scene("elastic_slider_crank").data
+    reduction = {"kind": kind, "modes": 2} if kind == "craig-bampton" else kind
+    data["links"]["rod"]["elastic"]["reduction"] = reduction
+    notes = symgen.build(symgen.Scene(**data)).simulate(samples=31).notes
+    assert any(f"rod: reduced ({kind})" in note for note in notes)
+    assert any("do not bend it" in note for note in notes) == (kind == "guyan")
+
+
+def test_panels_by_kind(four_bar, tmp_path):
+    figure = four_bar.quasi_static(samples=3).plot(file=tmp_path / "run.svg")
+    labels = [axes.get_ylabel() for axes in figure.axes]
+    assert len(labels) == len(set(labels))
+    assert {"bending strain", "displacement [m]", "position [m]", "force [N]"} <= set(labels)
+
+
+def test_a_crank_at_rest_is_told_over_time():
+    data = read_scene("rotating_cantilever").data
+    data["crank"]["speed"] = "0 rpm"
+    data["gravity"] = {"acceleration": ["0 m/s^2", "-9.81 m/s^2"]}
+    run = symgen.build(symgen.Scene(**data)).simulate(samples=31)
+    console = Console(width=100, record=True, file=io.StringIO())
+    print_elastic_result(run, console)
+    assert "at [s]" in console.export_text()
+    assert np.ptp(run.angles) == 0.0
+
+
+def test_statics_of_many_elements_by_a_banded_solver():
+    """Root stress M h/I of a uniform load, and the deflection q L^4/8EI of the tip."""
+    data = read_scene("rotating_cantilever").data
+    data["crank"]["speed"] = "0 rpm"
+    data["links"]["strip"]["elastic"]["elements"] = 30
+    data["distributed_forces"] = [{"link": "strip", "force": ["0 N/m", "-4 N/m"]}]
+    run = symgen.build(symgen.Scene(**data)).quasi_static(samples=2)
+    moment_of_area = 0.05 * 0.005**3 / 12
+    assert abs(run["root.stress"].values) == pytest.approx(2.0 * 0.0025 / moment_of_area, rel=1e-8)
+    tip = run["tip.displacement"].values[:, 1]
+    assert tip == pytest.approx(-4.0 / (8 * 210e9 * moment_of_area), rel=1e-8)
+
+
+@pytest.mark.parametrize("rtol", [0.0, -1.0, 1.0, math.nan, 1e-320])
+def test_a_tolerance_that_no_steps_meet_is_refused(four_bar, rtol):
+    words = {math.nan: "a finite number for rtol", 1e-320: "rtol of at least 2.2e-14"}
+    with pytest.raises(ModelError, match=f"expected {words.get(rtol, 'rtol above zero and below one')}"):
+        four_bar.simulate(rtol=rtol)
+
+
+@pytest.mark.parametrize("at", [[], [math.nan]])
+def test_no_crank_angle_is_refused(four_bar, at):
+    with pytest.raises(ModelError, match="expected finite crank angles"):
+        four_bar.simulate(at=at)
+
+
+def test_a_turn_is_told_over_degrees(four_bar):
+    """Units in brackets are no markup."""
+    console = Console(width=140, record=True, file=io.StringIO())
+    print_elastic_result(four_bar.quasi_static(samples=31), console)
+    text = " ".join(console.export_text().split())
+    assert "range over crank angle" in text and "least at [deg] greatest at [deg]" in text
+
+
+def test_angles_asked_for_have_their_columns(four_bar):
+    run = four_bar.simulate(method="gauss", at=[math.pi / 2, math.pi], rtol=1e-2)
+    console = Console(width=140, record=True, file=io.StringIO())
+    print_elastic_result(run, console)
+    text = console.export_text()
+    line = next(line for line in text.splitlines() if "coupler.stress" in line)
+    assert [float(x) for x in line.split()[2:4]] == pytest.approx(run["coupler.stress"].values, rel=1e-5)
+    words = " ".join(text.split())
+    assert "over crank angle [deg]" in words and "angles asked for only" in words
+
+
+def test_a_steady_state_that_is_not_the_only_one():
+    """Nothing sets the angle of a free shaft."""
+    data = read_scene("rotating_cantilever").data
+    data["crank"]["mode"] = "free"
+    run = symgen.build(symgen.Scene(**data)).periodic(samples=31)
+    assert any("not the only one" in note for note in run.notes)
+    held = symgen.build("rotating_cantilever").periodic(samples=31)
+    assert not any("not the only one" in note for note in held.notes)
+
+
+def test_modes_in_a_line(four_bar):
+    shown = repr(four_bar.modes(0.0))
+    assert (
+        shown == "<ElasticModes 'elastic_four_bar' at 0 degrees: 7.95038, 83.6901, 122.978, ... Hz, 10 modes>"
+    )
+
+
+def test_stress_without_that_of_the_axial_force_is_told():
+    model = symgen.build("elastic_slider_crank", set={"links.rod.elastic.axial": False})
+    assert any("rod: kept at constant length" in note for note in model.quasi_static().notes)
+    assert not any("constant length" in n for n in symgen.build("elastic_slider_crank").quasi_static().notes)
+
+
+def test_links_too_stiff_for_an_explicit_method_are_said_to_be():
+    stiff = symgen.build("elastic_four_bar", set={"E": "1e24 Pa"})
+    with pytest.raises(SimulationError, match="too stiff for this method.*\n.*gauss"):
+        stiff.simulate(method="dop853")

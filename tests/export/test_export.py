@@ -1,0 +1,279 @@
+"""Exports in C: compiled without a warning by GCC and Clang, they give the bits that Python gives."""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+import subprocess
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import symgen
+from symgen.cli import app
+from symgen.errors import ModelError, ResultError
+from symgen.export import export_c
+from symgen.scene.loading import scene_path
+
+STRICT = ("-std=c11", "-Wall", "-Wextra", "-Werror", "-O0", "-ffp-contract=off")
+SANITIZED = ("-fsanitize=address,undefined", "-fno-sanitize-recover=all")
+#: One of each kind, small: rods, a driven loop, elastic links with constraints. ``benchmarks/exports.py`` takes all.
+SCENES = ("vertical_rods", "screw_jack", "elastic_slider_crank")
+
+
+def needs(compiler):
+    return pytest.mark.skipif(shutil.which(compiler) is None, reason=f"{compiler} is not installed")
+
+
+def compiled(folder, name, compiler, program, *flags):
+    own = [
+        f"{name}.c",
+        *sorted(p.name for p in folder.glob("*_kernel*.c")),
+        *(f"core/{p.name}" for p in sorted(folder.glob("core/*.c"))),
+    ]
+    made = folder.with_name(f"{name}-{compiler}-{program}")
+    done = subprocess.run(
+        [compiler, *STRICT, *flags, "-o", str(made), f"{program}.c", *own, "-lm"],
+        cwd=folder,
+        capture_output=True,
+        text=True,
+    )
+    assert done.returncode == 0, done.stderr
+    assert done.stderr == ""
+    return made
+
+
+def run(*command):
+    return run_in(None, *command)
+
+
+def run_in(folder, *command):
+    done = subprocess.run([str(c) for c in command], cwd=folder, capture_output=True, text=True, timeout=60)
+    assert done.returncode == 0, done.stdout + done.stderr
+    return done.stdout
+
+
+@pytest.fixture(scope="module")
+def folders(tmp_path_factory):
+    root = tmp_path_factory.mktemp("exports")
+    for name in SCENES:
+        export_c(name, root / name)
+    return {name: root / name for name in SCENES}
+
+
+@pytest.mark.parametrize(
+    ("name", "compiler"),
+    [
+        pytest.param("vertical_rods", "gcc", marks=needs("gcc")),
+        pytest.param("vertical_rods", "clang", marks=needs("clang")),
+        pytest.param("screw_jack", "clang", marks=needs("clang")),
+        pytest.param("elastic_slider_crank", "gcc", marks=needs("gcc")),
+    ],
+)
+def test_the_same_bits(name, compiler, folders):
+    said = run(compiled(folders[name], name, compiler, "check"), "--bits")
+    assert "all the same to the last bit" in said
+
+
+@needs("gcc")
+def test_a_wrong_number_is_found(folders, tmp_path):
+    copy = tmp_path / "vertical_rods"
+    shutil.copytree(folders["vertical_rods"], copy)
+    text = (copy / "vertical_rods.c").read_text()
+    wrong = re.sub(r"(vertical_rods_start\[\] = \{[^}]*?0\.)", r"\g<1>001", text, count=1)
+    assert text != wrong
+    (copy / "vertical_rods.c").write_text(wrong)
+    done = subprocess.run(
+        [str(compiled(copy, "vertical_rods", "gcc", "check"))], capture_output=True, text=True
+    )
+    assert done.returncode == 1
+    assert "by too much" in done.stdout
+
+
+@needs("gcc")
+def test_the_example_ends_where_python_ends(folders):
+    said = run(compiled(folders["vertical_rods"], "vertical_rods", "gcc", "main"))
+    found = [float(x) for x in re.findall(r"^y\[\d+\] = (\S+)$", said, re.M)]
+    final = symgen.build("vertical_rods").simulate().final
+    free = symgen.build("vertical_rods").description.free
+    expected = [x for what in ("position", "velocity") for p in free for x in final[p][what]]
+    assert found[: len(expected)] == expected
+
+
+@needs("gcc")
+def test_a_driven_loop_ends_where_python_ends(folders):
+    said = run(compiled(folders["screw_jack"], "screw_jack", "gcc", "main"))
+    last = [float(x) for x in said.splitlines()[-1].partition(":")[2].split()]
+    model = symgen.build("screw_jack")
+    turn = model.inverse_dynamics(samples=13)
+    names = [v.name for v in model.description.variables]
+    expected = [float(turn[n].values[-1]) * turn_unit(model, n) for n in names if n in turn_names(turn)]
+    found = [x for n, x in zip(names, last, strict=True) if n in turn_names(turn)]
+    assert len(found) > 2
+    assert found == pytest.approx(expected, rel=1e-8)
+
+
+def turn_names(turn):
+    return {v.name for v in turn.variables}
+
+
+def turn_unit(model, name):
+    d = model.description
+    v = next(v for v in d.variables if v.name == name)
+    return d.units["length" if v.is_length else "angle"][1]
+
+
+@needs("gcc")
+def test_two_exports_go_into_one_program(folders, tmp_path):
+    """Everything that a linker sees carries the name of the scene."""
+    name = "elastic_slider_crank"
+    sources = [folders[name] / f"{name}.c", *sorted(folders[name].glob("core/*.c"))]
+    run_in(tmp_path, "gcc", "-std=c11", "-c", *sources)
+    said = run_in(tmp_path, "nm", "-g", "--defined-only", *sorted(tmp_path.glob("*.o")))
+    seen = [line.split()[2] for line in said.splitlines() if len(line.split()) == 3]
+    assert f"{name}_run" in seen
+    assert all(symbol.startswith(f"{name}_") for symbol in seen), seen
+
+
+@needs("gcc")
+def test_sanitizers_have_nothing_to_say(folders):
+    run(compiled(folders["vertical_rods"], "vertical_rods", "gcc", "main", *SANITIZED))
+
+
+def test_parameters_may_be_changed_in_c(tmp_path):
+    export_c("peaucellier", tmp_path / "peaucellier", set={"rho": "3 kg/m"})
+    header = (tmp_path / "peaucellier" / "peaucellier.h").read_text()
+    assert "parameters[0]  rho  [kg/m]  mass per length of the rods" in header
+    assert "peaucellier_defaults[] = {3.0}" in (tmp_path / "peaucellier" / "peaucellier.c").read_text()
+
+
+#: Derivative with other parameters; then a kernel called by itself, as its header says.
+OWN = r"""
+#include "double_four_bar.h"
+#include "double_four_bar_kernel.h"
+#include <stdio.h>
+#include <stdlib.h>
+
+int main(void)
+{
+    const double excess = 0.01;
+    double dy[double_four_bar_n_states], p[PARAMETERS] = {excess}, out[2];
+    struct double_four_bar *model = double_four_bar_make(malloc(double_four_bar_bytes()), &excess);
+    double_four_bar_derivative(model, 0, double_four_bar_start, dy);
+    for (int i = 0; i < double_four_bar_n_states; i++)
+        printf("%.17g\n", dy[i]);
+    double_four_bar_setup(NULL, NULL, NULL, p, NULL, p + 1);
+    const double t = 0, *q = double_four_bar_start;
+    double_four_bar_energy(&t, q, q + double_four_bar_n_coordinates, p, NULL, out);
+    printf("%.17g\n%.17g\n", out[0], out[1]);
+    free(model);
+    return 0;
+}
+"""
+
+
+@needs("gcc")
+def test_what_depends_on_parameters_alone_is_computed_in_c(tmp_path):
+    folder, name = tmp_path / "double_four_bar", "double_four_bar"
+    export_c(name, folder)
+    assert "`double_four_bar_setup`" in (folder / "README.md").read_text()
+    size = re.search(r"^ \*   p\[(\d+)\]:", (folder / f"{name}_kernel.h").read_text(), re.M)[1]
+    (folder / "own.c").write_text(OWN.replace("PARAMETERS", size))
+    found = [float(x) for x in run(compiled(folder, name, "gcc", "own", *SANITIZED)).split()]
+    start = symgen.build(name).description.start
+    evaluator = symgen.build(name).with_parameters(excess=0.01).evaluator
+    n = len(start) // 2
+    redundant = len(symgen.build(name).description.redundant)
+    dy = evaluator.equations(redundant).derivative(0.0, np.array([*start, 0.0]))
+    energies = evaluator("energy", 0.0, np.array(start[:n]), np.array(start[n:]))
+    assert found == [*dy.tolist(), *energies[:2].tolist()]
+
+
+def test_a_second_export_replaces_the_first_and_nothing_else(tmp_path):
+    folder = tmp_path / "out"
+    first = export_c("screw_jack", folder)
+    (folder / "mine.txt").write_text("kept")
+    texts = {n: (folder / n).read_bytes() for n in first}
+    assert export_c("screw_jack", folder) == first
+    assert {n: (folder / n).read_bytes() for n in first} == texts
+    export_c("vertical_rods", folder)
+    assert not (folder / "screw_jack.c").exists()
+    assert (folder / "vertical_rods.c").exists()
+    assert (folder / "mine.txt").read_text() == "kept"
+    assert [p.name for p in tmp_path.iterdir()] == ["out"]
+
+
+@pytest.mark.parametrize("what", ["something else", "a file", "a changed export", "no parent"])
+def test_nothing_else_is_written_over(what, tmp_path):
+    folder = tmp_path / "out"
+    if what == "something else":
+        folder.mkdir()
+        (folder / "thesis.tex").write_text("years of work")
+        words = "contains files other than an export"
+    elif what == "a file":
+        folder.write_text("years of work")
+        words = "contains files other than an export"
+    elif what == "a changed export":
+        export_c("vertical_rods", folder)
+        (folder / "main.c").write_text("my own")
+        words = "main.c was changed since it was exported"
+    else:
+        folder, words = tmp_path / "nowhere" / "out", "there is no folder"
+    before = sorted((p, p.read_bytes() if p.is_file() else b"") for p in tmp_path.rglob("*"))
+    done = CliRunner().invoke(app, ["export", "vertical_rods", "--c", str(folder)])
+    assert isinstance(done.exception, ResultError)
+    assert words in str(done.exception)
+    assert sorted((p, p.read_bytes() if p.is_file() else b"") for p in tmp_path.rglob("*")) == before
+
+
+def test_the_list_cannot_name_files_elsewhere(tmp_path):
+    folder, victim = tmp_path / "out", tmp_path / "victim"
+    folder.mkdir()
+    victim.write_text("mine")
+    (folder / "export.json").write_text(json.dumps({"exported_by": "symgen", "files": {"../victim": ""}}))
+    with pytest.raises(ResultError, match="other than an export"):
+        export_c("vertical_rods", folder)
+    assert victim.read_text() == "mine"
+
+
+def test_no_folder_is_left_by_a_bad_scene(tmp_path):
+    (tmp_path / "bad.toml").write_text("symgen = 1\n")
+    done = CliRunner().invoke(app, ["export", str(tmp_path / "bad.toml"), "--c", str(tmp_path / "out")])
+    assert done.exit_code != 0
+    assert not (tmp_path / "out").exists()
+
+
+def test_every_number_of_a_state_is_told(folders):
+    for name in SCENES:
+        header = (folders[name] / f"{name}.h").read_text()
+        count = int(re.search(r"_n_states = (\d+)", header)[1])
+        told = re.findall(r"^ \*     y\[(\d+)\]  \S+  \[\S.*\]  \S", header, re.M)
+        assert np.array_equal(np.array(told, dtype=int), np.arange(count)), name
+
+
+def test_words_of_a_scene_stay_words(tmp_path):
+    """A description cannot end the comment that it stands in."""
+    wicked = "*/ int injected(void) { return 1; } /*"
+    scene = symgen.Scene(
+        parameters={"rho": {"value": "1 kg", "tunable": True, "about": wicked}},
+        points={"O": {"at": ["0 m", "0 m"], "ground": True}, "A": {"at": ["1 m", "0 m"]}},
+        links={"OA": {"points": ["O", "A"], "mass": "rho"}},
+        analysis={"t_end": "1 s", "outputs": ["A.position"]},
+    )
+    export_c(scene, tmp_path / "out")
+    for file in (tmp_path / "out").rglob("*.[ch]"):
+        code = re.sub(r"/\*.*?\*/", "", file.read_text(), flags=re.DOTALL)
+        assert "injected" not in code, file
+
+
+@pytest.mark.parametrize(
+    "name", ["main", "double", "math", "class", "unix", "state", "loop", "motion", "real_fabs"]
+)
+def test_names_that_c_has_are_refused(tmp_path, name):
+    file = tmp_path / f"{name}.toml"
+    file.write_text(scene_path("four_bar").read_text())
+    with pytest.raises(ModelError, match=f"a scene called '{name}' cannot be exported"):
+        export_c(file, tmp_path / "out")
+    assert not (tmp_path / "out").exists()

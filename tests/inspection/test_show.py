@@ -1,0 +1,266 @@
+"""Looking at what was derived: parts of matrices, every form, derivatives, states, the record, notebooks."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import subprocess
+
+import mpmath
+import numpy as np
+import pytest
+import sympy as sp
+from typer.testing import CliRunner
+
+import symgen
+from symgen.cli import app
+from symgen.errors import SymgenError
+from symgen.models.record import record
+from symgen.scene.loading import load_scene
+from symgen.scene.resolve import resolve
+from symgen.symbolic.derivative import derivative
+from symgen.symbolic.exact import Exact
+from symgen.symbolic.notation import latex, latex_name, mathml, mathml_name
+
+
+def shown(*arguments):
+    done = CliRunner().invoke(app, ["show", *map(str, arguments)])
+    if done.exception and not isinstance(done.exception, SystemExit):
+        raise done.exception
+    return done.stdout
+
+
+def numbers(text):
+    """Return the rows of a matrix that was shown as numbers, by name."""
+    lines = [line.split() for line in text.splitlines()[1:] if not line.startswith("columns")]
+    return {name: [float(x) for x in values] for name, *values in lines}
+
+
+# --- a part of a matrix ---------------------------------------------------------------------------------------
+
+
+def test_one_entry_and_a_submatrix():
+    whole = symgen.derive("four_bar")["constraint_jacobian"]
+    part = whole.part(["coupler", "crank"], ["B_x", "1"])
+    assert part.rows == ("coupler", "crank") and part.columns == ("B_x", "A_y")
+    assert part.matrix[0, 0] == whole.matrix[1, 2] and part.matrix[1, 1] == whole.matrix[0, 1]
+    entry = shown("four_bar", "constraint_jacobian", "--rows", "coupler", "--columns", "B_x")
+    assert "[coupler_dx]" in entry and "crank" not in entry
+    mass = symgen.derive("four_bar")["mass_matrix"]
+    assert mass.part(["A_x"], ["A_x"]).symmetric and not mass.part(["A_x"], ["B_x"]).symmetric
+    with pytest.raises(SymgenError, match="no row 'copler'. Did you mean 'coupler'"):
+        shown("four_bar", "constraint_jacobian", "--rows", "copler")
+    with pytest.raises(SymgenError, match="numbered from 0 to 0"):
+        shown("four_bar", "force", "--columns", "7")
+    with pytest.raises(SymgenError, match="name it"):
+        shown("four_bar", "--rows", "A_x")
+
+
+# --- after the lowering ---------------------------------------------------------------------------------------
+
+
+def test_shared_terms_give_what_was_derived():
+    """The listing, read back as Python, gives the numbers of the original matrix."""
+    system = symgen.derive("four_bar")
+    text = shown("four_bar", "velocity_constraints", "--format", "shared")
+    random = np.random.default_rng(1)
+    values = {x.name: random.uniform(0.5, 2) for g in system.groups for x in g.quantities}
+    scope, found = dict(values), []
+    for line in text.splitlines():
+        given = re.fullmatch(r"  (\[.*\]|\w+) = (.*)", line)
+        if given and given[1].startswith("["):
+            found.append(eval(given[2], {}, scope))
+        elif given:
+            scope[given[1]] = eval(given[2], {}, scope)
+    truth = Exact(system).matrix(
+        "velocity_constraints", {g.name: [values[x.name] for x in g.quantities] for g in system.groups}
+    )
+    assert found == pytest.approx([float(x) for x in truth], rel=1e-11)
+    assert "crank_dx = A_x" in text  # what the derivation names keeps its name
+
+
+# --- derivatives ----------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("scene", "matrix", "by"),
+    [("peaucellier", "reactions", "rho"), ("slider_crank", "screw_drift", "theta2")],
+)
+def test_a_derivative_is_that_of_the_expanded_matrix(scene, matrix, by):
+    """By the chain rule through the shared terms, and by differences of the original at 40 digits."""
+    system = symgen.derive(scene)
+    made = derivative(system, [system[matrix]], by)
+    random = np.random.default_rng(2)
+    at = {g.name: random.uniform(0.5, 2.0, len(g.quantities)).tolist() for g in system.groups}
+    group = next(g for g in system.groups if by in [x.name for x in g.quantities])
+    place = [x.name for x in group.quantities].index(by)
+
+    def moved(step):
+        values = {**at, group.name: [mpmath.mpf(x) for x in at[group.name]]}
+        values[group.name][place] += step
+        return Exact(system).matrix(matrix, values)
+
+    with mpmath.workdps(40):
+        step = mpmath.mpf("1e-12")
+        slope = (moved(step) - moved(-step)) / (2 * step)
+    own = Exact(made).matrix(f"{matrix}_by_{by}", at)
+    assert max(map(abs, own)) > 1e-3
+    assert max(abs(a - b) for a, b in zip(own, slope, strict=True)) < 1e-14
+
+
+def test_a_derivative_by_what_is_folded_is_refused():
+    with pytest.raises(SymgenError, match="tunable = true"):
+        shown("peaucellier", "mass_matrix", "--by", "length")
+    assert "[kg/(kg/m)]" in shown("peaucellier", "mass_matrix", "--by", "rho")
+
+
+# --- numbers --------------------------------------------------------------------------------------------------
+
+
+def test_numbers_at_a_time_of_the_motion():
+    model = symgen.build("four_bar")
+    run = model.simulate(0.3, samples=2)
+    found = numbers(shown("four_bar", "positions", "--format", "numeric", "--at", "0.3 s"))
+    assert found["B"] == pytest.approx(run.final["B"]["position"], abs=1e-10)
+    with pytest.raises(SymgenError, match="expected a time"):
+        shown("four_bar", "positions", "--format", "numeric", "--at", "3 m")
+
+
+@pytest.mark.parametrize(("scene", "at"), [("planar_4r", ("--at", "50")), ("cssp", ())])
+def test_numbers_of_a_loop_keep_it_closed(scene, at):
+    defect = numbers(shown(scene, "closure_defect", "--format", "numeric", *at))
+    assert max(abs(x) for row in defect.values() for x in row) < 1e-12
+
+
+def test_numbers_of_a_loop_at_a_value_of_its_input():
+    """Screws times accelerations, and what the rates leave, add up to nothing."""
+    screws, drift = (
+        numbers(shown("planar_4r", name, "--format", "numeric", "--at", "50"))
+        for name in ("screws", "screw_drift")
+    )
+    model = symgen.build("planar_4r")
+    turn = model.inverse_dynamics(at=[np.radians(50)])
+    names = [v.name for v in model.description.variables]
+    scale = {"rad": 1.0, "deg": np.pi / 180}[turn.variable(names[0]).unit]
+    a = [turn.variable(f"{name}.acceleration").values[0] * scale for name in names]
+    assert max(map(abs, a)) > 1
+    assert max(abs(np.dot(screws[r], a) + drift[r][0]) for r in ("wx", "wy", "wz")) < 1e-9
+
+
+def test_numbers_of_given_symbols():
+    symbols = [f"{name}=0.5" for name in ("theta", "S", "eta", "alpha", "a")]
+    given = [word for text in symbols for word in ("--with", text)]
+    found = numbers(shown("loop_row", "transform", "--format", "numeric", *given))
+    assert found["x"][0] == pytest.approx(np.cos(0.5) ** 2, rel=1e-10)
+    with pytest.raises(SymgenError, match="contains symbols without values: S, a"):
+        shown("loop_row", "transform", "--format", "numeric", *given[:2], *given[4:8])
+    moved = numbers(shown("four_bar", "positions", "--format", "numeric", "--with", "A_x=7"))
+    assert moved["A"][0] == 7.0
+    with pytest.raises(SymgenError, match="no argument 'A_z'. Did you mean"):
+        shown("four_bar", "positions", "--format", "numeric", "--with", "A_z=7")
+    with pytest.raises(SymgenError, match="NAME=NUMBER"):
+        shown("four_bar", "positions", "--format", "numeric", "--with", "A_x")
+    with pytest.raises(SymgenError, match="--format numeric"):
+        shown("four_bar", "positions", "--with", "A_x=7")
+
+
+# --- the record -----------------------------------------------------------------------------------------------
+
+
+def test_the_record_of_rods_goes_from_particles_to_rows():
+    system = symgen.derive("four_bar")
+    linkage = resolve(load_scene("four_bar"))
+    steps = record(linkage, system)
+    assert [s.title for s in steps] == [
+        "Coordinates",
+        "Particles",
+        "Energies",
+        "Mass matrix and forces",
+        "Constraints",
+        "Momentum rows",
+    ]
+    assert all(s.source and s.about and s.matrices for s in steps)
+    # Three particles have the mass, the first and the second moment of the rod.
+    masses = steps[1].matrices[0]
+    for name, (a, b, c) in zip(masses.rows, masses.matrix.tolist(), strict=True):
+        k = linkage.link(name)
+        assert sp.simplify(a + b + c - k.mass) == 0
+        assert sp.simplify((b / 2 + c) * k.length - k.mass * k.centre) == 0
+        assert sp.simplify((b / 4 + c) * k.length**2 - k.inertia - k.mass * k.centre**2) == 0
+
+
+@pytest.mark.parametrize(
+    ("model", "words"),
+    [
+        ("slider_crank", ("Rahman, Eqs. (1)-(4)", "Closure", "Screws", "Eqs. (62)-(64)", "crank_binor")),
+        (
+            "elastic_slider_crank",
+            ("Attia", "(6.12); rotary inertia added", "Eqs. (7.24)-(7.27)", "weak_form"),
+        ),
+        ("rod", ("particle_masses", "Matrices of this system")),
+    ],
+)
+def test_the_record_names_its_sources(model, words):
+    text = shown(model, "derivation")
+    for word in words:
+        assert word in text
+    with pytest.raises(SymgenError, match="unicode or latex"):
+        shown(model, "derivation", "--format", "c")
+
+
+# --- notation, LaTeX, notebooks -------------------------------------------------------------------------------
+
+
+def test_names_as_mathematics():
+    assert latex_name("theta1_rate") == r"\dot{\theta}_{1}"
+    assert latex_name("OA_lambda") == r"\lambda_{\mathrm{OA}}"
+    assert latex_name("A_vx") == "v_{A,x}"
+    assert "θ" in mathml_name("theta1") and "<mn>1</mn>" in mathml_name("theta1")
+    x, y = sp.Symbol("A_vx", real=True), sp.Symbol("rho", real=True)
+    assert latex(x**2 * y) == r"v_{A,x}^{2} \rho"
+    assert "<msubsup>" in mathml(x**2) and "<mo>−</mo>" in mathml(-y) and "&lt;" in mathml(sp.Symbol("a<b"))
+
+
+@pytest.mark.parametrize("scene", ["peaucellier", "slider_crank", "tumbling_body"])
+def test_different_names_are_written_differently(scene):
+    names = [x.name for x in symgen.derive(scene).quantities()]
+    assert len({latex_name(n) for n in names}) == len({mathml_name(n) for n in names}) == len(names)
+
+
+@pytest.mark.skipif(
+    shutil.which("pdflatex") is None, reason="needs pdflatex (apt install texlive-latex-base)"
+)
+def test_latex_compiles(tmp_path):
+    (tmp_path / "record.tex").write_text(shown("four_bar", "derivation", "--format", "latex"))
+    matrices = [shown("slider_crank", m, "--format", "latex") for m in ("screws", "row_3_transform")]
+    body = "\n".join(matrices)
+    head = (
+        r"\documentclass{article}\usepackage[a3paper,landscape]{geometry}\usepackage{amsmath}\begin{document}"
+    )
+    (tmp_path / "matrices.tex").write_text(f"{head}\n{body}\n\\end{{document}}\n")
+    for name in ("record", "matrices"):
+        done = subprocess.run(
+            ["pdflatex", "-interaction=nonstopmode", "-halt-on-error", f"{name}.tex"],
+            cwd=tmp_path,
+            capture_output=True,
+            text=True,
+            errors="replace",
+            timeout=120,
+        )
+        assert done.returncode == 0, done.stdout[-1500:]
+        assert (tmp_path / f"{name}.pdf").stat().st_size > 10_000
+
+
+def test_notebooks_show_what_they_are_given():
+    system = symgen.derive("four_bar")
+    assert system["mass_matrix"]._repr_latex_().startswith(r"$\displaystyle \left[\begin{matrix}")
+    assert "<td>constraint_jacobian</td><td>3 × 4</td>" in system._repr_html_()
+    assert "constraint_jacobian" in symgen.build("four_bar").equations._repr_html_()
+    model = symgen.build("four_bar")
+    html = model._repr_html_()
+    assert "accelerations" in html and str(model.operations["accelerations"]["flops"]) in html
+    run = model.simulate(0.2, samples=5)
+    html = run._repr_html_()
+    assert "data:image/svg+xml;base64" in html and "constraint drift" in html
+    turn = symgen.build("planar_4r").inverse_dynamics(samples=5)
+    assert "closed within" in turn._repr_html_()

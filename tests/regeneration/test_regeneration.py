@@ -1,0 +1,310 @@
+"""Regeneration: what each model depends on, what a change derives anew, and what is said of it."""
+
+from __future__ import annotations
+
+import json
+import multiprocessing
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from shared.timing import holds
+
+import symgen
+from symgen.codegen import emit, loops
+from symgen.elements import ELEMENTS
+from symgen.errors import GenerationError
+from symgen.models import RECURSIONS, SHIPPED_BLOCKS, SHIPPED_SCENES
+from symgen.regeneration import generate as regeneration
+from symgen.regeneration.generate import answer
+from symgen.regeneration.shipped import UNITS, generated_folder, names, record_name
+from symgen.symbolic.record import read_record
+from symgen.toolchain import dependencies as graph
+
+PACKAGE = Path(symgen.__file__).parent
+OF_ELEMENTS = {f"element_{name}" for name in ELEMENTS}
+#: Files of derivations, and the models that are derived anew when they change: those and no others.
+DEPENDENTS = {
+    "models/rod.py": set(),
+    "models/elastic/rigid_element.py": {"rigid_element"},
+    "mechanics/elastic/rigid_elements.py": {"rigid_element"},
+    "mechanics/rods/recursion.py": {"chain", "chain_spatial"},
+    "mechanics/rods/particles.py": {
+        "chain", "chain_spatial", "rigid_element", "peaucellier",
+    },
+    "mechanics/rods/topology.py": {"peaucellier"},
+    **{f"elements/{name}.py": {f"element_{name}"} for name in ELEMENTS},
+    "elements/element.py": OF_ELEMENTS,
+    "elements/__init__.py": set(),
+    "mechanics/elastic/hamilton.py": OF_ELEMENTS,
+    "mechanics/elastic/beam_matrices.py": OF_ELEMENTS,
+    "mechanics/elastic/weights.py": OF_ELEMENTS,
+    "mechanics/elastic/moving_frame.py": set(),
+    "models/elastic/element.py": OF_ELEMENTS,
+    "mechanics/elastic/turning_axes.py": {"element_beam8"},
+    "models/elastic/fixed_axes.py": {"element_beam8"},
+    "mechanics/loop/dual_rows.py": {"slider_crank", "loop_row"},
+    "models/loop/blocks.py": {"loop_row"},
+    "models/loop/system.py": {"slider_crank"},
+    "scenes/slider_crank.toml": {"slider_crank"},
+    "scenes/peaucellier.toml": {"peaucellier"},
+    "joints/ball.py": {"peaucellier", "slider_crank"},
+    "lowering/nodes.py": set(names()),
+    "symbolic/system.py": set(names()),
+    "codegen/printers.py": set(names()),
+    "codegen/loops.py": {"chain", "chain_spatial"},
+    "runtime/model/model.py": set(),
+    "cli/making.py": set(),
+}  # fmt: skip
+
+
+def test_every_shipped_model_has_a_name():
+    assert set(names()) == {*SHIPPED_BLOCKS, *RECURSIONS, *SHIPPED_SCENES}
+    assert len(set(names())) == len(names())
+
+
+def test_a_change_concerns_only_its_own_kernels(made):
+    assert all((PACKAGE / file).is_file() for file in DEPENDENTS)
+    found = {file: {n for n in names() if f"symgen:{file}" in made[n].needs} for file in DEPENDENTS}
+    assert found == DEPENDENTS
+
+
+def test_what_a_description_is_made_by_counts(tmp_path):
+    """Modules that describe a scene count, and no others of the runtime, whatever else is loaded."""
+    program = (
+        "import json, sys\n"
+        "from symgen.toolchain import dependencies as graph\nfrom symgen.pipeline import build as pipeline\n"
+        "pipeline.build(sys.argv[1])\n"
+        "own = sorted(graph.needs())\n"
+        "import symgen.runtime.chain.chain, symgen.study.running\n"
+        "print(json.dumps([own, sorted(graph.needs())]))\n"
+    )
+    environment = {**os.environ, "SYMGEN_CACHE": str(tmp_path)}
+    for scene, decides in (("four_bar", "rods/redundancy"), ("rssr", "closure/closed_form")):
+        done = subprocess.run(
+            [sys.executable, "-c", program, scene],
+            capture_output=True,
+            text=True,
+            check=True,
+            env=environment,
+        )
+        own, later = ({n for n in needs if "symgen:runtime/" in n} for needs in json.loads(done.stdout))
+        assert f"symgen:runtime/{decides}.py" in own
+        assert (
+            not {f"symgen:runtime/{name}.py" for name in ("chain/chain", "chain/inputs", "result/result")}
+            & later
+        )
+        assert own <= later
+
+
+def test_what_changed_after_it_was_loaded_is_never_current(monkeypatch):
+    assert not graph.changed(graph.needs())
+    monkeypatch.setattr(graph, "_BEGUN", 0.0)
+    found = graph.needs()
+    assert set(graph.changed(found)) == {name for name in found if not name.startswith("version:")}
+
+
+def test_templates_and_what_symgen_derives_with_concern_all(made):
+    printed = {t for files in (*emit.TEMPLATES.values(), emit.LANES, loops.TEMPLATES) for t, _ in files}
+    for name in names():
+        read = {n.partition(":")[2] for n in made[name].needs if n.startswith("symgen.templates:")}
+        assert read == printed | {*emit.INCLUDED}, "all that code is printed with, and nothing else"
+        assert {"version:sympy", "version:jinja2", "version:mpmath"} <= set(made[name].needs)
+    assert "version:pint" in made[UNITS].needs
+    assert "symgen.scene:units.txt" in made[UNITS].needs
+
+
+def test_needs_hold_all_that_is_read():
+    """Every file of symgen that a derivation opens, as Python itself reports it, is among its needs."""
+    seen = (
+        "import json, sys\n"
+        "opened = set()\n"
+        "sys.addaudithook(lambda event, a: opened.add(str(a[0])) if event == 'open' else None)\n"
+        "from symgen.toolchain import dependencies as graph\n"
+        "from symgen.scene.loading import scene_path\n"
+        "from symgen.codegen.emit import emit\n"
+        "from symgen.codegen.target import Target\n"
+        "from symgen.lowering.program import lower_system\n"
+        "from symgen.pipeline.build import derive\n"
+        "emit(lower_system(derive('four_bar')), Target(), 'x')\n"
+        "needs = graph.needs(graph.of_file(scene_path('four_bar')))\n"
+        "print(json.dumps([sorted(opened), sorted(needs)]))\n"
+    )
+    done = subprocess.run([sys.executable, "-c", seen], capture_output=True, text=True, check=True)
+    opened, needs = json.loads(done.stdout)
+    known = {name.partition(":")[2].rpartition("/")[2] for name in needs}
+    folders = (PACKAGE, graph._folder("symgen.templates"))
+    data = [Path(p) for p in opened if any(Path(p).is_relative_to(f) for f in folders)]
+    data = [p for p in data if p.is_file() and p.suffix not in (".py", ".pyc", ".so")]
+    assert {p.name for p in data} >= {"four_bar.toml", "units.json", "kernel.c.j2"}
+    assert {p.name for p in data} <= known
+
+
+@pytest.fixture
+def checkout(tmp_path, made, made_in, monkeypatch):
+    """A checkout of its own, with the cache as it is after its kernels were made."""
+    monkeypatch.setenv("SYMGEN_CACHE", str(made_in))
+    root = tmp_path / "checkout"
+    left_out = shutil.ignore_patterns("*.so", "__pycache__", "core")
+    shutil.copytree(PACKAGE, root / "symgen", ignore=left_out)
+    shutil.copytree(generated_folder(), root / "symgen" / "generated", ignore=left_out)
+    shutil.copytree(graph._folder("symgen.templates"), root / "symgen" / "templates", ignore=left_out)
+    (root / "symgen" / "pyproject.toml").write_text("")
+    return root
+
+
+def generate(root):
+    done = subprocess.run(
+        [sys.executable, "-P", "-m", "symgen", "generate"],
+        env={**os.environ, "PYTHONPATH": str(root)},
+        cwd=root,
+        capture_output=True,
+        text=True,
+    )
+    return done.returncode, done.stdout.splitlines(), done.stderr
+
+
+def test_nothing_to_do_takes_no_longer_than_importing_sympy(checkout):
+    """Half a second on a machine that imports SymPy in half a second: it is not imported."""
+    environment = {**os.environ, "PYTHONPATH": str(checkout)}
+    assert holds(["-P", "-m", "symgen", "generate"], environment, 0.5 / 0.5)
+
+
+def content(root):
+    return {p.name: p.read_bytes() for p in (root / "symgen" / "generated").iterdir() if p.is_file()}
+
+
+def test_what_changed_is_derived_anew_and_said(checkout):
+    """Nothing, a change of an equation, its reversal, a comment, an error: in a checkout of its own."""
+    before = content(checkout)
+    assert generate(checkout) == (0, ["generated/ is current"], "")
+    file = checkout / "symgen" / "mechanics" / "elastic" / "rigid_elements.py"
+    original = file.read_text()
+
+    file.write_text(original.replace("moment = first[2] - second[2]", "moment = first[2] - 2 * second[2]"))
+    code, said, _ = generate(checkout)
+    assert code == 0
+    assert [line for line in said if line.startswith("derived")] == [
+        "derived rigid_element: mechanics/elastic/rigid_elements.py changed"
+    ]
+    start = said.index("rigid_element:")
+    assert said[start + 1 : start + 5] == [
+        "  nodal_matrix (3 x 6): 1 changed",
+        "    changed [moment, M at k]",
+        "      - -1",
+        "      + -2",
+    ]
+    after = content(checkout)
+    assert {name for name in before if before[name] != after[name]} == {
+        "manifest.json",
+        "rigid_element.md",
+        "rigid_element.pyx",
+        "rigid_element_equations.json",
+        "rigid_element_kernel.c",
+        "rigid_element_kernel.h",
+    }
+
+    file.write_text(original)
+    code, said, _ = generate(checkout)
+    assert code == 0 and content(checkout) == before
+    assert not [line for line in said if line.startswith("derived")], "it is in the cache"
+    assert "      + -1" in said
+
+    file.write_text(original + "# nothing\n")
+    code, said, _ = generate(checkout)
+    assert said == [
+        "derived rigid_element: mechanics/elastic/rigid_elements.py changed",
+        "generated/ is current",
+    ]
+
+    file.write_text(original + "raise ValueError('out of reach')\n")
+    code, said, error = generate(checkout)
+    assert code == 2 and said == []
+    assert error.startswith("symgen: rigid_element cannot be derived, and nothing was written:")
+    assert "ValueError: out of reach" in error
+    assert content(checkout) == before
+
+
+def test_a_new_element_is_a_file_and_a_name(checkout):
+    """It gets a model of its own beside that of the element that changed; no other is derived."""
+    before = content(checkout)
+    elements = checkout / "symgen" / "elements"
+    cubic = (elements / "cubic.py").read_text()
+    (elements / "hermite.py").write_text(cubic.replace('"cubic"', '"hermite"'))
+    (elements / "cubic.py").write_text(cubic + "# nothing\n")
+    registry = (elements / "__init__.py").read_text()
+    (elements / "__init__.py").write_text(
+        registry.replace('    "cubic",\n', '    "cubic",\n    "hermite",\n')
+    )
+    code, said, _ = generate(checkout)
+    assert code == 0
+    assert sorted(line for line in said if line.startswith("derived")) == [
+        "derived element_cubic: elements/cubic.py changed",
+        "derived element_hermite: not in the cache",
+    ]
+    after = content(checkout)
+    assert {name for name in after if after[name] != before.get(name)} == {
+        "manifest.json",
+        "element_hermite.md",
+        "element_hermite.pyx",
+        "element_hermite_equations.json",
+        "element_hermite_kernel.c",
+        "element_hermite_kernel.h",
+        "element_hermite_kernel_2.c",
+    }
+
+
+def test_an_elastic_scene_loads_its_own_element_alone(tmp_path):
+    """To derive it, and the kernels of that to run it."""
+    run = (
+        "import sys, symgen\n"
+        "symgen.build('rotating_cantilever').quasi_static(samples=3)\n"
+        "parts = 'symgen.elements', 'symgen.generated.'\n"
+        "print(*sorted(m for m in sys.modules if m.startswith(parts)))\n"
+    )
+    environment = {**os.environ, "SYMGEN_CACHE": str(tmp_path)}
+    derived, again = (
+        subprocess.run(
+            [sys.executable, "-c", run], env=environment, capture_output=True, text=True, check=True
+        ).stdout.split()
+        for _ in range(2)
+    )
+    kernels = "symgen.generated.element_beam8"
+    assert derived == ["symgen.elements", "symgen.elements.beam8", "symgen.elements.element", kernels]
+    assert again == [kernels]
+
+
+def test_records_say_what_the_kernels_cost(made):
+    """The committed record holds the operations that the C file tells, and no entry without a value."""
+    for name in names():
+        record = read_record((generated_folder() / record_name(name)).read_text())
+        sources = [f.text for f in made[name].shipped.files if f.name.endswith(".c")]
+        for kernel, flops in record.operations.items():
+            assert any(f"{kernel}" in text and f"{flops} operations" in text for text in sources)
+        assert all(m.entries.keys() == m.values.keys() for m in record.matrices.values())
+
+
+def test_errors_of_derivations_are_reported(monkeypatch, tmp_path):
+    """Where a process is killed, and where the process that starts them ends."""
+    (tmp_path / "dying.py").write_text("import os\n\ndef die(folder, name):\n    os.kill(os.getpid(), 9)\n")
+    dying = f"import sys; sys.path.insert(0, {str(tmp_path)!r}); import dying; "
+    dying += "import symgen.regeneration.generate as r; r._answer_in = dying.die; "
+    monkeypatch.setattr(regeneration, "_PARENT", dying + regeneration._PARENT)
+    with pytest.raises(
+        GenerationError, match=r"^loop_row cannot be derived, and nothing was written:\n.*terminated"
+    ):
+        regeneration.derive_all(["loop_row"])
+    assert not multiprocessing.active_children()
+    monkeypatch.setattr(regeneration, "_PARENT", "raise SystemExit('out of memory')")
+    with pytest.raises(GenerationError, match="^the remaining models cannot be derived.*:\nout of memory$"):
+        regeneration.derive_all(["loop_row"])
+
+
+def test_a_process_of_its_own_answers_with_what_this_one_makes(made):
+    here = json.loads(answer("rigid_element"))
+    there = made["rigid_element"]
+    assert here["shipped"]["files"] == [{"name": f.name, "text": f.text} for f in there.shipped.files]
+    assert set(there.needs) <= set(here["needs"]), "what else was derived here counts too"

@@ -1,0 +1,157 @@
+"""The page on a scene: what it holds, and how it shows in a real browser."""
+
+from __future__ import annotations
+
+import importlib.util
+import re
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from symgen.cli import app
+from symgen.errors import SceneError, SymgenError
+from symgen.inspection.measured import speed_caption, speed_figure, speed_table
+from symgen.inspection.page import scene_page
+from symgen.report.page.page import render
+from symgen.scene.loading import read_scene
+from symgen.study.speed.work_precision import Point, WorkPrecision
+
+FOLDER = Path(__file__).parents[2] / "benchmarks"
+#: One of rods, one of them in space, one loop, one with links that bend.
+SCENES = ("four_bar", "vertical_rods", "slider_crank", "elastic_slider_crank")
+
+
+def _browser():
+    spec = importlib.util.spec_from_file_location("browser", FOLDER / "browser.py")
+    module = importlib.util.module_from_spec(spec)
+    sys.modules["browser"] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+browser = _browser()
+in_chromium = pytest.mark.skipif(
+    browser.chromium() is None, reason="needs Chromium (apt install chromium), and there is none"
+)
+
+
+@pytest.fixture(scope="module")
+def gathered():
+    return {name: scene_page(read_scene(name), speed=False, told=lambda _: None) for name in SCENES}
+
+
+@pytest.fixture(scope="module")
+def pages(gathered, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("pages")
+    made = {name: folder / f"{name}.html" for name in gathered}
+    for name, page in gathered.items():
+        made[name].write_text(render(page))
+    return made
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_a_page_is_whole_and_needs_nothing_else(pages, name):
+    text = pages[name].read_text()
+    assert len(text) < 1_000_000
+    assert not re.findall(r'(?:src|href)="(?!#|data:)[^"]*"', text) and "<script" not in text
+    assert "url(http" not in text and "@import" not in text
+    for anchor in re.findall(r'href="#([^"]+)"', text):
+        assert f'id="{anchor}"' in text
+    for section in ("mechanism", "derivation", "symbols", "kernels", "run", "sources"):
+        assert f'<section id="{section}">' in text
+    assert text.count("<math") > 20 and "<svg" in text and "data:image/svg+xml;base64" in text
+    assert "restrict q" in text and "{{" not in text
+
+
+WIDTHS = (390, 1440)
+
+
+@pytest.fixture(scope="module")
+def seen(pages, tmp_path_factory):
+    """All pages at both widths, and one with faults, in one browser."""
+    folder = tmp_path_factory.mktemp("browser")
+    bad = folder / "bad.html"
+    bad.write_text(
+        "<!DOCTYPE html><html><body><script>console.error('broken'); missing();</script>"
+        "<p style='width: 2000px'>wide</p><math style='display: none'><mi>x</mi></math>"
+        "<img src='nothing.png'></body></html>"
+    )
+    return browser.look([*pages.values(), bad], WIDTHS, folder)
+
+
+@in_chromium
+@pytest.mark.parametrize("name", SCENES)
+@pytest.mark.parametrize("width", WIDTHS)
+def test_a_page_in_a_browser(seen, name, width):
+    """No script or console error, every equation visible, nothing wider than the window, no overlap."""
+    found = seen[name, width]
+    assert found.width == width
+    assert found.math > 20 and found.faults == []
+
+
+@in_chromium
+def test_the_browser_sees_what_is_wrong(seen):
+    """A page with faults is told from one without."""
+    faults = " | ".join(seen["bad", 390].faults)
+    for word in ("broken", "missing is not defined", "px wide in 390", "P.", "1 of 1 equations", "pictures"):
+        assert word in faults
+
+
+def test_a_page_shows_what_was_derived(pages):
+    """Its numbers are those of the model, its symbols those of the system."""
+    import symgen
+
+    model, system = symgen.build("four_bar"), symgen.derive("four_bar")
+    text = pages["four_bar"].read_text()
+    assert f"{model.operations['accelerations']['flops']} for the accelerations" in text
+    for group in system.groups:
+        for quantity in group.quantities:
+            assert f"<code>{quantity.name}</code>" in text and quantity.description in text
+    for name in ("crank_lambda", "O_reaction_x"):  # those of the momentum rows too
+        assert f"<code>{name}</code>" in text
+    assert model.description.equations in text
+    assert "Attia, Eqs. (12)-(16)" in text and "Eq. (14)" in text
+
+
+def test_words_of_a_scene_are_escaped(gathered):
+    odd = replace(gathered["four_bar"], title="<script>alert(1)</script> & co", about="a < b")
+    text = render(odd)
+    assert "<script" not in text and "&lt;script&gt;alert(1)&lt;/script&gt; &amp; co" in text
+    assert "a &lt; b" in text
+
+
+def test_report_writes_a_page_or_one_error(tmp_path):
+    def call(*arguments):
+        return CliRunner().invoke(app, ["report", *map(str, arguments)])
+
+    file = tmp_path / "page.html"
+    done = call("four_bar", "--out", file, "--set", "t_end=0.5 s")
+    assert isinstance(done.exception, SceneError) and not file.exists()
+    done = call("four_bar", "--out", tmp_path / "page.pdf")
+    assert isinstance(done.exception, SymgenError) and ".html" in str(done.exception)
+    done = call("four_bar", "--out", file, "--no-speed")
+    assert done.exit_code == 0 and file.read_text().count("<h2>") == 8
+    assert "dop853" in file.read_text() and "Speed and error" not in file.read_text()
+
+
+def test_speed_stands_beside_error():
+    """Of each method the loosest, a middle and the tightest setting; errors that say nothing are marked."""
+    points = [
+        Point(method, "float64", f"rtol 1e-{k}", 10.0**-k, 10.0**-k, k * 1e-4, k * 1e-4, 10 * k, None, k < 9)
+        for method in ("dop853", "rk4")
+        for k in range(2, 10)
+    ]
+    found = WorkPrecision("x", 1.0, 11, "m", "error", "reference", 1e-9, tuple(points), (), ())
+    table = speed_table(found)
+    assert [row[0] for row in table.rows[:3]] == [
+        "dop853, rtol 1e-2",
+        "dop853, rtol 1e-6",
+        "dop853, rtol 1e-9",
+    ]
+    assert table.rows[2][1:] == ("~1.0e-09", "900 µs", "90") and len(table.rows) == 6
+    assert "~ marks errors" in speed_caption(found)
+    assert speed_figure(found).uri.startswith("data:image/svg+xml;base64,")
+    assert speed_figure(found) == speed_figure(found)  # the same bytes

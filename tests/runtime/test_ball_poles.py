@@ -1,0 +1,90 @@
+"""Runs under forces past the poles of the angles of ball joints: the motion from the energy alone.
+
+A crank, a rod and a slider parallel to the crank's axis: where the offset of the slider's line is the length of the
+crank, the rod passes both poles, and where it is a little more, it misses them by little.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.integrate import quad
+
+import symgen
+
+CRANK, ROD, MASSES, SPEED = 0.3, 1.25, (2.0, 3.0, 5.0), 5.0
+CASE = Path(__file__).parents[1] / "cases" / "ball_poles.toml"
+
+
+class Straight:
+    """The same by two points: the crank's pin on its circle, the slider on its line."""
+
+    def __init__(self, offset: float) -> None:
+        self.offset = offset
+        self.energy = self.mass(np.pi / 2) * SPEED**2 / 2
+
+    def slider(self, angle):
+        """Place of the slider, its first and second derivative by the angle."""
+        s = np.sqrt(ROD**2 - CRANK**2 - self.offset**2 - 2 * CRANK * self.offset * np.cos(angle))
+        first = CRANK * self.offset * np.sin(angle) / s
+        return s, first, (CRANK * self.offset * np.cos(angle) - first**2) / s
+
+    def mass(self, angle):
+        """Twice the kinetic energy at unit speed; uniform rods have the energy of their ends alone."""
+        along = self.slider(angle)[1]
+        pin = np.array([-np.sin(angle), np.cos(angle), 0.0 * angle]) * CRANK
+        end = np.array([0.0 * angle, 0.0 * angle, along])
+        crank, rod, slider = MASSES
+        return (
+            crank * CRANK**2 / 3
+            + rod / 3 * ((pin * pin).sum(0) + (pin * end).sum(0) + (end * end).sum(0))
+            + slider * along**2
+        )
+
+    def rate(self, angle):
+        return np.sqrt(2 * self.energy / self.mass(angle))
+
+    def time(self, angle):
+        return quad(lambda x: 1 / self.rate(x), np.pi / 2, angle, epsabs=1e-12, epsrel=1e-12)[0]
+
+    def acceleration(self, angle, step=1e-3):
+        """Acceleration of the slider, from the slope of the squared rate."""
+        at = [self.rate(angle + k * step) ** 2 for k in (-2, -1, 1, 2)]
+        slope = (at[0] - 8 * at[1] + 8 * at[2] - at[3]) / (24 * step)
+        _, first, second = self.slider(angle)
+        return first * slope + second * self.rate(angle) ** 2
+
+
+@pytest.fixture(scope="module")
+def model():
+    return symgen.build(CASE)
+
+
+@pytest.mark.parametrize("past", [1e-2, 1e-3, 1e-5, 1e-8, 0.0])
+def test_a_run_passes_poles_of_balls(model, past):
+    straight = Straight(CRANK + past)
+    result = model.with_parameters(offset=CRANK + past).simulate(rtol=1e-11, atol=1e-12, samples=401)
+    angle = result["theta1"].values
+    assert angle[-1] > 1.5 * np.pi
+    assert straight.time(angle[-1]) == pytest.approx(1.0, abs=1e-10)
+    np.testing.assert_allclose(result["theta1.rate"].values, straight.rate(angle), rtol=1e-9)
+    np.testing.assert_allclose(result["S4"].values, straight.slider(angle)[0], rtol=1e-12)
+    np.testing.assert_allclose(
+        result["S4.acceleration"].values, straight.acceleration(angle), rtol=1e-7, atol=1e-7
+    )
+    assert not [note for note in result.notes if "rank" in note]
+    assert result.statistics["steps"] < 100
+
+
+def test_a_sample_at_the_pole_itself(model):
+    straight = Straight(CRANK)
+    at = straight.time(np.pi)
+    run = model.with_parameters(offset=CRANK).simulate(2 * at, rtol=1e-11, atol=1e-12, samples=3)
+    assert run["theta1"].values[1] == pytest.approx(np.pi, abs=1e-10)
+    assert run["S4.acceleration"].values[1] == pytest.approx(straight.acceleration(np.pi), rel=1e-8)
+    assert run["S4.rate"].values[1] == pytest.approx(0.0, abs=1e-8)
+    assert all(np.all(np.isfinite(v.values)) or v.name[-4:] in ("rate", "tion") for v in run.variables)
+    open_ = {v.name for v in run.variables if not np.all(np.isfinite(v.values))}
+    assert any("pole" in note for note in run.notes) == bool(open_)

@@ -1,0 +1,157 @@
+"""Killed runs that are resumed, and runs of two processes: the same to the bit."""
+
+from __future__ import annotations
+
+import json
+import os
+import resource
+import signal
+import subprocess
+import sys
+import time
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+import pytest
+from shared.full import full
+
+import symgen
+from symgen.errors import ResultError
+
+KILLED_RUNS = Path(__file__).parents[1] / "shared" / "killed_runs.py"
+RUN = [sys.executable, "-m", "symgen", "run", "parallelogram", "--step", "5e-5", "--json"]
+LONG = [*RUN, "--t-end", "20"]
+
+
+def said(command, **more):
+    done = subprocess.run(command, capture_output=True, text=True, timeout=300, **more)
+    return done.returncode, done.stdout, done.stderr
+
+
+@pytest.mark.parametrize("times", [2, full(20)])
+@pytest.mark.parametrize(
+    ("scene", "steps"), [("parallelogram", 40000), ("cssp", 40000), ("elastic_slider_crank", 8000)]
+)
+def test_killed_at_a_random_moment_and_resumed(scene, steps, times, tmp_path):
+    code, out, err = said([sys.executable, str(KILLED_RUNS), scene, str(tmp_path), str(times)])
+    assert code == 0, err
+    found = json.loads(out)
+    assert found["same"] == times
+    assert set(found["steps"]) == {steps}
+
+
+def without_wall_time(text):
+    return {k: v for k, v in json.loads(text).items() if k != "wall_s"}
+
+
+def test_on_the_command_line(tmp_path):
+    """Killed, resumed, and the same as a run that nothing happened to."""
+    file, saved = tmp_path / "kept", tmp_path / "resumed.npz"
+    running = subprocess.Popen(
+        [*LONG, "--checkpoint", str(file), "--every", "0.01"], stdout=subprocess.DEVNULL
+    )
+    for _ in range(6000):
+        if file.exists():
+            break
+        time.sleep(0.01)
+    running.send_signal(signal.SIGKILL)
+    assert running.wait() == -signal.SIGKILL
+    code, out, err = said([*LONG, "--resume", str(file), "--out", str(saved)])
+    assert code == 0, err
+    code, whole, _ = said([*LONG, "--out", str(tmp_path / "whole.npz")])
+    assert without_wall_time(out) == without_wall_time(whole)
+    with np.load(saved) as a, np.load(tmp_path / "whole.npz") as b:
+        assert all(a[name].tobytes() == b[name].tobytes() for name in a.files if name != "symgen")
+    code, out, err = said([*RUN, "--t-end", "21", "--resume", str(file)])
+    assert (code, out) == (2, "")
+    assert err.startswith("symgen: ") and "is the checkpoint of another run, stopped at t = " in err
+    assert err.count("symgen: ") == 1
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (["parallelogram", "--every", "1"], "give their file with --checkpoint"),
+        (["parallelogram", "--resume", "none"], "there is no checkpoint none"),
+        (["parallelogram", "--checkpoint", "none/file"], "there is no folder none"),
+        (["parallelogram", "--checkpoint", "file", "--every", "-1"], "number of seconds"),
+        (["bennett", "--checkpoint", "file"], "--checkpoint: applies to integration in time only"),
+        (["cssp", "--every", "1"], "give their file with --checkpoint"),
+        (["cssp", "--resume", "none"], "there is no checkpoint none"),
+        (["cssp", "--stabilisation-rate", "5"], "for linkages of points and links only"),
+        (["elastic_four_bar", "--resume", "none"], "there is no checkpoint none"),
+        (["elastic_four_bar", "--max-drift", "1"], "--max-drift does not go with elastic links"),
+        (["elastic_four_bar", "--method", "periodic", "--checkpoint", "file"], "no checkpoints of periodic"),
+        (["elastic_four_bar", "--method", "exact", "--resume", "none"], "there is no checkpoint none"),
+    ],
+)
+def test_what_makes_no_sense_is_refused(options, words, tmp_path):
+    from typer.testing import CliRunner
+
+    from symgen.cli import app
+
+    before = Path.cwd()
+    os.chdir(tmp_path)
+    try:
+        done = CliRunner().invoke(app, ["run", *options])
+    finally:
+        os.chdir(before)
+    assert isinstance(done.exception, symgen.SymgenError)
+    assert words in str(done.exception)
+    assert list(tmp_path.iterdir()) == []
+
+
+@contextmanager
+def files_of_at_most(size):
+    """Make the disk full, as far as this process can see."""
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size, hard))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+
+
+def test_a_full_disk_is_told_and_the_last_checkpoint_stays(tmp_path):
+    """No half of a new one is left either."""
+    model, file = symgen.build("parallelogram"), tmp_path / "kept"
+    options = {"t_end": 2.0, "step": 1e-4, "checkpoint_every": 0.0}
+    whole = model.simulate(**options, checkpoint=file)
+    kept = file.read_bytes()
+    with files_of_at_most(4096), pytest.raises(ResultError, match=f"cannot write the checkpoint {file}"):
+        model.simulate(**options, checkpoint=file)
+    assert [p.name for p in tmp_path.iterdir()] == ["kept"]
+    assert file.read_bytes() == kept
+    del options["checkpoint_every"]
+    again = model.simulate(**options, resume=file)
+    assert all(
+        a.values.tobytes() == b.values.tobytes()
+        for a, b in zip(again.variables, whole.variables, strict=True)
+    )
+
+
+def test_two_processes_give_the_same_bits(tmp_path):
+    """Each derives, compiles and runs by itself, with another order of Python's sets."""
+    arrays = []
+    for seed in ("1", "2"):
+        where = tmp_path / seed
+        where.mkdir()
+        environment = {**os.environ, "PYTHONHASHSEED": seed, "SYMGEN_CACHE": str(where / "cache")}
+        command = [
+            sys.executable,
+            "-m",
+            "symgen",
+            "run",
+            "double_four_bar",
+            "--json",
+            "--out",
+            str(where / "run.npz"),
+        ]
+        code, out, err = said(command, env=environment)
+        assert code == 0, err
+        with np.load(where / "run.npz") as saved:
+            arrays.append(
+                {n: saved[n].tobytes() for n in saved.files if n != "symgen"} | without_wall_time(out)
+            )
+    assert arrays[0] == arrays[1]

@@ -1,0 +1,345 @@
+"""The equations of an elastic motion, assembled densely from the rigid motion of ``elastic_linkages``.
+
+Taken from symgen are only the constant matrices of the links in their own axes and the names of the unknowns.
+Axes and constraints are differentiated as what they are: s = B(t) S for the axes of a link, S = R(t) p for
+constraints, each with two rates, put into M s'' + C s' + K s = Q.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from itertools import pairwise
+
+import mpmath
+import numpy as np
+from mpmath import mp, mpf
+from numpy.polynomial.legendre import leggauss
+from shared.elastic_linkages import DIGITS, STEP, Bar, Instant, Linkage
+
+
+@dataclass(frozen=True)
+class Case:
+    """A linkage with what its crank is: ``held``, ``free``, or driven by torque(angle, rate)."""
+
+    linkage: Linkage
+    mode: str = "held"
+    torque: Callable | None = None
+    flywheel: float = 0.0
+
+    @property
+    def crank(self) -> Bar:
+        return self.linkage.bar(self.linkage.crank)
+
+
+def gradient(function, q):
+    """Central differences by all coordinates, a row of mp numbers."""
+    found = []
+    for i in range(len(q)):
+        up, down = list(q), list(q)
+        up[i], down[i] = q[i] + STEP, q[i] - STEP
+        found.append((function(up) - function(down)) / (2 * STEP))
+    return found
+
+
+class Joints:
+    """Coordinates of all moving points, constraints, masses and forces that are not of elastic links."""
+
+    def __init__(self, case: Case) -> None:
+        self.case, self.linkage = case, case.linkage
+        self.points = [p for p in case.linkage.places(mpf(0)) if p not in case.linkage.ground]
+        self.names = [f"{p}.{axis}" for p in self.points for axis in "xy"]
+        self.place = {p: 2 * i for i, p in enumerate(self.points)}
+        self.fixed = {p: xy for p, xy in case.linkage.places(mpf(0)).items() if p in case.linkage.ground}
+
+    def xy(self, q, p):
+        return (q[self.place[p]], q[self.place[p] + 1]) if p in self.place else self.fixed[p]
+
+    def length(self, q, a, b):
+        (ax, ay), (bx, by) = self.xy(q, a), self.xy(q, b)
+        return mp.sqrt((bx - ax) ** 2 + (by - ay) ** 2)
+
+    def angle(self, q, bar):
+        (ax, ay), (bx, by) = self.xy(q, bar.a), self.xy(q, bar.b)
+        return mp.atan2(by - ay, bx - ax)
+
+    def constraints(self):
+        """Name, function of q, and whether the elastic motion keeps it."""
+        for b in self.linkage.bars:
+            yield b.name, (lambda q, b=b: self.length(q, b.a, b.b)), not (b.elastic and b.axial)
+        for p, n in self.linkage.guided.items():
+            yield p, (lambda q, p=p, n=n: sum(k * x for k, x in zip(n, self.xy(q, p), strict=True))), True
+        crank = self.case.crank
+        yield "drive", lambda q: self.angle(q, crank), self.case.mode == "held" and not crank.elastic
+
+    def jacobian(self, q, all_of_them=False):
+        return mp.matrix([gradient(f, q) for _, f, kept in self.constraints() if kept or all_of_them] or 1)
+
+    def mass(self, elastic: bool):
+        """Constant mass matrix of rigid bars and particles; with ``elastic`` of the elastic links too."""
+        found = np.zeros((len(self.names), len(self.names)))
+
+        def add(shares, mass):
+            for p, a in shares.items():
+                for other, b in shares.items():
+                    if p in self.place and other in self.place:
+                        for k in range(2):
+                            found[self.place[p] + k, self.place[other] + k] += mass * a * b
+
+        for b in self.linkage.bars:
+            if elastic or not b.elastic:
+                length = float(self.length(self.start, b.a, b.b))
+                add({b.a: 0.5, b.b: 0.5}, b.mass)
+                add({b.a: -1 / length, b.b: 1 / length}, b.inertia)
+                for s, lump in b.lumps:
+                    add({b.a: 1 - s, b.b: s}, lump)
+        for p, mass in self.linkage.particles.items():
+            add({p: 1.0}, mass)
+        return found
+
+    @property
+    def start(self):
+        with mpmath.workdps(DIGITS):
+            return [x for p in self.points for x in self.linkage.places(mpf(0))[p]]
+
+    def force(self, q, u, elastic: bool):
+        """Applied forces by place and rate; with ``elastic`` what acts on elastic links too."""
+        found = [mpf(0)] * len(q)
+
+        def add(p, f, share=1.0):
+            if p in self.place:
+                for k in range(2):
+                    found[self.place[p] + k] += share * f[k]
+
+        for b in self.linkage.bars:
+            if elastic or not b.elastic:
+                weights = [((0.5), b.mass), *b.lumps]
+                loads = [(s, [m * g for g in self.linkage.gravity]) for s, m in weights] + list(b.forces)
+                for s, f in loads:
+                    add(b.a, f, 1 - s)
+                    add(b.b, f, s)
+        for p, mass in self.linkage.particles.items():
+            add(p, [mass * g for g in self.linkage.gravity])
+        rates = list(u)
+        for spring in self.linkage.springs:
+            (ax, ay), (bx, by) = self.xy(q, spring.a), self.xy(q, spring.b)
+            (vx, vy), (wx, wy) = self.rates(rates, spring.a), self.rates(rates, spring.b)
+            length = mp.sqrt((bx - ax) ** 2 + (by - ay) ** 2)
+            e = (bx - ax) / length, (by - ay) / length
+            pull = spring.stiffness * (length - spring.length)
+            pull += spring.damping * (e[0] * (wx - vx) + e[1] * (wy - vy))
+            add(spring.a, [pull * x for x in e])
+            add(spring.b, [-pull * x for x in e])
+        crank = self.case.crank
+        if self.case.torque and not crank.elastic and not elastic:
+            (ax, ay), (bx, by) = self.xy(q, crank.a), self.xy(q, crank.b)
+            (vx, vy), (wx, wy) = self.rates(rates, crank.a), self.rates(rates, crank.b)
+            dx, dy, squared = bx - ax, by - ay, (bx - ax) ** 2 + (by - ay) ** 2
+            rate = (dx * (wy - vy) - dy * (wx - vx)) / squared
+            couple = self.case.torque(mp.atan2(dy, dx), rate) / squared
+            add(crank.b, (-dy * couple, dx * couple))
+            add(crank.a, (dy * couple, -dx * couple))
+        return found
+
+    def rates(self, u, p):
+        return (u[self.place[p]], u[self.place[p] + 1]) if p in self.place else (mpf(0), mpf(0))
+
+
+def floats(matrix):
+    return np.array(matrix.tolist(), dtype=float)
+
+
+def local(beam):
+    """The sum of a link's pieces, by the names of the matrices."""
+    n = len(beam.dofs)
+    found = {}
+    for name in ("mass", "centrifugal", "gyroscopic", "stiffness", "damping"):
+        found[name] = np.zeros((n, n))
+        for piece in beam.pieces:
+            found[name][np.ix_(piece.at, piece.at)] += getattr(piece, name)
+    for name in ("load_x", "load_y", "load_out", "load_turn"):
+        found[name] = np.zeros(n)
+        for piece in beam.pieces:
+            found[name][list(piece.at)] += getattr(piece, name)
+    return found
+
+
+def stiffening(beam, bar: Bar, pull, along, rate, e):
+    """The integral of N w' w'^T, N by the balance of what lies before x."""
+    length, m = beam.properties.length, bar.mass / beam.properties.length
+    points, weights = leggauss(10)
+    breaks = {beam.info.node(k) for k in range(beam.info.elements + 1)}
+    breaks = sorted(breaks | {s for s, _ in (*bar.lumps, *bar.forces)})
+    total = np.zeros((len(beam.dofs), len(beam.dofs)))
+    for left, right in pairwise(breaks):
+        fractions = (left + right) / 2 + points * (right - left) / 2
+        x = fractions * length
+        force = pull + m * (along * x - rate**2 * x**2 / 2)
+        force += sum(mass * (along - rate**2 * s * length) for s, mass in bar.lumps if s <= left)
+        force -= sum(e @ np.array(f) for s, f in bar.forces if s <= left)
+        slopes = beam.table(fractions)[2]
+        total += np.einsum("k,ki,kj->ij", force * weights * (right - left) / 2 * length, slopes, slopes)
+    return total
+
+
+def places(case: Case, beam):
+    """Which unknown each of a link's own is: its name, the end (0 or 1) of it, or None where it is held."""
+    ends = {dof: (p, k) for pair, p in zip(beam.ends, (beam.info.start, beam.info.end), strict=True)
+            for k, dof in enumerate(pair)}  # fmt: skip
+    for i, dof in enumerate(beam.dofs):
+        if i in ends:
+            yield ends[i]
+        elif i in beam.fixed or (beam.info.link, dof, case.mode) == (case.linkage.crank, "theta@0", "held"):
+            yield None
+        else:
+            yield f"{beam.info.link}.{dof}"
+
+
+def axes(case: Case, beam, names, instant: Instant):
+    """B of s = B S, with two rates."""
+    e, rate, second, _ = instant.axes(case.linkage.bar(beam.info.link))
+    c, s = e
+    turn = np.array([[c, s], [-s, c]])
+    by_angle = np.array([[-s, c], [-c, -s]])
+    series = turn, rate * by_angle, second * by_angle - rate**2 * turn
+    found = np.zeros((3, len(beam.dofs), len(names)))
+    for i, place in enumerate(places(case, beam)):
+        if isinstance(place, tuple):
+            point, k = place
+            if f"{point}.x" in names:
+                at = [names.index(f"{point}.{axis}") for axis in "xy"]
+                for order in range(3):
+                    found[order, i, at] = series[order][k]
+        elif place:
+            found[0, i, names.index(place)] = 1.0
+    return found
+
+
+def put_in(basis, mass, damping, stiffness, load):
+    """The equation in y of x = basis y."""
+    zero, first, second = basis
+    return (
+        zero.T @ mass @ zero,
+        zero.T @ (2 * mass @ first + damping @ zero),
+        zero.T @ (mass @ second + damping @ first + stiffness @ zero),
+        zero.T @ load,
+    )
+
+
+def constant(basis):
+    return np.array([basis[0], 0 * basis[0], 0 * basis[0]])
+
+
+def equations(case: Case, beams, names, t: float, *, thesis=False, rest=False, independent=None):
+    """Mass, damping, stiffness, load of the unknowns left, and R with two rates (None without constraints)."""
+    instant, joints, n = case.linkage.at(t), Joints(case), len(names)
+    if rest:
+        for table in (instant.rate, instant.second):
+            table.update({p: (mpf(0), mpf(0)) for p in table})
+    total = [np.zeros((n, n)), np.zeros((n, n)), np.zeros((n, n)), np.zeros(n)]
+    for beam in beams:
+        basis = axes(case, beam, names, instant)
+        found = put_in(constant(basis) if thesis else basis, *of_link(case, beam, instant, rest))
+        total = [a + b for a, b in zip(total, found, strict=True)]
+        if beam.info.link == case.linkage.crank and case.mode != "held":
+            _shaft(case, instant, total, names.index(f"{beam.info.link}.theta@0"))
+    mine = [names.index(name) for name in joints.names]
+    with mpmath.workdps(DIGITS):
+        for whole, own in zip(total, of_joints(joints, instant, rest), strict=True):
+            whole[np.ix_(*[mine] * own.ndim)] += own
+        if not any(kept for *_, kept in joints.constraints()):
+            return (*total, None)
+        basis = allowed(joints, t, mine, n, independent)
+    used = constant(basis) if thesis or rest else basis
+    return (*put_in(used, *total), basis)
+
+
+def of_link(case: Case, beam, instant: Instant, rest: bool):
+    """Mass, damping, stiffness and load of an elastic link in its own axes."""
+    m, bar = local(beam), case.linkage.bar(beam.info.link)
+    e, rate, second, _ = instant.axes(bar)
+    across = np.array([-e[1], e[0]])
+    felt, first = (instant.felt(bar.a), instant.forces[bar.name, bar.a]) if not rest else np.zeros((2, 2))
+    along, lateral, pull = e @ felt, across @ felt, -e @ first
+    stiffness = m["stiffness"] - rate**2 * m["centrifugal"] - second * m["gyroscopic"]
+    if not rest and beam.info.geometric_stiffness:
+        stiffness = stiffness + stiffening(beam, bar, pull, along, rate, e)
+    load = rate**2 * m["load_out"] - along * m["load_x"] - lateral * m["load_y"] - second * m["load_turn"]
+    for s, f in bar.forces:
+        rows = beam.rows(s)
+        load = load + (e @ np.array(f)) * rows.u + (across @ np.array(f)) * rows.w
+    return m["mass"], m["damping"] - 2 * rate * m["gyroscopic"], stiffness, load
+
+
+def _shaft(case: Case, instant: Instant, total, at: int) -> None:
+    """Add flywheel and motor on the shaft of an elastic crank."""
+    mass, damping, stiffness, load = total
+    mass[at, at] += case.flywheel
+    if case.torque:
+        e, rate, *_ = instant.axes(case.crank)
+        angle = mp.atan2(e[1], e[0]), mpf(rate)
+        load[at] += float(case.torque(*angle))
+        stiffness[at, at] -= float(mpmath.diff(case.torque, angle, (1, 0)))
+        damping[at, at] -= float(mpmath.diff(case.torque, angle, (0, 1)))
+
+
+def of_joints(joints: Joints, instant: Instant, rest: bool):
+    """The same of all that is not elastic, by the displacements of the joints."""
+    q, u, a = (
+        [x for p in joints.points for x in table[p]] for table in (instant.now, instant.rate, instant.second)
+    )
+
+    def entry(i, where):
+        return lambda x: joints.force(*((x, u) if where == "q" else (q, x)), False)[i]
+
+    by_place, by_rate = (
+        floats(mp.matrix([gradient(entry(i, where), at) for i in range(len(q))]))
+        for where, at in (("q", q), ("u", u))
+    )
+    mass, multipliers = joints.mass(False), _multipliers(joints, q, u, a)
+    geometric = np.zeros(mass.shape)
+    # The axial force of an elastic link stands in its own geometric stiffness.
+    elastic = {b.name for b in joints.linkage.bars if b.elastic}
+    for name, f, kept in joints.constraints():
+        if kept and not rest and name not in elastic:
+            geometric += multipliers[name] * floats(mp.matrix(_hessian(f, q)))
+    load = np.array([float(x) for x in joints.force(q, u, False)]) - mass @ np.array([float(x) for x in a])
+    return mass, -by_rate, geometric - by_place, load
+
+
+def allowed(joints: Joints, t: float, mine, n: int, independent):
+    """R of S = R p with two rates, p the unknowns ``independent``."""
+    moments = [
+        [x for p in joints.points for x in joints.linkage.places(mpf(t) + k * STEP)[p]] for k in (-1, 0, 1)
+    ]
+    dependent = [j for j, i in enumerate(mine) if i not in independent]
+    others = [j for j, i in enumerate(mine) if i in independent]
+    before, now, after = (_followers(joints.jacobian(q), dependent, others) for q in moments)
+    found = np.zeros((3, n, len(independent)))
+    found[0][independent, np.arange(len(independent))] = 1.0
+    block = np.ix_([mine[j] for j in dependent], [independent.index(mine[j]) for j in others])
+    found[0][block] = floats(now)
+    found[1][block] = floats((after - before) / (2 * STEP))
+    found[2][block] = floats((after - 2 * now + before) / STEP**2)
+    return found
+
+
+def _followers(jacobian, dependent, others):
+    """Displacements of the dependent coordinates by the others: -J_d^-1 J_o."""
+
+    def columns(of):
+        return mp.matrix([[jacobian[i, j] for j in of] for i in range(jacobian.rows)])
+
+    return -(columns(dependent) ** -1) * columns(others)
+
+
+def _hessian(function, q):
+    return [gradient(lambda x, i=i: gradient(function, x)[i], q) for i in range(len(q))]
+
+
+def _multipliers(joints: Joints, q, u, a):
+    """Of all constraints of the rigid linkage, elastic links with their mass: J^T lambda = f - M a."""
+    force = np.array([float(x) for x in joints.force(q, u, True)])
+    jacobian = floats(joints.jacobian(q, all_of_them=True))
+    found = np.linalg.solve(jacobian.T, force - joints.mass(True) @ np.array([float(x) for x in a]))
+    return dict(zip([name for name, *_ in joints.constraints()], found, strict=True))
