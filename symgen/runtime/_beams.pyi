@@ -1,6 +1,6 @@
 """Types of the binding of elastic links; see ``_beams.pyx`` for what things do."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -9,6 +9,7 @@ from symgen.runtime._core import Integrable
 from symgen.runtime.beams.layout import Layout
 from symgen.runtime.beams.methods import BeamMethod
 from symgen.runtime.elastic.path import Path
+from symgen.runtime.kernels.library import Library
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -24,8 +25,8 @@ class RigidMotion:
     def __init__(
         self,
         equations: Integrable,
-        motion: Mapping[str, int],
-        joints: Mapping[str, int],
+        motion: Library,
+        joints: Library,
         sizes: Sequence[int],
         t: float,
         y: ArrayLike,

@@ -160,7 +160,7 @@ cdef class RigidMotion:
     equations
         The rigid linkage.
     motion, joints
-        Addresses of the kernels of ``elastic_motion`` and of ``elastic_joints``.
+        The kernels of ``elastic_motion`` and of ``elastic_joints``, which live as long as this.
     sizes
         Sizes of what the kernels links, joints, torque and loads write, and the set-up kernels of both.
     t, y
@@ -176,7 +176,7 @@ cdef class RigidMotion:
     cdef rigid_motion *core
     cdef void *memory
     cdef size_t bytes
-    cdef tuple sizes
+    cdef tuple sizes, libraries
     cdef Reals rows, references
 
     def __init__(self, Integrable equations, motion, joints, sizes, double t, y, double stride, path=None):
@@ -187,9 +187,11 @@ cdef class RigidMotion:
             raise ValueError(f"expected a state of {2 * equations.n} numbers, got {len(y)}")
         self.equations, self.sizes = equations, tuple(sizes)
         self.api = <const elastic_table *>equations.of.api.elastic
-        given.links, given.joints = kernel_of(motion, "links"), kernel_of(joints, "joints")
-        given.torque, given.loads = kernel_of(motion, "torque"), kernel_of(motion, "loads")
-        given.setup, given.joints_setup = kernel_of(motion, "setup"), kernel_of(joints, "setup")
+        self.libraries = (motion, joints)
+        moving, joining = motion.addresses, joints.addresses
+        given.links, given.joints = kernel_of(moving, "links"), kernel_of(joining, "joints")
+        given.torque, given.loads = kernel_of(moving, "torque"), kernel_of(moving, "loads")
+        given.setup, given.joints_setup = kernel_of(moving, "setup"), kernel_of(joining, "setup")
         if len(sizes) != WRITTEN or min(sizes) < 0:
             raise ValueError(f"expected {WRITTEN} sizes of what kernels write, got {sizes!r}")
         for i in range(WRITTEN):

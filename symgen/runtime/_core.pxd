@@ -172,6 +172,7 @@ cdef class Integrable:
     cdef equations *core
     cdef void *memory
     cdef size_t bytes
+    cdef object libraries
     cdef readonly Py_ssize_t n, m, extra, dim
 
     cdef int make(self, const sizes *wanted, const kernels *given) except -1

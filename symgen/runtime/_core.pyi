@@ -1,10 +1,12 @@
 """Types of the binding of the core; see ``_core.pyx`` for what things do."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+
+from symgen.runtime.kernels.library import Library
 
 Array = NDArray[np.float64]
 Raw = NDArray[np.uint8]
@@ -107,7 +109,7 @@ class Integrable:
 class Equations(Integrable):
     def __init__(
         self,
-        addresses: Mapping[str, int],
+        library: Library,
         n: int,
         m: int,
         extra: int,
@@ -124,9 +126,8 @@ class Equations(Integrable):
         windings: int = 0,
         turns: int = 0,
         tangent: ArrayLike = (),
+        tangent_library: Library | None = None,
         stabilisation: float = 0.0,
-        derived: int = 0,
-        tangent_derived: int = 0,
     ) -> None: ...
     @property
     def parameters(self) -> Array: ...

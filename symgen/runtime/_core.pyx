@@ -382,8 +382,8 @@ cdef class Equations(Integrable):
 
     Parameters
     ----------
-    addresses
-        Address of each kernel by name; ``accelerations`` and ``energy`` are required.
+    library
+        The kernels, which live as long as this; ``accelerations`` and ``energy`` are required.
     n, m
         Number of coordinates and of constraints.
     extra
@@ -408,18 +408,20 @@ cdef class Equations(Integrable):
         for angles of links whose revolutions are counted, each with its rate.
     tangent
         Row, column and place of each value that the kernel of that name writes, column by column.
-    derived, tangent_derived
-        Numbers that the kernels 'setup' and 'tangent_setup' make of the parameters.
+    tangent_library
+        Where that kernel and its set-up are, for implicit methods.
     stabilisation
         Rate [1/s] of Baumgarte's terms in derivatives; 0 for none.
     """
 
-    def __init__(self, dict addresses, Py_ssize_t n, Py_ssize_t m, Py_ssize_t extra, const double[::1] p,
+    def __init__(self, library, Py_ssize_t n, Py_ssize_t m, Py_ssize_t extra, const double[::1] p,
                  Py_ssize_t work_size, Py_ssize_t first_pivot, double rank_tolerance, Py_ssize_t redundant,
                  double slack, *, Core core=DOUBLE, long events=0, long switches=0, long windings=0, long turns=0, tangent=(),
-                 double stabilisation=0.0, long derived=0, long tangent_derived=0):
+                 tangent_library=None, double stabilisation=0.0):
         cdef kernels given
         cdef sizes wanted
+        addresses = library.addresses
+        tangents = tangent_library.addresses if tangent_library is not None else {}
         if not (addresses.get("accelerations") and addresses.get("energy")):
             raise ValueError("a model without the kernels 'accelerations' and 'energy' cannot be stepped")
         given.accelerations = kernel_of(addresses, "accelerations")
@@ -427,10 +429,11 @@ cdef class Equations(Integrable):
         given.constraints = kernel_of(addresses, "constraints")
         given.velocity_constraints = kernel_of(addresses, "velocity_constraints")
         given.energy, given.residual = kernel_of(addresses, "energy"), kernel_of(addresses, "residual")
-        given.events, given.tangent = kernel_of(addresses, "events"), kernel_of(addresses, "tangent")
-        given.setup, given.tangent_setup = kernel_of(addresses, "setup"), kernel_of(addresses, "tangent_setup")
+        given.events, given.tangent = kernel_of(addresses, "events"), kernel_of(tangents, "tangent")
+        given.setup, given.tangent_setup = kernel_of(addresses, "setup"), kernel_of(tangents, "setup")
         wanted.n, wanted.m, wanted.extra, wanted.parameters = n, m, extra, p.shape[0]
-        wanted.derived, wanted.tangent_derived = derived, tangent_derived
+        wanted.derived = library.derived
+        wanted.tangent_derived = tangent_library.derived if tangents else 0
         wanted.work, wanted.first_pivot, wanted.redundant = work_size, first_pivot, redundant
         wanted.events = events if given.events != NULL else 0
         wanted.switches = switches if given.events != NULL else 0
@@ -442,7 +445,7 @@ cdef class Equations(Integrable):
         wanted.rank_tolerance, wanted.slack, wanted.stabilisation = rank_tolerance, slack, stabilisation
         if given.factor != NULL:
             at_least("numbers of work memory", work_size, first_pivot + 2 * (n + m))
-        self.of = core
+        self.of, self.libraries = core, (library, tangent_library)
         self.make(&wanted, &given)
         self.bound(p)
 

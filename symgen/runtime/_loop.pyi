@@ -1,11 +1,12 @@
 """Types of the binding of closed loops; see ``_loop.pyx`` for what things do."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from symgen.runtime._core import Core, Integrable
+from symgen.runtime.kernels.library import Library
 
 Array = NDArray[np.float64]
 
@@ -32,7 +33,7 @@ class LoopEquations(Integrable):
     def iterations(self) -> int: ...
     def __init__(
         self,
-        addresses: Mapping[str, int],
+        library: Library,
         p: Sequence[float] | Array,
         work_size: int,
         out_size: int,
@@ -44,7 +45,6 @@ class LoopEquations(Integrable):
         rank: int,
         *,
         core: Core = ...,
-        derived: int = 0,
         tolerance: float = 0.0,
         balls: Sequence[tuple[Sequence[int], float]] = (),
     ) -> None: ...

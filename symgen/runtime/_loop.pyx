@@ -66,8 +66,8 @@ cdef class LoopEquations(Integrable):
 
     Parameters
     ----------
-    addresses
-        Address of each kernel by name; ``position`` is required.
+    library
+        The kernels, which live as long as this; ``position`` is required.
     p
         Parameters.
     work_size, out_size
@@ -86,8 +86,6 @@ cdef class LoopEquations(Integrable):
         Rank of the screws of ``solved`` in general.
     core
         The core that the kernels were compiled for; that of doubles when absent.
-    derived
-        Numbers that the kernel 'setup' makes of the parameters.
     tolerance
         Defect of closure that dependent equations may leave: of rotations, and of lengths over the size.
     balls
@@ -105,13 +103,14 @@ cdef class LoopEquations(Integrable):
     cdef readonly Py_ssize_t rank
     cdef Py_ssize_t told
 
-    def __init__(self, addresses, p, Py_ssize_t work_size, Py_ssize_t out_size, lengths, solved, inputs, unknown,
-                 double size, Py_ssize_t rank, *, Core core=DOUBLE, long derived=0,
-                 double tolerance=0.0, balls=()):
+    def __init__(self, library, p, Py_ssize_t work_size, Py_ssize_t out_size, lengths, solved, inputs, unknown,
+                 double size, Py_ssize_t rank, *, Core core=DOUBLE, double tolerance=0.0,
+                 balls=()):
         cdef Py_ssize_t k
         cdef loop_sizes wanted
         cdef loop_kernels given
         cdef const double[::1] parameters = np.array([*p, 0.0])
+        addresses = library.addresses
         if not addresses.get("position"):
             raise ValueError("a loop without the kernel 'position' cannot be solved")
         if len(lengths) > MOST:
@@ -132,7 +131,7 @@ cdef class LoopEquations(Integrable):
         given.given, given.mass_matrix = kernel_of(addresses, "given"), kernel_of(addresses, "mass_matrix")
         given.outputs, given.energy = kernel_of(addresses, "outputs"), kernel_of(addresses, "energy")
         given.setup = kernel_of(addresses, "setup")
-        wanted.n, wanted.parameters, wanted.derived = len(lengths), parameters.shape[0] - 1, derived
+        wanted.n, wanted.parameters, wanted.derived = len(lengths), parameters.shape[0] - 1, library.derived
         wanted.work, wanted.told, wanted.solved, wanted.inputs = work_size, out_size, len(solved), len(inputs)
         wanted.unknown, wanted.known, wanted.rank, wanted.size = len(found), len(known), rank, size
         wanted.tolerance, wanted.balls = tolerance, len(balls)
@@ -144,6 +143,7 @@ cdef class LoopEquations(Integrable):
             self.balls[k].angles[0], self.balls[k].angles[1], self.balls[k].angles[2] = numbers[:3]
             self.balls[k].next[0], self.balls[k].next[1], self.balls[k].next[2] = numbers[3:6]
         self.of, self.size, self.rank, self.told = core, size, rank, out_size
+        self.libraries = (library,)
         self.api = <const loops_table *>core.api.loops
         self.core = <equations *>calloc(1, self.api.loop_struct)
         self.bytes = self.api.bytes(&wanted)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import gc
 import subprocess
 from concurrent.futures import ThreadPoolExecutor
 
@@ -208,7 +209,22 @@ def test_a_state_of_another_shape(y, got, word):
 
 
 def test_with_the_numpy_backend(solver):
+    """Kernels in Python live as long as what calls them, whether or not the model does."""
     f = symgen.build("peaucellier", backend="numpy").rhs
     compiled = symgen.build("peaucellier").rhs
+    gc.collect()
     assert f(0.0, f.start) == pytest.approx(compiled(0.0, compiled.start), rel=1e-12, abs=1e-14)
     assert in_c(solver, f, 1e-3, 3) == pytest.approx(in_python(compiled, 1e-3, 3), rel=1e-12, abs=1e-14)
+
+
+@pytest.mark.parametrize("scene", ["cssp", "rssr"])
+def test_equations_of_a_loop_keep_their_kernels(scene):
+    """The same, of loops: the closure is looked at after the model is gone."""
+    compiled, free = (symgen.build(scene, backend=backend) for backend in ("c", "numpy"))
+    start = compiled.closed_start().q
+    solved, rank = range(len(compiled.description.variables)), 6
+    expected = compiled.kernels.equations(solved, rank).closed_screws(0.0, start)[1]
+    equations = free.kernels.equations(solved, rank)
+    del free
+    gc.collect()
+    assert equations.closed_screws(0.0, start)[1] == pytest.approx(expected, abs=1e-12)

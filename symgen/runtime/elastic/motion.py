@@ -231,7 +231,7 @@ class ElasticMotion:
         """Return the rigid motion at its start, to be followed in time."""
         d = self.rigid.description
         joined = ("elastic_motion", "elastic_joints")
-        links, joints = (self.rigid.analysis(kind, stepping).library.addresses for kind in joined)
+        links, joints = (self.rigid.analysis(kind, stepping).library for kind in joined)
         typed = self.rigid.typed if stepping else None
         driven = self.rigid.evaluator.equations(len(d.redundant), typed=typed)
         return RigidMotion(

@@ -83,19 +83,9 @@ class Evaluator:
         d = self.description
         own = typed if typed and not typed.is_plain else None
         library = own.kernels(False) if own else self.library
-        addresses = library.addresses
-        entries = None
-        if tangent is not None:
-            # It is of other equations, with a set-up of its own, which is not called for these.
-            theirs = tangent.library.addresses
-            addresses = {
-                **addresses,
-                "tangent": theirs["tangent"],
-                "tangent_setup": theirs.get("setup", 0),
-            }
-            entries = places(d, tangent.description)
+        entries = places(d, tangent.description) if tangent else ()
         return _core.Equations(
-            addresses,
+            library,
             d.coordinates,
             len(d.constraints),
             int(d.work_of_loads and work_of_loads),
@@ -111,9 +101,8 @@ class Evaluator:
             turns=len(d.turns),
             core=own.stepping if own else _core.DOUBLE,
             stabilisation=stabilisation,
-            tangent=() if entries is None else entries,
-            derived=library.derived,
-            tangent_derived=tangent.library.derived if tangent else 0,
+            tangent=entries,
+            tangent_library=tangent.library if tangent else None,
         )
 
 

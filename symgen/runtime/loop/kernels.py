@@ -91,10 +91,9 @@ class LoopKernels:
     ) -> _loop.LoopEquations:
         arguments = self._arguments(solved, rank)
         return _loop.LoopEquations(
-            library.addresses,
+            library,
             *arguments,
             core=core,
-            derived=library.derived,
             tolerance=self.tolerance,
             balls=self.balls,
         )
