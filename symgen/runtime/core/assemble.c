@@ -6,6 +6,7 @@
  */
 #include <string.h>
 
+#include "linear.h"
 #include "loop.h"
 
 /* Newton's method takes over from here. */
@@ -48,27 +49,17 @@ static real missing(struct loop *l, real t, const real *q, real *b) {
 
 /* Write (A A^T + damping)^-1 b into y, by Cholesky's method. */
 static void damped(const struct loop *l, real damping, const real *b, real *y) {
-    real h[ROWS][ROWS];
+    real h[ROWS * ROWS];
     for (int i = 0; i < ROWS; i++)
         for (int k = 0; k <= i; k++) {
             real total = i == k ? damping : 0;
             for (long j = 0; j < l->sizes.solved; j++)
                 total += l->matrix[ROWS * j + i] * l->matrix[ROWS * j + k];
-            for (int j = 0; j < k; j++)
-                total -= h[i][j] * h[k][j];
-            h[i][k] = i > k ? total / h[k][k] : real_sqrt(real_fmax(total, damping));
+            h[ROWS * i + k] = total;
         }
-    for (int i = 0; i < ROWS; i++) {
-        y[i] = b[i];
-        for (int k = 0; k < i; k++)
-            y[i] -= h[i][k] * y[k];
-        y[i] /= h[i][i];
-    }
-    for (int i = ROWS - 1; i >= 0; i--) {
-        for (int k = i + 1; k < ROWS; k++)
-            y[i] -= h[k][i] * y[k];
-        y[i] /= h[i][i];
-    }
+    factor_positive(ROWS, h, 0, damping);
+    memcpy(y, b, ROWS * sizeof *y);
+    solve_positive(ROWS, h, y);
 }
 
 int loop_assemble(struct loop *l, real t, real *q, long *rank) {

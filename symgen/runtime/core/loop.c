@@ -3,14 +3,14 @@
 #include <string.h>
 
 #include "arena.h"
+#include "linear.h"
 
 /* Defect of closure that rounding leaves at best, and the largest that is taken where it falls no further. */
 #define FINE (R(18) * REAL_EPSILON)
 #define COARSE (R(4500) * REAL_EPSILON)
 enum { NEWTON = 40, HALVINGS = 8 };
-/* Least part of the largest pivot: below, screws are dependent; below NO_DRIVE, a drive has no hold on a motion. */
-#define RANK real_fmax(R(1e-9), R(100) * REAL_EPSILON)
-#define NO_DRIVE RANK
+/* Below, a drive has no hold on a motion. */
+#define NO_DRIVE RANK_TOLERANCE
 /* Part of the rates asked that may be left. */
 #define LEFT real_fmax(R(1e-7), R(1000) * REAL_EPSILON)
 /* The same over the defect of closure that is tolerated: rates miss by as much, more near singular poses. */
@@ -39,49 +39,56 @@ static struct sizes as_equations(const struct loop_sizes *s) {
     made.derived = s->derived;
     made.work = s->work;
     made.choices = made.windings = s->balls;
-    made.rank_tolerance = (double)RANK;
+    made.rank_tolerance = (double)RANK_TOLERANCE;
     return made;
 }
 
-/* Give out the arrays of a loop one behind the other, or, where `l` is NULL, only count. */
-static size_t carve(struct loop *l, const struct loop_sizes *s, real *from) {
-    const long n = s->n, big = room(s);
-    struct loop counted, *at = l ? l : &counted;
-    const struct { real **array; long size; } parts[] = {
-        {&at->base.out, big}, {&at->base.work, big}, {&at->work2, big}, {&at->loads, big}, {&at->screws, big},
-        {&at->matrix, ROWS * (n + 1)}, {&at->prescribed, 3 * s->inputs + 1}, {&at->efforts, n + 1},
-        {&at->scale, n + 1}, {&at->q, n + 1}, {&at->u, n + 1}, {&at->trial, n + 1}, {&at->step, n + 1},
-        {&at->mass, n * n + 1}, {&at->reduced, (n + 1) * (n + 1)}, {&at->basis, (n + 1) * (n + 1)},
-        {&at->gain, (n + 1) * (n + 1)}, {&at->past, 3 * (n + 1)}, {&at->change, n + 1},
-        {&at->usual, n + 1}, {&at->near_y, 2 * n + 2},
+/* Point all arrays into memory, or only count their bytes. */
+static size_t arrange(struct loop *l, const struct loop_sizes *s, void *memory) {
+    const ptrdiff_t n = s->n, big = room(s), square = (n + 1) * (n + 1);
+    const struct arena_array arrays[] = {
+        ARENA_ARRAY(l->seen, 1),
+        ARENA_ARRAY(l->base.out, big),
+        ARENA_ARRAY(l->base.work, big),
+        ARENA_ARRAY(l->work2, big),
+        ARENA_ARRAY(l->loads, big),
+        ARENA_ARRAY(l->screws, big),
+        ARENA_ARRAY(l->matrix, ROWS * (n + 1)),
+        ARENA_ARRAY(l->prescribed, 3 * s->inputs + 1),
+        ARENA_ARRAY(l->efforts, n + 1),
+        ARENA_ARRAY(l->scale, n + 1),
+        ARENA_ARRAY(l->q, n + 1),
+        ARENA_ARRAY(l->u, n + 1),
+        ARENA_ARRAY(l->trial, n + 1),
+        ARENA_ARRAY(l->step, n + 1),
+        ARENA_ARRAY(l->mass, n * n + 1),
+        ARENA_ARRAY(l->reduced, square),
+        ARENA_ARRAY(l->basis, square),
+        ARENA_ARRAY(l->gain, s->unknown * s->unknown + 1),
+        ARENA_ARRAY(l->past, 3 * (n + 1)),
+        ARENA_ARRAY(l->change, n + 1),
+        ARENA_ARRAY(l->usual, n + 1),
+        ARENA_ARRAY(l->near_y, 2 * n + 2),
     };
-    size_t taken = 0;
-    for (size_t i = 0; i < sizeof parts / sizeof *parts; i++) {
-        if (l)
-            *parts[i].array = from + taken;
-        taken += (size_t)parts[i].size;
-    }
-    return taken * sizeof(real);
+    return ARENA_PLACE(arrays, memory);
 }
 
 size_t loop_bytes(const struct loop_sizes *sizes) {
     const struct sizes plain = as_equations(sizes);
-    return rounded(equations_bytes(&plain)) + rounded(sizeof(struct loop_account)) + carve(NULL, sizes, NULL);
+    struct loop counted;
+    return rounded(equations_bytes(&plain)) + arrange(&counted, sizes, NULL);
 }
 
 void loop_bind(struct loop *l, const struct loop_sizes *sizes, const struct loop_kernels *kernels,
                const ptrdiff_t *numbers, const unsigned char *is_length, const struct ball *balls, void *memory) {
     const struct sizes plain = as_equations(sizes);
     struct kernels none = {0};
-    char *at = memory;
     none.energy = kernels->energy;
     none.setup = kernels->setup;
     equations_bind(&l->base, &plain, &none, memory);
     l->base.of = &loop_behaviour;
     l->base.owner = l;
-    at += rounded(equations_bytes(&plain));
-    l->seen = (struct loop_account *)(void *)at;
-    carve(l, sizes, (real *)(void *)(at + rounded(sizeof(struct loop_account))));
+    arrange(l, sizes, (char *)memory + rounded(equations_bytes(&plain)));
     l->kernels = *kernels;
     l->sizes = *sizes;
     l->solved = numbers;
@@ -253,7 +260,7 @@ real loop_changes(struct loop *l, int which, const real *drift, real *b, real *v
 int loop_move(struct loop *l, real t, const real *q, real *u, real *a) {
     const long n = l->sizes.n;
     real b[ROWS];
-    if (!(R(l->base.account->soundness) > RANK))
+    if (!(R(l->base.account->soundness) > RANK_TOLERANCE))
         return SINGULAR;
     const real left = loop_changes(l, 1, NULL, b, u);
     l->seen->rates_left = (double)left;
@@ -288,41 +295,24 @@ void loop_hold(struct loop *l, const real *efforts, real *wrench) {
     }
 }
 
-/* Solve the m equations in `gain`, rows of n + 1, in place; return their determinant, with rates made alike. */
-static real eliminate(struct loop *l, long m) {
-    const long wide = l->sizes.n + 1;
-    real *g = l->gain, product = 1;
-    for (long k = 0; k < m; k++) {
-        long best = k;
-        for (long i = k + 1; i < m; i++)
-            if (real_fabs(g[wide * i + k]) > real_fabs(g[wide * best + k]))
-                best = i;
-        if (best != k) {
+/* Solve the m equations of `gain` for b in place; return their determinant, with rates made alike. */
+static real balance(struct loop *l, ptrdiff_t m, real *b) {
+    ptrdiff_t swaps[MOST];
+    real product = 1;
+    if (!factor_dense(m, l->gain, swaps))
+        return 0;
+    for (ptrdiff_t k = 0; k < m; k++) {
+        if (swaps[k] != k)
             product = -product;
-            for (long j = 0; j <= m; j++) {
-                const real kept = g[wide * k + j];
-                g[wide * k + j] = g[wide * best + j];
-                g[wide * best + j] = kept;
-            }
-        }
-        product *= g[wide * k + k] / l->scale[l->solved[l->found[k]]] * l->scale[l->driven[l->known[k]]];
-        for (long i = k + 1; i < m; i++) {
-            const real factor = g[wide * i + k] / g[wide * k + k];
-            for (long j = k; j <= m; j++)
-                g[wide * i + j] -= factor * g[wide * k + j];
-        }
+        product *= l->gain[m * k + k] / l->scale[l->solved[l->found[k]]] * l->scale[l->driven[l->known[k]]];
     }
-    for (long k = m - 1; k >= 0; k--) {
-        g[wide * k + m] /= g[wide * k + k];
-        for (long i = 0; i < k; i++)
-            g[wide * i + m] -= g[wide * i + k] * g[wide * k + m];
-    }
+    solve_dense(m, l->gain, swaps, b);
     return product;
 }
 
 int loop_force(struct loop *l, real t, const real *q, const real *u, real *work) {
-    const long n = l->sizes.n, unknown = l->sizes.unknown, wide = n + 1;
-    real b[MOST], c[ROWS], moved[MOST];
+    const long n = l->sizes.n, unknown = l->sizes.unknown;
+    real b[MOST], c[ROWS], moved[MOST], needed[MOST];
     if (!l->kernels.inverse)
         return DONE;
     l->kernels.inverse(&t, q, u, l->base.p, work, l->loads);
@@ -336,22 +326,22 @@ int loop_force(struct loop *l, real t, const real *q, const real *u, real *work)
     if (unknown == 0)
         return DONE;
     /* gain[i, x]: how much the variable of unknown effort x moves with the input i of known effort. The unknown
-     * efforts E balance what the inputs need beyond what they are given: gain E = needed - given. */
+     * efforts E balance what the inputs need beyond what they are given: gain E = needed. */
     for (long i = 0; i < unknown; i++) {
         const long j = l->driven[l->known[i]];
         for (int k = 0; k < ROWS; k++)
             c[k] = -l->screws[12 + n * k + j];
         loop_solve(l, c, moved);
         for (long x = 0; x < unknown; x++)
-            l->gain[wide * i + x] = moved[l->found[x]];
-        l->gain[wide * i + unknown] = l->loads[j] + power(l, j, work + n) - l->efforts[j];
+            l->gain[unknown * i + x] = moved[l->found[x]];
+        needed[i] = l->loads[j] + power(l, j, work + n) - l->efforts[j];
     }
-    const real hold = eliminate(l, unknown);
+    const real hold = balance(l, unknown, needed);
     l->seen->hold = (double)hold;
     if (!(real_fabs(hold) > NO_DRIVE))
         return POLE;
     for (long x = 0; x < unknown; x++)
-        b[l->found[x]] += l->gain[wide * x + unknown];
+        b[l->found[x]] += needed[x];
     loop_hold(l, b, work + n);
     return DONE;
 }

@@ -2,6 +2,7 @@
 #include <math.h>
 #include <string.h>
 
+#include "linear.h"
 #include "loop.h"
 
 /* Least singular value, of the largest and of that of the best pose so far, at which steps may end. */
@@ -79,34 +80,14 @@ static void reduce(struct loop *l) {
     }
 }
 
-/* Solve them by Cholesky's method; false where a free motion has no mass. */
+/* Solve them; false where a free motion has no mass. */
 static int balance(struct loop *l) {
-    const long d = l->free;
-    real *r = l->reduced, *z = r + d * d;
-    for (long i = 0; i < d; i++)
-        for (long k = 0; k <= i; k++) {
-            const real diagonal = r[d * i + k];
-            real total = diagonal;
-            for (long j = 0; j < k; j++)
-                total -= r[d * i + j] * r[d * k + j];
-            if (i > k)
-                r[d * i + k] = total / r[d * k + k];
-            else if (!(total > NO_MASS * diagonal)) {
-                l->base.account->weakest = l->solved[l->factor.order[l->sizes.rank + i]];
-                return 0;
-            } else
-                r[d * i + i] = real_sqrt(total);
-        }
-    for (long i = 0; i < d; i++) {
-        for (long j = 0; j < i; j++)
-            z[i] -= r[d * i + j] * z[j];
-        z[i] /= r[d * i + i];
+    const ptrdiff_t d = l->free, made = factor_positive(d, l->reduced, NO_MASS, -REAL_INFINITY);
+    if (made < d) {
+        l->base.account->weakest = l->solved[l->factor.order[l->sizes.rank + made]];
+        return 0;
     }
-    for (long i = d - 1; i >= 0; i--) {
-        for (long j = i + 1; j < d; j++)
-            z[i] -= r[d * j + i] * z[j];
-        z[i] /= r[d * i + i];
-    }
+    solve_positive(d, l->reduced, l->reduced + d * d);
     return 1;
 }
 
