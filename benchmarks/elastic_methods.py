@@ -136,7 +136,7 @@ def _strains(model: Any, form: str, attempt: Attempt) -> Array | None:
 def _by_scipy(model: Any, form: str, attempt: Attempt) -> Array | None:
     from scipy.integrate import solve_ivp
 
-    from symgen.runtime.result.elastic import outputs
+    from symgen.runtime.elastic.outputs import outputs
 
     motion = model._motion(False)
     equations = motion.equations(form == "thesis")

@@ -27,8 +27,8 @@ import symgen
 from symgen.errors import SymgenError
 from symgen.runtime import _beams, _core
 from symgen.runtime.beams.methods import BEAM_METHODS
+from symgen.runtime.elastic.mesh import MeshedMotion
 from symgen.runtime.elastic.model import ElasticModel
-from symgen.runtime.elastic.motion import ElasticMotion
 from symgen.runtime.integrate.integrators import INTEGRATORS
 from symgen.runtime.loop.driven import PARTS
 from symgen.runtime.loop.model import LoopModel
@@ -166,7 +166,7 @@ def loop(model: LoopModel, rng: np.random.Generator) -> int:
 def elastic(model: ElasticModel, rng: np.random.Generator) -> int:
     """Assemble and step elastic links from ordinary and extreme states and times."""
     done = rods(model.rigid, rng)
-    motion = ElasticMotion(model.rigid)
+    motion = MeshedMotion(model.rigid)
     n = motion.layout.unknowns
     for thesis in (False, True):
         made = motion.equations(thesis)

@@ -1184,7 +1184,7 @@ def test_23_an_entry_depends_on_every_module_that_ran_for_it(own_cache, monkeypa
 def test_23_an_entry_depends_on_the_version(own_cache, monkeypatch):
     symgen.build("four_bar", backend="numpy")
     graph._of_package.cache_clear()
-    monkeypatch.setattr(symgen, "__version__", "99.0")
+    monkeypatch.setattr("symgen.version.__version__", "99.0")
     symgen.build("four_bar", backend="numpy")
     graph._of_package.cache_clear()
     assert len([*own_cache.iterdir()]) == 2

@@ -107,7 +107,7 @@ def _version(
     ctx: typer.Context, version: Annotated[bool, typer.Option("--version", help="Print the version.")] = False
 ) -> None:
     if version:
-        from symgen import __version__
+        from symgen.version import __version__
 
         print(__version__)
         raise typer.Exit

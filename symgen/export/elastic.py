@@ -27,6 +27,7 @@ from symgen.lowering.kernel import Program, Slot
 from symgen.runtime import _beams
 from symgen.runtime.beams.layout import Layout
 from symgen.runtime.beams.methods import GAUSS
+from symgen.runtime.elastic.mesh import MeshedMotion
 from symgen.runtime.elastic.model import ElasticModel
 from symgen.runtime.elastic.motion import ElasticMotion
 from symgen.runtime.elastic.steps import turn
@@ -49,7 +50,7 @@ def elastic(
     model: ElasticModel, program: Program, sources: tuple[SourceFile, ...], prefixes: dict[str, str]
 ) -> Exported:
     """Return the exported data of a linkage with elastic links; ``prefixes`` of its kernels, by analysis."""
-    d, motion = model.description, ElasticMotion(model.rigid)
+    d, motion = model.description, MeshedMotion(model.rigid)
     x = motion.layout
     n, free = x.unknowns, x.unknowns - x.constraints
     extra = int(d.work_of_loads)

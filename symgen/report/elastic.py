@@ -10,8 +10,8 @@ from rich.console import Console
 
 from symgen.report.extremes import Components
 from symgen.report.tables import table
-from symgen.runtime.elastic.modes import ElasticModes
 from symgen.runtime.result.elastic import ElasticResult
+from symgen.runtime.result.modes import ElasticModes
 from symgen.runtime.result.sweep import Sweep
 
 #: Maximum number of times for which every value is printed; otherwise the range.

@@ -157,7 +157,7 @@ def _of_package(where: str, rest: str) -> str:
 def _version(package: str) -> str:
     """Return a package's version from its ``dist-info`` folder, which is faster than importlib.metadata."""
     if package == "symgen":  # the metadata of an editable installation may be outdated
-        from symgen import __version__
+        from symgen.version import __version__
 
         return __version__
     beside = _installed(_folder(package).parent)

@@ -12,7 +12,7 @@ from shared.linkages import GRAVITY, at, ground
 import symgen
 from symgen.precision import PRECISIONS
 from symgen.runtime import _core
-from symgen.runtime.elastic.motion import ElasticMotion
+from symgen.runtime.elastic.mesh import MeshedMotion
 from symgen.runtime.integrate.integrators import INTEGRATORS
 from symgen.runtime.kernels.evaluate import Evaluator
 from symgen.scene.loading import read_scene
@@ -192,7 +192,7 @@ def test_elastic_links(name, kind):
     fixed = symgen.build(scene_of(name, speed="1100 rpm"))
     tuned = symgen.build(name).with_parameters(speed=1100 * np.pi / 30)
     assert tuned.rigid.analysis(kind).description.derived > 0
-    a, b = (ElasticMotion(m.rigid).equations() for m in (tuned, fixed))
+    a, b = (MeshedMotion(m.rigid).equations() for m in (tuned, fixed))
     t = 0.2 * 60 / 1100
     y = 1e-4 * np.random.default_rng(5).standard_normal(a.dim)
     found, expected = ([*e.matrices(t), *e.motion.evaluate(t), e.derivative(t, y)] for e in (a, b))

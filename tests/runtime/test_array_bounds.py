@@ -7,7 +7,7 @@ import pytest
 
 import symgen
 from symgen.runtime import _beams, _core
-from symgen.runtime.elastic.motion import ElasticMotion
+from symgen.runtime.elastic.mesh import MeshedMotion
 from symgen.runtime.integrate.integrators import INTEGRATORS
 
 
@@ -132,7 +132,7 @@ def test_following_a_loop_needs_rows_and_columns():
 
 @pytest.mark.parametrize("name", ["slots", "places", "rows", "link_of", "joint_places"])
 def test_a_layout_may_not_point_outside_its_arrays(name):
-    motion = ElasticMotion(symgen.build("elastic_four_bar").rigid)
+    motion = MeshedMotion(symgen.build("elastic_four_bar").rigid)
     values = np.array(getattr(motion.layout, name))
     values[0] = 10**6
     with pytest.raises(ValueError, match=f"expected {name} from"):

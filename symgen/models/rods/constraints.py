@@ -4,19 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from functools import cached_property
 
 import sympy as sp
 
 from symgen.mechanics.rods.loads import vector_between
 from symgen.mechanics.rods.particles import Vector, cross, dot, length_constraint
-from symgen.models.rods.loads import product
-from symgen.models.rods.points import bar_name
+from symgen.models.rods.loads import Loads, product
+from symgen.models.rods.points import Points, bar_name
+from symgen.scene.rods.linkage import Linkage, RigidLink
+from symgen.symbolic.quantity import Quantity, quantity
 from symgen.symbolic.switch import Sign
-
-if TYPE_CHECKING:
-    from symgen.models.rods.linkage import RodsModel
-    from symgen.scene.rods.linkage import RigidLink
 
 _ZERO, _ONE = sp.Integer(0), sp.Integer(1)
 
@@ -56,19 +54,14 @@ class Constraint:
         return {"m^2": "N/m", "m": "N"}[self.unit]
 
 
-def constraints(model: RodsModel) -> list[Constraint]:
-    """Return every constraint row: rod lengths first, in the order of the links."""
-    return [*_lengths(model), *_shapes(model), *_shared_joints(model), *_guides(model), *_drivers(model)]
-
-
-def _lengths(model: RodsModel) -> Iterator[Constraint]:
+def _lengths(model: Points) -> Iterator[Constraint]:
     """(d.d - l^2)/2, Eq. (3a) halved."""
     for rod in model.rods:
         expression = length_constraint(model.along[rod.name], rod.length)
         yield Constraint(rod.name, f"the length of link {rod.name}", expression, rod.length, "m^2", rod.name)
 
 
-def _shapes(model: RodsModel) -> Iterator[Constraint]:
+def _shapes(model: Points) -> Iterator[Constraint]:
     """(d.d - l^2)/2 between the base points of a body in space."""
     for body in model.linkage.bodies:
         for bar in body.bars:
@@ -78,7 +71,7 @@ def _shapes(model: RodsModel) -> Iterator[Constraint]:
             yield Constraint(name, label, length_constraint(along, bar.length), bar.length, "m^2", name)
 
 
-def _shared_joints(model: RodsModel) -> Iterator[Constraint]:
+def _shared_joints(model: Points) -> Iterator[Constraint]:
     """r_p = (1 - z) r_i + z r_j where the point p of a link is already placed by another component."""
     free = {q.symbol for q in model.coordinates}
     for link, point in model.shared:
@@ -88,10 +81,6 @@ def _shared_joints(model: RodsModel) -> Iterator[Constraint]:
             if not free & model.calculus.gradient(own - other).keys():
                 continue  # ground on ground: the row constrains no moving point
             yield Constraint(name, f"the joint {point.name} of link {link.name}", own - other, _ONE, "m")
-
-
-def _guides(model: RodsModel) -> Iterator[Constraint]:
-    return (row.constraint for row in model.guides)
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,7 +94,7 @@ class GuideRow:
     by_point: Vector
 
 
-def guide_rows(model: RodsModel) -> Iterator[GuideRow]:
+def guide_rows(model: Points) -> Iterator[GuideRow]:
     """(r_p - r_a) x d = 0, Eq. (16b): a point stays on the line of a link."""
     for guide in model.linkage.guides:
         link = model.linkage.link(guide.along)
@@ -130,7 +119,7 @@ def guide_rows(model: RodsModel) -> Iterator[GuideRow]:
                 yield GuideRow(row, link.name, point, tuple(by_d), tuple(by_r))
 
 
-def _keeps_direction(model: RodsModel, start: str, end: str) -> bool:
+def _keeps_direction(model: Points, start: str, end: str) -> bool:
     """Return whether a link between ground points keeps its direction."""
     points = [model.linkage.point(p) for p in (start, end)]
     moved = [tuple(b - a for a, b in zip(p.at, p.motion, strict=True)) for p in points if p.ground]
@@ -138,7 +127,7 @@ def _keeps_direction(model: RodsModel, start: str, end: str) -> bool:
 
 
 def _across_a_turning_rod(
-    model: RodsModel, guide: str, link: RigidLink, point: str, there: Vector
+    model: Points, guide: str, link: RigidLink, point: str, there: Vector
 ) -> Iterator[GuideRow]:
     """Yield n . (r - z d) = 0 for two vectors n across d, with z d the part of r along d.
 
@@ -180,7 +169,7 @@ def _across_a_turning_rod(
         yield GuideRow(bound, link.name, point, by_along, n)
 
 
-def _chained(model: RodsModel, *parts: tuple[Vector, Vector]) -> dict[sp.Symbol, sp.Expr]:
+def _chained(model: Points, *parts: tuple[Vector, Vector]) -> dict[sp.Symbol, sp.Expr]:
     """Return the gradient by coordinate of vectors, each with the derivative by its components in front."""
     found: dict[sp.Symbol, list[sp.Expr]] = {}
     for slopes, vector in parts:
@@ -190,14 +179,14 @@ def _chained(model: RodsModel, *parts: tuple[Vector, Vector]) -> dict[sp.Symbol,
     return {q: sp.Add(*terms) for q, terms in found.items()}
 
 
-def _kept_components(model: RodsModel, start: str, end: str) -> list[int]:
+def _kept_components(model: Points, start: str, end: str) -> list[int]:
     """Return the two components of a cross product that are independent where the link is drawn."""
     ends = (model.linkage.point(p).at for p in (start, end))
     drawn = [abs(model.linkage.number(b - a)) for a, b in zip(*ends, strict=True)]
     return [i for i in range(3) if i != drawn.index(max(drawn))]
 
 
-def _drivers(model: RodsModel) -> Iterator[Constraint]:
+def _drivers(model: Points) -> Iterator[Constraint]:
     """n.d = 0 with n across the prescribed direction of the link."""
     for driver in model.linkage.drivers:
         across = (-sp.sin(driver.angle), sp.cos(driver.angle))
@@ -205,3 +194,30 @@ def _drivers(model: RodsModel) -> Iterator[Constraint]:
         yield Constraint(
             f"{driver.link}_drive", f"the drive of link {driver.link}", dot(across, along), _ONE, "m"
         )
+
+
+class ConstrainedPoints(Points):
+    """Points of a linkage with the loads on them, their constraint rows and the multipliers of these."""
+
+    def __init__(self, linkage: Linkage) -> None:
+        super().__init__(linkage)
+        self.loads = Loads(self)
+
+    @cached_property
+    def constraints(self) -> list[Constraint]:
+        """All constraint rows: rod lengths first, in the order of the links."""
+        found = [*_lengths(self), *_shapes(self), *_shared_joints(self)]
+        return [*found, *(row.constraint for row in self.guides), *_drivers(self)]
+
+    @cached_property
+    def guides(self) -> tuple[GuideRow, ...]:
+        """The rows of guides."""
+        return tuple(guide_rows(self))
+
+    @cached_property
+    def multipliers(self) -> dict[str, Quantity]:
+        """Lagrange multiplier of each constraint row."""
+        return {
+            c.name: quantity(f"{c.name}_lambda", c.multiplier_unit, f"multiplier of {c.label}")
+            for c in self.constraints
+        }

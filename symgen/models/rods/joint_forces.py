@@ -8,18 +8,15 @@ on the point, and at a joint with rows of its own the force is the multiplier.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
 
 import sympy as sp
 
 from symgen.errors import SceneError
 from symgen.mechanics.rods.particles import Vector, dot, end_mass
+from symgen.models.rods.constraints import ConstrainedPoints
 from symgen.models.rods.points import Part, Place, bar_name
 from symgen.scene.rods.linkage import RigidLink, SpatialBody, WeightedPoint
 from symgen.symbolic.calculus import ZERO
-
-if TYPE_CHECKING:
-    from symgen.models.rods.linkage import RodsModel
 
 #: Forces on some points of a link, to be added up.
 Forces = Iterator[tuple[str, Vector]]
@@ -28,7 +25,7 @@ Forces = Iterator[tuple[str, Vector]]
 class JointForces:
     """The forces on the links of one linkage, each derived once."""
 
-    def __init__(self, model: RodsModel) -> None:
+    def __init__(self, model: ConstrainedPoints) -> None:
         self.model = model
         self._parts = {part.name: part for part in model.parts}
         self._own: dict[str, dict[str, Vector]] = {}
@@ -93,7 +90,7 @@ def _share(part: Part, carried: Place, base: str, force: Vector) -> Vector:
     return on_end if base == part.base[1] else _sum([force, _times(-1, on_end)])
 
 
-def _own(model: RodsModel, part: Part) -> dict[str, Vector]:
+def _own(model: ConstrainedPoints, part: Part) -> dict[str, Vector]:
     """Return M_k a + J_k^T lambda - f_k of one link alone at its base points."""
     found: dict[str, list[Vector]] = {p: [] for p in part.base}
     forces = _of_body(model, part) if isinstance(part, SpatialBody) else _of_link(model, part)
@@ -102,7 +99,7 @@ def _own(model: RodsModel, part: Part) -> dict[str, Vector]:
     return {p: _sum(each) for p, each in found.items()}
 
 
-def _of_body(model: RodsModel, body: SpatialBody) -> Forces:
+def _of_body(model: ConstrainedPoints, body: SpatialBody) -> Forces:
     accelerations = [model.acceleration(p) for p in body.base]
     for row, point, weight in zip(body.masses, body.base, body.centre, strict=True):
         yield point, _sum([_times(m, a) for m, a in zip(row, accelerations, strict=True)])
@@ -121,7 +118,7 @@ def _of_body(model: RodsModel, body: SpatialBody) -> Forces:
             yield body.base[0], force
 
 
-def _of_link(model: RodsModel, link: RigidLink) -> Forces:
+def _of_link(model: ConstrainedPoints, link: RigidLink) -> Forces:
     start, end = link.base
     a, b = (model.acceleration(p) for p in link.base)
     ends = end_mass(link.mass, link.length, link.centre, link.inertia, link.offset)
@@ -143,7 +140,7 @@ def _of_link(model: RodsModel, link: RigidLink) -> Forces:
             yield start, _times(-model.multipliers[row.constraint.name].symbol, row.by_point)
 
 
-def _on_along(model: RodsModel, link: RigidLink) -> Iterator[Vector]:
+def _on_along(model: ConstrainedPoints, link: RigidLink) -> Iterator[Vector]:
     """Yield J^T lambda - f on the vector d along a link, which acts on its end and against its start."""
     d, lever = model.along[link.name], link.mass * link.offset / link.length
     yield _times(model.multipliers[link.name].symbol, d)
@@ -164,7 +161,7 @@ def _on_along(model: RodsModel, link: RigidLink) -> Iterator[Vector]:
             yield _times(model.multipliers[guide.constraint.name].symbol, guide.by_along)
 
 
-def _on_point(model: RodsModel, point: str) -> Vector:
+def _on_point(model: ConstrainedPoints, point: str) -> Vector:
     """Return the loads on a point itself [N], the inertia of point masses and guides included."""
     found = [(ZERO,) * len(model.axes), *model.loads.on_point(point)]
     for mass in model.linkage.masses:

@@ -13,24 +13,18 @@ import sympy as sp
 from symgen.errors import SceneError
 from symgen.loads.measure import Gradient
 from symgen.mechanics.rods.particles import Vector, cross, dot, end_mass
-from symgen.models.rods.constraints import Constraint, GuideRow, constraints, guide_rows
+from symgen.models.rods.constraints import ConstrainedPoints, Constraint
 from symgen.models.rods.joint_forces import JointForces
-from symgen.models.rods.loads import Loads, product
-from symgen.models.rods.points import Points
-from symgen.scene.rods.linkage import TIME, Linkage, RigidLink
+from symgen.models.rods.loads import product
+from symgen.scene.rods.linkage import TIME, RigidLink
 from symgen.symbolic.calculus import ZERO
 from symgen.symbolic.constants import vanishes
-from symgen.symbolic.quantity import Quantity, quantity
 
 REFERENCE = "H. A. Attia, Dynamic Analysis of a Chain of Rigid Rods, sections 2.1 to 2.3"
 
 
-class RodsModel(Points):
+class RodsModel(ConstrainedPoints):
     """Derivation of a linkage: each property is one step, and an input of outputs."""
-
-    def __init__(self, linkage: Linkage) -> None:
-        super().__init__(linkage)
-        self.loads = Loads(self)
 
     def check_masses(self) -> None:
         """Raise SceneError where a point carries no mass."""
@@ -127,15 +121,6 @@ class RodsModel(Points):
         """Potential of gravity and springs [J]."""
         return sp.Add(self.loads.potential, *self.loads.wound)
 
-    def turning(self, link: str) -> tuple[Gradient, sp.Expr]:
-        """Return gradient and rate of the direction angle of a link in the plane: d x dd / l^2."""
-        d = self.along[link]
-        squared = self.linkage.link(link).length ** 2
-        gx, gy = (self.calculus.gradient(c) for c in d)
-        gradient = {q: (d[0] * gy.get(q, ZERO) - d[1] * gx.get(q, ZERO)) / squared for q in {**gx, **gy}}
-        rates = tuple(self.calculus.rate(c) for c in d)
-        return gradient, cross(d, rates) / squared
-
     @cached_property
     def force(self) -> Gradient:
         """Force on every coordinate [N]: minus the gradient of the potential, plus the other loads."""
@@ -160,24 +145,6 @@ class RodsModel(Points):
             velocity = [self.held[s] for s in self.symbols(self.u[point])]
             terms.append(dot(tuple(velocity), self.residual(point)) if any(velocity) else ZERO)
         return sp.Add(*terms)
-
-    @cached_property
-    def constraints(self) -> list[Constraint]:
-        """All constraint rows."""
-        return constraints(self)
-
-    @cached_property
-    def guides(self) -> tuple[GuideRow, ...]:
-        """The rows of guides."""
-        return tuple(guide_rows(self))
-
-    @cached_property
-    def multipliers(self) -> dict[str, Quantity]:
-        """Lagrange multiplier of each constraint row."""
-        return {
-            c.name: quantity(f"{c.name}_lambda", c.multiplier_unit, f"multiplier of {c.label}")
-            for c in self.constraints
-        }
 
     @cached_property
     def jacobian(self) -> list[Gradient]:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import sympy as sp
 
@@ -13,17 +12,15 @@ from symgen.loads.measure import Action, Couple, Gradient, PointForce, Term, Wor
 from symgen.loads.of_points import Length
 from symgen.mechanics.rods import loads
 from symgen.mechanics.rods.particles import Vector, cross, dot
+from symgen.models.rods.points import Points
 from symgen.scene.rods.linkage import SpatialBody, state_of
 from symgen.symbolic.calculus import ONE, ZERO
-
-if TYPE_CHECKING:
-    from symgen.models.rods.linkage import RodsModel
 
 
 class Loads:
     """The loads on one linkage; it is the :class:`~symgen.loads.measure.Geometry` on which they act."""
 
-    def __init__(self, model: RodsModel) -> None:
+    def __init__(self, model: Points) -> None:
         self.model, self.linkage, self.calculus = model, model.linkage, model.calculus
         self.position, self.velocity = model.position, model.velocity
         self._lines: dict[str, Vector] = {}

@@ -7,8 +7,9 @@ from functools import cached_property
 
 import sympy as sp
 
+from symgen.loads.measure import Gradient
 from symgen.mechanics.rods import loads
-from symgen.mechanics.rods.particles import Vector
+from symgen.mechanics.rods.particles import Vector, cross
 from symgen.mechanics.rods.topology import Tree, spanning_tree
 from symgen.scene.rods.linkage import TIME, CarriedPoint, Linkage, RigidLink, SpatialBody, WeightedPoint
 from symgen.symbolic.calculus import ZERO, Calculus
@@ -149,6 +150,15 @@ class Points:
     def velocity(self, point: str) -> Vector:
         """Return the velocity of any point [m/s]."""
         return tuple(self.calculus.rate(c) for c in self.position(point))
+
+    def turning(self, link: str) -> tuple[Gradient, sp.Expr]:
+        """Return gradient and rate of the direction angle of a link in the plane: d x dd / l^2."""
+        d = self.along[link]
+        squared = self.linkage.link(link).length ** 2
+        gx, gy = (self.calculus.gradient(c) for c in d)
+        gradient = {q: (d[0] * gy.get(q, ZERO) - d[1] * gx.get(q, ZERO)) / squared for q in {**gx, **gy}}
+        rates = tuple(self.calculus.rate(c) for c in d)
+        return gradient, cross(d, rates) / squared
 
     def acceleration(self, point: str) -> Vector:
         """Return the acceleration of any point [m/s^2], by the accelerations of the coordinates."""

@@ -17,7 +17,6 @@ from symgen.runtime.beams.frames import APPLIED, frames
 from symgen.runtime.beams.links import Beam
 from symgen.runtime.beams.second_order import SECOND_ORDER, omitted
 from symgen.runtime.elastic.motion import ElasticMotion
-from symgen.runtime.result.elastic import own_unknowns
 
 Array = NDArray[np.float64]
 
@@ -50,7 +49,7 @@ def warnings(
     """
     found = []
     for k, beam in enumerate(motion.beams):
-        own = own_unknowns(motion, k, recorded.links, recorded.displacements)
+        own = motion.own_unknowns(k, recorded.links, recorded.displacements)
         places = np.linspace(0.0, 1.0, min(4 * beam.info.elements + 1, _PLACES))
         table = dict(zip(SHAPES, beam.table(places.tolist()), strict=True))
         found += _of_slope(beam, own @ table["slope"].T, moments)
@@ -99,7 +98,7 @@ def _of_axial_force(
     beam = motion.beams[k]
     stiffness = [at(beam.properties.axial, x) for x in (places * beam.properties.length).tolist()]
     found = rigid if not beam.info.axial else strain * stiffness
-    limit = motion.euler_loads[k]
+    limit = euler_load(motion, k)
     if beam.info.geometric_stiffness:
         bound, kind, candidates = COMPRESSION, "compression", (-rigid, -found)
     else:

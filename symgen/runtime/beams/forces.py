@@ -13,7 +13,6 @@ from symgen.runtime._beams import BeamEquations
 from symgen.runtime.beams.data import Piece
 from symgen.runtime.beams.frames import Frames, frames
 from symgen.runtime.elastic.motion import ElasticMotion
-from symgen.runtime.result.elastic import own_unknowns
 from symgen.runtime.result.result import Variable
 
 Array = NDArray[np.float64]
@@ -146,7 +145,7 @@ def own_motion(
 ) -> tuple[Array, Array, Array]:
     """Return s, s' and s'' of a link's unknowns on its own turning axes, each (times, n)."""
     rates = np.zeros_like(found.displacements) if found.rates is None else found.rates
-    s, v, a = (own_unknowns(motion, k, found.links, x) for x in (found.displacements, rates, accelerations))
+    s, v, a = (motion.own_unknowns(k, found.links, x) for x in (found.displacements, rates, accelerations))
     if found.rates is None or found.thesis:
         return s, v, a
     by_rate, twice = axes.stiffness_damping_quarter, axes.damping_mass_quarter

@@ -8,7 +8,6 @@ from numpy.typing import NDArray
 from symgen.runtime.beams.forces import Motion
 from symgen.runtime.beams.links import Beam
 from symgen.runtime.elastic.motion import ElasticMotion
-from symgen.runtime.result.elastic import own_unknowns
 from symgen.runtime.result.result import Variable
 
 Array = NDArray[np.float64]
@@ -23,7 +22,7 @@ def recovered(motion: ElasticMotion, found: Motion) -> list[Variable]:
         made.append(Variable(f"{point}.position", "m", f"deformed position of {point}", ("x", "y"), place))
     for name, k, at, _ in motion.stations:
         beam = motion.beams[k]
-        own = own_unknowns(motion, k, found.links, found.displacements)
+        own = motion.own_unknowns(k, found.links, found.displacements)
         about = f"deflection of {beam.info.link} from the line between its ends, at {at:g} of its length"
         made.append(Variable(f"{name}.deflection", "m", about, (), deflection(beam, own, at)))
     return made

@@ -17,7 +17,6 @@ from symgen.runtime.beams.elements import SHAPES, at
 from symgen.runtime.beams.forces import Motion
 from symgen.runtime.beams.frames import frames
 from symgen.runtime.elastic.motion import ElasticMotion
-from symgen.runtime.result.elastic import own_unknowns
 
 Array = NDArray[np.float64]
 
@@ -61,7 +60,7 @@ def _added(motion: ElasticMotion, k: int, kept: Motion, second: Array, inertia: 
     fibre = np.abs([at(beam.properties.fibre, x) for x in (places * beam.properties.length).tolist()])
 
     def largest(displacements: Array, *shapes: str) -> Array:
-        own = own_unknowns(motion, k, kept.links, displacements)
+        own = motion.own_unknowns(k, kept.links, displacements)
         found: Array = np.sqrt(np.sum([(own @ rows[shape].T) ** 2 for shape in shapes], axis=0))
         return found
 
@@ -107,7 +106,7 @@ def _loads(motion: ElasticMotion, kept: Motion, axial_force: AxialForce) -> Arra
         nodes = np.array([beam.info.node(e) for e in range(n + 1)])
         places = (nodes[:-1, None] + np.diff(nodes)[:, None] * (1 + points) / 2).ravel()
         table = dict(zip(SHAPES, beam.table(places.tolist()), strict=True))
-        own = own_unknowns(motion, k, kept.links, kept.displacements)
+        own = motion.own_unknowns(k, kept.links, kept.displacements)
         slope, stiffness = (
             own @ table["slope"].T,
             np.array([at(beam.properties.axial, x) for x in places * length]),

@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from symgen.errors import ModelError, SimulationError
-from symgen.runtime.chain.chain import Array, ChainRun
+from symgen.runtime.chain.elimination import Elimination
+from symgen.runtime.chain.inputs import Array
 from symgen.runtime.integrate.pace import is_spent, out_of_time
-
-if TYPE_CHECKING:
-    from symgen.runtime.chain.chain import Chain
 
 Forces = ArrayLike | Callable[[float, Array, Array], ArrayLike]
 
@@ -21,6 +19,17 @@ _ROUND_OFF = 4e-16
 _PROJECTIONS = 8
 #: Steps of a run at most: each is a sample that is kept, unless ``every`` says otherwise.
 _STEPS = 1e9
+
+
+@dataclass(frozen=True, slots=True)
+class ChainRun:
+    """Samples of a run: ``times`` [s], ``positions`` [m] and ``velocities`` [m/s] of the points over time."""
+
+    times: Array
+    positions: Array
+    velocities: Array
+    energy: Array
+    length_drift: float
 
 
 class _State:
@@ -34,7 +43,7 @@ class _State:
 
 
 def run(
-    chain: Chain,
+    chain: Elimination,
     t_end: float,
     step: float,
     positions: ArrayLike,
@@ -79,13 +88,13 @@ def run(
     return _result(chain, samples, drift)
 
 
-def _result(chain: Chain, samples: list[tuple[float, Array, Array]], drift: float) -> ChainRun:
+def _result(chain: Elimination, samples: list[tuple[float, Array, Array]], drift: float) -> ChainRun:
     times, places, speeds = (np.array(x) for x in zip(*samples, strict=True))
-    energy = chain.kinetic_energy(speeds) + chain.potential_energy(places)
+    energy = chain._kinetic(speeds) + chain._potential(places)
     return ChainRun(times, places, speeds, energy, drift)
 
 
-def _rates(chain: Chain, t: float, state: _State, forces: Forces | None) -> tuple[Array, ...]:
+def _rates(chain: Elimination, t: float, state: _State, forces: Forces | None) -> tuple[Array, ...]:
     base, speed, along, rate = state.parts
     given = forces(t, *_points(chain, state)) if callable(forces) else forces
     force = chain._force(given, along.shape[:-2])
@@ -98,7 +107,7 @@ def _rates(chain: Chain, t: float, state: _State, forces: Forces | None) -> tupl
     return speed, a[..., 0, :], rate, a[..., 1:, :] - a[..., chain.parents, :]
 
 
-def _project(chain: Chain, state: _State, t: float) -> float:
+def _project(chain: Elimination, state: _State, t: float) -> float:
     """Bring lengths and their rates back, in place; return the largest relative error of a length left."""
     base, speed, along, rate = state.parts
     none = np.zeros((*along.shape[:-2], chain.rods + 1, chain.dimension))
@@ -125,13 +134,13 @@ def _project(chain: Chain, state: _State, t: float) -> float:
     return worst
 
 
-def _points(chain: Chain, state: _State) -> tuple[Array, Array]:
+def _points(chain: Elimination, state: _State) -> tuple[Array, Array]:
     """Return positions and velocities of the points."""
     base, speed, along, rate = state.parts
     return _outward(chain, base, along), _outward(chain, speed, rate)
 
 
-def _outward(chain: Chain, base: Array, vectors: Array) -> Array:
+def _outward(chain: Elimination, base: Array, vectors: Array) -> Array:
     if chain._parents is None:
         first = base[..., None, :]
         return np.concatenate([first, first + np.cumsum(vectors, axis=-2)], axis=-2)

@@ -18,8 +18,9 @@ from symgen.errors import ModelError, SimulationError
 from symgen.runtime.beams.elements import at as value_at
 from symgen.runtime.beams.links import Beam
 from symgen.runtime.elastic.motion import ElasticMotion
+from symgen.runtime.elastic.outputs import displacement, length_change, selected, strains
 from symgen.runtime.model.rods import RodModel
-from symgen.runtime.result.elastic import ElasticResult, displacement, length_change, selected, strains
+from symgen.runtime.result.elastic import ElasticResult
 from symgen.runtime.result.result import Result, Variable
 from symgen.runtime.result.state import State
 

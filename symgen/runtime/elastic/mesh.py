@@ -1,12 +1,15 @@
-"""Elements along elastic links: where they meet, their default number, and the error that it leaves."""
+"""Elements along elastic links: where they meet, their default number, and the error that it leaves.
+
+The elastic motion of a linkage with its links divided into them, and its lowest frequency.
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import cached_property
 from itertools import pairwise
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,10 +22,9 @@ from symgen.runtime.beams.elements import at as value_at
 from symgen.runtime.beams.frames import APPLIED, MOTION, frames
 from symgen.runtime.beams.links import Beam, beam
 from symgen.runtime.beams.pieces import whole
+from symgen.runtime.elastic.modes import lowest
+from symgen.runtime.elastic.motion import ElasticMotion
 from symgen.runtime.result.result import Variable
-
-if TYPE_CHECKING:
-    from symgen.runtime.elastic.motion import ElasticMotion
 
 Array = NDArray[np.float64]
 
@@ -32,8 +34,76 @@ ENOUGH = 1e-2
 _MOST, _MODES = 16, 2
 #: Poses of a revolution in which loads are looked at.
 _POSES = 12
+#: Poses of a turn in which frequencies are looked for.
+_IN_A_TURN = 24
 #: Shortest element next to a load, as a part of the length: shorter ones are stiff and change nothing.
 _SHORTEST = 0.01
+
+
+class MeshedMotion(ElasticMotion):
+    """An elastic motion whose links have their elements, those chosen by default included."""
+
+    @cached_property
+    def beams(self) -> tuple[Beam, ...]:
+        """The elastic links."""
+        infos = self.info.beams
+        if not self._stiffened:
+            infos = tuple(replace(info, geometric_stiffness=False) for info in infos)
+        rows = self._tables["properties"]
+        made = []
+        for k, (info, row) in enumerate(zip(infos, rows, strict=True)):
+            properties, lumps, profiles = _properties(row), self.lumps(info.link), self.profiles(info.link)
+            if not info.elements:
+                info = chosen(self, k, info, properties)  # noqa: PLW2901
+            elif not info.nodes:
+                info = meshed(info, properties.length, lumps, profiles)  # noqa: PLW2901
+            made.append(beam(info, properties, lumps, profiles))
+        return tuple(made)
+
+    @cached_property
+    def lowest_frequency(self) -> float:
+        """The lowest frequency [Hz] of the structure at rest, over the poses of a turn."""
+        if self._driven:
+            return self._driven.lowest_frequency
+        self.check_determined()
+        equations = self.equations()
+        poses = np.linspace(0.0, self.period, _IN_A_TURN, endpoint=False).tolist()
+        return min(lowest(self, equations, t) for t in poses)
+
+    def unreduced(self) -> MeshedMotion | None:
+        """Return the same with no link reduced; None where none is."""
+        if not any(info.reduction for info in self.info.beams):
+            return None
+        return self._with(tuple(replace(beam.info, reduction="", modes=0) for beam in self.beams))
+
+    def refined(self) -> MeshedMotion:
+        """Return the same with every element of every link divided in two."""
+        return self._with(tuple(halved(beam.info) for beam in self.beams))
+
+    def _with(self, beams: tuple[BeamInfo, ...]) -> MeshedMotion:
+        made = MeshedMotion(self.rigid, self._stiffened, self._with_motor)
+        made.info = replace(self.info, beams=beams)
+        made._path, made._driven = self._path, self._driven
+        return made
+
+
+def _properties(row: Array) -> Properties:
+    """Return what a row of the table ``properties`` says."""
+    x = [float(v) for v in row]
+    return Properties(
+        length=x[0],
+        mass=(x[1], x[2], x[3]),
+        rotary=(x[4], x[5], x[6], x[7], x[8]),
+        axial=(x[9], x[10], x[11]),
+        bending=(x[12], x[13], x[14], x[15], x[16]),
+        shear=(x[17], x[18], x[19]),
+        fibre=(x[20], x[21]),
+        modulus=x[22],
+        mass_damping=x[23],
+        stiffness_damping=x[24],
+        ratio=x[25],
+        yield_stress=x[26] or math.inf,
+    )
 
 
 def meshed(info: BeamInfo, length: float, lumps: Sequence[Lump], profiles: Sequence[Profile]) -> BeamInfo:

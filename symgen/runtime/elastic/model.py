@@ -23,10 +23,10 @@ from symgen.runtime.model.model import Model
 if TYPE_CHECKING:
     from symgen.runtime.beams.layout import Layout
     from symgen.runtime.beams.links import Beam
-    from symgen.runtime.elastic.modes import ElasticModes
     from symgen.runtime.elastic.motion import ElasticMotion
     from symgen.runtime.model.rods import RodModel
     from symgen.runtime.result.elastic import ElasticResult
+    from symgen.runtime.result.modes import ElasticModes
     from symgen.runtime.result.result import Result
     from symgen.runtime.result.state import State
     from symgen.runtime.result.sweep import Sweep
@@ -67,9 +67,9 @@ class ElasticModel(Model):
         self._motion = cache(self._made)
 
     def _made(self, geometric_stiffness: bool) -> ElasticMotion:
-        from symgen.runtime.elastic.motion import ElasticMotion  # it loads SciPy
+        from symgen.runtime.elastic.mesh import MeshedMotion  # it loads SciPy
 
-        return ElasticMotion(self.rigid, geometric_stiffness, self._turned_by_motor)
+        return MeshedMotion(self.rigid, geometric_stiffness, self._turned_by_motor)
 
     def _turned_by_motor(self) -> RodModel:
         """Return the rigid linkage with its motor in place of the drive of the crank."""

@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, replace
-from typing import Any
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from symgen.calls import checked
 from symgen.errors import ModelError
 from symgen.runtime import _beams
 from symgen.runtime.beams.frames import MOTION, frames
 from symgen.runtime.elastic.motion import ElasticMotion
+from symgen.runtime.result.modes import ElasticModes
 
 Array = NDArray[np.float64]
 
@@ -22,77 +21,6 @@ Array = NDArray[np.float64]
 _ROUND_OFF = 1e-14
 #: Unknowns up to which all modes are found at once.
 _DENSE = 60
-
-
-@checked
-@dataclass(frozen=True, slots=True, repr=False)
-class ElasticModes:
-    """Modes of the structure in one pose of its rigid links, by rising frequency.
-
-    Attributes
-    ----------
-    frequencies
-        [Hz].
-    shapes
-        (unknowns, modes) in the order of ``names``, on fixed axes: of unit modal mass, or complex with 1 as
-        their largest component where the links move.
-    growth
-        Of each mode in motion [1/s], below zero where it decays; empty at rest.
-    without_reduction
-        Where links are reduced: the frequencies [Hz] without that, as many of the lowest, and the number of
-        unknowns then. Empty and the same number where none is.
-    rigid
-        Number of the first modes that strain nothing: the nullity of the stiffness at rest.
-    ratios
-        Damping of each mode at rest over its critical damping, each mode taken alone; zero of rigid ones. The
-        ``damping.ratio`` of a link is another: of modes of the link with free ends.
-    """
-
-    name: str
-    angle: float
-    frequencies: Array
-    shapes: NDArray[Any]
-    names: tuple[str, ...]
-    growth: Array = field(default_factory=lambda: np.zeros(0))
-    without_reduction: tuple[Array, int] | None = None
-    rigid: int = 0
-    ratios: Array = field(default_factory=lambda: np.zeros(0))
-
-    def __repr__(self) -> str:
-        found = ", ".join(f"{f:.6g}" for f in self.frequencies[:3].tolist())
-        more = ", ..." if len(self.frequencies) > 3 else ""
-        pose = f"{math.degrees(self.angle):.6g} degrees"
-        return f"<ElasticModes {self.name!r} at {pose}: {found}{more} Hz, {len(self.frequencies)} modes>"
-
-    @property
-    def errors(self) -> Array:
-        """Parts by which the reduction of links makes frequencies too high; empty where none is reduced.
-
-        Frequencies of zero have none.
-        """
-        if self.without_reduction is None:
-            return np.zeros(0)
-        exact = self.without_reduction[0]
-        found = self.frequencies[: len(exact)]
-        return np.divide(found, exact, out=np.ones_like(exact), where=exact > 0.0) - 1.0
-
-    def summary(self) -> dict[str, Any]:
-        """Return them in plain numbers: what ``symgen modes --json`` prints."""
-        found: dict[str, Any] = {
-            "scene": self.name,
-            "analysis": "modes",
-            "angle_deg": math.degrees(self.angle),
-            "unknowns": len(self.frequencies),
-            "frequencies_hz": self.frequencies.tolist(),
-        }
-        if np.any(self.ratios):
-            found["damping_ratios"] = self.ratios.tolist()
-        if len(self.growth):
-            found["growth_per_s"] = self.growth.tolist()
-        if self.without_reduction is not None:
-            found["unknowns_without_reduction"] = self.without_reduction[1]
-            found["errors_of_reduction"] = self.errors.tolist()
-        return found
 
 
 def modes_with_errors(motion: ElasticMotion, t: float, moving: bool) -> ElasticModes:

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import copy
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Callable
-from dataclasses import replace
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,22 +14,18 @@ from numpy.typing import NDArray
 from symgen.errors import ModelError, SimulationError
 from symgen.runtime import _beams, _core
 from symgen.runtime._beams import RigidMotion
-from symgen.runtime.beams.data import BeamInfo, Lump, Profile, Properties
-from symgen.runtime.beams.frames import APPLIED, MOTION
+from symgen.runtime.beams.data import Lump, Profile
+from symgen.runtime.beams.frames import APPLIED, MOTION, frames
 from symgen.runtime.beams.layout import Layout, layout
-from symgen.runtime.beams.links import Beam, beam
+from symgen.runtime.beams.links import Beam
+from symgen.runtime.elastic.path import Machine, Path
 from symgen.runtime.kernels.description import KernelInfo
-
-if TYPE_CHECKING:
-    from symgen.runtime.elastic.path import Machine, Path
-    from symgen.runtime.model.rods import RodModel
+from symgen.runtime.model.rods import RodModel
 
 Array = NDArray[np.float64]
 
 #: Angle [rad] of the crank over which a pose is a good guess of the next.
 _STRIDE = 0.02
-#: Poses of a turn in which frequencies are looked for.
-_POSES = 24
 #: How closely the time at which a crank locks is found, over that time.
 _LOCKED = 1e-7
 #: Parts of a turn in which it is looked for.
@@ -39,8 +34,8 @@ _SAMPLES = 64
 _RANK = 1e-9
 
 
-class ElasticMotion:
-    """What all analyses of elastic links start from.
+class ElasticMotion(ABC):
+    """What all analyses of elastic links start from; :mod:`symgen.runtime.elastic.mesh` divides the links.
 
     Parameters
     ----------
@@ -76,11 +71,9 @@ class ElasticMotion:
     @cached_property
     def machine(self) -> Machine:
         """The rigid linkage with its motor."""
-        from symgen.runtime.elastic.path import Machine
-
         if self._with_motor is None:
             raise ModelError(f"{self.rigid.name} was made without its motor: build it with symgen.build")
-        return Machine(self, self._with_motor())
+        return Machine(self.rigid, self.info.crank, self.angle, self.speed, self._with_motor())
 
     @property
     def has_motor(self) -> bool:
@@ -121,42 +114,23 @@ class ElasticMotion:
             return self._path.angle_at(np.asarray(t, dtype=float))
         return self.angle + self.speed * np.asarray(t)
 
-    @cached_property
+    @property
+    @abstractmethod
     def beams(self) -> tuple[Beam, ...]:
         """The elastic links."""
-        from symgen.runtime.elastic.mesh import chosen, meshed
 
-        infos = self.info.beams
-        if not self._stiffened:
-            infos = tuple(replace(info, geometric_stiffness=False) for info in infos)
-        rows = self._tables["properties"]
-        made = []
-        for k, (info, row) in enumerate(zip(infos, rows, strict=True)):
-            properties, lumps, profiles = _properties(row), self.lumps(info.link), self.profiles(info.link)
-            if not info.elements:
-                info = chosen(self, k, info, properties)  # noqa: PLW2901
-            elif not info.nodes:
-                info = meshed(info, properties.length, lumps, profiles)  # noqa: PLW2901
-            made.append(beam(info, properties, lumps, profiles))
-        return tuple(made)
+    @property
+    @abstractmethod
+    def lowest_frequency(self) -> float:
+        """The lowest frequency [Hz] of the structure at rest, over the poses of a turn."""
 
+    @abstractmethod
     def unreduced(self) -> ElasticMotion | None:
         """Return the same with no link reduced; None where none is."""
-        if not any(info.reduction for info in self.info.beams):
-            return None
-        return self._with(tuple(replace(beam.info, reduction="", modes=0) for beam in self.beams))
 
+    @abstractmethod
     def refined(self) -> ElasticMotion:
         """Return the same with every element of every link divided in two."""
-        from symgen.runtime.elastic.mesh import halved
-
-        return self._with(tuple(halved(beam.info) for beam in self.beams))
-
-    def _with(self, beams: tuple[BeamInfo, ...]) -> ElasticMotion:
-        made = ElasticMotion(self.rigid, self._stiffened, self._with_motor)
-        made.info = replace(self.info, beams=beams)
-        made._path, made._driven = self._path, self._driven
-        return made
 
     def lumps(self, link: str) -> tuple[Lump, ...]:
         """Return the masses along a link."""
@@ -260,24 +234,17 @@ class ElasticMotion:
         q = y[:, : self.rigid.description.coordinates]
         return q, links.reshape(count, -1, len(MOTION)), loads.reshape(count, -1, len(APPLIED))
 
-    @cached_property
-    def euler_loads(self) -> tuple[float, ...]:
-        """The axial load [N] under which each elastic link buckles alone."""
-        from symgen.runtime.beams.checks import euler_load
+    def own_unknowns(self, k: int, links: Array, displacements: Array) -> Array:
+        """Return the unknowns of a link in its own axes, (times, n).
 
-        return tuple(euler_load(self, k) for k in range(len(self.beams)))
-
-    @cached_property
-    def lowest_frequency(self) -> float:
-        """The lowest frequency [Hz] of the structure at rest, over the poses of a turn."""
-        from symgen.runtime.elastic.modes import lowest
-
-        if self._driven:
-            return self._driven.lowest_frequency
-        self.check_determined()
-        equations = self.equations()
-        poses = np.linspace(0.0, self.period, _POSES, endpoint=False).tolist()
-        return min(lowest(self, equations, t) for t in poses)
+        ``links`` is the motion of the links, (times, links, columns), ``displacements`` (times, unknowns).
+        """
+        padded = np.column_stack([displacements, np.zeros(len(displacements))])
+        found = padded[:, self.layout.of_links[k]]
+        axes = frames(links[:, k])
+        for u, w in self.beams[k].ends:
+            found[:, u], found[:, w] = axes.local(found[:, u].copy(), found[:, w].copy())
+        return found
 
     @cached_property
     def undetermined(self) -> tuple[str, ...]:
@@ -356,22 +323,3 @@ class ElasticMotion:
             else:
                 high = middle
         return low
-
-
-def _properties(row: Array) -> Properties:
-    """Return what a row of the table ``properties`` says."""
-    x = [float(v) for v in row]
-    return Properties(
-        length=x[0],
-        mass=(x[1], x[2], x[3]),
-        rotary=(x[4], x[5], x[6], x[7], x[8]),
-        axial=(x[9], x[10], x[11]),
-        bending=(x[12], x[13], x[14], x[15], x[16]),
-        shear=(x[17], x[18], x[19]),
-        fibre=(x[20], x[21]),
-        modulus=x[22],
-        mass_damping=x[23],
-        stiffness_damping=x[24],
-        ratio=x[25],
-        yield_stress=x[26] or math.inf,
-    )

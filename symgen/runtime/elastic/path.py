@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from symgen.errors import ModelError, SimulationError
 from symgen.runtime import _core
-from symgen.runtime.elastic.motion import ElasticMotion
 from symgen.runtime.integrate.failures import problem
 from symgen.runtime.integrate.options import options
 from symgen.runtime.integrate.pace import check_wall
@@ -111,16 +110,27 @@ class Path:
 
 
 class Machine:
-    """The rigid linkage of an elastic motion with its motor: integrated from its start."""
+    """The rigid linkage of an elastic motion with its motor: integrated from its start.
 
-    def __init__(self, motion: ElasticMotion, model: RodModel) -> None:
-        self._motion, self._model = motion, model
-        driven = motion.rigid.description
-        self._absent = driven.constraints.index(f"{motion.info.crank}_drive")
+    Parameters
+    ----------
+    rigid
+        The linkage with its crank driven.
+    crank, angle, speed
+        Name, direction [rad] and speed [rad/s] of the crank at the start.
+    model
+        The linkage with its motor in place of the drive.
+    """
+
+    def __init__(self, rigid: RodModel, crank: str, angle: float, speed: float, model: RodModel) -> None:
+        self._name, self._crank, self._angle, self._speed = rigid.name, crank, angle, speed
+        self._model, self._period = model, 2 * math.pi / abs(speed) if speed else math.inf
+        driven = rigid.description
+        self._absent = driven.constraints.index(f"{crank}_drive")
         self._equations = self.equations()
-        start = motion.rigid.initial_state()
+        start = rigid.initial_state()
         self._q, self._u = start.q, start.u
-        first, last = driven.links[motion.info.crank][:2]
+        first, last = driven.links[crank][:2]
         self._pivot = np.asarray(start.positions[first], dtype=float)
         self._tip = 2 * driven.free.index(last)
 
@@ -134,7 +144,7 @@ class Machine:
         arm = rows[:, self._tip : self._tip + 2] - self._pivot
         v = rows[:, n + self._tip : n + self._tip + 2]
         angles = np.unwrap(np.arctan2(arm[:, 1], arm[:, 0]))
-        angles += self._motion.angle - angles[0]
+        angles += self._angle - angles[0]
         return angles, (arm[:, 0] * v[:, 1] - arm[:, 1] * v[:, 0]) / np.sum(arm**2, axis=1)
 
     def path(self, end: float, ratio: float = 1.0) -> Path:
@@ -145,9 +155,9 @@ class Machine:
         SimulationError
             When the linkage cannot be followed.
         """
-        motion, evaluator = self._motion, self._model.evaluator
+        evaluator = self._model.evaluator
         n, equations = len(self._q), self._equations
-        speed = abs(motion.speed) * max(1.0, abs(ratio))
+        speed = abs(self._speed) * max(1.0, abs(ratio))
         count = max(16, math.ceil(end * speed / _SPACING)) + 1
         times = np.linspace(0.0, end, count)
         chosen = options(end, "dop853", _RTOL, None, None, count, 1_000_000)
@@ -185,19 +195,16 @@ class Machine:
         SimulationError
             When it does not come round.
         """
-        found = self.path(self._motion.period * count)
-        while (
-            found.time_at(self._motion.angle + math.copysign(2 * math.pi * count, self._motion.speed)) is None
-        ):
-            if found.end > _LONGEST * count * self._motion.period:
+        found = self.path(self._period * count)
+        while found.time_at(self._angle + math.copysign(2 * math.pi * count, self._speed)) is None:
+            if found.end > _LONGEST * count * self._period:
                 raise self._stalled()
             found = self.path(1.5 * found.end)
         return found
 
     def _stalled(self) -> SimulationError:
-        motion = self._motion
         return SimulationError(
-            f"{motion.rigid.name}: the motor does not turn the crank, {motion.info.crank}, round: it "
+            f"{self._name}: the motor does not turn the crank, {self._crank}, round: it "
             "has no steady speed\n  Give the motor more torque, or the crank a flywheel."
         )
 
@@ -209,15 +216,14 @@ class Machine:
         SimulationError
             When the crank does not come round.
         """
-        motion = self._motion
-        goal = motion.angle + math.copysign(2 * math.pi, motion.speed)
+        goal = self._angle + math.copysign(2 * math.pi, self._speed)
         span = 1.25
         while span < _LONGEST:
-            path = self.path(span * motion.period, ratio)
+            path = self.path(span * self._period, ratio)
             t = path.time_at(goal)
             if t is not None:
                 last = self.path(t, ratio)
-                return t, float(last.rates[-1]) / motion.speed
+                return t, float(last.rates[-1]) / self._speed
             span *= 2
         raise self._stalled()
 
@@ -250,9 +256,9 @@ class Machine:
             if x > _FASTEST**2:
                 break
         raise SimulationError(
-            f"{self._motion.rigid.name}: the speed of the crank, {self._motion.info.crank}, does not settle: "
+            f"{self._name}: the speed of the crank, {self._crank}, does not settle: "
             "the torque of the motor does not balance the loads over a revolution at any speed near "
-            f"{abs(self._motion.speed) * 30 / math.pi:g} rpm\n"
+            f"{abs(self._speed) * 30 / math.pi:g} rpm\n"
             "  Let the torque fall with the speed: this.rate."
         )
 
@@ -267,6 +273,6 @@ class Machine:
         for part in (slice(0, n), slice(n, None)):
             if np.any(np.abs(later - now)[:, part] > _PERIODIC * np.max(size[part], initial=0.0)):
                 raise ModelError(
-                    f"{self._motion.rigid.name}: torque or loads depend on the time t, or on the number of "
+                    f"{self._name}: torque or loads depend on the time t, or on the number of "
                     "revolutions, so that none repeats\n  Run it from the start: method gauss."
                 )

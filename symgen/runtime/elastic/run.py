@@ -18,8 +18,8 @@ from symgen.runtime.beams.recovery import recovered
 from symgen.runtime.elastic.mesh import mesh_error
 from symgen.runtime.elastic.modes import elastic_modes
 from symgen.runtime.elastic.motion import ElasticMotion
+from symgen.runtime.elastic.outputs import mean_powers, of_powers, outputs, selected
 from symgen.runtime.elastic.periodic import again, periodic
-from symgen.runtime.elastic.power import mean_powers, of_powers
 from symgen.runtime.elastic.static import quasi_static
 from symgen.runtime.elastic.steps import Found, Task, doubled, explicit, recorded_times, step_counts, stepped
 from symgen.runtime.integrate.checkpoint import Keeping
@@ -33,7 +33,7 @@ from symgen.runtime.integrate.pace import (
     wall_left,
 )
 from symgen.runtime.kernels.typed import made_with
-from symgen.runtime.result.elastic import ElasticResult, is_stable, outputs, selected
+from symgen.runtime.result.elastic import ElasticResult, is_stable
 from symgen.runtime.result.recording import of_jumps
 from symgen.runtime.result.result import Drift
 

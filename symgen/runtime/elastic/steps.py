@@ -16,12 +16,12 @@ from symgen.runtime import _beams, _core
 from symgen.runtime.beams.methods import BEAM_METHODS, BeamMethod
 from symgen.runtime.elastic.kept import Stages
 from symgen.runtime.elastic.motion import ElasticMotion
+from symgen.runtime.elastic.outputs import outputs
 from symgen.runtime.integrate.checkpoint import Keeping, mark_of, mark_of_kernels
 from symgen.runtime.integrate.options import TIGHTEST
 from symgen.runtime.integrate.pace import OUT_OF_TIME, OutOfTime, Pace
 from symgen.runtime.kernels.arguments import is_real, out_of_range
 from symgen.runtime.kernels.typed import library_of_runs
-from symgen.runtime.result.elastic import outputs
 
 Array = NDArray[np.float64]
 Counts = NDArray[np.intp]

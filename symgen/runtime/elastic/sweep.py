@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, Protocol
 
 import numpy as np
 
 from symgen.errors import ModelError, SimulationError
-from symgen.runtime.elastic.model import ElasticModel
 from symgen.runtime.integrate.pace import is_spent
 from symgen.runtime.result.elastic import ElasticResult
 from symgen.runtime.result.result import Drift, Variable
@@ -18,8 +18,36 @@ from symgen.runtime.result.sweep import Sweep
 Progress = Callable[[float], None]
 
 
+class Swept(Protocol):
+    """The part of an :class:`~symgen.runtime.elastic.model.ElasticModel` that sweeps need."""
+
+    description: Any
+
+    @property
+    def name(self) -> str:
+        """Name of the scene."""
+
+    @property
+    def parameters(self) -> Mapping[str, float]:
+        """Values of the tunable parameters, in SI units."""
+
+    @property
+    def crank_speed(self) -> float:
+        """Angular velocity of the crank [rad/s]."""
+
+    @property
+    def lowest_frequency(self) -> float:
+        """The lowest frequency of the structure at rest [Hz]."""
+
+    def with_parameters(self, /, **values: float) -> Swept:
+        """Return the model with other values of its parameters."""
+
+    def periodic(self, *, rtol: float, samples: int) -> ElasticResult:
+        """Return the steady state."""
+
+
 def sweep(
-    model: ElasticModel, speeds: Sequence[float], rtol: float, samples: int, progress: Progress | None
+    model: Swept, speeds: Sequence[float], rtol: float, samples: int, progress: Progress | None
 ) -> Sweep:
     """Return the steady states at crank speeds [rad/s]; see :meth:`symgen.Model.sweep`."""
     if len(speeds) < 1 or not all(math.isfinite(s) and s != 0.0 for s in speeds):
@@ -42,7 +70,7 @@ def sweep(
     return _result(model, speeds, runs, time.perf_counter() - begun)
 
 
-def _parameter(model: ElasticModel) -> tuple[str, float]:
+def _parameter(model: Swept) -> tuple[str, float]:
     """Return the tunable parameter that the speed of the crank is proportional to, and its value per speed.
 
     Raises
@@ -62,9 +90,7 @@ def _parameter(model: ElasticModel) -> tuple[str, float]:
     )
 
 
-def _result(
-    model: ElasticModel, speeds: Sequence[float], runs: Sequence[ElasticResult], wall: float
-) -> Sweep:
+def _result(model: Swept, speeds: Sequence[float], runs: Sequence[ElasticResult], wall: float) -> Sweep:
     first = runs[0]
     peaks = [
         Variable(

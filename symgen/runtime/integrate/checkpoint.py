@@ -75,7 +75,7 @@ def mark_of_kernels(kernels: Kernels, library: Library, equations: _core.Integra
 
     ``library`` are the kernels that it goes through.
     """
-    from symgen import __version__
+    from symgen.version import __version__
 
     told = (
         __version__,

@@ -14,8 +14,8 @@ from symgen.runtime.model.elastic_analyses import ElasticAnalyses
 from symgen.runtime.model.verbs import Verb, verb
 
 if TYPE_CHECKING:
-    from symgen.runtime.elastic.modes import ElasticModes
     from symgen.runtime.kernels.batch import Rows
+    from symgen.runtime.result.modes import ElasticModes
     from symgen.runtime.result.result import Result
     from symgen.runtime.result.state import Accelerations, State
     from symgen.runtime.rods.equilibrium import Equilibrium

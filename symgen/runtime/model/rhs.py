@@ -3,21 +3,20 @@
 from __future__ import annotations
 
 import ctypes
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from symgen.runtime._rhs import Rhs
+from symgen.runtime.kernels.evaluate import Evaluator
+from symgen.runtime.result.state import State
 from symgen.runtime.rods.redundancy import slack
-
-if TYPE_CHECKING:
-    from symgen.runtime.model.rods import RodModel
 
 _VECTOR = ctypes.POINTER(ctypes.c_double)
 _SIGNATURE = ctypes.CFUNCTYPE(None, ctypes.c_double, _VECTOR, _VECTOR, ctypes.c_void_p)
 
 
-def right_hand_side(model: RodModel, work_of_loads: bool = False) -> Rhs:
+def right_hand_side(begin: State, evaluator: Evaluator, redundant: int, work_of_loads: bool = False) -> Rhs:
     """Return ``f`` with dy/dt = f(t, y) of y = (q, u): coordinates [m] and velocities [m/s] in order.
 
     It takes any array of 2n numbers and returns a new one, in one compiled call:
@@ -39,10 +38,7 @@ def right_hand_side(model: RodModel, work_of_loads: bool = False) -> Rhs:
     InitialStateError
         When the start cannot be assembled.
     """
-    begin, evaluator = model.initial_state(), model.evaluator
-    equations = evaluator.equations(
-        len(model.redundant), slack(evaluator, begin.q), work_of_loads=work_of_loads
-    )
+    equations = evaluator.equations(redundant, slack(evaluator, begin.q), work_of_loads=work_of_loads)
     return Rhs(equations, np.concatenate([begin.q, begin.u, np.zeros(equations.extra)]))
 
 

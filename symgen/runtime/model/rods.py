@@ -105,7 +105,7 @@ class RodModel(LinkageModel):
         """The right-hand side for solvers of SciPy and others: see :mod:`symgen.runtime.model.rhs`."""
         from symgen.runtime.model.rhs import right_hand_side
 
-        return right_hand_side(self)
+        return right_hand_side(self.initial_state(), self._evaluator, len(self.redundant))
 
     def _inverse_dynamics(
         self,

@@ -11,9 +11,6 @@ from typing import TYPE_CHECKING, Any, TypeVar
 from symgen.calls import checked
 from symgen.errors import CapabilityError, ModelError
 
-if TYPE_CHECKING:
-    from symgen.runtime.model.model import Model
-
 F = TypeVar("F", bound=Callable[..., Any])
 
 
@@ -28,13 +25,13 @@ class Verb:
         self.name = declared.__name__
 
         @wraps(declared)
-        def call(model: Model, *values: Any, **named: Any) -> Any:
+        def call(model: Any, *values: Any, **named: Any) -> Any:
             return _carry_out(model, declared, values, named)
 
         call.__qualname__ = f"Model.{self.name}"
         self.call = checked(call)
 
-    def __get__(self, model: Model | None, owner: type[Model] | None = None) -> Any:
+    def __get__(self, model: Any, owner: type | None = None) -> Any:
         """Return the bound analysis; raise CapabilityError where the model does not support it."""
         if model is None:
             return self.call
@@ -55,7 +52,7 @@ else:
 
 
 def _carry_out(
-    model: Model, declared: Callable[..., Any], values: tuple[Any, ...], named: dict[str, Any]
+    model: Any, declared: Callable[..., Any], values: tuple[Any, ...], named: dict[str, Any]
 ) -> Any:
     name, defaults = declared.__name__, _defaults(declared)
     given = {n: v for n, v in zip(defaults, values, strict=False) if v is not defaults[n]}
@@ -78,7 +75,7 @@ def _defaults(declared: Callable[..., Any]) -> dict[str, Any]:
 
 
 @cache
-def _accepted(of: type[Model], name: str) -> frozenset[str]:
+def _accepted(of: type, name: str) -> frozenset[str]:
     """Return the arguments that a class of models accepts; none where it passes all on."""
     found = set[str]()
     for base in of.__mro__:

@@ -2,20 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from symgen.calls import checked
-from symgen.errors import ModelError, nearest
-from symgen.runtime.beams.frames import frames
 from symgen.runtime.result.result import Result, Variable
-
-if TYPE_CHECKING:
-    from symgen.runtime.beams.links import Beam
-    from symgen.runtime.elastic.motion import ElasticMotion
 
 Array = NDArray[np.float64]
 
@@ -164,100 +158,3 @@ def is_stable(largest: float, error: float | None) -> bool | None:
     if error is None or not error <= FLOQUET_SETTLED * largest:
         return None
     return largest <= 1.0 + _ROUND_OFF + error
-
-
-def outputs(motion: ElasticMotion, links: Array, displacements: Array) -> list[Variable]:
-    """Return strains at the stations, displacements of joints and changes of length.
-
-    Parameters
-    ----------
-    links
-        Motion of the links, (times, links, columns).
-    displacements
-        (times, unknowns).
-    """
-    found = []
-    own = [own_unknowns(motion, k, links, displacements) for k in range(len(motion.beams))]
-    for name, k, at, fibre in motion.stations:
-        beam = motion.beams[k]
-        rows = beam.rows(at)
-        bending, axial = own[k] @ rows.curvature * fibre, own[k] @ rows.axial_strain
-        found += strains(name, beam, at, bending, axial)
-    names = motion.layout.names
-    for point in motion.rigid.description.free:
-        columns = [names.index(f"{point}.{axis}") for axis in "xy"]
-        found.append(displacement(point, displacements[:, columns]))
-    found += [length_change(b.info.link, _stretch(b, own[k])) for k, b in enumerate(motion.beams)]
-    return found
-
-
-def selected(variables: Sequence[Variable], motion: ElasticMotion) -> tuple[Variable, ...]:
-    """Return the outputs that the scene selects, in its order; all where it selects none.
-
-    Raises
-    ------
-    ModelError
-        When a run of elastic links has no such output.
-    """
-    names = motion.info.outputs
-    if names is None:
-        return tuple(variables)
-    known = {v.name: v for v in variables}
-    for name in names:
-        if name not in known:
-            raise ModelError(
-                f"{motion.rigid.name}: analysis.outputs names {name!r}, which runs of elastic links do not "
-                f"have. {nearest(name, known)}"
-            )
-    return tuple(known[name] for name in names)
-
-
-def strains(name: str, beam: Beam, at: float, bending: Array, axial: Array) -> list[Variable]:
-    """Return the outputs of a station at a share of a link's length, from its strains over time."""
-    where = f"{beam.info.link}, at {at:g} of its length"
-    stress = beam.properties.modulus * (bending + axial)
-    return [
-        Variable(f"{name}.bending_strain", "1", f"bending strain in the fibre of {where}", (), bending),
-        Variable(f"{name}.axial_strain", "1", f"axial strain of {where}", (), axial),
-        Variable(f"{name}.stress", "Pa", f"stress in the fibre of {where}", (), stress),
-    ]
-
-
-def displacement(point: str, values: Array) -> Variable:
-    """Return the output of a point's displacement [m], (times, 2)."""
-    about = f"displacement of {point} from the rigid motion"
-    return Variable(f"{point}.displacement", "m", about, ("x", "y"), values)
-
-
-def length_change(link: str, values: Array) -> Variable:
-    """Return the output of the change of the distance between the ends of a link [m]."""
-    about = f"change of the distance between the ends of {link}"
-    return Variable(f"{link}.length_change", "m", about, (), values)
-
-
-def own_unknowns(motion: ElasticMotion, k: int, links: Array, displacements: Array) -> Array:
-    """Return the unknowns of a link in its own axes, (times, n)."""
-    places = motion.layout.of_links[k]
-    padded = np.column_stack([displacements, np.zeros(len(displacements))])
-    found = padded[:, places]
-    axes = frames(links[:, k])
-    for u, w in motion.beams[k].ends:
-        found[:, u], found[:, w] = axes.local(found[:, u].copy(), found[:, w].copy())
-    return found
-
-
-def _stretch(beam: Beam, own: Array) -> Array:
-    """Return the change of the distance between the ends [m], to the second order of bending.
-
-    What the axial strain adds, less the half of the integral of the square of the slope from the line between
-    the ends. Turning the link as a whole changes nothing, however far linear displacements go.
-    """
-    (u0, w0), (u1, w1) = beam.ends
-    turned = (own[:, w1] - own[:, w0]) / beam.properties.length
-    whole = own if beam.expansion is None else own @ beam.expansion.T
-    shortened = -beam.properties.length * turned**2
-    for part in beam.segments:
-        here = whole[:, list(part.dofs)]
-        shortened += np.einsum("ti,ij,tj->t", here, part.matrix("geometric", 3)[0], here)
-    found: Array = own[:, u1] - own[:, u0] - shortened / 2
-    return found

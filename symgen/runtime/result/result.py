@@ -235,7 +235,7 @@ class Result:
 
     def meta(self) -> str:
         """Return everything but the arrays, as JSON."""
-        from symgen import __version__
+        from symgen.version import __version__
 
         return json.dumps(
             {

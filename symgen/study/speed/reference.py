@@ -121,7 +121,7 @@ def reference(
     ):
         if not real(value, what) > 0:
             raise ModelError(f"expected {what} above zero, got {value!r}")
-    f = right_hand_side(model, work_of_loads=True)
+    f = right_hand_side(model.initial_state(), model.evaluator, len(model.redundant), work_of_loads=True)
     times = np.linspace(begin.t, end, samples)
     start = np.zeros(len(f.start))
     start[: 2 * len(begin.q)] = np.concatenate([begin.q, begin.u])

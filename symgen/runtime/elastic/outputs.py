@@ -1,0 +1,139 @@
+"""Recorded outputs of elastic links: strains, stresses, displacements, changes of length, and mean powers."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symgen.errors import ModelError, nearest
+from symgen.runtime.beams.forces import Motion, own_motion
+from symgen.runtime.beams.frames import frames
+from symgen.runtime.beams.links import Beam
+from symgen.runtime.elastic.motion import ElasticMotion
+from symgen.runtime.result.result import Variable
+
+Array = NDArray[np.float64]
+
+#: Part of the larger by which both may differ without a note, and part of the largest power that is none.
+_BALANCED, _NOTHING = 0.05, 1e-9
+
+
+def outputs(motion: ElasticMotion, links: Array, displacements: Array) -> list[Variable]:
+    """Return strains at the stations, displacements of joints and changes of length.
+
+    Parameters
+    ----------
+    links
+        Motion of the links, (times, links, columns).
+    displacements
+        (times, unknowns).
+    """
+    found = []
+    own = [motion.own_unknowns(k, links, displacements) for k in range(len(motion.beams))]
+    for name, k, at, fibre in motion.stations:
+        beam = motion.beams[k]
+        rows = beam.rows(at)
+        bending, axial = own[k] @ rows.curvature * fibre, own[k] @ rows.axial_strain
+        found += strains(name, beam, at, bending, axial)
+    names = motion.layout.names
+    for point in motion.rigid.description.free:
+        columns = [names.index(f"{point}.{axis}") for axis in "xy"]
+        found.append(displacement(point, displacements[:, columns]))
+    found += [length_change(b.info.link, _stretch(b, own[k])) for k, b in enumerate(motion.beams)]
+    return found
+
+
+def selected(variables: Sequence[Variable], motion: ElasticMotion) -> tuple[Variable, ...]:
+    """Return the outputs that the scene selects, in its order; all where it selects none.
+
+    Raises
+    ------
+    ModelError
+        When a run of elastic links has no such output.
+    """
+    names = motion.info.outputs
+    if names is None:
+        return tuple(variables)
+    known = {v.name: v for v in variables}
+    for name in names:
+        if name not in known:
+            raise ModelError(
+                f"{motion.rigid.name}: analysis.outputs names {name!r}, which runs of elastic links do not "
+                f"have. {nearest(name, known)}"
+            )
+    return tuple(known[name] for name in names)
+
+
+def strains(name: str, beam: Beam, at: float, bending: Array, axial: Array) -> list[Variable]:
+    """Return the outputs of a station at a share of a link's length, from its strains over time."""
+    where = f"{beam.info.link}, at {at:g} of its length"
+    stress = beam.properties.modulus * (bending + axial)
+    return [
+        Variable(f"{name}.bending_strain", "1", f"bending strain in the fibre of {where}", (), bending),
+        Variable(f"{name}.axial_strain", "1", f"axial strain of {where}", (), axial),
+        Variable(f"{name}.stress", "Pa", f"stress in the fibre of {where}", (), stress),
+    ]
+
+
+def displacement(point: str, values: Array) -> Variable:
+    """Return the output of a point's displacement [m], (times, 2)."""
+    about = f"displacement of {point} from the rigid motion"
+    return Variable(f"{point}.displacement", "m", about, ("x", "y"), values)
+
+
+def length_change(link: str, values: Array) -> Variable:
+    """Return the output of the change of the distance between the ends of a link [m]."""
+    about = f"change of the distance between the ends of {link}"
+    return Variable(f"{link}.length_change", "m", about, (), values)
+
+
+def _stretch(beam: Beam, own: Array) -> Array:
+    """Return the change of the distance between the ends [m], to the second order of bending.
+
+    What the axial strain adds, less the half of the integral of the square of the slope from the line between
+    the ends. Turning the link as a whole changes nothing, however far linear displacements go.
+    """
+    (u0, w0), (u1, w1) = beam.ends
+    turned = (own[:, w1] - own[:, w0]) / beam.properties.length
+    whole = own if beam.expansion is None else own @ beam.expansion.T
+    shortened = -beam.properties.length * turned**2
+    for part in beam.segments:
+        here = whole[:, list(part.dofs)]
+        shortened += np.einsum("ti,ij,tj->t", here, part.matrix("geometric", 3)[0], here)
+    found: Array = own[:, u1] - own[:, u0] - shortened / 2
+    return found
+
+
+def mean_powers(motion: ElasticMotion, found: Motion, torque: Array | None) -> tuple[float, float] | None:
+    """Return the mean power of the shaft and of damping [W] in a steady state from its torque [N m].
+
+    None where they need not be equal, since something else does work, or where nothing is damped.
+    """
+    if torque is None or found.rates is None or found.thesis:
+        return None
+    if motion.info.mode != "held" or not motion.info.shaft_alone:
+        return None
+    lost, still = np.zeros(len(found.times)), np.zeros_like(found.displacements)
+    for k, beam in enumerate(motion.beams):
+        _, rates, _ = own_motion(motion, found, still, k, frames(found.links[:, k]))
+        for piece in beam.pieces:
+            own = rates[:, list(piece.at)]
+            lost += np.sum(own * (own @ piece.damping.T), axis=1)
+    power = torque * motion.speed
+    shaft, damping = float(np.mean(power[:-1])), float(np.mean(lost[:-1]))
+    return (shaft, damping) if damping > _NOTHING * float(np.max(np.abs(power))) else None
+
+
+def of_powers(powers: tuple[float, float] | None) -> Iterator[str]:
+    """Say that the two are not equal, as they are in a steady state."""
+    if powers is None:
+        return
+    shaft, damping = powers
+    if abs(shaft - damping) > _BALANCED * max(abs(shaft), damping):
+        yield (
+            f"mean power of the shaft, {shaft:.4g} W, and of damping, {damping:.4g} W, differ: torque and "
+            "joint forces are of first order in the deflections, mean power is of second order; compare with "
+            "method exact"
+        )
