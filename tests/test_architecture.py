@@ -169,7 +169,6 @@ TESTED_FOR = {
     "report/page/notebook.py": 2,
     "report/summary.py": 6,
     "scene/resolve.py": 1,
-    "scene/rods/switches.py": 2,
     "study/accuracy/kernels.py": 3,
     "study/limits.py": 2,
     "study/running.py": 1,

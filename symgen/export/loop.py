@@ -34,6 +34,7 @@ CORE = (*RUNS, "balls.c", "follow.c", "linear.c", "loop.c", "loop_balls.c", "loo
 #: Kernels that the core calls for a loop, in the order of its struct.
 KERNELS = (
     "inputs", "position", "motion", "inverse", "given", "mass_matrix", "outputs", "energy", "setup",
+    "events",
 )  # fmt: skip
 #: Number of poses of a driven loop in the comparison.
 POSES = 13
@@ -116,6 +117,7 @@ def _records(model: LoopModel, solved: list[int], rank: int) -> tuple[Record, ..
         unknown=len(found),
         known=len(known),
         balls=len(d.balls),
+        switches=len(d.switches),
         rank=rank,
         size=float(d.size),
         tolerance=d.assembly_tolerance / d.size,

@@ -117,7 +117,6 @@ def _parameters(parameters: tuple[Parameter, ...]) -> tuple[ParameterInfo, ...]:
 def of_loop(loop: Loop, program: Program, equations: str) -> LoopDescription:
     """Return the description of a loop, still without its start."""
     from symgen.runtime.kernels.description import BallInfo, LoopDescription, VariableInfo, kernel_infos
-    from symgen.scene.rods.switches import jumps
 
     return LoopDescription(
         name=program.name,
@@ -151,8 +150,8 @@ def of_loop(loop: Loop, program: Program, equations: str) -> LoopDescription:
         units={w: [getattr(loop, w).name, getattr(loop, w).size] for w in ("length", "force", "angle")},
         start=tuple(loop.number(v.start) for v in loop.variables),
         rank=0,
-        jumps=jumps(loop),
         balls=tuple(BallInfo(b.row, b.angles, b.behind) for b in loop.balls),
+        switches=tuple(s.text for s in loop.switches),
     )
 
 

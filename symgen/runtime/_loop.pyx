@@ -29,10 +29,10 @@ cdef extern from "core/loops.h" nogil:
         pass
 
     cdef struct loop_kernels:
-        kernel_t inputs, position, motion, inverse, given, mass_matrix, outputs, energy, setup
+        kernel_t inputs, position, motion, inverse, given, mass_matrix, outputs, energy, setup, events
 
     cdef struct loop_sizes:
-        long n, parameters, derived, work, told, solved, inputs, unknown, known, balls, rank
+        long n, parameters, derived, work, told, solved, inputs, unknown, known, balls, switches, rank
         double size, tolerance
 
     cdef struct ball:
@@ -91,7 +91,9 @@ cdef class LoopEquations(Integrable):
     balls
         Ball joints whose angles runs may write otherwise near their poles: numbers of theta, eta and alpha, -1
         where alpha is constant, then of those of the ball behind, which takes over the spin, -1 where none does; and
-        the constant. The turns in front of them are the last parameters.
+        the constant. The turns in front of them are the parameters before the branches of switching points.
+    switches
+        Number of switching points of loads: values that the kernel 'events' writes.
     """
 
     cdef const loops_table *api
@@ -105,7 +107,7 @@ cdef class LoopEquations(Integrable):
 
     def __init__(self, library, p, Py_ssize_t work_size, Py_ssize_t out_size, lengths, solved, inputs, unknown,
                  double size, Py_ssize_t rank, *, Core core=DOUBLE, double tolerance=0.0,
-                 balls=()):
+                 balls=(), long switches=0):
         cdef Py_ssize_t k
         cdef loop_sizes wanted
         cdef loop_kernels given
@@ -130,12 +132,13 @@ cdef class LoopEquations(Integrable):
         given.motion, given.inverse = kernel_of(addresses, "motion"), kernel_of(addresses, "inverse")
         given.given, given.mass_matrix = kernel_of(addresses, "given"), kernel_of(addresses, "mass_matrix")
         given.outputs, given.energy = kernel_of(addresses, "outputs"), kernel_of(addresses, "energy")
-        given.setup = kernel_of(addresses, "setup")
+        given.setup, given.events = kernel_of(addresses, "setup"), kernel_of(addresses, "events")
         wanted.n, wanted.parameters, wanted.derived = len(lengths), parameters.shape[0] - 1, library.derived
         wanted.work, wanted.told, wanted.solved, wanted.inputs = work_size, out_size, len(solved), len(inputs)
         wanted.unknown, wanted.known, wanted.rank, wanted.size = len(found), len(known), rank, size
         wanted.tolerance, wanted.balls = tolerance, len(balls)
-        at_least("parameters", wanted.parameters, wanted.balls)
+        wanted.switches = switches if given.events != NULL else 0
+        at_least("parameters", wanted.parameters, wanted.balls + wanted.switches)
         if len(balls) > MOST or any([not -1 <= i < len(lengths) for ball_ in balls for i in ball_[0][:6]]):
             raise ValueError(f"expected numbers of variables below {len(lengths)} for each ball joint, got {balls!r}")
         for k in range(wanted.balls):

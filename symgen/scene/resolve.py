@@ -25,7 +25,7 @@ from symgen.scene.rods.linkage import Linkage
 from symgen.scene.rods.planar import in_its_plane
 from symgen.scene.rods.remarks import remarks
 from symgen.scene.rods.spatial import spatial_bodies
-from symgen.scene.rods.switches import with_switches
+from symgen.scene.rods.switches import with_switches, with_switches_of_loop
 from symgen.scene.rods.windings import with_windings
 from symgen.scene.schema import Scene
 
@@ -49,7 +49,7 @@ def resolve(scene: Scene) -> Linkage | Loop:
 
 def resolved_loop(scene: Scene) -> Loop:
     """Return the loop of a scene with a link-joint table; errors as of :func:`resolve`, without the file."""
-    return loop_of(scene, cast("SpatialLoop", scene.loop))
+    return with_switches_of_loop(loop_of(scene, cast("SpatialLoop", scene.loop)))
 
 
 def resolved_linkage(scene: Scene) -> Linkage:

@@ -88,3 +88,38 @@ def test_a_sample_at_the_pole_itself(model):
     assert all(np.all(np.isfinite(v.values)) or v.name[-4:] in ("rate", "tion") for v in run.variables)
     open_ = {v.name for v in run.variables if not np.all(np.isfinite(v.values))}
     assert any("pole" in note for note in run.notes) == bool(open_)
+
+
+def test_loads_by_the_angles_of_a_ball_take_those_of_the_table(tmp_path):
+    """A torque by an angle of a ball, next to its pole: energy by the work of that torque over the crank's angle."""
+    text = CASE.read_text().replace("[parameters]", '[parameters]\nc = "-2 N*m"')
+    (tmp_path / "scene.toml").write_text(
+        text.replace("[loop.links]", '[loop.drives]\ntheta1 = "c*eta2"\n\n[loop.links]')
+    )
+    straight = Straight(0.31)
+    run = symgen.build(tmp_path / "scene.toml").simulate(0.5, rtol=1e-11, atol=1e-12, samples=11)
+
+    def elevation(angle):
+        return -np.arcsin(straight.slider(angle)[0] / ROD)
+
+    angles, rates = run["theta1"].values, run["theta1.rate"].values
+    assert angles[-1] > 1.2 * np.pi  # past 180 deg, where the ball is next to its pole
+    np.testing.assert_allclose(run["eta2"].values, elevation(angles), rtol=1e-9)
+    work = [quad(lambda x: -2.0 * elevation(x), np.pi / 2, end, epsabs=1e-12)[0] for end in angles]
+    np.testing.assert_allclose(straight.mass(angles) * rates**2 / 2, straight.energy + work, rtol=1e-9)
+
+
+def test_a_load_jumps_near_a_pole(tmp_path):
+    """A torque that changes its sign while the ball is next to its pole: energy by its work on both sides."""
+    text = CASE.read_text().replace("[parameters]", '[parameters]\nc = "4 N*m"\nb = "0.2 s"')
+    (tmp_path / "scene.toml").write_text(
+        text.replace("[loop.links]", '[loop.drives]\ntheta1 = "c*sign(b - t)"\n\n[loop.links]')
+    )
+    model, straight = symgen.build(tmp_path / "scene.toml"), Straight(0.301)
+    assert model.description.balls
+    run = model.with_parameters(offset=0.301).simulate(0.4, rtol=1e-11, atol=1e-12, samples=3)
+    angles, rates = run["theta1"].values, run["theta1.rate"].values
+    assert abs(angles[1] - np.pi) < 0.3
+    work = 4.0 * np.array([0.0, angles[1] - angles[0], 2 * angles[1] - angles[0] - angles[2]])
+    np.testing.assert_allclose(straight.mass(angles) * rates**2 / 2, straight.energy + work, rtol=1e-9)
+    assert any("1 switching point" in note for note in run.notes)

@@ -45,17 +45,25 @@ def _assemble(model: LoopModel) -> System:
     motion, exports = _motion(model, "forces" in needs)
     dynamics, kernels = _dynamics(model, bool(free)) if "forces" in needs else ([], [])
     steps = _steps(model, "mass" in needs)
+    switches = _switches(loop)
     derived = {m.name for m in (*motion, *dynamics)}
     _check_names(model, {*derived, *loop_outputs.OF_THE_WHOLE, *(m.name for m in steps)})
     return System(
         name=loop.name,
         title=loop.title,
         groups=groups(model),
-        matrices=(*motion, *dynamics, *(m for m in asked if m.name not in derived), *steps),
+        matrices=(
+            *motion,
+            *dynamics,
+            *(m for m in asked if m.name not in derived),
+            *steps,
+            *([switches] if switches else []),
+        ),
         exports=(
             *exports,
             *kernels,
             Export("outputs", "what the scene asks to record", tuple(m.name for m in asked)),
+            *([Export("events", switches.description, (switches.name,))] if switches else []),
         ),
         definitions=model.names.definitions,
         references=(REFERENCE,),
@@ -146,6 +154,15 @@ def _motion(model: LoopModel, forces: bool) -> tuple[list[NamedMatrix], list[Exp
     )
     exports.append(Export("rows", "the link-joint table", ("rows",)))
     return matrices, exports
+
+
+def _switches(loop: Loop) -> NamedMatrix | None:
+    """Return what passes zero at each switching point of loads and drives; None where there is none."""
+    if not loop.switches:
+        return None
+    gaps = sp.Matrix([s.gap for s in loop.switches])
+    about = f"what passes zero at {'; '.join(s.text for s in loop.switches)}"
+    return _matrix("switches", gaps, "1", about, [s.branch.name for s in loop.switches])
 
 
 def _jet(model: LoopModel, motion: sp.Expr) -> list[sp.Expr]:

@@ -39,6 +39,7 @@ static struct sizes as_equations(const struct loop_sizes *s) {
     made.derived = s->derived;
     made.work = s->work;
     made.choices = made.windings = s->balls;
+    made.switches = s->switches;
     made.rank_tolerance = (double)RANK_TOLERANCE;
     return made;
 }
@@ -85,6 +86,7 @@ void loop_bind(struct loop *l, const struct loop_sizes *sizes, const struct loop
     struct kernels none = {0};
     none.energy = kernels->energy;
     none.setup = kernels->setup;
+    none.events = kernels->events;
     equations_bind(&l->base, &plain, &none, memory);
     l->base.of = &loop_behaviour;
     l->base.owner = l;

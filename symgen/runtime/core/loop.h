@@ -26,6 +26,7 @@ struct loop_kernels {
     kernel outputs;
     kernel energy;      /* out = (kinetic, potential, power of what has no potential) */
     kernel setup;       /* what depends on parameters alone, behind them */
+    kernel events;      /* out = distance from each switching point of loads */
 };
 
 /* Sizes of a loop, and which of its variables are what. */
@@ -35,6 +36,7 @@ struct loop_sizes {
     long derived;                /* reals that `setup` writes */
     long solved, inputs, unknown, known; /* how many; their numbers stand in this order in `numbers` */
     long balls;                  /* of ball joints whose angles can be written otherwise near their poles */
+    long switches;               /* of switching points, whose branches are the last of the parameters */
     long rank;                   /* of the screws of the solved variables, in general */
     double size;                 /* the length that displacements and moments are compared by [m] */
     double tolerance;            /* defect of closure that dependent equations may leave, as of `closure` */

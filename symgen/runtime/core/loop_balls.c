@@ -8,9 +8,9 @@
 #define FAR_POLE R(0.3)
 #define RIGHT_ANGLE R(1.570796326794896619231321691639751442L)
 
-/* The turns in front of the balls are the last parameters. */
+/* The turns in front of the balls are the parameters before the branches of switching points. */
 static real *turn_of(const struct loop *l, long k) {
-    return l->base.p + l->sizes.parameters - l->sizes.balls + k;
+    return l->base.p + l->sizes.parameters - l->sizes.switches - l->sizes.balls + k;
 }
 
 static int is_turned(const struct loop *l, long k) {

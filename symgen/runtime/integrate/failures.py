@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
+from types import MappingProxyType
 
 import numpy as np
 
@@ -45,7 +47,7 @@ def problem(
             f"tolerances or a smaller step. {where}"
         )
     if status == _core.SLIDING:
-        return _of_sliding(description.switches[stepper.slid], at, where)
+        return of_sliding(description.switches[stepper.slid], at, f"Run it by the method radau5. {where}")
     if status in (_core.CONTRADICTED, _core.SINGULAR):
         return _of_constraints(status, equations, description, at, where)
     lost_rank = _near_singular(stepper, equations, description)
@@ -69,16 +71,16 @@ def unfinished(stepper: _core.Run, chosen: Options, at: str, why: str = "") -> s
     return f"the run was not finished within max_steps, {at}\n  Raise max_steps or shorten the run."
 
 
-def _of_sliding(jump: str, at: str, where: str) -> str:
-    """Say which load keeps the motion at its jump, and what to write instead."""
+def of_sliding(jump: str, at: str, where: str, units: Mapping[str, str] = MappingProxyType({})) -> str:
+    """Say which load keeps the motion at its jump, and what to write instead; ``units`` of names in it."""
     return (
         f"the motion stays at the jump of {jump} {at}: on both sides the load drives it back there, as "
         "friction does at rest, and no step can follow\n"
-        f"  {_smooth(jump)} Run it by the method radau5. {where}"
+        f"  {_smooth(jump, units)} {where}"
     )
 
 
-def _smooth(jump: str) -> str:
+def _smooth(jump: str, own: Mapping[str, str]) -> str:
     """Return the smooth function to write in a scene instead of a jump, with its width."""
     written, _, place = jump.rpartition(" in ")
     x = written[written.index("(") + 1 : -1]
@@ -88,7 +90,7 @@ def _smooth(jump: str) -> str:
         smooth = f"sqrt({inner}**2 + w**2) instead of {written}, or tanh({inner}/w) for a quotient by it"
     words = set(re.findall(r"\.([a-z_]+)", x)) or {x}
     units = {"m/s" if w == "rate" and "actuators" in place else _UNITS.get(w, "") for w in words}
-    unit = "" if len(units) > 1 or re.search(r"[*/(]", x) else units.pop()
+    unit = own.get(x) or ("" if len(units) > 1 or re.search(r"[*/(]", x) else units.pop())
     width = f'w = "1e-3 {unit}"' if unit else f"w, in the unit of {x}"
     return f"Write {smooth}, with a small width under [parameters]: {width}."
 

@@ -260,7 +260,7 @@ class LoopDescription(Described):
     of the screws of the dependent variables. ``begin`` is the value of the first input at the start: the
     beginning of the range, or the first value of it at which the loop closes. ``assembly_tolerance`` is the
     defect of closure [m], of rotations times the size of the loop, that dependent equations may leave.
-    The turns in front of ``balls`` are the last parameters.
+    The turns in front of ``balls`` and the branches of ``switches`` are the last parameters.
     """
 
     joints: tuple[str, ...]
@@ -274,9 +274,9 @@ class LoopDescription(Described):
     start: tuple[float, ...]
     rank: int
     begin: float = 0.0
-    jumps: tuple[str, ...] = ()
     assembly_tolerance: float = 0.0
     balls: tuple[BallInfo, ...] = ()
+    switches: tuple[str, ...] = ()
 
     @property
     def method(self) -> str:
@@ -285,8 +285,8 @@ class LoopDescription(Described):
 
     @property
     def tunable(self) -> tuple[ParameterInfo, ...]:
-        """The parameters without the turns in front of balls, which come last."""
-        return self.parameters[: len(self.parameters) - len(self.balls)]
+        """The parameters without those that runs hold, which come last."""
+        return self.parameters[: len(self.parameters) - len(self.balls) - len(self.switches)]
 
     @property
     def coordinates(self) -> int:

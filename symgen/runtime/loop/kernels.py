@@ -96,6 +96,7 @@ class LoopKernels:
             core=core,
             tolerance=self.tolerance,
             balls=self.balls,
+            switches=len(self.description.switches),
         )
 
     def _arguments(self, solved: Sequence[int], rank: int) -> tuple[Any, ...]:

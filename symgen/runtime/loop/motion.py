@@ -13,7 +13,7 @@ from symgen.runtime.closure.mobility import scaled_screws
 from symgen.runtime.closure.redundancy import note, ranges_of
 from symgen.runtime.closure.start import Closed
 from symgen.runtime.integrate.checkpoint import Keeping, mark_of
-from symgen.runtime.integrate.failures import unfinished
+from symgen.runtime.integrate.failures import of_sliding, unfinished
 from symgen.runtime.integrate.options import Options
 from symgen.runtime.integrate.pace import OUT_OF_TIME, out_of_time
 from symgen.runtime.integrate.simulate import drive
@@ -22,7 +22,7 @@ from symgen.runtime.loop.ball_poles import ball_pole
 from symgen.runtime.loop.kernels import LoopKernels, in_words
 from symgen.runtime.loop.limits import CLOSED, REPORTED
 from symgen.runtime.loop.samples import Samples
-from symgen.runtime.result.recording import of_jumps
+from symgen.runtime.result.recording import of_switches
 from symgen.runtime.result.result import Drift, Result
 from symgen.runtime.result.turn import converters, variables
 
@@ -149,7 +149,7 @@ def _recorded(
             *_of_passages(stepper, samples),
             *samples.notes(),
             *note(kernels, ranges, len(times)),
-            *of_jumps(d.jumps, "give max_step, or a step,"),
+            *of_switches(d.switches, stepper),
         ),
     )
 
@@ -212,6 +212,9 @@ def _problem(kernels: LoopKernels, stepper: _core.Run, chosen: Options, status: 
             f"({_component(stepper.worst, d.size)}), more than max_drift = {chosen.max_drift:g} m, {at}\n"
             f"  Use the stabilisation 'projection', tighter tolerances or a smaller step. State: {where}."
         )
+    if status == _core.SLIDING:
+        units = {v.name: v.unit for v in d.variables} | {f"{v.name}.rate": f"{v.unit}/s" for v in d.variables}
+        return of_sliding(d.switches[stepper.slid], at, f"State: {where}.", units)
     near = values[rank - 1] / values[0]
     if status == _core.NOT_FINITE:
         return (

@@ -71,7 +71,8 @@ class Samples:
 
     def _hold(self, turns: Array) -> Array:
         held = self.kernels.given.copy()
-        held[len(held) - len(turns) :] = turns
+        end = len(self.kernels.description.tunable) + len(turns)
+        held[end - len(turns) : end] = turns
         self._solver.set_parameters(held)
         return held
 

@@ -148,7 +148,7 @@ class Recording:
             *_of_passages(self.evaluator, self.stepper),
             *_of_stiffness(self.stepper, self.chosen),
             *_of_the_end(self.evaluator, self.stepper),
-            *_of_switches(self.evaluator, self.stepper),
+            *of_switches(self.evaluator.description.switches, self.stepper),
             *_of_blind_events(self.evaluator, self.stepper),
         )
 
@@ -276,10 +276,10 @@ def _of_the_end(evaluator: Evaluator, stepper: _core.Run) -> Iterator[str]:
         yield f"the event {name!r} ended the run at t = {stepper.t:.9g} s"
 
 
-def _of_switches(evaluator: Evaluator, stepper: _core.Run) -> Iterator[str]:
+def of_switches(switches: tuple[str, ...], stepper: _core.Run) -> Iterator[str]:
     """Say how often loads changed their branch."""
     if stepper.switchings:
-        jumps = "; ".join(evaluator.description.switches[:_SHOWN])
+        jumps = "; ".join(switches[:_SHOWN])
         points = "1 switching point" if stepper.switchings == 1 else f"{stepper.switchings} switching points"
         yield f"steps end on {points} of the loads ({jumps})"
 

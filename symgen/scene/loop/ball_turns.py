@@ -39,13 +39,24 @@ def with_ball_turns(loop: Loop) -> Loop:
 
 
 def _angles(loop: Loop, row: Row) -> tuple[int, ...]:
-    """Return the numbers of the variables theta, eta, alpha of a ball, a constant alpha as -1; else none."""
+    """Return the numbers of the variables theta, eta, alpha of a ball, a constant alpha as -1; else none.
+
+    Angles that a load or a drive depends on stay those of the table.
+    """
     if row.joint != "S":
         return ()
     symbols = [v.quantity.symbol for v in loop.variables]
     moving = [j for j, v in enumerate(loop.variables) if v.role == "input"]
     found = [symbols.index(x) if x in symbols else -1 for x in (row.theta, row.eta, row.alpha)]
     entries = [x for r in loop.rows for x in (r.theta, r.S, r.eta, r.alpha, r.a)]
-    alone = all(sum(x.has(symbols[j]) for x in entries) == 1 for j in found if j >= 0)
+    loads = [v.effort for v in loop.variables if v.effort is not None]
+    loads += [x for load in loop.loads for x in (*load.force, *load.torque)]
+    own = [loop.variables[j] for j in found if j >= 0]
+    alone = all(
+        sum(x.has(v.quantity.symbol) for x in entries) == 1
+        and not v.effort
+        and not any(x.has(v.quantity.symbol, v.rate.symbol) for x in loads)
+        for v in own
+    )
     held = found[2] >= 0 or not row.alpha.has(*symbols)
     return tuple(found) if min(found[:2]) >= 0 and held and alone and not set(found) & set(moving) else ()

@@ -9,6 +9,7 @@ from typing import ClassVar, Literal
 
 import sympy as sp
 
+from symgen.scene.rods.held import Switch
 from symgen.scene.rods.linkage import Parameter, number
 from symgen.symbolic.quantity import Quantity
 
@@ -154,7 +155,7 @@ class Loop:
     where variables are free. ``lead`` is that input, the first written in the scene, empty where there is
     none. ``size`` is a length typical of it [m]. ``outputs`` is what to record, None for everything.
     ``assembly_tolerance`` is the defect of closure [m] that is tolerated where its equations are dependent.
-    The turns of ``balls`` are the last of the parameters.
+    The turns of ``balls`` and the branches of ``switches`` are the last of the parameters.
     """
 
     method: ClassVar[str] = "loop"
@@ -177,6 +178,7 @@ class Loop:
     outputs: tuple[str, ...] | None
     assembly_tolerance: sp.Expr = sp.S.Zero
     balls: tuple[Ball, ...] = ()
+    switches: tuple[Switch, ...] = ()
 
     @cached_property
     def defaults(self) -> Mapping[sp.Symbol, sp.Expr]:

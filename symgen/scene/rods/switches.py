@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Set
+from collections.abc import Iterator, Mapping, Sequence, Set
 from dataclasses import replace
 from functools import partial
 from itertools import count
 
 import sympy as sp
 
-from symgen.scene.loop.loop import Loop
+from symgen.scene.loop.loop import Loop, LoopLoad, Variable
 from symgen.scene.rods.held import Switch
 from symgen.scene.rods.linkage import TIME, Linkage, Parameter, Vector
 from symgen.symbolic.quantity import quantity
@@ -29,7 +29,7 @@ def with_switches(linkage: Linkage) -> Linkage:
     """
     if linkage.elastic or linkage.kinematic:
         return linkage
-    found = _Switches(linkage)
+    found = _Switches(linkage.parameters)
     changed = replace(
         linkage,
         loads=tuple(
@@ -41,27 +41,52 @@ def with_switches(linkage: Linkage) -> Linkage:
         found.stop_at_pulses(where, expressions, own)
     if not found.switches:
         return linkage
-    added = tuple(Parameter(s.branch, sp.Integer(0)) for s in found.switches)
-    return replace(changed, parameters=(*linkage.parameters, *added), switches=tuple(found.switches))
+    return replace(
+        changed,
+        parameters=(*linkage.parameters, *found.branches),
+        switches=tuple(found.switches),
+    )
 
 
-def jumps(resolved: Linkage | Loop) -> tuple[str, ...]:
-    """Return the jumps of loads whose branches no run holds: those of loops and of elastic links."""
-    if isinstance(resolved, Linkage) and not resolved.elastic:
+def with_switches_of_loop(loop: Loop) -> Loop:
+    """Return a loop whose loads and drives have a branch for each of their jumps, as :func:`with_switches`.
+
+    Loops that inputs alone move have no runs that hold it.
+    """
+    if not loop.having("free"):
+        return loop
+    found = _Switches(loop.parameters, {v.rate.symbol: sp.Symbol(f"{v.name}.rate") for v in loop.variables})
+
+    def loaded(index: int, load: LoopLoad) -> LoopLoad:
+        where = _place("loop.loads", index)
+        found.stop_at_pulses(where, (*load.force, *load.torque))
+        force, torque = (tuple(found.held(where, x) for x in v) for v in (load.force, load.torque))
+        return replace(load, force=force, torque=torque)
+
+    def driven(variable: Variable) -> Variable:
+        if variable.effort is None:
+            return variable
+        where = f"the drive of {variable.name}"
+        found.stop_at_pulses(where, (variable.effort,))
+        return replace(variable, effort=found.held(where, variable.effort))
+
+    changed = replace(
+        loop,
+        loads=tuple(loaded(i, load) for i, load in enumerate(loop.loads)),
+        variables=tuple(driven(v) for v in loop.variables),
+    )
+    return replace(changed, parameters=(*loop.parameters, *found.branches), switches=tuple(found.switches))
+
+
+def jumps(linkage: Linkage) -> tuple[str, ...]:
+    """Return the jumps of loads whose branches no run holds: those of scenes with elastic links."""
+    if not linkage.elastic:
         return ()
-    found = _Switches(resolved)
-    for where, expressions, own in _of_loop(resolved) if isinstance(resolved, Loop) else loads_of(resolved):
+    found = _Switches(linkage.parameters)
+    for where, expressions, own in loads_of(linkage):
         for expression in expressions:
             found.held(where, expression, own)
     return tuple(s.text for s in found.switches)
-
-
-def _of_loop(loop: Loop) -> Iterator[tuple[str, Vector, str]]:
-    for load in loop.loads:
-        yield load.name, (*load.force, *load.torque), ""
-    for variable in loop.variables:
-        if variable.effort is not None:
-            yield f"the drive of {variable.name}", (variable.effort,), ""
 
 
 def loads_of(linkage: Linkage) -> Iterator[tuple[str, Vector, str]]:
@@ -77,12 +102,22 @@ def _place(table: str, index: int) -> str:
 
 
 class _Switches:
-    def __init__(self, resolved: Linkage | Loop) -> None:
-        self._constant = {p.quantity.symbol for p in resolved.parameters}
+    """The switching points found; ``words`` are symbols as the scene writes them, where names differ."""
+
+    def __init__(
+        self, parameters: Sequence[Parameter], words: Mapping[sp.Symbol, sp.Symbol] | None = None
+    ) -> None:
+        self._constant = {p.quantity.symbol for p in parameters}
         self._taken = {str(s.name) for s in self._constant}
+        self._words = words or {}
         self._own = ""
         self._branches: dict[sp.Expr, sp.Expr] = {}
         self.switches: list[Switch] = []
+
+    @property
+    def branches(self) -> tuple[Parameter, ...]:
+        """The parameters to add: a branch of each switching point, 0 outside runs."""
+        return tuple(Parameter(s.branch, sp.Integer(0)) for s in self.switches)
 
     def held(self, where: str, expression: sp.Expr, own: str = "") -> sp.Expr:
         """Return an expression with the branches of its jumps put in, from the inside out.
@@ -117,7 +152,7 @@ class _Switches:
         if gap not in self._branches:
             name = next(n for n in map("switch_{}".format, count()) if n not in self._taken)
             self._taken.add(name)
-            text = f"{_written(written, self._own)} in {where}"
+            text = f"{_written(written.xreplace(self._words), self._own)} in {where}"
             b = quantity(name, "1", f"branch of {text}: 0, or 1 and -1 while a run holds it")
             self.switches.append(Switch(gap, b, text))
             self._branches[gap] = b.symbol + (1 - b.symbol**2) * Sign(gap)

@@ -1,0 +1,130 @@
+"""Switching points of loads on loops under forces: steps end on jumps and kinks, as those of linkages do.
+
+The parallelogram without gravity has the constant inertia of its cranks and of its coupler's mass on the crank's
+circle, so that its crank moves as one mass does: every trajectory has a closed form.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import symgen
+from symgen.errors import ModelError, SimulationError
+
+CASE = (Path(__file__).parents[1] / "cases" / "free_par.toml").read_text()
+INERTIA = 2 * (8e-4 + 1.0 * 0.05**2) + 3.0 * 0.1**2
+RATE, OFFSET, START, MIDDLE = 5.0, 0.06, 0.5, 2.0
+PARAMETERS = f"""
+[parameters]
+k = {{ value = "{INERTIA * RATE**2!r} N*m", tunable = true }}
+f = "{INERTIA * RATE**2 * OFFSET!r} N*m"
+q0 = "{MIDDLE} rad"
+b = "0.4321 s"
+force = "0.5 N"
+w = "1e-4 s"
+[loop]"""
+DRY = "-k*(q - q0) - f*sign(q.rate)"
+
+
+def build(tmp_path, drive="", load="", at=MIDDLE + START, rate="0", backend="numpy"):
+    text = CASE.replace("[loop]", PARAMETERS, 1).replace('"120 deg"', f'"{at} rad"')
+    text = (
+        text.replace('angle = "deg"', 'angle = "rad"')
+        .replace('"6 rad/s"', f'"{rate} rad/s"')
+        .replace('"-9.81 m/s^2"', "0")
+    )
+    start = {"theta2": math.pi - at, "theta3": at, "theta4": math.pi - at}
+    guess = ", ".join(f'{name} = "{value} rad"' for name, value in start.items())
+    text = re.sub("start = .*", f"start = {{ {guess} }}", text)
+    text += f'\n[loop.drives]\nq = "{drive}"\n' if drive else ""
+    text += load
+    (tmp_path / "scene.toml").write_text(text)
+    return symgen.build(tmp_path / "scene.toml", backend=backend)
+
+
+def dry_oscillation(t):
+    """Return angle and rate at times: half swings about the offset on either side in turn (Coulomb friction)."""
+    half = np.floor(t * RATE / math.pi)
+    side = np.where(half % 2 == 0, 1.0, -1.0)
+    amplitude, phase = START - OFFSET * (1 + 2 * half), t * RATE - half * math.pi
+    return MIDDLE + side * (OFFSET + amplitude * np.cos(phase)), -side * amplitude * RATE * np.sin(phase)
+
+
+@pytest.mark.parametrize(
+    ("options", "tolerance"),
+    [
+        ({"rtol": 1e-11, "atol": 1e-12}, 1e-9),
+        ({"method": "dopri5", "rtol": 1e-10}, 1e-8),
+        ({"step": 2e-3}, 1e-8),
+    ],
+    ids=str,
+)
+def test_dry_friction_is_followed_through_reversals(options, tolerance, tmp_path):
+    run = build(tmp_path, DRY).simulate(1.4, samples=41, **options)
+    angle, rate = dry_oscillation(run.time)
+    assert run["q"].values == pytest.approx(angle, abs=tolerance)
+    assert run["q.rate"].values == pytest.approx(rate, abs=10 * tolerance)
+    (note,) = [note for note in run.notes if "switching" in note]
+    assert "2 switching points" in note
+    assert "sign(q.rate) in the drive of q" in note
+
+
+def test_a_load_on_a_link_has_switching_points(tmp_path):
+    """A force along the ground at the coupler, F sign(t - b): its work in a closed form of the crank's angle."""
+    load = '\n[[loop.loads]]\nlink = "l2"\nat = [0, 0, 0]\nforce = ["force*sign(t - b)", 0, 0]\nframe = "ground"\n'
+    run = build(tmp_path, load=load, rate="3").simulate(1.0, samples=3, rtol=1e-11, atol=1e-12)
+    middle = build(tmp_path, load=load, rate="3").simulate(0.4321, samples=3, rtol=1e-11, atol=1e-12)
+    start, at, end = MIDDLE + START, middle["q"].values[-1], run["q"].values[-1]
+    work = 0.1 * 0.5 * (math.cos(start) - math.cos(at) + math.cos(end) - math.cos(at))
+    assert INERTIA * run["q.rate"].values[-1] ** 2 / 2 == pytest.approx(INERTIA * 9 / 2 + work, rel=1e-9)
+    assert abs(work) > 1e-4
+    assert any("1 switching point of the loads (sign(t" in note for note in run.notes)
+    assert any("in [[loop.loads]] no. 1" in note for note in run.notes)
+
+
+@pytest.mark.parametrize("options", [{}, {"step": 1e-2}])
+@pytest.mark.parametrize(
+    ("drive", "impulse"),
+    [
+        ("f*(sign(t - b) - sign(t - b - w))/2", 1.0),
+        ("f*max(0, 1 - abs((t - b)/w))", 1.0),
+        ("f*exp(-((t - b)/w)**2)", math.sqrt(math.pi)),
+    ],
+)
+def test_a_pulse_shorter_than_a_step_is_not_missed(drive, impulse, options, tmp_path):
+    if "exp" in drive and options:
+        pytest.skip("fixed steps end in the middle of a smooth pulse, and are as long as before on its sides")
+    run = build(tmp_path, drive).simulate(1.0, **options)
+    rate = INERTIA * RATE**2 * OFFSET * 1e-4 * impulse / INERTIA
+    assert run["q.rate"].values[-1] == pytest.approx(rate, rel=1e-6)
+
+
+@pytest.mark.parametrize("options", [{}, {"step": 1e-2}])
+def test_friction_at_rest_is_refused_with_the_smooth_alternative(options, tmp_path):
+    said = r"stays at the jump of sign\(q\.rate\) in the drive of q.*\n.*tanh\(q\.rate/w\).*1e-3 rad/s"
+    with pytest.raises(SimulationError, match=said) as error:
+        build(tmp_path, DRY).simulate(5.0, **options)
+    assert error.value.time == pytest.approx(4 * math.pi / 5, abs=1e-4)
+    assert error.value.partial.final["q"]["value"] == pytest.approx(MIDDLE + 0.02, abs=1e-4)
+    assert "radau5" not in str(error.value)
+
+
+def test_runs_with_switching_points_are_resumed_to_the_bit(tmp_path):
+    model, file = build(tmp_path, DRY), tmp_path / "run.ckpt"
+    whole = model.simulate(1.4, step=1e-3)
+    with pytest.raises(SimulationError, match="max_steps"):
+        model.simulate(1.4, step=1e-3, max_steps=900, checkpoint=file, checkpoint_every=1e-9)
+    resumed = model.simulate(1.4, step=1e-3, resume=file)
+    assert np.array_equal(whole["q"].values, resumed["q"].values)
+
+
+def test_branches_are_no_parameters_that_users_change(tmp_path):
+    model = build(tmp_path, DRY)
+    with pytest.raises(ModelError, match="no tunable parameter 'switch_0'. Known: k"):
+        model.with_parameters(switch_0=1.0)
+    assert [p.name for p in model.description.tunable] == ["k"]
