@@ -109,8 +109,8 @@ def _of_turn(turn: Turn) -> tuple[TableView, str]:
     """Return the time per pose of a driven loop and the largest closure defect."""
     row = (
         turn.provenance["backend"],
-        str(len(turn.time)),
-        seconds(turn.statistics["wall_s"] / max(1, len(turn.time))),
+        str(turn.count),
+        seconds(turn.statistics["wall_s"] / max(1, turn.count)),
         f"{turn.closure:.1e}",
     )
     caption = (

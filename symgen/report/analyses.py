@@ -14,9 +14,10 @@ from symgen.runtime.rods.modes import Modes
 
 def print_motion(motion: Motion, console: Console) -> None:
     """Print the range of every recorded output, and the intervals that the linkage cannot reach."""
-    span = f"{motion.time.min():g} s to {motion.time.max():g} s"
-    outputs = Components(motion.variables, len(motion.time))
-    console.print(outputs.extremes(f"{motion.title}: {len(motion.time)} poses, {span}", motion.time, "s"))
+    along, unit = motion.over[0], motion.shown_in[0]
+    span = f"{along.min():g} {unit} to {along.max():g} {unit}"
+    outputs = Components(motion.variables, motion.count)
+    console.print(outputs.extremes(f"{motion.title}: {motion.count} poses, {span}", along, unit))
     for pose in motion.singular_poses:
         console.print(pose.describe(), soft_wrap=True)
     for low_end, high_end in motion.unassemblable:

@@ -41,6 +41,11 @@ def print_elastic_modes(poses: Sequence[ElasticModes], title: str, console: Cons
     console.print(table(f"{title}: the structure {what}", head, rows))
 
 
+def _rpm(speed: float, digits: int) -> str:
+    """Return a speed [rad/s] in rpm."""
+    return f"{speed * 30 / math.pi:.{digits}g}"
+
+
 def print_sweep(result: Sweep, console: Console) -> None:
     """Print peak values and stability at every speed, and the critical speeds."""
     shown = [v for v in result.variables if v.name.endswith(".bending_strain")]
@@ -48,16 +53,16 @@ def print_sweep(result: Sweep, console: Console) -> None:
     multipliers = result.variable("floquet").values
     rows = [
         (
-            f"{speed:.6g}",
+            _rpm(speed, 6),
             *(f"{v.values[k]:.5g}" for v in shown),
             f"{multipliers[k]:.6g}" if result.verdicts[k] is not None else "not resolved",
         )
         for k, speed in enumerate(result.speeds)
     ]
     console.print(table(f"{result.title}: {result.headline}", head, rows))
-    console.print(f"first critical speed, that of the lowest frequency: {result.first_critical:.6g} rpm")
+    console.print(f"first critical speed, that of the lowest frequency: {_rpm(result.first_critical, 6)} rpm")
     for what, speeds in (("resonances", result.resonances), ("unstable", result.unstable)):
-        console.print(f"{what} at: {', '.join(f'{s:.5g}' for s in speeds) or 'none'}")
+        console.print(f"{what} at: {', '.join(_rpm(s, 5) for s in speeds) or 'none'}")
     for note in result.notes:
         console.print(f"note: {note}", markup=False)
 
@@ -65,8 +70,8 @@ def print_sweep(result: Sweep, console: Console) -> None:
 def print_elastic_result(result: ElasticResult, console: Console) -> None:
     """Print the outputs at a few times, or the range of each, and the errors of the run."""
     along, label = result.over
-    coordinate, _, unit = label.rstrip("]").partition(" [")
-    outputs = Components(result.variables, len(result.time))
+    coordinate, unit = result.coordinate.about, result.shown_in[0]
+    outputs = Components(result.variables, result.count)
     if len(along) <= _FEW:
         title = f"{result.title}: {result.headline}, over {label}"
         for part in outputs.values(title, [f"{x:.6g}" for x in along]):

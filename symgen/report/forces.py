@@ -18,14 +18,14 @@ def print_forces(found: Forces, console: Console) -> None:
         rows = [
             (f"{v.name} {component}".strip(), v.unit, *v.values.reshape(len(along), -1)[:, i])
             for v in found.variables
-            if v.name != found.drive
             for i, component in enumerate(v.components or ("",))
         ]
         head: tuple[str, ...] = ("output", "unit", *(f"{x:.9g}" for x in along))
         title = f"{found.title}: forces over {label}"
     else:
         units = {v.name: v.unit for v in found.variables}
-        rows = [(name, units[name], value, at) for name, (value, at) in found.peaks.items()]
+        shown = dict(zip(found.coordinate.values.tolist(), along.tolist(), strict=True))
+        rows = [(name, units[name], value, shown[at]) for name, (value, at) in found.peaks.items()]
         head, title = ("output", "unit", "largest", f"at {label}"), f"{found.title}: {len(along)} poses"
     console.print(table(title, head, rows))
     for note in found.notes:

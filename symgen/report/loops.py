@@ -16,11 +16,7 @@ _SHOWN = 6
 
 def print_turn(turn: Turn, console: Console) -> None:
     """Print every output at a few values of the input, or its minimum and maximum over many."""
-    values, name, unit = turn.values_of_input, turn.input, turn.unit_of_input
-    if turn.over_time:
-        values, name, unit = turn.time, "t", "s"
-    if unit == "rad":
-        values, unit = np.degrees(values), "deg"
+    values, name, unit = turn.over[0], turn.coordinate.about, turn.shown_in[0]
     open_ = turn.undetermined
     determined = np.zeros(len(values), dtype=bool)
 
@@ -55,7 +51,7 @@ def print_motion_of_loop(result: Result, console: Console) -> None:
         table(f"{result.title}: at t = {t:g} s", ("variable", "unit", "value", "rate [unit/s]"), rows)
     )
     if result.variables:
-        outputs = Components(result.variables, len(result.time))
+        outputs = Components(result.variables, result.count)
         console.print(outputs.extremes("Recorded outputs", result.time, "s", end=True))
     console.print(run_table(result))
     for note in result.notes:

@@ -54,7 +54,7 @@ def _type(result: Result) -> tuple[str, ...]:
 
 def run_table(result: Result) -> Table:
     """Return a table of run statistics: cost and errors."""
-    drift, statistics = result.drift, result.statistics
+    drift, statistics = result.drift.measured, result.statistics
     return table(
         "The run",
         ("", ""),
@@ -64,8 +64,14 @@ def run_table(result: Result) -> Table:
             ("steps (rejected)", f"{statistics['steps']} ({statistics['rejected']})"),
             ("evaluations", statistics["evaluations"]),
             ("wall time", f"{statistics['wall_s'] * 1e3:.3g} ms"),
-            ("constraint drift", f"{drift.constraint:.2e} m"),
-            ("energy drift", f"{drift.energy:.2e} J"),
-            ("energy exchanged", f"{drift.energy_exchanged:.2e} J"),
+            *(
+                (what, f"{drift[name]:.2e} {unit}")
+                for name, what, unit in (
+                    ("constraint", "constraint drift", "m"),
+                    ("energy", "energy drift", "J"),
+                    ("energy_exchanged", "energy exchanged", "J"),
+                )
+                if name in drift
+            ),
         ),
     )

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import math
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
@@ -27,17 +26,15 @@ _COLUMNS, _LINE = 4, 0.2
 
 
 def shown_input(turn: Turn) -> tuple[Array, str, float]:
-    """Return the input values (angles in degrees), their unit, and its size in the scene's unit."""
-    unit = turn.unit_of_input
-    size = {"rad": math.pi / 180, "rev": 1 / 360}.get(unit, 1.0)
-    return turn.values_of_input / size, "deg" if size != 1.0 else unit, size
+    """Return the input values in the unit of plots (angles in degrees), the unit, and its size in SI."""
+    return turn.over[0], *turn.shown_in
 
 
 def components(turn: Turn, name: str) -> Iterator[tuple[str, str, Array]]:
     """Yield name, unit and values of every component of an output."""
     v = turn.variable(name)
     for i, c in enumerate(v.components or ("",)):
-        yield f"{name}.{c}" if c else name, v.unit, v.values.reshape(len(turn.time), -1)[:, i]
+        yield f"{name}.{c}" if c else name, v.unit, v.values.reshape(turn.count, -1)[:, i]
 
 
 def draw(name: str, title: str, cases: Sequence[Case]) -> bytes:

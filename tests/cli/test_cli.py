@@ -38,15 +38,14 @@ def test_json_is_one_object_and_nothing_else():
         "steps",
         "evaluations",
         "wall_s",
-        "energy_drift",
-        "constraint_drift",
+        "drift",
         "final",
     } <= set(run)
     assert run["scene"] == "peaucellier" and run["method"] == "dop853"
     assert run["final"]["C"]["position"] == pytest.approx([0.06, 0.0012604868770946], abs=1e-11)
     assert set(run["final"]) == set("OABCDE")
-    assert run["constraint_drift"] < 1e-13
-    assert run["energy_drift"] < 1e-12 * run["energy_exchanged"]
+    assert run["drift"]["constraint"] < 1e-13
+    assert run["drift"]["energy"] < 1e-12 * run["drift"]["energy_exchanged"]
 
 
 def test_errors_are_one_message_and_exit_code_2():
@@ -71,7 +70,9 @@ def test_set_changes_tunable_and_folded_values():
     heavy = json.loads(call("run", "peaucellier", "--json", "--set", 'rho="2 kg/m"'))
     assert heavy["parameters"] == {"rho": 2.0}
     assert heavy["equations"] == plain["equations"]
-    assert heavy["energy_exchanged"] == pytest.approx(2 * plain["energy_exchanged"], rel=1e-6)
+    assert heavy["drift"]["energy_exchanged"] == pytest.approx(
+        2 * plain["drift"]["energy_exchanged"], rel=1e-6
+    )
     other = json.loads(call("run", "peaucellier", "--json", "--set", "links.OA.mass_per_length=3 kg/m"))
     assert other["equations"] != plain["equations"]
 

@@ -38,7 +38,7 @@ def test_multipliers_of_too_few_steps_do_not_tell(four_bar):
     assert run.summary()["floquet_error"] > 0.01
     assert any("not known whether it is stable" in note for note in run.notes)
     sweep = four_bar.sweep([20 * RPM, 110 * RPM], rtol=1e-2, samples=31)
-    assert sweep.unstable == pytest.approx((110.0,))
+    assert sweep.unstable == pytest.approx((110.0 * RPM,))
 
 
 def test_a_crank_too_slow_for_its_vibrations_to_be_followed():
@@ -86,7 +86,7 @@ def test_a_crank_at_rest_is_told_over_time():
     console = Console(width=100, record=True, file=io.StringIO())
     print_elastic_result(run, console)
     assert "at [s]" in console.export_text()
-    assert np.ptp(run.angles) == 0.0
+    assert run.coordinate.name == "time" and np.ptp(run.time) > 0.0
 
 
 def test_statics_of_many_elements_by_a_banded_solver():

@@ -37,10 +37,10 @@ def test_each_speed_is_the_periodic_run_there(model, swept):
 
 def test_resonance_and_instability(model, swept):
     """A third of the lowest frequency of the held crank's structure, some 8 to 23 Hz over the turn."""
-    assert swept.resonances == pytest.approx((160.0,))
-    assert 160.0 in [pytest.approx(s) for s in swept.unstable]
+    assert swept.resonances == pytest.approx((160.0 * RPM,))
+    assert 160.0 * RPM in [pytest.approx(s) for s in swept.unstable]
     lowest = min(model.modes(math.radians(a)).frequencies[0] for a in range(0, 360, 15))
-    assert swept.first_critical == pytest.approx(60 * lowest, rel=1e-12)
+    assert swept.first_critical == pytest.approx(2 * math.pi * lowest, rel=1e-12)
 
 
 def test_saved_and_read_back(swept, tmp_path):
@@ -56,7 +56,7 @@ def test_command_line(tmp_path):
     done = CliRunner().invoke(app, ["sweep", "elastic_slider_crank", "--speeds", "60:90:2", "--json"])
     assert done.exit_code == 0, done.output
     found = json.loads(done.stdout)
-    assert found["speeds_rpm"] == pytest.approx([60, 90])
+    assert found["speeds"] == pytest.approx([60 * RPM, 90 * RPM])
     assert all(np.isfinite(x) for v in found["outputs"].values() for x in v["peaks"])
     assert found["error_over_peak"] <= 1e-4
     shown = CliRunner().invoke(app, ["sweep", "elastic_slider_crank", "--speeds", "60,90"])

@@ -129,7 +129,7 @@ def test_the_first_written_input_leads():
         ).called("lead")
     )
     turn = model.inverse_dynamics(samples=6)
-    assert turn.input == "s1" and np.allclose(turn.variable("s1").values, np.arange(6.0))
+    assert turn.input == "s1" and np.allclose(turn.variable("s1").values, 0.0254 * np.arange(6.0))
     assert np.allclose(turn.variable("theta1").values, np.arange(6.0))
 
 
@@ -158,7 +158,7 @@ def test_a_drive_without_hold_is_an_error():
 
 def test_through_with_a_negative_speed():
     turn = four_bar("-w*t").inverse_dynamics(samples=41, through=True)
-    values = turn.values_of_input
+    values = turn.coordinate.values
     assert values[0] == pytest.approx(0.0, abs=1e-12) and values[-1] == pytest.approx(2 * math.pi)
     assert turn.closure < 1e-13
 

@@ -111,7 +111,7 @@ def test_golden_peaks_over_the_turn(four_bar):
     peaks = [(45.471, 16), (44.843, 16), (44.853, 353), (51.624, 354)]
     for (value, angle), name in zip(peaks, named.values(), strict=True):
         assert found.peaks[name][0] / LBF == pytest.approx(value, abs=6e-4)
-        assert found.peaks[name][1] == pytest.approx(angle)
+        assert np.degrees(found.peaks[name][1]) == pytest.approx(angle)
     # The method file has 61 for its own scaling of the equations.
     assert found.condition < 61
 
@@ -207,8 +207,9 @@ def balanced_power(model, found, tolerance=3e-8):
             both = model._evaluator.blocks("energy", motion.time[k], q, u)
             energy.append(float(both["kinetic_energy"][0] + both["potential_energy"][0]))
         weights = np.array([-9, 125, -2250, 2250, -125, 9]) / 1920 / h
-        drive = np.gradient(found.variable(found.drive).values, times)[i + 1]
-        power = found.variable(f"{found.drive.removesuffix('.angle')}.torque").values[i + 1] * drive
+        drive = np.gradient(found.coordinate.values, times)[i + 1]
+        link = found.coordinate.name.removesuffix(".angle")
+        power = found.variable(f"{link}.torque").values[i + 1] * drive
         scale = max(abs(power), np.abs(energy).max() * abs(drive))
         assert abs(weights @ energy - power) < tolerance * scale
 
@@ -480,7 +481,7 @@ def test_command_line(tmp_path, four_bar):
     done = runner.invoke(app, ["forces", "crank_rocker", "--at", "30,0.5 rad", "--json", "--out", str(file)])
     assert done.exit_code == 0
     data = json.loads(done.stdout)
-    assert data["at"] == pytest.approx([30.0, np.degrees(0.5)])
+    assert data["over"] == "crank.angle" and data["at"] == pytest.approx([np.radians(30.0), 0.5])
     assert data["analysis"] == "forces" and data["outputs"]["crank.torque"]["unit"] == "N*m"
     stored = symgen.load_result(file)
     assert isinstance(stored, Forces)

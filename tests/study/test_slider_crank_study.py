@@ -70,7 +70,7 @@ def test_closure(cases):
 
 def test_curves(cases):
     for name, offsets, turn in cases:
-        theta = turn.values_of_input
+        theta = turn.coordinate.values
         closed = Closed(offsets, theta)
         if "S4" in turn:
             assert turn.variable("S4").values == pytest.approx(closed.S4, rel=1e-12)

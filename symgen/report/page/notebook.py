@@ -29,8 +29,8 @@ def run_facts(result: Result) -> tuple[tuple[str, str], ...]:
     wall = float(statistics["wall_s"])
     if isinstance(result, Turn):
         return (
-            ("evaluated", f"{len(result.time)} poses"),
-            ("time", f"{seconds(wall)}, {seconds(wall / max(1, len(result.time)))} per pose"),
+            ("evaluated", f"{result.count} poses"),
+            ("time", f"{seconds(wall)}, {seconds(wall / max(1, result.count))} per pose"),
             ("closed within", f"{result.closure:.1e}"),
         )
     if isinstance(result, ElasticResult):
@@ -41,14 +41,19 @@ def run_facts(result: Result) -> tuple[tuple[str, str], ...]:
             ("time", seconds(wall)),
             ("estimated error", "not estimated" if error is None else f"{error:.1e} of the peak stress"),
         )
-    drift = result.drift
+    drift, facts = result.drift.measured, []
+    if "energy" in drift:
+        facts.append(
+            ("energy drift", f"{drift['energy']:.1e} J of {drift['energy_exchanged']:.1e} J exchanged")
+        )
+    if "constraint" in drift:
+        facts.append(("constraint drift", f"{drift['constraint']:.1e} m"))
     return (
         ("method", str(result.provenance["method"])),
         ("to", f"t = {statistics['t']:g} s"),
         ("steps", f"{statistics['steps']}, {statistics['rejected']} rejected"),
         ("time", seconds(wall)),
-        ("energy drift", f"{drift.energy:.1e} J of {drift.energy_exchanged:.1e} J exchanged"),
-        ("constraint drift", f"{drift.constraint:.1e} m"),
+        *facts,
     )
 
 
@@ -65,7 +70,7 @@ def result_html(result: Result) -> str:
     """Return facts, notes and curves of a run."""
     parts = [html_table(result.title, ("", ""), run_facts(result))]
     parts += [f"<p>{escape(note)}.</p>" for note in result.notes]
-    if result.variables and len(result.time) > 1:
+    if result.variables and result.count > 1:
         figure = run_figure(result)
         parts.append(f'<img src="{figure.uri}" alt="{escape(figure.alt)}" style="max-width: 100%">')
     return "".join(parts)

@@ -18,7 +18,7 @@ from symgen.errors import ModelError, SimulationError
 from symgen.runtime.beams.elements import at as value_at
 from symgen.runtime.beams.links import Beam
 from symgen.runtime.elastic.motion import ElasticMotion
-from symgen.runtime.elastic.outputs import displacement, length_change, selected, strains
+from symgen.runtime.elastic.outputs import coordinate_of, displacement, length_change, selected, strains
 from symgen.runtime.model.rods import RodModel
 from symgen.runtime.result.elastic import ElasticResult
 from symgen.runtime.result.result import Result, Variable
@@ -171,13 +171,11 @@ def _result(motion: ElasticMotion, cuts: tuple[Cut, ...], result: Result, task: 
         name=d.name,
         title=d.title,
         axes=d.axes,
-        time=times,
+        coordinate=coordinate_of(motion, times),
         variables=selected(variables, motion),
         drift=result.drift,
         final=result.final,
         statistics={
-            "angle_deg": np.degrees(motion.angle_at(times)).tolist(),
-            "turns": bool(motion.speed),
             "unknowns": len(result.final),
             "steps": result.statistics["steps"],
             "evaluations": result.statistics["evaluations"],
@@ -197,6 +195,7 @@ def _result(motion: ElasticMotion, cuts: tuple[Cut, ...], result: Result, task: 
             "parameters": dict(result.provenance["parameters"]),
         },
         notes=(*result.notes, *_notes(motion, task.segments), *_of_stretch(cuts, result)),
+        times=times if motion.speed else None,
     )
 
 

@@ -12,7 +12,7 @@ from symgen.runtime.beams.forces import Motion, own_motion
 from symgen.runtime.beams.frames import frames
 from symgen.runtime.beams.links import Beam
 from symgen.runtime.elastic.motion import ElasticMotion
-from symgen.runtime.result.result import Variable
+from symgen.runtime.result.result import Coordinate, Variable, over_time
 
 Array = NDArray[np.float64]
 
@@ -43,6 +43,13 @@ def outputs(motion: ElasticMotion, links: Array, displacements: Array) -> list[V
         found.append(displacement(point, displacements[:, columns]))
     found += [length_change(b.info.link, _stretch(b, own[k])) for k, b in enumerate(motion.beams)]
     return found
+
+
+def coordinate_of(motion: ElasticMotion, times: Array) -> Coordinate:
+    """Return the direction of the crank at times [s], or these where the crank is at rest."""
+    if not motion.speed:
+        return over_time(times)
+    return Coordinate("angle", "rad", "crank angle", motion.angle_at(times))
 
 
 def selected(variables: Sequence[Variable], motion: ElasticMotion) -> tuple[Variable, ...]:

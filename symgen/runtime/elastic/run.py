@@ -18,7 +18,7 @@ from symgen.runtime.beams.recovery import recovered
 from symgen.runtime.elastic.mesh import mesh_error
 from symgen.runtime.elastic.modes import elastic_modes
 from symgen.runtime.elastic.motion import ElasticMotion
-from symgen.runtime.elastic.outputs import mean_powers, of_powers, outputs, selected
+from symgen.runtime.elastic.outputs import coordinate_of, mean_powers, of_powers, outputs, selected
 from symgen.runtime.elastic.periodic import again, periodic
 from symgen.runtime.elastic.static import quasi_static
 from symgen.runtime.elastic.steps import Found, Task, doubled, explicit, recorded_times, step_counts, stepped
@@ -246,13 +246,11 @@ def _result(
         name=d.name,
         title=d.title,
         axes=d.axes,
-        time=times,
+        coordinate=coordinate_of(motion, times),
         variables=selected(variables, motion),
-        drift=Drift(0.0, 0.0, 0.0, 0.0),
+        drift=Drift(),
         final={},
         statistics={
-            "angle_deg": np.degrees(motion.angle_at(times)).tolist(),
-            "turns": bool(motion.speed),
             "unknowns": motion.layout.unknowns - motion.layout.constraints,
             "steps": found.steps,
             "error": found.error,
@@ -273,6 +271,7 @@ def _result(
             "parameters": dict(motion.rigid.parameters),
         },
         notes=tuple(notes),
+        times=times if motion.speed else None,
     )
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from symgen.errors import ModelError, SimulationError
 from symgen.runtime.integrate.pace import is_spent
 from symgen.runtime.result.elastic import ElasticResult
-from symgen.runtime.result.result import Drift, Variable
+from symgen.runtime.result.result import Coordinate, Drift, Variable
 from symgen.runtime.result.sweep import Sweep
 
 Progress = Callable[[float], None]
@@ -105,13 +105,12 @@ def _result(model: Swept, speeds: Sequence[float], runs: Sequence[ElasticResult]
         name=model.name,
         title=model.description.title,
         axes=first.axes,
-        time=np.array([2 * math.pi / abs(s) for s in speeds]),
+        coordinate=Coordinate("speed", "rad/s", "crank speed", np.array(speeds, dtype=float)),
         variables=tuple(peaks),
-        drift=Drift(0.0, 0.0, 0.0, 0.0),
+        drift=Drift(),
         final={},
         statistics={
-            "speeds_rpm": [float(f"{s * 30 / math.pi:.12g}") for s in speeds],
-            "first_critical_rpm": 60 * model.lowest_frequency,
+            "first_critical": 2 * math.pi * model.lowest_frequency,
             "floquet_errors": [r.statistics["floquet_error"] for r in runs],
             "error": max(r.statistics["error"] for r in runs),
             "wall_s": wall,

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, replace
@@ -23,7 +22,7 @@ from symgen.runtime.loop.kernels import LoopKernels, in_words
 from symgen.runtime.loop.limits import Samples, of_blind, refine
 from symgen.runtime.loop.obstacles import why_stopped
 from symgen.runtime.loop.poles import PoleAt, beside_pole, poles
-from symgen.runtime.result.result import Drift, Variable
+from symgen.runtime.result.result import Coordinate, Drift, Variable, over_time
 from symgen.runtime.result.turn import Pole, Turn, converters, variables
 
 Array = NDArray[np.float64]
@@ -235,24 +234,23 @@ def _recorded(
         moved = {b.name for b in info.blocks if b.unit in _OF_MOTION} if info else set()
         made = tuple(v for v in made if v.name in moved)
     first = kernels.lead
-    unit, size = converters(d)[first.unit]
     last = {v.name: np.atleast_1d(v.values[-1]).tolist() if len(times) else [] for v in made}
     end = float(times[-1]) if len(times) else begin.t
     closure = float(np.max(diagnosis[:, _loop.CLOSURE], initial=0.0))
     rates = float(np.max(diagnosis[:, _loop.RATES], initial=0.0))
+    coordinate = over_time(times)
+    if over == "input":
+        coordinate = Coordinate(first.name, first.unit, first.name, values)
     return Turn(
         name=d.name,
         title=d.title,
         axes=("x", "y", "z"),
-        time=times,
-        variables=made,
-        drift=Drift(closure * d.size, rates, math.nan, math.nan),
+        coordinate=coordinate,
+        variables=tuple(v for v in made if v.name != coordinate.name),
+        drift=Drift(closure * d.size, rates),
         final={name: {"value": v[0] if len(v) == 1 else v} for name, v in last.items()},
         statistics={
             "input": first.name,
-            "over": over,
-            "unit": unit,
-            "values": (values / size).tolist(),
             "t": end,
             "steps": len(times),
             "closure": closure,
@@ -275,6 +273,8 @@ def _recorded(
             *limits,
             *_notes(kernels, times, states, told, ranges),
         ),
+        times=times if over == "input" else None,
+        units=converters(d),
     )
 
 
@@ -306,7 +306,7 @@ def _known(
 
 
 def _pole(kernels: LoopKernels, pole: PoleAt) -> Pole:
-    """Return a pole in the scene's units, by the value of the input."""
+    """Return a pole by the value of the input [SI], its residues in the scene's units."""
     d = kernels.description
     first = kernels.lead
     value, rate, _ = kernels.lead_at(pole.t)
@@ -320,7 +320,7 @@ def _pole(kernels: LoopKernels, pole: PoleAt) -> Pole:
             if x:
                 residues[f"{b.name}.{c}" if c else b.name] = x
     largest = max(map(abs, residues.values()), default=0.0)
-    return Pole(float(value) / size, {k: x for k, x in residues.items() if abs(x) > 1e-12 * largest})
+    return Pole(float(value), {k: x for k, x in residues.items() if abs(x) > 1e-12 * largest})
 
 
 def _of_open(kernels: LoopKernels, closure: float) -> Iterator[str]:
@@ -343,12 +343,12 @@ def _notes(
     d = kernels.description
     n = d.coordinates
     first = kernels.lead
-    unit, size = converters(d)[first.unit]
+    unit, _ = converters(d)[first.unit]
     for p in told:
         drives = {name: x for name, x in p.residues.items() if name.endswith(".drive")} or p.residues
         names = ", ".join(f"{name} {x:.9g}" for name, x in list(drives.items())[:_SHOWN])
         yield (
-            f"dead centre at {first.name} = {in_words(p.at * size, first.is_length, d)}: the given efforts "
+            f"dead centre at {first.name} = {in_words(p.at, first.is_length, d)}: the given efforts "
             f"cannot hold the loop there, and {len(p.residues)} components have a pole, with the residue "
             f"(value times the way of {first.name} from there, in {unit}) {names}"
             f"{' and others' if len(p.residues) > len(drives) else ''}"

@@ -23,7 +23,7 @@ from symgen.runtime.loop.kernels import LoopKernels, in_words
 from symgen.runtime.loop.limits import CLOSED, REPORTED
 from symgen.runtime.loop.samples import Samples
 from symgen.runtime.result.recording import of_switches
-from symgen.runtime.result.result import Drift, Result
+from symgen.runtime.result.result import Drift, Result, over_time
 from symgen.runtime.result.turn import converters, variables
 
 Array = NDArray[np.float64]
@@ -111,7 +111,7 @@ def _recorded(
         name=d.name,
         title=d.title,
         axes=_AXES,
-        time=times,
+        coordinate=over_time(times),
         variables=made,
         drift=Drift(
             stepper.position_drift,
@@ -151,6 +151,7 @@ def _recorded(
             *note(kernels, ranges, len(times)),
             *of_switches(d.switches, stepper),
         ),
+        units=converters(d),
     )
 
 

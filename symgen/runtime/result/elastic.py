@@ -21,19 +21,11 @@ _ROUND_OFF = 1e-6
 
 @checked
 class ElasticResult(Result):
-    """A run of a linkage with elastic links; ``result["coupler.bending_strain"]`` is an array over time."""
+    """A run of a linkage with elastic links; ``result["coupler.bending_strain"]`` is a labelled array.
 
-    @property
-    def angles(self) -> Array:
-        """Direction of the crank at each time [deg], counted on over turns."""
-        return np.array(self.statistics["angle_deg"])
-
-    @property
-    def over(self) -> tuple[Array, str]:
-        """What plots have along their axis, and what it is called."""
-        if not self.statistics["turns"]:
-            return self.time, "time [s]"
-        return self.angles, "crank angle [deg]"
+    Its coordinate is the direction of the crank ``angle`` [rad], continuous over revolutions, with the times
+    as a second coordinate; the time where the crank is at rest.
+    """
 
     def panel(self, variable: Variable) -> str:
         """Return the panel of a plot that an output is drawn in: positions dwarf displacements."""
@@ -45,7 +37,7 @@ class ElasticResult(Result):
 
         Between equally spaced times it is that of the parabola through the largest value and its neighbours.
         """
-        even = len(self.time) > 2 and bool(np.allclose(np.diff(self.time), self.time[1] - self.time[0]))
+        even = self.count > 2 and bool(np.allclose(np.diff(self.time), self.time[1] - self.time[0]))
         return {
             v.name: _between(np.abs(v.values)) if even else float(np.max(np.abs(v.values)))
             for v in self.variables
@@ -101,7 +93,7 @@ class ElasticResult(Result):
     def summary(self) -> dict[str, Any]:
         """Return the run in plain numbers: what ``symgen run --json`` prints."""
         columns = [
-            (f"{v.name}.{c}" if c else v.name, v.unit, v.values.reshape(len(self.time), -1)[:, i])
+            (f"{v.name}.{c}" if c else v.name, v.unit, v.values.reshape(self.count, -1)[:, i])
             for v in self.variables
             for i, c in enumerate(v.components or ("",))
         ]
@@ -128,8 +120,8 @@ class ElasticResult(Result):
             "stable": self.stable,
             "notes": list(self.notes),
             "values": [
-                {"angle_deg": float(angle), "t": float(t), **{n: float(x[i]) for n, _, x in columns}}
-                for i, (angle, t) in enumerate(zip(self.angles, self.time, strict=True))
+                {self.coordinate.name: float(at), "time": float(t), **{n: float(x[i]) for n, _, x in columns}}
+                for i, (at, t) in enumerate(zip(self.coordinate.values, self.time, strict=True))
             ],
         }
 

@@ -15,7 +15,7 @@ from symgen.errors import ResultError
 from symgen.runtime.result.elastic import ElasticResult
 from symgen.runtime.result.forces import Forces
 from symgen.runtime.result.motion import Motion
-from symgen.runtime.result.result import FORMAT, SAVED_AS, Drift, Event, Result, Variable
+from symgen.runtime.result.result import FORMAT, SAVED_AS, Coordinate, Drift, Event, Result, Variable
 from symgen.runtime.result.sweep import Sweep
 from symgen.runtime.result.turn import Turn
 
@@ -48,12 +48,13 @@ def load_result(file: str | os.PathLike[str]) -> Result:
         data = json.loads(meta)
         if data["symgen_result"] != FORMAT:
             raise ResultError(f"{path} has result format {data['symgen_result']}, this symgen reads {FORMAT}")
+        name, unit, about = data["coordinate"]
         made = next((c for key, word, c in _CLASSES if data["provenance"].get(key) == word), Result)
         return made(
             name=data["name"],
             title=data["title"],
             axes=tuple(data["axes"]),
-            time=arrays["time"],
+            coordinate=Coordinate(name, unit, about, arrays[name]),
             variables=tuple(Variable(n, u, a, tuple(c), arrays[n]) for n, u, a, c in data["variables"]),
             drift=Drift(**data["drift"]),
             final=data["final"],
@@ -61,6 +62,8 @@ def load_result(file: str | os.PathLike[str]) -> Result:
             provenance=data["provenance"],
             notes=tuple(data.get("notes", ())),
             events=tuple(Event(**e) for e in data.get("events", ())),
+            times=arrays.get("time") if name != "time" else None,
+            units={of: (shown, size) for of, (shown, size) in data["units"].items()},
         )
     except ResultError:
         raise
@@ -72,7 +75,7 @@ def _read_netcdf(path: Path) -> tuple[dict[str, Array], str]:
     import xarray
 
     with xarray.open_dataset(path, engine="scipy") as dataset:
-        names = [*dataset.data_vars, "time"]
+        names = [name for name in dataset.variables if name != "axis"]
         return {str(n): np.array(dataset[n].values, dtype=float) for n in names}, dataset.attrs["symgen"]
 
 

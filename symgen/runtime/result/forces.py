@@ -29,20 +29,7 @@ class Forces(Result):
     """
 
     def __repr__(self) -> str:
-        return f"<Forces {self.name!r}: {len(self.time)} poses, condition {self.condition:.3g}>"
-
-    @property
-    def over(self) -> tuple[Array, str]:
-        """What plots have along their axis: the direction of the driven link in degrees, else the time."""
-        drive = self.drive
-        if not drive:
-            return self.time, "time [s]"
-        return np.degrees(self.variable(drive).values), f"{drive} [deg]"
-
-    @property
-    def drive(self) -> str:
-        """Name of the output that is the direction of the driven link; empty where none is driven."""
-        return str(self.statistics["drive"])
+        return f"<Forces {self.name!r}: {self.count} poses, condition {self.condition:.3g}>"
 
     @property
     def condition(self) -> float:
@@ -59,12 +46,11 @@ class Forces(Result):
 
     @property
     def peaks(self) -> Mapping[str, tuple[float, float]]:
-        """Largest magnitude of every output, and the direction [deg] or time [s] at which it is."""
-        along, found = self.over[0], {}
+        """Largest magnitude of every output, and the value of the coordinate [SI] at which it occurs."""
+        along, found = self.coordinate.values, {}
         for v in self.variables:
-            if v.name != self.drive:
-                size = np.linalg.norm(v.values.reshape(len(along), -1), axis=1)
-                found[v.name] = float(np.max(size)), float(along[np.argmax(size)])
+            size = np.linalg.norm(v.values.reshape(len(along), -1), axis=1)
+            found[v.name] = float(np.max(size)), float(along[np.argmax(size)])
         return found
 
     @property
@@ -72,12 +58,11 @@ class Forces(Result):
         """What a plot says of the analysis."""
         elements = self.statistics["elements"]
         parts = "one element" if elements == 1 else f"{elements} elements"
-        poses = "one pose" if len(self.time) == 1 else f"{len(self.time)} poses"
+        poses = "one pose" if self.count == 1 else f"{self.count} poses"
         return f"rigid links of {parts}, {poses}; condition up to {self.condition:.3g}"
 
     def summary(self) -> dict[str, Any]:
         """Return the analysis in plain numbers: what ``symgen forces --json`` prints."""
-        along, label = self.over
         return {
             "scene": self.name,
             "analysis": "forces",
@@ -85,8 +70,8 @@ class Forces(Result):
             "backend": self.provenance["backend"],
             "equations": self.provenance["equations"],
             "parameters": dict(self.provenance["parameters"]),
-            "over": label,
-            "at": along.tolist(),
+            "over": self.coordinate.name,
+            "at": self.coordinate.values.tolist(),
             "time": self.time.tolist(),
             "outputs": {v.name: {"unit": v.unit, "values": v.values.tolist()} for v in self.variables},
             "peaks": {name: {"value": value, "at": at} for name, (value, at) in self.peaks.items()},

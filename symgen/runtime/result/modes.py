@@ -71,7 +71,7 @@ class ElasticModes:
         found: dict[str, Any] = {
             "scene": self.name,
             "analysis": "modes",
-            "angle_deg": math.degrees(self.angle),
+            "angle": self.angle,
             "unknowns": len(self.frequencies),
             "frequencies_hz": self.frequencies.tolist(),
         }

@@ -47,8 +47,7 @@ class SingularPose:
 class Motion(Result):
     """The result of a kinematic analysis: a :class:`Result` over the times that could be reached.
 
-    ``drift.constraint`` and ``drift.velocity`` are the largest residuals of the recorded samples; no energy
-    is followed, and ``drift.energy`` is nan.
+    ``drift.constraint`` and ``drift.velocity`` are the largest residuals of the recorded samples.
     """
 
     @property
@@ -82,7 +81,7 @@ class Motion(Result):
     @property
     def headline(self) -> str:
         """What a plot says of the analysis."""
-        return f"kinematics, {len(self.time)} poses; constraints within {self.drift.constraint:.1e} m"
+        return f"kinematics, {self.count} poses; constraints within {self.drift.constraint:.1e} m"
 
     def summary(self) -> dict[str, Any]:
         """Return the analysis in plain numbers: what ``symgen kinematics --json`` prints."""

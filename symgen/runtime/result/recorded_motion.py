@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 
@@ -12,7 +11,7 @@ from numpy.typing import NDArray
 from symgen.errors import ModelError, nearest
 from symgen.runtime.result.motion import Motion, Range, SingularPose
 from symgen.runtime.result.recording import nearest_turn
-from symgen.runtime.result.result import Drift, Variable
+from symgen.runtime.result.result import Coordinate, Drift, Variable, over_time
 from symgen.runtime.rods.constraints import Bonds
 
 Array = NDArray[np.float64]
@@ -63,8 +62,9 @@ def recorded(
     out_of_reach: Sequence[Range],
     chosen: Sequence[str],
     stop: float,
+    over: str = "time",
 ) -> Motion:
-    """Return samples, singular poses and ranges as a result."""
+    """Return samples, singular poses and ranges as a result over ``time``, or the first drive (``input``)."""
     d, evaluator = bonds.description, bonds.evaluator
     kinds: list[list[Array]] = [[], [], []]
     errors = np.zeros(2)
@@ -93,14 +93,17 @@ def recorded(
             else _of_link(along, name, r, v, a)
         )
         variables += [x for x in made if x.name not in taken]
-    last = rows[-1]
+    last, times = rows[-1], np.array([row[0] for row in rows])
+    coordinate, variables = coordinate_of(
+        times, variables, next(iter(drives[0]), "") if over == "input" else ""
+    )
     return Motion(
         name=d.name,
         title=d.title,
         axes=d.axes,
-        time=np.array([row[0] for row in rows]),
+        coordinate=coordinate,
         variables=tuple(variables),
-        drift=Drift(float(errors[0]), float(errors[1]), math.nan, math.nan),
+        drift=Drift(float(errors[0]), float(errors[1])),
         final={
             p: {"position": r[-1, i].tolist(), "velocity": v[-1, i].tolist()} for i, p in enumerate(d.points)
         },
@@ -111,6 +114,7 @@ def recorded(
             "unassemblable": [list(r) for r in unassemblable],
             "out_of_reach": [list(r) for r in out_of_reach],
         },
+        times=None if coordinate.name == "time" else times,
         provenance={
             "equations": d.equations,
             "method": "continuation",
@@ -119,6 +123,16 @@ def recorded(
             "parameters": {p.name: x for p, x in zip(d.tunable, evaluator.given.tolist(), strict=False)},
         },
     )
+
+
+def coordinate_of(
+    times: Array, variables: Sequence[Variable], drive: str
+) -> tuple[Coordinate, list[Variable]]:
+    """Return the output ``drive`` as the coordinate, or the time without one, and the other outputs."""
+    for v in variables:
+        if v.name == drive:
+            return Coordinate(drive, v.unit, drive, v.values), [x for x in variables if x is not v]
+    return over_time(times), list(variables)
 
 
 def _asked(bonds: Bonds, rows: Samples, along: Along) -> list[Variable]:

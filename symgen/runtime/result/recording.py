@@ -14,7 +14,7 @@ from symgen.runtime.integrate.options import Options
 from symgen.runtime.kernels.description import KernelInfo
 from symgen.runtime.kernels.evaluate import Evaluator, part
 from symgen.runtime.kernels.library import Library
-from symgen.runtime.result.result import Drift, Event, Variable
+from symgen.runtime.result.result import Coordinate, Drift, Event, Variable, over_time
 from symgen.runtime.rods.redundancy import least_norm, not_unique
 
 Array = NDArray[np.float64]
@@ -50,9 +50,16 @@ class Recording:
         """Return the names of the axes."""
         return self.evaluator.description.shown_axes
 
-    def time(self) -> Array:
-        """Return the recorded times [s]."""
-        return self.stepper.sampled
+    def coordinate(self) -> Coordinate:
+        """Return the recorded times."""
+        return over_time(self.stepper.sampled)
+
+    def times(self) -> None:
+        """Return no further times: the coordinate is the time."""
+
+    def units(self) -> dict[str, tuple[str, float]]:
+        """Return no units of tables and plots: they are those of SI."""
+        return {}
 
     def variables(self) -> tuple[Variable, ...]:
         """Return the scene's outputs at those times."""

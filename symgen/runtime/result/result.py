@@ -1,8 +1,9 @@
-"""What a run gives: labelled arrays over time with units, drift, statistics and provenance."""
+"""Results of runs: labelled arrays over one coordinate with units, drift, statistics and provenance."""
 
 from __future__ import annotations
 
 import json
+import math
 import os
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass, field, fields
@@ -20,12 +21,42 @@ if TYPE_CHECKING:
     import xarray
 
 Array = NDArray[np.float64]
-FORMAT = 1
+FORMAT = 2
+
+#: Units of a coordinate in tables and plots, and their sizes in SI.
+_SHOWN_IN = {"rad": ("deg", math.pi / 180), "rad/s": ("rpm", math.pi / 30)}
+
+
+@dataclass(frozen=True, slots=True)
+class Coordinate:
+    """The coordinate of a result, which every output is recorded over.
+
+    Attributes
+    ----------
+    name
+        ``time``, the name of an input, ``angle`` (of a crank) or ``speed`` (of a crank).
+    unit
+        Its unit in SI: s, rad, m or rad/s.
+    about
+        Its name in the labels of plots.
+    values
+        Its values, in the order in which they were recorded; not necessarily increasing.
+    """
+
+    name: str
+    unit: str
+    about: str
+    values: Array
+
+
+def over_time(times: Array) -> Coordinate:
+    """Return the coordinate of a result over time [s]."""
+    return Coordinate("time", "s", "time", times)
 
 
 @dataclass(frozen=True, slots=True)
 class Variable:
-    """One recorded output: ``values[i]`` at time i, with as many components as ``components`` has names."""
+    """One recorded output: ``values[i]`` at coordinate i, with a column per name in ``components``."""
 
     name: str
     unit: str
@@ -36,7 +67,7 @@ class Variable:
 
 @dataclass(frozen=True, slots=True)
 class Drift:
-    """How far a run strayed from what must be conserved, the largest over all steps.
+    """Drift of conserved quantities, the largest over all steps; nan where it was not measured.
 
     Attributes
     ----------
@@ -47,17 +78,22 @@ class Drift:
     energy
         Change of the energy less the work of loads without potential [J].
     energy_exchanged
-        Range of the kinetic or of the potential energy, the larger [J]: what to measure ``energy`` by.
+        Range of the kinetic or of the potential energy, the larger [J]: the scale of ``energy``.
     """
 
-    constraint: float
-    velocity: float
-    energy: float
-    energy_exchanged: float
+    constraint: float = math.nan
+    velocity: float = math.nan
+    energy: float = math.nan
+    energy_exchanged: float = math.nan
+
+    @property
+    def measured(self) -> dict[str, float]:
+        """The values that were measured, by name."""
+        return {name: value for name, value in asdict(self).items() if not math.isnan(value)}
 
     @property
     def relative_energy(self) -> float:
-        """Energy drift over the energy exchanged; zero when none was exchanged and none drifted."""
+        """Energy drift over the energy exchanged; zero if both are zero, nan if it was not measured."""
         if self.energy_exchanged == 0.0:
             return 0.0 if self.energy == 0.0 else float("inf")
         return self.energy / self.energy_exchanged
@@ -81,14 +117,28 @@ class Event:
 class Result:
     """The result of a run. ``result["C.position"]`` is a labelled array with its unit.
 
-    ``notes`` says in words what a reader of the numbers must know: redundant constraints, lost rank passed.
-    ``events`` are those that the scene asks for, in the order of time.
+    Attributes
+    ----------
+    coordinate
+        Coordinate of all outputs: the time, an input, the angle or the speed of a crank.
+    variables
+        Recorded outputs; the coordinate is not one of them.
+    drift
+        Drift of what must be conserved; nan where it was not measured.
+    notes
+        Remarks on the numbers: redundant constraints, losses of rank.
+    events
+        Events that the scene defines, in the order of time.
+    times
+        Times [s] of the samples where the coordinate is not the time; None where there are none.
+    units
+        Units of tables and plots by unit in SI: their name and size. SI where one is missing.
     """
 
     name: str
     title: str
     axes: tuple[str, ...]
-    time: Array
+    coordinate: Coordinate
     variables: tuple[Variable, ...]
     drift: Drift
     final: Mapping[str, Mapping[str, Any]]
@@ -96,6 +146,8 @@ class Result:
     provenance: Mapping[str, Any]
     notes: tuple[str, ...] = field(default_factory=tuple)
     events: tuple[Event, ...] = field(default_factory=tuple)
+    times: Array | None = None
+    units: Mapping[str, tuple[str, float]] = field(default_factory=dict)
     _cache: dict[str, Any] = field(init=False, default_factory=dict, repr=False)
 
     @classmethod
@@ -119,28 +171,45 @@ class Result:
 
     def __repr__(self) -> str:
         return (
-            f"<{type(self).__name__} {self.name!r}: {len(self.time)} times, {len(self.variables)} outputs, "
+            f"<{type(self).__name__} {self.name!r}: {self.count} samples, {len(self.variables)} outputs, "
             f"{self.provenance['method']}>"
         )
 
+    @property
+    def count(self) -> int:
+        """Number of samples."""
+        return len(self.coordinate.values)
+
+    @property
+    def time(self) -> Array:
+        """Times of the samples [s]; raise ResultError for results that have none, such as sweeps."""
+        if self.coordinate.name == "time":
+            return self.coordinate.values
+        if self.times is None:
+            raise ResultError(f"the result is over {self.coordinate.about} and has no times")
+        return self.times
+
     def __getitem__(self, name: str) -> xarray.DataArray:
-        """Return one output as a labelled array over time, its unit in ``attrs["units"]``."""
+        """Return an output, or the coordinate, as a labelled array with its unit in ``attrs["units"]``."""
         self.variable(name)
         return self.dataset[name]
 
     def __contains__(self, name: object) -> bool:
-        """Tell whether an output of this name was recorded."""
-        return any(isinstance(name, str) and v.name == name for v in self.variables)
+        """Tell whether an output, or the coordinate, has this name."""
+        return isinstance(name, str) and (name == self.coordinate.name or name in [*self])
 
     def __iter__(self) -> Iterator[str]:
         """Yield the names of the outputs."""
         return (v.name for v in self.variables)
 
     def variable(self, name: str) -> Variable:
-        """Return one output as it was recorded; raise ResultError with the nearest name otherwise."""
+        """Return an output, or the coordinate; raise ResultError with the nearest name otherwise."""
         for variable in self.variables:
             if variable.name == name:
                 return variable
+        along = self.coordinate
+        if along.name == name:
+            return Variable(name, along.unit, along.about, (), along.values)
         known = [v.name for v in self.variables]
         raise ResultError(
             f"the result holds no {name!r}. {nearest(name, known)}\n"
@@ -149,15 +218,18 @@ class Result:
 
     @property
     def dataset(self) -> xarray.Dataset:
-        """All outputs, labelled by time and component."""
+        """All outputs, labelled by coordinate and component; the times are a second coordinate."""
         if "dataset" not in self._cache:
             import xarray
 
-            data = {}
+            along, data = self.coordinate, {}
             for v in self.variables:
-                dims = ("time",) if v.values.ndim == 1 else ("time", "axis")
+                dims = (along.name,) if v.values.ndim == 1 else (along.name, "axis")
                 data[v.name] = (dims, v.values, {"units": v.unit, "long_name": v.about})
-            coordinates: dict[str, Any] = {"time": ("time", self.time, {"units": "s", "long_name": "time"})}
+            labels = {"units": along.unit, "long_name": along.about}
+            coordinates: dict[str, Any] = {along.name: (along.name, along.values, labels)}
+            if self.times is not None:
+                coordinates["time"] = (along.name, self.times, {"units": "s", "long_name": "time"})
             if any(v.values.ndim == 2 for v in self.variables):
                 coordinates["axis"] = list(self.axes)
             self._cache["dataset"] = xarray.Dataset(data, coords=coordinates, attrs={"title": self.title})
@@ -166,8 +238,15 @@ class Result:
 
     @property
     def over(self) -> tuple[Array, str]:
-        """What plots have along their axis, and what it is called."""
-        return self.time, "time [s]"
+        """Values of the coordinate in the unit of tables and plots, and its label."""
+        unit, size = self.shown_in
+        return self.coordinate.values / size, f"{self.coordinate.about} [{unit}]"
+
+    @property
+    def shown_in(self) -> tuple[str, float]:
+        """Unit of the coordinate in tables and plots, and its size in SI; angles are in degrees."""
+        unit = self.coordinate.unit
+        return _SHOWN_IN.get(unit) or self.units.get(unit, (unit, 1.0))
 
     def panel(self, variable: Variable) -> str:
         """Return the panel of a plot that an output is drawn in, by what is written beside it."""
@@ -176,10 +255,11 @@ class Result:
     @property
     def headline(self) -> str:
         """What a plot says of the run."""
-        return (
-            f"{self.provenance['method']}, {self.statistics['steps']} steps; "
-            f"drift: constraints {self.drift.constraint:.1e} m, energy {self.drift.energy:.1e} J"
-        )
+        measured = self.drift.measured
+        units = (("constraint", "constraints", "m"), ("energy", "energy", "J"))
+        drift = [f"{word} {measured[name]:.1e} {unit}" for name, word, unit in units if name in measured]
+        told = f"; drift: {', '.join(drift)}" if drift else ""
+        return f"{self.provenance['method']}, {self.statistics['steps']} steps{told}"
 
     def summary(self) -> dict[str, Any]:
         """Return the run in plain numbers: what ``symgen run --json`` prints."""
@@ -193,10 +273,7 @@ class Result:
             "rejected": self.statistics["rejected"],
             "evaluations": self.statistics["evaluations"],
             "wall_s": self.statistics["wall_s"],
-            "energy_drift": self.drift.energy,
-            "energy_exchanged": self.drift.energy_exchanged,
-            "constraint_drift": self.drift.constraint,
-            "velocity_drift": self.drift.velocity,
+            "drift": self.drift.measured,
             "equations": self.provenance["equations"],
             "parameters": dict(self.provenance["parameters"]),
             "notes": list(self.notes),
@@ -208,7 +285,7 @@ class Result:
         }
 
     def plot(self, *names: str, file: str | os.PathLike[str] | None = None) -> Any:
-        """Draw outputs over time; see :func:`symgen.report.page.plots.plot`."""
+        """Draw outputs over the coordinate; see :func:`symgen.report.page.plots.plot`."""
         return display("plot", self, *names, file=file)
 
     def _repr_html_(self) -> str:
@@ -244,13 +321,15 @@ class Result:
                 "name": self.name,
                 "title": self.title,
                 "axes": list(self.axes),
-                "drift": asdict(self.drift),
+                "coordinate": [self.coordinate.name, self.coordinate.unit, self.coordinate.about],
+                "drift": self.drift.measured,
                 "final": {k: dict(v) for k, v in self.final.items()},
                 "statistics": self.all_statistics(),
                 "provenance": dict(self.provenance),
                 "notes": list(self.notes),
                 "events": [asdict(e) for e in self.events],
                 "variables": [[v.name, v.unit, v.about, list(v.components)] for v in self.variables],
+                "units": {unit: list(shown) for unit, shown in self.units.items()},
             }
         )
 
@@ -263,8 +342,11 @@ def _write_netcdf(result: Result, path: Path) -> None:
 
 def _write_npz(result: Result, path: Path) -> None:
     arrays: dict[str, Any] = {v.name: v.values for v in result.variables}
+    if result.times is not None:
+        arrays["time"] = result.times
+    arrays[result.coordinate.name] = result.coordinate.values
     with path.open("wb") as stream:
-        np.savez_compressed(stream, time=result.time, symgen=np.array(result.meta()), **arrays)
+        np.savez_compressed(stream, symgen=np.array(result.meta()), **arrays)
 
 
 _WRITERS = {".nc": _write_netcdf, ".npz": _write_npz}

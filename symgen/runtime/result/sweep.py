@@ -16,23 +16,18 @@ Array = NDArray[np.float64]
 
 @checked
 class Sweep(Result):
-    """Steady states of an elastic linkage over crank speeds; ``sweep["coupler.stress"]`` has peaks of a turn.
+    """Steady states over crank speeds [rad/s]; ``sweep["coupler.stress"]`` has the peaks of a revolution.
 
-    ``time`` holds the time of a turn [s] at each speed. ``floquet`` is the largest Floquet multiplier.
+    The output ``floquet`` is the largest Floquet multiplier.
     """
 
     def __repr__(self) -> str:
-        return f"<Sweep {self.name!r}: {len(self.time)} speeds, {len(self.resonances)} resonances>"
+        return f"<Sweep {self.name!r}: {self.count} speeds, {len(self.resonances)} resonances>"
 
     @property
     def speeds(self) -> Array:
-        """The crank speeds [rpm]."""
-        return np.array(self.statistics["speeds_rpm"])
-
-    @property
-    def over(self) -> tuple[Array, str]:
-        """What plots have along their axis, and what it is called."""
-        return self.speeds, "crank speed [rpm]"
+        """The crank speeds [rad/s]."""
+        return self.coordinate.values
 
     def panel(self, variable: Variable) -> str:
         """Return the panel of a plot that an output is drawn in: multipliers would hide the strains."""
@@ -40,12 +35,12 @@ class Sweep(Result):
 
     @property
     def first_critical(self) -> float:
-        """Crank speed [rpm] equal to the lowest frequency of the structure at rest in any pose."""
-        return float(self.statistics["first_critical_rpm"])
+        """Crank speed [rad/s] equal to the lowest frequency of the structure at rest in any pose."""
+        return float(self.statistics["first_critical"])
 
     @property
     def resonances(self) -> tuple[float, ...]:
-        """Speeds [rpm] of the sweep at which the largest stress is larger than at both neighbours."""
+        """Speeds [rad/s] of the sweep at which the largest stress is larger than at both neighbours."""
         stress = np.max([v.values for v in self.variables if v.name.endswith(".stress")], axis=0)
         inside = (stress[1:-1] > stress[:-2]) & (stress[1:-1] > stress[2:])
         return tuple(self.speeds[1:-1][inside].tolist())
@@ -58,7 +53,7 @@ class Sweep(Result):
 
     @property
     def unstable(self) -> tuple[float, ...]:
-        """Speeds [rpm] of the sweep whose steady state grows away from itself."""
+        """Speeds [rad/s] of the sweep whose steady state grows away from itself."""
         return tuple(
             s for s, stable in zip(self.speeds.tolist(), self.verdicts, strict=True) if stable is False
         )
@@ -73,10 +68,10 @@ class Sweep(Result):
         return {
             "scene": self.name,
             "analysis": "sweep",
-            "speeds_rpm": self.speeds.tolist(),
-            "first_critical_rpm": self.first_critical,
-            "resonances_rpm": list(self.resonances),
-            "unstable_rpm": list(self.unstable),
+            "speeds": self.speeds.tolist(),
+            "first_critical": self.first_critical,
+            "resonances": list(self.resonances),
+            "unstable": list(self.unstable),
             "stable": list(self.verdicts),
             "outputs": {v.name: {"unit": v.unit, "peaks": v.values.tolist()} for v in self.variables},
             "error_over_peak": self.statistics["error"],

@@ -23,7 +23,7 @@ class Pole:
     Attributes
     ----------
     at
-        Value of the input there, in the scene's unit.
+        Value of the input there [rad or m].
     residues
         For each component with a pole, the limit of its value times (input - at), in their units.
     """
@@ -34,7 +34,7 @@ class Pole:
 
 @checked
 class Turn(Result):
-    """A driven loop over values of its first input. ``turn["theta2"]`` is an array over them.
+    """A driven loop over values of its first input, or over time. ``turn["theta2"]`` is an array over them.
 
     ``time`` holds the times at which the input has those values. Where an output has a pole at a value, it
     is not a number there, and :attr:`poles` gives its residue.
@@ -42,36 +42,14 @@ class Turn(Result):
 
     def __repr__(self) -> str:
         return (
-            f"<Turn {self.name!r}: {len(self.time)} values of {self.input}, {len(self.variables)} outputs, "
-            f"closed within {self.closure:.1e}>"
+            f"<Turn {self.name!r}: {self.count} values of {self.coordinate.about}, "
+            f"{len(self.variables)} outputs, closed within {self.closure:.1e}>"
         )
 
     @property
     def input(self) -> str:
         """Name of the first input."""
         return str(self.statistics["input"])
-
-    @property
-    def values_of_input(self) -> Array:
-        """The values of the first input, in the scene's unit."""
-        return np.array(self.statistics["values"])
-
-    @property
-    def unit_of_input(self) -> str:
-        """The scene's unit of the first input."""
-        return str(self.statistics["unit"])
-
-    @property
-    def over(self) -> tuple[Array, str]:
-        """What plots have along their axis, and what it is called."""
-        if self.over_time:
-            return super().over
-        return self.values_of_input, f"{self.input} [{self.unit_of_input}]"
-
-    @property
-    def over_time(self) -> bool:
-        """Whether it was evaluated over time, in which its input may rest and turn back."""
-        return bool(self.statistics["over"] == "time")
 
     @property
     def closure(self) -> float:
@@ -96,7 +74,7 @@ class Turn(Result):
         """By component: the poses at which redundant constraints leave it undetermined (True)."""
         found = {}
         for name, ranges in self.statistics["undetermined"].items():
-            mask = found[name] = np.zeros(len(self.time), dtype=bool)
+            mask = found[name] = np.zeros(self.count, dtype=bool)
             for first, last in ranges:
                 mask[first : last + 1] = True
         return found
@@ -104,7 +82,7 @@ class Turn(Result):
     @property
     def headline(self) -> str:
         """What a plot says of the run."""
-        return f"{len(self.time)} poses, closed within {self.closure:.1e}"
+        return f"{self.count} poses, closed within {self.closure:.1e}"
 
     def summary(self) -> dict[str, Any]:
         """Return everything in plain numbers: what ``symgen run --json`` prints for a driven loop.
@@ -113,23 +91,24 @@ class Turn(Result):
         has by component the poses at which it is so, as ranges (first, last) of their numbers from 0.
         """
         columns = [
-            (f"{v.name}.{c}" if c else v.name, v.unit, v.values.reshape(len(self.time), -1)[:, i])
+            (f"{v.name}.{c}" if c else v.name, v.unit, v.values.reshape(self.count, -1)[:, i])
             for v in self.variables
             for i, c in enumerate(v.components or ("",))
         ]
         return {
             "scene": self.name,
             "input": self.input,
-            "at": self.values_of_input.tolist(),
+            "over": self.coordinate.name,
+            "at": self.coordinate.values.tolist(),
             "time": self.time.tolist(),
-            "unit": self.unit_of_input,
+            "unit": self.coordinate.unit,
             "backend": self.provenance["backend"],
             "equations": self.provenance["equations"],
             "parameters": dict(self.provenance["parameters"]),
             "units": {name: unit for name, unit, _ in columns},
             "values": [
                 {name: None if np.isnan(values[i]) else float(values[i]) for name, _, values in columns}
-                for i in range(len(self.time))
+                for i in range(self.count)
             ],
             "closure": self.closure,
             "least_singular": self.statistics["least_singular"],

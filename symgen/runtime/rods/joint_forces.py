@@ -16,7 +16,7 @@ from symgen.runtime.kernels.arguments import count, reals
 from symgen.runtime.kernels.evaluate import Evaluator
 from symgen.runtime.result.forces import Forces
 from symgen.runtime.result.motion import SingularPose
-from symgen.runtime.result.recorded_motion import Samples
+from symgen.runtime.result.recorded_motion import Samples, coordinate_of
 from symgen.runtime.result.result import Drift, Variable
 from symgen.runtime.rods.constraints import Bonds
 from symgen.runtime.rods.instants import Instants
@@ -259,13 +259,16 @@ def _recorded(
     last = bonds.evaluator.blocks("points", t, q, u)
     worst = int(np.argmax(solution.condition))
     parameters = zip(d.tunable, bonds.evaluator.given.tolist(), strict=False)
+    drive = next(iter(linkage.drives(t)), "") if asked.range.over == "input" else ""
+    times = np.array([row[0] for row in rows])
+    coordinate, variables = coordinate_of(times, [*_variables(linkage, assembly, solution, asked)], drive)
     return Forces(
         name=d.name,
         title=d.title,
         axes=d.axes,
-        time=np.array([row[0] for row in rows]),
-        variables=tuple(_variables(linkage, assembly, solution, asked)),
-        drift=Drift(float(max(errors)), float(max(rates)), math.nan, math.nan),
+        coordinate=coordinate,
+        variables=tuple(variables),
+        drift=Drift(float(max(errors)), float(max(rates))),
         final={
             p: {"position": last["positions"][i].tolist(), "velocity": last["velocities"][i].tolist()}
             for i, p in enumerate(d.points)
@@ -275,7 +278,6 @@ def _recorded(
             "steps": len(rows),
             "elements": asked.elements,
             "unknowns": assembly.size,
-            "drive": next(iter(linkage.drives(t)), ""),
             "condition": float(solution.condition[worst]),
             "worst_at": linkage.at(assembly.times[worst]),
             "residual": assembly.residual(solution.x),
@@ -290,4 +292,5 @@ def _recorded(
             "parameters": {p.name: value for p, value in parameters},
         },
         notes=tuple(notes),
+        times=None if coordinate.name == "time" else times,
     )

@@ -117,6 +117,7 @@ def analyse(
         found.out_of_reach,
         chosen,
         asked.stop,
+        asked.over if asked.at is not None else "time",
     )
 
 

@@ -321,13 +321,13 @@ class FreeLoop(Rods):
         found = self._outputs(result)
         if not found.size:
             raise ModelError(f"{model.name} records no outputs to compare: list some under analysis.outputs")
-        units = [v.unit for v in result.variables for _ in range(v.values.size // len(result.time))]
+        units = [v.unit for v in result.variables for _ in range(v.values.size // result.count)]
         self._sizes = sizes(np.max(np.abs(found), axis=0), units)
 
     @staticmethod
     def _outputs(result: Result) -> Array:
-        rows = [v.values.reshape(len(result.time), -1) for v in result.variables]
-        return np.concatenate([*rows, np.zeros((len(result.time), 0))], axis=1)
+        rows = [v.values.reshape(result.count, -1) for v in result.variables]
+        return np.concatenate([*rows, np.zeros((result.count, 0))], axis=1)
 
     def read(self, result: Any) -> Run:
         """Return all recorded outputs relative to their largest values, (times, outputs)."""

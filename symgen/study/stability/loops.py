@@ -51,7 +51,7 @@ class DrivenLoop(Case):
         if model.description.rank != self.rank:
             raise SimulationError(f"the screws have rank {model.description.rank}, not {self.rank}")
         turn = cast(Turn, model.inverse_dynamics(through=trial.method == "through"))
-        return Found(self.error(turn), turn.closure, len(turn.time), turn.statistics["wall_s"])
+        return Found(self.error(turn), turn.closure, turn.count, turn.statistics["wall_s"])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

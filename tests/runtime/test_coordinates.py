@@ -1,0 +1,122 @@
+"""Every result has one coordinate with its unit, in Python and in files; what was not measured is absent."""
+
+import io
+import json
+import math
+
+import numpy as np
+import pytest
+from rich.console import Console
+
+import symgen
+from symgen.errors import ResultError
+from symgen.report.elastic import print_elastic_result, print_sweep
+from symgen.report.page.notebook import run_facts
+
+RPM = math.pi / 30
+
+
+@pytest.fixture(scope="module")
+def results():
+    crank, elastic = symgen.build("crank_rocker"), symgen.build("elastic_four_bar")
+    loop = symgen.build("slider_crank")
+    return {
+        "run": symgen.build("four_bar").simulate(0.1, samples=5),
+        "free loop": symgen.build("cssp").simulate(0.05, samples=5),
+        "loop": loop.inverse_dynamics(0.5, 1.5, samples=5),
+        "loop at times": loop.inverse_dynamics(at=[0.1, 0.2], over="time"),
+        "kinematics": crank.kinematics(samples=5),
+        "kinematics at angles": crank.kinematics(at=[0.5, 1.0, 2.0]),
+        "forces": crank.inverse_dynamics(at=[0.5, 1.0, 2.0]),
+        "forces at times": crank.inverse_dynamics(at=[0.1, 0.2], over="time"),
+        "elastic": elastic.quasi_static(samples=5),
+        "sweep": elastic.sweep([20 * RPM, 30 * RPM], rtol=1e-1, samples=5),
+    }
+
+
+COORDINATES = {
+    "run": ("time", "s"),
+    "free loop": ("time", "s"),
+    "loop": ("theta1", "rad"),
+    "loop at times": ("time", "s"),
+    "kinematics": ("time", "s"),
+    "kinematics at angles": ("crank.angle", "rad"),
+    "forces": ("crank.angle", "rad"),
+    "forces at times": ("time", "s"),
+    "elastic": ("angle", "rad"),
+    "sweep": ("speed", "rad/s"),
+}
+
+
+@pytest.mark.parametrize("kind", COORDINATES)
+def test_the_dimension_is_the_coordinate_with_its_unit(results, kind):
+    result, (name, unit) = results[kind], COORDINATES[kind]
+    assert (result.coordinate.name, result.coordinate.unit) == (name, unit)
+    assert result[name].dims == (name,) and result[name].attrs["units"] == unit
+    assert name in result and name not in [*result]
+    for output in result:
+        assert result[output].dims[0] == name and result[output].attrs["units"]
+    assert set(result.dataset.dims) <= {name, "axis"}
+    assert set(result.dataset.coords) <= {name, "axis", *(["time"] if kind != "sweep" else [])}
+
+
+@pytest.mark.parametrize("ending", [".nc", ".npz"])
+@pytest.mark.parametrize("kind", COORDINATES)
+def test_files_keep_the_coordinate(results, kind, ending, tmp_path):
+    result = results[kind]
+    result.save(tmp_path / f"result{ending}")
+    again = symgen.load_result(tmp_path / f"result{ending}")
+    assert type(again) is type(result) and [*again] == [*result]
+    assert again.dataset.identical(result.dataset) and again.units == result.units
+    assert again.drift.measured == result.drift.measured
+
+
+def test_values_of_the_coordinates(results):
+    """A crank of 50 rpm (slider_crank), 60 rpm (crank_rocker), and one at its scene's speed (elastic)."""
+    loop = results["loop"]
+    assert loop.coordinate.values == pytest.approx(np.linspace(0.5, 1.5, 5), abs=1e-14)
+    assert loop.dataset["time"].values == pytest.approx(loop.coordinate.values / (50 * RPM), abs=1e-14)
+    for kind in ("kinematics at angles", "forces"):
+        rate = results["kinematics"].variable("crank.angle").values
+        rate = np.ptp(rate) / np.ptp(results["kinematics"].time)
+        turned = np.diff(results[kind].coordinate.values)
+        assert turned == pytest.approx([0.5, 1.0], abs=1e-12)
+        assert np.diff(results[kind].time) == pytest.approx(turned / rate, abs=1e-12)
+    elastic = results["elastic"]
+    speed = symgen.build("elastic_four_bar").crank_speed
+    assert elastic.coordinate.values == pytest.approx(
+        elastic.coordinate.values[0] + speed * elastic.time, abs=1e-12
+    )
+    assert results["sweep"].coordinate.values == pytest.approx([20 * RPM, 30 * RPM], rel=1e-15)
+    with pytest.raises(ResultError, match="over crank speed and has no times"):
+        _ = results["sweep"].time
+
+
+def test_plots_are_labelled_in_degrees_and_rpm(results):
+    values, label = results["elastic"].over
+    assert label == "crank angle [deg]"
+    assert values == pytest.approx(np.degrees(results["elastic"].coordinate.values))
+    assert results["sweep"].over[0] == pytest.approx([20.0, 30.0])
+    assert results["sweep"].over[1] == "crank speed [rpm]"
+    assert results["loop"].over[1] == "theta1 [deg]" and results["run"].over[1] == "time [s]"
+
+
+@pytest.mark.parametrize("kind", ["elastic", "sweep"])
+def test_a_drift_that_was_not_measured_is_nowhere(results, kind):
+    result = results[kind]
+    assert result.drift.measured == {} and math.isnan(result.drift.relative_energy)
+    assert "drift" not in result.headline
+    assert not result.summary().get("drift")
+    assert not json.loads(result.meta())["drift"]
+    console = Console(width=100, record=True, file=io.StringIO())
+    (print_sweep if kind == "sweep" else print_elastic_result)(result, console)
+    assert "drift" not in console.export_text()
+    if kind == "elastic":
+        assert not any("drift" in name for name, _ in run_facts(result))
+
+
+def test_a_drift_that_was_measured_is_given(results):
+    assert set(results["run"].drift.measured) == {"constraint", "velocity", "energy", "energy_exchanged"}
+    for kind in ("kinematics", "forces", "loop"):
+        assert set(results[kind].drift.measured) == {"constraint", "velocity"}
+        assert results[kind].drift.constraint < 1e-12
