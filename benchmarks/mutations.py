@@ -94,6 +94,11 @@ FAULTS = (
     Fault("force on the first point", "elastic/moving_frame.py", "(N0, -local(force, cosine, sine)[0])", "(N0, local(force, cosine, sine)[0])", "elastic", WEIGHTS),
     Fault("components along the link", "elastic/moving_frame.py", "cosine * vector[0] + sine * vector[1]", "cosine * vector[0] - sine * vector[1]", "elastic", WEIGHTS),
     Fault("angular acceleration", "elastic/moving_frame.py", "second.subs(known) - a_n", "second.subs(known) + a_n", "elastic", WEIGHTS),
+    Fault("mass at one place", "elastic/places.py", "density.xreplace(unit)", "density.xreplace(unit) * (2 if name == 'gyroscopic' else 1)", "elastic", WEIGHTS),
+    Fault("load by a mass at one place", "elastic/places.py", "density.xreplace(unit)", "density.xreplace(unit) * (-1 if name == 'load_turn' else 1)", "elastic", WEIGHTS),
+    Fault("inertia of the flywheel doubled", "elastic/shaft.py", "(OMEGA.symbol + _PHI_T) ** 2 / 2", "(OMEGA.symbol + _PHI_T) ** 2", "motor", WEIGHTS),
+    Fault("torque of a motor by its rate", "elastic/shaft.py", "+ sp.diff(torque, rate) * _PHI_T", "- sp.diff(torque, rate) * _PHI_T", "motor", WEIGHTS),
+    Fault("arm of a rigid crank", "elastic/shaft.py", "sp.diff(length * c, theta)", "sp.diff(-length * c, theta)", "elastic", WEIGHTS),
     Fault("mass before a place", "elastic/beam_matrices.py", "(c, _L * _XI ** (k + 1) / (k + 1))", "(c, _L * _XI ** (k + 1))", "elastic", "tests/elements/test_elements.py"),
     Fault("integral over the element", "elastic/beam_matrices.py", "coefficient / (i + 1)", "coefficient / (i + 2)", "elastic", "tests/elements/test_elements.py"),
 )  # fmt: skip
@@ -122,6 +127,8 @@ length = "0.8 m"
 [gravity]
 acceleration = ["0 m/s^2", "-9.81 m/s^2"]
 """
+#: Shipped scenes that are run for faults.
+SHIPPED = {"loop": "slider_crank", "motor": "elastic_four_bar_motor"}
 #: Links with every load, mass and kind of damping; what elastic/ decides.
 ELASTIC = """
 symgen = 1
@@ -284,7 +291,7 @@ def results(scene: str) -> dict[str, list[float]]:
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "scene.toml"
         file.write_text({"rods": RODS, "elastic": ELASTIC}.get(scene, ""))
-        model = symgen.build("slider_crank" if scene == "loop" else str(file))
+        model = symgen.build(SHIPPED.get(scene, str(file)))
     if scene == "loop":
         run = model.inverse_dynamics(samples=7)
     elif scene == "rods":

@@ -63,6 +63,11 @@ class GroupView:
         """Number of entries."""
         return len(self.slots) + self.behind + self.has_tolerance
 
+    @property
+    def derived(self) -> str:
+        """Return the index range of the entries from 'setup', without the rank tolerance behind them."""
+        return f"{len(self.slots)}..{len(self.slots) + self.behind - 1}"
+
 
 @dataclass(frozen=True, slots=True)
 class CallView:

@@ -130,7 +130,7 @@ def _motion_kernels(motion: ElasticMotion, prefixes: dict[str, str]) -> dict[str
     )
     joints = functions(prefixes["elastic_joints"], ("joints", "setup"), of_joints)
     return {
-        **functions(prefixes["elastic_motion"], ("links", "torque", "loads", "setup"), there),
+        **functions(prefixes["elastic_motion"], ("links", "shaft", "loads", "setup"), there),
         **{"joints_setup" if name == "setup" else name: text for name, text in joints.items()},
     }
 
@@ -146,7 +146,6 @@ def _layout(x: Layout) -> tuple[tuple[str, str], ...]:
         stiffnesses=len(x.stiffness_slots) - 1,
         shaft=x.shaft,
         shaft_slot=x.shaft_slot,
-        flywheel=float(x.flywheel),
         entries=len(x.rows),
         band=x.band,
         constant_count=x.constants.size,

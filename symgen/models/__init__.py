@@ -33,6 +33,12 @@ def _rigid_element() -> System:
     return rigid_element_system()
 
 
+def _elastic_place() -> System:
+    from symgen.models.elastic.place import elastic_place_system
+
+    return elastic_place_system()
+
+
 def _of_loop(name: str) -> System:
     from symgen.models.loop import blocks as loop_blocks
 
@@ -58,6 +64,7 @@ BLOCKS: dict[str, Callable[[], System]] = {
     "rod": lambda: _rod(2),
     "rod_spatial": lambda: _rod(3),
     "rigid_element": _rigid_element,
+    "elastic_place": _elastic_place,
     "loop_row": lambda: _of_loop("loop_row"),
     "loop_screws": lambda: _of_loop("loop_screws"),
     "loop_inertia": lambda: _of_loop("loop_inertia"),
@@ -65,7 +72,7 @@ BLOCKS: dict[str, Callable[[], System]] = {
 
 #: Building blocks that runs call: their kernels are committed under ``generated/`` and compiled at install.
 #: The others are for inspection, and compiled nowhere.
-SHIPPED_BLOCKS = (*(f"element_{name}" for name in ELEMENTS), "rigid_element", "loop_row")
+SHIPPED_BLOCKS = (*(f"element_{name}" for name in ELEMENTS), "rigid_element", "elastic_place", "loop_row")
 
 #: Steps of the derivation of a building block, for inspection, by the block's name.
 DERIVATIONS: dict[str, Callable[[], System]] = {f"element_{name}": _elastic_derivation for name in ELEMENTS}

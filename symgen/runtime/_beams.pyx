@@ -24,19 +24,19 @@ cdef extern from "core/elastic.h" nogil:
         pass
 
     cdef struct motion_kernels:
-        kernel_t links, joints, torque, loads, setup, joints_setup
+        kernel_t links, joints, shaft, loads, setup, joints_setup
 
     cdef struct motion_view:
         double t
         const void *y
         const void *motion
         const void *joined
-        const void *turning
+        const void *shaft
         const void *loads
 
     cdef struct beam_layout:
         Py_ssize_t unknowns, constraints, pieces, coordinates, masses, dampings, stiffnesses
-        Py_ssize_t shaft, shaft_slot, shaft_link, entries, band, constant_count
+        Py_ssize_t shaft, shaft_slot, entries, band, constant_count
         const Py_ssize_t *sizes
         const Py_ssize_t *constants_at
         const Py_ssize_t *link_of
@@ -53,7 +53,6 @@ cdef extern from "core/elastic.h" nogil:
         const Py_ssize_t *loads_at
         const Py_ssize_t *rows
         const Py_ssize_t *columns
-        double flywheel
         long thesis
 
     cdef struct lapack:
@@ -162,7 +161,7 @@ cdef class RigidMotion:
     motion, joints
         The kernels of ``elastic_motion`` and of ``elastic_joints``, which live as long as this.
     sizes
-        Sizes of what the kernels links, joints, torque and loads write, and the set-up kernels of both.
+        Sizes of what the kernels links, joints, shaft and loads write, and the set-up kernels of both.
     t, y
         A time and the state there.
     stride
@@ -190,7 +189,7 @@ cdef class RigidMotion:
         self.libraries = (motion, joints)
         moving, joining = motion.addresses, joints.addresses
         given.links, given.joints = kernel_of(moving, "links"), kernel_of(joining, "joints")
-        given.torque, given.loads = kernel_of(moving, "torque"), kernel_of(moving, "loads")
+        given.shaft, given.loads = kernel_of(moving, "shaft"), kernel_of(moving, "loads")
         given.setup, given.joints_setup = kernel_of(moving, "setup"), kernel_of(joining, "setup")
         if len(sizes) != WRITTEN or min(sizes) < 0:
             raise ValueError(f"expected {WRITTEN} sizes of what kernels write, got {sizes!r}")
@@ -235,14 +234,14 @@ cdef class RigidMotion:
         self.equations.restore(memory[self.bytes:])
 
     def evaluate(self, double t):
-        """Return status, state, motion of links, what the joints kernel wrote, torque and loads at a time."""
+        """Return status, state, motion of links, what the joints kernel wrote, shaft and loads at a time."""
         cdef motion_view seen
         cdef int status = self.api.motion_at(self.core, t)
         cdef Core of = self.equations.of
         self.api.motion_view(self.core, &seen)
-        links, joints, torque, loads = self.sizes[:4]
+        links, joints, shaft, loads = self.sizes[:4]
         return (status, _doubles(of, seen.y, 2 * self.equations.n), _doubles(of, seen.motion, links),
-                _doubles(of, seen.joined, joints), _doubles(of, seen.turning, torque), _doubles(of, seen.loads, loads))
+                _doubles(of, seen.joined, joints), _doubles(of, seen.shaft, shaft), _doubles(of, seen.loads, loads))
 
     def along(self, times):
         """Return a status, and states, motion of links and point loads at rising times, a row each."""
@@ -290,7 +289,6 @@ cdef int _check_layout(layout, Py_ssize_t links, Py_ssize_t joined) except -1:
         _within(what, getattr(layout, what), -1, entries)
     _within("shaft", [layout.shaft], -1, n)
     _within("shaft_slot", [layout.shaft_slot], -1, entries)
-    _within("shaft_link", [layout.shaft_link], -1, links)
     if pieces:
         _within("link_of", layout.link_of, 0, links)
         _within("ends", np.reshape(layout.ends, (pieces, 4)), -1, sizes[:, None])
@@ -335,8 +333,7 @@ cdef class BeamEquations(Integrable):
         wanted.pieces, wanted.coordinates = len(layout.sizes), len(layout.joint_places) - 1
         wanted.masses, wanted.dampings = len(layout.mass_slots) - 1, len(layout.damping_slots) - 1
         wanted.stiffnesses = len(layout.stiffness_slots) - 1
-        wanted.shaft, wanted.shaft_slot, wanted.flywheel = layout.shaft, layout.shaft_slot, layout.flywheel
-        wanted.shaft_link = layout.shaft_link
+        wanted.shaft, wanted.shaft_slot = layout.shaft, layout.shaft_slot
         wanted.entries, wanted.band, wanted.thesis = len(layout.rows), layout.band, thesis
         wanted.sizes, wanted.constants_at = _kept(kept, layout.sizes), _kept(kept, layout.constants_at)
         wanted.link_of, wanted.ends = _kept(kept, layout.link_of), _kept(kept, layout.ends)

@@ -12,10 +12,12 @@ import sympy as sp
 import symgen
 from symgen.mechanics.elastic import hamilton
 from symgen.mechanics.elastic.moving_frame import moving_frame
+from symgen.mechanics.elastic.places import AT_A_PLACE, RIGID_FORCE, SHAPES, at_a_place, second_order
+from symgen.mechanics.elastic.shaft import rigid_crank, shaft
 from symgen.mechanics.elastic.turning_axes import COSINE, SINE
 from symgen.mechanics.elastic.weights import rates_of_turn, turning_ends, weights
 from symgen.models.elastic import links
-from symgen.runtime.beams import frames
+from symgen.runtime.beams import elements, frames
 from symgen.symbolic.names import Names
 
 CORE = Path(symgen.__file__).parent / "runtime" / "core"
@@ -31,6 +33,8 @@ def enumerated(first: str) -> tuple[str, ...]:
 def test_columns_are_the_same_in_the_model_in_c_and_in_numpy():
     assert links.MOTION == frames.MOTION == enumerated("COSINE")
     assert links.APPLIED == frames.APPLIED == enumerated("LOAD_FORCE_X")
+    assert tuple(SHAPES) == elements.SHAPES
+    assert AT_A_PLACE == elements.AT_A_PLACE
 
 
 def test_columns_of_the_elastic_motion_itself_come_first():
@@ -120,3 +124,80 @@ def test_axial_force_by_the_balance_of_a_uniform_link_under_a_uniform_force():
     found = derived.xreplace({q.symbol: e for q, e in values.items()})
     assert sp.expand(sp.diff(found, x) - (mu * (a - w**2 * x) - p)) == 0
     assert found.subs(x, 0) == n0
+
+
+def test_a_point_of_a_link_has_the_acceleration_of_a_particle_in_turning_axes():
+    """z = z0 + (x + s) exp(i theta), differentiated as complex numbers; s = u + i w."""
+    x, omega, rate, ax, ay = 0.7, 1.3, -2.1, 0.4, 5.0
+    s, v, a = 0.01 - 0.02j, 0.3 + 0.5j, -1.1 + 0.9j
+    expected = complex(ax, ay) + a + 2j * omega * v + (1j * rate - omega**2) * (x + s)
+    motion = {hamilton.OMEGA: omega, hamilton.OMEGA_RATE: rate, hamilton.AX: ax, hamilton.AY: ay}
+    values = {q.symbol: value for q, value in motion.items()}
+    terms = {name: term.xreplace({hamilton.X.symbol: x}) for name, term in at_a_place().items()}
+    # What stands with displacements and omega^2 has the matrix of the mass.
+    terms["centrifugal"] = terms["mass"]
+    own = {"mass": a, "damping": v, "stiffness": s}
+    found = sp.zeros(6, 1)
+    for w in weights():
+        if w.constant in terms and "geometric" not in w.constant and not w.applied:
+            moved = own.get(w.into)
+            column = terms[w.constant]
+            if moved is not None:
+                column = column * sp.Matrix([moved.real, moved.imag, 0, 0, 0, 0])
+            found += (-1 if moved is None else 1) * w.value.xreplace(values) * column
+    assert complex(found[0], found[1]) == pytest.approx(expected, rel=1e-12)
+    assert list(found[2:]) == [0] * 4
+
+
+def test_a_force_at_a_point_works_on_its_displacements_and_stiffens_its_slope():
+    found = at_a_place()
+    assert list(found["force_x"]) == [1, 0, 0, 0, 0, 0]
+    assert list(found["force_y"]) == [0, 1, 0, 0, 0, 0]
+    assert found["geometric0"] == sp.diag(0, 0, 1, 0, 0, 0)
+
+
+def test_forces_of_second_order_by_the_energy_of_a_stretched_link():
+    """Curvature by the size of the displacements of their virtual work, the axial force added to linear theory."""
+    stiffness, strain, slope, force = (mpmath.mpf(x) for x in ("3e4", "2e-3", "0.07", "11"))
+    virtual = mpmath.mpf("0.3"), mpmath.mpf("-0.8")
+
+    def work(size):
+        def energy(step):
+            e, w = size * strain + step * virtual[0], size * slope + step * virtual[1]
+            return stiffness / 2 * (e + w**2 / 2) ** 2
+
+        return mpmath.diff(energy, 0)
+
+    with mpmath.workdps(30):
+        expected = mpmath.diff(work, 0, 2) / 2 - force * slope * virtual[1]
+    names = {hamilton.AXIAL: stiffness, hamilton.FIELDS["u_x"]: strain, hamilton.FIELDS["w_x"]: slope}
+    values = {q.symbol: sp.Float(str(v), 25) for q, v in (names | {RIGID_FORCE: force}).items()}
+    found = dict(zip(SHAPES, second_order().xreplace(values), strict=True))
+    done = found.pop("axial_strain") * 0.3 + found.pop("slope") * -0.8
+    assert float(done) == pytest.approx(float(expected), rel=1e-12)
+    assert set(found.values()) == {0}
+
+
+def test_shaft_by_the_rest_of_its_equation():
+    """I (theta'' + phi'') - T(theta + phi, theta' + phi'), and what is left of it by small phi."""
+    inertia, theta, omega, alpha = 0.3, 0.8, 4.0, -1.5
+    angle, rate = sp.symbols("angle rate", real=True)
+    torque = 5 * sp.cos(angle) - sp.Rational(1, 5) * rate**2
+    at = {angle: theta, rate: omega, hamilton.OMEGA.symbol: omega, hamilton.OMEGA_RATE.symbol: alpha}
+    found = [float(e.xreplace(at)) for e in shaft(sp.Float(inertia), torque, angle, rate)]
+
+    def left(phi, rate_of, second):
+        driven = 5 * mpmath.cos(theta + phi) - mpmath.mpf("0.2") * (omega + rate_of) ** 2
+        return inertia * (alpha + second) - driven
+
+    by = [mpmath.diff(left, (0, 0, 0), order) for order in ((0, 0, 1), (0, 1, 0), (1, 0, 0))]
+    assert found == pytest.approx([*map(float, by), -float(left(0, 0, 0))], rel=1e-9)
+
+
+def test_rigid_crank_by_its_direction():
+    x, y = 0.3, -0.4
+    rotation, arm = rigid_crank((sp.Float(x), sp.Float(y)))
+    slopes = [mpmath.diff(lambda a, b: mpmath.atan2(b, a), (x, y), n) for n in ((1, 0), (0, 1))]
+    turned = [mpmath.diff(lambda t, f=f: f(t) / 2, mpmath.atan2(y, x)) for f in (mpmath.cos, mpmath.sin)]
+    assert [float(e) for e in rotation] == pytest.approx([float(e) for e in slopes], rel=1e-9)
+    assert [float(e) for e in arm] == pytest.approx([float(e) for e in turned], rel=1e-9)

@@ -26,6 +26,7 @@ from symgen.toolchain import dependencies as graph
 
 PACKAGE = Path(symgen.__file__).parent
 OF_ELEMENTS = {f"element_{name}" for name in ELEMENTS}
+OF_LINKS = OF_ELEMENTS | {"elastic_place"}
 #: Files of derivations, and the models that are derived anew when they change: those and no others.
 DEPENDENTS = {
     "models/rod.py": set(),
@@ -37,12 +38,15 @@ DEPENDENTS = {
     },
     "mechanics/rods/topology.py": {"peaucellier"},
     **{f"elements/{name}.py": {f"element_{name}"} for name in ELEMENTS},
-    "elements/element.py": OF_ELEMENTS,
+    "elements/element.py": OF_LINKS,
     "elements/__init__.py": set(),
-    "mechanics/elastic/hamilton.py": OF_ELEMENTS,
+    "mechanics/elastic/hamilton.py": OF_LINKS,
     "mechanics/elastic/beam_matrices.py": OF_ELEMENTS,
-    "mechanics/elastic/weights.py": OF_ELEMENTS,
+    "mechanics/elastic/weights.py": OF_LINKS,
+    "mechanics/elastic/places.py": OF_LINKS,
     "mechanics/elastic/moving_frame.py": set(),
+    "mechanics/elastic/shaft.py": set(),
+    "models/elastic/place.py": {"elastic_place"},
     "models/elastic/element.py": OF_ELEMENTS,
     "mechanics/elastic/turning_axes.py": {"element_beam8"},
     "models/elastic/fixed_axes.py": {"element_beam8"},
@@ -272,9 +276,9 @@ def test_an_elastic_scene_loads_its_own_element_alone(tmp_path):
         ).stdout.split()
         for _ in range(2)
     )
-    kernels = "symgen.generated.element_beam8"
-    assert derived == ["symgen.elements", "symgen.elements.beam8", "symgen.elements.element", kernels]
-    assert again == [kernels]
+    kernels = ["symgen.generated.elastic_place", "symgen.generated.element_beam8"]
+    assert derived == ["symgen.elements", "symgen.elements.beam8", "symgen.elements.element", *kernels]
+    assert again == kernels
 
 
 def test_records_say_what_the_kernels_cost(made):

@@ -69,7 +69,7 @@ def arguments(p, length):
 @pytest.mark.parametrize("name", ["beam8", "cubic", "rayleigh", "beam9"])
 def test_kernels_against_quadrature_of_numerical_shape_functions(name, kernel):
     q = arguments(TAPERED, 0.9)
-    found, exact = getattr(kernels(name), kernel)(q=q), getattr(Reference(), kernel)(name, q)
+    found, exact = getattr(kernels(f"element_{name}"), kernel)(q=q), getattr(Reference(), kernel)(name, q)
     assert found == pytest.approx(exact, rel=1e-10, abs=1e-12 * np.max(np.abs(exact)))
 
 
@@ -78,13 +78,13 @@ def test_kernels_against_quadrature_of_numerical_shape_functions(name, kernel):
 def test_shapes_against_numerical_ones(name, x):
     q = arguments(TAPERED, 0.9)
     exact = Reference().shape(name, q, [x])
-    assert kernels(name).shape(q=q, u=np.array([x])) == pytest.approx(exact, rel=1e-10, abs=1e-9)
+    assert kernels(f"element_{name}").shape(q=q, u=np.array([x])) == pytest.approx(exact, rel=1e-10, abs=1e-9)
 
 
 def test_timoshenko_without_load_is_the_one_of_equilibrium():
     """Its shear strains condensed: the classical matrix with 12 EI/(kGA L^2)."""
     q = arguments(UNIFORM, 0.05)
-    stiffness = kernels("timoshenko").stiffness(q=q).reshape(8, 8)
+    stiffness = kernels("element_timoshenko").stiffness(q=q).reshape(8, 8)
     outer, inner = stiffness[:6, :6], stiffness[6:, 6:]
     found = outer - stiffness[:6, 6:] @ np.linalg.solve(inner, stiffness[6:, :6])
     exact = Reference().stiffness("timoshenko", q)

@@ -16,6 +16,7 @@ from sympy.polys.rings import PolyElement, ring
 from symgen.elements.element import LENGTH, PLACE, Element, shape_functions
 from symgen.mechanics.elastic import hamilton
 from symgen.mechanics.elastic.hamilton import Term, derive
+from symgen.mechanics.elastic.places import SHAPES
 from symgen.mechanics.elastic.weights import CONSTANTS
 
 _RING, _XI, _L = ring("xi,L", sp.QQ)
@@ -82,15 +83,7 @@ def shape_rows(element: Element) -> dict[str, tuple[sp.Expr, ...]]:
     polynomials: near a node, where most of them vanish with their derivatives, powers of xi would cancel.
     """
     rows = _rows(element)
-    kept = {
-        "u": "u",
-        "w": "w",
-        "slope": "w_x",
-        "rotation": "phi",
-        "axial_strain": "u_x",
-        "curvature": "phi_x",
-    }
-    return {name: tuple(_factored(p) for p in rows[field]) for name, field in kept.items()}
+    return {name: tuple(_factored(p) for p in rows[field]) for name, field in SHAPES.items()}
 
 
 def _factored(polynomial: PolyElement) -> sp.Expr:

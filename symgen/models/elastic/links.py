@@ -17,6 +17,7 @@ from symgen.loads.measure import Profile
 from symgen.loads.torque import AppliedTorque
 from symgen.mechanics.elastic.hamilton import PX, PY
 from symgen.mechanics.elastic.moving_frame import local, moving_frame
+from symgen.mechanics.elastic.shaft import TERMS, rigid_crank, shaft
 from symgen.mechanics.elastic.turning_axes import COSINE, SINE
 from symgen.mechanics.elastic.weights import turning_ends, weights
 from symgen.models.rods.constraints import Constraint
@@ -41,6 +42,8 @@ MOTION = (
 )
 #: Columns of ``loads``.
 APPLIED = tuple(w.name for w in _WEIGHTS if w.applied)
+#: Matrices of a rigid crank.
+CRANK = ("rotation", "arm")
 #: Columns of ``properties``: see :class:`symgen.runtime.beams.links.Properties`.
 PROPERTIES = (
     "length",
@@ -63,9 +66,9 @@ def motion_system(linkage: Linkage) -> System:
     """Return the System of the inputs of elastic links from the rigid motion.
 
     ``links``: a row for every elastic link, with its direction and the weights of its constant matrices and
-    load vectors. ``loads``: weights of the forces along elastic links. ``torque``: of the motor, with its
-    slopes by angle and angular velocity. ``constants``: sections, stations, masses along links, profiles of
-    forces, crank.
+    load vectors. ``loads``: weights of the forces along elastic links. ``shaft``: terms of flywheel and motor
+    on an elastic crank. ``crank_rotation``: of a rigid crank. ``constants``: sections, stations, masses along
+    links, profiles of forces, crank.
     """
     model, names = RodsModel(linkage), Names()
     of_links = [k.link for k in linkage.elastic]
@@ -84,8 +87,9 @@ def motion_system(linkage: Linkage) -> System:
     constants, along = ["properties"], list(loads_along(linkage))
     crank = linkage.crank
     if crank:
-        row = [crank.angle, crank.speed, crank.flywheel]
-        matrices.append(_table(model, "crank", [row], "rad, rad/s, kg*m^2", ("angle", "speed", "flywheel")))
+        matrices.append(
+            _table(model, "crank", [[crank.angle, crank.speed]], "rad, rad/s", ("angle", "speed"))
+        )
         constants.append("crank")
     for name, rows, unit, columns in (
         ("stations", _stations(linkage), "1, m", ("at", "fibre")),
@@ -107,9 +111,12 @@ def motion_system(linkage: Linkage) -> System:
             loads.append(_row(APPLIED, dict(zip((PX.symbol, PY.symbol), own, strict=True))))
         matrices.append(_table(model, "loads", loads, "N or N/m", APPLIED))
         exports.append(Export("loads", "forces along elastic links", ("loads",)))
-    if crank and crank.mode == "motor":
-        matrices.append(_torque(model, crank))
-        exports.append(Export("torque", "torque of the motor and its slopes", ("torque",)))
+    if crank and crank.mode == "motor" and crank.link in moving:
+        matrices.append(_shaft(model, crank, moving[crank.link]))
+        exports.append(Export("shaft", "flywheel and motor on the shaft of an elastic crank", ("shaft",)))
+    if crank and crank.link not in moving:
+        matrices += _rigid_crank(model, crank)
+        exports.append(Export("crank_rotation", "rotation and torque of a rigid crank", CRANK))
     return analysis_of(model, "elastic_motion", matrices, exports, names)
 
 
@@ -181,12 +188,14 @@ def _on_beam(linkage: Linkage, point: str) -> tuple[str, sp.Expr] | None:
 _ABOUT = {
     "links": "directions of elastic links, and weights of their constant matrices and load vectors",
     "properties": "sections, material and damping of the elastic links",
-    "crank": "direction at the start, speed and flywheel of the crank",
+    "crank": "direction at the start and speed of the crank",
     "stations": "where strains are asked for: fraction of the length, fibre",
     "lumps": "masses along elastic links: distance from the first point, mass",
     "profiles": "where forces along elastic links act: distance from the first point, or factors of 1 and x",
     "loads": "weights of the loads and geometric stiffness by forces along elastic links",
-    "torque": "torque of the motor, with its slopes by angle and angular velocity",
+    CRANK[0]: "rotation of a rigid crank by the displacement of its end",
+    CRANK[1]: "displacement of the end of a rigid crank by its rotation",
+    "shaft": "terms of the shaft of an elastic crank: mass, damping, stiffness and load of its rotation",
 }
 
 
@@ -242,16 +251,17 @@ def _stations(linkage: Linkage) -> list[list[sp.Expr]]:
     return rows
 
 
-def _torque(model: RodsModel, crank: Crank) -> NamedMatrix:
+def _shaft(model: RodsModel, crank: Crank, motion: Mapping[sp.Symbol, sp.Expr]) -> NamedMatrix:
     angle, rate = (state_symbol(f"{crank.link}.{word}") for word in ("angle", "angular_velocity"))
-    row = [crank.torque, sp.diff(crank.torque, angle), sp.diff(crank.torque, rate)]
-    return _table(
-        model,
-        "torque",
-        [model.loads.with_state(row)],
-        "N*m, N*m/rad, N*m*s/rad",
-        ("torque", "by_angle", "by_rate"),
-    )
+    row = [e.xreplace(motion) for e in shaft(crank.flywheel, crank.torque, angle, rate)]
+    return _table(model, "shaft", [model.loads.with_state(row)], "kg*m^2, N*m*s/rad, N*m/rad, N*m", TERMS)
+
+
+def _rigid_crank(model: RodsModel, crank: Crank) -> Iterator[NamedMatrix]:
+    link = model.linkage.link(crank.link)
+    x, y = (b - a for a, b in zip(*map(model.position, (link.start, link.end)), strict=True))
+    for name, unit, row in zip(CRANK, ("1/m", "m"), rigid_crank((x, y)), strict=True):
+        yield _table(model, name, [row], unit, ("x", "y"))
 
 
 def _without_beams(linkage: Linkage) -> Linkage:

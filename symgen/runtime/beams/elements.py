@@ -18,12 +18,16 @@ Array = NDArray[np.float64]
 
 #: Rows that the kernels ``shape`` give, in their order.
 SHAPES = ("u", "w", "slope", "rotation", "axial_strain", "curvature")
+#: Results of the kernel ``point`` of ``elastic_place``.
+AT_A_PLACE = (
+    "mass", "gyroscopic", "geometric0", "load_x", "load_y", "load_out", "load_turn", "force_x", "force_y",
+)  # fmt: skip
 
 
 @cache
-def kernels(element: str) -> Any:
-    """Return the compiled module of an element."""
-    return shipped_module(f"element_{element}")
+def kernels(block: str) -> Any:
+    """Return the compiled module of a building block."""
+    return shipped_module(block)
 
 
 def shifted(polynomial: Sequence[float], by: float) -> list[float]:
@@ -40,6 +44,16 @@ def at(polynomial: Sequence[float], x: float) -> float:
 def integral(polynomial: Sequence[float], x: float) -> float:
     """Return the integral of a polynomial from 0 to x."""
     return sum(c * x ** (k + 1) / (k + 1) for k, c in enumerate(polynomial))
+
+
+def point(x: float) -> dict[str, Array]:
+    """Return the constants of a link by a unit mass, force and axial force at x [m] from its first point.
+
+    By name, (6, 6) or (6,) over the rows ``SHAPES``: see :mod:`symgen.mechanics.elastic.places`.
+    """
+    n, found = len(SHAPES), kernels("elastic_place").point(q=np.array([x]))
+    matrices, vectors = found[: 3 * n * n].reshape(3, n, n), found[3 * n * n :].reshape(-1, n)
+    return dict(zip(AT_A_PLACE, (*matrices, *vectors), strict=True))
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,7 +97,7 @@ class Segment:
         return self._call("shape", self.arguments, np.array([x])).reshape(len(SHAPES), len(self.dofs))
 
     def _call(self, name: str, arguments: Array, x: Array | None = None) -> Array:
-        found: Array = getattr(kernels(self.element), name)(q=arguments, u=x)
+        found: Array = getattr(kernels(f"element_{self.element}"), name)(q=arguments, u=x)
         return found
 
 

@@ -184,32 +184,19 @@ def crank_rotation(motion: ElasticMotion, found: Motion) -> Array:
     """Return by how far the shaft of a crank that is not held turns from its rigid motion [rad], (times,)."""
     if motion.layout.shaft >= 0:
         return found.displacements[:, motion.layout.shaft]
-    arm = _arm(motion, found)
-    names, end = motion.layout.names, motion.rigid.description.links[motion.info.crank][1]
-    x, y = (found.displacements[:, names.index(f"{end}.{axis}")] for axis in "xy")
-    turned: Array = (arm[:, 0] * y - arm[:, 1] * x) / np.sum(arm**2, axis=1)
+    rotation, _ = motion.rigid_crank(found.times, found.q)
+    turned: Array = np.sum(rotation * found.displacements[:, _end_of_crank(motion)], axis=1)
     return turned
 
 
 def _of_drive(motion: ElasticMotion, found: Motion, bound: Array) -> Array:
     """Return the torque of the shaft of a rigid crank from the forces that hold its direction."""
-    names, end = motion.layout.names, motion.rigid.description.links[motion.info.crank][1]
-    arm = _arm(motion, found)
-    force = -bound[:, [names.index(f"{end}.{axis}") for axis in "xy"]]
-    torque: Array = arm[:, 0] * force[:, 1] - arm[:, 1] * force[:, 0]
+    _, arm = motion.rigid_crank(found.times, found.q)
+    torque: Array = -np.sum(arm * bound[:, _end_of_crank(motion)], axis=1)
     return torque
 
 
-def _arm(motion: ElasticMotion, found: Motion) -> Array:
-    """Return the vector along the crank in the rigid motion [m], (times, 2)."""
-    d = motion.rigid.description
-    start, end = d.links[motion.info.crank][:2]
-    fixed = motion.rigid.initial_state().positions
-
-    def place(point: str) -> Array:
-        if point not in d.free:
-            return np.asarray(fixed[point], dtype=float)[None, :]
-        k = 2 * d.free.index(point)
-        return found.q[:, k : k + 2]
-
-    return place(end) - place(start)
+def _end_of_crank(motion: ElasticMotion) -> list[int]:
+    """Return the unknowns of the second point of a rigid crank."""
+    end = motion.rigid.description.links[motion.info.crank][1]
+    return [motion.layout.names.index(f"{end}.{axis}") for axis in "xy"]

@@ -61,8 +61,6 @@ class Layout:
     loads_at: Indices
     shaft: int
     shaft_slot: int
-    shaft_link: int
-    flywheel: float
 
 
 def layout(
@@ -70,7 +68,6 @@ def layout(
     info: ElasticInfo,
     beams: Sequence[Beam],
     joints: Mapping[str, BlockInfo],
-    flywheel: float,
 ) -> Layout:
     """Return the layout of the elastic motion of a linkage.
 
@@ -82,8 +79,6 @@ def layout(
         Its elastic links.
     joints
         Blocks of the kernel ``joints``.
-    flywheel
-        Moment of inertia on the shaft of an elastic crank [kg m^2].
     """
     joint = {p: 2 * i for i, p in enumerate(description.free)}
     names, of_links, shaft = _unknowns(description, info, beams)
@@ -118,9 +113,7 @@ def layout(
         stiffness_slots=entries["stiffness"],
         loads_at=_starts([*(info.loads.count(b.info.link) for b in beams), 0]),
         shaft=shaft,
-        shaft_link=next((k for k, b in enumerate(beams) if b.info.link == info.crank), -1),
         shaft_slot=slot.get((shaft, shaft), -1),
-        flywheel=flywheel,
     )
 
 

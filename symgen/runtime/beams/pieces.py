@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symgen.runtime.beams.data import MATRICES, VECTORS, Lump, Piece, Profile, Properties
-from symgen.runtime.beams.elements import Segment, integral, segment_at
+from symgen.runtime.beams.elements import Segment, integral, point, segment_at
 
 Array = NDArray[np.float64]
 
@@ -66,14 +66,14 @@ def _piece(
     fields["centrifugal"] = part.matrix("mass", rotary=False) if rotary else fields["mass"].copy()
     loads = part.loads()
     loads[2:] += start * loads[:2]
-    for lump in own:
-        u, w = part.shape(lump.at - start)[:2]
-        translation = lump.mass * (np.outer(u, u) + np.outer(w, w))
-        fields["mass"] = fields["mass"] + translation
-        fields["centrifugal"] = fields["centrifugal"] + translation
-        fields["gyroscopic"] = fields["gyroscopic"] + lump.mass * (np.outer(u, w) - np.outer(w, u))
-        loads += lump.mass * np.array([u, w, lump.at * u, lump.at * w])
     fields.update(zip(VECTORS, loads, strict=True))
+    for lump in own:
+        shape, there = part.shape(lump.at - start), point(lump.at)
+        for name in ("mass", "gyroscopic"):
+            fields[name] = fields[name] + lump.mass * (shape.T @ there[name] @ shape)
+        fields["centrifugal"] = fields["centrifugal"] + lump.mass * (shape.T @ there["mass"] @ shape)
+        for name in VECTORS:
+            fields[name] = fields[name] + lump.mass * (there[name] @ shape)
     axial = _stiffening(part, properties, own, before) if stiffening else np.zeros((3, n, n))
     fields.update(zip(("axial0", "axial1", "axial2"), axial, strict=True))
     fields.update(zip(SPREAD, (np.zeros((0, n)), np.zeros((0, n)), np.zeros((0, n, n))), strict=True))
@@ -90,37 +90,51 @@ def _stiffening(part: Segment, properties: Properties, own: Sequence[Lump], befo
     moment = integral((0.0, *properties.mass), part.start) + sum(lump.mass * lump.at for lump in before)
     found = np.array([slopes, mass * slopes + inside, moment * slopes + part.start * inside + inside_moment])
     for lump in own:
-        behind = slopes_squared(part, lump.at - part.start)
+        behind = stiffened(part, lump.at - part.start)
         found[1] += lump.mass * behind
         found[2] += lump.mass * lump.at * behind
     return found
 
 
 def _spread(part: Segment, profile: Profile, owner: Segment) -> tuple[Array, Array, Array]:
-    """Return the integrals of p Nu, of p Nw, and of Nw' Nw'^T times that of p before x, over one element."""
+    """Return the loads of a profile along and across the link, and its geometric stiffness, of an element."""
     if profile.is_point:
         place = profile.at - part.start
-        u, w = part.shape(place)[:2] if owner is part else np.zeros((2, len(part.dofs)))
+        x, y = _force(part, profile.at) if owner is part else np.zeros((2, len(part.dofs)))
         behind = np.zeros((len(part.dofs), len(part.dofs)))
         if owner.start <= part.start:
-            behind = slopes_squared(part, place if owner is part else 0.0)
-        return u, w, behind
-    points, weights = np.polynomial.legendre.leggauss(GAUSS)
-    local, weights = part.length * (1 + points) / 2, part.length * weights / 2
-    shapes, x = np.array([part.shape(p) for p in local]), part.start + local
-    there = weights * (profile.even + profile.slope * x)
-    before = weights * profile.before(x)
-    slopes = shapes[:, 2]
-    return there @ shapes[:, 0], there @ shapes[:, 1], (slopes * before[:, None]).T @ slopes
+            behind = stiffened(part, place if owner is part else 0.0)
+        return x, y, behind
+    places, weights = _gauss(part, 0.0)
+    there = weights * (profile.even + profile.slope * places)
+    x, y = np.tensordot(there, [_force(part, place) for place in places.tolist()], axes=1)
+    return x, y, stiffened(part, 0.0, profile.before)
 
 
-def slopes_squared(part: Segment, start: float) -> Array:
-    """Return the integral of Nw' Nw'^T from ``start`` [m] to the second node of an element, (n, n)."""
+def _force(part: Segment, x: float) -> Array:
+    """Return the loads of unit forces along and across the link at x [m] from its first point, (2, n)."""
+    shape, there = part.shape(x - part.start), point(x)
+    return np.array([there["force_x"] @ shape, there["force_y"] @ shape])
+
+
+def _gauss(part: Segment, start: float) -> tuple[Array, Array]:
+    """Return places [m] from the first point of the link, and weights, from ``start`` in an element on."""
     points, weights = np.polynomial.legendre.leggauss(GAUSS)
     half = (part.length - start) / 2
-    rows = np.array([part.shape(start + half * (1 + p))[2] for p in points])
-    result: Array = (rows * (half * weights)[:, None]).T @ rows
-    return result
+    return part.start + start + half * (1 + points), half * weights
+
+
+def stiffened(part: Segment, start: float, force: Callable[[Array], Array] = np.ones_like) -> Array:
+    """Return the geometric stiffness of an axial force from ``start`` [m] to the second node, (n, n).
+
+    ``force`` is the axial force [N] at places [m] from the first point of the link; 1 N by default.
+    """
+    places, weights = _gauss(part, start)
+    made = np.zeros((len(part.dofs), len(part.dofs)))
+    for x, weight in zip(places.tolist(), (weights * force(places)).tolist(), strict=True):
+        shape = part.shape(x - part.start)
+        made += weight * (shape.T @ point(x)["geometric0"] @ shape)
+    return made
 
 
 def whole(found: Sequence[Piece], n: int) -> Piece:

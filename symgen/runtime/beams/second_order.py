@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symgen.runtime import _beams
-from symgen.runtime.beams.elements import SHAPES, at
+from symgen.runtime.beams.elements import SHAPES, at, kernels
 from symgen.runtime.beams.forces import Motion
 from symgen.runtime.beams.frames import frames
 from symgen.runtime.elastic.motion import ElasticMotion
@@ -107,17 +107,18 @@ def _loads(motion: ElasticMotion, kept: Motion, axial_force: AxialForce) -> Arra
         places = (nodes[:-1, None] + np.diff(nodes)[:, None] * (1 + points) / 2).ravel()
         table = dict(zip(SHAPES, beam.table(places.tolist()), strict=True))
         own = motion.own_unknowns(k, kept.links, kept.displacements)
-        slope, stiffness = (
-            own @ table["slope"].T,
-            np.array([at(beam.properties.axial, x) for x in places * length]),
-        )
-        rigid = axial_force(motion, k, kept, places) if beam.info.geometric_stiffness else 0.0
-        changed = (
-            own @ table["axial_strain"].T * stiffness - rigid if beam.info.axial else np.zeros_like(slope)
-        )
+        if not beam.info.axial:  # its axial force is of its constraint
+            continue
+        stiffness = [at(beam.properties.axial, x) for x in (places * length).tolist()]
+        strain, slope = own @ table["axial_strain"].T, own @ table["slope"].T
+        rigid = np.zeros_like(slope)
+        if beam.info.geometric_stiffness:
+            rigid = axial_force(motion, k, kept, places)
+        state = np.stack(np.broadcast_arrays(stiffness, strain, slope, rigid), axis=-1).reshape(-1, 4)
+        omits = kernels("elastic_place").second_order
+        forces = np.array([omits(u=row) for row in state]).reshape(*slope.shape, len(SHAPES))
         by = np.outer(np.diff(nodes), weights).ravel() * length / 2
-        load = (stiffness * slope**2 / 2 * by) @ table["axial_strain"] * beam.info.axial
-        load += (changed * slope * by) @ table["slope"]
+        load = np.einsum("tgf,g,fgn->tn", forces, by, [table[name] for name in SHAPES], optimize=True)
         axes = frames(kept.links[:, k])
         for u, w in beam.ends:
             load[:, u], load[:, w] = axes.fixed(load[:, u].copy(), load[:, w].copy())

@@ -207,21 +207,18 @@ static void add_block(real *to, const ptrdiff_t *slots, ptrdiff_t count, const r
 /* Add what is not elastic, and flywheel and motor on an elastic crank. */
 static void add_joints(struct beams *b) {
     const struct beam_layout *x = &b->layout;
-    const real *found = b->motion->joined, *turning = b->motion->turning;
+    const real *found = b->motion->joined, *shaft = b->motion->shaft;
     for (ptrdiff_t i = 0; i < x->coordinates; i++)
         if (x->joint_places[i] >= 0)
             b->full_load[x->joint_places[i]] += found[x->joint_at[0] + i];
     add_block(b->full_mass, x->mass_slots, x->masses, found + x->joint_at[1]);
     add_block(b->full_damping, x->damping_slots, x->dampings, found + x->joint_at[2]);
     add_block(b->full_stiffness, x->stiffness_slots, x->stiffnesses, found + x->joint_at[3]);
-    if (x->shaft < 0)
-        return;
-    b->full_mass[x->shaft_slot] += R(x->flywheel);
-    b->full_load[x->shaft] -= R(x->flywheel) * b->motion->motion[MOTION * x->shaft_link + STIFFNESS_MASS_QUARTER];
-    if (b->motion->kernels.torque) {
-        b->full_load[x->shaft] += turning[0];
-        b->full_stiffness[x->shaft_slot] -= turning[1];
-        b->full_damping[x->shaft_slot] -= turning[2];
+    if (x->shaft >= 0 && b->motion->kernels.shaft) {
+        b->full_mass[x->shaft_slot] += shaft[SHAFT_MASS];
+        b->full_damping[x->shaft_slot] += shaft[SHAFT_DAMPING];
+        b->full_stiffness[x->shaft_slot] += shaft[SHAFT_STIFFNESS];
+        b->full_load[x->shaft] += shaft[SHAFT_LOAD];
     }
 }
 

@@ -27,11 +27,9 @@ struct beam_layout {
     const ptrdiff_t *mass_slots, *damping_slots, *stiffness_slots;
     const ptrdiff_t *loads_at;     /* forces of link k: from loads_at[k] to loads_at[k + 1] */
     ptrdiff_t shaft, shaft_slot;   /* unknown and slot of an elastic crank's turn, -1: none */
-    ptrdiff_t shaft_link;          /* number of that crank */
     ptrdiff_t entries, band;       /* of the matrices of all unknowns */
     const ptrdiff_t *rows, *columns;
     ptrdiff_t constant_count;
-    double flywheel;
     long thesis;                   /* take rotations of ends and the basis as constant in time */
 };
 

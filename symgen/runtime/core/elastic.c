@@ -11,7 +11,7 @@ static int move_to(struct rigid_motion *m, double t) {
 }
 
 static void view_motion(const struct rigid_motion *m, struct motion_view *view) {
-    *view = (struct motion_view){(double)*m->t, m->y, m->motion, m->joined, m->turning, m->loads};
+    *view = (struct motion_view){(double)*m->t, m->y, m->motion, m->joined, m->shaft, m->loads};
 }
 
 static int along(struct rigid_motion *m, const void *times, long count, void *y, void *motion, void *loads) {

@@ -7,7 +7,7 @@
 /* Numbers that stay where they are as long as the motion. */
 struct motion_view {
     double t;
-    const void *y, *motion, *joined, *turning, *loads;
+    const void *y, *motion, *joined, *shaft, *loads;
 };
 
 struct matrices_view {

@@ -20,7 +20,7 @@ static size_t place(struct rigid_motion *m, const struct equations *e, const lon
         ARENA_ARRAY(m->out, out),
         ARENA_ARRAY(m->motion, sizes[OF_LINKS] + 1),
         ARENA_ARRAY(m->joined, sizes[OF_JOINTS] + 1),
-        ARENA_ARRAY(m->turning, sizes[OF_TORQUE] + 1),
+        ARENA_ARRAY(m->shaft, sizes[OF_SHAFT] + 1),
         ARENA_ARRAY(m->loads, sizes[OF_LOADS] + 1),
         ARENA_ARRAY(m->p, parameters + sizes[OF_SETUP] + 1),
         ARENA_ARRAY(m->joints_p, parameters + sizes[OF_JOINTS_SETUP] + 1),
@@ -207,8 +207,8 @@ int motion_at(struct rigid_motion *m, real t) {
     real *out = solution(m);
     m->kernels.links(m->t, q, u, m->p, out, m->motion);
     m->kernels.joints(m->t, q, u, m->joints_p, out, m->joined);
-    if (m->kernels.torque)
-        m->kernels.torque(m->t, q, u, m->p, out, m->turning);
+    if (m->kernels.shaft)
+        m->kernels.shaft(m->t, q, u, m->p, out, m->shaft);
     if (m->kernels.loads)
         m->kernels.loads(m->t, q, u, m->p, out, m->loads);
     return DONE;

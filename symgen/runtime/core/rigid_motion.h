@@ -18,14 +18,17 @@ enum {
 /* Numbers that the kernel `loads` writes of each force along a link: weights. */
 enum { LOAD_FORCE_X, LOAD_FORCE_Y, STIFFNESS_GEOMETRIC_FORCE, APPLIED };
 
+/* Numbers that the kernel `shaft` writes: terms of the rotation of an elastic crank with a motor. */
+enum { SHAFT_MASS, SHAFT_DAMPING, SHAFT_STIFFNESS, SHAFT_LOAD };
+
 /* Kernels of the motion and of the joints; those absent are NULL. */
 struct motion_kernels {
-    kernel links, joints, torque, loads;
+    kernel links, joints, shaft, loads;
     kernel setup, joints_setup; /* what depends on parameters alone: of all but `joints`, and of `joints` */
 };
 
 /* What these write. */
-enum { OF_LINKS, OF_JOINTS, OF_TORQUE, OF_LOADS, OF_SETUP, OF_JOINTS_SETUP, WRITTEN };
+enum { OF_LINKS, OF_JOINTS, OF_SHAFT, OF_LOADS, OF_SETUP, OF_JOINTS_SETUP, WRITTEN };
 
 /* A motion that was integrated: rows of q, q' and q'' at equal spacing from time zero on. Its linkage has all constraints
  * that the kernels know but one, number `absent`, whose multiplier is zero. */
@@ -47,7 +50,7 @@ struct rigid_motion {
     real *t;       /* time [s], in memory */
     long *solved;  /* whether accelerations are those of the state */
     real *y, *began, *still, *out;
-    real *motion, *joined, *turning, *loads;
+    real *motion, *joined, *shaft, *loads;
     real *p, *joints_p; /* parameters as the kernels of each take them */
 };
 

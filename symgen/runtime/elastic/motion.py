@@ -65,8 +65,8 @@ class ElasticMotion(ABC):
         self._start = np.concatenate([start.q, start.u])
         found = self._motion.blocks("constants", 0.0, start.q, start.u)
         self._tables = {name: np.atleast_2d(values) for name, values in found.items()}
-        crank = self._tables.get("crank", np.zeros((1, 3)))[0]
-        self.angle, self.speed, self.flywheel = (float(x) for x in crank)
+        crank = self._tables.get("crank", np.zeros((1, 2)))[0]
+        self.angle, self.speed = (float(x) for x in crank)
 
     @cached_property
     def machine(self) -> Machine:
@@ -155,7 +155,7 @@ class ElasticMotion(ABC):
         d = self.rigid.description
         kernel = self._joints.info("joints")
         blocks = {b.name: b for b in kernel.blocks}
-        return layout(d, self.info, self.beams, blocks, self.flywheel)
+        return layout(d, self.info, self.beams, blocks)
 
     @property
     def constraints(self) -> tuple[str, ...]:
@@ -177,11 +177,11 @@ class ElasticMotion(ABC):
     def kernel_sizes(self) -> list[int]:
         """Sizes of what the kernels of the motion write; 0 of those that are not there.
 
-        They are links, joints, torque and loads, then the set-up of these and that of joints.
+        They are links, joints, shaft and loads, then the set-up of these and that of joints.
         """
         of_motion = {k.name: k.out_size for k in self.kernels_of_motion}
         joints = self._joints.info("joints").out_size
-        written = [of_motion["links"], joints, of_motion.get("torque", 0), of_motion.get("loads", 0)]
+        written = [of_motion["links"], joints, of_motion.get("shaft", 0), of_motion.get("loads", 0)]
         return [*written, self._motion.description.derived, self._joints.description.derived]
 
     @property
@@ -218,6 +218,16 @@ class ElasticMotion(ABC):
             self.stride,
             self._path,
         )
+
+    def rigid_crank(self, times: Array, q: Array) -> tuple[Array, Array]:
+        """Return d theta/d r [1/m] and d r/d theta [m] of a rigid crank, (times, 2) each.
+
+        ``q`` are the coordinates of the rigid linkage at the times, (times, coordinates) [m].
+        """
+        of, still = self._motion.blocks, np.zeros(q.shape[1])
+        rows = [of("crank_rotation", t, at, still) for t, at in zip(times.tolist(), q, strict=True)]
+        rotation, arm = (np.reshape([row[name] for row in rows], (-1, 2)) for name in ("rotation", "arm"))
+        return rotation, arm
 
     def rigid_motion(self, equations: _beams.BeamEquations, times: Array) -> tuple[Array, Array, Array]:
         """Return what the rigid motion is at times.

@@ -1,0 +1,55 @@
+"""The crank of elastic links: its shaft with flywheel and motor, and the rotation of one that is rigid.
+
+The equation of the shaft of an elastic crank is linearised about the rigid motion.
+Lagrange's equation of the shaft's rotation theta + phi, with the kinetic energy I (theta' + phi')^2/2 and the
+virtual work of the torque T(theta + phi, theta' + phi'), to first order in the elastic rotation phi:
+I phi'' - T_rate phi' - T_angle phi = T - I theta''. Not in the thesis, whose shaft has no motor.
+"""
+
+from __future__ import annotations
+
+import sympy as sp
+
+from symgen.mechanics.elastic.hamilton import OMEGA, OMEGA_RATE
+
+_PHI, _PHI_T, _PHI_TT = sp.symbols("phi phi_t phi_tt", real=True)
+#: Terms that :func:`shaft` gives, in its order.
+TERMS = ("shaft_mass", "shaft_damping", "shaft_stiffness", "shaft_load")
+
+
+def rigid_crank(along: tuple[sp.Expr, sp.Expr]) -> tuple[tuple[sp.Expr, ...], tuple[sp.Expr, ...]]:
+    """Return d theta/d r [1/m] and d r/d theta [m] of a crank with the vector r and the direction theta.
+
+    The first gives its rotation by displacements of its end, the second its torque by forces there.
+
+    Parameters
+    ----------
+    along
+        The vector r from its first point to its second [m].
+    """
+    x, y, theta = sp.symbols("x y theta", real=True)
+    length, angle = sp.Symbol("r", positive=True), sp.atan2(y, x)
+    rotation = (sp.diff(angle, c).xreplace({x: along[0], y: along[1]}) for c in (x, y))
+    polar = {sp.cos(theta): along[0] / length, sp.sin(theta): along[1] / length}
+    arm = (sp.diff(length * c, theta).xreplace(polar) for c in polar)
+    return tuple(rotation), tuple(arm)
+
+
+def shaft(inertia: sp.Expr, torque: sp.Expr, angle: sp.Symbol, rate: sp.Symbol) -> tuple[sp.Expr, ...]:
+    """Return what the shaft adds to mass [kg m^2], damping, stiffness and load [N m] of the rotation phi.
+
+    Parameters
+    ----------
+    inertia
+        Moment of inertia of the flywheel [kg m^2].
+    torque
+        Torque of the motor on the crank [N m], over ``angle`` [rad] and ``rate`` [rad/s] of the crank.
+    """
+    energy = inertia * (OMEGA.symbol + _PHI_T) ** 2 / 2
+    momentum = sp.diff(energy, _PHI_T)
+    rates = {OMEGA.symbol: OMEGA_RATE.symbol, _PHI_T: _PHI_TT}
+    inertial = sp.Add(*(sp.diff(momentum, of) * by for of, by in rates.items()))
+    driving = torque + sp.diff(torque, angle) * _PHI + sp.diff(torque, rate) * _PHI_T
+    left = inertial - driving
+    still = dict.fromkeys((_PHI, _PHI_T, _PHI_TT), sp.Integer(0))
+    return (*(sp.diff(left, of) for of in (_PHI_TT, _PHI_T, _PHI)), -left.xreplace(still))
