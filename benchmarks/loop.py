@@ -152,7 +152,12 @@ class Loop:
     def outputs(self, angles: Array) -> Array:
         """Return all outputs as columns, shape (angles, columns), in the scene's units."""
         run = self.model.inverse_dynamics(at=angles)
-        return np.column_stack([v.values.reshape(len(angles), -1) for v in run.variables])
+        return np.column_stack(
+            [
+                run.variable(b.name).values.reshape(len(angles), -1) / run.units[b.unit][1]
+                for b in self.model.description.kernel("outputs").blocks
+            ]
+        )
 
 
 class Lambdified:
@@ -184,9 +189,7 @@ class Lambdified:
         self.per_angle = (last - first) / (high - low)
         self.offset = first - low * self.per_angle
         self.piece = loop.angles(ANGLES)[:SLOW_ANGLES]
-        sizes = [units["m" if v.is_length else "rad"][1] for v in d.variables]
-        names = [v.name for v in d.variables]
-        self.start = np.array([begun.variable(n).values[0] for n in names]) * sizes
+        self.start = np.array([begun.variable(v.name).values[0] for v in d.variables])
         self.steps = 0.0
 
     def call(self, kernel: str, t: float, q: Array, u: Array, work: Array) -> Array:
@@ -272,6 +275,7 @@ def turn_of_vectors(count: int) -> Motion:
 def against_vectors(loop: Loop, truth: Motion, count: int) -> float:
     """Return the largest error of motion and forces against the vector model."""
     run, forces = loop.model.inverse_dynamics(at=loop.angles(count)), truth.forces()
+    values = {v.name: v.values for v in run.shown} | {run.coordinate.name: run.coordinate.values}
     wrenches = {
         "F1": "crank.joint1.force",
         "T1": "crank.joint1.moment",
@@ -280,10 +284,10 @@ def against_vectors(loop: Loop, truth: Motion, count: int) -> float:
         "F4": "slider.joint4.force",
         "theta1.drive": "theta1.drive",
     }
-    pairs = [(run.variable(name).values, forces[ours]) for ours, name in wrenches.items()]
+    pairs = [(values[name], forces[ours]) for ours, name in wrenches.items()]
     for ours, variable in truth.variables().items():
         for suffix, part in zip(("", ".rate", ".acceleration"), variable.parts, strict=True):
-            found = run.variable(("s1" if ours == "S1" else ours) + suffix).values
+            found = values[("s1" if ours == "S1" else ours) + suffix]
             if not suffix and ours[0] != "S":  # angles are continuous over whole revolutions
                 found = found - 2 * math.pi * np.round((found - part.astype(float)) / (2 * math.pi))
             pairs.append((found, part))

@@ -16,7 +16,7 @@ def print_motion(motion: Motion, console: Console) -> None:
     """Print the range of every recorded output, and the intervals that the linkage cannot reach."""
     along, unit = motion.over[0], motion.shown_in[0]
     span = f"{along.min():g} {unit} to {along.max():g} {unit}"
-    outputs = Components(motion.variables, motion.count)
+    outputs = Components(motion.shown, motion.count)
     console.print(outputs.extremes(f"{motion.title}: {motion.count} poses, {span}", along, unit))
     for pose in motion.singular_poses:
         console.print(pose.describe(), soft_wrap=True)

@@ -71,7 +71,7 @@ def print_elastic_result(result: ElasticResult, console: Console) -> None:
     """Print the outputs at a few times, or the range of each, and the errors of the run."""
     along, label = result.over
     coordinate, unit = result.coordinate.about, result.shown_in[0]
-    outputs = Components(result.variables, result.count)
+    outputs = Components(result.shown, result.count)
     if len(along) <= _FEW:
         title = f"{result.title}: {result.headline}, over {label}"
         for part in outputs.values(title, [f"{x:.6g}" for x in along]):

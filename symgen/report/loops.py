@@ -24,7 +24,7 @@ def print_turn(turn: Turn, console: Console) -> None:
         """Return the mark of a value that is undetermined because of redundant constraints."""
         return " *" if open_.get(component, determined)[pose] else ""
 
-    outputs = Components(turn.variables, len(values), missing="pole")
+    outputs = Components(turn.shown, len(values), missing="pole")
     if len(values) <= _SHOWN:
         heads = [f"{name} = {x:.6g} {unit}" for x in values.tolist()]
         for part in outputs.values(turn.title, heads, mark):
@@ -45,13 +45,16 @@ def print_turn(turn: Turn, console: Console) -> None:
 
 def print_motion_of_loop(result: Result, console: Console) -> None:
     """Print final joint variables, the range of every output, and the errors of the run."""
-    rows = [(n, v["unit"], float(v["value"]), float(v["rate"])) for n, v in result.final.items()]
+    rows = []
+    for name, v in result.final.items():
+        unit, size = result.units[v["unit"]]
+        rows.append((name, unit, v["value"] / size, v["rate"] / size))
     t = result.statistics["t"]
     console.print(
         table(f"{result.title}: at t = {t:g} s", ("variable", "unit", "value", "rate [unit/s]"), rows)
     )
     if result.variables:
-        outputs = Components(result.variables, result.count)
+        outputs = Components(result.shown, result.count)
         console.print(outputs.extremes("Recorded outputs", result.time, "s", end=True))
     console.print(run_table(result))
     for note in result.notes:

@@ -36,7 +36,7 @@ def print_result(result: Result, console: Console, ground: Collection[str] = ())
             rows = [(p, *x) for p, x in zip(points, _texts(unit, values), strict=True)]
             console.print(table(f"{result.title}: at t = {t:g} s", ("point", *head), rows))
     if result.variables:
-        recorded = Components(result.variables, result.count)
+        recorded = Components(result.shown, result.count)
         console.print(recorded.extremes("Recorded outputs", result.time, "s", end=True))
     console.print(run_table(result))
     if result.events:

@@ -31,8 +31,9 @@ def shown_input(turn: Turn) -> tuple[Array, str, float]:
 
 
 def components(turn: Turn, name: str) -> Iterator[tuple[str, str, Array]]:
-    """Yield name, unit and values of every component of an output."""
-    v = turn.variable(name)
+    """Yield name, unit and values of every component of an output, in the units of plots."""
+    turn.variable(name)
+    v = next(v for v in turn.shown if v.name == name)
     for i, c in enumerate(v.components or ("",)):
         yield f"{name}.{c}" if c else name, v.unit, v.values.reshape(turn.count, -1)[:, i]
 

@@ -11,6 +11,7 @@ from functools import cache
 import numpy as np
 import pytest
 from shared.golden import reference
+from shared.inches import INCH, POUND, in_inches
 
 import symgen
 
@@ -39,7 +40,6 @@ MODES = {
     "mode_L": {"loop.drives.theta1": "?", "loop.drives.S4": "0 lbf"},
     "mode_T": {"loop.drives.theta1": "100 lbf*in", "loop.drives.S4": "?"},
 }
-INCH = 0.0254
 
 
 @cache
@@ -74,7 +74,7 @@ def check_forces(run, i, expected):
 @pytest.mark.parametrize("scene", SCENES)
 def test_every_value(mode, scene):
     positions = SCENES[scene]["positions"]
-    run = model(mode, scene).inverse_dynamics(at=np.deg2rad([p["theta1_deg"] for p in positions]))
+    run = in_inches(model(mode, scene).inverse_dynamics(at=np.deg2rad([p["theta1_deg"] for p in positions])))
     count = 0
     for i, expected in enumerate(positions):
         for short, name in KINEMATICS.items():
@@ -97,7 +97,8 @@ def test_every_value(mode, scene):
 @pytest.mark.parametrize("scene", SCENES)
 def test_dead_centres_are_regular_where_the_load_is_given(scene):
     centres = SCENES[scene]["dead_centres"]
-    run = model("mode_L", scene).inverse_dynamics(at=np.deg2rad([c["theta1_deg"] for c in centres]))
+    angles = np.deg2rad([c["theta1_deg"] for c in centres])
+    run = in_inches(model("mode_L", scene).inverse_dynamics(at=angles))
     assert run.poles == ()
     for i, expected in enumerate(centres):
         for key, name in {
@@ -124,8 +125,10 @@ def test_dead_centres_are_poles_where_the_torque_is_given(scene):
         for pole, expected in zip(run.poles, centres, strict=True):
             close(pole.at, np.deg2rad(expected["theta1_deg"]), "dead centre")
             residue = expected["mode_T_F4k_residue"]
-            close(pole.residues["S4.drive"], -residue, "residue of the load", 1e-6)
-            close(pole.residues["slider.joint4.force.z"], residue, "residue of the guide's force", 1e-6)
+            close(pole.residues["S4.drive"] / POUND, -residue, "residue of the load", 1e-6)
+            close(
+                pole.residues["slider.joint4.force.z"] / POUND, residue, "residue of the guide's force", 1e-6
+            )
             assert not {n for n in pole.residues if n.startswith(("theta", "eta", "alpha3", "S4.r"))}
     assert np.all(np.isnan(met.variable("S4.drive").values))
     assert np.all(np.isfinite(met.variable("S4.acceleration").values))

@@ -50,7 +50,9 @@ def test_true_limits_of_the_offset(crank, a4):
     run = crank.with_parameters(a4=a4 * INCH, S1=(limit - near) * INCH).inverse_dynamics(samples=73)
     assert len(run.time) == 73
     assert run.closure < 1e-12
-    assert run.variable("S4").values[0] == pytest.approx(math.sqrt(limit**2 - (limit - near) ** 2), rel=1e-9)
+    assert run.variable("S4").values[0] / INCH == pytest.approx(
+        math.sqrt(limit**2 - (limit - near) ** 2), rel=1e-9
+    )
     beyond = crank.with_parameters(a4=a4 * INCH, S1=(limit + near) * INCH)
     with pytest.raises(SymgenError) as error:
         beyond.inverse_dynamics(samples=73)

@@ -7,11 +7,11 @@ from functools import cache
 import numpy as np
 import pytest
 from shared.crank_vectors import PI, Crank, driven
+from shared.inches import INCH, in_inches
 from shared.jets import Real
 
 import symgen
 
-INCH = 0.0254
 SPEED = 50 * 2 * PI / 60
 ANGLES = np.linspace(0, 2 * np.pi, 361)
 #: a4 and S1 in inches, alpha4 in degrees, swings of S1 a turn.
@@ -60,7 +60,7 @@ def error(found, expected):
 def compare(a4, alpha4, S1, ratio):
     """Largest errors of positions, rates, accelerations and forces."""
     model = built().with_parameters(a4=a4 * INCH, alpha4=np.deg2rad(alpha4), S1=S1 * INCH, ratio=float(ratio))
-    run = model.inverse_dynamics(at=ANGLES)
+    run = in_inches(model.inverse_dynamics(at=ANGLES))
     crank = Crank(a4=Real(a4), alpha4=Real(np.deg2rad(alpha4)))
     motion = crank.motion(*driven(ANGLES, SPEED, Real(S1), ratio))
     worst = np.zeros(4)

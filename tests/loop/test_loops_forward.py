@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 from shared.crank_vectors import Crank, Jet
+from shared.inches import in_inches
 from shared.jets import Real
 from shared.loop_scenes import crank_scene, guess_of
 
@@ -90,7 +91,7 @@ def same_energy(run, model, q, u, tolerance=1e-9):
 
 
 def run_of(scene, t_end):
-    return symgen.build(scene).simulate(t_end=t_end, rtol=1e-12, atol=1e-14, samples=SAMPLES)
+    return in_inches(symgen.build(scene).simulate(t_end=t_end, rtol=1e-12, atol=1e-14, samples=SAMPLES))
 
 
 def test_crank_torque_given():

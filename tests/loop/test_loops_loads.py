@@ -9,6 +9,7 @@ import math
 import numpy as np
 import pytest
 from shared.golden import reference
+from shared.inches import INCH, POUND
 from shared.loop_account import account, largest
 from typer.testing import CliRunner
 
@@ -117,20 +118,20 @@ def test_golden_values_by_command(mode):
     assert done.exit_code == 0, done.output
     answer = json.loads(done.stdout)
     assert answer["scene"] == "slider_crank"
-    assert answer["units"]["S4"] == "in"
-    assert answer["units"]["crank.joint1.force.x"] == "lbf"
-    assert answer["units"]["theta1.drive"] == "lbf*in"
+    assert answer["units"]["S4"] == "m"
+    assert answer["units"]["crank.joint1.force.x"] == "N"
+    assert answer["units"]["theta1.drive"] == "N*m"
+    assert answer["at"] == pytest.approx([math.radians(x) for x in degrees], rel=1e-15)
     for found, expected in zip(answer["values"], numbers["positions"], strict=True):
-        assert found["theta1"] == pytest.approx(math.radians(expected["theta1_deg"]), rel=1e-15)
         pairs = [
-            (found["S4.acceleration"], expected["kin"]["S4"]["acc"]),
+            (found["S4.acceleration"] / INCH, expected["kin"]["S4"]["acc"]),
             (found["theta3.rate"], expected["kin"]["th3"]["vel"]),
             *(
-                (found[f"crank.joint1.force.{c}"], expected[mode][f"F1{k}"])
+                (found[f"crank.joint1.force.{c}"] / POUND, expected[mode][f"F1{k}"])
                 for c, k in zip("xyz", "ijk", strict=True)
             ),
-            (found["slider.joint4.force.z"], expected[mode]["F4k"]),
-            (found["theta1.drive"], expected[mode]["T1k"]),
+            (found["slider.joint4.force.z"] / POUND, expected[mode]["F4k"]),
+            (found["theta1.drive"] / (POUND * INCH), expected[mode]["T1k"]),
         ]
         for value, truth in pairs:
             assert abs(value - truth) <= 1e-9 * max(1.0, abs(truth))

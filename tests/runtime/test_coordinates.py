@@ -3,6 +3,7 @@
 import io
 import json
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -120,3 +121,27 @@ def test_a_drift_that_was_measured_is_given(results):
     for kind in ("kinematics", "forces", "loop"):
         assert set(results[kind].drift.measured) == {"constraint", "velocity"}
         assert results[kind].drift.constraint < 1e-12
+
+
+def test_loops_are_in_si_and_shown_in_the_units_of_the_scene(tmp_path):
+    """A crank of 12 in and a rod of 50 in without offsets: S4 is 50 in where the crank stands along it."""
+    model = symgen.build("slider_crank").with_parameters(a4=0.0, alpha4=1.5 * math.pi, S1=0.0)
+    turn = model.inverse_dynamics(at=[0.0, math.pi / 2])
+    expected = np.array([math.sqrt(50**2 - 12**2), 62.0])
+    assert turn.variable("S4").unit == "m" and turn["S4"].attrs["units"] == "m"
+    assert turn.variable("S4").values == pytest.approx(0.0254 * expected, rel=1e-12)
+    (shown,) = (v for v in turn.shown if v.name == "S4")
+    assert shown.unit == "in" and shown.values == pytest.approx(expected, rel=1e-12)
+    assert turn.variable("theta1.drive").unit == "N*m" and turn.variable("theta2.rate").unit == "rad/s"
+    turn.save(tmp_path / "turn.npz")
+    again = symgen.load_result(tmp_path / "turn.npz")
+    assert [v.unit for v in again.shown] == [v.unit for v in turn.shown]
+    assert [axis.get_ylabel() for axis in turn.plot("S4.rate").axes] == ["in/s"]
+
+
+def test_the_free_coordinates_of_a_loop_end_in_si():
+    """Units of cm and degrees in the scene: at the start the crank is at 120 deg with 6 rad/s."""
+    start = symgen.build(Path(__file__).parents[1] / "cases" / "free_par.toml").simulate(1e-9, samples=2)
+    assert start.final["q"]["unit"] == "rad"
+    assert start.final["q"]["value"] == pytest.approx(math.radians(120), abs=1e-8)
+    assert start.final["q"]["rate"] == pytest.approx(6.0, abs=1e-6)

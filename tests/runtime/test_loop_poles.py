@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from shared.closed_slider_crank import Closed, Offsets
+from shared.inches import in_inches
 
 import symgen
 from symgen.errors import SimulationError
@@ -19,7 +20,7 @@ def driven():
 
 @pytest.mark.parametrize("degrees", [90.0, 270.0])
 def test_components_without_a_pole(driven, degrees):
-    turn = driven.inverse_dynamics(at=np.radians([degrees]))
+    turn = in_inches(driven.inverse_dynamics(at=np.radians([degrees])))
     (pole,) = turn.poles
     assert turn.variable("theta1.drive").values == pytest.approx(100.0, rel=1e-10)
     # The limit by the closed form: the mean of what is left of components that are smooth there.
@@ -42,7 +43,7 @@ def test_components_without_a_pole(driven, degrees):
 
 
 def test_a_turn_is_smooth_across_them(driven):
-    turn = driven.inverse_dynamics()
+    turn = in_inches(driven.inverse_dynamics())
     values = turn.variable("crank.joint1.force").values[:, 0]
     assert np.max(np.abs(np.diff(values, 2))) < 0.02
 

@@ -67,7 +67,7 @@ def test_what_is_written(scene, tmp_path):
     assert head[0] == "theta1 [deg]" and head[1] == "S4 [in] alpha4 = 250 deg" and len(rows) == 361
     model = symgen.build(scene).with_parameters(a4=30 * 0.0254, alpha4=np.radians(250))
     assert [float(r[1]) for r in rows] == pytest.approx(
-        model.inverse_dynamics().variable("S4").values, rel=1e-12
+        model.inverse_dynamics().variable("S4").values / 0.0254, rel=1e-12
     )
     assert [float(r[0]) for r in rows] == pytest.approx(np.arange(361), abs=1e-12)
 

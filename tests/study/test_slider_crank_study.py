@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 from shared.closed_slider_crank import Closed, Offsets
+from shared.inches import INCH, in_inches
 
 from symgen.study import run_studies
 
 DOCS = Path(__file__).parents[2] / "docs"
 PAGE = (DOCS / "slider_crank_study.md").read_text()
-INCH = 0.0254
 SOURCE = {"crank.joint1.force": "F1", "crank.joint1.moment": "T1", "crank.joint2.force": "F2"}
 SOURCE |= {"slider.joint3.force": "F3", "slider.joint4.force": "F4"}
 
@@ -38,7 +38,7 @@ def cases(report):
                 round(p["a4"] / INCH, 9), round(math.degrees(p["alpha4"]), 9), round(p["S1"] / INCH, 9)
             )
             if study.plan.plots:
-                found.append((study.plan.name, offsets, case.turn))
+                found.append((study.plan.name, offsets, in_inches(case.turn)))
     return found
 
 

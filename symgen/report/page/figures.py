@@ -48,7 +48,7 @@ class FigureView:
 def run_figure(result: Result) -> FigureView:
     """Plot the outputs of a run, one panel per kind; the caption gives the number of omitted curves."""
     panels: dict[str, list[tuple[str, Any]]] = {}
-    for variable in result.variables:
+    for variable in result.shown:
         panels.setdefault(result.panel(variable), []).extend(_curves(variable))
     along, label = result.over
     every = max(1, len(along) // _TIMES)

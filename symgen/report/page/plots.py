@@ -68,11 +68,17 @@ def _save(figure: Any, file: str | os.PathLike[str]) -> None:
         raise ResultError(f"cannot write the plot to {path}: {error}") from None
 
 
+def _shown(result: Result, name: str) -> Variable:
+    """Return an output in the unit of plots; raise ResultError if it was not recorded."""
+    result.variable(name)
+    return next(v for v in result.shown if v.name == name)
+
+
 def _chosen(result: Result, names: tuple[str, ...]) -> list[Variable]:
     if not names:
-        return list(result.variables)
+        return list(result.shown)
     chosen: dict[str, Variable] = {}
     for name in names:
-        of_owner = [v for v in result.variables if v.name.partition(".")[0] == name and "." in v.name]
-        chosen.update((v.name, v) for v in of_owner or [result.variable(name)])
+        of_owner = [v for v in result.shown if v.name.partition(".")[0] == name and "." in v.name]
+        chosen.update((v.name, v) for v in of_owner or [_shown(result, name)])
     return list(chosen.values())

@@ -234,7 +234,6 @@ def _recorded(
         moved = {b.name for b in info.blocks if b.unit in _OF_MOTION} if info else set()
         made = tuple(v for v in made if v.name in moved)
     first = kernels.lead
-    last = {v.name: np.atleast_1d(v.values[-1]).tolist() if len(times) else [] for v in made}
     end = float(times[-1]) if len(times) else begin.t
     closure = float(np.max(diagnosis[:, _loop.CLOSURE], initial=0.0))
     rates = float(np.max(diagnosis[:, _loop.RATES], initial=0.0))
@@ -248,7 +247,7 @@ def _recorded(
         coordinate=coordinate,
         variables=tuple(v for v in made if v.name != coordinate.name),
         drift=Drift(closure * d.size, rates),
-        final={name: {"value": v[0] if len(v) == 1 else v} for name, v in last.items()},
+        final={},
         statistics={
             "input": first.name,
             "t": end,
@@ -306,16 +305,12 @@ def _known(
 
 
 def _pole(kernels: LoopKernels, pole: PoleAt) -> Pole:
-    """Return a pole by the value of the input [SI], its residues in the scene's units."""
-    d = kernels.description
-    first = kernels.lead
+    """Return a pole by the value of the input, with its residues."""
     value, rate, _ = kernels.lead_at(pole.t)
-    units = converters(d)
-    size = units[first.unit][1]
-    info = d.kernel("outputs")
+    info = kernels.description.kernel("outputs")
     residues = {}
     for b in info.blocks if info else ():
-        entries = np.atleast_1d(pole.residue[b.name]).ravel() * rate / units[b.unit][1] / size
+        entries = np.atleast_1d(pole.residue[b.name]).ravel() * rate
         for c, x in zip(b.rows if len(entries) > 1 else ("",), entries.tolist(), strict=True):
             if x:
                 residues[f"{b.name}.{c}" if c else b.name] = x
@@ -343,14 +338,13 @@ def _notes(
     d = kernels.description
     n = d.coordinates
     first = kernels.lead
-    unit, _ = converters(d)[first.unit]
     for p in told:
         drives = {name: x for name, x in p.residues.items() if name.endswith(".drive")} or p.residues
         names = ", ".join(f"{name} {x:.9g}" for name, x in list(drives.items())[:_SHOWN])
         yield (
             f"dead centre at {first.name} = {in_words(p.at, first.is_length, d)}: the given efforts "
             f"cannot hold the loop there, and {len(p.residues)} components have a pole, with the residue "
-            f"(value times the way of {first.name} from there, in {unit}) {names}"
+            f"(value times the distance of {first.name} from there, in SI) {names}"
             f"{' and others' if len(p.residues) > len(drives) else ''}"
         )
     yield from note(kernels, ranges, len(times))

@@ -40,7 +40,7 @@ def run(
     progress: Callable[[float], None] | None,
     keeping: Keeping | None = None,
 ) -> Result:
-    """Integrate from the closed start and return the result, outputs in the scene's units.
+    """Integrate from the closed start and return the result.
 
     Raises
     ------
@@ -104,7 +104,6 @@ def _recorded(
     rows = np.column_stack([stepper.result, np.zeros(len(times))])
     samples = Samples(kernels, equations.rank, times, rows, stepper.references)
     q, u = np.split(stepper.state[: 2 * n], 2)
-    units = converters(d)
     made = tuple(variables(d, samples.outputs()))
     ranges = ranges_of(made, samples.undetermined())
     return Result(
@@ -122,7 +121,7 @@ def _recorded(
             ),
         ),
         final={
-            v.name: {"value": x / units[v.unit][1], "rate": s / units[v.unit][1], "unit": units[v.unit][0]}
+            v.name: {"value": x, "rate": s, "unit": v.unit}
             for v, x, s in zip(d.variables, q.tolist(), u.tolist(), strict=True)
         },
         statistics={

@@ -6,7 +6,7 @@ import json
 import math
 import os
 from collections.abc import Iterator, Mapping
-from dataclasses import asdict, dataclass, field, fields
+from dataclasses import asdict, dataclass, field, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
@@ -247,6 +247,15 @@ class Result:
         """Unit of the coordinate in tables and plots, and its size in SI; angles are in degrees."""
         unit = self.coordinate.unit
         return _SHOWN_IN.get(unit) or self.units.get(unit, (unit, 1.0))
+
+    @property
+    def shown(self) -> tuple[Variable, ...]:
+        """Outputs in the units of tables and plots."""
+        known = self.units
+        return tuple(
+            replace(v, unit=known[v.unit][0], values=v.values / known[v.unit][1]) if v.unit in known else v
+            for v in self.variables
+        )
 
     def panel(self, variable: Variable) -> str:
         """Return the panel of a plot that an output is drawn in, by what is written beside it."""

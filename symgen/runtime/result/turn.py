@@ -1,4 +1,4 @@
-"""What evaluating a driven loop gives: outputs over the values of its input, in the scene's units."""
+"""Results of driven loops: outputs over the values of the input, or over time."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class Pole:
     at
         Value of the input there [rad or m].
     residues
-        For each component with a pole, the limit of its value times (input - at), in their units.
+        For each component with a pole, the limit of its value times (input - at) [SI].
     """
 
     at: float
@@ -121,7 +121,7 @@ class Turn(Result):
 
 
 def converters(description: LoopDescription) -> dict[str, tuple[str, float]]:
-    """Return the scene's unit for every SI unit of an output, and its size in SI."""
+    """Return the unit in which tables and plots of a scene show an SI unit, and its size in SI."""
     (length, per_length), (force, per_force), (angle, per_angle) = (
         description.units[what] for what in ("length", "force", "angle")
     )
@@ -143,17 +143,15 @@ def converters(description: LoopDescription) -> dict[str, tuple[str, float]]:
 
 
 def variables(description: LoopDescription, out: Array) -> list[Variable]:
-    """Return the outputs of rows of what the kernel 'outputs' gave, in the scene's units."""
+    """Return the outputs of rows of what the kernel 'outputs' gave."""
     info = description.kernel("outputs")
-    units = converters(description)
     made = []
     for b in info.blocks if info else ():
-        unit, size = units[b.unit]
         count = b.shape[0] * b.shape[1]
-        values = out[:, b.offset : b.offset + count] / size
+        values = out[:, b.offset : b.offset + count].copy()
         made.append(
             Variable(
-                b.name, unit, b.about, b.rows if count > 1 else (), values if count > 1 else values[:, 0]
+                b.name, b.unit, b.about, b.rows if count > 1 else (), values if count > 1 else values[:, 0]
             )
         )
     return made

@@ -60,7 +60,6 @@ def _moved(model: LoopModel, count: int, notes: list[str]) -> Iterator[tuple[str
     """Yield the loop at equally spaced times of its motion."""
     kernels, at = model.kernels, model.closed_start()
     d = kernels.description
-    scene = {"rad": d.units["angle"][1], "m": d.units["length"][1]}
     yield "run, t = 0 s", at.t, at.q, np.array([v.start_rate for v in d.variables])
     for t in np.linspace(0.0, d.t_end, count)[1:]:
         try:
@@ -68,9 +67,7 @@ def _moved(model: LoopModel, count: int, notes: list[str]) -> Iterator[tuple[str
         except SimulationError as error:
             notes.append(f"the run ends at t = {error.time:.4g} s: {str(error).partition(chr(10))[0]}")
             return
-        q, u = (
-            np.array([final[v.name][what] * scene[v.unit] for v in d.variables]) for what in ("value", "rate")
-        )
+        q, u = (np.array([final[v.name][what] for v in d.variables]) for what in ("value", "rate"))
         pose = _closed(kernels, float(t), q)
         yield f"run, t = {t:.4g} s", float(t), q if pose is None else pose, u
 

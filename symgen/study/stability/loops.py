@@ -115,9 +115,14 @@ def _of_bricard(turn: Turn) -> float:
     return _largest(one + two + one * two)
 
 
+#: Metres per inch.
+_INCH = 0.0254
+
+
 def _of_slider(turn: Turn) -> float:
     """Return the distance of the slider from its quadratic's root [in]: 12 in, 50 in, offset 37.99 in."""
     crank, slider = _values(turn, "theta1", "S4")
+    slider = slider / _INCH
     across = 12 * np.cos(crank) + 37.99
     return _largest(slider - 12 * np.sin(crank) - np.sqrt(2500 - across**2))
 
