@@ -152,6 +152,7 @@ const struct core_api symgen_core = {
     .real_name = REAL_NAME,
     .loops = &symgen_loops,
     .elastic = &symgen_elastic,
+    .kinematics = &symgen_kinematics,
     .widen = widen,
     .narrow = narrow,
     .call_rows = call_rows,

@@ -9,6 +9,7 @@
 #include <stddef.h>
 
 #include "elastic.h"
+#include "kinematics.h"
 #include "loops.h"
 #include "run.h"
 
@@ -21,7 +22,7 @@
 #endif
 
 /* Of another number than this, a compiled core does not belong to the binding. */
-#define CORE_VERSION 8L
+#define CORE_VERSION 9L
 
 /* A run in doubles. */
 struct report {
@@ -45,6 +46,7 @@ struct core_api {
 
     const struct loops_api *loops;
     const struct elastic_api *elastic;
+    const struct kinematics_api *kinematics;
 
     /* Numbers to the core's type: high + low, low may be NULL; and back, low gets the rest when it is not NULL. */
     void (*widen)(long count, const double *high, const double *low, void *reals);

@@ -1,6 +1,7 @@
 /* A driven loop followed through values of its input, on one branch. */
 #include <string.h>
 
+#include "extrapolate.h"
 #include "loop.h"
 
 /* Largest part of a predicted motion by which the solution may differ from the prediction. */
@@ -12,23 +13,14 @@
 #define CREEP R(1e4)
 enum { PACE = 4096 };
 
-/* Predict the change over h into l->change; return the largest, in radians or sizes of the loop.
- * By Hermite's quintic through this state and the one before, unless that lies much nearer. */
+/* Predict the change over h into l->change; return the largest, in radians or sizes of the loop. */
 static real predict(struct loop *l, real h, const real *q, const real *u, const real *a) {
     const long wide = l->sizes.n + 1;
     const real g = R(l->seen->stride), *q0 = l->past, *u0 = q0 + wide, *a0 = u0 + wide;
-    const int two = g * h > 0 && real_fabs(h) <= R(1.5) * real_fabs(g);
     real largest = 0;
     for (long k = 0; k < l->sizes.solved; k++) {
         const long j = l->solved[k];
-        l->change[k] = h * (u[j] + R(0.5) * h * a[j]);
-        if (two) {
-            const real e0 = q0[j] - q[j] + g * (u[j] - R(0.5) * g * a[j]);
-            const real e1 = g * (u0[j] - u[j] + g * a[j]), e2 = g * g * (a0[j] - a[j]);
-            const real c3 = R(-0.5) * (e2 + 20 * e0 + 8 * e1), c5 = e1 + 4 * e0 + c3, c4 = e0 + c3 + c5;
-            const real s = h / g;
-            l->change[k] += s * s * s * (c3 + s * (c4 + s * c5));
-        }
+        l->change[k] = extrapolated(h, g, q[j], u[j], a[j], q0[j], u0[j], a0[j]);
         largest = real_fmax(largest, real_fabs(l->change[k]) / l->scale[j]);
     }
     return largest;

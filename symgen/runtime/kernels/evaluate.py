@@ -64,6 +64,27 @@ class Evaluator:
         out = self(kernel, t, q, u, work)
         return {b.name: part(out, b) for b in self.info(kernel).blocks}
 
+    def many(self, kernel: str, times: Array, q: Array, u: Array, work: Array | None = None) -> Array:
+        """Return the ``out`` arrays of a kernel at many states, (states, entries), given ``work`` of each."""
+        info, address, count = self.info(kernel), self.library.addresses[kernel], len(times)
+        rows = np.zeros((count, 2 * self.description.coordinates + 1))
+        rows[:, :-1] = np.hstack([q, u])
+        memory = np.zeros((count, info.work_size + 1))
+        if work is not None:
+            width = min(work.shape[1], info.work_size)
+            memory[:, :width] = work[:, :width]
+        out, sizes = np.zeros((count, info.out_size + 1)), self.description.sizes_of(kernel)
+        n = self.description.coordinates
+        _core.call_many(address, sizes, np.ascontiguousarray(times), rows, n, self.parameters, memory, out)
+        return out[:, :-1]
+
+    def many_blocks(
+        self, kernel: str, times: Array, q: Array, u: Array, work: Array | None = None
+    ) -> dict[str, Array]:
+        """Return the results of a kernel at many states by name, (states, *shape)."""
+        out = self.many(kernel, times, q, u, work)
+        return {b.name: part(out, b) for b in self.info(kernel).blocks}
+
     def equations(
         self,
         redundant: int = 0,

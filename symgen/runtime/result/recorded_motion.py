@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,26 +14,29 @@ from symgen.runtime.result.motion import Motion, Range, SingularPose
 from symgen.runtime.result.recording import nearest_turn
 from symgen.runtime.result.result import Coordinate, Drift, Variable, over_time
 from symgen.runtime.rods.constraints import Bonds
+from symgen.runtime.rods.poses import Poses
 
 Array = NDArray[np.float64]
-#: Poses, each with its time, coordinates, velocities and accelerations.
-Samples = list[tuple[float, Array, Array, Array]]
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Along:
-    """Poses along the curve that was followed, by time and coordinates, and the one next to each sample."""
+    """Poses along the curve that was followed, and the number of the one next to each sample."""
 
     bonds: Bonds
-    path: Sequence[tuple[float, Array]]
-    near: Sequence[int]
+    path: Poses
+    near: NDArray[np.intp]
+
+    @cached_property
+    def _places(self) -> Array:
+        return self.bonds.moving(self.path)[0]
 
     def counted(self, link: str, angles: Array) -> Array:
         """Return the angles of a link at the samples over its revolutions along the curve [rad]."""
         points = self.bonds.description.points
         i, j = (points.index(p) for p in self.bonds.description.links[link][:2])
-        lines = np.array([r[j] - r[i] for r in (self.bonds.places(q, t) for t, q in self.path)])
-        return nearest_turn(angles, np.unwrap(np.arctan2(lines[:, 1], lines[:, 0]))[list(self.near)])
+        lines = self._places[:, j] - self._places[:, i]
+        return nearest_turn(angles, np.unwrap(np.arctan2(lines[:, 1], lines[:, 0]))[self.near])
 
 
 def chosen_names(bonds: Bonds, of: Sequence[str] | None) -> list[str]:
@@ -55,7 +59,7 @@ def chosen_names(bonds: Bonds, of: Sequence[str] | None) -> list[str]:
 
 def recorded(
     bonds: Bonds,
-    rows: Samples,
+    samples: Poses,
     along: Along,
     poses: list[SingularPose],
     unassemblable: Sequence[Range],
@@ -66,26 +70,17 @@ def recorded(
 ) -> Motion:
     """Return samples, singular poses and ranges as a result over ``time``, or the first drive (``input``)."""
     d, evaluator = bonds.description, bonds.evaluator
-    kinds: list[list[Array]] = [[], [], []]
-    errors = np.zeros(2)
-    for t, q, u, acceleration in rows:
-        both = evaluator.blocks("points", t, q, u)
-        work = np.concatenate([acceleration, np.zeros(bonds.m + 1)])
-        third = evaluator.blocks("point_accelerations", t, q, u, work)["point_accelerations"]
-        for kind, values in zip(kinds, (both["positions"], both["velocities"], third), strict=True):
-            kind.append(values)
-        rate = bonds.jacobian(q, t) @ u + bonds.drift(q, t)
-        found = [np.max(np.abs(e), initial=0.0) for e in (bonds.residual(q, t), rate)]
-        errors = np.maximum(errors, found)
-    r, v, a = (np.array(kind) for kind in kinds)
-    drives = [bonds.drives(t) for t, *_ in rows]
+    r, v = bonds.moving(samples)
+    a = bonds.accelerating(samples)
+    errors = np.max(np.abs(bonds.missed(samples)), axis=(1, 2), initial=0.0)
+    units = bonds.units()
     variables = [
-        Variable(name, unit, f"drive {name}", (), np.array([values[name] for values in drives]))
-        for name, unit in bonds.units().items()
+        Variable(name, units[name], f"drive {name}", (), values)
+        for name, values in bonds.driving(samples.times).items()
     ]
     taken = {x.name for x in variables}
     if not chosen and d.kinematic:
-        variables += [x for x in _asked(bonds, rows, along) if x.name not in taken]
+        variables += [x for x in _asked(bonds, samples, along) if x.name not in taken]
     for name in chosen:
         made = (
             _of_point(d.points.index(name), name, d.axes, r, v, a)
@@ -93,9 +88,8 @@ def recorded(
             else _of_link(along, name, r, v, a)
         )
         variables += [x for x in made if x.name not in taken]
-    last, times = rows[-1], np.array([row[0] for row in rows])
     coordinate, variables = coordinate_of(
-        times, variables, next(iter(drives[0]), "") if over == "input" else ""
+        samples.times, variables, next(iter(units), "") if over == "input" else ""
     )
     return Motion(
         name=d.name,
@@ -108,13 +102,13 @@ def recorded(
             p: {"position": r[-1, i].tolist(), "velocity": v[-1, i].tolist()} for i, p in enumerate(d.points)
         },
         statistics={
-            "t": last[0],
-            "steps": len(rows),
+            "t": float(samples.times[-1]),
+            "steps": len(samples),
             "singular_poses": [asdict(p) for p in poses],
             "unassemblable": [list(r) for r in unassemblable],
             "out_of_reach": [list(r) for r in out_of_reach],
         },
-        times=None if coordinate.name == "time" else times,
+        times=None if coordinate.name == "time" else samples.times,
         provenance={
             "equations": d.equations,
             "method": "continuation",
@@ -135,16 +129,13 @@ def coordinate_of(
     return over_time(times), list(variables)
 
 
-def _asked(bonds: Bonds, rows: Samples, along: Along) -> list[Variable]:
+def _asked(bonds: Bonds, samples: Poses, along: Along) -> list[Variable]:
     """Return the outputs of the scene."""
-    found = [
-        bonds.evaluator.blocks("outputs", t, q, u, np.concatenate([a, np.zeros(bonds.m + 1)]))
-        for t, q, u, a in rows
-    ]
-    info = bonds.evaluator.info("outputs")
+    given = samples.times, samples.q, samples.u, samples.accelerations
+    found = bonds.evaluator.many_blocks("outputs", *given)
     made = [
-        Variable(b.name, b.unit, b.about, b.rows, np.array([np.squeeze(x[b.name]) for x in found]))
-        for b in info.blocks
+        Variable(b.name, b.unit, b.about, b.rows, found[b.name][:, 0] if b.shape == (1, 1) else found[b.name])
+        for b in bonds.evaluator.info("outputs").blocks
     ]
     angles = {f"{link}.angle": link for link in bonds.description.links}
     return [

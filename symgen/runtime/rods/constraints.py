@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from symgen.runtime import _core
 from symgen.runtime.kernels.evaluate import Evaluator
+from symgen.runtime.rods.poses import Poses
 from symgen.runtime.rods.redundancy import extent
 
 Array = NDArray[np.float64]
@@ -91,6 +92,32 @@ class Bonds:
     def places(self, q: Array, t: float) -> Array:
         """Return the positions of all points [m], shape (points, axes)."""
         return self.evaluator.blocks("points", t, q, self._rest)["positions"]
+
+    def missed(self, poses: Poses) -> Array:
+        """Return Phi over its scale [m] and its rate [m/s] at many poses, (2, poses, m)."""
+        given = poses.times, poses.q, poses.u
+        found = self.evaluator.many("constraints", *given)
+        scale = found[:, self.m : 2 * self.m]
+        rates = self.evaluator.many("velocity_constraints", *given)[:, : self.m]
+        return np.stack([found[:, : self.m] / scale, rates / scale])
+
+    def moving(self, poses: Poses) -> tuple[Array, Array]:
+        """Return positions [m] and velocities [m/s] of all points at many poses, (poses, points, axes)."""
+        found = self.evaluator.many_blocks("points", poses.times, poses.q, poses.u)
+        return found["positions"], found["velocities"]
+
+    def accelerating(self, poses: Poses) -> Array:
+        """Return the accelerations [m/s^2] of all points at many poses, (poses, points, axes)."""
+        given = poses.times, poses.q, poses.u, poses.accelerations
+        return self.evaluator.many_blocks("point_accelerations", *given)["point_accelerations"]
+
+    def driving(self, times: Array) -> dict[str, Array]:
+        """Return the values of every drive [rad or m] at many times, by name."""
+        if not self.kinematics.has("drives"):
+            return {}
+        still = np.zeros((len(times), self.n))
+        found = self.kinematics.many_blocks("drives", times, still, still)
+        return {name: values.reshape(len(times)) for name, values in found.items()}
 
     def turned_over(self, q: Array, t: float) -> bool:
         """Tell whether a driven link points against its prescribed direction, which the constraint allows."""

@@ -16,11 +16,12 @@ from symgen.runtime.kernels.arguments import count, reals
 from symgen.runtime.kernels.evaluate import Evaluator
 from symgen.runtime.result.forces import Forces
 from symgen.runtime.result.motion import SingularPose
-from symgen.runtime.result.recorded_motion import Samples, coordinate_of
+from symgen.runtime.result.recorded_motion import coordinate_of
 from symgen.runtime.result.result import Drift, Variable
 from symgen.runtime.rods.constraints import Bonds
 from symgen.runtime.rods.instants import Instants
 from symgen.runtime.rods.kinematics import Followed, Task, driven, follow
+from symgen.runtime.rods.poses import Poses
 from symgen.runtime.rods.rigid_forces import Assembly, Solution, solve
 
 Array = NDArray[np.float64]
@@ -58,12 +59,16 @@ class _Linkage:
 
     def drives(self, t: float) -> dict[str, float]:
         """Return the direction of every driven link [rad] at a time, by the name of its output."""
+        return {name: float(values[0]) for name, values in self.driving(np.array([t])).items()}
+
+    def driving(self, times: Array) -> dict[str, Array]:
+        """Return the same at many times."""
         if not self.loads.has("driven_angles"):
             return {}
-        nothing = np.zeros(self.bonds.n)
-        values = self.loads("driven_angles", t, nothing, nothing)
+        still = np.zeros((len(times), self.bonds.n))
+        values = self.loads.many("driven_angles", times, still, still)
         rows = self.loads.info("driven_angles").blocks[0].rows
-        return {f"{row.split(' ')[0]}.angle": float(v) for row, v in zip(rows, values, strict=True)}
+        return {f"{row.split(' ')[0]}.angle": column for row, column in zip(rows, values.T, strict=True)}
 
     def at(self, t: float) -> str:
         """Return a time in words, with the directions of the driven links."""
@@ -89,20 +94,20 @@ def analyse(bonds: Bonds, loads: Evaluator, q: Array, t: float, redundant: int, 
     driven(bonds, q, t)
     times = asked.range.times(bonds.description.name, linkage.drives)
     found = follow(bonds, q, t, Task(asked.range.start, asked.range.stop, len(times), False), times)
-    rows = _rows(linkage, found, times, asked.range.at is not None)
-    assembly = Assembly(bonds, loads, rows, asked.elements)
+    poses = _poses(linkage, found, times, asked.range.at is not None)
+    assembly = Assembly(bonds, loads, poses, asked.elements)
     solution = solve(assembly)
     lost = np.flatnonzero(solution.rank < assembly.size - redundant)
     notes = [*_notes(linkage, assembly, solution, found)]
     if len(lost):
         causes = [_undetermined(linkage, assembly, solution, i) for i in lost.tolist()]
-        if asked.range.at is not None or len(lost) == len(rows):
-            raise SimulationError(causes[0], time=rows[lost[0]][0])
+        if asked.range.at is not None or len(lost) == len(poses):
+            raise SimulationError(causes[0], time=float(poses.times[lost[0]]))
         notes += causes
-        rows = [row for i, row in enumerate(rows) if i not in lost]
-        assembly = Assembly(bonds, loads, rows, asked.elements)
+        poses = poses[np.setdiff1d(np.arange(len(poses)), lost)]
+        assembly = Assembly(bonds, loads, poses, asked.elements)
         solution = solve(assembly)
-    return _recorded(linkage, assembly, solution, rows, found, asked, notes, began)
+    return _recorded(linkage, assembly, solution, poses, found, asked, notes, began)
 
 
 def _checked(asked: ForceTask) -> ForceTask:
@@ -123,35 +128,37 @@ def _checked(asked: ForceTask) -> ForceTask:
     return replace(asked, elements=elements, sections=every)
 
 
-def _rows(linkage: _Linkage, found: Followed, times: Array, every: bool) -> Samples:
+def _poses(linkage: _Linkage, found: Followed, times: Array, every: bool) -> Poses:
     """Return the samples in the order of the times asked for; raise SimulationError when one is missing."""
-    by_time = {row[0]: row for row in found.rows}
-    missing = [float(t) for t in times if float(t) not in by_time]
-    if missing and (every or not by_time):
-        poses = [_at_pose(linkage, p) for p in found.poses]
+    at = {t: i for i, t in enumerate(found.samples.times.tolist())}
+    missing = [t for t in times.tolist() if t not in at]
+    if missing and (every or not at):
+        singular = [_at_pose(linkage, p) for p in found.poses]
         raise SimulationError(
             "\n  ".join(
                 [
                     f"no pose that determines forces was reached at {linkage.at(missing[0])}",
-                    *filter(None, poses),
+                    *filter(None, singular),
                 ]
             ),
             time=missing[0],
         )
-    rows = [by_time[float(t)] for t in times if float(t) in by_time]
-    for t, q, u, _ in rows:
-        line = without_direction(linkage.bonds.evaluator, t, q, u)
-        if line:
-            raise SimulationError(f"no finite forces at {linkage.at(t)}: {line}", time=t)
-    return rows
+    poses = found.samples[np.array([at[t] for t in times.tolist() if t in at], dtype=np.intp)]
+    if linkage.bonds.evaluator.has("line_lengths"):
+        for t, q, u in zip(poses.times.tolist(), poses.q, poses.u, strict=True):
+            line = without_direction(linkage.bonds.evaluator, t, q, u)
+            if line:
+                raise SimulationError(f"no finite forces at {linkage.at(t)}: {line}", time=t)
+    return poses
 
 
 def _at_pose(linkage: _Linkage, pose: SingularPose) -> str:
     """Return what a singular pose of the motion means for the forces."""
     d = linkage.bonds.description
     q = np.concatenate([np.array(pose.positions[p]) for p in d.free])
-    still = np.zeros_like(q)
-    assembly = Assembly(linkage.bonds, linkage.loads, [(pose.t, q, still, still)], 1)
+    state = np.stack([q, np.zeros_like(q), np.zeros_like(q)])
+    one = Poses(np.array([pose.t]), state[None])
+    assembly = Assembly(linkage.bonds, linkage.loads, one, 1)
     return f"{pose.describe()}; {_undetermined(linkage, assembly, solve(assembly), 0)}"
 
 
@@ -193,9 +200,8 @@ def _variables(
     linkage: _Linkage, assembly: Assembly, solution: Solution, asked: ForceTask
 ) -> Iterator[Variable]:
     axes, x = assembly.description.axes, solution.x
-    drives = [linkage.drives(t) for t in assembly.times]
-    for name in drives[0]:
-        yield Variable(name, "rad", f"drive {name}", (), np.array([d[name] for d in drives]))
+    for name, values in linkage.driving(np.array(assembly.times)).items():
+        yield Variable(name, "rad", f"drive {name}", (), values)
     for u in assembly.unknowns:
         values = x[:, u.column : u.column + u.width]
         if u.kind == "torque":
@@ -246,21 +252,19 @@ def _recorded(
     linkage: _Linkage,
     assembly: Assembly,
     solution: Solution,
-    rows: Samples,
+    poses: Poses,
     found: Followed,
     asked: ForceTask,
     notes: Sequence[str],
     began: float,
 ) -> Forces:
     d, bonds = linkage.bonds.description, linkage.bonds
-    errors = [np.max(np.abs(bonds.residual(q, t)), initial=0.0) for t, q, _, _ in rows]
-    rates = [np.max(np.abs(bonds.jacobian(q, t) @ u + bonds.drift(q, t)), initial=0.0) for t, q, u, _ in rows]
-    t, q, u, _ = rows[-1]
-    last = bonds.evaluator.blocks("points", t, q, u)
+    errors = np.max(np.abs(bonds.missed(poses)), axis=(1, 2), initial=0.0)
+    positions, velocities = bonds.moving(poses)
     worst = int(np.argmax(solution.condition))
     parameters = zip(d.tunable, bonds.evaluator.given.tolist(), strict=False)
-    drive = next(iter(linkage.drives(t)), "") if asked.range.over == "input" else ""
-    times = np.array([row[0] for row in rows])
+    drive = next(iter(linkage.drives(0.0)), "") if asked.range.over == "input" else ""
+    times = poses.times
     coordinate, variables = coordinate_of(times, [*_variables(linkage, assembly, solution, asked)], drive)
     return Forces(
         name=d.name,
@@ -268,14 +272,14 @@ def _recorded(
         axes=d.axes,
         coordinate=coordinate,
         variables=tuple(variables),
-        drift=Drift(float(max(errors)), float(max(rates))),
+        drift=Drift(float(errors[0]), float(errors[1])),
         final={
-            p: {"position": last["positions"][i].tolist(), "velocity": last["velocities"][i].tolist()}
+            p: {"position": positions[-1, i].tolist(), "velocity": velocities[-1, i].tolist()}
             for i, p in enumerate(d.points)
         },
         statistics={
-            "t": t,
-            "steps": len(rows),
+            "t": float(poses.times[-1]),
+            "steps": len(poses),
             "elements": asked.elements,
             "unknowns": assembly.size,
             "condition": float(solution.condition[worst]),

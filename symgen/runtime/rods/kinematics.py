@@ -12,11 +12,13 @@ from numpy.typing import NDArray
 
 from symgen.errors import ModelError, SimulationError
 from symgen.runtime.result.motion import Motion, Range, SingularPose
-from symgen.runtime.result.recorded_motion import Along, Samples, chosen_names, recorded
+from symgen.runtime.result.recorded_motion import Along, chosen_names, recorded
 from symgen.runtime.rods.assemblies import assemblies
+from symgen.runtime.rods.branch import along_branch
 from symgen.runtime.rods.constraints import Bonds
 from symgen.runtime.rods.continuation import LONGEST, Curve, CurvePoint
 from symgen.runtime.rods.instants import Instants
+from symgen.runtime.rods.poses import Poses
 
 Array = NDArray[np.float64]
 
@@ -68,12 +70,12 @@ def _count(number: int, what: str) -> str:
 class Followed:
     """What following gave: samples, singular poses, and ranges of time [s] that were not reached.
 
-    ``path`` are time and coordinates along the curve, ``near`` which of these is next to each sample.
+    ``path`` are poses along the curve, ``near`` the number of the one next to each sample.
     """
 
-    rows: Samples
-    near: list[int]
-    path: list[tuple[float, Array]]
+    samples: Poses
+    near: NDArray[np.intp]
+    path: Poses
     poses: list[SingularPose]
     unassemblable: list[Range]
     out_of_reach: list[Range]
@@ -98,19 +100,19 @@ def analyse(
     driven(bonds, q, t)
     times = asked.times(bonds.description.name, bonds.drives)
     found = follow(bonds, q, t, Task(asked.start, asked.stop, len(times), through), times)
-    if not found.rows:
+    if not len(found.samples):
         where = "; ".join(p.describe() for p in found.poses)
         raise SimulationError(
             f"the linkage does not get from t = {t:g} s to the range {asked.start:g} s to {asked.stop:g} s"
             f"{f': {where}' if where else ''}\n  Choose another range, or another assembly to start from."
         )
-    rows, near = found.rows, found.near
+    samples, near = found.samples, found.near
     if asked.at is not None:
         order = _order_of(found, times)
-        rows, near = [rows[i] for i in order], [near[i] for i in order]
+        samples, near = samples[order], near[order]
     return recorded(
         bonds,
-        rows,
+        samples,
         Along(bonds, found.path, near),
         found.poses,
         found.unassemblable,
@@ -121,16 +123,16 @@ def analyse(
     )
 
 
-def _order_of(found: Followed, times: Array) -> list[int]:
+def _order_of(found: Followed, times: Array) -> NDArray[np.intp]:
     """Return the samples of given times, in their order; raise SimulationError where one is missing."""
-    places = {row[0]: i for i, row in enumerate(found.rows)}
+    places = {t: i for i, t in enumerate(found.samples.times.tolist())}
     for t in times.tolist():
         if t not in places:
             where = "; ".join(p.describe() for p in found.poses)
             raise SimulationError(
                 f"the linkage does not reach t = {t:.9g} s{f': {where}' if where else ''}", time=t
             )
-    return [places[t] for t in times.tolist()]
+    return np.array([places[t] for t in times.tolist()], dtype=np.intp)
 
 
 def follow(bonds: Bonds, q: Array, t: float, asked: Task, times: Array) -> Followed:
@@ -155,9 +157,14 @@ def follow(bonds: Bonds, q: Array, t: float, asked: Task, times: Array) -> Follo
             f"expected a range of at most {reach:.3g} s, {_STEPS} steps at the speed of the drives, got "
             f"{asked.start:g} to {asked.stop:g} s"
         )
+    ends = min(asked.start, t), max(asked.stop, t)
+    sound = along_branch(bonds, q, t, *ends, np.unique(times))
+    if sound is not None:
+        samples = sound.poses[sound.asked]
+        return Followed(samples, sound.asked, sound.poses, [], [], [])
     path = _path(curve, q, t, asked)
     poses = _singular(curve, path, asked)
-    rows: Samples = []
+    rows: list[tuple[float, Array, Array, Array]] = []
     near: list[int] = []
     begin = 0
     for part in _monotone(path):
@@ -168,8 +175,15 @@ def follow(bonds: Bonds, q: Array, t: float, asked: Task, times: Array) -> Follo
     covered = [_span(curve, part) for part in _monotone(path)]
     others, apart = _elsewhere(curve, q, asked, covered)
     poses += others
-    passed = [(t, q) for q, t in (curve.split(p.x) for p in path)]
-    return Followed(rows, near, passed, poses, _gaps([*covered, *apart], asked), apart)
+    passed = [(t, q, np.zeros_like(q), np.zeros_like(q)) for q, t in (curve.split(p.x) for p in path)]
+    nearest = np.array(near, dtype=np.intp)
+    gaps = _gaps([*covered, *apart], asked)
+    return Followed(_poses(rows, bonds.n), nearest, _poses(passed, bonds.n), poses, gaps, apart)
+
+
+def _poses(rows: Sequence[tuple[float, Array, Array, Array]], n: int) -> Poses:
+    states = np.array([row[1:] for row in rows]).reshape(len(rows), 3, n)
+    return Poses(np.array([row[0] for row in rows]), states)
 
 
 def _duration(bonds: Bonds, q: Array, t: float, asked: Task) -> float:

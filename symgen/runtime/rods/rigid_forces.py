@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from symgen.runtime.kernels.description import BlockInfo
 from symgen.runtime.kernels.evaluate import Evaluator
-from symgen.runtime.result.recorded_motion import Samples
 from symgen.runtime.rods.constraints import Bonds
+from symgen.runtime.rods.poses import Poses
 from symgen.runtime.rods.rigid_chain import Attachment, Chain, Distribution, ElementKernels, even
 
 Array = NDArray[np.float64]
@@ -52,21 +52,16 @@ class Unknown:
 class Assembly:
     """The equations of the forces at some poses: times, coordinates, velocities, accelerations."""
 
-    def __init__(self, bonds: Bonds, loads: Evaluator, rows: Samples, elements: int) -> None:
-        d, self._loads, self._rows = bonds.description, loads, rows
+    def __init__(self, bonds: Bonds, loads: Evaluator, poses: Poses, elements: int) -> None:
+        d, self._loads, self._poses = bonds.description, loads, poses
         self.description, self.elements = d, elements
         self._kept: dict[str, Array] = {}
         self.names = [k for k in d.links if k in self._block("link_masses").columns]
-        points = [bonds.evaluator.blocks("points", t, q, u)["positions"] for t, q, u, _ in rows]
-        moved = [
-            bonds.evaluator.blocks("point_accelerations", t, q, u, np.append(a, np.zeros(bonds.m + 1)))
-            for t, q, u, a in rows
-        ]
-        self.places = np.array(points)
-        self.accelerations = np.array([m["point_accelerations"] for m in moved])
+        self.places = bonds.moving(poses)[0]
+        self.accelerations = bonds.accelerating(poses)
         self.unknowns = self._unknowns()
         self.size = sum(u.width for u in self.unknowns)
-        self.times = [row[0] for row in rows]
+        self.times = poses.times.tolist()
 
     def _block(self, name: str) -> BlockInfo:
         return self._loads.info(name).blocks[0]
@@ -82,7 +77,7 @@ class Assembly:
     def _values(self, name: str) -> Array:
         """Return a matrix of the loads at all poses, (poses, rows, columns)."""
         if name not in self._kept:
-            found = np.array([self._loads(name, t, q, u) for t, q, u, _ in self._rows])
+            found = self._loads.many(name, self._poses.times, self._poses.q, self._poses.u)
             self._kept[name] = found.reshape(-1, *self._block(name).shape)
         return self._kept[name]
 
@@ -184,7 +179,7 @@ class Assembly:
 
     def _from_points(self, point: str) -> Array:
         """Return how much of the unknowns a point gives away, (poses, 2, unknowns)."""
-        found = np.zeros((len(self._rows), 2, self.size))
+        found = np.zeros((len(self._poses), 2, self.size))
         guides = self._labels("guides")
         for u in self.unknowns:
             if u.point == point and u.kind == "force":

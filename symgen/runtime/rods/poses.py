@@ -1,0 +1,43 @@
+"""Poses of a linkage at many times, as arrays."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Poses:
+    """Times [s], shape (poses,), and coordinates [m] with their two rates, shape (poses, 3, coordinates)."""
+
+    times: Array
+    states: Array
+
+    def __len__(self) -> int:
+        return len(self.times)
+
+    def __getitem__(self, which: NDArray[np.intp]) -> Poses:
+        """Return some of them, by their numbers."""
+        return Poses(self.times[which], self.states[which])
+
+    @property
+    def q(self) -> Array:
+        """Coordinates [m]."""
+        found: Array = self.states[:, 0]
+        return found
+
+    @property
+    def u(self) -> Array:
+        """Velocities [m/s]."""
+        found: Array = self.states[:, 1]
+        return found
+
+    @property
+    def accelerations(self) -> Array:
+        """Accelerations [m/s^2]."""
+        found: Array = self.states[:, 2]
+        return found

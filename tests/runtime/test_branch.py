@@ -1,0 +1,173 @@
+"""Driven linkages followed in compiled steps: closed forms, the curve by arc length, revolutions, singular poses."""
+
+from __future__ import annotations
+
+import gc
+
+import numpy as np
+import pytest
+from shared.linkages import at, circles, four_bar, ground, rod
+
+import symgen
+from symgen.runtime.rods import kinematics
+from symgen.runtime.rods.branch import along_branch
+
+#: Lengths of links that are tuned: crank, coupler, rocker, base.
+LENGTHS = ("a", "b", "c", "d")
+
+
+def tunable_four_bar():
+    """A four-bar linkage of tunable lengths, its crank driven at 1 rad/s from the positive x axis."""
+    sizes = dict(zip(LENGTHS, (0.1, 0.35, 0.3, 0.4), strict=True))
+    return symgen.Scene(
+        parameters={
+            "w": "1 rad/s",
+            **{k: {"value": f"{v} m", "tunable": True} for k, v in sizes.items()},
+        },
+        points={
+            "O": ground(0, 0),
+            "A": {"at": ["a", "0 m"]},
+            "B": at(0.32, 0.27),
+            "C": {"at": ["d", "0 m"], "ground": True},
+        },
+        links={
+            "crank": rod("O", "A", length="a"),
+            "coupler": rod("A", "B", length="b"),
+            "rocker": rod("C", "B", length="c"),
+        },
+        drivers=[{"link": "crank", "angle": "w*t"}],
+    )
+
+
+@pytest.fixture(scope="module")
+def tuned():
+    return symgen.build(tunable_four_bar())
+
+
+def lengths_of_crank_rockers(count):
+    """Return lengths in metres of linkages that turn round, by Grashof, none near a change point."""
+    made, random = [], np.random.default_rng(5)
+    while len(made) < count:
+        a, b, c, d = random.uniform(0.05, 1.0, 4)
+        shortest_and_longest = a + max(b, c, d)
+        if a < min(b, c, d) and shortest_and_longest < 0.9 * (a + b + c + d - shortest_and_longest):
+            made.append((a, b, c, d))
+    return made
+
+
+@pytest.fixture
+def followed(monkeypatch):
+    """Record for each analysis whether compiled steps did it."""
+    found = []
+
+    def spied(*given):
+        branch = along_branch(*given)
+        found.append(branch is not None)
+        return branch
+
+    monkeypatch.setattr(kinematics, "along_branch", spied)
+    return found
+
+
+@pytest.mark.parametrize("lengths", lengths_of_crank_rockers(40))
+def test_crank_rockers_against_two_circles(tuned, followed, lengths):
+    """Places by two circles; rates by the loop closure A e^(i th) + B e^(i ph) = D + C e^(i ps), differentiated."""
+    a, b, c, d = lengths
+    motion = tuned.with_parameters(**dict(zip(LENGTHS, lengths, strict=True))).kinematics(
+        0.0, 7.0, samples=50
+    )
+    assert followed == [True]
+    theta = motion.time
+    tip, base = a * np.array([np.cos(theta), np.sin(theta)]).T, np.array([d, 0.0])
+    place = motion["B.position"].values
+    (x, y), (rx, ry) = base - tip[0], place[0] - tip[0]
+    side = np.sign(x * ry - y * rx)
+    assert place == pytest.approx(circles(tip, base, b, c, side), abs=1e-14)
+    phi = np.arctan2(*(place - tip).T[::-1])
+    psi = np.arctan2(*(place - base).T[::-1])
+    across = np.sin(phi - psi)
+    psi_rate = a * np.sin(phi - theta) / (c * across)
+    phi_rate = a * np.sin(psi - theta) / (b * across)
+    bend = a * np.cos(phi - theta) + b * phi_rate**2 - c * psi_rate**2 * np.cos(phi - psi)
+    near = 1e-13 / np.min(np.abs(across)) ** 2
+    assert motion["rocker.rate"].values == pytest.approx(psi_rate, abs=near * np.max(np.abs(psi_rate)))
+    assert motion["coupler.rate"].values == pytest.approx(phi_rate, abs=near * np.max(np.abs(phi_rate)))
+    second = -bend / (c * across)
+    assert motion["rocker.acceleration"].values == pytest.approx(
+        second, abs=10 * near * np.max(np.abs(second))
+    )
+
+
+@pytest.mark.parametrize("seed", range(30))
+def test_it_is_the_curve_by_arc_length(tuned, followed, monkeypatch, seed):
+    """Linkages of any lengths, turned as far as they go: dead centres end both ways of following in the same pose."""
+    random = np.random.default_rng(seed)
+    while True:
+        a, b, c, d = random.uniform(0.1, 1.0, 4)
+        if abs(b - c) * 1.02 < abs(d - a) < (b + c) / 1.02:
+            break
+    model = tuned.with_parameters(a=a, b=b, c=c, d=d)
+    motion = model.kinematics(0.0, 2 * np.pi, samples=40)
+    monkeypatch.setattr(kinematics, "along_branch", lambda *given: None)
+    reference = model.kinematics(0.0, 2 * np.pi, samples=40)
+    assert followed == [not reference.singular_poses]
+    assert motion.time == pytest.approx(reference.time, abs=0)
+    assert len(motion.singular_poses) == len(reference.singular_poses)
+    for name in ("B.position", "coupler.angle", "rocker.angle"):
+        assert motion[name].values == pytest.approx(reference[name].values, abs=1e-11)
+    fastest = np.max(np.abs(reference["rocker.rate"].values))
+    assert motion["rocker.rate"].values == pytest.approx(reference["rocker.rate"].values, abs=1e-10 * fastest)
+
+
+def test_revolutions_between_two_far_samples_are_counted(followed):
+    """Twelve turns of the crank; the rocker swings and comes back."""
+    motion = symgen.build(four_bar(0.001, 0.9, 0.8, 1.0, 0.3)).kinematics(0.0, 24 * np.pi, samples=2)
+    assert followed == [True]
+    assert np.diff(motion["crank.angle"].values) == pytest.approx([24 * np.pi], abs=1e-9)
+    assert np.diff(motion["rocker.angle"].values) == pytest.approx([0.0], abs=1e-9)
+
+
+def test_a_start_inside_the_range_is_followed_both_ways(followed):
+    """From a pose at t = 2, to times before and after it."""
+    model = symgen.build(four_bar(0.1, 0.35, 0.3, 0.4, 0.5))
+    there = model.kinematics(at=[2.0], over="time").final
+    state = model.state({p: there[p]["position"] for p in ("A", "B")}, t=2.0)
+    motion = model.kinematics(0.0, 5.0, samples=11, state=state)
+    assert followed[-1]
+    tip = 0.1 * np.array([np.cos(0.5 + motion.time), np.sin(0.5 + motion.time)]).T
+    assert motion["B.position"].values == pytest.approx(circles(tip, [0.4, 0.0], 0.35, 0.3), abs=1e-14)
+
+
+def test_redundant_constraints_are_left_out_and_checked(followed):
+    """A crank joined to the ground by two equal parallel couplers' rockers: one length follows from the others."""
+    points = {
+        "O": ground(0, 0), "A": at(0.0, 0.1), "B": at(0.4, 0.1), "C": ground(0.4, 0),
+        "D": at(0.2, 0.1), "E": ground(0.2, 0),
+    }  # fmt: skip
+    scene = symgen.Scene(
+        parameters={"w": "1 rad/s"},
+        points=points,
+        links={
+            "crank": rod("O", "A"),
+            "coupler": {"points": ["A", "B", "D"], "mass": "1 kg", "inertia": "0.1 kg*m^2"},
+            "rocker": rod("C", "B"),
+            "middle": rod("E", "D"),
+        },
+        drivers=[{"link": "crank", "angle": "pi/2 + w*t"}],
+    )
+    motion = symgen.build(scene).kinematics(0.0, 1.0, samples=11)
+    assert followed == [True]
+    turn = np.pi / 2 + motion.time
+    circle = 0.1 * np.array([np.cos(turn), np.sin(turn)]).T
+    assert motion["D.position"].values == pytest.approx(circle + [0.2, 0.0], abs=1e-14)
+    assert motion["B.velocity"].values == pytest.approx(circle[:, ::-1] * [-1.0, 1.0], abs=1e-13)
+
+
+def test_kernels_in_python_live_as_long_as_what_follows(followed):
+    """The backend that is not compiled takes the same steps, and its kernels are kept by what calls them."""
+    model = symgen.build(four_bar(0.1, 0.35, 0.3, 0.4, 0.5), backend="numpy")
+    gc.collect()
+    motion = model.kinematics(0.0, 6.0, samples=7)
+    assert followed == [True]
+    tip = 0.1 * np.array([np.cos(0.5 + motion.time), np.sin(0.5 + motion.time)]).T
+    assert motion["B.position"].values == pytest.approx(circles(tip, [0.4, 0.0], 0.35, 0.3), abs=1e-14)
