@@ -118,8 +118,8 @@ class RodModel(LinkageModel):
         sections: Sequence[float] = (0.5,),
         state: State | None = None,
     ) -> Forces:
+        from symgen.runtime.rods.forces.analysis import ForceTask, analyse
         from symgen.runtime.rods.instants import instants
-        from symgen.runtime.rods.joint_forces import ForceTask, analyse
 
         begin = self.initial_state() if state is None else state
         asked = instants(start, stop, at, over, samples, self.description.t_end)

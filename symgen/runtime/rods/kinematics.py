@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,12 +18,11 @@ from symgen.runtime.rods.constraints import Bonds
 from symgen.runtime.rods.continuation import LONGEST, Curve, CurvePoint
 from symgen.runtime.rods.instants import Instants
 from symgen.runtime.rods.poses import Poses
+from symgen.runtime.rods.singular import TURNING, monotone, singular_poses
 
 Array = NDArray[np.float64]
 
 _STEPS, _PROBES, _RANK = 1_000_000, 5, 1e-9
-#: Component of the tangent along t that counts as none.
-_TURNING = 1e-9
 
 
 @dataclass(frozen=True, slots=True)
@@ -163,16 +161,16 @@ def follow(bonds: Bonds, q: Array, t: float, asked: Task, times: Array) -> Follo
         samples = sound.poses[sound.asked]
         return Followed(samples, sound.asked, sound.poses, [], [], [])
     path = _path(curve, q, t, asked)
-    poses = _singular(curve, path, asked)
+    poses = singular_poses(curve, path, asked.start, asked.stop)
     rows: list[tuple[float, Array, Array, Array]] = []
     near: list[int] = []
     begin = 0
-    for part in _monotone(path):
+    for part in monotone(path):
         sampled = _sampled(curve, part, times, poses)
         rows += [row for row, _ in sampled]
         near += [begin + i for _, i in sampled]
         begin += len(part) - 1
-    covered = [_span(curve, part) for part in _monotone(path)]
+    covered = [_span(curve, part) for part in monotone(path)]
     others, apart = _elsewhere(curve, q, asked, covered)
     poses += others
     passed = [(t, q, np.zeros_like(q), np.zeros_like(q)) for q, t in (curve.split(p.x) for p in path)]
@@ -205,12 +203,12 @@ def _path(curve: Curve[Bonds], q: Array, t: float, asked: Task) -> list[CurvePoi
     forward = curve.walk(curve.point(x), ends, asked.through, _STEPS)
     if forward[-1] is forward[0] and len(forward) > 1:
         return forward
-    if forward[-1].speed > _TURNING and forward[-1].x[-1] < ends[1] / curve.duration:
+    if forward[-1].speed > TURNING and forward[-1].x[-1] < ends[1] / curve.duration:
         raise _stuck(curve, forward[-1])
     if asked.start >= t:
         return forward
     back = curve.walk(curve.point(x, np.append(np.zeros(len(q)), -1.0)), ends, asked.through, _STEPS)
-    if back[-1].speed < -_TURNING and back[-1].x[-1] > ends[0] / curve.duration:
+    if back[-1].speed < -TURNING and back[-1].x[-1] > ends[0] / curve.duration:
         raise _stuck(curve, back[-1])
     turned = [CurvePoint(p.x, -p.tangent, p.soundness) for p in reversed(back[1:])]
     return turned + forward
@@ -223,71 +221,6 @@ def _stuck(curve: Curve[Bonds], last: CurvePoint) -> SimulationError:
         f"{last.soundness:.1e} of the largest there)\n  Look for a jump or a kink in a drive at this time.",
         time=t,
     )
-
-
-def _monotone(path: list[CurvePoint]) -> list[list[CurvePoint]]:
-    """Part the curve at its dead centres into pieces along which t grows or falls."""
-    parts, begin = [], 0
-    for i in range(1, len(path) - 1):
-        before, after = path[i].x[-1] - path[i - 1].x[-1], path[i + 1].x[-1] - path[i].x[-1]
-        if before * after < 0:
-            parts.append(path[begin : i + 1])
-            begin = i
-    parts.append(path[begin:])
-    return [p for p in parts if len(p) > 1]
-
-
-def _singular(curve: Curve[Bonds], path: list[CurvePoint], asked: Task) -> list[SingularPose]:
-    ends = [part[-1] for part in _monotone(path)[:-1]]
-    ends += [p for p in (path[0], path[-1]) if abs(p.speed) <= _TURNING]
-    found = [(p, "dead centre") for p in ends] + [(p, "bifurcation") for p in curve.crossings(path)]
-    unique: list[tuple[CurvePoint, str]] = []
-    order = {id(p): i for i, p in enumerate(path)}
-    for p, kind in found:
-        if any(p is other or np.linalg.norm(p.x - other.x) < 1e-6 for other, _ in unique):
-            continue
-        slack = 1e-7 * curve.duration
-        if asked.start - slack <= p.x[-1] * curve.duration <= asked.stop + slack:
-            unique.append((p, kind))
-
-    def along(item: tuple[CurvePoint, str]) -> int:
-        point = item[0]
-        return order.get(id(point), int(np.argmin([np.linalg.norm(point.x - p.x) for p in path])))
-
-    return [_pose(curve, p, kind, path) for p, kind in sorted(unique, key=along)]
-
-
-def _pose(curve: Curve[Bonds], p: CurvePoint, kind: str, path: list[CurvePoint]) -> SingularPose:
-    q, t = curve.split(p.x)
-    bonds = curve.bonds
-    places = dict(zip(bonds.description.points, bonds.places(q, t), strict=True))
-    others = [
-        dict(zip(bonds.description.points, bonds.places(*curve.split(o.x)), strict=True))
-        for o in path[:: max(1, len(path) // 8)]
-    ]
-    pairs = []
-    d = bonds.description
-    for a, b in combinations([k for k, points in d.links.items() if not set(points) <= set(d.ground)], 2):
-        always = all(_in_line(bonds, a, b, other, 1e-3) for other in others)
-        if _in_line(bonds, a, b, places, 1e-6) and not always:
-            pairs.append((a, b))
-    return SingularPose(
-        kind, t, bonds.drives(t), {name: r.tolist() for name, r in places.items()}, tuple(pairs)
-    )
-
-
-def _in_line(bonds: Bonds, a: str, b: str, places: dict[str, Array], tolerance: float) -> bool:
-    links = bonds.description.links
-    for joint in set(links[a]) & set(links[b]):
-        for p in set(links[a]) - {joint}:
-            for s in set(links[b]) - {joint}:
-                d, e = places[p] - places[joint], places[s] - places[joint]
-                size = np.linalg.norm(d) * np.linalg.norm(e)
-                across = math.sqrt(max(float((d @ d) * (e @ e) - (d @ e) ** 2), 0.0))
-                planar = abs(d[0] * e[1] - d[1] * e[0]) if len(d) == 2 else across
-                if planar <= tolerance * size:
-                    return True
-    return False
 
 
 def _rates(curve: Curve[Bonds], q: Array, t: float) -> tuple[Array, Array, float]:
@@ -390,7 +323,7 @@ def _elsewhere(
             ways = [np.append(np.zeros(len(q)), s) for s in (1.0, -1.0)]
             ends = [curve.walk(curve.point(start, w), (asked.start, asked.stop), False, _STEPS) for w in ways]
             path = [CurvePoint(p.x, -p.tangent, p.soundness) for p in reversed(ends[1][1:])] + ends[0]
-            poses += _singular(curve, path, whole)
+            poses += singular_poses(curve, path, whole.start, whole.stop)
             times = [p.x[-1] * curve.duration for p in path]
             apart.append((float(max(min(times), asked.start)), float(min(max(times), asked.stop))))
     return poses, apart

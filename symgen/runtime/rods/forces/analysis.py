@@ -19,10 +19,10 @@ from symgen.runtime.result.motion import SingularPose
 from symgen.runtime.result.recorded_motion import coordinate_of
 from symgen.runtime.result.result import Drift, Variable
 from symgen.runtime.rods.constraints import Bonds
+from symgen.runtime.rods.forces.assembly import Assembly, Solution, solve
 from symgen.runtime.rods.instants import Instants
 from symgen.runtime.rods.kinematics import Followed, Task, driven, follow
 from symgen.runtime.rods.poses import Poses
-from symgen.runtime.rods.rigid_forces import Assembly, Solution, solve
 
 Array = NDArray[np.float64]
 _MOST_ELEMENTS, _MOST_SAMPLES = 1000, 100_000

@@ -2,7 +2,7 @@
 
 Source: the thesis on kineto-elastodynamics, Chapter IV, for any planar linkage. Unknown are the force on
 every link at each of its points, the forces of guides, normal to them, and the torques of drives. The
-equations are three for each link (what its elements leave, see ``rigid_chain``) and two for each point that
+equations are three for each link (what its elements leave, see ``chain``) and two for each point that
 is not ground, which carries its point mass and its loads.
 """
 
@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 from symgen.runtime.kernels.description import BlockInfo
 from symgen.runtime.kernels.evaluate import Evaluator
 from symgen.runtime.rods.constraints import Bonds
+from symgen.runtime.rods.forces.chain import Attachment, Chain, Distribution, ElementKernels, even
 from symgen.runtime.rods.poses import Poses
-from symgen.runtime.rods.rigid_chain import Attachment, Chain, Distribution, ElementKernels, even
 
 Array = NDArray[np.float64]
 #: A singular value that is a smaller part of the largest is lost rank; as in the kinematics.

@@ -1,0 +1,1 @@
+"""Joint forces and section forces in driven linkages of rigid links."""
