@@ -146,6 +146,8 @@ def _layout(x: Layout) -> tuple[tuple[str, str], ...]:
         stiffnesses=len(x.stiffness_slots) - 1,
         shaft=x.shaft,
         shaft_slot=x.shaft_slot,
+        damped=len(x.damped),
+        damped_at=x.damped_at,
         entries=len(x.rows),
         band=x.band,
         constant_count=x.constants.size,

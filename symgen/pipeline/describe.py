@@ -243,4 +243,5 @@ def _elastic(linkage: Linkage) -> ElasticInfo:
         loads=tuple(link for link, *_ in loads_along(linkage)),
         outputs=linkage.outputs,
         shaft_alone=_shaft_alone(linkage),
+        damps_all=linkage.modal_damping is not None and linkage.modal_damping.all,
     )

@@ -36,7 +36,7 @@ cdef extern from "core/elastic.h" nogil:
 
     cdef struct beam_layout:
         Py_ssize_t unknowns, constraints, pieces, coordinates, masses, dampings, stiffnesses
-        Py_ssize_t shaft, shaft_slot, entries, band, constant_count
+        Py_ssize_t shaft, shaft_slot, damped, damped_at, entries, band, constant_count
         const Py_ssize_t *sizes
         const Py_ssize_t *constants_at
         const Py_ssize_t *link_of
@@ -296,6 +296,10 @@ cdef int _check_layout(layout, Py_ssize_t links, Py_ssize_t joined) except -1:
         _within("ends of slots", layout.slots_at + sizes**2, 0, len(layout.slots) + 1)
         _within("constants_at", layout.constants_at, 0, len(layout.constants))
     coordinates = len(layout.joint_places) - 1
+    if len(layout.damped):
+        forces = len(layout.damped) * (int(np.sum(sizes)) + coordinates)
+        at_least("constants", len(layout.constants), layout.damped_at + forces)
+        at_least("entries of matrices with damped modes", entries, n * n)
     slots = layout.mass_slots, layout.damping_slots, layout.stiffness_slots
     blocks = [coordinates, *[len(s) - 1 for s in slots], *[m * coordinates] * 3]
     for start, count in zip(layout.joint_at, blocks):
@@ -334,6 +338,7 @@ cdef class BeamEquations(Integrable):
         wanted.masses, wanted.dampings = len(layout.mass_slots) - 1, len(layout.damping_slots) - 1
         wanted.stiffnesses = len(layout.stiffness_slots) - 1
         wanted.shaft, wanted.shaft_slot = layout.shaft, layout.shaft_slot
+        wanted.damped, wanted.damped_at = len(layout.damped), layout.damped_at
         wanted.entries, wanted.band, wanted.thesis = len(layout.rows), layout.band, thesis
         wanted.sizes, wanted.constants_at = _kept(kept, layout.sizes), _kept(kept, layout.constants_at)
         wanted.link_of, wanted.ends = _kept(kept, layout.link_of), _kept(kept, layout.ends)

@@ -12,7 +12,7 @@ from symgen.methods import claiming
 from symgen.scene import units
 from symgen.scene.elastic.crank import crank, driver_of, with_flywheel
 from symgen.scene.elastic.links import Crank
-from symgen.scene.elastic.reading import check_loads, elastic_links, stations
+from symgen.scene.elastic.reading import check_loads, elastic_links, modal_damping, stations
 from symgen.scene.loop.loop import Loop
 from symgen.scene.loop.resolve import loop_of
 from symgen.scene.loop.schema import SpatialLoop
@@ -108,6 +108,7 @@ def _linkage(scene: Scene) -> Linkage:
         outputs=None if scene.analysis.outputs is None else tuple(scene.analysis.outputs),
         elastic=elastic,
         crank=turned,
+        modal_damping=modal_damping(read),
         stations=tuple(stations(read, links, elastic)),
         events=tuple(events(read)),
         kinematic=scene.analysis.kind == "kinematics",

@@ -11,7 +11,7 @@ from pydantic_core import CoreSchema
 from symgen.calls import checked
 from symgen.errors import SceneError
 from symgen.loads import LOADS
-from symgen.scene.elastic.schema import Crank, Elastic, Section, Station
+from symgen.scene.elastic.schema import Crank, Elastic, ModalDamping, Section, Station
 from symgen.scene.faults import scene_error
 from symgen.scene.loop.schema import SpatialLoop
 from symgen.scene.study_schema import Study
@@ -189,6 +189,7 @@ class Scene(Table):
     guides: list[Guide] = Field(default_factory=list)
     drivers: list[Driver] = Field(default_factory=list)
     crank: Crank | None = None
+    modal_damping: ModalDamping | None = None
     stations: list[Station] = Field(default_factory=list)
     start: Start = Field(default_factory=Start)
     events: list[Event] = Field(default_factory=list)
@@ -255,8 +256,8 @@ class Scene(Table):
 #: The table model behind each top-level key, to name the nearest known key in errors.
 TABLES: dict[str, type[Table]] = {
     "parameters": Parameter, "points": Point, "links": Link, "gravity": Gravity, "masses": PointMass,
-    "guides": Guide, "drivers": Driver, "crank": Crank, "stations": Station,
-    "start": Start, "events": Event, "analysis": Analysis,
+    "guides": Guide, "drivers": Driver, "crank": Crank, "modal_damping": ModalDamping,
+    "stations": Station, "start": Start, "events": Event, "analysis": Analysis,
     "loop": SpatialLoop, "studies": Study,
 }  # fmt: skip
 

@@ -91,7 +91,9 @@ def motion_system(linkage: Linkage) -> System:
             _table(model, "crank", [[crank.angle, crank.speed]], "rad, rad/s", ("angle", "speed"))
         )
         constants.append("crank")
+    damping = linkage.modal_damping
     for name, rows, unit, columns in (
+        ("modal_damping", [[ratio] for ratio in damping.ratios] if damping else [], "1", ("ratio",)),
         ("stations", _stations(linkage), "1, m", ("at", "fibre")),
         ("lumps", [[at, mass] for _, at, mass in lumps(linkage)], "m, kg", ("at", "mass")),
         ("profiles", [profile.shape for _, profile in along], "m, 1, 1/m", ("at", "even", "slope")),
@@ -189,6 +191,7 @@ _ABOUT = {
     "links": "directions of elastic links, and weights of their constant matrices and load vectors",
     "properties": "sections, material and damping of the elastic links",
     "crank": "direction at the start and speed of the crank",
+    "modal_damping": "damping ratios of the modes of the structure",
     "stations": "where strains are asked for: fraction of the length, fibre",
     "lumps": "masses along elastic links: distance from the first point, mass",
     "profiles": "where forces along elastic links act: distance from the first point, or factors of 1 and x",

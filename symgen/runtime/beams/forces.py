@@ -14,6 +14,7 @@ from symgen.runtime.beams.data import Piece
 from symgen.runtime.beams.frames import Frames, frames
 from symgen.runtime.elastic.motion import ElasticMotion
 from symgen.runtime.result.result import Variable
+from symgen.runtime.structure import forces_on_links
 
 Array = NDArray[np.float64]
 
@@ -56,9 +57,11 @@ def forces(motion: ElasticMotion, equations: BeamEquations, found: Motion) -> li
     accelerations = _accelerations(motion, equations, found)
     bound = _bound(motion, equations, found, accelerations)
     crank, free, made = motion.info.crank, motion.info.mode == "free", []
+    by_modes = forces_on_links(motion.layout, motion.beams)
+    rates_of_modes = modal_rates(motion, found)
     for k, beam in enumerate(motion.beams):
         axes, name = frames(found.links[:, k]), beam.info.link
-        rows = _link(motion, found, accelerations, k, axes)
+        rows = _link(motion, found, accelerations, k, axes) + rates_of_modes @ by_modes[k]
         ends = [np.column_stack(axes.fixed(rows[:, u], rows[:, w])) for u, w in beam.ends]
         if name in bound:
             places = [motion.layout.of_links[k][list(end)] for end in beam.ends]
@@ -158,6 +161,22 @@ def own_motion(
         a[:, u] += twice * vw + by_turn * sw + ends * su
         a[:, w] += -twice * vu - by_turn * su + ends * sw
     return s, v, a
+
+
+def modal_rates(motion: ElasticMotion, found: Motion) -> Array:
+    """Return the rates at which the forces of damped modes work on the strains, (times, modes) [W^(1/2)].
+
+    Their squares are the powers that the damping of the modes takes.
+    """
+    made = np.zeros((len(found.times), len(motion.layout.damped)))
+    if found.rates is None or not made.size:
+        return made
+    still = np.zeros_like(found.displacements)
+    for k, own in enumerate(forces_on_links(motion.layout, motion.beams)):
+        made += own_motion(motion, found, still, k, frames(found.links[:, k]))[1] @ own.T
+    joints = motion.layout.joint_places[:-1]
+    of_joints = motion.layout.damped[:, motion.layout.damped.shape[1] - len(joints) :]
+    return made + found.rates[:, joints[joints >= 0]] @ of_joints[:, joints >= 0].T
 
 
 def _bound(

@@ -33,6 +33,10 @@ class Layout:
         For each link the unknown of each of its own; -1 where it is held. Ends are on fixed axes.
     rows, columns, band
         Entries of the matrices that may not be zero, and their distance from the diagonal.
+    damped
+        Forces f of modes with damping f f^T of their own, (modes, forces): on the unknowns of all pieces, in
+        the axes of links, then on those of the joints, in fixed axes. They begin at ``damped_at`` of
+        ``constants``.
     loads_at
         For link k its forces are those from ``loads_at[k]`` to ``loads_at[k + 1]``.
     """
@@ -61,6 +65,8 @@ class Layout:
     loads_at: Indices
     shaft: int
     shaft_slot: int
+    damped: Array
+    damped_at: int
 
 
 def layout(
@@ -68,6 +74,7 @@ def layout(
     info: ElasticInfo,
     beams: Sequence[Beam],
     joints: Mapping[str, BlockInfo],
+    damped: Array | None = None,
 ) -> Layout:
     """Return the layout of the elastic motion of a linkage.
 
@@ -79,14 +86,18 @@ def layout(
         Its elastic links.
     joints
         Blocks of the kernel ``joints``.
+    damped
+        Forces of modes: see :class:`Layout`; they couple all unknowns.
     """
     joint = {p: 2 * i for i, p in enumerate(description.free)}
     names, of_links, shaft = _unknowns(description, info, beams)
     block = joints.get("jacobian")
     constraints = block.shape[0] if block else 0
-    pairs = _pairs(beams, of_links, joints, joint, shaft)
     n = len(names)
-    order = np.arange(n) if constraints else _by_least_band(n, pairs)
+    pairs = _pairs(beams, of_links, joints, joint, shaft)
+    if damped is not None:
+        pairs = np.indices((n, n)).reshape(2, -1).T
+    order = np.arange(n) if constraints or damped is not None else _by_least_band(n, pairs)
     new = np.empty(n + 1, dtype=np.intp)
     new[order], new[-1] = np.arange(n), -1
     pairs = np.unique(new[pairs], axis=0)
@@ -97,6 +108,12 @@ def layout(
         name: _spare([slot[int(new[i]), int(new[j])] for i, j in _of_joints(joints, name, joint)])
         for name in ("mass_matrix", "damping", "stiffness")
     }
+    of_pieces = _of_pieces(beams, renumbered, slot)
+    forces = damped
+    if forces is None:
+        forces = np.zeros(
+            (0, int(np.sum(of_pieces["sizes"])) + len(description.free) * len(description.axes))
+        )
     return Layout(
         unknowns=n,
         constraints=constraints,
@@ -105,7 +122,9 @@ def layout(
         rows=np.ascontiguousarray(pairs[:, 0]),
         columns=np.ascontiguousarray(pairs[:, 1]),
         band=int(np.max(np.abs(pairs[:, 0] - pairs[:, 1]), initial=0)),
-        **_of_pieces(beams, renumbered, slot),
+        **of_pieces | {"constants": np.concatenate([of_pieces["constants"], np.ravel(forces), np.zeros(1)])},
+        damped=forces,
+        damped_at=len(of_pieces["constants"]),
         joint_places=_spare(new[: len(description.free) * len(description.axes)].tolist()),
         joint_at=np.array([joints[b].offset if b in joints else 0 for b in _BLOCKS], dtype=np.intp),
         mass_slots=entries["mass_matrix"],
@@ -166,7 +185,7 @@ def _of_pieces(
     return {
         "sizes": np.array([len(p) for p in places], dtype=np.intp),
         "constants_at": _starts([len(c) for c in constants]),
-        "constants": np.concatenate([*constants, np.zeros(1)]),
+        "constants": np.concatenate(constants),
         "link_of": np.array([k for k, _ in pieces], dtype=np.intp),
         "ends": np.array([_ends(beams[k], piece.at) for k, piece in pieces], dtype=np.intp),
         "places": np.concatenate([*places, np.array([-1])]).astype(np.intp),

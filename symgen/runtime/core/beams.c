@@ -37,6 +37,7 @@ static size_t place(struct beams *b, const struct beam_layout *x, void *memory) 
         ARENA_ARRAY(b->load, m ? free + 1 : 0),
         ARENA_ARRAY(b->constants, x->constant_count + 1),
         ARENA_ARRAY(b->local, 3 * largest * largest + largest),
+        ARENA_ARRAY(b->forces, x->damped ? 2 * n : 0),
         ARENA_ARRAY(b->bound, (3 * m + 1) * n),
         ARENA_ARRAY(b->pivoted, (m + 1) * n),
         ARENA_ARRAY(b->basis, m ? 3 * n * free : 0),
@@ -199,6 +200,55 @@ static void add_piece(struct beams *b, ptrdiff_t k) {
         }
 }
 
+/* Add the force of a mode on superelement k, constant in its link's axes, to f; its rate by the rotation to g. */
+static void add_force(const struct beams *b, ptrdiff_t k, const real *own, real *f, real *g) {
+    const struct beam_layout *x = &b->layout;
+    const ptrdiff_t n = x->sizes[k], *places = x->places + x->places_at[k];
+    const real *weights = b->motion->motion + MOTION * x->link_of[k], c = weights[COSINE], s = weights[SINE];
+    const real by_rate = x->thesis ? 0 : weights[STIFFNESS_DAMPING_QUARTER];
+    real *a = b->local, *rate = a + n;
+    memcpy(a, own, (size_t)n * sizeof(real));
+    memset(rate, 0, (size_t)n * sizeof(real));
+    for (int e = 0; e < 2; e++) {
+        const ptrdiff_t u = x->ends[4 * k + 2 * e], w = x->ends[4 * k + 2 * e + 1];
+        if (u < 0)
+            continue;
+        const real along = a[u], across = a[w];
+        a[u] = c * along - s * across;
+        a[w] = s * along + c * across;
+        /* A quarter turn back of (u, w), as in add_turning_ends, in fixed axes. */
+        rate[u] = -by_rate * a[w];
+        rate[w] = by_rate * a[u];
+    }
+    for (ptrdiff_t i = 0; i < n; i++)
+        if (places[i] >= 0) {
+            f[places[i]] += a[i];
+            g[places[i]] += rate[i];
+        }
+}
+
+/* Add the damping of modes, f (f S' + g S) of each: f S' + g S is the rate at which its force works on the strains. */
+static void add_modes(struct beams *b) {
+    const struct beam_layout *x = &b->layout;
+    const ptrdiff_t n = b->whole;
+    const real *own = b->constants + x->damped_at;
+    real *f = b->forces, *g = f + n;
+    for (ptrdiff_t mode = 0; mode < x->damped; mode++) {
+        memset(f, 0, (size_t)(2 * n) * sizeof(real));
+        for (ptrdiff_t k = 0; k < x->pieces; own += x->sizes[k++])
+            add_force(b, k, own, f, g);
+        for (ptrdiff_t i = 0; i < x->coordinates; i++)
+            if (x->joint_places[i] >= 0)
+                f[x->joint_places[i]] += own[i];
+        own += x->coordinates;
+        for (ptrdiff_t i = 0; i < n; i++)
+            for (ptrdiff_t j = 0; j < n; j++) {
+                b->full_damping[n * i + j] += f[i] * f[j];
+                b->full_stiffness[n * i + j] += f[i] * g[j];
+            }
+    }
+}
+
 static void add_block(real *to, const ptrdiff_t *slots, ptrdiff_t count, const real *from) {
     for (ptrdiff_t i = 0; i < count; i++)
         to[slots[i]] += from[i];
@@ -234,6 +284,8 @@ int beams_assemble(struct beams *b, real t, int choose) {
     for (ptrdiff_t k = 0; k < b->layout.pieces; k++)
         add_piece(b, k);
     add_joints(b);
+    if (b->analysis != QUASI_STATIC)
+        add_modes(b);
     b->base.account->evaluations++;
     return b->layout.constraints ? beams_reduce(b, choose) : DONE;
 }

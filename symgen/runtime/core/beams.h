@@ -27,6 +27,8 @@ struct beam_layout {
     const ptrdiff_t *mass_slots, *damping_slots, *stiffness_slots;
     const ptrdiff_t *loads_at;     /* forces of link k: from loads_at[k] to loads_at[k + 1] */
     ptrdiff_t shaft, shaft_slot;   /* unknown and slot of an elastic crank's turn, -1: none */
+    ptrdiff_t damped, damped_at;   /* modes with damping of their own; where their forces begin in `constants`:
+                                    * of each mode over the unknowns of all superelements, then over `coordinates` */
     ptrdiff_t entries, band;       /* of the matrices of all unknowns */
     const ptrdiff_t *rows, *columns;
     ptrdiff_t constant_count;
@@ -49,7 +51,7 @@ struct beams {
     const ptrdiff_t *rows, *columns;
     real *mass, *damping, *stiffness, *load;
     real *full_mass, *full_damping, *full_stiffness, *full_load;
-    real *constants, *local;
+    real *constants, *local, *forces;
     /* constraints J, J', J'' (rows of `whole`), and the basis R, R', R'' (whole x free each) */
     real *bound, *pivoted, *basis, *product;
     ptrdiff_t *dependent, *independent, *swaps;

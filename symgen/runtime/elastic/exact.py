@@ -245,6 +245,8 @@ def _notes(motion: ElasticMotion, segments: int) -> list[str]:
     if damped:
         names = ", ".join(damped)
         notes.append(f"rods are damped by stiffness only: what mass or a ratio gives is left out of {names}")
+    if len(motion.layout.damped):
+        notes.append("modal damping of the structure is left out: rods have no such modes")
     sheared = [b.info.link for b in motion.beams if any(b.properties.shear)]
     if sheared:
         notes.append(f"shear is left out of {', '.join(sheared)}")

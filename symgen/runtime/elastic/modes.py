@@ -13,12 +13,10 @@ from symgen.runtime import _beams
 from symgen.runtime.beams.frames import MOTION, frames
 from symgen.runtime.elastic.motion import ElasticMotion
 from symgen.runtime.result.modes import ElasticModes
+from symgen.runtime.structure import ROUND_OFF, modes_at_rest, stiffness_sizes
 
 Array = NDArray[np.float64]
 
-#: Strain energy of a shape over the sum of its terms' sizes, up to which it is round-off of a rigid motion. A
-#: slender bar of a thousand elements keeps 1e-12.
-_ROUND_OFF = 1e-14
 #: Unknowns up to which all modes are found at once.
 _DENSE = 60
 
@@ -52,7 +50,9 @@ def elastic_modes(motion: ElasticMotion, equations: _beams.BeamEquations, t: flo
     status, mass, damping, stiffness, _, basis = equations.matrices(t, _beams.AT_REST)
     motion.check(equations, status, t)
     shown = np.eye(len(mass)) if basis is None else basis[0]
-    speeds, shapes, rigid = _at_rest(motion, mass, stiffness, stiffness_sizes(equations, shown))
+    speeds, shapes, rigid = modes_at_rest(
+        motion.rigid.name, mass, stiffness, stiffness_sizes(equations, shown)
+    )
     return ElasticModes(
         motion.rigid.name,
         float(motion.angle_at(np.array(t))),
@@ -68,73 +68,6 @@ def _ratios(damping: Array, speeds: Array, shapes: Array) -> Array:
     """Return phi^T C phi / (2 w) of shapes phi of unit modal mass; zero where w is."""
     damped = np.einsum("ik,ij,jk->k", shapes, damping, shapes, optimize=True)
     return np.divide(damped, 2 * speeds, out=np.zeros_like(speeds), where=speeds > 0.0)
-
-
-def stiffness_sizes(equations: _beams.BeamEquations, basis: Array) -> Array:
-    """Return the roots of the sums of sizes of the terms of the diagonal of B^T K B, (columns of B,).
-
-    Large terms may cancel where a constraint forbids a link to stretch.
-    """
-    from scipy.sparse import csr_array
-
-    rows, columns, entries = equations.full_stiffness()
-    terms = csr_array((np.abs(entries), (rows, columns)), shape=(len(basis), len(basis)))
-    found = np.sqrt(np.sum(np.abs(basis) * (terms @ np.abs(basis)), axis=0))
-    return np.where(found > 0.0, found, 1.0)
-
-
-def _at_rest(motion: ElasticMotion, mass: Array, stiffness: Array, sizes: Array) -> tuple[Array, Array, int]:
-    """Return angular frequencies [rad/s] by rising size, shapes of unit modal mass, and how many are rigid.
-
-    Frequencies are singular values of G L^-T with K = G^T G and M = L L^T, so that round-off is a part of the
-    largest frequency and not of its square.
-
-    Raises
-    ------
-    ModelError
-        When the structure is unstable at rest, or something moves without mass.
-    """
-    from scipy.linalg import LinAlgError, cholesky, solve_triangular, svd
-
-    factor = _factor(motion, stiffness, sizes)
-    try:
-        root = cholesky((mass + mass.T) / 2, lower=True)
-    except LinAlgError:
-        raise ModelError(
-            f"{motion.rigid.name} has no modes: something of the structure has no mass"
-        ) from None
-    _, speeds, vectors = svd(solve_triangular(root, factor.T, lower=True).T)
-    rigid = len(mass) - len(factor)
-    shapes = solve_triangular(root, vectors[::-1].T, lower=True, trans="T")
-    return np.concatenate([np.zeros(rigid), speeds[::-1]]), shapes, rigid
-
-
-def _factor(motion: ElasticMotion, stiffness: Array, sizes: Array) -> Array:
-    """Return G of K = G^T G, with as many rows as K has rank.
-
-    Pivots are compared with the round-off of their own unknown: see :func:`stiffness_sizes`.
-
-    Raises
-    ------
-    ModelError
-        When K has a negative eigenvalue.
-    """
-    from scipy.linalg.lapack import dpstrf
-
-    symmetric = (stiffness + stiffness.T) / 2
-    n = len(symmetric)
-    scaled = symmetric / np.outer(sizes, sizes)
-    upper, order, rank, _ = dpstrf(scaled, tol=n * np.finfo(float).eps)
-    order = order - 1
-    upper = np.triu(upper)[:rank]
-    null = np.vstack([-np.linalg.solve(upper[:, :rank], upper[:, rank:]), np.eye(n - rank)])
-    left = null.T @ scaled[np.ix_(order, order)] @ null
-    noise = np.sum(np.abs(null) * (np.abs(scaled[np.ix_(order, order)]) @ np.abs(null)), axis=0)
-    if np.any(np.diagonal(left) < -_ROUND_OFF * n * noise):
-        raise ModelError(f"{motion.rigid.name} is unstable at rest in this pose: a spring pushes it away")
-    found: Array = np.empty((rank, n))
-    found[:, order] = upper
-    return found * sizes
 
 
 def lowest(motion: ElasticMotion, equations: _beams.BeamEquations, t: float) -> float:
@@ -164,7 +97,7 @@ def _lowest_of_many(motion: ElasticMotion, equations: _beams.BeamEquations, t: f
     shift = -(motion.speed**2)
     for count in range(3, m.shape[0]):
         squares, shapes = eigsh(k, count, m, shift, v0=np.ones(m.shape[0]))
-        strained = np.sum(shapes * (k @ shapes), axis=0) > _ROUND_OFF * np.sum(
+        strained = np.sum(shapes * (k @ shapes), axis=0) > ROUND_OFF * np.sum(
             np.abs(shapes) * (abs(k) @ np.abs(shapes)), axis=0
         )
         if np.any(strained):
@@ -191,8 +124,8 @@ def moving_modes(motion: ElasticMotion, equations: _beams.BeamEquations, t: floa
     motion.check(equations, status, t)
     turned, rate, second = _axes(motion, equations, t, basis)
     # In the modes at rest all entries are of the size of their own frequencies, and small ones are not lost.
-    speeds, modes, rigid = _at_rest(
-        motion,
+    speeds, modes, rigid = modes_at_rest(
+        motion.rigid.name,
         turned.T @ mass @ turned,
         turned.T @ resting @ turned,
         stiffness_sizes(equations, turned if basis is None else basis[0] @ turned),

@@ -21,6 +21,7 @@ from symgen.runtime.beams.links import Beam
 from symgen.runtime.elastic.path import Machine, Path
 from symgen.runtime.kernels.description import KernelInfo
 from symgen.runtime.model.rods import RodModel
+from symgen.runtime.structure import modal_forces
 
 Array = NDArray[np.float64]
 
@@ -155,7 +156,17 @@ class ElasticMotion(ABC):
         d = self.rigid.description
         kernel = self._joints.info("joints")
         blocks = {b.name: b for b in kernel.blocks}
-        return layout(d, self.info, self.beams, blocks)
+        plain = layout(d, self.info, self.beams, blocks)
+        if "modal_damping" not in self._tables:
+            return plain
+        return layout(d, self.info, self.beams, blocks, self._forces_of_modes(plain))
+
+    def _forces_of_modes(self, plain: Layout) -> Array:
+        """Return the forces of the modes with damping ratios, in the pose of the start."""
+        equations = _beams.BeamEquations(self._moved(None), plain, False)
+        self.check(equations, equations.matrices(0.0, _beams.AT_REST)[0], 0.0)
+        ratios = np.ravel(self._tables["modal_damping"])
+        return modal_forces(self.rigid.name, equations, plain, self.beams, ratios, self.info.damps_all)
 
     @property
     def constraints(self) -> tuple[str, ...]:
@@ -203,20 +214,23 @@ class ElasticMotion(ABC):
 
     def moved(self, stepping: bool = False) -> RigidMotion:
         """Return the rigid motion at its start, to be followed in time."""
+        return self._moved(self._path, stepping)
+
+    def _moved(self, path: Path | None, stepping: bool = False) -> RigidMotion:
         d = self.rigid.description
         joined = ("elastic_motion", "elastic_joints")
         links, joints = (self.rigid.analysis(kind, stepping).library for kind in joined)
         typed = self.rigid.typed if stepping else None
         driven = self.rigid.evaluator.equations(len(d.redundant), typed=typed)
         return RigidMotion(
-            self.machine.equations() if self._path else driven,
+            self.machine.equations() if path else driven,
             links,
             joints,
             self.kernel_sizes,
             0.0,
             self._start,
             self.stride,
-            self._path,
+            path,
         )
 
     def rigid_crank(self, times: Array, q: Array) -> tuple[Array, Array]:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symgen.errors import ModelError, nearest
-from symgen.runtime.beams.forces import Motion, own_motion
+from symgen.runtime.beams.forces import Motion, modal_rates, own_motion
 from symgen.runtime.beams.frames import frames
 from symgen.runtime.beams.links import Beam
 from symgen.runtime.elastic.motion import ElasticMotion
@@ -128,6 +128,7 @@ def mean_powers(motion: ElasticMotion, found: Motion, torque: Array | None) -> t
         for piece in beam.pieces:
             own = rates[:, list(piece.at)]
             lost += np.sum(own * (own @ piece.damping.T), axis=1)
+    lost += np.sum(modal_rates(motion, found) ** 2, axis=1)
     power = torque * motion.speed
     shaft, damping = float(np.mean(power[:-1])), float(np.mean(lost[:-1]))
     return (shaft, damping) if damping > _NOTHING * float(np.max(np.abs(power))) else None

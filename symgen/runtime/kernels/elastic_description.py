@@ -13,6 +13,7 @@ class ElasticInfo:
 
     ``stations`` are pairs of a name and a link, ``lumps`` and ``loads`` the links of the masses and forces
     along links, all in the order of the rows that kernels give. ``outputs`` are those the scene selects.
+    ``damps_all``: the one ratio of modal damping is that of all modes.
     ``shaft_alone``: nothing but the shaft of the crank and damping of the links does work over a revolution.
     """
 
@@ -24,3 +25,4 @@ class ElasticInfo:
     loads: tuple[str, ...]
     outputs: tuple[str, ...] | None = None
     shaft_alone: bool = False
+    damps_all: bool = False

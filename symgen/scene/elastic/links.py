@@ -100,6 +100,17 @@ class Crank:
 
 
 @dataclass(frozen=True, slots=True)
+class ModalDamping:
+    """Damping ratios of the modes of the structure at rest, in the pose in which the crank starts.
+
+    ``ratios`` are those of the first modes that strain the structure by rising frequency, or one for ``all``.
+    """
+
+    ratios: tuple[sp.Expr, ...]
+    all: bool
+
+
+@dataclass(frozen=True, slots=True)
 class Station:
     """Station of strain output: at the fraction ``at`` of a link, at ``fibre`` [m] from the neutral axis.
 

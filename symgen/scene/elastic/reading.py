@@ -11,7 +11,7 @@ from symgen.errors import SceneError, nearest
 from symgen.loads.measure import Term
 from symgen.scene import units
 from symgen.scene.elastic import sections
-from symgen.scene.elastic.links import AREA_POWER, ElasticLink, Polynomial, Section, Station
+from symgen.scene.elastic.links import AREA_POWER, ElasticLink, ModalDamping, Polynomial, Section, Station
 from symgen.scene.elastic.schema import Elastic, Shear
 from symgen.scene.reading import Reader
 from symgen.scene.rods.linkage import TIME, Linkage, RigidLink
@@ -98,6 +98,31 @@ def _elastic_link(read: Reader, rigid: RigidLink, elastic: Elastic, place: str) 
         if elastic.yield_stress is None
         else read.positive(elastic.yield_stress, units.PRESSURE, f"{where}.yield_stress"),
     )
+
+
+def modal_damping(read: Reader) -> ModalDamping | None:
+    """Return the damping of the modes of the structure; None where the scene has none.
+
+    Raises
+    ------
+    SceneError
+        When no link is elastic, or for a ratio that is no part of critical damping.
+    """
+    table = read.scene.modal_damping
+    if table is None:
+        return None
+    where = "modal_damping.ratio"
+    if all(link.elastic is None for link in read.scene.links.values()):
+        raise SceneError(
+            "no link is elastic, and [modal_damping] damps the modes of elastic links",
+            where="modal_damping",
+            hint="Make a link elastic, or leave the table out.",
+        )
+    given = table.ratio if isinstance(table.ratio, list) else [table.ratio]
+    if not given:
+        raise SceneError("expected one damping ratio or more, got an empty list", where=where)
+    ratios = (_ratio(read, read.not_negative(ratio, units.NUMBER, where), where) for ratio in given)
+    return ModalDamping(tuple(ratios), not isinstance(table.ratio, list))
 
 
 def _ratio(read: Reader, ratio: sp.Expr, where: str) -> sp.Expr:

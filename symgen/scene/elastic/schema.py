@@ -103,6 +103,14 @@ class Crank(Table):
     flywheel: Value | None = Field(default=None, description="Moment of inertia on its shaft.")
 
 
+class ModalDamping(Table):
+    """Damping of the modes of the assembled structure at rest, in the pose in which the crank starts."""
+
+    ratio: Value | list[Value] = Field(
+        description="Of the critical damping: of every mode, or a list for the first modes."
+    )
+
+
 class Station(Table):
     """A position on an elastic link for the output of strains and stresses."""
 

@@ -14,7 +14,7 @@ from symgen.errors import SceneError
 from symgen.loads import LOADS
 from symgen.loads.load import Load
 from symgen.loads.measure import Measure
-from symgen.scene.elastic.links import Crank, ElasticLink, Station
+from symgen.scene.elastic.links import Crank, ElasticLink, ModalDamping, Station
 from symgen.scene.rods.held import Switch, Winding
 from symgen.symbolic.constants import rounded
 from symgen.symbolic.quantity import AXES, Quantity, quantity
@@ -242,6 +242,7 @@ class Linkage:
     outputs: tuple[str, ...] | None
     elastic: tuple[ElasticLink, ...] = ()
     crank: Crank | None = None
+    modal_damping: ModalDamping | None = None
     stations: tuple[Station, ...] = ()
     events: tuple[Event, ...] = ()
     windings: tuple[Winding, ...] = ()

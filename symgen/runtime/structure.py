@@ -1,0 +1,161 @@
+"""The assembled structure of elastic links at rest: its modes, and damping by their ratios."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symgen.errors import ModelError
+from symgen.runtime import _beams
+from symgen.runtime.beams.frames import MOTION, frames
+from symgen.runtime.beams.layout import Layout
+from symgen.runtime.beams.links import Beam
+
+Array = NDArray[np.float64]
+
+#: Strain energy of a shape over the sum of its terms' sizes, up to which it is round-off of a rigid motion. A
+#: slender bar of a thousand elements keeps 1e-12.
+ROUND_OFF = 1e-14
+
+
+def stiffness_sizes(equations: _beams.BeamEquations, basis: Array) -> Array:
+    """Return the roots of the sums of sizes of the terms of the diagonal of B^T K B, (columns of B,).
+
+    Large terms may cancel where a constraint forbids a link to stretch.
+    """
+    from scipy.sparse import csr_array
+
+    rows, columns, entries = equations.full_stiffness()
+    terms = csr_array((np.abs(entries), (rows, columns)), shape=(len(basis), len(basis)))
+    found = np.sqrt(np.sum(np.abs(basis) * (terms @ np.abs(basis)), axis=0))
+    return np.where(found > 0.0, found, 1.0)
+
+
+def modes_at_rest(name: str, mass: Array, stiffness: Array, sizes: Array) -> tuple[Array, Array, int]:
+    """Return angular frequencies [rad/s] by rising size, shapes of unit modal mass, and how many are rigid.
+
+    Frequencies are singular values of G L^-T with K = G^T G and M = L L^T, so that round-off is a part of the
+    largest frequency and not of its square.
+
+    Raises
+    ------
+    ModelError
+        When the structure is unstable at rest, or something moves without mass.
+    """
+    from scipy.linalg import LinAlgError, cholesky, solve_triangular, svd
+
+    factor = _factor(name, stiffness, sizes)
+    try:
+        root = cholesky((mass + mass.T) / 2, lower=True)
+    except LinAlgError:
+        raise ModelError(f"{name} has no modes: something of the structure has no mass") from None
+    _, speeds, vectors = svd(solve_triangular(root, factor.T, lower=True).T)
+    rigid = len(mass) - len(factor)
+    shapes = solve_triangular(root, vectors[::-1].T, lower=True, trans="T")
+    return np.concatenate([np.zeros(rigid), speeds[::-1]]), shapes, rigid
+
+
+def _factor(name: str, stiffness: Array, sizes: Array) -> Array:
+    """Return G of K = G^T G, with as many rows as K has rank.
+
+    Pivots are compared with the round-off of their own unknown: see :func:`stiffness_sizes`.
+
+    Raises
+    ------
+    ModelError
+        When K has a negative eigenvalue.
+    """
+    from scipy.linalg.lapack import dpstrf
+
+    symmetric = (stiffness + stiffness.T) / 2
+    n = len(symmetric)
+    scaled = symmetric / np.outer(sizes, sizes)
+    upper, order, rank, _ = dpstrf(scaled, tol=n * np.finfo(float).eps)
+    order = order - 1
+    upper = np.triu(upper)[:rank]
+    null = np.vstack([-np.linalg.solve(upper[:, :rank], upper[:, rank:]), np.eye(n - rank)])
+    left = null.T @ scaled[np.ix_(order, order)] @ null
+    noise = np.sum(np.abs(null) * (np.abs(scaled[np.ix_(order, order)]) @ np.abs(null)), axis=0)
+    if np.any(np.diagonal(left) < -ROUND_OFF * n * noise):
+        raise ModelError(f"{name} is unstable at rest in this pose: a spring pushes it away")
+    found: Array = np.empty((rank, n))
+    found[:, order] = upper
+    return found * sizes
+
+
+def modal_forces(
+    name: str,
+    equations: _beams.BeamEquations,
+    layout: Layout,
+    beams: Sequence[Beam],
+    ratios: Array,
+    every: bool,
+) -> Array:
+    """Return forces f of modes of the structure, whose damping is the sum of f f^T; see :class:`Layout`.
+
+    A mode phi of unit modal mass and frequency w gets its damping ratio, and is not coupled with others, by
+    f = sqrt(2 ratio / w^3) K phi. On each superelement, in the axes of its link, this is in balance: the
+    damping opposes rates of strain, and no rigid motion of a link in any pose.
+
+    Parameters
+    ----------
+    equations
+        The structure without this damping, in the pose of the crank's start.
+    ratios, every
+        Damping ratios of the first modes that strain the structure, or one for every mode.
+
+    Raises
+    ------
+    ModelError
+        When there are fewer modes than ratios, and as :func:`modes_at_rest`.
+    """
+    from scipy.sparse import csr_array
+
+    _, mass, _, stiffness, _, basis = equations.matrices(0.0, _beams.AT_REST)
+    shown = np.eye(len(mass)) if basis is None else basis[0]
+    speeds, shapes, rigid = modes_at_rest(name, mass, stiffness, stiffness_sizes(equations, shown))
+    count = len(speeds) - rigid
+    ratios = np.repeat(ratios, count) if every else ratios
+    if len(ratios) > count:
+        raise ModelError(
+            f"{name}: expected at most {count} ratios of modal damping, one for each mode that strains the "
+            f"structure, got {len(ratios)}\n  Give fewer, or give links more elements."
+        )
+    chosen = slice(rigid, rigid + len(ratios))
+    speeds, shapes = speeds[chosen], shown @ shapes[:, chosen]
+    rows, columns, entries = equations.full_stiffness()
+    left = csr_array((entries, (rows, columns)), shape=(len(shapes), len(shapes))) @ shapes
+    links = equations.motion.evaluate(0.0)[2].reshape(-1, len(MOTION))
+    padded = np.vstack([shapes, np.zeros((1, shapes.shape[1]))])
+    found = []
+    for beam, places, motion in zip(beams, layout.of_links, links, strict=True):
+        axes, own = frames(motion), padded[places]
+        for u, w in beam.ends:
+            own[u], own[w] = axes.local(own[u].copy(), own[w].copy())
+        for piece in beam.pieces:
+            force = piece.stiffness @ own[list(piece.at)]
+            found.append(force)
+            whole = np.zeros_like(own)
+            whole[list(piece.at)] = force
+            for u, w in beam.ends:
+                whole[u], whole[w] = axes.fixed(whole[u].copy(), whole[w].copy())
+            held = places < 0
+            np.subtract.at(left, places[~held], whole[~held])
+    joints = layout.joint_places[:-1]
+    of_joints = np.where(joints[:, None] >= 0, left[joints], 0.0) * (len(layout.stiffness_slots) > 1)
+    return (np.vstack([*found, of_joints]) * np.sqrt(2 * ratios / speeds**3)).T
+
+
+def forces_on_links(layout: Layout, beams: Sequence[Beam]) -> list[Array]:
+    """Return the forces of the damped modes on the unknowns of each link, in its axes, (modes, n) each."""
+    found, start = [], 0
+    for beam in beams:
+        own = np.zeros((len(layout.damped), len(beam.dofs)))
+        for piece in beam.pieces:
+            stop = start + len(piece.at)
+            own[:, list(piece.at)] += layout.damped[:, start:stop]
+            start = stop
+        found.append(own)
+    return found
