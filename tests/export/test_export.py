@@ -9,6 +9,7 @@ import subprocess
 
 import numpy as np
 import pytest
+from shared.ball_poles import CASE, CRANK, Straight
 from typer.testing import CliRunner
 
 import symgen
@@ -113,6 +114,31 @@ def test_a_driven_loop_ends_where_python_ends(folders):
     found = [x for n, x in zip(names, last, strict=True) if n in turn_names(turn)]
     assert len(found) > 2
     assert found == pytest.approx(expected, rel=1e-8)
+
+
+@needs("gcc")
+@pytest.mark.parametrize("past", [0.0, 1e-5])
+def test_a_free_loop_runs_past_the_poles_of_its_balls(tmp_path, past):
+    """In C: through the poles at 180 deg, and past them by little; against the library and the energy alone."""
+    offset = CRANK + past
+    export_c(CASE, tmp_path / "ball_poles", set={"offset": f"{offset!r} m"})
+    said = run(compiled(tmp_path / "ball_poles", "ball_poles", "gcc", "main"))
+    assert said.startswith("done: t = 1 s")
+    shown = dict(re.findall(r"^(\S+) = (\S+) \S+$", said, re.M))
+    state = [float(x) for x in re.findall(r"^y\[\d+\] = (\S+)$", said, re.M)]
+    angle, rate = state[0], float(shown["theta1.rate"])
+    straight = Straight(offset)
+    assert angle > 1.5 * np.pi
+    assert straight.time(angle) == pytest.approx(1.0, abs=1e-8)
+    assert rate == pytest.approx(straight.rate(angle), rel=1e-8)
+    assert float(shown["S4"]) == pytest.approx(straight.slider(angle)[0], rel=1e-8)
+    assert float(shown["S4.acceleration"]) == pytest.approx(straight.acceleration(angle), rel=1e-6)
+    last = symgen.build(CASE).with_parameters(offset=offset).simulate(rtol=1e-9, atol=1e-12)
+    names = ("theta1", "theta2", "eta2", "theta3", "eta3", "alpha3", "S4")
+    assert state[:7] == pytest.approx([float(last[n].values[-1]) for n in names], rel=1e-8)
+    assert "all the same to the last bit" in run(
+        compiled(tmp_path / "ball_poles", "ball_poles", "gcc", "check"), "--bits"
+    )
 
 
 def turn_names(turn):
