@@ -30,7 +30,7 @@ import numpy as np
 
 ROOT = Path(__file__).resolve().parents[1]
 #: Relative change of an output that counts as another result, and the longest time of one process [s].
-CHANGED, PATIENCE = 1e-7, 300
+CHANGED, PATIENCE = 1e-7, 1800
 #: Outputs smaller than this, in SI, are round-off.
 NOTHING = 1e-9
 #: Faults that there are at least, and among them in elastic links.

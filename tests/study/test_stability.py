@@ -11,6 +11,7 @@ from pathlib import Path
 import mpmath
 import numpy as np
 import pytest
+from shared.exact_accelerations import exact_accelerations
 from shared.full import full_unless
 from typer.testing import CliRunner
 
@@ -25,7 +26,7 @@ from symgen.study import stability
 from symgen.study.stability import CASES, Trial, chosen, go_through, run_suite
 from symgen.study.stability.case import Found
 from symgen.study.stability.page import page
-from symgen.study.stability.truths import compound_pendulum, exact_accelerations, spatial_double_pendulum
+from symgen.study.stability.truths import compound_pendulum, four_bar, hanging_chain, spatial_double_pendulum
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
 TRIALS = [(case, trial) for case in CASES for trial in case.trials]
@@ -158,13 +159,48 @@ def test_progress():
     assert seen == [0.5, 1.0]
 
 
+@pytest.mark.parametrize(
+    ("scene", "bound"),
+    [("collinear_chain", 2.5e-15), ("mass_ratios", 8e-14), ("length_ratios", 4e-15), ("far_origin", 1e-15)],
+)
+def test_accelerations_to_forty_digits(scene, bound):
+    """At the start and at the end of a run."""
+    linkage, model = resolve_linkage(load_scene(scene)).as_written, symgen.build(scene)
+    last = model.simulate(rtol=1e-7, samples=2).final
+    free = model.description.free
+    end = model.state({p: last[p]["position"] for p in free}, {p: last[p]["velocity"] for p in free})
+    for state in (model.initial_state(), end):
+        exact, found = exact_accelerations(linkage, state), model.accelerations(state)
+        difference = max(float(abs(found[p][i] - x)) for p, row in exact.items() for i, x in enumerate(row))
+        assert difference < bound * max(float(abs(x)) for row in exact.values() for x in row)
+
+
 def test_exact_accelerations_know_rods():
-    """Of one rod: 3/2 g at its end; of a straight chain of two: the closed form."""
+    """Level chains of many rods: the first end falls with (3 - sqrt(3)) g, to what ten rods leave."""
     scene = load_scene("collinear_chain")
-    model = symgen.build(scene)
-    exact = exact_accelerations(resolve_linkage(scene), model.initial_state())
-    # Level chains of many rods: the first end falls with (3 - sqrt(3)) g, to what ten rods leave.
+    exact = exact_accelerations(resolve_linkage(scene), symgen.build(scene).initial_state())
     assert float(exact["P1"][1]) == pytest.approx(-9.81 * (3 - 3**0.5), rel=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("scene", "time"), [("collinear_chain", 1e-4), ("mass_ratios", 1e-4), ("length_ratios", 2e-6)]
+)
+def test_chains_start_with_the_accelerations_of_forty_digits(scene, time):
+    """From rest: x(t) = x(0) + a t^2/2 + O(t^4)."""
+    linkage = resolve_linkage(load_scene(scene)).as_written
+    exact = exact_accelerations(linkage, symgen.build(scene).initial_state())
+    first, moved = hanging_chain(scene, (0.0, time))
+    accelerations = np.array([[float(x) for x in row] for row in exact.values()])
+    assert 2 * (moved - first) / time**2 == pytest.approx(
+        accelerations, abs=1e-4 * np.abs(accelerations).max()
+    )
+
+
+def test_the_four_bar_of_the_case_far_from_the_origin_is_that_at_the_origin():
+    """The motion in the crank angle, where coordinates keep their digits."""
+    result = symgen.build("four_bar").simulate(2.0, rtol=1e-12, samples=9)
+    found = np.stack([result.variable(f"{p}.position").values for p in "AB"], axis=1)
+    assert found == pytest.approx(four_bar(2.0)(result.time), abs=1e-10)
 
 
 @pytest.mark.parametrize(("angle", "rate"), [(0.3, 0.0), (-1.0, 1.2), (0.5, -0.7)])

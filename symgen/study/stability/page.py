@@ -15,7 +15,7 @@ _ABOUT = """# Hard cases, method by method
 
 This page is written by `symgen stability --out docs/stability.md`. Every case is a shipped scene, or one
 with modified values, run by every suitable integrator and method. *Bound* is the limit on the error against
-an independent reference (a closed form, a motion in one coordinate, 40 digits, or a method of another
+an independent reference (a closed form, a motion in minimal coordinates, or a method of another
 kind); the drift off the constraints is bounded too. Rows without a bound show the behaviour of a method
 that is not intended for the case, or of too long a step.
 

@@ -1,25 +1,23 @@
-"""Independent solutions of the test cases: closed forms, and motions in one coordinate."""
+"""Independent solutions of the test cases: closed forms, and motions in minimal coordinates."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import cache
-from typing import Any
+from itertools import pairwise
+from typing import TYPE_CHECKING
 
-import mpmath
 import numpy as np
 from numpy.typing import NDArray
 
-from symgen.runtime.model.rods import RodModel
-from symgen.runtime.result.result import Result
-from symgen.runtime.result.state import State
 from symgen.scene.loading import load_scene
 from symgen.scene.resolve import resolve_linkage
-from symgen.scene.rods.linkage import Linkage
+
+if TYPE_CHECKING:
+    import sympy as sp
 
 Array = NDArray[np.float64]
 G = 9.81
-_DIGITS = 40
 
 
 def compound_pendulum(times: Array, angle: float, rate: float, moment: float, inertia: float) -> Array:
@@ -83,12 +81,10 @@ def on_circle(angles: Array) -> Array:
 def peaucellier_arm(end: float) -> Callable[[Array], Array]:
     """Return the Peaucellier linkage of the scene ``peaucellier_limit``, released at rest: A, B, C, D [m].
 
-    The coordinate is the angle psi of the arm from EB to EA, which is smooth through the limit. Rods are
-    given by centre of mass and moment of inertia about it: no particles, constraints or multipliers.
-    Internal unit of length: centimetre.
+    The coordinate is the angle psi of the arm from EB to EA, which is smooth through the limit. Internal unit
+    of length: centimetre.
     """
     import sympy as sp
-    from scipy.integrate import solve_ivp
 
     psi = sp.symbols("psi")
     reach = 4 * sp.cos(psi) + sp.sqrt(32 - 16 * sp.sin(psi) ** 2)
@@ -100,11 +96,58 @@ def peaucellier_arm(end: float) -> Callable[[Array], Array]:
     b = pin + 4 * (sp.cos(psi) * along - sp.sin(psi) * across)
     d = pin + 4 * (sp.cos(psi) * along + sp.sin(psi) * across)
     points = [x / 100 for x in (0, 0, *a, *b, *(b + d - a), *d, *pin)]
-    jet = sp.lambdify(psi, [[sp.diff(x, psi, k) for x in points] for k in range(3)], cse=True)
     rods = ((0, 1), (1, 2), (2, 3), (3, 4), (4, 5), (2, 5), (1, 4))
+    start = float(sp.nsolve(reach - 4 * sp.cos(sp.Rational(4, 10)), 1.0))
+    motion = _in_one_coordinate(psi, points, rods, (start, 0.0), end)
+    return lambda times: motion(times)[:, 1:5]
+
+
+@cache
+def four_bar(end: float) -> Callable[[Array], Array]:
+    """Return the four-bar linkage of the scene ``far_origin``: A and B relative to O [m].
+
+    The coordinate is the angle phi of the crank; B is the intersection of two circles, to the left of AC.
+    """
+    import sympy as sp
+
+    phi = sp.symbols("phi")
+    a, c = sp.Matrix([sp.cos(phi), sp.sin(phi)]), sp.Matrix([2, 0])
+    square = (c - a).dot(c - a)
+    part = (square + sp.Rational(18, 10) ** 2 - sp.Rational(14, 10) ** 2) / (2 * square)
+    height = sp.sqrt(sp.Rational(18, 10) ** 2 / square - part**2)
+    b = a + part * (c - a) + height * sp.Matrix([a[1] - c[1], c[0] - a[0]])
+    points = [sp.Integer(0), sp.Integer(0), *a, *b, *c]
+    motion = _in_one_coordinate(phi, points, ((0, 1), (1, 2), (2, 3)), (1.1, 2.5), end)
+    return lambda times: motion(times)[:, 1:3]
+
+
+def _in_one_coordinate(
+    psi: sp.Symbol,
+    coordinates: Sequence[sp.Expr],
+    rods: Sequence[tuple[int, int]],
+    start: tuple[float, float],
+    end: float,
+) -> Callable[[Array], Array]:
+    """Return the points of a planar linkage of rods of 1 kg/m under gravity over time (times, points, 2) [m].
+
+    Rods are given by centre of mass and moment of inertia about it: no particles, constraints or multipliers.
+
+    Parameters
+    ----------
+    psi, coordinates
+        The coordinate of the motion, and x, y of every point as functions of it [m].
+    rods
+        Numbers of the points at the ends of every rod.
+    start, end
+        Initial value and rate of the coordinate, and the final time [s].
+    """
+    import sympy as sp
+    from scipy.integrate import solve_ivp
+
+    jet = sp.lambdify(psi, [[sp.diff(x, psi, k) for x in coordinates] for k in range(3)], cse=True)
 
     def slope(_: float, y: Array) -> list[float]:
-        place, change, bend = (np.array(x, dtype=float).reshape(6, 2) for x in jet(y[0]))
+        place, change, bend = (np.array(x, dtype=float).reshape(-1, 2) for x in jet(y[0]))
         inertia = inertia_change = pull = 0.0
         for p, q in rods:
             rod = place[q] - place[p]
@@ -117,63 +160,45 @@ def peaucellier_arm(end: float) -> Callable[[Array], Array]:
             pull += G * length * middle[1]
         return [y[1], -(pull + inertia_change * y[1] ** 2 / 2) / inertia]
 
-    start = float(sp.nsolve(reach - 4 * sp.cos(sp.Rational(4, 10)), 1.0))
-    motion = solve_ivp(
-        slope, (0, end), [start, 0.0], method="DOP853", rtol=1e-12, atol=1e-13, dense_output=True
-    )
-    return lambda t: np.array([jet(x)[0][2:10] for x in motion.sol(t)[0]]).reshape(len(t), 4, 2)
+    motion = solve_ivp(slope, (0, end), start, method="DOP853", rtol=1e-12, atol=1e-13, dense_output=True)
+    return lambda times: np.array([jet(x)[0] for x in motion.sol(times)[0]]).reshape(len(times), -1, 2)
 
 
-def accelerations_error(scene: str, model: RodModel, result: Result) -> float:
-    """Return the relative error of initial and final accelerations of a run, against 40 digits."""
-    linkage = resolve_linkage(load_scene(scene)).as_written
-    last = {p: result.final[p] for p in model.description.free}
-    end = model.state(
-        {p: found["position"] for p, found in last.items()},
-        {p: found["velocity"] for p, found in last.items()},
-    )
-    return max(_accelerations_error(linkage, model, state) for state in (model.initial_state(), end))
+@cache
+def hanging_chain(scene: str, times: tuple[float, ...]) -> Array:
+    """Return the joints of a planar chain of uniform rods, released at rest (times, rods, 2) [m].
 
-
-def _accelerations_error(linkage: Linkage, model: RodModel, state: State) -> float:
-    found = model.accelerations(state)
-    exact = exact_accelerations(linkage, state)
-    difference = max(float(abs(found[p][i] - x)) for p, row in exact.items() for i, x in enumerate(row))
-    return difference / max(float(abs(x)) for row in exact.values() for x in row)
-
-
-def exact_accelerations(linkage: Linkage, state: State) -> dict[str, list[Any]]:
-    """Return the accelerations of the free points of rods under gravity [m/s^2], to 40 digits.
-
-    Kinetic energy from velocity of the centre and rotation: T = m |v_c|^2/2 + J |v_2 - v_1|^2/(2 l^2),
-    with d . d'' = -|d'|^2 for d from end to end; all unknowns in one dense elimination.
+    The first point of the scene is the support. By Gauss's principle, the angular accelerations minimise
+    the sum of m |a - g|^2, with half the mass of a rod at each of the two points (1 -+ 1/sqrt(3))/2 of its
+    length, which is exact for a uniform rod. Householder reflections with the heaviest rows first keep the
+    digits of light rods next to heavy ones (Cox and Higham 1998).
     """
-    axes = linkage.dimension
-    free = [p.name for p in linkage.points if not p.ground]
-    with mpmath.workdps(_DIGITS):
-        n, m = len(free) * axes, len(linkage.links)
-        matrix, right = mpmath.zeros(n + m), mpmath.zeros(n + m, 1)
-        gravity = [_exact(g) for g in linkage.gravity]
-        for row, k in enumerate(linkage.links, n):
-            mass, length, centre, inertia = (_exact(x) for x in (k.mass, k.length, k.centre, k.inertia))
-            shares = {k.start: 1 - centre / length, k.end: centre / length}
-            turn = {k.start: -1, k.end: 1}
-            d, w = (
-                [mpmath.mpf(a) - mpmath.mpf(b) for a, b in zip(of[k.end], of[k.start], strict=True)]
-                for of in (state.positions, state.velocities)
-            )
-            right[row] = -mpmath.fdot(w, w)
-            for a in set(shares) & set(free):
-                for i in range(axes):
-                    at = free.index(a) * axes + i
-                    right[at] += mass * shares[a] * gravity[i]
-                    matrix[at, row] = matrix[row, at] = turn[a] * d[i]
-                    for b in set(shares) & set(free):
-                        share = mass * shares[a] * shares[b] + inertia * turn[a] * turn[b] / length**2
-                        matrix[at, free.index(b) * axes + i] += share
-        solved = mpmath.lu_solve(matrix, right)
-        return {p: [solved[i * axes + j] for j in range(axes)] for i, p in enumerate(free)}
+    from scipy.integrate import solve_ivp
+    from scipy.linalg import qr, solve_triangular
 
+    linkage = resolve_linkage(load_scene(scene)).as_written
+    places = [p.at for p in linkage.points]
+    x, y = np.array([[float(v - u) for u, v in zip(*ends, strict=True)] for ends in pairwise(places)]).T
+    lengths, angles = np.hypot(x, y), np.arctan2(y, x)
+    n = len(lengths)
+    # Row 2k+i: the fractions of all rods up to point i of rod k.
+    share = np.repeat(np.tril(np.ones((n, n)), -1), 2, axis=0)
+    share[np.arange(2 * n), np.arange(2 * n) // 2] = np.tile([0.5 - 3**-0.5 / 2, 0.5 + 3**-0.5 / 2], n)
+    weights = np.tile(np.sqrt([float(k.mass) / 2 for k in linkage.links for _ in range(2)]), 2)
+    order = np.argsort(-weights, kind="stable")
 
-def _exact(expression: Any) -> Any:
-    return mpmath.mpmathify(expression.evalf(_DIGITS + 5))
+    def rates(_: float, state: Array) -> Array:
+        cosine, sine, rate = np.cos(state[:n]), np.sin(state[:n]), state[n:]
+        rows = np.concatenate([-share * sine, share * cosine]) * weights[:, None]
+        inward = lengths * rate**2
+        right = np.concatenate([share @ (inward * cosine), share @ (inward * sine) - G]) * weights
+        q, r, columns = qr(rows[order], mode="economic", pivoting=True)
+        found = np.empty(n)
+        found[columns] = solve_triangular(r, q.T @ right[order])
+        return np.concatenate([rate, found / lengths])
+
+    start = np.concatenate([angles, np.zeros(n)])
+    motion = solve_ivp(rates, (0, times[-1]), start, method="DOP853", rtol=1e-13, atol=1e-13, t_eval=times)
+    angle = motion.y[:n].T
+    ends = np.stack([lengths * np.cos(angle), lengths * np.sin(angle)], axis=2)
+    return np.array(places[0], dtype=float) + np.cumsum(ends, axis=1)
