@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from shared.ball_poles import CASE, CRANK, Straight
+from scipy.integrate import quad
+from shared.ball_poles import CASE, CRANK, ROD, Straight
 
 import symgen
 
