@@ -454,7 +454,7 @@ cdef class Equations(Integrable):
         """The parameters, with what a run holds."""
         cdef double[::1] held = np.zeros(self.core.sizes.parameters + 1)
         self.of.api.narrow(self.core.sizes.parameters, self.core.p, &held[0], NULL)
-        return np.asarray(held)[:-1]
+        return np.asarray(held)[:self.core.sizes.parameters]
 
 
 cdef class Run:

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from symgen.errors import ModelError
 from symgen.runtime import _beams
+from symgen.runtime.beams.damping import modal_forces
 from symgen.runtime.beams.frames import MOTION, frames
 from symgen.runtime.beams.layout import Layout
 from symgen.runtime.beams.links import Beam
@@ -85,7 +86,7 @@ def _factor(name: str, stiffness: Array, sizes: Array) -> Array:
     return found * sizes
 
 
-def modal_forces(
+def forces_of_modes(
     name: str,
     equations: _beams.BeamEquations,
     layout: Layout,
@@ -95,9 +96,8 @@ def modal_forces(
 ) -> Array:
     """Return forces f of modes of the structure, whose damping is the sum of f f^T; see :class:`Layout`.
 
-    A mode phi of unit modal mass and frequency w gets its damping ratio, and is not coupled with others, by
-    f = sqrt(2 ratio / w^3) K phi. On each superelement, in the axes of its link, this is in balance: the
-    damping opposes rates of strain, and no rigid motion of a link in any pose.
+    They are those of :func:`symgen.runtime.beams.damping.modal_forces`. On each superelement, in the axes of
+    its link, they are in balance: the damping opposes rates of strain, and no rigid motion in any pose.
 
     Parameters
     ----------
@@ -145,7 +145,7 @@ def modal_forces(
             np.subtract.at(left, places[~held], whole[~held])
     joints = layout.joint_places[:-1]
     of_joints = np.where(joints[:, None] >= 0, left[joints], 0.0) * (len(layout.stiffness_slots) > 1)
-    return (np.vstack([*found, of_joints]) * np.sqrt(2 * ratios / speeds**3)).T
+    return modal_forces(np.vstack([*found, of_joints]), speeds, ratios).T
 
 
 def forces_on_links(layout: Layout, beams: Sequence[Beam]) -> list[Array]:

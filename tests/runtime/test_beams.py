@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from numpy.polynomial import Polynomial as P
 from shared.beam_reference import Reference
+from shared.rigid_motions import rigid_motions
 
 from symgen.elements import ELEMENTS
 from symgen.errors import ModelError
-from symgen.runtime.beams.damping import rigid_motions
 from symgen.runtime.beams.elements import kernels
 from symgen.runtime.beams.links import BeamInfo, Lump, Properties, beam
 from symgen.runtime.beams.pieces import whole

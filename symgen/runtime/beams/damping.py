@@ -12,19 +12,35 @@ from symgen.runtime.beams.data import BeamInfo, Piece, Properties
 
 Array = NDArray[np.float64]
 
+#: Number of rigid motions of a link in the plane.
+_RIGID = 3
+
 
 def rayleigh(piece: Piece, properties: Properties) -> Array:
     """Return ``mass_damping`` times the mass plus ``stiffness_damping`` times the stiffness, (n, n)."""
     return properties.mass_damping * piece.mass + properties.stiffness_damping * piece.stiffness
 
 
-def modal(
-    info: BeamInfo, dofs: Sequence[str], fixed: Sequence[int], piece: Piece, properties: Properties
-) -> Array:
-    """Return the matrix that damps every elastic mode of the link with free ends by one ratio, (n, n).
+def modal_forces(elastic: Array, speeds: Array, ratios: float | Array) -> Array:
+    """Return forces f of modes whose damping matrix f f^T gives them damping ratios, (n, modes).
 
-    That is M Phi diag(2 ratio omega) Phi^T M with modes Phi of unit modal mass; rigid motions are not damped,
-    exactly: what round-off mixes of them into the modes is taken out again.
+    A mode phi of unit modal mass and angular frequency w has f = sqrt(2 ratio / w^3) K phi. Its damping
+    phi^T f f^T phi is 2 ratio w, and f^T phi of all other modes is zero. Motions that
+    strain nothing are not damped.
+
+    Parameters
+    ----------
+    elastic
+        Elastic forces K phi of the modes, (n, modes).
+    speeds, ratios
+        Angular frequencies [rad/s], (modes,), and damping ratios.
+    """
+    found: Array = elastic * np.sqrt(2 * ratios / speeds**3)
+    return found
+
+
+def modal(info: BeamInfo, fixed: Sequence[int], piece: Piece, ratio: float) -> Array:
+    """Return the matrix that damps every elastic mode of the link with free ends by one ratio, (n, n).
 
     Raises
     ------
@@ -33,43 +49,17 @@ def modal(
     """
     from scipy.linalg import eigh
 
-    n = len(dofs)
+    n = len(piece.mass)
     free = [j for j in range(n) if j not in fixed]
     at = np.ix_(free, free)
-    mass, stiffness = piece.mass[at], piece.stiffness[at]
     try:
-        squares, modes = eigh(stiffness, mass)
+        squares, modes = eigh(piece.stiffness[at], piece.mass[at])
     except np.linalg.LinAlgError:
         raise ModelError(
             f"elastic link {info.link!r} cannot have a damping ratio: something of it moves without mass"
         ) from None
-    rigid = rigid_motions(info, dofs, piece, properties)[free]
-    elastic = modes[:, rigid.shape[1] :]
-    momenta = mass @ elastic
-    rates = 2 * properties.ratio * np.sqrt(np.maximum(squares[rigid.shape[1] :], 0.0))
-    damping = (momenta * rates) @ momenta.T
-    # Motion less its rigid part, by momentum.
-    others = np.eye(len(free)) - rigid @ np.linalg.solve(rigid.T @ mass @ rigid, rigid.T @ mass)
+    strained = slice(_RIGID, None)
+    forces = modal_forces(piece.stiffness[at] @ modes[:, strained], np.sqrt(squares[strained]), ratio)
     found = np.zeros((n, n))
-    found[at] = others.T @ damping @ others
-    return found
-
-
-def rigid_motions(info: BeamInfo, dofs: Sequence[str], piece: Piece, properties: Properties) -> Array:
-    """Return unit motions along and across the link and a unit rotation about its first point, (n, 3)."""
-    found = np.zeros((len(dofs), 3))
-    inner = []
-    for j, name in enumerate(dofs):
-        kind, _, node = name.partition("@")
-        if kind == "u":
-            found[j, 0] = 1.0
-        elif kind == "w":
-            found[j, 1:] = 1.0, properties.length * info.node(int(node))
-        elif kind == "theta":
-            found[j, 2] = 1.0
-        elif kind in info.inner_dofs:
-            inner.append(j)
-    if inner:  # they follow without force
-        at = np.ix_(inner, inner)
-        found[inner] = -np.linalg.solve(piece.stiffness[at], piece.stiffness[inner] @ found)
+    found[at] = forces @ forces.T
     return found

@@ -142,7 +142,7 @@ def _damped(
         found = (whole(found, len(dofs)),)
     damped = [replace(piece, damping=rayleigh(piece, properties)) for piece in found]
     if properties.ratio:
-        by_modes = modal(info, dofs, fixed, damped[0], properties)
+        by_modes = modal(info, fixed, damped[0], properties.ratio)
         damped[0] = replace(damped[0], damping=damped[0].damping + by_modes)
     return tuple(damped)
 

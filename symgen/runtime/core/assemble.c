@@ -10,7 +10,7 @@
 #include "loop.h"
 
 /* Newton's method takes over from here. */
-#define NEAR real_sqrt(REAL_EPSILON)
+#define CLOSE real_sqrt(REAL_EPSILON)
 /* Damping over the square of the defect: at the start, and where steps no longer help. */
 #define DAMPING R(0.01)
 #define HOPELESS R(1e12)
@@ -69,7 +69,7 @@ int loop_assemble(struct loop *l, real t, real *q, long *rank) {
     loop_prescribe(l, t, q);
     memcpy(next, q, row);
     real left = missing(l, t, q, b);
-    for (int k = 0; k < STEPS && left > NEAR * NEAR && real_isfinite(left) && ratio < HOPELESS && idle < IDLE; k++) {
+    for (int k = 0; k < STEPS && left > CLOSE * CLOSE && real_isfinite(left) && ratio < HOPELESS && idle < IDLE; k++) {
         damped(l, real_fmax(ratio * left, R(4) * REAL_EPSILON), b, y);
         for (long i = 0; i < l->sizes.solved; i++)
             next[l->solved[i]] = q[l->solved[i]] + l->scale[l->solved[i]] * qr_dot(l->matrix + ROWS * i, y);
@@ -90,7 +90,7 @@ int loop_assemble(struct loop *l, real t, real *q, long *rank) {
     const real defect = loop_look(l, t, q);
     const struct qr *f = &l->factor;
     for (*rank = 0; *rank < f->steps; ++*rank)
-        if (!(real_fabs(f->r[(ROWS + 1) * *rank]) > R(10) * NEAR * real_fabs(f->r[0])))
+        if (!(real_fabs(f->r[(ROWS + 1) * *rank]) > R(10) * CLOSE * real_fabs(f->r[0])))
             break;
-    return !real_isfinite(defect) ? NOT_FINITE : left <= NEAR * NEAR ? DONE : OPEN;
+    return !real_isfinite(defect) ? NOT_FINITE : left <= CLOSE * CLOSE ? DONE : OPEN;
 }

@@ -21,7 +21,7 @@ from symgen.runtime.beams.links import Beam
 from symgen.runtime.elastic.path import Machine, Path
 from symgen.runtime.kernels.description import KernelInfo
 from symgen.runtime.model.rods import RodModel
-from symgen.runtime.structure import modal_forces
+from symgen.runtime.structure import forces_of_modes
 
 Array = NDArray[np.float64]
 
@@ -166,7 +166,7 @@ class ElasticMotion(ABC):
         equations = _beams.BeamEquations(self._moved(None), plain, False)
         self.check(equations, equations.matrices(0.0, _beams.AT_REST)[0], 0.0)
         ratios = np.ravel(self._tables["modal_damping"])
-        return modal_forces(self.rigid.name, equations, plain, self.beams, ratios, self.info.damps_all)
+        return forces_of_modes(self.rigid.name, equations, plain, self.beams, ratios, self.info.damps_all)
 
     @property
     def constraints(self) -> tuple[str, ...]:
