@@ -113,7 +113,7 @@ static int closed(struct kinematics *k, real t, real *q) {
     real before = REAL_INFINITY;
     for (int tries = 0; tries < NEWTON; tries++) {
         const real worst = missed(k, t, q), size = real_fmax(R(k->sizes.length), largest_of(q, n));
-        if (worst <= REAL_EPSILON * size || (worst <= ACCEPT * size && worst > before / 4))
+        if (worst <= 4 * REAL_EPSILON * size || (worst <= ACCEPT * size && worst > before / 4))
             return 1;
         if (!(worst < before / 2) || !factorise_jacobian(k, t, q))
             return 0;

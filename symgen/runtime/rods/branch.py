@@ -43,10 +43,7 @@ def along_branch(bonds: Bonds, q: Array, t: float, low: float, high: float, time
         None where the compiled steps come near a pose in which the constraint Jacobian is singular, or find
         none that fits their prediction: there the curve is to be followed by its arc length.
     """
-    from scipy.linalg import qr
-
-    rows = qr(bonds.jacobian(q, t).T, mode="r", pivoting=True)[1][: bonds.n]
-    kinematics = Kinematics(bonds.evaluator, bonds.kinematics, rows.tolist(), bonds.length(q))
+    kinematics = steps_of(bonds, q, t)
     parts = _PARTS
     while parts <= _MOST:
         nodes = np.union1d(np.linspace(low, high, parts + 1), times)
@@ -63,6 +60,14 @@ def along_branch(bonds: Bonds, q: Array, t: float, low: float, high: float, time
             return Branch(poses, np.searchsorted(nodes, times))
         parts *= int(np.ceil(min(turned / _TURN, _MOST)) + 1)
     return None
+
+
+def steps_of(bonds: Bonds, q: Array, t: float) -> Kinematics:
+    """Return the compiled steps of a linkage, by constraints that are independent in a pose q at a time t."""
+    from scipy.linalg import qr
+
+    rows = qr(bonds.jacobian(q, t).T, mode="r", pivoting=True)[1][: bonds.n]
+    return Kinematics(bonds.evaluator, bonds.kinematics, rows.tolist(), bonds.length(q))
 
 
 def _turned(bonds: Bonds, poses: Poses) -> float:

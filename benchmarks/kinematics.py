@@ -1,0 +1,109 @@
+"""Time per pose of a driven four-bar linkage: positions, velocities and accelerations, beside the error.
+
+symgen's ``model.kinematics`` is timed whole, with everything that it records, and its compiled steps alone.
+The other ways are symgen's own curve by arc length, which follows linkages near singular poses, and
+pylinkage, whose functions are compiled by Numba (left out where it is not installed). Errors are those of
+point B in the last pose, against two circles; rounds are interleaved.
+"""
+
+from __future__ import annotations
+
+import sys
+from typing import Any
+from unittest.mock import patch
+
+import numpy as np
+from harness import Case, Measurement, Required, Timing, arguments, measure, report_repeats
+from numpy.typing import NDArray
+
+import symgen
+from symgen.runtime.rods import kinematics
+from symgen.runtime.rods.branch import steps_of
+
+Array = NDArray[np.float64]
+
+#: Lengths of ``crank_rocker`` [m].
+CRANK, COUPLER, ROCKER, BASE = 0.1, 0.35, 0.3, 0.4
+POSES, SLOW_POSES, ROUNDS = 3601, 361, 20
+FASTER, LARGEST_ERROR = 30.0, 1e-13
+COMPILED, WHOLE, CURVE, PEER = "compiled steps", "model.kinematics", "by arc length", "pylinkage, Numba"
+
+
+def main() -> int:
+    """Measure, print, and return the exit code."""
+    options = arguments(__doc__)
+    return report_repeats(measured, repeats=options.repeats, as_json=options.json)
+
+
+def measured() -> Measurement:
+    """Measure once."""
+    model = symgen.build("crank_rocker")
+    times = np.linspace(0.0, 1.0, POSES)
+    steps, start = steps_of(model._bonds(), model.initial_state().q, 0.0), model.initial_state().q
+
+    def by_arc_length() -> Any:
+        with patch.object(kinematics, "along_branch", lambda *given: None):
+            return model.kinematics(0.0, 1.0, samples=SLOW_POSES)
+
+    cases = {
+        COMPILED: Case(lambda: steps.follow(0.0, start, times), POSES),
+        WHOLE: Case(lambda: model.kinematics(0.0, 1.0, samples=POSES), POSES),
+        CURVE: Case(by_arc_length, SLOW_POSES),
+    }
+    places = {
+        COMPILED: steps.follow(0.0, start, times)[-1, 0, 2:],
+        WHOLE: model.kinematics(0.0, 1.0, samples=POSES)["B.position"].values[-1],
+        CURVE: by_arc_length()["B.position"].values[-1],
+    }
+    peer = _pylinkage()
+    if peer is not None:
+        cases[PEER] = Case(lambda: peer.step_fast_with_kinematics(POSES - 1), POSES - 1)
+        places[PEER] = peer.step_fast_with_kinematics(POSES - 1)[0][-1, -1]
+    timings: dict[str, Timing] = measure(cases, ROUNDS)
+    errors = {how: float(np.linalg.norm(place - _closed(2 * np.pi))) for how, place in places.items()}
+    rows = [
+        {
+            "route": how,
+            "best [us]": t.best * 1e6,
+            "median [us]": t.median * 1e6,
+            "over the compiled steps": t.best / timings[COMPILED].best,
+            "error [m]": errors[how],
+        }
+        for how, t in timings.items()
+    ]
+    ratio = timings[CURVE].best / timings[WHOLE].best
+    required = [
+        Required("model.kinematics: poses for one by arc length", ratio, FASTER, True, timed=True),
+        Required("model.kinematics: error [m]", errors[WHOLE], LARGEST_ERROR, False),
+    ]
+    notes = [] if peer is not None else ["pylinkage is not installed (pip install pylinkage numba)."]
+    return Measurement("A pose of crank_rocker with velocities and accelerations", rows, required, notes)
+
+
+def _closed(angle: float) -> Array:
+    """Return where B is at an angle of the crank: circles about A and C meet, above the line between them."""
+    a = CRANK * np.array([np.cos(angle), np.sin(angle)])
+    d = np.array([BASE, 0.0]) - a
+    far = float(np.hypot(*d))
+    along = (COUPLER**2 - ROCKER**2 + far**2) / (2 * far)
+    across = np.sqrt(COUPLER**2 - along**2)
+    place: Array = a + (d * along + np.array([-d[1], d[0]]) * across) / far
+    return place
+
+
+def _pylinkage() -> Any:
+    """Return the same linkage of pylinkage, its crank at 1 rev/s; None without the package."""
+    try:
+        from pylinkage import Crank, Ground, Linkage, RRRDyad
+    except ImportError:
+        return None
+    o, c = Ground(0.0, 0.0, name="O"), Ground(BASE, 0.0, name="C")
+    a = Crank(anchor=o, radius=CRANK, angular_velocity=2 * np.pi / (POSES - 1), name="A")
+    b = RRRDyad(anchor1=a.output, anchor2=c, distance1=COUPLER, distance2=ROCKER, name="B")
+    linkage = Linkage([o, c, a, b])
+    linkage.set_input_velocity(a, 2 * np.pi)
+    return linkage
+
+
+if __name__ == "__main__":
+    sys.exit(main())
