@@ -5,15 +5,17 @@ from __future__ import annotations
 import hashlib
 import os
 import re
+import select
 import shlex
 import shutil
 import signal
 import subprocess
+import sys
 import tempfile
 import time
 import warnings
 from collections.abc import Sequence
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -194,8 +196,15 @@ class Process:
 
     def ended(self, limit: float) -> bool:
         """Wait until the compiler has ended; return False if it has run for longer than the limit [s]."""
+        deadline = self._begun + limit
+        if sys.platform == "linux" and self._process.poll() is None:
+            # Popen.wait with a limit looks every 50 ms only.
+            with suppress(OSError), os.fdopen(os.pidfd_open(self._process.pid)) as handle:
+                poll = select.poll()
+                poll.register(handle, select.POLLIN)
+                poll.poll(1e3 * max(0.0, deadline - time.monotonic()))
         try:
-            self._process.wait(max(0.0, limit - (time.monotonic() - self._begun)))
+            self._process.wait(max(0.0, deadline - time.monotonic()))
         except subprocess.TimeoutExpired:
             return False
         return True

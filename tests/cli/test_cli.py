@@ -172,7 +172,7 @@ def test_show_numbers_at_the_start():
         call("show", "rod", "mass_matrix", "--format", "tex")
 
 
-def test_lists_and_schema(monkeypatch, tmp_path):
+def test_lists_and_schema(monkeypatch, tmp_path, made, made_in):
     monkeypatch.setenv("SYMGEN_CACHE", str(tmp_path))
     assert all(name in call("scenes") for name in symgen.shipped_scenes())
     assert "accelerations" in call("build", "four_bar")
@@ -181,6 +181,7 @@ def test_lists_and_schema(monkeypatch, tmp_path):
     schema = json.loads(call("schema"))
     assert {"points", "links", "drivers"} <= set(schema["properties"])
     assert call("--version").strip() == symgen.__version__
+    monkeypatch.setenv("SYMGEN_CACHE", str(made_in))
     assert "generated/ is current" in call("generate", "--check")
 
 

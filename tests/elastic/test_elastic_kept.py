@@ -46,10 +46,10 @@ def models():
 GAUSS = {"rtol": 1e-2, "samples": 40}
 RUNS = [
     ("gauss", GAUSS),
-    ("gauss4", {"steps": 600, "samples": 7}),
-    ("newmark", {"steps": 1500, "at": (1.0,)}),
-    ("generalized-alpha", {"steps": 700, "at": (1.0, 1.0, 0.0)}),
-    ("wilson-theta", {"steps": 700, "samples": 5, "revolutions": 2.0}),
+    ("gauss4", {"steps": 150, "samples": 7}),
+    ("newmark", {"steps": 400, "at": (1.0,)}),
+    ("generalized-alpha", {"steps": 180, "at": (1.0, 1.0, 0.0)}),
+    ("wilson-theta", {"steps": 180, "samples": 5, "revolutions": 2.0}),
 ]
 
 

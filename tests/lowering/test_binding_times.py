@@ -87,14 +87,11 @@ def test_nothing_of_parameters_alone_is_left_in_any_other_kernel(name):
         values = [s.value for s in program.setup.stores]
         assert program.setup.inputs == (("p", given),)
         assert len(set(values)) == len(values), "a term has two places"
-        read = {
-            f"p[{given + i}]"
-            for i in range(program.setup.out_size)
-            if any(f"p[{given + i}]" in _references(k) for k in others)
-        }
+        references = [_references(k) for k in others]
+        read = set().union(*references) & {f"p[{given + i}]" for i in range(program.setup.out_size)}
         assert len(read) == len(values), "a term that no kernel reads"
-        for k in others:
-            reads_tolerance = f"p[{program.tolerance_place}]" in _references(k)
+        for k, names in zip(others, references, strict=True):
+            reads_tolerance = f"p[{program.tolerance_place}]" in names
             assert program.tolerance_place in (-1, given + len(values))
             assert dict(k.inputs).get("p") in (None, given + len(values) + reads_tolerance)
     assert with_setup

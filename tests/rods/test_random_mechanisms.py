@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from shared.full import full_unless
 from shared.golden import reference
 from shared.minimal import Body, Mechanism, Minimal, Real
 from shared.random_mechanisms import draw, random_pose
@@ -33,7 +34,11 @@ def drawn(case):
     return rng, draw(rng, dimension, count, kind, free)
 
 
-@pytest.mark.parametrize("case", CASES, ids=lambda c: f"{c[0]}D-{c[1]}-{c[2]}-{'free' if c[3] else 'pinned'}")
+@pytest.mark.parametrize(
+    ("case",),
+    full_unless(lambda case: CASES.index(case) % 4 in (0, 3), [(case,) for case in CASES]),
+    ids=lambda c: f"{c[0]}D-{c[1]}-{c[2]}-{'free' if c[3] else 'pinned'}",
+)
 def test_against_minimal_coordinates(case):
     rng, (scene, minimal, start, _) = drawn(case)
     model = symgen.build(scene, backend="c" if case[2] == 10 else "numpy")
