@@ -1,4 +1,4 @@
-"""Plots and notebook tables of models and results, drawn by ``symgen.report`` when they are first requested.
+"""Plots and notebook tables of models and results, drawn by ``symgen.report`` when first requested.
 
 Results and models stand below the report and must not import it; this registry names what draws them.
 """
@@ -18,3 +18,11 @@ _DRAWN_BY = {
 def display(what: str, *arguments: Any, **options: Any) -> Any:
     """Draw a result or a model; ``what`` is a key of the registry."""
     return getattr(import_module(_DRAWN_BY[what]), what)(*arguments, **options)
+
+
+def seconds(value: float) -> str:
+    """Return a duration as text with three digits and a unit."""
+    for unit, size in (("s", 1.0), ("ms", 1e-3)):
+        if value >= size:
+            return f"{value / size:.3g} {unit}"
+    return f"{value * 1e6:.3g} µs"

@@ -43,6 +43,8 @@ class Method:
         Resolved scene, System -> steps of the derivation.
     subject
         Scene, model and options -> subject of studies of speed.
+    accuracy
+        Model, Asked (``symgen.study.accuracy.kernels``) -> kernels to compare with exact arithmetic.
     """
 
     name: str
@@ -56,6 +58,7 @@ class Method:
     export: str = ""
     record: str = ""
     subject: str = ""
+    accuracy: str = ""
 
     def load(self, entry: str) -> Any:
         """Return what an entry names, imported when first used.
@@ -94,6 +97,7 @@ METHODS: Mapping[str, Method] = {
             export="symgen.export.loop:loop",
             record="symgen.models.record:of_loop",
             subject="symgen.study.speed.subjects:loop",
+            accuracy="symgen.study.accuracy.kernels:of_loop_model",
         ),
         Method(
             "elastic",
@@ -103,6 +107,7 @@ METHODS: Mapping[str, Method] = {
             export="symgen.export.elastic:elastic",
             record="symgen.models.record:of_elastic",
             subject="symgen.study.speed.elastic_links:elastic",
+            accuracy="symgen.study.accuracy.kernels:of_elastic",
         ),
         Method(
             "rods",
@@ -112,8 +117,9 @@ METHODS: Mapping[str, Method] = {
             export="symgen.export.rods:rods",
             record="symgen.models.record:of_linkage",
             subject="symgen.study.speed.subjects:rods",
+            accuracy="symgen.study.accuracy.kernels:of_rods",
         ),
-        Method("system"),
+        Method("system", accuracy="symgen.study.accuracy.kernels:of_user_system"),
     )
 }
 

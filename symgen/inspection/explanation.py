@@ -12,7 +12,6 @@ from symgen.models.structure import structure
 from symgen.pipeline.build import build_asked, system_of
 from symgen.report.mathematics.saving import saving_lines
 from symgen.report.page.structure import elastic_lines, matrix_lines, memory_lines, solver_lines
-from symgen.report.summary import freedom_lines
 from symgen.runtime.elastic.model import ElasticModel
 from symgen.scene.loading import load_scene
 from symgen.scene.resolve import resolve
@@ -41,7 +40,7 @@ def explanation(scene: str, changes: Mapping[str, Any]) -> Iterator[str]:
     yield from matrix_lines(system)
     yield from solver_lines(system)
     model = build_asked(scene, set=changes)
-    yield from freedom_lines(model)
+    yield from model.mobility
     if isinstance(model, ElasticModel):
         yield from elastic_lines(model)
     yield from memory_lines(model.description)

@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
+from symgen.display import seconds
 from symgen.errors import ModelError, SimulationError
 from symgen.report.page.figures import FigureView, error_figure, run_figure
-from symgen.report.page.notebook import run_facts, seconds
 from symgen.report.page.page import Fact, TableView
 from symgen.runtime.elastic.model import ElasticModel
 from symgen.runtime.loop.model import LoopModel
@@ -57,7 +57,7 @@ def measure(model: Any, text: SceneText, *, speed: bool, told: Callable[[str], N
         result = error.partial if isinstance(error.partial, Result) else None
     if result is None:
         return Measured(None, notes=failure)
-    facts = tuple(Fact(*fact) for fact in run_facts(result))
+    facts = tuple(Fact(*fact) for fact in result.facts)
     table: TableView | None = None
     figure: FigureView | None = None
     caption = ""

@@ -8,7 +8,7 @@ from typing import cast
 import sympy as sp
 
 from symgen.errors import SceneError
-from symgen.methods import claiming
+from symgen.methods import Method, claiming
 from symgen.scene import units
 from symgen.scene.elastic.crank import crank, driver_of, with_flywheel
 from symgen.scene.elastic.links import Crank
@@ -38,10 +38,9 @@ def resolve(scene: Scene) -> Linkage | Loop:
     SceneError
         For a wrong unit, an unknown name, a value that is not physical; with file, table and key.
     """
-    tables = [name for name in scene.model_fields_set if getattr(scene, name) is not None]
     try:
         check_names(scene)
-        resolved: Linkage | Loop = claiming(tables).load("resolve")(scene)
+        resolved: Linkage | Loop = _method(scene).load("resolve")(scene)
     except SceneError as error:
         raise error.located(file=scene.file) from None
     return resolved
@@ -65,15 +64,20 @@ def resolve_linkage(scene: Scene) -> Linkage:
     SceneError
         As :func:`resolve` does, and for a scene with a loop.
     """
-    found = resolve(scene)
-    if isinstance(found, Loop):
+    found, method = resolve(scene), _method(scene)
+    if method.load("resolve") is not resolved_linkage:
         raise SceneError(
-            "expected a scene of points and links, got a loop",
-            where="loop",
+            f"expected a scene of points and links, got a {method.name}",
+            where=method.claims[0],
             file=scene.file,
-            hint="This is not there for loops.",
+            hint=f"This is not there for {method.name}s.",
         )
-    return found
+    return cast("Linkage", found)
+
+
+def _method(scene: Scene) -> Method:
+    """Return the method that claims a scene by its tables."""
+    return claiming([name for name in scene.model_fields_set if getattr(scene, name) is not None])
 
 
 def _linkage(scene: Scene) -> Linkage:

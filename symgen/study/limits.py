@@ -70,13 +70,13 @@ def find_limit(model: LoopModel, search: Search, done: Callable[[], None]) -> Li
             f"where the loop cannot go through its range: {turn}\n  Start from a value at which it can."
         )
     beyond = through(bad)
-    if isinstance(beyond, Turn):
+    if not isinstance(beyond, str):
         return Limit(search, None, 0.0, beyond.closure, beyond.statistics["least_singular"], "")
     for _ in range(STEPS - 2):
         middle = (good + bad) / 2
         found = through(middle)
-        if isinstance(found, Turn):
-            good, turn = middle, found
-        else:
+        if isinstance(found, str):
             bad, beyond = middle, found
+        else:
+            good, turn = middle, found
     return Limit(search, good, abs(bad - good), turn.closure, turn.statistics["least_singular"], beyond)

@@ -106,11 +106,12 @@ def run_studies(
     studies = []
     for plan in wanted:
         model = build_scene(scene, set={**(set or {}), **plan.changes}, backend=backend)
-        if not isinstance(model, LoopModel) or not model.is_driven:
+        if not model.is_driven:
             raise ModelError(
                 "studies are for driven loops: scenes with a link-joint table that inputs alone move"
             )
-        studies.append(StudyResult(plan, tuple(_case(model, plan, s, count) for s in plan.cases)))
+        loop = cast("LoopModel", model)
+        studies.append(StudyResult(plan, tuple(_case(loop, plan, s, count) for s in plan.cases)))
     title = checked_scene.title or checked_scene.name
     files = files_of(os.fspath(scene), title, studies, lambda: count.step(_A_PLOT))
     write(target, files)

@@ -17,7 +17,6 @@ from symgen.cli import app
 from symgen.models.structure import structure
 from symgen.report.mathematics.saving import ASKED, RUN, STAGE, STEP, binding_times
 from symgen.report.page.structure import elastic_lines
-from symgen.report.summary import freedom_lines
 from symgen.runtime import _core
 from symgen.runtime.integrate.integrators import INTEGRATORS
 from symgen.runtime.kernels.evaluate import Evaluator
@@ -78,7 +77,7 @@ def test_links_that_keep_their_length_have_fewer_unknowns():
     for axial in (True, False):
         for link in data["links"].values():
             link["elastic"] = {**link["elastic"], "axial": axial}
-        text = "\n".join([*freedom_lines(model := symgen.build(symgen.Scene(**data))), *elastic_lines(model)])
+        text = "\n".join([*(model := symgen.build(symgen.Scene(**data))).mobility, *elastic_lines(model)])
         assert ("inextensible" in text) != axial
         found.append([counted(text, "unknowns in all"), counted(text.replace("at most ", ""), "operations")])
     (free, cost), (fewer, less) = found
@@ -113,7 +112,7 @@ def test_a_body_in_space_is_one_link():
     lines = list(structure(resolve(scene)))
     assert "  A after link body" in lines
     assert "loops: none is closed by a link" in lines
-    assert any("3 degrees of freedom" in line for line in freedom_lines(symgen.build(scene)))
+    assert any("3 degrees of freedom" in line for line in symgen.build(scene).mobility)
 
 
 def test_a_floating_part_is_named():

@@ -12,7 +12,6 @@ from rich.console import Console
 import symgen
 from symgen.errors import ResultError
 from symgen.report.elastic import print_elastic_result, print_sweep
-from symgen.report.page.notebook import run_facts
 
 RPM = math.pi / 30
 
@@ -113,7 +112,7 @@ def test_a_drift_that_was_not_measured_is_nowhere(results, kind):
     (print_sweep if kind == "sweep" else print_elastic_result)(result, console)
     assert "drift" not in console.export_text()
     if kind == "elastic":
-        assert not any("drift" in name for name, _ in run_facts(result))
+        assert not any("drift" in name for name, _ in result.facts)
 
 
 def test_a_drift_that_was_measured_is_given(results):

@@ -143,6 +143,20 @@ class ElasticModel(Model):
         """The lowest frequency [Hz] of the structure at rest, over the poses of a turn."""
         return self._motion(True).lowest_frequency
 
+    @property
+    def mobility(self) -> tuple[str, ...]:
+        """Those of the rigid motion, and the unknowns of every elastic link, a line of text each."""
+        lines = [*self.rigid.mobility]
+        for beam in self.beams:
+            info = beam.info
+            count = "1 element" if info.elements == 1 else f"{info.elements} elements"
+            kept = f", {info.reduction}" if info.reduction else ""
+            length = "" if info.axial else ", inextensible"
+            size = len(beam.dofs) - len(beam.fixed)
+            own = f"{count} {info.element}{kept}{length}: {size} unknowns of its own"
+            lines.append(f"elastic: link {info.link}, {own}")
+        return *lines, f"elastic motion about it: {self.unknowns} unknowns in all"
+
     def with_parameters(self, /, **values: float) -> ElasticModel:
         """Return the same model with other values of its tunable parameters, in SI units."""
         return ElasticModel(self.rigid.with_parameters(**values), self._remade)

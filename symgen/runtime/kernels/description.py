@@ -94,6 +94,11 @@ class Described(ABC):
         """Number of coordinates."""
 
     @property
+    def extent(self) -> str:
+        """Numbers of unknowns and constraints, in words."""
+        return f"{self.coordinates} coordinates"
+
+    @property
     def held(self) -> int:
         """Number of parameters, the last ones, that runs hold during a step and users do not see."""
         return 0
@@ -184,6 +189,11 @@ class Description(Described):
     def coordinates(self) -> int:
         """Number of coordinates."""
         return len(self.free) * len(self.axes)
+
+    @property
+    def extent(self) -> str:
+        """Numbers of coordinates and constraints, in words."""
+        return f"{self.coordinates} coordinates, {len(self.constraints)} constraints"
 
     @property
     def shown_axes(self) -> tuple[str, ...]:
@@ -293,6 +303,11 @@ class LoopDescription(Described):
         """Number of joint variables."""
         return len(self.variables)
 
+    @property
+    def extent(self) -> str:
+        """Number of coordinates, and the joints, in words."""
+        return f"{self.coordinates} coordinates, {' '.join(self.joints)} loop"
+
     def having(self, *roles: str) -> list[int]:
         """Return the numbers of the variables of these roles."""
         return [i for i, v in enumerate(self.variables) if v.role in roles]
@@ -334,18 +349,19 @@ class SystemDescription(Described):
         return self.size("q")
 
     @property
+    def extent(self) -> str:
+        """Sizes of the arrays of arguments, in words."""
+        return ", ".join(f"{name}[{len(array.names)}]" for name, array in self.arrays.items())
+
+    @property
     def sizes(self) -> tuple[int, int, int, int]:
         """Number of doubles in the arrays t, q, u and p of every kernel."""
         return 1, self.size("q"), self.size("u"), self.size("p") + self.derived + 1
 
 
 #: The class of descriptions of each method.
-_KINDS: dict[str, type[Described]] = {
-    "rods": Description,
-    "elastic": Description,
-    "loop": LoopDescription,
-    "system": SystemDescription,
-}
+_KINDS: dict[str, type[Described]] = {"loop": LoopDescription, "system": SystemDescription}
+_KINDS |= dict.fromkeys(("rods", "elastic"), Description)
 
 
 def read_description(text: str) -> Described:

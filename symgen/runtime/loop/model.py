@@ -24,6 +24,7 @@ from symgen.runtime.kernels.library import Library
 from symgen.runtime.kernels.typed import Typed
 from symgen.runtime.loop.driven import driven, follow, follow_through, followed
 from symgen.runtime.loop.kernels import LoopKernels
+from symgen.runtime.model.compiled import degrees
 from symgen.runtime.model.model import Model
 from symgen.runtime.result.turn import Turn
 
@@ -71,6 +72,17 @@ class LoopModel(Model):
     def is_driven(self) -> bool:
         """Whether its inputs alone move it; otherwise its motion follows from forces."""
         return not self.description.having("free")
+
+    @property
+    def mobility(self) -> tuple[str, ...]:
+        """Degrees of freedom and redundant closure equations, a line of text each."""
+        d = self.description
+        inputs, free, dependent = (len(d.having(role)) for role in ("input", "free", "dependent"))
+        return (
+            f"{d.coordinates} variables: {inputs} prescribed, {free} free, {dependent} dependent, "
+            f"whose screws have rank {d.rank}: {degrees(inputs + free)} of freedom",
+            f"redundant: {6 - d.rank} of 6 closure equations" if d.rank < 6 else "redundant: none",
+        )
 
     def with_parameters(self, /, **values: float) -> LoopModel:
         """Return the same loop with other values of its tunable parameters, in SI units."""

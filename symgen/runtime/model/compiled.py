@@ -66,6 +66,11 @@ class Compiled:
         return "mpmath" if self._typed and self._typed.digits else self._library.backend
 
     @property
+    def mobility(self) -> tuple[str, ...]:
+        """Degrees of freedom at the start and redundant constraints, a line of text each."""
+        return (self.description.extent,)
+
+    @property
     def precision(self) -> str:
         """The type that runs and batches are computed in: ``float64``, or as it was built."""
         return self._type.name
@@ -146,3 +151,8 @@ class Compiled:
 
             self._batches = Batch(self.description, self._typed, self.given)
         return self._batches(what, t, q, u, work, threads)
+
+
+def degrees(count: int) -> str:
+    """Return a number of degrees of freedom in words."""
+    return "1 degree" if count == 1 else f"{count} degrees"

@@ -26,6 +26,11 @@ class KinematicModel(LinkageModel):
         "[analysis], or give --set analysis.kind=dynamics."
     }
 
+    @property
+    def mobility(self) -> tuple[str, ...]:
+        """Numbers of coordinates and constraints, a line of text."""
+        return (f"{self.description.extent}: drives prescribe the motion",)
+
     def with_parameters(self, /, **values: float) -> KinematicModel:
         """Return the same model with other values of its tunable parameters, in SI units."""
         changed = {**self.parameters, **values}

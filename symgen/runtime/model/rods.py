@@ -17,6 +17,7 @@ from symgen.runtime.integrate.checkpoint import keeping
 from symgen.runtime.integrate.options import options
 from symgen.runtime.integrate.pace import limited
 from symgen.runtime.integrate.simulate import run
+from symgen.runtime.model.compiled import degrees
 from symgen.runtime.model.linkage import LinkageModel
 from symgen.runtime.result.result import Result
 from symgen.runtime.result.state import Accelerations, State, finite
@@ -41,6 +42,17 @@ class RodModel(LinkageModel):
     """
 
     MISSING: ClassVar[Mapping[str, str]] = {"": "it has no elastic links"}
+
+    @property
+    def mobility(self) -> tuple[str, ...]:
+        """Degrees of freedom at the start and redundant constraints, a line of text each."""
+        d, redundant = self.description, self.redundant
+        implied = ", ".join(redundant) or "none"
+        freedom = degrees(d.coordinates - len(d.constraints) + len(redundant))
+        return (
+            f"{d.extent}: {freedom} of freedom at the start",
+            f"redundant: {implied}",
+        )
 
     def with_parameters(self, /, **values: float) -> RodModel:
         """Return the same model with other values of its tunable parameters, in SI units."""

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symgen.calls import checked
+from symgen.display import seconds
 from symgen.runtime.result.result import Result, Variable
 
 Array = NDArray[np.float64]
@@ -89,6 +90,17 @@ class ElasticResult(Result):
         ]
         errors = f", estimated errors of the peak stress: {', '.join(known)}" if known else ""
         return f"{self.provenance['method']}, {self.statistics['steps']} steps{errors}"
+
+    @property
+    def facts(self) -> tuple[tuple[str, str], ...]:
+        """Names and values of facts about the run; the error measure comes last."""
+        error = self.statistics["error"]
+        return (
+            ("method", str(self.provenance["method"])),
+            ("steps", str(self.statistics["steps"])),
+            ("time", seconds(float(self.statistics["wall_s"]))),
+            ("estimated error", "not estimated" if error is None else f"{error:.1e} of the peak stress"),
+        )
 
     def summary(self) -> dict[str, Any]:
         """Return the run in plain numbers: what ``symgen run --json`` prints."""

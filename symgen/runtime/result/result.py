@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symgen.calls import checked
-from symgen.display import display
+from symgen.display import display, seconds
 from symgen.errors import ResultError, nearest
 
 if TYPE_CHECKING:
@@ -270,6 +270,23 @@ class Result:
         told = f"; drift: {', '.join(drift)}" if drift else ""
         return f"{self.provenance['method']}, {self.statistics['steps']} steps{told}"
 
+    @property
+    def facts(self) -> tuple[tuple[str, str], ...]:
+        """Names and values of facts about the run; error measures come last."""
+        drift, errors = self.drift.measured, []
+        if "energy" in drift:
+            lost, exchanged = (f"{drift[name]:.1e} J" for name in ("energy", "energy_exchanged"))
+            errors.append(("energy drift", f"{lost} of {exchanged} exchanged"))
+        if "constraint" in drift:
+            errors.append(("constraint drift", f"{drift['constraint']:.1e} m"))
+        return (
+            ("method", str(self.provenance["method"])),
+            ("to", f"t = {self.statistics['t']:g} s"),
+            ("steps", f"{self.statistics['steps']}, {self.statistics['rejected']} rejected"),
+            ("time", seconds(float(self.statistics["wall_s"]))),
+            *errors,
+        )
+
     def summary(self) -> dict[str, Any]:
         """Return the run in plain numbers: what ``symgen run --json`` prints."""
         return {
@@ -287,9 +304,7 @@ class Result:
             "parameters": dict(self.provenance["parameters"]),
             "notes": list(self.notes),
             "events": [{"name": e.name, "time": e.time, "rising": e.rising} for e in self.events],
-            **(
-                {"undetermined": self.statistics["undetermined"]} if "undetermined" in self.statistics else {}
-            ),
+            **{k: v for k, v in self.statistics.items() if k == "undetermined"},
             "final": {point: dict(motion) for point, motion in self.final.items()},
         }
 

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symgen.calls import checked
+from symgen.display import seconds
 from symgen.runtime.kernels.description import LoopDescription
 from symgen.runtime.result.result import Result, Variable
 
@@ -55,6 +56,16 @@ class Turn(Result):
     def closure(self) -> float:
         """Largest defect of closure: of rotations in radians, of displacements over the size of the loop."""
         return float(self.statistics["closure"])
+
+    @property
+    def facts(self) -> tuple[tuple[str, str], ...]:
+        """Names and values of facts about the poses; the error measure comes last."""
+        wall = float(self.statistics["wall_s"])
+        return (
+            ("evaluated", f"{self.count} poses"),
+            ("time", f"{seconds(wall)}, {seconds(wall / max(1, self.count))} per pose"),
+            ("closed within", f"{self.closure:.1e}"),
+        )
 
     @property
     def poles(self) -> tuple[Pole, ...]:

@@ -6,7 +6,7 @@ import os
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, cast
 
 import mpmath
 import numpy as np
@@ -18,6 +18,7 @@ from symgen.errors import ModelError
 from symgen.lowering.kernel import Program
 from symgen.lowering.program import lower_system
 from symgen.lowering.tape import Tape
+from symgen.methods import method_of
 from symgen.models import BLOCKS, SHIPPED_BLOCKS
 from symgen.models.analyses import elastic_systems
 from symgen.pipeline.build import build, derive, with_forces
@@ -140,21 +141,53 @@ def kernels_of(
         call = _shipped(str(scene)) if scene in SHIPPED_BLOCKS else _in_numpy(system)
         return system.title, [Kernels("", system, call, of_block(system, count, seed))]
     model = build(scene, set=set, precision=precision)
-    if isinstance(model, SystemModel):
+    method = method_of(model)
+    if method.claims:  # a scene, else a user-defined system
+        model, system = with_forces(cast("Any", model)), derive(override(read_scene(scene), set or {}))
+    else:
         system = derive(scene)
-        states = of_block(system, count, seed)
-        return system.title, [Kernels("", system, _of_system(model), states, without=("solve",))]
-    model = with_forces(model)
-    system = derive(override(read_scene(scene), set or {}))
-    if isinstance(model, LoopModel):
-        own = Kernels("", system, _of_loop(model.kernels), of_loop(model, count, seed, run))
-        return system.title, [own if typed == FLOAT64 else _in_type(own, model, typed)]
-    rigid = model.rigid if isinstance(model, ElasticModel) else model
-    own = _of_linkage(rigid, system, count, seed, run)
-    if typed != FLOAT64:
-        return system.title, [_in_type(own, rigid, typed)]
-    elastic = _of_elastic(scene, set, model, own.states, count, seed) if rigid is not model else ()
-    return system.title, [own, *elastic]
+    own: list[Kernels] = method.load("accuracy")(model, Asked(scene, set, system, typed, count, seed, run))
+    return system.title, own
+
+
+@dataclass(frozen=True, slots=True)
+class Asked:
+    """The System whose kernels are compared, the number type, and the states: see :func:`kernels_of`."""
+
+    scene: Any
+    set: Mapping[str, Any] | None
+    system: System
+    typed: Precision
+    count: int
+    seed: int
+    run: bool
+
+
+def of_user_system(model: SystemModel, asked: Asked) -> list[Kernels]:
+    """Return the kernels of a user-defined system."""
+    states = of_block(asked.system, asked.count, asked.seed)
+    return [Kernels("", asked.system, _of_system(model), states, without=("solve",))]
+
+
+def of_loop_model(model: LoopModel, asked: Asked) -> list[Kernels]:
+    """Return the kernels of a loop in the requested type."""
+    states = of_loop(model, asked.count, asked.seed, asked.run)
+    own = Kernels("", asked.system, _of_loop(model.kernels), states)
+    return [own if asked.typed == FLOAT64 else _in_type(own, model, asked.typed)]
+
+
+def of_rods(model: RodModel, asked: Asked) -> list[Kernels]:
+    """Return the kernels of the equations of motion of a linkage in the requested type."""
+    own = _of_linkage(model, asked.system, asked.count, asked.seed, asked.run)
+    return [own if asked.typed == FLOAT64 else _in_type(own, model, asked.typed)]
+
+
+def of_elastic(model: ElasticModel, asked: Asked) -> list[Kernels]:
+    """Return the kernels of the rigid motion, and in double precision those of elastic links."""
+    (own,) = of_rods(model.rigid, asked)
+    if asked.typed != FLOAT64:
+        return [own]
+    return [own, *_of_elastic(asked.scene, asked.set, model, own.states, asked.count, asked.seed)]
 
 
 #: Kernels of the initial assembly: their velocity argument holds the position along the path.

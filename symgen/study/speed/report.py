@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 from rich.console import Console
 
 from symgen.atomic import replacing, writable
+from symgen.display import seconds
 from symgen.errors import ResultError
-from symgen.report.page.notebook import seconds
 from symgen.report.page.plots import DRAWN_AS
 from symgen.report.tables import table
 from symgen.study.speed.orders import Order

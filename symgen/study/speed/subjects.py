@@ -7,7 +7,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,8 +22,7 @@ from symgen.runtime.loop.model import LoopModel
 from symgen.runtime.model.rods import RodModel
 from symgen.runtime.result.result import Result
 from symgen.scene.loading import load_scene
-from symgen.scene.resolve import resolve
-from symgen.scene.rods.linkage import Linkage
+from symgen.scene.resolve import resolve_linkage
 from symgen.scene.schema import Scene
 from symgen.study.speed.measures import distance, sizes
 from symgen.study.speed.peers import PEERS, PeerSetting
@@ -229,10 +228,14 @@ class Rods(Subject):
 
     def peers(self) -> tuple[list[Iterator[Setting]], list[str]]:
         """Return sweeps of other programs for the same open chain."""
-        linkage, model = self._scene and resolve(self._scene), self.models[FLOAT64.name]
-        if not (isinstance(linkage, Linkage) and isinstance(model, RodModel)):
+        if self._scene is None:
             return super().peers()
-        chain, sweeps, missing = planar_chain(linkage, model, self.t_end, self.samples), [], []
+        linkage, model = resolve_linkage(self._scene), self.models[FLOAT64.name]
+        chain, sweeps, missing = (
+            planar_chain(linkage, cast("RodModel", model), self.t_end, self.samples),
+            [],
+            [],
+        )
         for name, (packages, make) in PEERS.items():
             try:
                 sweeps += [self._of_peer(chain, sweep) for sweep in make(chain)]
