@@ -43,6 +43,12 @@ class Method:
         Resolved scene, System -> steps of the derivation.
     subject
         Scene, model and options -> subject of studies of speed.
+    view
+        Class of what pages and explanations show, a subclass of ``symgen.inspection.view.View``.
+    state
+        Model, time or value as text -> arguments of the matrices there.
+    momentum
+        Resolved scene -> System of its momentum rows.
     accuracy
         Model, Asked (``symgen.study.accuracy.kernels``) -> kernels to compare with exact arithmetic.
     """
@@ -59,6 +65,9 @@ class Method:
     record: str = ""
     subject: str = ""
     accuracy: str = ""
+    view: str = ""
+    state: str = ""
+    momentum: str = ""
 
     def load(self, entry: str) -> Any:
         """Return what an entry names, imported when first used.
@@ -80,6 +89,7 @@ _LINKAGE = {
     "further": "symgen.models.analyses:elastic_systems",
     "describe": "symgen.pipeline.describe:of_linkage",
     "start": "symgen.pipeline.describe:with_state",
+    "momentum": "symgen.models.momentum.rows:momentum_system",
 }
 
 #: All methods, in the order in which they claim a scene.
@@ -98,6 +108,8 @@ METHODS: Mapping[str, Method] = {
             record="symgen.models.record:of_loop",
             subject="symgen.study.speed.subjects:loop",
             accuracy="symgen.study.accuracy.kernels:of_loop_model",
+            view="symgen.inspection.loops:LoopView",
+            state="symgen.inspection.state:of_loop",
         ),
         Method(
             "elastic",
@@ -108,6 +120,8 @@ METHODS: Mapping[str, Method] = {
             record="symgen.models.record:of_elastic",
             subject="symgen.study.speed.elastic_links:elastic",
             accuracy="symgen.study.accuracy.kernels:of_elastic",
+            view="symgen.inspection.linkages:ElasticView",
+            state="symgen.inspection.state:of_elastic",
         ),
         Method(
             "rods",
@@ -118,6 +132,8 @@ METHODS: Mapping[str, Method] = {
             record="symgen.models.record:of_linkage",
             subject="symgen.study.speed.subjects:rods",
             accuracy="symgen.study.accuracy.kernels:of_rods",
+            view="symgen.inspection.linkages:RodsView",
+            state="symgen.inspection.state:of_linkage",
         ),
         Method("system", accuracy="symgen.study.accuracy.kernels:of_user_system"),
     )

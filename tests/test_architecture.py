@@ -158,13 +158,7 @@ TESTED_FOR = {
     "cli/common.py": 2,
     "cli/running.py": 7,
     "cli/sweeping.py": 1,
-    "inspection/explanation.py": 2,
-    "inspection/measured.py": 5,
-    "inspection/page.py": 7,
-    "inspection/picture.py": 1,
     "inspection/runs.py": 1,
-    "inspection/state.py": 2,
-    "inspection/subject.py": 2,
 }
 
 

@@ -10,25 +10,17 @@ import numpy as np
 
 from symgen.display import seconds
 from symgen.errors import ModelError, SimulationError
+from symgen.inspection.view import View, view_of
 from symgen.report.page.figures import FigureView, error_figure, run_figure
 from symgen.report.page.page import Fact, TableView
-from symgen.runtime.elastic.model import ElasticModel
-from symgen.runtime.loop.model import LoopModel
-from symgen.runtime.result.elastic import ElasticResult
 from symgen.runtime.result.result import Result
-from symgen.runtime.result.turn import Turn
 from symgen.scene.loading import SceneText, check_scene
 from symgen.study.speed.work_precision import WorkPrecision, work_precision
 
-#: Methods in the speed measurement: for linkages and loops, and for elastic links.
-_METHODS = ("dop853", "dopri5", "rk4")
-_OF_ELASTIC = ("gauss", "newmark", "dop853")
 #: Facts of a run shown at the head of the page.
 _TELLING = ("energy drift", "constraint drift", "closed within", "estimated error")
-#: Time [s] of one run that ends a sweep of settings, for elastic links and for all other models.
-_LONGEST_ELASTIC, _LONGEST = 0.3, 0.05
-#: Repeats per setting; recorded times; error relative to the peak over a revolution of elastic links.
-_REPEATS, _SAMPLES, _ELASTIC = 2, 11, 1e-3
+#: Repeats per setting, and recorded times.
+_REPEATS, _SAMPLES = 2, 11
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,9 +41,10 @@ class Measured:
 def measure(model: Any, text: SceneText, *, speed: bool, told: Callable[[str], None]) -> Measured:
     """Run a model over the range set in its scene, and measure speed against error."""
     told("running")
+    view = view_of(model)
     failure: tuple[str, ...] = ()
     try:
-        result: Result | None = _run(model)
+        result: Result | None = view.run(model)
     except SimulationError as error:
         failure = (str(error).partition("\n")[0],)
         result = error.partial if isinstance(error.partial, Result) else None
@@ -61,11 +54,12 @@ def measure(model: Any, text: SceneText, *, speed: bool, told: Callable[[str], N
     table: TableView | None = None
     figure: FigureView | None = None
     caption = ""
-    if isinstance(result, Turn):
-        table, caption = _of_turn(result)
+    cost = view.cost(model, result)
+    if cost:
+        table, caption = cost
     elif speed:
         told("measuring speed against error")
-        table, figure, caption = _speed(model, text)
+        table, figure, caption = _speed(view, text)
     return Measured(
         result,
         headline=tuple(f for f in facts if f.name in _TELLING),
@@ -79,20 +73,9 @@ def measure(model: Any, text: SceneText, *, speed: bool, told: Callable[[str], N
     )
 
 
-def _run(model: Any) -> Result:
-    found: Result
-    if isinstance(model, ElasticModel):
-        found = model.simulate(rtol=_ELASTIC)
-    elif isinstance(model, LoopModel) and model.is_driven:
-        found = model.inverse_dynamics()
-    else:
-        found = model.simulate()
-    return found
-
-
 def _final(result: Result) -> TableView | None:
     """Return the final positions of the points of a linkage."""
-    if isinstance(result, Turn | ElasticResult) or not result.final:
+    if not result.final:
         return None
     rows = tuple(
         (point, *(f"{x:.6g}" for what in ("position", "velocity") for x in np.atleast_1d(motion[what])))
@@ -105,29 +88,14 @@ def _final(result: Result) -> TableView | None:
     return TableView(("point at the end", *head), rows) if rows else None
 
 
-def _of_turn(turn: Turn) -> tuple[TableView, str]:
-    """Return the time per pose of a driven loop and the largest closure defect."""
-    row = (
-        turn.provenance["backend"],
-        str(turn.count),
-        seconds(turn.statistics["wall_s"] / max(1, turn.count)),
-        f"{turn.closure:.1e}",
-    )
-    caption = (
-        "A driven loop is not integrated: each pose is closed by Newton's method starting from the previous "
-        "one, with all rates, accelerations and forces. The defect is the maximum over all poses, of angles "
-        "in radians, of translations relative to the size of the loop."
-    )
-    return TableView(("backend", "poses", "time per pose", "largest defect"), (row,)), caption
-
-
-def _speed(model: Any, text: SceneText) -> tuple[TableView | None, FigureView | None, str]:
-    methods, longest = (
-        (_OF_ELASTIC, _LONGEST_ELASTIC) if isinstance(model, ElasticModel) else (_METHODS, _LONGEST)
-    )
+def _speed(view: View, text: SceneText) -> tuple[TableView | None, FigureView | None, str]:
     try:
         found = work_precision(
-            check_scene(text), methods=methods, samples=_SAMPLES, repeats=_REPEATS, longest=longest
+            check_scene(text),
+            methods=view.integrators,
+            samples=_SAMPLES,
+            repeats=_REPEATS,
+            longest=view.longest,
         )
     except (ModelError, SimulationError) as error:
         return TableView(("not measured",), ((str(error).partition("\n")[0],),)), None, ""

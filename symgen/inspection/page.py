@@ -8,8 +8,7 @@ from typing import Any
 from symgen.codegen.emit import UnitView, equations_hash, unit_view
 from symgen.codegen.target import Target
 from symgen.inspection.measured import measure
-from symgen.inspection.picture import sketch
-from symgen.joints import JOINTS
+from symgen.inspection.view import View, view_of
 from symgen.lowering.kernel import SETUP, Kernel, Program
 from symgen.lowering.nodes import KINDS
 from symgen.lowering.program import lower_system
@@ -18,12 +17,8 @@ from symgen.pipeline.build import build_scene, system_of
 from symgen.report.page.drawing import Drawing, drawing
 from symgen.report.page.page import Fact, KernelRow, Page, StepView, example_in_c
 from symgen.report.page.views import elimination, matrix_view, shared_terms, symbols
-from symgen.runtime.elastic.model import ElasticModel
-from symgen.runtime.kernels.description import LoopDescription
 from symgen.scene.loading import SceneText, check_scene
-from symgen.scene.loop.loop import Loop
 from symgen.scene.resolve import resolve
-from symgen.scene.rods.linkage import Linkage
 from symgen.symbolic.system import System
 
 #: Maximum number of matrices of one step and of shared terms on a page.
@@ -56,6 +51,7 @@ def scene_page(text: SceneText, *, speed: bool, told: Told) -> Page:
     model = build_scene(text)
     told("deriving")
     resolved = resolve(checked)
+    view = view_of(resolved)
     system = system_of(resolved)
     derivation = record(resolved, system)
     systems = _distinct([system, *(step.system for step in derivation)])
@@ -64,21 +60,21 @@ def scene_page(text: SceneText, *, speed: bool, told: Told) -> Page:
     unit = unit_view(program, Target(), equations)
     found = measure(model, text, speed=speed, told=told)
     told("drawing")
-    drawn = drawing(sketch(resolved, model, found.result))
+    drawn = drawing(view.sketch(resolved, model, found.result))
     structure = elimination(system, system.saddle_point) if system.saddle_point else None
     shared, more = shared_terms(systems, _TERMS)
     return Page(
         name=system.name,
         title=system.title,
-        kind="loop" if isinstance(resolved, Loop) else "rods",
+        kind=view.kind,
         about=checked.about.strip(),
         facts=(
-            *_facts(resolved, model),
+            *view.facts(resolved, model),
             Fact("operations", _operations(program)),
             *found.headline,
         ),
         drawing=drawn,
-        drawing_caption=_caption(resolved, drawn),
+        drawing_caption=_caption(view, drawn),
         steps=tuple(map(_step, derivation)),
         structure=structure[0] if structure else None,
         structure_caption=_of_structure(structure) if structure else "",
@@ -88,7 +84,9 @@ def scene_page(text: SceneText, *, speed: bool, told: Told) -> Page:
         kernels=tuple(_kernel(k, unit) for k in program.kernels),
         kinds=tuple(_KINDS[k] for k in KINDS),
         in_c=example_in_c(unit, _main(program.kernels)),
-        in_python=_in_python(system.name, model),
+        in_python="\n".join(
+            ["import symgen", "", f'model = symgen.build("{system.name}")', *view.example(model)]
+        ),
         run=found.facts,
         run_figure=found.figure,
         notes=found.notes,
@@ -97,7 +95,7 @@ def scene_page(text: SceneText, *, speed: bool, told: Told) -> Page:
         speed_figure=found.speed_figure,
         speed_caption=found.speed_caption,
         left_out=system.left_out,
-        references=_references(system, resolved),
+        references=(*system.references, *view.references),
         equations=equations,
     )
 
@@ -122,46 +120,6 @@ def _step(step: Step) -> StepView:
     )
 
 
-def _facts(resolved: Linkage | Loop, model: Any) -> tuple[Fact, ...]:
-    """Return the type of the mechanism and its mobility."""
-    return _of_loop(model) if isinstance(resolved, Loop) else _of_linkage(resolved, model)
-
-
-def _of_loop(model: Any) -> tuple[Fact, ...]:
-    d = model.description
-    free = len(d.having("input", "free"))
-    return (
-        Fact("loop", "–".join(d.joints)),
-        Fact("joints", ", ".join(f"{JOINTS[j].name} {j}" for j in dict.fromkeys(d.joints))),
-        Fact("variables", f"{d.coordinates}, of which {len(d.having('dependent'))} dependent"),
-        Fact("degrees of freedom", str(free)),
-        Fact("rank of the screws", f"{d.rank} of 6"),
-    )
-
-
-def _of_linkage(linkage: Linkage, model: Any) -> tuple[Fact, ...]:
-    d = model.description
-    redundant = len(model.redundant)
-    facts = [
-        Fact("linkage", _where(linkage)),
-        Fact("points and links", f"{len(d.points)} and {len(linkage.links) + len(linkage.bodies)}"),
-        Fact("coordinates", str(d.coordinates)),
-        Fact("constraints", f"{len(d.constraints)}" + (f", {redundant} redundant" if redundant else "")),
-        Fact("degrees of freedom", str(d.coordinates - len(d.constraints) + redundant)),
-    ]
-    if isinstance(model, ElasticModel):
-        facts.append(Fact("elastic links", ", ".join(b.info.link for b in model.beams)))
-        facts.append(Fact("elastic unknowns", str(model.unknowns)))
-    return tuple(facts)
-
-
-def _where(linkage: Linkage) -> str:
-    """Return the plane or space in which the linkage moves."""
-    if linkage.plane:
-        return f"in space, stays in the plane {linkage.plane}"
-    return "in the plane" if linkage.dimension == 2 else "in space"
-
-
 def _main(kernels: tuple[Kernel, ...]) -> str:
     """Return the most frequently evaluated kernel: the accelerations, or the motion of a loop."""
     names = [k.name for k in kernels if k.name != SETUP]
@@ -174,18 +132,9 @@ def _operations(program: Program) -> str:
     return f"{program.kernel(main).counts.flops} for the {main}{once}"
 
 
-def _caption(resolved: Linkage | Loop, drawn: Drawing) -> str:
-    if isinstance(resolved, Loop):
-        words = (
-            "The loop at the beginning of its range; dashed lines are joint axes and translations along them"
-        )
-    else:
-        words = "The mechanism in its initial configuration"
-        kinds = {s.kind for s in drawn.shapes}
-        words += "; blue links bend" if "elastic" in kinds else ""
-        words += "; thin lines are paths during the run" if "path" in kinds else ""
+def _caption(view: View, drawn: Drawing) -> str:
     hidden = f" {drawn.unnamed} names are omitted for lack of room." if drawn.unnamed else ""
-    return f"{words}.{hidden}"
+    return f"{view.caption(drawn)}.{hidden}"
 
 
 def _of_structure(structure: tuple[Any, int]) -> str:
@@ -215,33 +164,3 @@ def _kernel(kernel: Kernel, unit: UnitView) -> KernelRow:
         results,
         f"{view.prototype};".replace("SYMGEN_RESTRICT ", "restrict "),
     )
-
-
-def _in_python(name: str, model: Any) -> str:
-    lines = ["import symgen", "", f'model = symgen.build("{name}")']
-    d = model.description
-    if isinstance(d, LoopDescription):
-        if model.is_driven:
-            value = 0.5 * (d.span[0] + d.span[1])
-            lines += [
-                f"turn = model.inverse_dynamics(at=[{value:.6g}])  # at a value of the input, in SI units",
-                "turn.summary()",
-            ]
-        else:
-            lines += [f"run = model.simulate({d.t_end:g})", "run.drift"]
-    elif isinstance(model, ElasticModel):
-        lines += ["turn = model.simulate()", "turn.peaks"]
-    else:
-        lines += [
-            "found = model.accelerations()  # at the start; found.multipliers, found.reactions",
-            f'found["{d.free[0]}"]',
-            f"run = model.simulate({d.t_end:g})",
-        ]
-    return "\n".join(lines)
-
-
-def _references(system: System, resolved: Linkage | Loop) -> tuple[str, ...]:
-    from symgen.mechanics.elastic.hamilton import THESIS
-
-    elastic = isinstance(resolved, Linkage) and resolved.elastic
-    return (*system.references, *((f"The {THESIS}",) if elastic else ()))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,25 +25,8 @@ _BALL = ("theta", "eta", "alpha")
 _LITTLE = 1e-3
 
 
-def sketch(resolved: Linkage | Loop, model: Any, result: Result | None) -> Sketch:
-    """Return the mechanism in its initial configuration, with the recorded paths of its points.
-
-    Parameters
-    ----------
-    resolved
-        The resolved scene.
-    model
-        The model built from it.
-    result
-        A run of the model, if there is one.
-    """
-    if isinstance(resolved, Loop):
-        return _of_loop(resolved, model)
-    rigid = getattr(model, "rigid", model)
-    return _of_linkage(resolved, rigid.initial_state().positions, result)
-
-
-def _of_linkage(linkage: Linkage, places: dict[str, Array], result: Result | None) -> Sketch:
+def linkage_sketch(linkage: Linkage, places: dict[str, Array], result: Result | None) -> Sketch:
+    """Return a linkage with its points in places [m], and their paths in a run, if there is one."""
     linkage = linkage.as_written
     hidden = {p.name for p in linkage.points if p.hidden}
     joints = [name for k in linkage.links for name in (k.start, k.end, *(p.name for p in k.carried))]
@@ -99,7 +81,7 @@ def _bars(linkage: Linkage, places: dict[str, Array]) -> Iterator[Line]:
             yield Line("slider", "", np.array([places[point], places[point] + _LITTLE * d]))
 
 
-def _of_loop(loop: Loop, model: LoopModel) -> Sketch:
+def loop_sketch(loop: Loop, model: LoopModel) -> Sketch:
     """Return the links between their joint axes, in the first frame."""
     start = model.closed_start()
     table = model.kernels("rows", start.t, start.q, np.zeros_like(start.q))["rows"]

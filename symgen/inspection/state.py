@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from symgen.errors import ModelError, SceneError, nearest
 from symgen.inspection.runs import at_values
+from symgen.methods import method_of
 from symgen.runtime.elastic.model import ElasticModel
 from symgen.runtime.loop.driven import moving
 from symgen.runtime.loop.model import LoopModel
@@ -70,12 +71,17 @@ def state_of(model: Any, at: str | None) -> Values:
     ModelError, SimulationError
         If the text cannot be read or the state cannot be reached.
     """
-    if isinstance(model, LoopModel):
-        return _of_loop(model, at)
-    return _of_linkage(model.rigid if isinstance(model, ElasticModel) else model, at)
+    values: Values = method_of(model).load("state")(model, at)
+    return values
 
 
-def _of_linkage(model: RodModel, at: str | None) -> Values:
+def of_elastic(model: ElasticModel, at: str | None) -> Values:
+    """Return the arguments of the rigid motion of elastic links."""
+    return of_linkage(model.rigid, at)
+
+
+def of_linkage(model: RodModel, at: str | None) -> Values:
+    """Return the arguments of a linkage at a time, reached by a run."""
     t = _seconds(at)
     state: State = model.initial_state()
     if t > 0:
@@ -109,7 +115,8 @@ def _seconds(at: str | None) -> float:
     return t
 
 
-def _of_loop(model: LoopModel, at: str | None) -> Values:
+def of_loop(model: LoopModel, at: str | None) -> Values:
+    """Return the arguments of a loop at its start, or of a driven one at a value of its input."""
     d = model.description
     begin = model.closed_start()
     parameters = model.given

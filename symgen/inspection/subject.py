@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from symgen.errors import DerivationError
-from symgen.methods import further_of
+from symgen.methods import further_of, method_of
 from symgen.models import BLOCKS, DERIVATIONS
 from symgen.models.record import Step, elastic_record, record
 from symgen.pipeline.build import system_of
@@ -107,7 +107,7 @@ class Subject:
     @property
     def _kinematic(self) -> bool:
         """Whether this is a scene with kinematic analysis only."""
-        return self.is_scene and isinstance(self.resolved, Linkage) and self.resolved.kinematic
+        return self.is_scene and self.resolved.kinematic
 
     @property
     def parts(self) -> tuple[tuple[str, System], ...]:
@@ -136,16 +136,15 @@ class Subject:
         return Chosen(self.own, (self.own[name],))
 
     def _momentum(self, row: str, numbers: bool) -> Chosen:
-        from symgen.models.momentum.rows import momentum_system
-
-        if not isinstance(self.resolved, Linkage):
-            raise DerivationError(f"{self.name} is a loop of joints: momentum rows are of points and links")
+        method = method_of(self.resolved)
+        if not method.momentum:
+            raise DerivationError(f"{self.name} has no momentum rows: these are of points and links")
         if self._kinematic:
             raise DerivationError(
                 f"{self.name} is a kinematic analysis, which has no momentum rows\n"
                 "  Give --set analysis.kind=dynamics."
             )
-        system = momentum_system(self.resolved)
+        system = method.load("momentum")(self.resolved)
         if row:
             return Chosen(system, (system[row],))
         square = ("matrix", "rhs")

@@ -61,7 +61,7 @@ class Page:
     Attributes
     ----------
     kind
-        ``rods``, ``loop`` or ``block``: selects the governing equation shown with the derivation.
+        Name of the part of ``templates/report/parts`` with the governing equation; none if empty.
     """
 
     name: str

@@ -159,6 +159,8 @@ class Loop:
     """
 
     method: ClassVar[str] = "loop"
+    #: Loops are always resolved with their forces.
+    kinematic: ClassVar[bool] = False
     name: str
     file: str
     title: str

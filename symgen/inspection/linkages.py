@@ -1,0 +1,107 @@
+"""What pages and explanations show of linkages of points and links, with elastic links and without."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+from symgen.inspection.picture import linkage_sketch
+from symgen.inspection.view import View
+from symgen.mechanics.elastic.hamilton import THESIS
+from symgen.models.generality import general
+from symgen.models.structure import structure
+from symgen.pipeline.build import system_of
+from symgen.report.mathematics.saving import saving_lines
+from symgen.report.page.drawing import Drawing, Sketch
+from symgen.report.page.page import Fact
+from symgen.report.page.structure import elastic_lines
+from symgen.runtime.elastic.model import ElasticModel
+from symgen.runtime.result.result import Result
+from symgen.scene.rods.linkage import Linkage
+from symgen.symbolic.system import System
+
+#: Error over the peak stress of the run on a page.
+_ERROR = 1e-3
+
+
+class RodsView(View):
+    """A linkage of rods and bodies."""
+
+    kind = "rods"
+
+    def structure(self, resolved: Linkage, system: System) -> Iterator[str]:
+        """Yield the topology, and the operations saved by numbers of the scene and by its plane."""
+        yield from structure(resolved)
+        what = "any masses, lengths, centres, inertias and gravity"
+        yield from saving_lines(system, system_of(general(resolved)), what)
+        if resolved.plane:
+            yield from saving_lines(system, system_of(resolved.as_written), "motion across its plane")
+
+    def facts(self, resolved: Linkage, model: Any) -> tuple[Fact, ...]:
+        """Return plane or space, and the numbers of points, links, coordinates and constraints."""
+        d = model.description
+        redundant = len(model.redundant)
+        return (
+            Fact("linkage", _where(resolved)),
+            Fact("points and links", f"{len(d.points)} and {len(resolved.links) + len(resolved.bodies)}"),
+            Fact("coordinates", str(d.coordinates)),
+            Fact("constraints", f"{len(d.constraints)}" + (f", {redundant} redundant" if redundant else "")),
+            Fact("degrees of freedom", str(d.coordinates - len(d.constraints) + redundant)),
+        )
+
+    def sketch(self, resolved: Linkage, model: Any, result: Result | None) -> Sketch:
+        """Return points and links, and the paths of points in a run."""
+        return linkage_sketch(resolved, model.initial_state().positions, result)
+
+    def caption(self, drawn: Drawing) -> str:
+        """Return the caption of the drawing."""
+        kinds = {s.kind for s in drawn.shapes}
+        words = super().caption(drawn)
+        words += "; blue links bend" if "elastic" in kinds else ""
+        return words + ("; thin lines are paths during the run" if "path" in kinds else "")
+
+    def example(self, model: Any) -> list[str]:
+        """Return lines that evaluate accelerations and run."""
+        return [
+            "found = model.accelerations()  # at the start; found.multipliers, found.reactions",
+            f'found["{model.description.free[0]}"]',
+            *super().example(model),
+        ]
+
+
+class ElasticView(RodsView):
+    """A linkage with elastic links."""
+
+    integrators, longest = ("gauss", "newmark", "dop853"), 0.3
+    references: Sequence[str] = (f"The {THESIS}",)
+
+    def solution(self, model: ElasticModel) -> Iterator[str]:
+        """Yield the structure of the equations of elastic links."""
+        yield from elastic_lines(model)
+
+    def facts(self, resolved: Linkage, model: ElasticModel) -> tuple[Fact, ...]:
+        """Return those of the rigid motion, and the elastic links with their unknowns."""
+        return (
+            *super().facts(resolved, model),
+            Fact("elastic links", ", ".join(b.info.link for b in model.beams)),
+            Fact("elastic unknowns", str(model.unknowns)),
+        )
+
+    def sketch(self, resolved: Linkage, model: ElasticModel, result: Result | None) -> Sketch:
+        """Return points and links of the rigid motion."""
+        return super().sketch(resolved, model.rigid, result)
+
+    def run(self, model: ElasticModel) -> Result:
+        """Return the motion at a tolerance that suits a page."""
+        return model.simulate(rtol=_ERROR)
+
+    def example(self, model: ElasticModel) -> list[str]:
+        """Return lines that run and show peaks."""
+        return ["turn = model.simulate()", "turn.peaks"]
+
+
+def _where(linkage: Linkage) -> str:
+    """Return the plane or space in which the linkage moves."""
+    if linkage.plane:
+        return f"in space, stays in the plane {linkage.plane}"
+    return "in the plane" if linkage.dimension == 2 else "in space"

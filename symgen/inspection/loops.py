@@ -1,0 +1,86 @@
+"""What pages and explanations show of spatial loops."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+from symgen.display import seconds
+from symgen.inspection.picture import loop_sketch
+from symgen.inspection.view import View
+from symgen.joints import JOINTS
+from symgen.models.loop.structure import general, loop_structure
+from symgen.pipeline.build import system_of
+from symgen.report.mathematics.saving import saving_lines
+from symgen.report.page.drawing import Drawing, Sketch
+from symgen.report.page.page import Fact, TableView
+from symgen.runtime.result.result import Result
+from symgen.scene.loop.loop import Loop
+from symgen.symbolic.system import System
+
+
+class LoopView(View):
+    """A loop of joints, driven or free."""
+
+    kind = "loop"
+
+    def structure(self, resolved: Loop, system: System) -> Iterator[str]:
+        """Yield the joints and the operations saved by missing offsets."""
+        yield from loop_structure(resolved, system)
+        yield from saving_lines(system, system_of(general(resolved)), "general offsets")
+
+    def facts(self, resolved: Loop, model: Any) -> tuple[Fact, ...]:
+        """Return joints, variables and rank."""
+        d = model.description
+        free = len(d.having("input", "free"))
+        return (
+            Fact("loop", "–".join(d.joints)),
+            Fact("joints", ", ".join(f"{JOINTS[j].name} {j}" for j in dict.fromkeys(d.joints))),
+            Fact("variables", f"{d.coordinates}, of which {len(d.having('dependent'))} dependent"),
+            Fact("degrees of freedom", str(free)),
+            Fact("rank of the screws", f"{d.rank} of 6"),
+        )
+
+    def sketch(self, resolved: Loop, model: Any, result: Result | None) -> Sketch:
+        """Return the links between their joint axes."""
+        return loop_sketch(resolved, model)
+
+    def caption(self, drawn: Drawing) -> str:
+        """Return the caption of the drawing."""
+        return (
+            "The loop at the beginning of its range; dashed lines are joint axes and translations along them"
+        )
+
+    def run(self, model: Any) -> Result:
+        """Return the range of a driven loop, or the motion of a free one."""
+        found: Result = model.inverse_dynamics() if model.is_driven else model.simulate()
+        return found
+
+    def cost(self, model: Any, result: Result) -> tuple[TableView, str] | None:
+        """Return the time per pose of a driven loop and the largest closure defect."""
+        known = result.statistics
+        if not model.is_driven:
+            return None
+        row = (
+            result.provenance["backend"],
+            str(result.count),
+            seconds(known["wall_s"] / max(1, result.count)),
+            f"{known['closure']:.1e}",
+        )
+        caption = (
+            "A driven loop is not integrated: each pose is closed by Newton's method starting from the "
+            "previous one, with all rates, accelerations and forces. The defect is the maximum over all "
+            "poses, of angles in radians, of translations relative to the size of the loop."
+        )
+        return TableView(("backend", "poses", "time per pose", "largest defect"), (row,)), caption
+
+    def example(self, model: Any) -> list[str]:
+        """Return lines that evaluate a driven loop at a value, or run a free one."""
+        d = model.description
+        if not model.is_driven:
+            return [f"run = model.simulate({d.t_end:g})", "run.drift"]
+        value = 0.5 * (d.span[0] + d.span[1])
+        return [
+            f"turn = model.inverse_dynamics(at=[{value:.6g}])  # at a value of the input, in SI units",
+            "turn.summary()",
+        ]

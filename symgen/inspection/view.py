@@ -1,0 +1,63 @@
+"""What pages, explanations and drawings show of models of one method."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+from symgen.methods import method_of
+from symgen.report.page.drawing import Drawing, Sketch
+from symgen.report.page.page import Fact, TableView
+from symgen.runtime.result.result import Result
+from symgen.symbolic.system import System
+
+
+class View:
+    """What a method shows; the defaults suit any model that is simulated."""
+
+    #: Name of the notes before the derivation on a page, ``templates/report/parts/NAME.html.j2``; none if "".
+    kind = ""
+    #: Integration methods in the measurement of speed, and the time [s] of one run that ends it.
+    integrators: Sequence[str] = ("dop853", "dopri5", "rk4")
+    longest = 0.05
+    #: References besides those of the System.
+    references: Sequence[str] = ()
+
+    def structure(self, resolved: Any, system: System) -> Iterator[str]:
+        """Yield the topology in words, and the operations saved by what is omitted."""
+        yield system.title
+
+    def solution(self, model: Any) -> Iterator[str]:
+        """Yield how the equations besides those of the System are solved."""
+        yield from ()
+
+    def facts(self, resolved: Any, model: Any) -> tuple[Fact, ...]:
+        """Return the type of the mechanism and its mobility."""
+        return (Fact("mobility", "; ".join(model.mobility)),)
+
+    def sketch(self, resolved: Any, model: Any, result: Result | None) -> Sketch:
+        """Return the mechanism in its initial configuration, with the paths of its points in a run."""
+        raise NotImplementedError
+
+    def caption(self, drawn: Drawing) -> str:
+        """Return the caption of the drawing."""
+        return "The mechanism in its initial configuration"
+
+    def run(self, model: Any) -> Result:
+        """Return the run that the page shows."""
+        found: Result = model.simulate()
+        return found
+
+    def cost(self, model: Any, result: Result) -> tuple[TableView, str] | None:
+        """Return the cost of the run with a caption; None where speed is measured against error."""
+        return None
+
+    def example(self, model: Any) -> list[str]:
+        """Return lines of Python that run ``model``."""
+        return [f"run = model.simulate({model.description.t_end:g})"]
+
+
+def view_of(thing: Any) -> View:
+    """Return what the method of a resolved scene or a model shows."""
+    view: View = method_of(thing).load("view")()
+    return view
