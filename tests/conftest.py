@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import gc
 import os
+import sys
+import warnings
 from pathlib import Path
 
 import pytest
@@ -42,3 +45,26 @@ def made(made_in: Path) -> dict:
     store = Cache(made_in)
     with store.locked("all"):
         return up_to_date(store)[0]
+
+
+@pytest.fixture
+def entry(monkeypatch, capfd):
+    """Call what the console script calls, in this process: exit code, standard output and error."""
+    from symgen import cli
+
+    # The entry keeps the command alone that is named, which must last no longer than the call.
+    commands, groups = cli.app.registered_commands, cli.app.registered_groups
+
+    def called(*arguments):
+        monkeypatch.setattr(cli.app, "registered_commands", commands)
+        monkeypatch.setattr(cli.app, "registered_groups", groups)
+        monkeypatch.setattr(sys, "argv", ["symgen", *map(str, arguments)])
+        with pytest.raises(SystemExit) as ended:
+            cli.main()
+        said = capfd.readouterr()
+        return ended.value.code or 0, said.out, said.err
+
+    monkeypatch.setattr(warnings, "showwarning", warnings.showwarning)
+    monkeypatch.setattr(cli.atexit, "register", lambda *_: None)
+    yield called
+    gc.enable()

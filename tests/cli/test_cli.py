@@ -190,32 +190,6 @@ def test_help(command):
     assert "Usage" in call(command, "--help")
 
 
-@pytest.fixture
-def entry(monkeypatch, capfd):
-    """Call what the console script calls, in this process: exit code, standard output and error."""
-    import gc
-    import warnings
-
-    from symgen import cli
-
-    # The entry keeps the command alone that is named, which must last no longer than the call.
-    commands, groups = cli.app.registered_commands, cli.app.registered_groups
-
-    def called(*arguments):
-        monkeypatch.setattr(cli.app, "registered_commands", commands)
-        monkeypatch.setattr(cli.app, "registered_groups", groups)
-        monkeypatch.setattr(sys, "argv", ["symgen", *map(str, arguments)])
-        with pytest.raises(SystemExit) as ended:
-            cli.main()
-        said = capfd.readouterr()
-        return ended.value.code or 0, said.out, said.err
-
-    monkeypatch.setattr(warnings, "showwarning", warnings.showwarning)
-    monkeypatch.setattr(cli.atexit, "register", lambda *_: None)
-    yield called
-    gc.enable()
-
-
 @pytest.mark.parametrize(
     "arguments, words",
     [

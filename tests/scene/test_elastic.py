@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import json
-import subprocess
-import sys
 import tomllib
 
 import pytest
 import sympy as sp
+from shared.commands import call
 
 import symgen
 from symgen.errors import SceneError, SimulationError
@@ -187,13 +186,6 @@ def written(text, folder):
     return folder / "bad.toml"
 
 
-def command(path, *arguments):
-    return subprocess.run(
-        [sys.executable, "-m", "symgen", arguments[0], path.name, *arguments[1:], "--json"],
-        capture_output=True, text=True, cwd=path.parent, timeout=120,
-    )  # fmt: skip
-
-
 @pytest.mark.parametrize("case", CASES)
 def test_bad_elastic_scene(case, tmp_path):
     changes, words = CASES[case]
@@ -208,14 +200,15 @@ def test_bad_elastic_scene(case, tmp_path):
 
 
 @pytest.mark.parametrize("case", ["no elements", "no density", "no crank", "unknown element", *LATE])
-def test_the_command_line_says_it_once_and_exits_with_2(case, tmp_path):
+def test_the_command_line_says_it_once_and_exits_with_2(case, tmp_path, monkeypatch, entry):
     changes, words = {**CASES, **LATE}[case]
-    done = command(written(changed(changes), tmp_path), "run")
-    assert (done.returncode, done.stdout) == (2, ""), done.stderr
-    assert done.stderr.startswith("symgen: ") and done.stderr.count("symgen: ") == 1
-    assert "Traceback" not in done.stderr
+    monkeypatch.chdir(tmp_path)
+    code, out, said = entry("run", written(changed(changes), tmp_path).name, "--json")
+    assert (code, out) == (2, ""), said
+    assert said.startswith("symgen: ") and said.count("symgen: ") == 1
+    assert "Traceback" not in said
     for word in words:
-        assert word in done.stderr
+        assert word in said
     assert [p.name for p in tmp_path.iterdir()] == ["bad.toml"]
 
 
@@ -235,9 +228,8 @@ def test_loops_in_space_have_no_elastic_links(change, words, tmp_path):
 
 def test_speed_above_the_first_critical_one_is_noted(tmp_path):
     path = written(changed([("60 rpm", "5000 rpm")]), tmp_path)
-    done = command(path, "run", "--method", "quasi-static", "--samples", "5", "--no-geometric-stiffness")
-    assert done.returncode == 0, done.stderr
-    (note,) = [n for n in json.loads(done.stdout)["notes"] if "critical speed" in n]
+    options = ("--method", "quasi-static", "--samples", "5", "--no-geometric-stiffness", "--json")
+    (note,) = [n for n in json.loads(call("run", path, *options))["notes"] if "critical speed" in n]
     assert "83.33 Hz" in note
     slow = symgen.build(written(GOOD, tmp_path)).quasi_static(samples=5)
     assert not [n for n in slow.notes if "critical speed" in n]
