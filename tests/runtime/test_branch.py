@@ -171,3 +171,24 @@ def test_kernels_in_python_live_as_long_as_what_follows(followed):
     assert followed == [True]
     tip = 0.1 * np.array([np.cos(0.5 + motion.time), np.sin(0.5 + motion.time)]).T
     assert motion["B.position"].values == pytest.approx(circles(tip, [0.4, 0.0], 0.35, 0.3), abs=1e-14)
+
+
+def test_values_of_a_drive_are_met_at_their_first_times(followed):
+    """A swinging drive has each value twice; an angle is met at the first of its whole revolutions."""
+    swinging = symgen.build(
+        symgen.Scene(
+            parameters={"w": "1 rad/s"},
+            points={"O": ground(0, 0), "A": at(1, 0)},
+            links={"OA": rod("O", "A")},
+            drivers=[{"link": "OA", "angle": "sin(w*t)"}],
+            analysis={"t_end": "6 s"},
+        )
+    )
+    values = np.array([-0.9, 0.3, 0.0, 0.999, 0.3])
+    motion = swinging.kinematics(at=values)
+    first = np.where(values >= 0, np.arcsin(values), np.pi - np.arcsin(values))
+    assert motion.time == pytest.approx(first, abs=1e-14 / 0.04)
+    assert motion["A.position"].values[:, 1] == pytest.approx(np.sin(values), abs=1e-14)
+    crank = symgen.build(four_bar(0.1, 0.35, 0.3, 0.4, 0.5))
+    met = crank.kinematics(at=[0.6, 0.5 + 2 * np.pi])
+    assert met.time == pytest.approx([0.1, 0.0], abs=1e-14)

@@ -138,7 +138,7 @@ class LinkageModel(Model):
         t, q, bonds = 0.0, self.initial_state().q, self._bonds()
         if at is not None:
             asked = instants(None, None, at, over or "input", 2, self.description.t_end)
-            t = float(asked.times(self.name, bonds.drives)[0])
+            t = float(asked.times(self.name, bonds.driving)[0])
         found = assemblies(bonds, q, t)
         return tuple(self._state(t, pose, np.zeros_like(pose)) for pose in found)
 

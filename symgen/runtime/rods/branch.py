@@ -75,12 +75,14 @@ def _turned(bonds: Bonds, poses: Poses) -> float:
     if len(bonds.description.axes) != 2 or len(poses) < 2:
         return 0.0
     places, velocities = bonds.moving(poses)
-    worst = 0.0
+    worst, steps = 0.0, np.diff(poses.times)
     for points in bonds.description.links.values():
         i, j = (bonds.description.points.index(p) for p in points[:2])
         d, v = places[:, j] - places[:, i], velocities[:, j] - velocities[:, i]
-        rate = (d[:, 0] * v[:, 1] - d[:, 1] * v[:, 0]) / np.sum(d * d, axis=1)
-        steps = np.diff(poses.times)
+        squared = np.sum(d * d, axis=1)
+        if not np.all(squared > 0.0):
+            return np.inf
+        rate = (d[:, 0] * v[:, 1] - d[:, 1] * v[:, 0]) / squared
         by_rate = steps * (rate[1:] + rate[:-1]) / 2
         change = np.diff(np.arctan2(d[:, 1], d[:, 0]))
         other = np.abs((change - by_rate + np.pi) % (2 * np.pi) - np.pi)

@@ -13,8 +13,8 @@ from symgen.errors import ModelError
 from symgen.runtime.kernels.arguments import reals
 
 Array = NDArray[np.float64]
-#: Gives the values of the drives [rad or m] at a time, by name.
-Drives = Callable[[float], dict[str, float]]
+#: Gives the values of the drives [rad or m] at many times, by name.
+Drives = Callable[[Array], dict[str, Array]]
 #: Times at which the drive is evaluated to bracket a value.
 _GRID = 1025
 #: By how much of a revolution a direction may lie beyond the range of the drive, by rounding.
@@ -97,7 +97,7 @@ def times_of(name: str, drives: Drives, values: ArrayLike, start: float, stop: f
     name
         Name of the linkage, for messages.
     drives
-        The drives over time. A drive called ``LINK.angle`` is a direction, equal after a revolution.
+        The drives over times. A drive called ``LINK.angle`` is a direction, equal after a revolution.
     values, start, stop
         Values of the drive, and the range of time [s].
 
@@ -109,15 +109,16 @@ def times_of(name: str, drives: Drives, values: ArrayLike, start: float, stop: f
     wanted = reals(values, "values of the input").tolist()
     if not wanted:
         raise ModelError("expected at least one value of the input")
-    first = next(iter(drives(start)), None)
+    times = np.linspace(start, stop, _GRID)
+    over_times = drives(times)
+    first = next(iter(over_times), None)
     if first is None:
         raise ModelError(
             f"{name} has no driven link whose direction could be given\n  Give a range of time instead."
         )
-    times = np.linspace(start, stop, _GRID)
-    taken = np.array([drives(t)[first] for t in times])
+    taken = over_times[first]
     is_angle = first.endswith(".angle")
-    met = []
+    targets = []
     for value in wanted:
         target = _target(taken, value, 2 * math.pi if is_angle else 0.0)
         if target is None:
@@ -127,8 +128,8 @@ def times_of(name: str, drives: Drives, values: ArrayLike, start: float, stop: f
                 f"t = {start:g} s to {stop:g} s, and does not come to {value / size:.9g} {unit}\n"
                 "  Give a longer range of time."
             )
-        met.append(_first(lambda t: drives(t)[first], times, taken, target))
-    return np.array(met)
+        targets.append(target)
+    return _first(lambda at: drives(at)[first], times, taken, np.array(targets))
 
 
 def _target(taken: Array, value: float, period: float) -> float | None:
@@ -147,13 +148,19 @@ def _crossed(taken: Array, target: float) -> NDArray[np.bool_]:
     return gap[:-1] * gap[1:] <= 0.0
 
 
-def _first(drive: Callable[[float], float], times: Array, taken: Array, target: float) -> float:
-    """Return the first time at which a drive has a value."""
-    from scipy.optimize import brentq
-
-    i = int(np.argmax(_crossed(taken, target)))
-    for k in (i, i + 1):
-        if taken[k] == target:
-            return float(times[k])
-    ends = float(times[i]), float(times[i + 1])
-    return float(brentq(lambda t: drive(t) - target, *ends, xtol=1e-300, rtol=1e-15))
+def _first(drive: Callable[[Array], Array], times: Array, taken: Array, targets: Array) -> Array:
+    """Return the first times at which a drive has some values, bisected down to neighbouring numbers."""
+    before = np.array([int(np.argmax(_crossed(taken, target))) for target in targets])
+    low, high = times[before], times[before + 1]
+    for end, place in ((high, before + 1), (low, before)):  # where both have it, the first
+        met = taken[place] == targets
+        low, high = np.where(met, end, low), np.where(met, end, high)
+    rising = taken[before] < targets
+    while True:
+        middle = (low + high) / 2
+        if np.all((middle == low) | (middle == high)):
+            break
+        is_before = (drive(middle) < targets) == rising
+        low, high = np.where(is_before, middle, low), np.where(is_before, high, middle)
+    nearer = np.abs(drive(low) - targets) <= np.abs(drive(high) - targets)
+    return np.where(nearer, low, high)

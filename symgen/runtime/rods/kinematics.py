@@ -96,7 +96,7 @@ def analyse(
     if through and asked.at is not None:
         raise ModelError("give at or through, not both: values are evaluated on one assembly branch")
     driven(bonds, q, t)
-    times = asked.times(bonds.description.name, bonds.drives)
+    times = asked.times(bonds.description.name, bonds.driving)
     found = follow(bonds, q, t, Task(asked.start, asked.stop, len(times), through), times)
     if not len(found.samples):
         where = "; ".join(p.describe() for p in found.poses)

@@ -92,7 +92,7 @@ def analyse(bonds: Bonds, loads: Evaluator, q: Array, t: float, redundant: int, 
     began = perf_counter()
     linkage, asked = _Linkage(bonds, loads, redundant), _checked(asked)
     driven(bonds, q, t)
-    times = asked.range.times(bonds.description.name, linkage.drives)
+    times = asked.range.times(bonds.description.name, linkage.driving)
     found = follow(bonds, q, t, Task(asked.range.start, asked.range.stop, len(times), False), times)
     poses = _poses(linkage, found, times, asked.range.at is not None)
     assembly = Assembly(bonds, loads, poses, asked.elements)
