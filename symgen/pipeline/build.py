@@ -163,7 +163,7 @@ def _of_scene(scene: Any, options: _Options, set_: Mapping[str, Any] | None) -> 
     if tools.compiler is None and options[0] == "auto":
         library = open_shipped(description) or library
         _warn(library)
-    model = _model(text, tools, description, library)
+    model = _model(Source(text, options), tools, description, library)
     if not tunable:
         return model
     values = tuning.in_si(model, tunable, text.file)
@@ -177,7 +177,37 @@ def _own(path: str, options: _Options, set_: Mapping[str, Any] | None) -> System
     tools = tools_for(*options)
     if set_ or tools.digits or tools.precision != FLOAT64:
         raise ModelError(f"{path} is no scene: it has no values to set, and is in {FLOAT64.name}")
-    return build_own(Path(path), tools)
+    return build_own(Path(path), tools, Source(str(Path(path).resolve()), options))
+
+
+@dataclass(frozen=True, slots=True)
+class Source:
+    """Origin of a model: it derives its equations, and restores it in another process.
+
+    Attributes
+    ----------
+    scene
+        The scene as it was built; the path of a Python file for user-defined systems.
+    options
+        Options of :func:`build`.
+    rigid
+        Whether the model is the rigid linkage of a scene with elastic links.
+    """
+
+    scene: SceneText | str
+    options: _Options
+    rigid: bool = False
+
+    def __call__(self) -> Mapping[str, Any]:
+        """Return the derived matrices by name."""
+        return derive(self.scene).by_name()
+
+    def restored(self, parameters: Mapping[str, float]) -> Any:
+        """Return the model with these parameters, its kernels taken from the cache."""
+        if isinstance(self.scene, str):
+            return _own(self.scene, self.options, None)
+        model: Any = _of_scene(self.scene, self.options, None)
+        return (model.rigid if self.rigid else model).with_parameters(**parameters)
 
 
 @dataclass(frozen=True, slots=True)
@@ -188,18 +218,20 @@ class Made:
     tools: Tools
     description: Any
     library: Library
-    equations: Callable[[], Any]
+    equations: Source
     typed: Typed
 
 
-def _model(text: SceneText, tools: Tools, description: Any, library: Library) -> Any:
+def _model(source: Source, tools: Tools, description: Any, library: Library) -> Any:
     from symgen.runtime.kernels.typed import Typed
+
+    text = cast("SceneText", source.scene)
 
     kernels = cache(lambda lanes: _typed(text, tools, description, lanes))
     typed = Typed(tools.precision, tools.digits, kernels, cache(tools.core))
     if tools.digits or tools.precision != FLOAT64:
         typed.kernels(False)  # compilation errors are raised here
-    made = Made(text, tools, description, library, lambda: derive(text).by_name(), typed)
+    made = Made(text, tools, description, library, source, typed)
     return method_of(description).load("model")(made)
 
 
@@ -215,7 +247,8 @@ def elastic_model(made: Made) -> ElasticModel:
     from symgen.runtime.elastic.model import ElasticModel
 
     text, base, d = made.text, made.tools.in_float64, made.description
-    rigid = cast("RodModel", linkage_model(made))
+    of_rigid = replace(made, equations=replace(made.equations, rigid=True))
+    rigid = cast("RodModel", linkage_model(of_rigid))
     return ElasticModel(rigid, cache(lambda segments: _remade(text, base, d, segments)))
 
 

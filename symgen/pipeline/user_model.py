@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from symgen.pipeline.user_system import load, own_name
 from symgen.scene.loading import SceneText
@@ -17,8 +18,8 @@ if TYPE_CHECKING:
     from symgen.runtime.model.system import SystemModel
 
 
-def build_own(path: Path, tools: Tools) -> SystemModel:
-    """Return the kernels of the System that a Python file returns.
+def build_own(path: Path, tools: Tools, equations: Callable[[], Any]) -> SystemModel:
+    """Return the kernels of the System that a Python file returns; ``equations`` derives its matrices.
 
     Raises
     ------
@@ -40,7 +41,7 @@ def build_own(path: Path, tools: Tools) -> SystemModel:
 
     text = SceneText(own_name(path), str(path.resolve()), {})
     description, library = tools.cached(text, "own", make, lambda: own().needs)
-    return SystemModel(description, library, lambda: own().system.by_name())  # noqa: PLW0108 - derived when first used
+    return SystemModel(description, library, equations)
 
 
 def _described(path: Path, program: Program, equations: str) -> SystemDescription:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from functools import cache
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -65,6 +66,11 @@ class ElasticModel(Model):
         self.rigid, self._remade, self._typed = rigid, remade, rigid._typed
         self.description = rigid.description
         self._motion = cache(self._made)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Pickle the scene, the options and the parameters; the kernels are reopened from the cache."""
+        restored, given = self.rigid.__reduce__()
+        return replace(restored.__self__, rigid=False).restored, given
 
     def _made(self, geometric_stiffness: bool) -> ElasticMotion:
         from symgen.runtime.elastic.mesh import MeshedMotion  # it loads SciPy

@@ -46,6 +46,12 @@ class Compiled:
             self.parameters[name] = real(value, f"{name}, in SI units")
         self._equations: Any = None
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Pickle the scene, the options and the parameters; the kernels are reopened from the cache."""
+        if not hasattr(self._derive, "restored"):
+            raise ModelError(f"{self.name} was made without its scene and cannot be pickled")
+        return self._derive.restored, (dict(self.parameters),)
+
     def _repr_html_(self) -> str:
         html: str = display("model_html", self)
         return html
