@@ -80,7 +80,9 @@ def _plot_file(file: Path | None) -> Path | None:
     return file
 
 
-OutOption = Annotated[Path | None, typer.Option(help="Save the result: .nc or .npz.", callback=_result_file)]
+OutOption = Annotated[
+    Path | None, typer.Option(help="Save the result: .nc, .npz or .csv.", callback=_result_file)
+]
 PlotOption = Annotated[
     Path | None, typer.Option(help="Save a plot: .png, .svg or .pdf.", callback=_plot_file)
 ]

@@ -15,6 +15,7 @@ from symgen.errors import ModelError, SlowBackendWarning
 from symgen.methods import method_of
 from symgen.pipeline import parameters as tuning
 from symgen.pipeline.describe import describe, with_start
+from symgen.pipeline.source import Source
 from symgen.pipeline.user_system import is_own, load
 from symgen.precision import FLOAT64
 from symgen.scene.loading import SceneText, check_scene, override, text_of
@@ -85,7 +86,7 @@ def build(
         When the compiler fails, or the cache cannot be written.
     """
     options = (backend, precision, digits, contraction, vector)
-    return _own(str(scene), options, set) if is_own(scene) else _of_scene(scene, options, set)
+    return _built(scene, options, set)
 
 
 def build_scene(scene: Scene | SceneText | str | os.PathLike[str], **options: Any) -> _WithForces:
@@ -151,6 +152,10 @@ _Options = tuple[Any, ...]
 _USUAL = {"backend": "auto", "precision": "float64", "digits": None, "contraction": "off", "vector": "none"}
 
 
+def _built(scene: Any, options: _Options, set_: Mapping[str, Any] | None = None) -> Any:
+    return _own(str(scene), options, set_) if is_own(scene) else _of_scene(scene, options, set_)
+
+
 def _of_scene(scene: Any, options: _Options, set_: Mapping[str, Any] | None) -> _Mechanism:
     tools = tools_for(*options)
     text = text_of(scene)
@@ -163,7 +168,7 @@ def _of_scene(scene: Any, options: _Options, set_: Mapping[str, Any] | None) -> 
     if tools.compiler is None and options[0] == "auto":
         library = open_shipped(description) or library
         _warn(library)
-    model = _model(Source(text, options), tools, description, library)
+    model = _model(Source(text, options, derive, _built), tools, description, library)
     if not tunable:
         return model
     values = tuning.in_si(model, tunable, text.file)
@@ -177,37 +182,7 @@ def _own(path: str, options: _Options, set_: Mapping[str, Any] | None) -> System
     tools = tools_for(*options)
     if set_ or tools.digits or tools.precision != FLOAT64:
         raise ModelError(f"{path} is no scene: it has no values to set, and is in {FLOAT64.name}")
-    return build_own(Path(path), tools, Source(str(Path(path).resolve()), options))
-
-
-@dataclass(frozen=True, slots=True)
-class Source:
-    """Origin of a model: it derives its equations, and restores it in another process.
-
-    Attributes
-    ----------
-    scene
-        The scene as it was built; the path of a Python file for user-defined systems.
-    options
-        Options of :func:`build`.
-    rigid
-        Whether the model is the rigid linkage of a scene with elastic links.
-    """
-
-    scene: SceneText | str
-    options: _Options
-    rigid: bool = False
-
-    def __call__(self) -> Mapping[str, Any]:
-        """Return the derived matrices by name."""
-        return derive(self.scene).by_name()
-
-    def restored(self, parameters: Mapping[str, float]) -> Any:
-        """Return the model with these parameters, its kernels taken from the cache."""
-        if isinstance(self.scene, str):
-            return _own(self.scene, self.options, None)
-        model: Any = _of_scene(self.scene, self.options, None)
-        return (model.rigid if self.rigid else model).with_parameters(**parameters)
+    return build_own(Path(path), tools, Source(str(Path(path).resolve()), options, derive, _built))
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from rich.table import Table
 
 from symgen.report.tables import table
-from symgen.runtime.result.result import Variable
+from symgen.runtime.result.records import Variable
 
 Array = NDArray[np.float64]
 

@@ -9,7 +9,8 @@ from rich.console import Console
 
 from symgen.report.extremes import Components
 from symgen.report.tables import events_table, run_table, table
-from symgen.runtime.result.result import Result, Variable
+from symgen.runtime.result.records import Variable
+from symgen.runtime.result.result import Result
 
 #: Combinations of positions and velocities that fit 80 columns: two of each.
 _SIDE_BY_SIDE = 2

@@ -34,8 +34,8 @@ def test_undamped_vibrations_that_strains_do_not_show_do_not_make_it_unstable(fo
 def test_multipliers_of_too_few_steps_do_not_tell(four_bar):
     run = four_bar.with_parameters(speed=60 * RPM).periodic(samples=91, steps=512)
     assert abs(run.floquet[0]) > 1.05
-    assert run.stable is None and run.summary()["stable"] is None
-    assert run.summary()["floquet_error"] > 0.01
+    assert run.stable is None and run.summary()["statistics"]["stable"] is None
+    assert run.summary()["statistics"]["floquet_error"] > 0.01
     assert any("not known whether it is stable" in note for note in run.notes)
     sweep = four_bar.sweep([20 * RPM, 110 * RPM], rtol=1e-2, samples=31)
     assert sweep.unstable == pytest.approx((110.0 * RPM,))

@@ -56,9 +56,10 @@ def test_command_line(tmp_path):
     done = CliRunner().invoke(app, ["sweep", "elastic_slider_crank", "--speeds", "60:90:2", "--json"])
     assert done.exit_code == 0, done.output
     found = json.loads(done.stdout)
-    assert found["speeds"] == pytest.approx([60 * RPM, 90 * RPM])
-    assert all(np.isfinite(x) for v in found["outputs"].values() for x in v["peaks"])
-    assert found["error_over_peak"] <= 1e-4
+    ends = {"first": 60 * RPM, "last": 90 * RPM}
+    assert found["coordinate"] == pytest.approx({"name": "speed", "unit": "rad/s", "count": 2, **ends})
+    assert all(np.isfinite(v["maximum"]) for v in found["outputs"].values())
+    assert found["statistics"]["error"] <= 1e-4
     shown = CliRunner().invoke(app, ["sweep", "elastic_slider_crank", "--speeds", "60,90"])
     assert "first critical speed" in shown.output
 

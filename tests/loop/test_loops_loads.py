@@ -114,15 +114,16 @@ def test_golden_values_by_command(mode):
     command = ["run", "slider_crank", "--set", "a4=30 in", "--set", "S1=9 in"]
     if mode == "mode_T":
         command += ["--set", "loop.drives.theta1=100 lbf*in", "--set", "loop.drives.S4=?"]
-    done = CliRunner().invoke(app, [*command, "--at", ",".join(map(str, degrees)), "--json"])
-    assert done.exit_code == 0, done.output
-    answer = json.loads(done.stdout)
-    assert answer["scene"] == "slider_crank"
-    assert answer["units"]["S4"] == "m"
-    assert answer["units"]["crank.joint1.force.x"] == "N"
-    assert answer["units"]["theta1.drive"] == "N*m"
-    assert answer["at"] == pytest.approx([math.radians(x) for x in degrees], rel=1e-15)
-    for found, expected in zip(answer["values"], numbers["positions"], strict=True):
+    for angle, expected in zip(degrees, numbers["positions"], strict=True):
+        done = CliRunner().invoke(app, [*command, "--at", str(angle), "--json"])
+        assert done.exit_code == 0, done.output
+        answer = json.loads(done.stdout)
+        assert answer["scene"] == "slider_crank"
+        along, outputs = answer["coordinate"], answer["outputs"]
+        assert along["name"] == "theta1" and along["last"] == pytest.approx(math.radians(angle), rel=1e-15)
+        units = {name: outputs[name]["unit"] for name in ("S4", "crank.joint1.force.x", "theta1.drive")}
+        assert units == {"S4": "m", "crank.joint1.force.x": "N", "theta1.drive": "N*m"}
+        found = {name: output["final"] for name, output in outputs.items()}
         pairs = [
             (found["S4.acceleration"] / INCH, expected["kin"]["S4"]["acc"]),
             (found["theta3.rate"], expected["kin"]["th3"]["vel"]),

@@ -128,12 +128,13 @@ def test_commands_print_one_object(tmp_path):
     found = json.loads(
         call("kinematics", "crank_rocker", "--to", 0.5, "--samples", 11, "--of", "B", "--json")
     )
-    assert found["analysis"] == "kinematics" and len(found["time"]) == 11
-    assert set(found["outputs"]) == {"crank.angle", "B.position", "B.velocity", "B.acceleration"}
+    assert found["kind"] == "kinematics" and found["coordinate"]["count"] == 11
+    of_point = {f"B.{what}.{axis}" for what in ("position", "velocity", "acceleration") for axis in "xy"}
+    assert set(found["outputs"]) == {"crank.angle", *of_point}
     other = json.loads(
         call("kinematics", "crank_rocker", "--to", 0.5, "--samples", 11, "--of", "B", "--branch", 2, "--json")
     )
-    assert other["outputs"]["B.position"]["values"][0][1] < 0 < found["outputs"]["B.position"]["values"][0][1]
+    assert other["final"]["B"]["position"][1] < 0 < found["final"]["B"]["position"][1]
     found = json.loads(call("equilibrium", "four_bar", "--json"))
     assert found["stability"] == "stable" and found["residual"] < 1e-13 * found["largest_force"]
     found = json.loads(call("modes", "triple_pendulum", "--json"))

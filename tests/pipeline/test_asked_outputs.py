@@ -169,9 +169,10 @@ def test_kinematics_needs_no_masses_and_says_what_it_left_out(tmp_path):
     done = CliRunner().invoke(app, ["run", path, "--json", "--samples", "3"])
     assert done.exit_code == 0, done
     found = json.loads(done.stdout)["outputs"]
-    assert list(found) == ["crank.angle", "B.position"]
-    assert found["crank.angle"]["values"] == pytest.approx([0, np.pi, 2 * np.pi])
-    x, y = found["B.position"]["values"][0]
+    assert list(found) == ["crank.angle", "B.position.x", "B.position.y"]
+    angle = found["crank.angle"]
+    assert [angle["minimum"], angle["maximum"]] == pytest.approx([0, 2 * np.pi])
+    x, y = (found[f"B.position.{axis}"]["final"] for axis in "xy")
     assert (np.hypot(x - 0.02, y), np.hypot(x - 0.08, y)) == pytest.approx((0.07, 0.06))
     told = CliRunner().invoke(app, ["explain", path])
     assert "left out: masses, loads, energies and forces: kinematics is all that is asked" in told.stdout

@@ -11,7 +11,7 @@ from shared.commands import call
 
 from symgen.cli import running
 from symgen.report.extremes import Components
-from symgen.runtime.result.result import Variable
+from symgen.runtime.result.records import Variable
 
 WIDE = 400
 

@@ -481,11 +481,14 @@ def test_command_line(tmp_path, four_bar):
     done = runner.invoke(app, ["forces", "crank_rocker", "--at", "30,0.5 rad", "--json", "--out", str(file)])
     assert done.exit_code == 0
     data = json.loads(done.stdout)
-    assert data["over"] == "crank.angle" and data["at"] == pytest.approx([np.radians(30.0), 0.5])
-    assert data["analysis"] == "forces" and data["outputs"]["crank.torque"]["unit"] == "N*m"
+    along, torque = data["coordinate"], data["outputs"]["crank.torque"]
+    assert along["name"] == "crank.angle" and along["unit"] == "rad"
+    assert [along["first"], along["last"]] == pytest.approx([np.radians(30.0), 0.5])
+    assert data["kind"] == "forces" and torque["unit"] == "N*m"
     stored = symgen.load_result(file)
     assert isinstance(stored, Forces)
-    assert stored.variable("crank.torque").values.tolist() == data["outputs"]["crank.torque"]["values"]
+    values = stored.variable("crank.torque").values
+    assert [values[-1], values.min(), values.max()] == [torque[x] for x in ("final", "minimum", "maximum")]
     done = runner.invoke(
         app, ["forces", "crank_rocker", "--samples", "5", "--elements", "2", "--plot", str(plot)]
     )

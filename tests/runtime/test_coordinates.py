@@ -3,6 +3,7 @@
 import io
 import json
 import math
+import re
 from pathlib import Path
 
 import numpy as np
@@ -106,7 +107,7 @@ def test_a_drift_that_was_not_measured_is_nowhere(results, kind):
     result = results[kind]
     assert result.drift.measured == {} and math.isnan(result.drift.relative_energy)
     assert "drift" not in result.headline
-    assert not result.summary().get("drift")
+    assert result.summary()["drift"] == {}
     assert not json.loads(result.meta())["drift"]
     console = Console(width=100, record=True, file=io.StringIO())
     (print_sweep if kind == "sweep" else print_elastic_result)(result, console)
@@ -144,3 +145,51 @@ def test_the_free_coordinates_of_a_loop_end_in_si():
     assert start.final["q"]["unit"] == "rad"
     assert start.final["q"]["value"] == pytest.approx(math.radians(120), abs=1e-8)
     assert start.final["q"]["rate"] == pytest.approx(6.0, abs=1e-6)
+
+
+def documented():
+    """Keys of the table of the JSON in docs/results.md."""
+    page = (Path(__file__).parents[2] / "docs" / "results.md").read_text()
+    rows = re.findall(r"^\| (`\w+`(?:, `\w+`)*) \|", page.partition("## JSON")[2], re.M)
+    return {key for row in rows for key in re.findall(r"`(\w+)`", row)}
+
+
+KINDS = {
+    "run": "run",
+    "free loop": "run",
+    "loop": "loop",
+    "loop at times": "loop",
+    "kinematics": "kinematics",
+    "kinematics at angles": "kinematics",
+    "forces": "forces",
+    "forces at times": "forces",
+    "elastic": "elastic",
+    "sweep": "sweep",
+}
+
+
+@pytest.mark.parametrize("kind", COORDINATES)
+def test_the_summary_has_the_documented_keys_and_no_samples(results, kind):
+    result = results[kind]
+    text = json.dumps(result.summary(), allow_nan=False)
+    summary = json.loads(text)
+    assert set(summary) == documented() and summary["kind"] == KINDS[kind]
+    along = result.coordinate.values
+    assert summary["coordinate"]["first"] == along[0] and summary["coordinate"]["last"] == along[-1]
+    for v in result.variables:
+        for i, component in enumerate(v.components or ("",)):
+            found = summary["outputs"][f"{v.name}.{component}" if component else v.name]
+            values = v.values.reshape(len(along), -1)[:, i]
+            assert found["unit"] == v.unit and found["final"] == values[-1]
+            for least, extreme in (("minimum", values.min()), ("maximum", values.max())):
+                assert found[least] == extreme
+                assert extreme in values[along == found[f"{least}_at"]]
+    assert len(text) < 25_000
+
+
+def test_the_summary_of_poles_has_no_number_in_their_place():
+    """The torque is given: at 90 deg no load on the slider balances it."""
+    changed = {"loop.drives.theta1": "100 lbf*in", "loop.drives.S4": "?"}
+    turn = symgen.build("slider_crank", set=changed).inverse_dynamics(at=[math.pi / 2])
+    load = json.loads(json.dumps(turn.summary(), allow_nan=False))["outputs"]["S4.drive"]
+    assert load["unit"] == "N" and {load[k] for k in load if k != "unit"} == {None}

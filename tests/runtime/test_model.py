@@ -243,8 +243,8 @@ def test_labelled_arrays(result):
 
 
 def test_bad_result_files_are_named(result, tmp_path):
-    with pytest.raises(ResultError, match=r"ending in .nc or .npz for the result, got 'run.csv'"):
-        result.save(tmp_path / "run.csv")
+    with pytest.raises(ResultError, match=r"ending in .nc or .npz or .csv for the result, got 'run.txt'"):
+        result.save(tmp_path / "run.txt")
     with pytest.raises(ResultError, match="cannot write the result.*no folder"):
         result.save(tmp_path / "no" / "run.nc")
     broken = tmp_path / "broken.npz"

@@ -6,7 +6,8 @@ import os
 from typing import TYPE_CHECKING, Any
 
 from symgen.errors import ResultError
-from symgen.runtime.result.result import Result, Variable
+from symgen.runtime.result.records import Variable
+from symgen.runtime.result.result import Result
 
 #: Supported file name extensions of plots.
 DRAWN_AS = (".png", ".svg", ".pdf")

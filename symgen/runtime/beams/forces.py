@@ -13,7 +13,7 @@ from symgen.runtime._beams import BeamEquations
 from symgen.runtime.beams.data import Piece
 from symgen.runtime.beams.frames import Frames, frames
 from symgen.runtime.elastic.motion import ElasticMotion
-from symgen.runtime.result.result import Variable
+from symgen.runtime.result.records import Variable
 from symgen.runtime.structure import forces_on_links
 
 Array = NDArray[np.float64]

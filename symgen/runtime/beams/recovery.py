@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from symgen.runtime.beams.forces import Motion
 from symgen.runtime.beams.links import Beam
 from symgen.runtime.elastic.motion import ElasticMotion
-from symgen.runtime.result.result import Variable
+from symgen.runtime.result.records import Variable
 
 Array = NDArray[np.float64]
 

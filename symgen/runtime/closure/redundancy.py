@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symgen.runtime.loop.kernels import LoopKernels
-from symgen.runtime.result.result import Variable
+from symgen.runtime.result.records import Variable
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

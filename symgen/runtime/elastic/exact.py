@@ -21,7 +21,8 @@ from symgen.runtime.elastic.motion import ElasticMotion
 from symgen.runtime.elastic.outputs import coordinate_of, displacement, length_change, selected, strains
 from symgen.runtime.model.rods import RodModel
 from symgen.runtime.result.elastic import ElasticResult
-from symgen.runtime.result.result import Result, Variable
+from symgen.runtime.result.records import Variable
+from symgen.runtime.result.result import Result
 from symgen.runtime.result.state import State
 
 Array = NDArray[np.float64]
@@ -185,7 +186,6 @@ def _result(motion: ElasticMotion, cuts: tuple[Cut, ...], result: Result, task: 
             "floquet_error": None,
         },
         provenance={
-            "kind": "elastic",
             "equations": result.provenance["equations"],
             "method": "exact",
             "form": f"{task.segments} rods a link",

@@ -24,7 +24,7 @@ from symgen.runtime.beams.links import Beam, beam
 from symgen.runtime.beams.pieces import whole
 from symgen.runtime.elastic.modes import lowest
 from symgen.runtime.elastic.motion import ElasticMotion
-from symgen.runtime.result.result import Variable
+from symgen.runtime.result.records import Variable
 
 Array = NDArray[np.float64]
 

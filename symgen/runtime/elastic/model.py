@@ -15,9 +15,10 @@ from numpy.typing import ArrayLike
 from symgen.calls import checked
 from symgen.errors import ModelError, nearest
 from symgen.runtime.integrate.checkpoint import Keeping, keeping
+from symgen.runtime.integrate.options import sample_count
 from symgen.runtime.integrate.pace import limited, uncounted
 from symgen.runtime.kernels.arguments import count as whole
-from symgen.runtime.kernels.arguments import real
+from symgen.runtime.kernels.arguments import real, reals
 from symgen.runtime.kernels.description import Description
 from symgen.runtime.model.model import Model
 
@@ -195,7 +196,8 @@ class ElasticModel(Model):
         rtol: float = 1e-4,
         steps: int | None = None,
         revolutions: float | None = None,
-        samples: int = 361,
+        samples: int | None = None,
+        t_eval: ArrayLike | None = None,
         at: ArrayLike | None = None,
         form: str = "exact",
         geometric_stiffness: bool = True,
@@ -217,10 +219,13 @@ class ElasticModel(Model):
                 raise ModelError(f"expected t_end above zero, got {t_end!r}")
             period = self._motion(geometric_stiffness).period
             revolutions = t_end / period if math.isfinite(period) else None
+        if at is not None and t_eval is not None:
+            raise ModelError("give at or t_eval, not both")
         kept_in = keeping(checkpoint, checkpoint_every, resume)
         turns = 1.0 if revolutions is None else revolutions
-        task = (turns, steps, rtol, samples, at, form, max_step, max_wall)
-        return self._run(method, geometric_stiffness, *task, progress, kept_in, t_end)
+        count = sample_count(samples, t_eval, 361)
+        task = (turns, steps, rtol, count, at, form, max_step, max_wall)
+        return self._run(method, geometric_stiffness, *task, progress, kept_in, t_end, t_eval)
 
     def _periodic(
         self,
@@ -265,6 +270,7 @@ class ElasticModel(Model):
         progress: Callable[[float], None] | None,
         kept_in: Keeping | None = None,
         t_end: float | None = None,
+        t_eval: ArrayLike | None = None,
     ) -> ElasticResult:
         from symgen.runtime.elastic.run import Task, run
 
@@ -272,7 +278,8 @@ class ElasticModel(Model):
         if form not in FORMS:
             raise ModelError(f"there is no form {form!r}. {nearest(form, FORMS)}")
         angles = None if at is None else tuple(np.ravel(np.asarray(at, dtype=float)).tolist())
-        task = Task(method, revolutions, steps, rtol, samples, angles, form, max_step, t_end)
+        times = None if t_eval is None else tuple(reals(t_eval, "t_eval").tolist())
+        task = Task(method, revolutions, steps, rtol, samples, angles, form, max_step, t_end, times)
         with limited(max_wall):
             return run(self._motion(geometric_stiffness), task, progress, kept_in)
 

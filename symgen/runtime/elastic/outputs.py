@@ -12,7 +12,7 @@ from symgen.runtime.beams.forces import Motion, modal_rates, own_motion
 from symgen.runtime.beams.frames import frames
 from symgen.runtime.beams.links import Beam
 from symgen.runtime.elastic.motion import ElasticMotion
-from symgen.runtime.result.result import Coordinate, Variable, over_time
+from symgen.runtime.result.records import Coordinate, Variable, over_time
 
 Array = NDArray[np.float64]
 

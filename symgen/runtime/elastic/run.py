@@ -35,7 +35,7 @@ from symgen.runtime.integrate.pace import (
 from symgen.runtime.kernels.typed import made_with
 from symgen.runtime.result.elastic import ElasticResult, is_stable
 from symgen.runtime.result.recording import of_jumps
-from symgen.runtime.result.result import Drift
+from symgen.runtime.result.records import Drift
 
 Array = NDArray[np.float64]
 Progress = Callable[[float], None]
@@ -238,6 +238,8 @@ def _result(
     notes += _of_lengths(motion)
     notes += of_jumps(d.jumps, "take steps, or max_step,")
     notes += warnings(motion, equations, whole, _moments(motion, times))
+    if task.t_eval is not None:
+        notes.append("peaks, and limits of linear theory, are those at the times of t_eval only")
     if task.at is not None and task.method != "quasi-static":
         notes.append("peaks, and limits of linear theory, are those at the crank angles asked for only")
     if thesis:
@@ -261,7 +263,6 @@ def _result(
             "floquet_error": found.floquet_error,
         },
         provenance={
-            "kind": "elastic",
             "equations": d.equations,
             "method": task.method,
             "form": task.form,

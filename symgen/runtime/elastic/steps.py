@@ -18,7 +18,7 @@ from symgen.runtime.elastic.kept import Stages
 from symgen.runtime.elastic.motion import ElasticMotion
 from symgen.runtime.elastic.outputs import outputs
 from symgen.runtime.integrate.checkpoint import Keeping, mark_of, mark_of_kernels
-from symgen.runtime.integrate.options import TIGHTEST
+from symgen.runtime.integrate.options import TIGHTEST, recorded_at
 from symgen.runtime.integrate.pace import OUT_OF_TIME, OutOfTime, Pace
 from symgen.runtime.kernels.arguments import is_real, out_of_range
 from symgen.runtime.kernels.typed import library_of_runs
@@ -42,7 +42,7 @@ _ROUNDED = 2
 
 @dataclass(frozen=True, slots=True)
 class Task:
-    """What is asked of a run; see :meth:`symgen.Model.simulate`; ``t_end`` is of cranks that stand still."""
+    """Options of a run; see :meth:`symgen.Model.simulate`. ``t_end`` applies to cranks at rest."""
 
     method: str
     revolutions: float
@@ -53,6 +53,7 @@ class Task:
     form: str
     max_step: float | None = None
     t_end: float | None = None
+    t_eval: tuple[float, ...] | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,10 +102,9 @@ def recorded_times(motion: ElasticMotion, task: Task) -> Array:
         return np.array(
             [motion.time_at(a, last) or (motion.time_at(a, 1) if again and a else 0.0) for a in task.at]
         )
-    if not motion.speed:
-        end = motion.rigid.description.t_end if task.t_end is None else task.t_end
-        return np.linspace(0.0, end, task.samples)
-    return np.linspace(0.0, motion.period * task.revolutions, task.samples)
+    at_rest = motion.rigid.description.t_end if task.t_end is None else task.t_end
+    end = motion.period * task.revolutions if motion.speed else at_rest
+    return np.linspace(0.0, end, task.samples) if task.t_eval is None else recorded_at(task.t_eval, 0.0, end)
 
 
 def turn(motion: ElasticMotion) -> float:

@@ -12,7 +12,7 @@ import numpy as np
 from symgen.errors import ModelError, SimulationError
 from symgen.runtime.integrate.pace import is_spent
 from symgen.runtime.result.elastic import ElasticResult
-from symgen.runtime.result.result import Coordinate, Drift, Variable
+from symgen.runtime.result.records import Coordinate, Drift, Variable
 from symgen.runtime.result.sweep import Sweep
 
 Progress = Callable[[float], None]

@@ -7,13 +7,18 @@ from functools import lru_cache
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from symgen.errors import ModelError, nearest
 from symgen.precision import FLOAT64, Precision
 from symgen.runtime._core import STABILISATIONS
 from symgen.runtime.integrate.integrators import Integrator, integrator
-from symgen.runtime.kernels.arguments import count, is_real, out_of_range
+from symgen.runtime.kernels.arguments import count, is_real, out_of_range, reals
 
+Array = NDArray[np.float64]
+
+#: Times of t_eval in messages.
+_SHOWN = 4
 #: Tightest relative tolerance that a type can meet, and the one taken when none is given: over its epsilon.
 TIGHTEST, _DEFAULT = 100.0, 1000.0
 #: The latter where the type is no matter, and the absolute tolerance [m, m/s] over it.
@@ -117,6 +122,33 @@ def _options(
         name = precision.name
         raise ModelError(f"step = {step:g} s is too small against t_end = {t_end:g} s for {name}")
     return Options(chosen, t_end, 0.0, 0.0, step, samples, max_steps, *kept)
+
+
+def recorded_at(t_eval: ArrayLike, start: float, end: float) -> Array:
+    """Return the times [s] at which a run from ``start`` to ``end`` records its state.
+
+    Raises
+    ------
+    ModelError
+        When they do not increase, or are outside of the run.
+    """
+    times = reals(t_eval, "t_eval")
+    if not len(times) or np.any(np.diff(times) <= 0.0) or times[0] < start or times[-1] > end:
+        got = ", ".join(f"{t:.6g}" for t in times[:_SHOWN].tolist()) + (
+            ", ..." if len(times) > _SHOWN else ""
+        )
+        raise ModelError(
+            f"expected increasing times from {start:g} s to {end:g} s for t_eval, at least one, got [{got}]\n"
+            "  t_end sets the end of the run."
+        )
+    return times
+
+
+def sample_count(samples: int | None, t_eval: ArrayLike | None, default: int) -> int:
+    """Return the number of equally spaced samples; raise ModelError if times are given as well."""
+    if samples is not None and t_eval is not None:
+        raise ModelError("give samples or t_eval, not both")
+    return default if samples is None else samples
 
 
 _remembered = lru_cache(maxsize=64, typed=True)(_options)

@@ -6,13 +6,13 @@ from collections.abc import Callable
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from symgen.errors import ModelError, SimulationError
 from symgen.runtime import _core
 from symgen.runtime.integrate.checkpoint import Checkpoints, Keeping, mark_of
 from symgen.runtime.integrate.failures import problem
-from symgen.runtime.integrate.options import Options
+from symgen.runtime.integrate.options import Options, recorded_at
 from symgen.runtime.integrate.pace import OUT_OF_TIME, Pace
 from symgen.runtime.kernels.evaluate import Evaluator
 from symgen.runtime.kernels.typed import Typed, library_of_runs
@@ -39,11 +39,13 @@ def run(
     typed: Typed | None = None,
     keeping: Keeping | None = None,
     tangent: Evaluator | None = None,
+    t_eval: ArrayLike | None = None,
 ) -> Result:
     """Integrate from y = (q, u) and return the result; ``redundant`` constraints follow from the others.
 
     ``typed`` are kernels in the type to integrate in, those of the evaluator when absent; ``tangent`` the
-    kernels of the analysis of that name, for methods that need it.
+    kernels of the analysis of that name, for methods that need it; ``t_eval`` the times to record instead of
+    equally spaced ones.
 
     Raises
     ------
@@ -69,7 +71,7 @@ def run(
         chosen.rtol,
         chosen.atol,
         chosen.step,
-        (_times if chosen.samples <= _KEPT else _times.__wrapped__)(t0, chosen.t_end, chosen.samples),
+        sample_times(t0, chosen, t_eval),
         stabilisation=_core.STABILISATIONS.index(chosen.stabilisation),
         max_drift=chosen.max_drift,
         max_step=chosen.max_step,
@@ -80,7 +82,8 @@ def run(
     library = library_of_runs(evaluator.library, typed)
     checkpoints = None
     if keeping is not None:
-        checkpoints = keeping.of(stepper, mark_of(evaluator, library, equations, chosen, t0, y0, *events))
+        more = (*events, np.asarray(t_eval).tolist()) if t_eval is not None else events
+        checkpoints = keeping.of(stepper, mark_of(evaluator, library, equations, chosen, t0, y0, *more))
     status, wall = drive(stepper, t0, chosen, progress, checkpoints)
     if evaluator.description.switches or evaluator.description.windings:
         equations.set_parameters(evaluator.given)  # what is recorded is evaluated by no branch that is held
@@ -92,6 +95,13 @@ def run(
         time=stepper.t,
         partial=result if stepper.recorded else None,
     )
+
+
+def sample_times(t0: float, chosen: Options, t_eval: ArrayLike | None) -> Array:
+    """Return the times at which a run records its state; raise ModelError for ``t_eval`` out of range."""
+    if t_eval is not None:
+        return recorded_at(t_eval, t0, chosen.t_end)
+    return (_times if chosen.samples <= _KEPT else _times.__wrapped__)(t0, chosen.t_end, chosen.samples)
 
 
 @lru_cache(maxsize=16)
@@ -117,7 +127,7 @@ def drive(
     """
     pace = Pace(stepper.t, chosen.t_end)
     spent = checkpoints.spent if checkpoints else 0.0
-    status = _core.MORE if stepper.recorded else stepper.begin()
+    status = _core.MORE if stepper.steps or stepper.recorded else stepper.begin()
     judged = stepper.steps, stepper.t
     while status == _core.MORE:
         if stepper.steps >= chosen.max_steps:

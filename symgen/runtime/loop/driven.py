@@ -22,7 +22,7 @@ from symgen.runtime.loop.kernels import LoopKernels, in_words
 from symgen.runtime.loop.limits import Samples, of_blind, refine
 from symgen.runtime.loop.obstacles import why_stopped
 from symgen.runtime.loop.poles import PoleAt, beside_pole, poles
-from symgen.runtime.result.result import Coordinate, Drift, Variable, over_time
+from symgen.runtime.result.records import Coordinate, Drift, Variable, over_time
 from symgen.runtime.result.turn import Pole, Turn, converters, variables
 
 Array = NDArray[np.float64]

@@ -16,7 +16,7 @@ from symgen.runtime.closure.assemblies import assemblies
 from symgen.runtime.closure.later import closed_later
 from symgen.runtime.closure.start import Closed, close_near, counted
 from symgen.runtime.integrate.checkpoint import keeping
-from symgen.runtime.integrate.options import options
+from symgen.runtime.integrate.options import options, sample_count
 from symgen.runtime.integrate.pace import limited
 from symgen.runtime.kernels.arguments import reals
 from symgen.runtime.kernels.description import LoopDescription
@@ -220,7 +220,8 @@ class LoopModel(Model):
         rtol: float | None = None,
         atol: float | None = None,
         step: float | None = None,
-        samples: int = 201,
+        samples: int | None = None,
+        t_eval: ArrayLike | None = None,
         max_steps: int = 1_000_000_000,
         stabilisation: str = "projection",
         max_drift: float | None = None,
@@ -236,7 +237,8 @@ class LoopModel(Model):
         d = self.description
         end = d.t_end if t_end is None else t_end
         kept = (stabilisation, None, max_drift, self._type)
-        chosen = options(end, method, rtol, atol, step, samples, max_steps, *kept, max_step=max_step)
+        count = sample_count(samples, t_eval, 201)
+        chosen = options(end, method, rtol, atol, step, count, max_steps, *kept, max_step=max_step)
         if chosen.stabilisation == "baumgarte":
             raise ModelError("baumgarte is for linkages of points and links: loops take projection, or raw")
         if chosen.method.kind != "explicit":
@@ -245,4 +247,4 @@ class LoopModel(Model):
             )
         kept_in = keeping(checkpoint, checkpoint_every, resume)
         with limited(max_wall):
-            return run(self._kernels, self.closed_start(), chosen, progress, kept_in)
+            return run(self._kernels, self.closed_start(), chosen, progress, kept_in, t_eval)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from symgen.errors import SimulationError
 from symgen.runtime import _core, _loop
@@ -14,7 +14,7 @@ from symgen.runtime.closure.redundancy import note, ranges_of
 from symgen.runtime.closure.start import Closed
 from symgen.runtime.integrate.checkpoint import Keeping, mark_of
 from symgen.runtime.integrate.failures import of_sliding, unfinished
-from symgen.runtime.integrate.options import Options
+from symgen.runtime.integrate.options import Options, recorded_at
 from symgen.runtime.integrate.pace import OUT_OF_TIME, out_of_time
 from symgen.runtime.integrate.simulate import drive
 from symgen.runtime.kernels.typed import library_of_runs, made_with
@@ -23,7 +23,8 @@ from symgen.runtime.loop.kernels import LoopKernels, in_words
 from symgen.runtime.loop.limits import CLOSED, REPORTED
 from symgen.runtime.loop.samples import Samples
 from symgen.runtime.result.recording import of_switches
-from symgen.runtime.result.result import Drift, Result, over_time
+from symgen.runtime.result.records import Drift, over_time
+from symgen.runtime.result.result import Result
 from symgen.runtime.result.turn import converters, variables
 
 Array = NDArray[np.float64]
@@ -39,8 +40,9 @@ def run(
     chosen: Options,
     progress: Callable[[float], None] | None,
     keeping: Keeping | None = None,
+    t_eval: ArrayLike | None = None,
 ) -> Result:
-    """Integrate from the closed start and return the result.
+    """Integrate from the closed start and return the result, at times ``t_eval`` where these are given.
 
     Raises
     ------
@@ -53,6 +55,8 @@ def run(
     equations = kernels.stepping([*d.having("dependent"), *d.having("free")], begin.rank)
     y0 = np.concatenate([begin.q, rates_at_start(kernels, begin), [0.0]])
     times = np.linspace(begin.t, chosen.t_end, chosen.samples)
+    if t_eval is not None:
+        times = recorded_at(t_eval, begin.t, chosen.t_end)
     stepper = _core.Run(
         equations,
         chosen.method,
@@ -70,7 +74,8 @@ def run(
     checkpoints = None
     if keeping is not None:
         library = library_of_runs(kernels.library, kernels.typed)
-        checkpoints = keeping.of(stepper, mark_of(kernels, library, equations, chosen, begin.t, y0))
+        more = () if t_eval is None else (times.tolist(),)
+        checkpoints = keeping.of(stepper, mark_of(kernels, library, equations, chosen, begin.t, y0, *more))
     status, wall = drive(stepper, begin.t, chosen, progress, checkpoints)
     result = _recorded(kernels, equations, stepper, chosen, wall)
     if status == _core.DONE:

@@ -63,6 +63,7 @@ class Model(ElasticAnalyses, Compiled):
         steps: int | None = None,
         revolutions: float | None = None,
         samples: int | None = None,
+        t_eval: ArrayLike | None = None,
         at: ArrayLike | None = None,
         form: str | None = None,
         geometric_stiffness: bool | None = None,
@@ -98,6 +99,8 @@ class Model(ElasticAnalyses, Compiled):
             of the crank in place of ``t_end``.
         samples
             Number of equally spaced times recorded (201; elastic links 361).
+        t_eval
+            Increasing times [s] from the start to ``t_end`` to record instead; ``result.at`` records others.
         at
             Elastic links: directions of the crank [rad] to record instead, in the last revolution.
         form, geometric_stiffness

@@ -14,7 +14,7 @@ from symgen.errors import ModelError
 from symgen.runtime import _core
 from symgen.runtime.integrate.causes import without_direction
 from symgen.runtime.integrate.checkpoint import keeping
-from symgen.runtime.integrate.options import options
+from symgen.runtime.integrate.options import options, sample_count
 from symgen.runtime.integrate.pace import limited
 from symgen.runtime.integrate.simulate import run
 from symgen.runtime.model.compiled import degrees
@@ -168,7 +168,8 @@ class RodModel(LinkageModel):
         rtol: float | None = None,
         atol: float | None = None,
         step: float | None = None,
-        samples: int = 201,
+        samples: int | None = None,
+        t_eval: ArrayLike | None = None,
         max_steps: int = 1_000_000_000,
         stabilisation: str = "projection",
         stabilisation_rate: float | None = None,
@@ -183,12 +184,12 @@ class RodModel(LinkageModel):
     ) -> Result:
         end = self.description.t_end if t_end is None else t_end
         kept = (stabilisation, stabilisation_rate, max_drift, self._type)
-        chosen = options(end, method, rtol, atol, step, samples, max_steps, *kept, max_step=max_step)
+        count = sample_count(samples, t_eval, 201)
+        chosen = options(end, method, rtol, atol, step, count, max_steps, *kept, max_step=max_step)
         kept_in = keeping(checkpoint, checkpoint_every, resume)
         with limited(max_wall):
             tangent = self.analysis("tangent", stepping=True) if chosen.method.needs_tangent else None
             found = self._found()
             t, y = (0.0, found.y) if state is None else finite(state)
-            return run(
-                self._evaluator, t, y, found.redundant, chosen, progress, self._typed, kept_in, tangent
-            )
+            how = (chosen, progress, self._typed, kept_in, tangent, t_eval)
+            return run(self._evaluator, t, y, found.redundant, *how)

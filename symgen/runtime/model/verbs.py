@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import cache, wraps
+from functools import cache, partial, wraps
 from inspect import Parameter, signature
 from types import MethodType
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -65,7 +65,20 @@ def _carry_out(
             f"{name} of {model.name} does not accept {', '.join(refused)}\n"
             f"  It accepts {', '.join(sorted(accepted)) or 'no arguments'}."
         )
-    return getattr(model, f"_{name}")(**given)
+    carried_out: Callable[..., Any] = getattr(model, f"_{name}")
+    made = carried_out(**given)
+    if name == "simulate":
+        made._repeat_by(partial(_at_times, carried_out, given))
+    return made
+
+
+#: Arguments of a run that other times to record replace, and those that act outside of it.
+_OF_ONE_RUN = frozenset(("samples", "t_eval", "at", "checkpoint", "checkpoint_every", "resume", "progress"))
+
+
+def _at_times(simulate: Callable[..., Any], given: dict[str, Any], times: Any) -> Any:
+    """Return the run with the same arguments at other times [s]."""
+    return simulate(**{n: v for n, v in given.items() if n not in _OF_ONE_RUN}, t_eval=times)
 
 
 @cache

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from symgen.calls import checked
 from symgen.display import seconds
-from symgen.runtime.result.result import Result, Variable
+from symgen.runtime.result.records import Variable
+from symgen.runtime.result.result import Result
 
 Array = NDArray[np.float64]
 
@@ -27,6 +28,8 @@ class ElasticResult(Result):
     Its coordinate is the direction of the crank ``angle`` [rad], continuous over revolutions, with the times
     as a second coordinate; the time where the crank is at rest.
     """
+
+    KIND = "elastic"
 
     def panel(self, variable: Variable) -> str:
         """Return the panel of a plot that an output is drawn in: positions dwarf displacements."""
@@ -72,7 +75,7 @@ class ElasticResult(Result):
 
     def all_statistics(self) -> dict[str, Any]:
         """Return the statistics with those that are computed when they are requested."""
-        return {**self.statistics, "mesh_error": self.mesh_error}
+        return {**self.statistics, "mesh_error": self.mesh_error, "stable": self.stable}
 
     def __getstate__(self) -> dict[str, Any]:
         return {**super().__getstate__(), "statistics": self.all_statistics()}
@@ -101,41 +104,6 @@ class ElasticResult(Result):
             ("time", seconds(float(self.statistics["wall_s"]))),
             ("estimated error", "not estimated" if error is None else f"{error:.1e} of the peak stress"),
         )
-
-    def summary(self) -> dict[str, Any]:
-        """Return the run in plain numbers: what ``symgen run --json`` prints."""
-        columns = [
-            (f"{v.name}.{c}" if c else v.name, v.unit, v.values.reshape(self.count, -1)[:, i])
-            for v in self.variables
-            for i, c in enumerate(v.components or ("",))
-        ]
-        multipliers = [[z.real, z.imag] for z in self.floquet]
-        return {
-            "scene": self.name,
-            "method": self.provenance["method"],
-            "form": self.provenance["form"],
-            "unknowns": self.statistics["unknowns"],
-            "steps": self.statistics["steps"],
-            "error_over_peak": self.statistics["error"],
-            "damping_ratios": self.statistics.get("damping_ratios", []),
-            "mean_powers_w": self.statistics.get("mean_powers_w", []),
-            "mesh_error_over_peak": self.mesh_error,
-            "wall_s": self.statistics["wall_s"],
-            "backend": self.provenance["backend"],
-            "equations": self.provenance["equations"],
-            "parameters": dict(self.provenance["parameters"]),
-            "units": {name: unit for name, unit, _ in columns},
-            "peaks": self.peaks,
-            "floquet": multipliers,
-            "floquet_max": abs(self.floquet[0]) if multipliers else None,
-            "floquet_error": self.statistics["floquet_error"],
-            "stable": self.stable,
-            "notes": list(self.notes),
-            "values": [
-                {self.coordinate.name: float(at), "time": float(t), **{n: float(x[i]) for n, _, x in columns}}
-                for i, (at, t) in enumerate(zip(self.coordinate.values, self.time, strict=True))
-            ],
-        }
 
 
 def _between(values: Array) -> float:

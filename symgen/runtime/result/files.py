@@ -15,20 +15,17 @@ from symgen.errors import ResultError
 from symgen.runtime.result.elastic import ElasticResult
 from symgen.runtime.result.forces import Forces
 from symgen.runtime.result.motion import Motion
-from symgen.runtime.result.result import FORMAT, SAVED_AS, Coordinate, Drift, Event, Result, Variable
+from symgen.runtime.result.records import Coordinate, Drift, Event, Variable
+from symgen.runtime.result.result import FORMAT, Result
 from symgen.runtime.result.sweep import Sweep
 from symgen.runtime.result.turn import Turn
 
 Array = NDArray[np.float64]
 
-#: Key of a file's provenance, its value, and the class of the result that it marks; a plain Result otherwise.
-_CLASSES: tuple[tuple[str, str, type[Result]], ...] = (
-    ("method", "continuation", Motion),
-    ("method", "sweep", Sweep),
-    ("kind", "elastic", ElasticResult),
-    ("method", "closure", Turn),
-    ("method", "elements", Forces),
-)
+#: Classes of results by their kind in files.
+_KINDS = {made.KIND: made for made in (Result, Motion, Sweep, ElasticResult, Turn, Forces)}
+#: Endings of files that are read back.
+_READ = (".nc", ".npz")
 
 
 @checked
@@ -41,16 +38,15 @@ def load_result(file: str | os.PathLike[str]) -> Result:
         When the file is missing, broken, or not a result.
     """
     path = Path(file)
-    if path.suffix.lower() not in SAVED_AS:
-        raise ResultError(f"expected a file ending in {' or '.join(SAVED_AS)}, got {path.name!r}")
+    if path.suffix.lower() not in _READ:
+        raise ResultError(f"expected a file ending in {' or '.join(_READ)}, got {path.name!r}")
     try:
         arrays, meta = (_read_netcdf if path.suffix.lower() == ".nc" else _read_npz)(path)
         data = json.loads(meta)
         if data["symgen_result"] != FORMAT:
             raise ResultError(f"{path} has result format {data['symgen_result']}, this symgen reads {FORMAT}")
         name, unit, about = data["coordinate"]
-        made = next((c for key, word, c in _CLASSES if data["provenance"].get(key) == word), Result)
-        return made(
+        return _KINDS[data["kind"]](
             name=data["name"],
             title=data["title"],
             axes=tuple(data["axes"]),

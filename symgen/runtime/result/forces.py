@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +25,8 @@ class Forces(Result):
     positive where it stretches the fibres to the left of the link (thesis, Chapter IV; minus E I w'' of the
     elastic link).
     """
+
+    KIND = "forces"
 
     def __repr__(self) -> str:
         return f"<Forces {self.name!r}: {self.count} poses, condition {self.condition:.3g}>"
@@ -60,24 +60,3 @@ class Forces(Result):
         parts = "one element" if elements == 1 else f"{elements} elements"
         poses = "one pose" if self.count == 1 else f"{self.count} poses"
         return f"rigid links of {parts}, {poses}; condition up to {self.condition:.3g}"
-
-    def summary(self) -> dict[str, Any]:
-        """Return the analysis in plain numbers: what ``symgen forces --json`` prints."""
-        return {
-            "scene": self.name,
-            "analysis": "forces",
-            "elements": self.statistics["elements"],
-            "backend": self.provenance["backend"],
-            "equations": self.provenance["equations"],
-            "parameters": dict(self.provenance["parameters"]),
-            "over": self.coordinate.name,
-            "at": self.coordinate.values.tolist(),
-            "time": self.time.tolist(),
-            "outputs": {v.name: {"unit": v.unit, "values": v.values.tolist()} for v in self.variables},
-            "peaks": {name: {"value": value, "at": at} for name, (value, at) in self.peaks.items()},
-            "condition": self.condition,
-            "residual": self.statistics["residual"],
-            "singular_poses": [asdict(p) for p in self.singular_poses],
-            "wall_s": self.statistics["wall_s"],
-            "notes": list(self.notes),
-        }

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
-from typing import Any
+from dataclasses import dataclass
 
 from symgen.calls import checked
 from symgen.runtime.result.result import Result
@@ -50,6 +49,8 @@ class Motion(Result):
     ``drift.constraint`` and ``drift.velocity`` are the largest residuals of the recorded samples.
     """
 
+    KIND = "kinematics"
+
     @property
     def singular_poses(self) -> tuple[SingularPose, ...]:
         """All dead centres and bifurcations met, in the order in which they were met."""
@@ -82,20 +83,3 @@ class Motion(Result):
     def headline(self) -> str:
         """What a plot says of the analysis."""
         return f"kinematics, {self.count} poses; constraints within {self.drift.constraint:.1e} m"
-
-    def summary(self) -> dict[str, Any]:
-        """Return the analysis in plain numbers: what ``symgen kinematics --json`` prints."""
-        return {
-            "scene": self.name,
-            "analysis": "kinematics",
-            "backend": self.provenance["backend"],
-            "equations": self.provenance["equations"],
-            "parameters": dict(self.provenance["parameters"]),
-            "singular_poses": [asdict(p) for p in self.singular_poses],
-            "unassemblable": [list(r) for r in self.unassemblable],
-            "out_of_reach": [list(r) for r in self.out_of_reach],
-            "constraint_error": self.drift.constraint,
-            "velocity_error": self.drift.velocity,
-            "time": self.time.tolist(),
-            "outputs": {v.name: {"unit": v.unit, "values": v.values.tolist()} for v in self.variables},
-        }

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from symgen.errors import ModelError, nearest
 from symgen.runtime.result.motion import Motion, Range, SingularPose
 from symgen.runtime.result.recording import nearest_turn
-from symgen.runtime.result.result import Coordinate, Drift, Variable, over_time
+from symgen.runtime.result.records import Coordinate, Drift, Variable, over_time
 from symgen.runtime.rods.constraints import Bonds
 from symgen.runtime.rods.poses import Poses
 

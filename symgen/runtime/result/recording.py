@@ -14,7 +14,7 @@ from symgen.runtime.integrate.options import Options
 from symgen.runtime.kernels.description import KernelInfo
 from symgen.runtime.kernels.evaluate import Evaluator, part
 from symgen.runtime.kernels.library import Library
-from symgen.runtime.result.result import Coordinate, Drift, Event, Variable, over_time
+from symgen.runtime.result.records import Coordinate, Drift, Event, Variable, over_time
 from symgen.runtime.rods.redundancy import least_norm, not_unique
 
 Array = NDArray[np.float64]

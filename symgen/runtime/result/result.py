@@ -2,114 +2,33 @@
 
 from __future__ import annotations
 
+import csv
 import json
 import math
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import asdict, dataclass, field, fields, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from symgen.calls import checked
 from symgen.display import display, seconds
 from symgen.errors import ResultError, nearest
+from symgen.runtime.result.records import Coordinate, Drift, Event, Variable, plain
 
 if TYPE_CHECKING:
     import xarray
 
 Array = NDArray[np.float64]
 FORMAT = 2
+#: Version of the summary that the command line prints as JSON.
+SUMMARY = 1
 
 #: Units of a coordinate in tables and plots, and their sizes in SI.
 _SHOWN_IN = {"rad": ("deg", math.pi / 180), "rad/s": ("rpm", math.pi / 30)}
-
-
-@dataclass(frozen=True, slots=True)
-class Coordinate:
-    """The coordinate of a result, which every output is recorded over.
-
-    Attributes
-    ----------
-    name
-        ``time``, the name of an input, ``angle`` (of a crank) or ``speed`` (of a crank).
-    unit
-        Its unit in SI: s, rad, m or rad/s.
-    about
-        Its name in the labels of plots.
-    values
-        Its values, in the order in which they were recorded; not necessarily increasing.
-    """
-
-    name: str
-    unit: str
-    about: str
-    values: Array
-
-
-def over_time(times: Array) -> Coordinate:
-    """Return the coordinate of a result over time [s]."""
-    return Coordinate("time", "s", "time", times)
-
-
-@dataclass(frozen=True, slots=True)
-class Variable:
-    """One recorded output: ``values[i]`` at coordinate i, with a column per name in ``components``."""
-
-    name: str
-    unit: str
-    about: str
-    components: tuple[str, ...]
-    values: Array
-
-
-@dataclass(frozen=True, slots=True)
-class Drift:
-    """Drift of conserved quantities, the largest over all steps; nan where it was not measured.
-
-    Attributes
-    ----------
-    constraint
-        Error of a link's length [m].
-    velocity
-        Rate of change of a link's length [m/s].
-    energy
-        Change of the energy less the work of loads without potential [J].
-    energy_exchanged
-        Range of the kinetic or of the potential energy, the larger [J]: the scale of ``energy``.
-    """
-
-    constraint: float = math.nan
-    velocity: float = math.nan
-    energy: float = math.nan
-    energy_exchanged: float = math.nan
-
-    @property
-    def measured(self) -> dict[str, float]:
-        """The values that were measured, by name."""
-        return {name: value for name, value in asdict(self).items() if not math.isnan(value)}
-
-    @property
-    def relative_energy(self) -> float:
-        """Energy drift over the energy exchanged; zero if both are zero, nan if it was not measured."""
-        if self.energy_exchanged == 0.0:
-            return 0.0 if self.energy == 0.0 else float("inf")
-        return self.energy / self.energy_exchanged
-
-
-@dataclass(frozen=True, slots=True)
-class Event:
-    """A moment that the scene told the run to look for.
-
-    ``motion`` holds positions [m] and velocities [m/s] of the points then, as ``Result.final`` does.
-    """
-
-    name: str
-    time: float
-    rising: bool
-    motion: Mapping[str, Mapping[str, Any]]
 
 
 @checked
@@ -134,6 +53,9 @@ class Result:
     units
         Units of tables and plots by unit in SI: their name and size. SI where one is missing.
     """
+
+    #: Name of this kind of result in files and JSON.
+    KIND: ClassVar[str] = "run"
 
     name: str
     title: str
@@ -287,25 +209,85 @@ class Result:
             *errors,
         )
 
+    def _repeat_by(self, again: Callable[[Array], Result]) -> None:
+        """Set the function that repeats the run at other times; see :meth:`at`."""
+        self._cache["again"] = again
+
+    def at(self, times: ArrayLike) -> Result:
+        """Return the run at other times [s]: dense output.
+
+        The run is repeated in the same steps and recorded at these times, so that values between its samples
+        have the accuracy of the method's own interpolant, on the constraints, however few samples it has; at
+        its samples they are the same to the bit. It takes the time of another run: ask for all times in one
+        call. Runs of elastic links end a step at every time and are accurate to their ``rtol``.
+
+        Parameters
+        ----------
+        times
+            One time, or increasing times, from the start of the run to its end.
+
+        Raises
+        ------
+        ModelError
+            For times that do not increase, or are outside of the run.
+        ResultError
+            For results that no ``simulate`` of this process returned, and beyond an event that ended the run.
+        """
+        again = self._cache.get("again")
+        if again is None:
+            raise ResultError("only what simulate() of this process returned has values at other times")
+        found: Result = again(np.atleast_1d(np.asarray(times, dtype=float)))
+        if found.count < np.size(times):
+            raise ResultError(
+                f"the run ended at t = {self.statistics['t']:.9g} s, before the last of these times"
+            )
+        return found
+
     def summary(self) -> dict[str, Any]:
-        """Return the run in plain numbers: what ``symgen run --json`` prints."""
+        """Return the result in plain numbers in SI, without its samples: the JSON of the command line.
+
+        ``docs/results.md`` describes it.
+        """
+        along = self.coordinate
+        ends = {"first": along.values[0], "last": along.values[-1]} if self.count else {}
+        summary: dict[str, Any] = plain(
+            {
+                "version": SUMMARY,
+                "scene": self.name,
+                "title": self.title,
+                "kind": self.KIND,
+                "method": self.provenance["method"],
+                "coordinate": {"name": along.name, "unit": along.unit, "count": self.count, **ends},
+                "outputs": {name: {"unit": unit, **self._extremes(x)} for name, unit, x in self.columns()},
+                "final": self.final,
+                "drift": self.drift.measured,
+                "statistics": self.all_statistics(),
+                "notes": self.notes,
+                "events": [{"name": e.name, "time": e.time, "rising": e.rising} for e in self.events],
+                "provenance": self.provenance,
+            }
+        )
+        return summary
+
+    def columns(self) -> Iterator[tuple[str, str, Array]]:
+        """Yield name, unit and values of every component of the outputs, such as ``C.position.x``."""
+        for v in self.variables:
+            for i, component in enumerate(v.components or ("",)):
+                name = f"{v.name}.{component}" if component else v.name
+                yield name, v.unit, v.values.reshape(self.count, -1)[:, i]
+
+    def _extremes(self, values: Array) -> dict[str, Any]:
+        """Return the last, least and greatest of values, and the coordinate at both; None without any."""
+        known, along = ~np.isnan(values), self.coordinate.values
+        if not known.any():
+            return dict.fromkeys(("final", "minimum", "minimum_at", "maximum", "maximum_at"))
+        low, high = int(np.nanargmin(values)), int(np.nanargmax(values))
         return {
-            "scene": self.name,
-            "method": self.provenance["method"],
-            "t_end": self.provenance["t_end"],
-            "backend": self.provenance["backend"],
-            "precision": self.provenance.get("precision", "float64"),
-            "steps": self.statistics["steps"],
-            "rejected": self.statistics["rejected"],
-            "evaluations": self.statistics["evaluations"],
-            "wall_s": self.statistics["wall_s"],
-            "drift": self.drift.measured,
-            "equations": self.provenance["equations"],
-            "parameters": dict(self.provenance["parameters"]),
-            "notes": list(self.notes),
-            "events": [{"name": e.name, "time": e.time, "rising": e.rising} for e in self.events],
-            **{k: v for k, v in self.statistics.items() if k == "undetermined"},
-            "final": {point: dict(motion) for point, motion in self.final.items()},
+            "final": values[-1],
+            "minimum": values[low],
+            "minimum_at": along[low],
+            "maximum": values[high],
+            "maximum_at": along[high],
         }
 
     def plot(self, *names: str, file: str | os.PathLike[str] | None = None) -> Any:
@@ -317,7 +299,11 @@ class Result:
         return html
 
     def save(self, file: str | os.PathLike[str]) -> Path:
-        """Save to ``.nc`` (netCDF) or ``.npz``; :func:`symgen.load_result` reads both back.
+        """Save to ``.nc`` (netCDF) or ``.npz``, which :func:`symgen.load_result` reads back, or to ``.csv``.
+
+        CSV has a column for the coordinate, one for the times where that is not the time, and one per
+        component, in SI, with all digits; its first line has names and units. It has neither drift nor
+        provenance, and is not read back.
 
         Raises
         ------
@@ -342,6 +328,7 @@ class Result:
             {
                 "symgen_result": FORMAT,
                 "symgen_version": __version__,
+                "kind": self.KIND,
                 "name": self.name,
                 "title": self.title,
                 "axes": list(self.axes),
@@ -373,7 +360,19 @@ def _write_npz(result: Result, path: Path) -> None:
         np.savez_compressed(stream, symgen=np.array(result.meta()), **arrays)
 
 
-_WRITERS = {".nc": _write_netcdf, ".npz": _write_npz}
+def _write_csv(result: Result, path: Path) -> None:
+    along = result.coordinate
+    columns = [(along.name, along.unit, along.values)]
+    if result.times is not None:
+        columns.append(("time", "s", result.times))
+    columns += result.columns()
+    with path.open("w", encoding="utf-8", newline="") as stream:
+        writer = csv.writer(stream, lineterminator="\n")
+        writer.writerow(f"{name} [{unit}]" for name, unit, _ in columns)
+        writer.writerows(zip(*(values.tolist() for *_, values in columns), strict=True))
+
+
+_WRITERS = {".nc": _write_netcdf, ".npz": _write_npz, ".csv": _write_csv}
 #: Endings of files that a result can be saved to.
 SAVED_AS = tuple(_WRITERS)
 

@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from symgen.calls import checked
 from symgen.runtime.result.elastic import is_stable, panel_by_kind
-from symgen.runtime.result.result import Result, Variable
+from symgen.runtime.result.records import Variable
+from symgen.runtime.result.result import Result
 
 Array = NDArray[np.float64]
 
@@ -20,6 +21,8 @@ class Sweep(Result):
 
     The output ``floquet`` is the largest Floquet multiplier.
     """
+
+    KIND = "sweep"
 
     def __repr__(self) -> str:
         return f"<Sweep {self.name!r}: {self.count} speeds, {len(self.resonances)} resonances>"
@@ -58,26 +61,12 @@ class Sweep(Result):
             s for s, stable in zip(self.speeds.tolist(), self.verdicts, strict=True) if stable is False
         )
 
+    def all_statistics(self) -> dict[str, Any]:
+        """Return the statistics with resonances, speeds without stability, and the verdict at each speed."""
+        found = {"resonances": self.resonances, "unstable": self.unstable, "stable": self.verdicts}
+        return {**self.statistics, **{name: list(values) for name, values in found.items()}}
+
     @property
     def headline(self) -> str:
         """What a plot says of the sweep."""
         return f"steady states, estimated error {self.statistics['error']:.1e} of the peak stress at most"
-
-    def summary(self) -> dict[str, Any]:
-        """Return the sweep in plain numbers: what ``symgen sweep --json`` prints."""
-        return {
-            "scene": self.name,
-            "analysis": "sweep",
-            "speeds": self.speeds.tolist(),
-            "first_critical": self.first_critical,
-            "resonances": list(self.resonances),
-            "unstable": list(self.unstable),
-            "stable": list(self.verdicts),
-            "outputs": {v.name: {"unit": v.unit, "peaks": v.values.tolist()} for v in self.variables},
-            "error_over_peak": self.statistics["error"],
-            "wall_s": self.statistics["wall_s"],
-            "backend": self.provenance["backend"],
-            "equations": self.provenance["equations"],
-            "parameters": dict(self.provenance["parameters"]),
-            "notes": list(self.notes),
-        }

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +11,8 @@ from numpy.typing import NDArray
 from symgen.calls import checked
 from symgen.display import seconds
 from symgen.runtime.kernels.description import LoopDescription
-from symgen.runtime.result.result import Result, Variable
+from symgen.runtime.result.records import Variable
+from symgen.runtime.result.result import Result
 
 Array = NDArray[np.float64]
 
@@ -40,6 +40,8 @@ class Turn(Result):
     ``time`` holds the times at which the input has those values. Where an output has a pole at a value, it
     is not a number there, and :attr:`poles` gives its residue.
     """
+
+    KIND = "loop"
 
     def __repr__(self) -> str:
         return (
@@ -94,41 +96,6 @@ class Turn(Result):
     def headline(self) -> str:
         """What a plot says of the run."""
         return f"{self.count} poses, closed within {self.closure:.1e}"
-
-    def summary(self) -> dict[str, Any]:
-        """Return everything in plain numbers: what ``symgen run --json`` prints for a driven loop.
-
-        ``values`` has an entry for every value of the input; what has a pole there is None. ``undetermined``
-        has by component the poses at which it is so, as ranges (first, last) of their numbers from 0.
-        """
-        columns = [
-            (f"{v.name}.{c}" if c else v.name, v.unit, v.values.reshape(self.count, -1)[:, i])
-            for v in self.variables
-            for i, c in enumerate(v.components or ("",))
-        ]
-        return {
-            "scene": self.name,
-            "input": self.input,
-            "over": self.coordinate.name,
-            "at": self.coordinate.values.tolist(),
-            "time": self.time.tolist(),
-            "unit": self.coordinate.unit,
-            "backend": self.provenance["backend"],
-            "equations": self.provenance["equations"],
-            "parameters": dict(self.provenance["parameters"]),
-            "units": {name: unit for name, unit, _ in columns},
-            "values": [
-                {name: None if np.isnan(values[i]) else float(values[i]) for name, _, values in columns}
-                for i in range(self.count)
-            ],
-            "closure": self.closure,
-            "least_singular": self.statistics["least_singular"],
-            "poles": [{"at": p.at, "residues": dict(p.residues)} for p in self.poles],
-            "indeterminate": list(self.indeterminate),
-            "undetermined": self.statistics["undetermined"],
-            "wall_s": self.statistics["wall_s"],
-            "notes": list(self.notes),
-        }
 
 
 def converters(description: LoopDescription) -> dict[str, tuple[str, float]]:

@@ -18,7 +18,8 @@ from symgen.runtime.kernels.evaluate import Evaluator
 from symgen.runtime.model.rhs import right_hand_side
 from symgen.runtime.model.rods import RodModel
 from symgen.runtime.result.recording import outputs
-from symgen.runtime.result.result import Drift, Result, over_time
+from symgen.runtime.result.records import Drift, over_time
+from symgen.runtime.result.result import Result
 from symgen.runtime.result.state import State
 
 Array = NDArray[np.float64]

@@ -17,7 +17,7 @@ from symgen.runtime.kernels.evaluate import Evaluator
 from symgen.runtime.result.forces import Forces
 from symgen.runtime.result.motion import SingularPose
 from symgen.runtime.result.recorded_motion import coordinate_of
-from symgen.runtime.result.result import Drift, Variable
+from symgen.runtime.result.records import Drift, Variable
 from symgen.runtime.rods.constraints import Bonds
 from symgen.runtime.rods.forces.assembly import Assembly, Solution, solve
 from symgen.runtime.rods.instants import Instants

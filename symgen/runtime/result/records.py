@@ -1,0 +1,111 @@
+"""Records of a result: coordinate, outputs, drift and events."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Coordinate:
+    """The coordinate of a result, which every output is recorded over.
+
+    Attributes
+    ----------
+    name
+        ``time``, the name of an input, ``angle`` (of a crank) or ``speed`` (of a crank).
+    unit
+        Its unit in SI: s, rad, m or rad/s.
+    about
+        Its name in the labels of plots.
+    values
+        Its values, in the order in which they were recorded; not necessarily increasing.
+    """
+
+    name: str
+    unit: str
+    about: str
+    values: Array
+
+
+def over_time(times: Array) -> Coordinate:
+    """Return the coordinate of a result over time [s]."""
+    return Coordinate("time", "s", "time", times)
+
+
+@dataclass(frozen=True, slots=True)
+class Variable:
+    """One recorded output: ``values[i]`` at coordinate i, with a column per name in ``components``."""
+
+    name: str
+    unit: str
+    about: str
+    components: tuple[str, ...]
+    values: Array
+
+
+@dataclass(frozen=True, slots=True)
+class Drift:
+    """Drift of conserved quantities, the largest over all steps; nan where it was not measured.
+
+    Attributes
+    ----------
+    constraint
+        Error of a link's length [m].
+    velocity
+        Rate of change of a link's length [m/s].
+    energy
+        Change of the energy less the work of loads without potential [J].
+    energy_exchanged
+        Range of the kinetic or of the potential energy, the larger [J]: the scale of ``energy``.
+    """
+
+    constraint: float = math.nan
+    velocity: float = math.nan
+    energy: float = math.nan
+    energy_exchanged: float = math.nan
+
+    @property
+    def measured(self) -> dict[str, float]:
+        """The values that were measured, by name."""
+        return {name: value for name, value in asdict(self).items() if not math.isnan(value)}
+
+    @property
+    def relative_energy(self) -> float:
+        """Energy drift over the energy exchanged; zero if both are zero, nan if it was not measured."""
+        if self.energy_exchanged == 0.0:
+            return 0.0 if self.energy == 0.0 else float("inf")
+        return self.energy / self.energy_exchanged
+
+
+@dataclass(frozen=True, slots=True)
+class Event:
+    """A moment that the scene told the run to look for.
+
+    ``motion`` holds positions [m] and velocities [m/s] of the points then, as ``Result.final`` does.
+    """
+
+    name: str
+    time: float
+    rising: bool
+    motion: Mapping[str, Mapping[str, Any]]
+
+
+def plain(data: Any) -> Any:
+    """Return data for JSON: numbers, text, lists and tables; None for numbers that are not finite."""
+    if isinstance(data, Mapping):
+        return {str(name): plain(value) for name, value in data.items()}
+    if isinstance(data, list | tuple):
+        return [plain(value) for value in data]
+    if isinstance(data, float | np.floating):
+        return float(data) if math.isfinite(data) else None
+    if isinstance(data, np.generic):
+        return data.item()
+    return data
