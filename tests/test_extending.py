@@ -18,6 +18,8 @@ from typer.testing import CliRunner
 
 import symgen
 from symgen.cli import app
+from symgen.elements import ELEMENTS
+from symgen.elements.element import Element
 from symgen.errors import SceneError
 from symgen.export import export_c
 from symgen.inspection.explanation import explanation
@@ -30,6 +32,7 @@ from symgen.loads.measure import RATES, VALUE, Term
 from symgen.loads.of_points import Length, Position
 from symgen.models.momentum.rows import momentum_system
 from symgen.report.page.page import render
+from symgen.runtime.beams import elements
 from symgen.scene import units
 from symgen.scene.loading import read_scene
 from symgen.scene.resolve import resolve
@@ -454,3 +457,87 @@ def test_a_joint_is_in_explanations_pages_and_exports(shaper, tmp_path):
         page = render(scene_page(read_scene(shaper.path), speed=False, told=lambda _: None))
         assert "slot T" in page
         checked_export(shaper.path, tmp_path / "shaper")
+
+
+# --- elements -------------------------------------------------------------------------------------------------
+
+#: Cubic deflection and quadratic stretch.
+STRETCH = Element("stretch7", "cubic deflection, quadratic stretch", ("u", "w", "theta"), 2, 3, ("mid",))
+
+#: A strip that a shaft holds level, in gravity.
+CANTILEVER = """
+symgen = 1
+title = "Cantilever"
+[points]
+O = { at = ["0 m", "0 m"], ground = true }
+T = { at = ["1.3 m", "0 m"] }
+[links.strip]
+points = ["O", "T"]
+density = "7850 kg/m^3"
+section = { width = "30 mm", thickness = "10 mm" }
+elastic = { E = "210 GPa", element = "stretch7", elements = 8 }
+[gravity]
+acceleration = ["0 m/s^2", "-9.81 m/s^2"]
+[crank]
+link = "strip"
+speed = "0 rpm"
+[analysis]
+t_end = "0.2 s"
+"""
+L, EI, RHO_A = 1.3, 210e9 * 0.03 * 0.01**3 / 12, 7850 * 0.03 * 0.01
+
+
+@pytest.fixture(scope="module")
+def cantilever(tmp_path_factory):
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setitem(ELEMENTS, "stretch7", STRETCH)
+        patch.setattr(elements, "SUPPLIED", {})
+        path = written(tmp_path_factory.mktemp("strips"), CANTILEVER, "cantilever")
+        yield SimpleNamespace(path=path, model=symgen.build(path))
+
+
+def waves(count):
+    """Return z = k l of the modes of a clamped beam with a free end: cos z cosh z = -1."""
+    return [brentq(lambda z: np.cos(z) + 1 / np.cosh(z), i * np.pi, (i + 1) * np.pi) for i in range(count)]
+
+
+def test_an_element_bends_and_vibrates(cantilever):
+    sag = cantilever.model.quasi_static(samples=3)["T.displacement"].values[-1]
+    assert sag == pytest.approx([0, -RHO_A * 9.81 * L**4 / (8 * EI)], rel=1e-9, abs=1e-12)
+    z = np.array(waves(3))
+    exact = z**2 / L**2 * np.sqrt(EI / RHO_A) / (2 * np.pi)
+    expected = exact * (1 + (z / 8) ** 4 / 1440)  # Rayleigh's quotient of the error of cubic deflections
+    assert cantilever.model.modes().frequencies[:3] == pytest.approx(expected, rel=5e-5)
+
+
+def test_an_element_conserves_energy_when_it_is_released(cantilever):
+    """Modes phi of unit modal mass, each w = (g rho A int phi)/omega^2 (1 - cos omega t), without loss."""
+    run = cantilever.model.simulate(0.2, rtol=1e-6, samples=41)
+    tip = np.zeros(41)
+    for z in waves(5):
+        omega = z**2 / L**2 * np.sqrt(EI / RHO_A)
+        s = (np.cosh(z) + np.cos(z)) / (np.sinh(z) + np.sin(z))
+        mean = 2 * s / z  # of phi = cosh kx - cos kx - s (sinh kx - sin kx), whose square has mean 1
+        end = np.cosh(z) - np.cos(z) - s * (np.sinh(z) - np.sin(z))
+        tip -= 9.81 * mean * end / omega**2 * (1 - np.cos(omega * np.linspace(0, 0.2, 41)))
+    assert run["T.displacement"].values[:, 1] == pytest.approx(tip, abs=2e-3 * np.max(np.abs(tip)))
+
+
+def test_an_element_is_in_inverse_dynamics(cantilever):
+    """The torque of the shaft at constant speed is that of the weight, of a rigid strip."""
+    turning = symgen.Scene(**tomllib.loads(CANTILEVER.replace("0 rpm", "30 rpm").split("[analysis]")[0]))
+    angles = [0.3, 1.1, 2.0]
+    found = symgen.build(turning).inverse_dynamics(at=angles)["strip.torque"].values
+    assert found == pytest.approx(RHO_A * L * 9.81 * L / 2 * np.cos(angles), rel=1e-9)
+
+
+def test_an_element_is_in_explanations_pages_and_exports(cantilever, tmp_path):
+    assert "8 elements stretch7" in "\n".join(explanation(cantilever.path, {}))
+    page = render(scene_page(read_scene(cantilever.path), speed=False, told=lambda _: None))
+    assert "elastic unknowns" in page
+    checked_export(cantilever.path, tmp_path / "cantilever")
+
+
+def test_an_unknown_element_is_refused(cantilever):
+    with pytest.raises(SceneError, match="stretch7"):
+        resolve(symgen.Scene(**tomllib.loads(CANTILEVER.replace("stretch7", "stretch8"))))

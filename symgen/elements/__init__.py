@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, MutableMapping
 from importlib import import_module
 from typing import TYPE_CHECKING
 
@@ -10,17 +10,23 @@ if TYPE_CHECKING:
     from symgen.elements.element import Element
 
 
-class _Files(Mapping[str, "Element"]):
-    """Elements by the names of their files, loaded on first access."""
+class _Files(MutableMapping[str, "Element"]):
+    """Elements by the names of their files, loaded on first access; others can be added."""
 
     def __init__(self, *names: str) -> None:
-        self._names = names
+        self._names: dict[str, Element | None] = dict.fromkeys(names)
 
     def __getitem__(self, name: str) -> Element:
-        if name not in self._names:
-            raise KeyError(name)
-        element: Element = import_module(f"symgen.elements.{name}").ELEMENT
-        return element
+        found = self._names[name]
+        if found is None:
+            found = self._names[name] = import_module(f"symgen.elements.{name}").ELEMENT
+        return found
+
+    def __setitem__(self, name: str, element: Element) -> None:
+        self._names[name] = element
+
+    def __delitem__(self, name: str) -> None:
+        del self._names[name]
 
     def __iter__(self) -> Iterator[str]:
         return iter(self._names)
@@ -29,7 +35,8 @@ class _Files(Mapping[str, "Element"]):
         return len(self._names)
 
 
-#: Each has its own kernels, the block ``element_NAME``, which depend on no other element.
+#: Each has its own kernels, the block ``element_NAME``, which depend on no other element. Those of an
+#: element without a module in ``generated/`` are compiled into the cache when a model first needs them.
 ELEMENTS = _Files(
     "beam8",
     "cubic",

@@ -219,8 +219,10 @@ def loop_model(made: Made) -> LoopModel:
 
 def elastic_model(made: Made) -> ElasticModel:
     """Return the model of a linkage with elastic links."""
+    from symgen.pipeline.user_model import supply_elements
     from symgen.runtime.elastic.model import ElasticModel
 
+    supply_elements((beam.element for beam in made.description.elastic.beams), made.tools.in_float64)
     text, base, d = made.text, made.tools.in_float64, made.description
     of_rigid = replace(made, equations=replace(made.equations, rigid=True))
     rigid = cast("RodModel", linkage_model(of_rigid))

@@ -1,11 +1,14 @@
-"""From a user-defined system to its compiled kernels, through the same lowering, printers and cache."""
+"""From a user-defined system, or a beam element, to its compiled kernels in the cache."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from functools import cache
+from collections.abc import Callable, Iterable
+from functools import cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from symgen.pipeline.user_system import load, own_name
 from symgen.scene.loading import SceneText
@@ -16,6 +19,8 @@ if TYPE_CHECKING:
     from symgen.runtime.kernels.description import SystemDescription
     from symgen.runtime.kernels.library import Library
     from symgen.runtime.model.system import SystemModel
+    from symgen.symbolic.system import System
+    from symgen.toolchain.dependencies import Needs
 
 
 def build_own(path: Path, tools: Tools, equations: Callable[[], Any]) -> SystemModel:
@@ -28,23 +33,73 @@ def build_own(path: Path, tools: Tools, equations: Callable[[], Any]) -> SystemM
     BuildError, CacheError
         When the compiler fails, or the cache cannot be written.
     """
-    from symgen.runtime.model.system import SystemModel
-
     own = cache(lambda: load(path))
+    text = SceneText(own_name(path), str(path.resolve()), {})
+    return _built(text, path.name, tools, lambda: own().system, lambda: own().needs, equations)
+
+
+def supply_elements(names: Iterable[str], tools: Tools) -> None:
+    """Compile the kernels of the beam elements that have no shipped module."""
+    from symgen.runtime.beams.elements import SUPPLIED, kernels
+
+    for name in sorted(set(names)):
+        block = f"element_{name}"
+        try:
+            kernels(block)
+        except ModuleNotFoundError:
+            SUPPLIED[block] = _Module(_element(name, tools))
+
+
+class _Module:
+    """Kernels of a model, called as those of a shipped module: arrays of arguments -> flat array."""
+
+    def __init__(self, model: SystemModel) -> None:
+        self._model = model
+
+    def __getattr__(self, kernel: str) -> Callable[..., NDArray[np.float64]]:
+        return partial(self._call, kernel)
+
+    def _call(
+        self, kernel: str, q: NDArray[np.float64], u: NDArray[np.float64] | None = None
+    ) -> NDArray[np.float64]:
+        place = np.zeros(1) if u is None else u  # of a station, which only the kernel shape reads
+        return np.concatenate(
+            [block.ravel() for block in self._model.evaluate(kernel, q=q, u=place).values()]
+        )
+
+
+def _element(name: str, tools: Tools) -> SystemModel:
+    from symgen.elements import ELEMENTS
+    from symgen.models.elastic.element import elastic_element_system
+
+    element = ELEMENTS[name]
+    derive = partial(elastic_element_system, element)
+    text = SceneText(f"element_{name}", "", {"element": repr(element)})
+    return _built(text, "", tools, derive, dict, lambda: derive().by_name())
+
+
+def _built(
+    text: SceneText,
+    file: str,
+    tools: Tools,
+    derive: Callable[[], System],
+    read: Callable[[], Needs],
+    matrices: Callable[[], Any],
+) -> SystemModel:
+    from symgen.runtime.model.system import SystemModel
 
     def make(folder: Path) -> tuple[SystemDescription, Library]:
         with no_collection():
-            program, equations, sources = tools.lowered(own().system)
+            program, equations, sources = tools.lowered(derive())
         with tools.written(program, sources, folder) as compilation:
-            description = _described(path, program, equations)
+            description = _described(file, program, equations)
             return description, tools.opened(folder, description, compilation)
 
-    text = SceneText(own_name(path), str(path.resolve()), {})
-    description, library = tools.cached(text, "own", make, lambda: own().needs)
-    return SystemModel(description, library, equations)
+    description, library = tools.cached(text, "own", make, read)
+    return SystemModel(description, library, matrices)
 
 
-def _described(path: Path, program: Program, equations: str) -> SystemDescription:
+def _described(file: str, program: Program, equations: str) -> SystemDescription:
     from symgen.runtime.kernels.description import ArrayInfo, SystemDescription, kernel_infos
 
     def info(about: str, slots: tuple[Slot, ...]) -> ArrayInfo:
@@ -53,7 +108,7 @@ def _described(path: Path, program: Program, equations: str) -> SystemDescriptio
 
     return SystemDescription(
         name=program.name,
-        file=path.name,
+        file=file,
         title=program.title,
         equations=equations,
         parameters=(),
