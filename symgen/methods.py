@@ -25,6 +25,8 @@ class Method:
         The name that resolved scenes, descriptions and models carry.
     claims
         Tables of a scene that only this method has; the first row of ``METHODS`` with one claims a scene.
+    schema
+        Class of its first table, where that is none of the scene's own.
     resolve
         Scene -> resolved scene, which may carry the name of another method that shares this one's tables.
     system
@@ -55,6 +57,7 @@ class Method:
 
     name: str
     claims: tuple[str, ...] = ()
+    schema: str = ""
     resolve: str = ""
     system: str = ""
     further: str = ""

@@ -6,7 +6,7 @@ import re
 import shutil
 import subprocess
 import tomllib
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -23,6 +23,7 @@ from symgen.elements.element import Element
 from symgen.errors import SceneError
 from symgen.export import export_c
 from symgen.inspection.explanation import explanation
+from symgen.inspection.linkages import RodsView
 from symgen.inspection.page import scene_page
 from symgen.joints import JOINTS
 from symgen.joints.joint import Joint
@@ -30,12 +31,14 @@ from symgen.loads import LOADS
 from symgen.loads.load import Load
 from symgen.loads.measure import RATES, VALUE, Term
 from symgen.loads.of_points import Length, Position
+from symgen.methods import METHODS
 from symgen.models.momentum.rows import momentum_system
-from symgen.report.page.page import render
+from symgen.report.page.page import Fact, render
 from symgen.runtime.beams import elements
 from symgen.scene import units
 from symgen.scene.loading import read_scene
-from symgen.scene.resolve import resolve
+from symgen.scene.resolve import resolve, resolved_linkage
+from symgen.scene.rods.linkage import Linkage
 from symgen.scene.table import Name, Table, Value
 
 # --- loads ----------------------------------------------------------------------------------------------------
@@ -541,3 +544,115 @@ def test_an_element_is_in_explanations_pages_and_exports(cantilever, tmp_path):
 def test_an_unknown_element_is_refused(cantilever):
     with pytest.raises(SceneError, match="stretch7"):
         resolve(symgen.Scene(**tomllib.loads(CANTILEVER.replace("stretch7", "stretch8"))))
+
+
+# --- methods --------------------------------------------------------------------------------------------------
+
+
+class PendulumTable(Table):
+    """A point mass on a massless rod, which hangs from the origin at an angle from the x axis."""
+
+    length: Value
+    mass: Value
+    angle: Value
+
+
+class Pendulum(Linkage):
+    """The linkage of such a scene."""
+
+    __slots__ = ()
+    method = "pendulum"
+
+
+def resolved_pendulum(scene):
+    """Return the linkage that the table of a pendulum stands for."""
+    tables, own = scene.model_dump(exclude={"pendulum"}, exclude_unset=True), scene.pendulum
+    place = [f"length*{f}(angle)" for f in ("cos", "sin")]
+    tables["parameters"] = {"length": own.length, "angle": own.angle, **tables.get("parameters", {})}
+    tables["points"] = {"O": {"at": ["0 m", "0 m"], "ground": True}, "A": {"at": place}}
+    tables["links"] = {"rod": {"points": ["O", "A"], "mass": "0 kg"}}
+    tables["masses"] = [{"point": "A", "mass": own.mass}]
+    linkage = resolved_linkage(symgen.Scene(**tables).called(scene.name, scene.file))
+    return Pendulum(**{f.name: getattr(linkage, f.name) for f in fields(linkage)})
+
+
+class PendulumView(RodsView):
+    """What its page shows."""
+
+    def facts(self, resolved, model):
+        return (Fact("swings on", resolved.link("rod").name), *super().facts(resolved, model))
+
+
+PENDULUM_METHOD = replace(
+    METHODS["rods"],
+    name="pendulum",
+    claims=("pendulum",),
+    schema=f"{__name__}:PendulumTable",
+    resolve=f"{__name__}:resolved_pendulum",
+    view=f"{__name__}:PendulumView",
+)
+
+SWING = """
+symgen = 1
+title = "Pendulum"
+[pendulum]
+length = "0.7 m"
+mass = "2 kg"
+angle = "-0.4 rad"
+[gravity]
+acceleration = ["0 m/s^2", "-9.81 m/s^2"]
+[analysis]
+t_end = "1 s"
+outputs = ["A.position", "O.reaction", "energy"]
+"""
+
+
+@pytest.fixture(scope="module")
+def swing(tmp_path_factory):
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setitem(METHODS, "pendulum", PENDULUM_METHOD)
+        path = written(tmp_path_factory.mktemp("swings"), SWING, "swing")
+        yield SimpleNamespace(path=path, model=symgen.build(path))
+
+
+def test_a_method_runs_and_conserves_energy(swing):
+    run = swing.model.simulate(rtol=1e-10, atol=1e-10, samples=11)
+    times = np.linspace(0, 1, 11)
+    exact = solve_ivp(
+        lambda t, y: [y[1], -9.81 / 0.7 * np.cos(y[0])],
+        (0, 1),
+        [-0.4, 0],
+        "DOP853",
+        times,
+        rtol=1e-12,
+        atol=1e-12,
+    )
+    along = np.column_stack([np.cos(exact.y[0]), np.sin(exact.y[0])])
+    assert run["A.position"].values == pytest.approx(0.7 * along, abs=1e-8)
+    radial = 2 * (0.7 * exact.y[1] ** 2 - 9.81 * along[:, 1])
+    assert run["O.reaction"].values == pytest.approx(-radial[:, None] * along, abs=1e-6)
+    assert run["energy"].values == pytest.approx(2 * 9.81 * 0.7 * np.sin(-0.4), abs=1e-8)
+    assert run.drift.energy < 1e-8
+
+
+def test_a_method_has_equilibria_and_inverse_dynamics(swing):
+    assert swing.model.equilibrium().state.positions["A"] == pytest.approx([0, -0.7], abs=1e-8)
+    driven = SWING.replace("[analysis]", '[[drivers]]\nlink = "rod"\nangle = "-0.4 + t*w"\n[analysis]')
+    driven = driven.replace("[pendulum]", '[parameters]\nw = "1.5 rad/s"\n[pendulum]')
+    angles = np.array([-0.3, 0.2, 0.8])
+    found = symgen.build(symgen.Scene(**tomllib.loads(driven))).inverse_dynamics(at=angles)
+    assert found["rod.torque"].values == pytest.approx(2 * 9.81 * 0.7 * np.cos(angles), abs=1e-9)
+
+
+def test_a_method_is_in_explanations_pages_and_exports(swing, tmp_path):
+    assert "1 degree of freedom" in "\n".join(explanation(swing.path, {}))
+    page = render(scene_page(read_scene(swing.path), speed=False, told=lambda _: None))
+    assert "swings on" in page
+    checked_export(swing.path, tmp_path / "swing")
+
+
+def test_without_its_row_a_scene_has_no_such_table(swing):
+    with pytest.MonkeyPatch.context() as patch:
+        patch.delitem(METHODS, "pendulum")
+        with pytest.raises(SceneError, match="unknown key 'pendulum'"):
+            symgen.Scene(**tomllib.loads(SWING))

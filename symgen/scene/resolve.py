@@ -8,7 +8,7 @@ from typing import cast
 import sympy as sp
 
 from symgen.errors import SceneError
-from symgen.methods import Method, claiming
+from symgen.methods import METHODS, Method, claiming
 from symgen.scene import units
 from symgen.scene.elastic.crank import crank, driver_of, with_flywheel
 from symgen.scene.elastic.links import Crank
@@ -65,7 +65,7 @@ def resolve_linkage(scene: Scene) -> Linkage:
         As :func:`resolve` does, and for a scene with a loop.
     """
     found, method = resolve(scene), _method(scene)
-    if method.load("resolve") is not resolved_linkage:
+    if method.system != METHODS["rods"].system:
         raise SceneError(
             f"expected a scene of points and links, got a {method.name}",
             where=method.claims[0],

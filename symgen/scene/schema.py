@@ -11,6 +11,7 @@ from pydantic_core import CoreSchema
 from symgen.calls import checked
 from symgen.errors import SceneError
 from symgen.loads import LOADS
+from symgen.methods import METHODS, claiming
 from symgen.scene.elastic.schema import Crank, Elastic, ModalDamping, Section, Station
 from symgen.scene.faults import scene_error
 from symgen.scene.loop.schema import SpatialLoop
@@ -169,7 +170,8 @@ class Analysis(Table):
 class Scene(Table):
     """One mechanism with its analysis: points and links, or a loop.
 
-    It has a list of tables for each kind of load in ``symgen.loads.LOADS``, after the point masses.
+    It has a list of tables for each kind of load in ``symgen.loads.LOADS``, after the point masses, and the
+    tables that rows of ``symgen.methods.METHODS`` add.
 
     Build it from a file with :func:`symgen.load_scene`, or in Python with the same words:
     ``symgen.Scene(symgen=1, points={...}, links={...})``.
@@ -201,7 +203,7 @@ class Scene(Table):
 
     @checked
     def __init__(self, /, **tables: Any) -> None:
-        _add_loads()
+        _add_tables()
         try:
             super().__init__(**tables)
         except ValidationError as error:
@@ -215,6 +217,8 @@ class Scene(Table):
             if self.loop is not None and given:
                 raise SceneError("the analysis of a loop follows from its outputs", where=f"analysis.{key}")
         if self.loop is None:
+            if claiming(self.model_fields_set).schema:
+                return
             for key in ("points", "links"):
                 if key not in self.model_fields_set:
                     raise SceneError(
@@ -262,26 +266,28 @@ TABLES: dict[str, type[Table]] = {
 }  # fmt: skip
 
 
-def _add_loads() -> None:
-    """Give the scene a list of tables for every kind of load, including those registered since."""
-    kinds = {name: kind.schema for name, kind in LOADS.items()}
-    if {name: TABLES.get(name) for name in _LOADS} == kinds:
+def _add_tables() -> None:
+    """Give the scene lists of tables of loads, and tables of methods, including those registered since."""
+    loads = {name: kind.schema for name, kind in LOADS.items()}
+    kinds = loads | {row.claims[0]: row.load("schema") for row in METHODS.values() if row.schema}
+    if {name: TABLES.get(name) for name in _ADDED} == kinds:
         return
-    fields, others = Scene.model_fields, {n: f for n, f in Scene.model_fields.items() if n not in _LOADS}
-    for name in _LOADS:
+    fields, others = Scene.model_fields, {n: f for n, f in Scene.model_fields.items() if n not in _ADDED}
+    for name in _ADDED:
         TABLES.pop(name, None)
     fields.clear()
     for name, info in others.items():
         fields[name] = info
         if name == "masses":
-            for load, table in kinds.items():
-                annotation: Any = list[table]  # type: ignore[valid-type]
-                fields[load] = FieldInfo.from_annotated_attribute(annotation, Field(default_factory=list))
+            for key, table in kinds.items():
+                annotation: Any = list[table] if key in loads else table | None  # type: ignore[valid-type]
+                default: Any = Field(default_factory=list) if key in loads else Field(default=None)
+                fields[key] = FieldInfo.from_annotated_attribute(annotation, default)
     TABLES.update(kinds)
-    _LOADS[:] = kinds
+    _ADDED[:] = kinds
     Scene.model_rebuild(force=True)
 
 
-#: The load tables that the scene has.
-_LOADS: list[str] = []
-_add_loads()
+#: The tables of loads and methods that the scene has.
+_ADDED: list[str] = []
+_add_tables()
