@@ -107,10 +107,18 @@ def _describing() -> set[str]:
     while reached:
         module = reached.pop()
         found.add(module)
-        loader = getattr(sys.modules[module].__spec__, "loader", None)
-        code = loader.get_code(module) if isinstance(loader, InspectLoader) else None
-        reached |= {name for name in _imported(code) if name in sys.modules} - found
+        reached |= (_imports(module) & sys.modules.keys()) - found
     return found - {_DESCRIBING}
+
+
+@cache
+def _imports(module: str) -> frozenset[str]:
+    """Return the runtime modules that a loaded module imports, constant for the life of the process.
+
+    Without files of bytecode, every call compiles the source.
+    """
+    loader = getattr(sys.modules[module].__spec__, "loader", None)
+    return frozenset(_imported(loader.get_code(module) if isinstance(loader, InspectLoader) else None))
 
 
 def _imported(code: CodeType | None) -> Iterator[str]:
