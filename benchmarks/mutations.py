@@ -74,7 +74,7 @@ FAULTS = (
     Fault("moment of a screw", "loop/dual_rows.py", "moved = cross(self.origin, real)", "moved = cross(real, self.origin)", "loop", ROWS),
     Fault("translation backwards", "loop/dual_rows.py", "[p + shift * x for", "[p - shift * x for", "loop", ROWS),
     Fault("translation on the way back", "loop/dual_rows.py", "-motion.value if back else motion.value", "motion.value", "loop", LOOPS),
-    Fault("velocity on the way back", "loop/dual_paths.py", "self._named(seen - m.screw * m.rate(self.rates)", "self._named(seen + m.screw * m.rate(self.rates)", "loop", LOOPS),
+    Fault("velocity on the way back doubled", "loop/dual_paths.py", "self._named(seen - m.screw * m.rate(self.rates)", "self._named(seen - m.screw * (2 * m.rate(self.rates))", "rocker", LOOPS),
     Fault("acceleration outward", "loop/dual_paths.py", "self._named(outward[-1] + own,", "self._named(outward[-1] - own,", "loop", LOOPS),
     Fault("acceleration on the way back", "loop/dual_paths.py", "self._named(seen - own,", "self._named(seen + own,", "loop", LOOPS),
     Fault("rate of screws outward", "loop/dual_paths.py", "moved = velocity + self._fixed(i)", "moved = velocity - self._fixed(i)", "loop", LOOPS),
@@ -128,7 +128,7 @@ length = "0.8 m"
 acceleration = ["0 m/s^2", "-9.81 m/s^2"]
 """
 #: Shipped scenes that are run for faults.
-SHIPPED = {"loop": "slider_crank", "motor": "elastic_four_bar_motor"}
+SHIPPED = {"loop": "slider_crank", "rocker": "rssr", "motor": "elastic_four_bar_motor"}
 #: Links with every load, mass and kind of damping; what elastic/ decides.
 ELASTIC = """
 symgen = 1
@@ -292,7 +292,7 @@ def results(scene: str) -> dict[str, list[float]]:
         file = Path(folder) / "scene.toml"
         file.write_text({"rods": RODS, "elastic": ELASTIC}.get(scene, ""))
         model = symgen.build(SHIPPED.get(scene, str(file)))
-    if scene == "loop":
+    if scene in ("loop", "rocker"):
         run = model.inverse_dynamics(samples=7)
     elif scene == "rods":
         run = model.simulate(0.4, samples=5)
