@@ -186,7 +186,7 @@ def test_a_result_holds_everything_when_asked_saved_or_pickled(four_bar, tmp_pat
             assert a.values.tobytes() == b.values.tobytes()
     with pytest.raises(AttributeError, match="no attribute 'finale'"):
         _ = third.finale
-    assert repr(four_bar.simulate(0.1, samples=2)) == "<Result 'four_bar': 2 times, 8 outputs, dop853>"
+    assert repr(four_bar.simulate(0.1, samples=2)) == "<Result 'four_bar': 2 samples, 8 outputs, dop853>"
 
 
 @pytest.mark.parametrize(
