@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from symgen.runtime.kernels.typed import Typed
     from symgen.runtime.loop.model import LoopModel
     from symgen.runtime.model.kinematic import KinematicModel
+    from symgen.runtime.model.model import Model
     from symgen.runtime.model.rods import RodModel
     from symgen.runtime.model.system import SystemModel
     from symgen.scene.loop.loop import Loop
@@ -49,10 +50,11 @@ def build(
     digits: int | None = None,
     contraction: str = "off",
     vector: str = "none",
-) -> _Mechanism | SystemModel:
+) -> Model:
     """Derive, lower, emit and compile a scene or a user-defined system, or take it from the cache.
 
-    Returns a :class:`~symgen.Model` of the kind that ``symgen.methods`` binds to the scene.
+    Returns a :class:`~symgen.Model` of the kind that ``symgen.methods`` binds to the scene. Type checkers see
+    the base class, which declares all analyses: a name or a path does not tell the kind.
 
     Parameters
     ----------
@@ -100,7 +102,7 @@ def build_scene(scene: Scene | SceneText | str | os.PathLike[str], **options: An
     return with_forces(build_asked(scene, **options))
 
 
-def with_forces(made: _Mechanism) -> _WithForces:
+def with_forces(made: Model) -> _WithForces:
     """Return a model with forces; raise ModelError if its scene is restricted to kinematics."""
     if is_kinematic(made):
         raise ModelError(
@@ -110,7 +112,7 @@ def with_forces(made: _Mechanism) -> _WithForces:
     return cast("_WithForces", made)
 
 
-def is_kinematic(made: _Mechanism) -> bool:
+def is_kinematic(made: Model) -> bool:
     """Return whether a model has no forces, without loading what such models need."""
     return bool(getattr(made.description, "kinematic", False))
 

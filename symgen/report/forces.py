@@ -25,7 +25,7 @@ def print_forces(found: Forces, console: Console) -> None:
     else:
         units = {v.name: v.unit for v in found.variables}
         shown = dict(zip(found.coordinate.values.tolist(), along.tolist(), strict=True))
-        rows = [(name, units[name], value, shown[at]) for name, (value, at) in found.peaks.items()]
+        rows = [(name, units[name], value, shown[at]) for name, (value, at) in found.greatest.items()]
         head, title = ("output", "unit", "largest", f"at {label}"), f"{found.title}: {len(along)} poses"
     console.print(table(title, head, rows))
     for note in found.notes:

@@ -13,7 +13,7 @@ from symgen.runtime.model.model import VERBS
 
 RODS = {"simulate", "equilibrium", "modes", "accelerations", "batch"}
 DRIVEN = {"kinematics", "inverse_dynamics", "assemblies"}
-ELASTIC = {"periodic", "quasi_static", "large_rotation", "sweep"}
+ELASTIC = {"periodic", "quasi_static", "large_rotation", "sweep", "in_segments"}
 SUPPORTED = {
     "four_bar": RODS,
     "crank_rocker": RODS | DRIVEN,
@@ -49,7 +49,7 @@ def test_kinematic_scenes_and_user_defined_systems_support_few(tmp_path):
         "                  matrices=(area,), exports=(Export('squared', 'square', ('area',)),))\n"
     )
     own = symgen.build(file)
-    assert isinstance(own, symgen.Model) and own.capabilities == ()
+    assert isinstance(own, symgen.Model) and own.capabilities == ("evaluate",)
     with pytest.raises(CapabilityError, match="user-defined system"):
         own.batch("squared", 0.0, [[2.0]])
     assert isinstance(own, symgen.SystemModel) and own.evaluate("squared", q=[3.0])["area"] == 9.0
@@ -67,6 +67,13 @@ def test_missing_analyses_give_the_reason_when_accessed():
         symgen.build("cssp").kinematics  # noqa: B018
     with pytest.raises(CapabilityError, match="needs 1 more drive"):
         symgen.build("four_bar").inverse_dynamics  # noqa: B018
+    with pytest.raises(CapabilityError, match="evaluate: it calls kernels of user-defined systems"):
+        loop.evaluate  # noqa: B018
+    with pytest.raises(CapabilityError, match="slider_crank does not support rhs"):
+        loop.rhs  # noqa: B018
+    assert not hasattr(loop, "rhs") and hasattr(symgen.build("four_bar"), "rhs")
+    with pytest.raises(CapabilityError, match="no singular poses: kinematics and inverse_dynamics"):
+        symgen.build("cssp").simulate(0.01).dead_centres  # noqa: B018
     assert issubclass(CapabilityError, SymgenError) and issubclass(CapabilityError, AttributeError)
 
 

@@ -297,17 +297,13 @@ class ElasticModel(Model):
         with limited(max_wall):
             return sweep(self, speeds, rtol, samples, progress)
 
-    def in_segments(self, count: int = 12) -> RodModel:
-        """Return the linkage with every elastic link in so many rigid rods with torsion springs between them.
-
-        It is derived and compiled when first requested. ``LINK__k.angle`` are the directions of the rods.
-        """
+    def _in_segments(self, count: int = 12) -> RodModel:
         return self._of_scene(whole(count, "segments"))
 
     def _equilibrium(self, segments: int = 12, t: float | None = None, stable: bool = True) -> Equilibrium:
         if self.crank_speed and self._motion(True).info.mode == "held":
             return self.rigid._equilibrium()  # which names the drive that moves, before rods are derived
-        return self.in_segments(segments)._equilibrium(t=t, stable=stable)
+        return self._in_segments(segments)._equilibrium(t=t, stable=stable)
 
     def _large_rotation(
         self,
@@ -328,5 +324,5 @@ class ElasticModel(Model):
         task = ExactTask(segments, revolutions, rtol, samples)
         kept = {"checkpoint": checkpoint, "checkpoint_every": checkpoint_every, "resume": resume}
         with limited(max_wall):
-            rods, kept["max_step"] = self.in_segments(segments), max_step
+            rods, kept["max_step"] = self._in_segments(segments), max_step
             return exact_run(self._motion(True), rods, task, progress, kept)

@@ -5,24 +5,29 @@ from __future__ import annotations
 import os
 from abc import abstractmethod
 from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, ClassVar, overload
 
 from numpy.typing import ArrayLike
 
+from symgen.errors import CapabilityError
 from symgen.runtime.model.compiled import Compiled
 from symgen.runtime.model.elastic_analyses import ElasticAnalyses
+from symgen.runtime.model.kernel_calls import KernelCalls
 from symgen.runtime.model.verbs import Verb, verb
 
 if TYPE_CHECKING:
-    from symgen.runtime.kernels.batch import Rows
+    from symgen.runtime._rhs import Rhs
     from symgen.runtime.result.modes import ElasticModes
     from symgen.runtime.result.result import Result
     from symgen.runtime.result.state import Accelerations, State
     from symgen.runtime.rods.equilibrium import Equilibrium
     from symgen.runtime.rods.modes import Modes
 
+#: Why most models do not support an analysis, where it is for one method alone.
+_INSTEAD = {"evaluate": "it calls kernels of user-defined systems; batch calls those of scenes"}
 
-class Model(ElasticAnalyses, Compiled):
+
+class Model(ElasticAnalyses, KernelCalls, Compiled):
     """A compiled mechanism. :func:`symgen.build` returns one.
 
     Every model has the analyses below, with the same arguments. An analysis that a mechanism does not support
@@ -49,7 +54,20 @@ class Model(ElasticAnalyses, Compiled):
         """Return why an analysis is not supported; None where it is."""
         if name not in self.MISSING and hasattr(type(self), f"_{name}"):
             return None
-        return self.MISSING.get(name, self.MISSING[""])
+        return self.MISSING.get(name) or _INSTEAD.get(name) or self.MISSING[""]
+
+    @property
+    def rhs(self) -> Rhs:
+        """dy/dt of a linkage for solvers of SciPy and others: see :mod:`symgen.runtime.model.rhs`."""
+        raise CapabilityError(f"{self.name} does not support rhs: it is for linkages without elastic links")
+
+    @verb
+    def in_segments(self, count: int = 12) -> Model:
+        """Return the linkage with every elastic link in so many rigid rods with torsion springs between them.
+
+        It is derived and compiled when first requested. ``LINK__k.angle`` are the directions of the rods.
+        """
+        raise NotImplementedError
 
     @verb
     def simulate(
@@ -255,6 +273,15 @@ class Model(ElasticAnalyses, Compiled):
         """
         raise NotImplementedError
 
+    @overload
+    def modes(self, at: Equilibrium) -> Modes: ...
+
+    @overload
+    def modes(self, at: float, *, moving: bool = False) -> ElasticModes: ...
+
+    @overload
+    def modes(self, at: None = None, *, moving: bool = False) -> Modes | ElasticModes: ...
+
     @verb
     def modes(self, at: Equilibrium | float | None = None, *, moving: bool = False) -> Modes | ElasticModes:
         """Return frequencies and shapes of small vibrations.
@@ -308,53 +335,11 @@ class Model(ElasticAnalyses, Compiled):
         """
         raise NotImplementedError
 
-    @verb
-    def batch(
-        self,
-        what: str,
-        t: ArrayLike,
-        q: ArrayLike,
-        u: ArrayLike | None = None,
-        *,
-        work: ArrayLike | None = None,
-        threads: int = 1,
-    ) -> dict[str, Rows]:
-        """Evaluate a kernel at many states in one call, in the precision the model was built in.
-
-        States go through the lanes of vector registers. Each gets the operations of the kernel and no others:
-        multipliers are not refined, and with redundant constraints they are one choice of many.
-
-        Parameters
-        ----------
-        what
-            A kernel of :attr:`operations`, or one of its results, such as ``"accelerations"``.
-        t
-            One time [s], or one per state.
-        q, u
-            A row per state: coordinates and velocities, as in ``State.q`` and ``State.u``; zero velocities
-            when absent.
-        work
-            A row per state of the work memory that the kernel reads; the accelerations and multipliers of
-            the state when absent.
-        threads
-            Number of threads. It changes no bit of the results.
-
-        Returns
-        -------
-        dict
-            Results of the kernel by name, a row per state: in the model's precision where NumPy has it
-            (``float32``, ``float64``, ``longdouble``), in float64 for ``float128``, and mpmath's numbers for
-            the backend ``mpmath``.
-
-        Raises
-        ------
-        ModelError
-            When there is no such kernel, or for arrays of other shapes.
-        """
-        raise NotImplementedError
-
 
 #: Names of all analyses.
 VERBS: tuple[str, ...] = tuple(
-    name for of in (Model, ElasticAnalyses) for name, value in vars(of).items() if isinstance(value, Verb)
+    name
+    for of in (Model, ElasticAnalyses, KernelCalls)
+    for name, value in vars(of).items()
+    if isinstance(value, Verb)
 )

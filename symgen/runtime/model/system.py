@@ -42,31 +42,15 @@ class SystemModel(Model):
             raise ModelError(f"{self.name} has no tunable parameters: give the values of p to model.evaluate")
         return self
 
-    def evaluate(
+    def _evaluate(
         self,
         kernel: str,
-        *,
         t: float = 0.0,
         q: ArrayLike = (),
         u: ArrayLike = (),
         p: ArrayLike = (),
         work: ArrayLike = (),
     ) -> dict[str, Array]:
-        """Return the results of a kernel by name, shaped; a single column loses that axis.
-
-        Parameters
-        ----------
-        kernel
-            One of :attr:`operations`.
-        t, q, u, p, work
-            The argument arrays, in the units that the System declares. What depends on ``p`` alone is
-            recomputed at every call, also where the System declares ``p`` constant over a run.
-
-        Raises
-        ------
-        ModelError
-            When there is no such kernel, or for arrays of other sizes.
-        """
         info = self.description.kernel(kernel)
         if info is None:
             raise ModelError(f"{self.name} has no kernel {kernel!r}. {nearest(kernel, self.operations)}")

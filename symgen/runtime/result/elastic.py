@@ -36,19 +36,6 @@ class ElasticResult(Result):
         return panel_by_kind(variable)
 
     @property
-    def peaks(self) -> dict[str, float]:
-        """Largest absolute value of every output of one component, in its unit.
-
-        Between equally spaced times it is that of the parabola through the largest value and its neighbours.
-        """
-        even = self.count > 2 and bool(np.allclose(np.diff(self.time), self.time[1] - self.time[0]))
-        return {
-            v.name: _between(np.abs(v.values)) if even else float(np.max(np.abs(v.values)))
-            for v in self.variables
-            if v.values.ndim == 1
-        }
-
-    @property
     def floquet(self) -> tuple[complex, ...]:
         """Floquet multipliers of one turn, the largest first; empty where they were not asked for."""
         return tuple(complex(re, im) for re, im in self.statistics["floquet"])
@@ -104,16 +91,6 @@ class ElasticResult(Result):
             ("time", seconds(float(self.statistics["wall_s"]))),
             ("estimated error", "not estimated" if error is None else f"{error:.1e} of the peak stress"),
         )
-
-
-def _between(values: Array) -> float:
-    """Return the largest of the parabola through the largest of equally spaced values and its neighbours."""
-    k = int(np.argmax(values))
-    if not 0 < k < len(values) - 1:
-        return float(values[k])
-    before, here, after = (float(x) for x in values[k - 1 : k + 2])
-    bend = 2 * here - before - after
-    return here + (after - before) ** 2 / (8 * bend) if bend > 0.0 else here
 
 
 def panel_by_kind(variable: Variable) -> str:

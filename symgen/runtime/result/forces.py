@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symgen.calls import checked
-from symgen.runtime.result.motion import SingularPose
 from symgen.runtime.result.result import Result
 
 Array = NDArray[np.float64]
@@ -37,15 +36,7 @@ class Forces(Result):
         return float(self.statistics["condition"])
 
     @property
-    def singular_poses(self) -> tuple[SingularPose, ...]:
-        """Dead centres and bifurcations of the motion, at which forces are not determined."""
-        return tuple(
-            SingularPose(**{**p, "collinear": tuple((a, b) for a, b in p["collinear"])})
-            for p in self.statistics["singular_poses"]
-        )
-
-    @property
-    def peaks(self) -> Mapping[str, tuple[float, float]]:
+    def greatest(self) -> Mapping[str, tuple[float, float]]:
         """Largest magnitude of every output, and the value of the coordinate [SI] at which it occurs."""
         along, found = self.coordinate.values, {}
         for v in self.variables:

@@ -2,44 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 from symgen.calls import checked
 from symgen.runtime.result.result import Result
 
 Range = tuple[float, float]
-
-
-@dataclass(frozen=True, slots=True)
-class SingularPose:
-    """A pose in which the drives do not determine the motion.
-
-    Attributes
-    ----------
-    kind
-        ``dead centre``: the drive cannot pass, the linkage turns back there; ``bifurcation``: branches of
-        the motion cross there, and the one that goes on smoothly was followed.
-    t
-        Time [s].
-    drives
-        Value of every drive by name [rad or m].
-    positions
-        Position of every point by name [m].
-    collinear
-        Pairs of links that lie in one line there, if that is how it locks.
-    """
-
-    kind: str
-    t: float
-    drives: dict[str, float]
-    positions: dict[str, list[float]]
-    collinear: tuple[tuple[str, str], ...]
-
-    def describe(self) -> str:
-        """Return it as one line."""
-        where = ", ".join(f"{name} = {value:.9g}" for name, value in self.drives.items())
-        lines = "; ".join(f"{a} and {b} in line" for a, b in self.collinear)
-        return f"{self.kind} at t = {self.t:.12g} s, {where}{f': {lines}' if lines else ''}"
 
 
 @checked
@@ -50,24 +16,6 @@ class Motion(Result):
     """
 
     KIND = "kinematics"
-
-    @property
-    def singular_poses(self) -> tuple[SingularPose, ...]:
-        """All dead centres and bifurcations met, in the order in which they were met."""
-        return tuple(
-            SingularPose(**{**p, "collinear": tuple((a, b) for a, b in p["collinear"])})
-            for p in self.statistics["singular_poses"]
-        )
-
-    @property
-    def dead_centres(self) -> tuple[SingularPose, ...]:
-        """Poses that the drive cannot pass."""
-        return tuple(p for p in self.singular_poses if p.kind == "dead centre")
-
-    @property
-    def bifurcations(self) -> tuple[SingularPose, ...]:
-        """Poses in which branches of the motion cross."""
-        return tuple(p for p in self.singular_poses if p.kind == "bifurcation")
 
     @property
     def unassemblable(self) -> tuple[Range, ...]:

@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symgen.errors import ModelError, nearest
-from symgen.runtime.result.motion import Motion, Range, SingularPose
+from symgen.runtime.result.findings import SingularPose
+from symgen.runtime.result.motion import Motion, Range
 from symgen.runtime.result.recording import nearest_turn
 from symgen.runtime.result.records import Coordinate, Drift, Variable, over_time
 from symgen.runtime.rods.constraints import Bonds

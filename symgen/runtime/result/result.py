@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from symgen.calls import checked
 from symgen.display import display, seconds
 from symgen.errors import ResultError, nearest
+from symgen.runtime.result.findings import Findings
 from symgen.runtime.result.records import Coordinate, Drift, Event, Variable, plain
 
 if TYPE_CHECKING:
@@ -33,7 +34,7 @@ _SHOWN_IN = {"rad": ("deg", math.pi / 180), "rad/s": ("rpm", math.pi / 30)}
 
 @checked
 @dataclass(frozen=True, eq=False)
-class Result:
+class Result(Findings):
     """The result of a run. ``result["C.position"]`` is a labelled array with its unit.
 
     Attributes

@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symgen.errors import ModelError, SimulationError
-from symgen.runtime.result.motion import Motion, Range, SingularPose
+from symgen.runtime.result.findings import SingularPose
+from symgen.runtime.result.motion import Motion, Range
 from symgen.runtime.result.recorded_motion import Along, chosen_names, recorded
 from symgen.runtime.rods.assemblies import assemblies
 from symgen.runtime.rods.branch import along_branch

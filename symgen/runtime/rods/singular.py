@@ -8,7 +8,7 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
-from symgen.runtime.result.motion import SingularPose
+from symgen.runtime.result.findings import SingularPose
 from symgen.runtime.rods.constraints import Bonds
 from symgen.runtime.rods.continuation import Curve, CurvePoint
 

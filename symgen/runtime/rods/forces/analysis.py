@@ -14,8 +14,8 @@ from symgen.errors import ModelError, SimulationError
 from symgen.runtime.integrate.causes import without_direction
 from symgen.runtime.kernels.arguments import count, reals
 from symgen.runtime.kernels.evaluate import Evaluator
+from symgen.runtime.result.findings import SingularPose
 from symgen.runtime.result.forces import Forces
-from symgen.runtime.result.motion import SingularPose
 from symgen.runtime.result.recorded_motion import coordinate_of
 from symgen.runtime.result.records import Drift, Variable
 from symgen.runtime.rods.constraints import Bonds

@@ -1,0 +1,111 @@
+"""Findings of all results: largest values, and the singular poses that a prescribed motion meets."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symgen.errors import CapabilityError
+from symgen.runtime.result.records import Coordinate, Variable
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class SingularPose:
+    """A pose in which the drives do not determine the motion.
+
+    Attributes
+    ----------
+    kind
+        ``dead centre``: the drive cannot pass, the linkage turns back there; ``bifurcation``: branches of
+        the motion cross there, and the one that goes on smoothly was followed.
+    t
+        Time [s].
+    drives
+        Value of every drive by name [rad or m].
+    positions
+        Position of every point by name [m].
+    collinear
+        Pairs of links that lie in one line there, if that is how it locks.
+    """
+
+    kind: str
+    t: float
+    drives: dict[str, float]
+    positions: dict[str, list[float]]
+    collinear: tuple[tuple[str, str], ...]
+
+    def describe(self) -> str:
+        """Return it as one line."""
+        where = ", ".join(f"{name} = {value:.9g}" for name, value in self.drives.items())
+        lines = "; ".join(f"{a} and {b} in line" for a, b in self.collinear)
+        return f"{self.kind} at t = {self.t:.12g} s, {where}{f': {lines}' if lines else ''}"
+
+
+class Findings:
+    """Properties of a result that follow from its outputs and statistics."""
+
+    if TYPE_CHECKING:
+        name: str
+        coordinate: Coordinate
+        times: Array | None
+        variables: tuple[Variable, ...]
+        statistics: Mapping[str, Any]
+
+    @property
+    def peaks(self) -> dict[str, float]:
+        """Largest absolute value of every output of one component, in its unit.
+
+        Between equally spaced samples it is that of the parabola through the largest and its neighbours.
+        """
+        along = self.coordinate.values if self.times is None else self.times
+        even = len(along) > 2 and bool(np.allclose(np.diff(along), along[1] - along[0]))
+        return {
+            v.name: _between(np.abs(v.values)) if even else float(np.max(np.abs(v.values)))
+            for v in self.variables
+            if v.values.ndim == 1
+        }
+
+    @property
+    def singular_poses(self) -> tuple[SingularPose, ...]:
+        """Dead centres and bifurcations met by a prescribed motion of a linkage, in their order.
+
+        Raises
+        ------
+        CapabilityError
+            For results of other analyses.
+        """
+        if "singular_poses" not in self.statistics:
+            raise CapabilityError(
+                f"a {type(self).__name__} of {self.name} has no singular poses: kinematics and "
+                "inverse_dynamics of a linkage record them"
+            )
+        return tuple(
+            SingularPose(**{**p, "collinear": tuple((a, b) for a, b in p["collinear"])})
+            for p in self.statistics["singular_poses"]
+        )
+
+    @property
+    def dead_centres(self) -> tuple[SingularPose, ...]:
+        """The :attr:`singular_poses` that the drive cannot pass."""
+        return tuple(p for p in self.singular_poses if p.kind == "dead centre")
+
+    @property
+    def bifurcations(self) -> tuple[SingularPose, ...]:
+        """The :attr:`singular_poses` in which branches of the motion cross."""
+        return tuple(p for p in self.singular_poses if p.kind == "bifurcation")
+
+
+def _between(values: Array) -> float:
+    """Return the largest of the parabola through the largest of equally spaced values and its neighbours."""
+    k = int(np.argmax(values))
+    if not 0 < k < len(values) - 1:
+        return float(values[k])
+    before, here, after = (float(x) for x in values[k - 1 : k + 2])
+    bend = 2 * here - before - after
+    return here + (after - before) ** 2 / (8 * bend) if bend > 0.0 else here
