@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from symgen.codegen.emit import SourceFile
+from symgen.errors import ModelError
 from symgen.export.program import arguments, exported, group, state_of
 from symgen.export.rods import CORE as RUNS
 from symgen.export.rods import expected_of_run
@@ -25,6 +26,7 @@ from symgen.export.view import (
 )
 from symgen.lowering.kernel import Program
 from symgen.runtime import _core
+from symgen.runtime.loop.ball_poles import ball_pole
 from symgen.runtime.loop.driven import PARTS
 from symgen.runtime.loop.model import LoopModel
 from symgen.runtime.loop.motion import rates_at_start
@@ -44,6 +46,12 @@ def loop(model: LoopModel, program: Program, sources: tuple[SourceFile, ...]) ->
     """Return the exported data of a closed loop."""
     d, kernels, begin = model.description, model.kernels, model.closed_start()
     driven = model.is_driven
+    if not driven and (names := ball_pole(kernels, begin.t, begin.q)):
+        raise ModelError(
+            f"{d.name} starts at a pole of the angles {', '.join(names)} of a ball joint, where C has no "
+            "rates to start with\n  Start at another pose (loop.free), or turn the axes of the rows next to "
+            "the ball (theta, alpha)."
+        )
     solved = [*d.having("dependent"), *d.having("free")]
     equations = kernels.equations(solved, begin.rank)
     start = begin.q if driven else np.concatenate([begin.q, rates_at_start(kernels, begin), [0.0]])

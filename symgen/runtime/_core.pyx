@@ -277,6 +277,13 @@ cdef class Integrable:
         return self.of
 
     @property
+    def parameters(self):
+        """The parameters, with what a run holds."""
+        cdef double[::1] held = np.zeros(self.core.sizes.parameters + 1)
+        self.of.api.narrow(self.core.sizes.parameters, self.core.p, &held[0], NULL)
+        return np.asarray(held)[:self.core.sizes.parameters]
+
+    @property
     def evaluations(self):
         """Accelerations evaluated till now in runs."""
         return self.of.api.account(self.core).evaluations
@@ -448,13 +455,6 @@ cdef class Equations(Integrable):
         self.of, self.libraries = core, (library, tangent_library)
         self.make(&wanted, &given)
         self.bound(p)
-
-    @property
-    def parameters(self):
-        """The parameters, with what a run holds."""
-        cdef double[::1] held = np.zeros(self.core.sizes.parameters + 1)
-        self.of.api.narrow(self.core.sizes.parameters, self.core.p, &held[0], NULL)
-        return np.asarray(held)[:self.core.sizes.parameters]
 
 
 cdef class Run:

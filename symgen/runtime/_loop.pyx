@@ -53,6 +53,7 @@ cdef extern from "core/loops.h" nogil:
         int (*assemble)(loop *, double, void *, long *) noexcept nogil
         double (*closed_screws)(loop *, double, const void *, void *) noexcept nogil
         void (*in_table)(const loop *, const void *, void *, void *, void *) noexcept nogil
+        int (*turn)(loop *, void *) noexcept nogil
         int (*follow)(loop *, double *, void *, const void *, long, double, void *, long, void *, long, double *, long *) noexcept nogil
 
 #: What closing and moving a loop may answer besides what the core answers.
@@ -212,6 +213,16 @@ cdef class LoopEquations(Integrable):
         state.back()
         rates.back()
         second.back()
+
+    def turn(self, q):
+        """Return the variables q in the angles in use; near poles of balls others than the table's from now on, by the
+        turns in front of these among :attr:`parameters`."""
+        state = np.concatenate([q, np.zeros(self.n)])
+        at_least("variables", len(q), self.n)
+        cdef Reals y = Reals(self.of, state)
+        self.api.turn(<loop *>self.core, y.at)
+        y.back()
+        return state[:self.n]
 
     def follow(self, double t, double[::1] q, times, double longest, double[:, ::1] states, double[:, ::1] out,
                double[:, ::1] diagnosis):

@@ -9,9 +9,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from scipy.integrate import quad
-from shared.ball_poles import CASE, CRANK, ROD, Straight
+from shared.ball_poles import CASE, CRANK, ROD, SPEED, Straight
 
 import symgen
+import symgen.export
+from symgen.errors import ModelError
 
 
 @pytest.fixture(scope="module")
@@ -80,3 +82,25 @@ def test_a_load_jumps_near_a_pole(tmp_path):
     work = 4.0 * np.array([0.0, angles[1] - angles[0], 2 * angles[1] - angles[0] - angles[2]])
     np.testing.assert_allclose(straight.mass(angles) * rates**2 / 2, straight.energy + work, rtol=1e-9)
     assert any("1 switching point" in note for note in run.notes)
+
+
+@pytest.mark.parametrize("past", [0.0, 1e-9, 1e-5])
+def test_a_run_starts_at_a_pole(past, tmp_path):
+    """At 180 deg the rod is along the crank's axis: both balls are at poles, one by the choice of the other."""
+    text = CASE.read_text().replace("0.31 m", f"{CRANK + past!r} m").replace('"90 deg"', '"180 deg"')
+    guess = 'theta2 = "125 deg", theta3 = "-125 deg", alpha3 = "90 deg", S4 = "1.2 m"'
+    (tmp_path / "scene.toml").write_text(text.replace(guess, 'S4 = "1.2 m"'))
+    model, straight = symgen.build(tmp_path / "scene.toml"), Straight(CRANK + past)
+    run = model.simulate(0.5, rtol=1e-11, atol=1e-12, samples=11)
+    angles = run["theta1"].values
+    assert angles[0] == pytest.approx(np.pi) and angles[-1] > 1.7 * np.pi
+    rates = SPEED * np.sqrt(straight.mass(np.pi) / straight.mass(angles))
+    np.testing.assert_allclose(run["theta1.rate"].values, rates, rtol=1e-9)
+    np.testing.assert_allclose(run["S4"].values, straight.slider(angles)[0], rtol=1e-12)
+    straight.energy = straight.mass(np.pi) * SPEED**2 / 2
+    np.testing.assert_allclose(
+        run["S4.acceleration"].values, straight.acceleration(angles), rtol=1e-7, atol=1e-7
+    )
+    assert abs(run["eta2"].values[0]) == pytest.approx(np.pi / 2, abs=1e-2)
+    with pytest.raises(ModelError, match=r"starts at a pole of the angles .* of a ball joint"):
+        symgen.export.export_c(tmp_path / "scene.toml", tmp_path / "c")

@@ -55,3 +55,17 @@ def test_arc_length_next_to_a_pole_of_angles_is_refused():
         SimulationError, match=r"misses by little a pole of the angles theta2, .* of a ball joint"
     ):
         model.inverse_dynamics(through=True)
+
+
+@pytest.mark.parametrize("a4", [12.0, 12.001])
+def test_a_dead_centre_at_a_pole_of_angles_is_found_between_samples(a4):
+    """The slider stands still at 180 deg, where the rod passes a pole of its ball, or misses it by little."""
+    given = {"loop.drives.theta1": "100 lbf*in", "loop.drives.S4": "?", "alpha4": "180 deg", "a4": f"{a4} in"}
+    model = symgen.build("slider_crank", set=given)
+    turn = model.inverse_dynamics(at=np.radians([165.0, 172.0, 187.0, 195.0]))
+    (pole,) = turn.poles
+    # Near it the load is the torque over the slope of S = (50^2 - a4^2 - 144 - 24 a4 cos q)^(1/2).
+    slope = -12.0 * a4 / np.sqrt(2500.0 - (a4 - 12.0) ** 2)
+    assert pole.at == pytest.approx(np.pi, abs=1e-6)
+    assert abs(pole.residues["S4.drive"]) == pytest.approx(100.0 / abs(slope), rel=1e-8)
+    assert all(name.endswith(".drive") or ".joint" in name for name in pole.residues)

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from symgen.errors import InitialStateError
 from symgen.runtime.closure.assemblies import search
 from symgen.runtime.closure.mobility import not_determined, not_followed, open_loop, scaled_screws
+from symgen.runtime.loop.ball_poles import starts_at_pole
 from symgen.runtime.loop.kernels import LoopKernels
 
 Array = NDArray[np.float64]
@@ -59,6 +60,8 @@ def counted(kernels: LoopKernels, t: float, q: Array) -> Closed:
     least = max(_RANK, kernels.tolerance)
     rank = int(np.count_nonzero(values > least * values.max(initial=1e-300)))
     if rank < len(solved):
+        if starts_at_pole(kernels, t, q):
+            return Closed(t, q, len(solved))
         raise not_determined(kernels, t, q, rank)
     error = not_followed(kernels, t, q, max(_FOLLOWS, 100 * kernels.tolerance))
     if error:

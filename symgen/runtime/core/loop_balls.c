@@ -38,18 +38,39 @@ static void from_table(const struct loop *l, real *q, real *u) {
             ball_rewrite(l->balls + k, 0, q, q, u, NULL);
 }
 
+/* Choose the angles of every ball at a state in those in use; return whether any choice changes.
+ * A change at one ball spins the frame before the next, whose distance from its pole is another then. */
+static int choose(struct loop *l, const real *seen, int back, char *turned) {
+    const long n = l->sizes.n;
+    real *q = l->near_y, *u = q + n;
+    int changed = 0;
+    for (long k = 0; k < l->sizes.balls; k++) {
+        const int now = is_turned(l, k);
+        const real off = ball_off_pole(l->balls + k, changed ? 0 : now, changed ? q : seen);
+        turned[k] = now && !changed ? !(back && off > FAR_POLE) : off < NEAR_POLE;
+        if (turned[k] != now && !changed) {
+            changed = 1;
+            memcpy(q, seen, (size_t)n * sizeof(real));
+            memset(u, 0, (size_t)n * sizeof(real));
+            to_table(l, l->usual, q, u, NULL);
+            for (long j = 0; j < k; j++)
+                if (turned[j])
+                    ball_rewrite(l->balls + j, 0, q, q, u, NULL);
+        }
+        if (changed && turned[k])
+            ball_rewrite(l->balls + k, 0, q, q, u, NULL);
+    }
+    return changed;
+}
+
 int loop_rewrite(struct equations *e, const real *seen, real *y, int back) {
     struct loop *l = e->owner;
     const long n = l->sizes.n;
-    int changed = 0, any = 0;
+    int any = 0;
     char turned[MOST];
-    for (long k = 0; k < l->sizes.balls; k++) {
-        const int now = is_turned(l, k);
-        const real off = ball_off_pole(l->balls + k, now, seen);
-        turned[k] = now ? !(back && off > FAR_POLE) : off < NEAR_POLE;
-        changed |= turned[k] != now;
-        any |= now;
-    }
+    for (long k = 0; k < l->sizes.balls; k++)
+        any |= is_turned(l, k);
+    const int changed = choose(l, seen, back, turned);
     if (!back && !changed)
         return 0;
     memcpy(l->trial, y, (size_t)n * sizeof(real));
@@ -77,15 +98,11 @@ void loop_in_table(const struct loop *l, const real *near, real *q, real *u, rea
 
 int loop_turn_near(struct loop *l, const real *y) {
     const long n = l->sizes.n;
-    int near = 0;
     char turned[MOST];
-    for (long k = 0; k < l->sizes.balls; k++) {
+    for (long k = 0; k < l->sizes.balls; k++)
         if (is_turned(l, k))
             return 0;
-        turned[k] = ball_off_pole(l->balls + k, 0, y) < NEAR_POLE;
-        near |= turned[k];
-    }
-    if (!near)
+    if (!choose(l, y, 0, turned))
         return 0;
     memcpy(l->near_y, y, (size_t)(2 * n) * sizeof(real));
     memcpy(l->usual, y, (size_t)n * sizeof(real));

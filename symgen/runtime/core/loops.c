@@ -24,6 +24,10 @@ static void in_table(const struct loop *l, const void *near, void *q, void *u, v
     loop_in_table(l, near, q, u, a);
 }
 
+static int turn(struct loop *l, void *y) {
+    return loop_rewrite(&l->base, y, y, 1);
+}
+
 static int follow(struct loop *l, double *t, void *q, const void *times, long count, double longest, void *states,
                   long row, void *out, long width, double *diagnosis, long *reached) {
     real at = R(*t);
@@ -41,5 +45,6 @@ const struct loops_api symgen_loops = {
     .assemble = assemble,
     .closed_screws = closed_screws,
     .in_table = in_table,
+    .turn = turn,
     .follow = follow,
 };

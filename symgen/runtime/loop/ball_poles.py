@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from symgen.runtime import _loop
 from symgen.runtime.closure.mobility import scaled_screws
 from symgen.runtime.loop.frames import standing
 from symgen.runtime.loop.kernels import LoopKernels
@@ -17,6 +18,29 @@ _STEP, _MOVES = 1e-4, 1e-6
 _FAR, _MARGIN = 1e-2, 30.0
 #: Least part of a variable that counts.
 _TAKES_PART = 1e-3
+
+
+def in_other_angles(
+    kernels: LoopKernels, equations: _loop.LoopEquations, q: Array
+) -> tuple[LoopKernels, Array]:
+    """Return kernels and variables of a pose at a pole in the angles that ``equations`` use from now on.
+
+    Where no ball near its pole can be written otherwise, they are those of the table.
+    """
+    turned = equations.turn(q)
+    return LoopKernels(kernels.description, kernels.library, equations.parameters.tolist()), turned
+
+
+def starts_at_pole(kernels: LoopKernels, t: float, q: Array) -> bool:
+    """Tell whether a loop under forces may start at a pole of angles that others of its balls do not have."""
+    d = kernels.description
+    solved = d.having("dependent")
+    own = {j for ball in d.balls for j in (*ball.angles, *ball.behind)}
+    if own & {*d.having("free")} or not ball_pole(kernels, t, q):
+        return False
+    turned = in_other_angles(kernels, kernels.equations(solved, min(6, len(solved))), q)
+    values = np.linalg.svd(scaled_screws(turned[0], t, turned[1])[:, solved], compute_uv=False)
+    return len(values) == len(solved) and bool(values[-1] > _FAR * values[0])
 
 
 def ball_pole(kernels: LoopKernels, t: float, q: Array) -> list[str]:

@@ -21,7 +21,7 @@ from symgen.runtime.loop.following import follow_over
 from symgen.runtime.loop.kernels import LoopKernels, in_words
 from symgen.runtime.loop.limits import Samples, of_blind, refine
 from symgen.runtime.loop.obstacles import why_stopped
-from symgen.runtime.loop.poles import PoleAt, beside_pole, poles
+from symgen.runtime.loop.poles import OF_MOTION, PoleAt, beside_pole, poles
 from symgen.runtime.result.records import Coordinate, Drift, Variable, over_time
 from symgen.runtime.result.turn import Pole, Turn, converters, variables
 
@@ -33,8 +33,6 @@ PARTS = 36
 _FARTHEST = 1e6
 #: Defect of closure above rounding.
 _CLOSED = 1e-11
-#: Units of outputs of the motion alone.
-_OF_MOTION = {"m", "m/s", "m/s^2", "rad", "rad/s", "rad/s^2"}
 #: Components named in a note; the result lists all.
 _SHOWN = 6
 
@@ -231,7 +229,7 @@ def _recorded(
     ranges = ranges_of(made, masks) if forces else {}
     if not forces:
         info = d.kernel("outputs")
-        moved = {b.name for b in info.blocks if b.unit in _OF_MOTION} if info else set()
+        moved = {b.name for b in info.blocks if b.unit in OF_MOTION} if info else set()
         made = tuple(v for v in made if v.name in moved)
     first = kernels.lead
     end = float(times[-1]) if len(times) else begin.t

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -18,7 +19,7 @@ from symgen.runtime.integrate.options import Options, recorded_at
 from symgen.runtime.integrate.pace import OUT_OF_TIME, out_of_time
 from symgen.runtime.integrate.simulate import drive
 from symgen.runtime.kernels.typed import library_of_runs, made_with
-from symgen.runtime.loop.ball_poles import ball_pole
+from symgen.runtime.loop.ball_poles import ball_pole, in_other_angles
 from symgen.runtime.loop.kernels import LoopKernels, in_words
 from symgen.runtime.loop.limits import CLOSED, REPORTED
 from symgen.runtime.loop.samples import Samples
@@ -53,7 +54,10 @@ def run(
     """
     d = kernels.description
     equations = kernels.stepping([*d.having("dependent"), *d.having("free")], begin.rank)
-    y0 = np.concatenate([begin.q, rates_at_start(kernels, begin), [0.0]])
+    own, q = kernels, begin.q
+    if ball_pole(kernels, begin.t, begin.q):
+        own, q = in_other_angles(kernels, equations, begin.q)
+    y0 = np.concatenate([q, rates_at_start(own, replace(begin, q=q)), [0.0]])
     times = np.linspace(begin.t, chosen.t_end, chosen.samples)
     if t_eval is not None:
         times = recorded_at(t_eval, begin.t, chosen.t_end)
@@ -77,7 +81,7 @@ def run(
         more = () if t_eval is None else (times.tolist(),)
         checkpoints = keeping.of(stepper, mark_of(kernels, library, equations, chosen, begin.t, y0, *more))
     status, wall = drive(stepper, begin.t, chosen, progress, checkpoints)
-    result = _recorded(kernels, equations, stepper, chosen, wall)
+    result = _recorded(kernels, equations, begin, stepper, chosen, wall)
     if status == _core.DONE:
         return result
     problem = _problem(kernels, stepper, chosen, status)
@@ -100,6 +104,7 @@ def rates_at_start(kernels: LoopKernels, begin: Closed) -> Array:
 def _recorded(
     kernels: LoopKernels,
     equations: _loop.LoopEquations,
+    begin: Closed,
     stepper: _core.Run,
     chosen: Options,
     wall: float,
@@ -107,7 +112,7 @@ def _recorded(
     d = kernels.description
     n, times = d.coordinates, stepper.sampled
     rows = np.column_stack([stepper.result, np.zeros(len(times))])
-    samples = Samples(kernels, equations.rank, times, rows, stepper.references)
+    samples = Samples(kernels, equations.rank, times, rows, stepper.references, begin.q)
     q, u = np.split(stepper.state[: 2 * n], 2)
     made = tuple(variables(d, samples.outputs()))
     ranges = ranges_of(made, samples.undetermined())

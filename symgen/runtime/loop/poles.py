@@ -14,6 +14,9 @@ from numpy.typing import NDArray
 
 from symgen.errors import ModelError
 from symgen.runtime import _core, _loop
+from symgen.runtime.kernels.evaluate import part
+from symgen.runtime.loop.ball_poles import ball_pole
+from symgen.runtime.loop.following import follow_over
 from symgen.runtime.loop.kernels import LoopKernels
 
 Array = NDArray[np.float64]
@@ -21,6 +24,13 @@ Array = NDArray[np.float64]
 _RANK = 1e-8
 #: Steps [rad, or sizes of the loop] of the input in which a limit at a pole is approached.
 _BESIDE = 0.01
+#: Three such steps on either side, and the weights of interpolation halfway between values there.
+_PLACES = np.array([-1.0, -2.0, -3.0, 1.0, 2.0, 3.0])
+_HALFWAY = np.array([15.0, -6.0, 1.0, 15.0, -6.0, 1.0]) / 20.0
+#: Part of an output near a pole of efforts, over its time from there, below which it has no pole.
+_SMOOTH = 1e-6
+#: Units of outputs of the motion alone.
+OF_MOTION = {"m", "m/s", "m/s^2", "rad", "rad/s", "rad/s^2"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,24 +50,25 @@ def poles(
     if not kernels.has("inverse") or not any(d.variables[i].unknown for i in d.having("dependent")):
         return []
     n, before = d.coordinates, -1
-    found: list[tuple[float, Array]] = []
+    found: list[tuple[float, Array, tuple[float, Array]]] = []  # with a pose from which it is followed
     for i in np.argsort(times, kind="stable"):
         t, hold, status = float(times[i]), diagnosis[i, _loop.HOLD], diagnosis[i, _loop.STATUS]
         if status == _loop.POLE:
             if not found or found[-1][0] != t:
-                found.append((t, states[i, :n]))
+                found.append((t, states[i, :n], (t, states[i, :n])))
         elif before >= 0 and status == _core.DONE and diagnosis[before, _loop.HOLD] * hold < 0.0:
-            passed = _between(kernels, equations, float(times[before]), t, states[before, :n])
-            found += [passed] if passed else []
+            start = float(times[before]), states[before, :n]
+            passed = _between(kernels, equations, start, t)
+            found += [(*passed, start)] if passed else []
         before = i if status == _core.DONE else -1
-    return [PoleAt(t, q, _residue(kernels, equations, t, q)) for t, q in found]
+    return [PoleAt(t, q, _residue(kernels, equations, t, q, start)) for t, q, start in found]
 
 
 def _between(
-    kernels: LoopKernels, equations: _loop.LoopEquations, low: float, high: float, q: Array
+    kernels: LoopKernels, equations: _loop.LoopEquations, start: tuple[float, Array], high: float
 ) -> tuple[float, Array] | None:
     """Return where the hold of the drives changes its sign between two times; None where it does not."""
-    follower = _Follower(kernels, equations, low, q)
+    low, follower = start[0], _Follower(kernels, equations, *start)
     ends = follower(low), follower(high)
     if not ends[0] * ends[1] < 0.0:
         return None  # the input turned back between the samples, or the loop could not be followed
@@ -72,7 +83,7 @@ class _Follower:
     """The hold of the drives as a function of the time, followed from a state."""
 
     def __init__(self, kernels: LoopKernels, equations: _loop.LoopEquations, t: float, q: Array) -> None:
-        self.equations, self.t, self.start = equations, t, q
+        self.kernels, self.equations, self.t, self.start = kernels, equations, t, q
         info = kernels.description.kernel("outputs")
         self.out = np.zeros((1, (info.out_size if info else 0) + 1))
         self.states = np.zeros((1, 3 * len(q) + 7))
@@ -81,8 +92,10 @@ class _Follower:
     def __call__(self, t: float) -> float:
         q, diagnosis = np.append(self.start, 0.0), np.zeros((1, 5))
         span = max(abs(t - self.t), 1e-12)
-        status, *_ = self.equations.follow(self.t, q, np.array([t]), span, self.states, self.out, diagnosis)
-        self.q = q[:-1]
+        rows = self.states, self.out, diagnosis
+        status, *_ = follow_over(self.kernels, self.equations, self.t, q, np.array([t]), span, rows)
+        self.q = self.states[0, : len(self.start)].copy()
+        # Zero where a pole of the angles of a ball joint hides it: a change of sign there ends at that pole.
         self.hold = float(diagnosis[0, _loop.HOLD]) if status == _core.DONE else np.nan
         return self.hold
 
@@ -95,21 +108,28 @@ def beside_pole(
     What is solved for at the pole meets the loads but not the drives that are given, so ``out`` is right for
     motions only. The limit is the even polynomial through three values on either side.
     """
+    around = _around(kernels, equations, t, (t, q))
+    if around is None:
+        return np.full_like(out, np.nan)
+    limit = _HALFWAY @ around[1][:, : len(out)]
+    return np.where(np.abs(limit - out) <= 1e-9 * np.maximum(1.0, np.abs(out)), out, limit)
+
+
+def _around(
+    kernels: LoopKernels, equations: _loop.LoopEquations, t: float, start: tuple[float, Array]
+) -> tuple[Array, Array] | None:
+    """Return times from a pole, three on either side, and the outputs; None where it cannot be followed."""
     rate = kernels.lead_at(t)[1]
     if rate == 0.0:
-        return np.full_like(out, np.nan)
-    turns = not kernels.lead.is_length
-    step = _BESIDE * (1.0 if turns else kernels.description.size) / rate
-    rows = []
-    for side in (-1, 1):
-        follower = _Follower(kernels, equations, t, q)
-        for k in (1, 2, 3):
-            follower(t + side * k * step)
-            if not np.isfinite(follower.hold) or follower.hold == 0.0:
-                return np.full_like(out, np.nan)
-            rows.append(follower.out[0, : len(out)].copy())
-    limit = np.array([15.0, -6.0, 1.0, 15.0, -6.0, 1.0]) @ rows / 20.0
-    return np.where(np.abs(limit - out) <= 1e-9 * np.maximum(1.0, np.abs(out)), out, limit)
+        return None
+    step = _BESIDE * (kernels.description.size if kernels.lead.is_length else 1.0) / rate
+    times, rows, follower = step * _PLACES, [], _Follower(kernels, equations, *start)
+    for after in times.tolist():
+        follower(t + after)
+        if not np.isfinite(follower.hold) or follower.hold == 0.0:
+            return None
+        rows.append(follower.out[0].copy())
+    return times, np.array(rows)
 
 
 def at_state(kernels: LoopKernels, equations: _loop.LoopEquations, t: float, q: Array) -> tuple[Array, Array]:
@@ -123,9 +143,13 @@ def at_state(kernels: LoopKernels, equations: _loop.LoopEquations, t: float, q: 
     return states[0, n : 2 * n], states[0, 2 * n : 3 * n + 6]
 
 
-def _residue(kernels: LoopKernels, equations: _loop.LoopEquations, t: float, q: Array) -> dict[str, Array]:
+def _residue(
+    kernels: LoopKernels, equations: _loop.LoopEquations, t: float, q: Array, start: tuple[float, Array]
+) -> dict[str, Array]:
     """Return lim (t - t*) times every output, at a pole t* of the efforts."""
     d = kernels.description
+    if ball_pole(kernels, t, q):
+        return _limit(kernels, equations, t, start)
     solved, inputs = d.having("dependent"), d.having("input")
     unknown = [k for k, j in enumerate(solved) if d.variables[j].unknown]
     given = [j for j in inputs if not d.variables[j].unknown]
@@ -156,6 +180,21 @@ def _residue(kernels: LoopKernels, equations: _loop.LoopEquations, t: float, q: 
     effort = np.zeros(len(solved))
     effort[unknown] = strength * column
     return _differences(kernels, t, q, [basis @ effort])[0]
+
+
+def _limit(
+    kernels: LoopKernels, equations: _loop.LoopEquations, t: float, start: tuple[float, Array]
+) -> dict[str, Array]:
+    """Return the same at a pole of the angles of a ball joint too, where rates of screws do not give it."""
+    around, info = _around(kernels, equations, t, start), kernels.description.kernel("outputs")
+    if around is None or info is None:
+        return {}
+    times, rows = around
+    parts = times[:, None] * rows
+    found = _HALFWAY @ parts
+    found[np.abs(found) < _SMOOTH * np.max(np.abs(parts), axis=0)] = 0.0
+    # Efforts have poles, motions have none, although the angles of a ball change fast there.
+    return {b.name: part(found, b) * (b.unit not in OF_MOTION) for b in info.blocks}
 
 
 def _differences(kernels: LoopKernels, t: float, q: Array, wrenches: list[Array]) -> list[dict[str, Array]]:

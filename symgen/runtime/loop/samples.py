@@ -42,10 +42,14 @@ class Samples:
         A row each, q and u first and one number more than the run has, in the angles in use.
     turns
         The turns in front of the balls at each sample.
+    start
+        The variables at the start, in the table's angles.
     """
 
-    def __init__(self, kernels: LoopKernels, rank: int, times: Array, states: Array, turns: Array) -> None:
-        self.kernels, self.times, self.states, self.turns = kernels, times, states, turns
+    def __init__(
+        self, kernels: LoopKernels, rank: int, times: Array, states: Array, turns: Array, start: Array
+    ) -> None:
+        self.kernels, self.times, self.states, self.turns, self.start = kernels, times, states, turns, start
         d = kernels.description
         # States are recorded as doubles, and outputs follow from them.
         self._solver = kernels.equations([*d.having("dependent"), *d.having("free")], rank)
@@ -107,7 +111,7 @@ class Samples:
         signs = self._signs()
         for i in np.flatnonzero(self.turns.any(axis=1)).tolist():
             self._hold(self.turns[i])
-            near = table[max(i - 1, 0)].copy()
+            near = (table[i - 1] if i else self.start).copy()
             for _ in range(2):
                 q, u, a = self.states[i, :n].copy(), self.states[i, n : 2 * n].copy(), solved[i].copy()
                 self._solver.in_table(near, q, u, a)
@@ -115,7 +119,8 @@ class Samples:
                 for ball, sign in zip(self.kernels.description.balls, signs[i], strict=True):
                     if sign * np.cos(q[ball.angles[1]]) < 0.0:
                         theta, eta, alpha = ball.angles
-                        near[theta], near[eta] = q[theta] + np.pi, np.pi - q[eta]
+                        whole = 2.0 * np.pi * np.round((2.0 * q[eta] - np.pi) / (2.0 * np.pi))
+                        near[theta], near[eta] = q[theta] + np.pi, np.pi - q[eta] + whole
                         if alpha >= 0:
                             near[alpha] += np.pi
             table[i] = q
