@@ -337,6 +337,21 @@ def test_5_free_loops_pass_change_points_with_a_note():
         assert any("passed 2 losses of rank" in note for note in run.notes)
 
 
+def test_5_change_points_are_passed_at_every_tolerance():
+    """Four of them; energy by the reduced equation, which rounding errors of the poses near them disturb."""
+    model, exact = symgen.build(CASES / "free_par.toml"), Antiparallelogram()
+
+    def energy(q, rate):
+        return float(exact.inertia(mp.mpf(q))) * rate**2 / 2 + float(exact.potential(mp.mpf(q)))
+
+    start = energy(np.radians(120), 6.0)
+    for exponent in np.arange(-5.0, -13.6, -0.2).tolist():
+        run = model.simulate(2.0, rtol=10**exponent, samples=2)
+        assert any("passed 4 losses of rank" in note for note in run.notes), exponent
+        end = run["q"].values[-1], run["q.rate"].values[-1]
+        assert energy(*end) == pytest.approx(start, abs=3e-7 + 2 * 10**exponent), exponent
+
+
 def crank_rocker(motion, lengths=(0.1, 0.4, 0.3, 0.35), **loop):
     """A four-bar linkage with joints O and D = (-0.35, 0); its inputs are written by h, T and w."""
     links = zip(("crank", "coupler", "rocker", "ground"), ("q", "?", "?", "?"), lengths, strict=True)

@@ -107,4 +107,5 @@ const struct behaviour beam_behaviour = {
     .project = project_beams,
     .make_tangent = make_tangent_beams,
     .measure_energy = no_energy,
+    .rounding = 0.1,
 };

@@ -99,6 +99,8 @@ struct behaviour {
     int (*rewrite)(struct equations *e, const real *seen, real *y, int back);
     /* Write y in the usual coordinates; those in use stay. */
     void (*as_usual)(const struct equations *e, real *y);
+    /* Rounding errors of accelerations near a loss of rank, over epsilon times the part of the motion that is magnified. */
+    double rounding;
 };
 
 extern const struct behaviour kernel_behaviour;

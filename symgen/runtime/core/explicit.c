@@ -103,19 +103,22 @@ static void add_stages(const struct run *run, const real *weights, long count, r
     add_rows(base, factors, run->own, count, run->dim, out);
 }
 
-/* Fill stage s from the stages before it. */
-static void fill_stage(struct run *run, const struct tableau *x, long s, real h) {
+/* Fill stage s from the stages before it: DONE, or SINGULAR where its accelerations have no digits. */
+static int fill_stage(struct run *run, const struct tableau *x, long s, real h) {
     struct equations *e = run->e;
     const size_t row = (size_t)run->dim * sizeof(real);
     real *stages = run->own;
     real t = run->state->t + x->c[s] * h;
+    int status = DONE;
     add_stages(run, x->a + s * x->all, s, h, run->y, run->stage);
     if (is_magnified(run)) {
         memcpy(run->error, run->stage, row);
-        if (e->of->project(e, t, run->error) == DONE)
+        status = e->of->project(e, t, run->error);
+        if (status == DONE)
             memcpy(run->stage, run->error, row);
     }
     e->of->derivative(e, t, run->stage, stages + s * run->dim);
+    return status == SINGULAR ? SINGULAR : DONE;
 }
 
 /* Root mean square of the local error over the tolerance; two rows are blended as in DOP853. Near a loss of rank the
@@ -152,7 +155,8 @@ static int step(struct run *run, real t, real h, real t_new) {
     struct tableau x = tableau_of(run);
     (void)t;
     for (long s = 1; s < x.stages; s++)
-        fill_stage(run, &x, s, h);
+        if (fill_stage(run, &x, s, h) != DONE && run->scheme.adaptive)
+            return SINGULAR;
     add_stages(run, x.b, x.stages, h, run->y, run->y_new);
     if (x.same_as_last) {
         int status = settle(run, t_new);

@@ -88,9 +88,9 @@ void rounding_of(const struct run *run, real h, real *rounding) {
     rounding[0] = rounding[1] = 0;
     if (!is_magnified(run))
         return;
-    real sound = R(fmin(s->sound, run->e->account->soundness));
-    rounding[0] = R(0.1) * h * REAL_EPSILON / sound * largest_of(run->f, n);
-    rounding[1] = R(0.1) * h * REAL_EPSILON / (sound * real_sqrt(sound)) * largest_of(run->f + n, n);
+    real sound = R(fmin(s->sound, run->e->account->soundness)), noise = R(run->e->of->rounding);
+    rounding[0] = noise * h * REAL_EPSILON / sound * largest_of(run->f, n);
+    rounding[1] = noise * h * REAL_EPSILON / (sound * real_sqrt(sound)) * largest_of(run->f + n, n);
 }
 
 real error_norm(const struct run *run, real h, const real *error) {
