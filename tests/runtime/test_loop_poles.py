@@ -57,6 +57,10 @@ def test_arc_length_next_to_a_pole_of_angles_is_refused():
         model.inverse_dynamics(through=True)
 
 
+#: A pound-force [N].
+POUND = 0.45359237 * 9.80665
+
+
 @pytest.mark.parametrize("a4", [12.0, 12.001])
 def test_a_dead_centre_at_a_pole_of_angles_is_found_between_samples(a4):
     """The slider stands still at 180 deg, where the rod passes a pole of its ball, or misses it by little."""
@@ -67,5 +71,5 @@ def test_a_dead_centre_at_a_pole_of_angles_is_found_between_samples(a4):
     # Near it the load is the torque over the slope of S = (50^2 - a4^2 - 144 - 24 a4 cos q)^(1/2).
     slope = -12.0 * a4 / np.sqrt(2500.0 - (a4 - 12.0) ** 2)
     assert pole.at == pytest.approx(np.pi, abs=1e-6)
-    assert abs(pole.residues["S4.drive"]) == pytest.approx(100.0 / abs(slope), rel=1e-8)
+    assert abs(pole.residues["S4.drive"]) == pytest.approx(100.0 / abs(slope) * POUND, rel=1e-8)
     assert all(name.endswith(".drive") or ".joint" in name for name in pole.residues)
