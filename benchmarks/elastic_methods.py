@@ -23,7 +23,6 @@ from numpy.typing import NDArray
 
 import symgen
 from symgen.errors import SimulationError
-from symgen.inspection.runs import by_method
 
 Array = NDArray[np.float64]
 
@@ -33,6 +32,13 @@ SYSTEMS = tuple((crank, form) for crank in ("held", "free") for form in ("exact"
 SCENES = {"held": "elastic_four_bar", "free": "elastic_four_bar_free"}
 #: SciPy's methods that symgen does not provide.
 SCIPY = ("RK45", "Radau", "BDF", "LSODA")
+
+
+def by_method(model: Any, method: str, **options: Any) -> Any:
+    """Return a result by an integration method, or of the analysis periodic or quasi-static."""
+    if method in ("periodic", "quasi-static"):
+        return getattr(model, method.replace("-", "_"))(**options)
+    return model.simulate(method=method, **options)
 
 
 @dataclass(frozen=True)

@@ -8,11 +8,22 @@ importing this module costs nothing. A new method is a new row.
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from importlib import import_module
-from typing import Any
+from typing import Any, NamedTuple
 
 from symgen.errors import ModelError, nearest
+
+
+class Command(NamedTuple):
+    """How an analysis of models of one method appears on the command line.
+
+    ``table`` prints its result: (result, model, console). ``values`` reads the values of ``--at``, ``--from``
+    and ``--to``: (model, texts, option) -> numbers and their variable; empty where they do not apply.
+    """
+
+    table: str
+    values: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,6 +64,8 @@ class Method:
         Resolved scene -> System of its momentum rows.
     accuracy
         Model, Asked (``symgen.study.accuracy.kernels``) -> kernels to compare with exact arithmetic.
+    commands
+        The analyses that the command line offers, by name.
     """
 
     name: str
@@ -71,6 +84,7 @@ class Method:
     view: str = ""
     state: str = ""
     momentum: str = ""
+    commands: Mapping[str, Command] = field(default_factory=dict)
 
     def load(self, entry: str) -> Any:
         """Return what an entry names, imported when first used.
@@ -80,10 +94,16 @@ class Method:
         ModelError
             When the method has no such entry.
         """
-        module, _, name = str(getattr(self, entry)).partition(":")
-        if not module:
+        name = str(getattr(self, entry))
+        if not name:
             raise ModelError(f"models of the method {self.name!r} have no {entry}")
-        return getattr(import_module(module), name)
+        return load(name)
+
+
+def load(entry: str) -> Any:
+    """Import what ``module:name`` names."""
+    module, _, name = entry.partition(":")
+    return getattr(import_module(module), name)
 
 
 _LINKAGE = {
@@ -93,6 +113,31 @@ _LINKAGE = {
     "describe": "symgen.pipeline.describe:of_linkage",
     "start": "symgen.pipeline.describe:with_state",
     "momentum": "symgen.models.momentum.rows:momentum_system",
+}
+_DRIVE, _CRANK, _INPUT = (f"symgen.inspection.values:{name}" for name in ("of_drive", "of_crank", "of_input"))
+_OF_RODS = {
+    "simulate": Command("symgen.report.motion:print_result"),
+    "kinematics": Command("symgen.report.analyses:print_motion", _DRIVE),
+    "inverse_dynamics": Command("symgen.report.forces:print_forces", _DRIVE),
+    "equilibrium": Command("symgen.report.analyses:print_equilibrium"),
+    "modes": Command("symgen.report.analyses:print_modes"),
+    "assemblies": Command("symgen.report.analyses:print_assemblies", _DRIVE),
+}
+_RUN_OF_ELASTIC = Command("symgen.report.elastic:print_elastic_result", _CRANK)
+_OF_ELASTIC = _OF_RODS | {
+    "simulate": _RUN_OF_ELASTIC,
+    "modes": Command("symgen.report.elastic:print_elastic_modes", _CRANK),
+    "periodic": _RUN_OF_ELASTIC,
+    "quasi_static": _RUN_OF_ELASTIC,
+    "large_rotation": _RUN_OF_ELASTIC,
+    "sweep": Command("symgen.report.elastic:print_sweep"),
+}
+_POSES_OF_LOOP = Command("symgen.report.loops:print_turn", _INPUT)
+_OF_LOOP = {
+    "simulate": Command("symgen.report.loops:print_motion_of_loop"),
+    "kinematics": _POSES_OF_LOOP,
+    "inverse_dynamics": _POSES_OF_LOOP,
+    "assemblies": Command("symgen.report.loops:print_assemblies", _INPUT),
 }
 
 #: All methods, in the order in which they claim a scene.
@@ -113,6 +158,7 @@ METHODS: Mapping[str, Method] = {
             accuracy="symgen.study.accuracy.kernels:of_loop_model",
             view="symgen.inspection.loops:LoopView",
             state="symgen.inspection.state:of_loop",
+            commands=_OF_LOOP,
         ),
         Method(
             "elastic",
@@ -125,6 +171,7 @@ METHODS: Mapping[str, Method] = {
             accuracy="symgen.study.accuracy.kernels:of_elastic",
             view="symgen.inspection.linkages:ElasticView",
             state="symgen.inspection.state:of_elastic",
+            commands=_OF_ELASTIC,
         ),
         Method(
             "rods",
@@ -137,6 +184,7 @@ METHODS: Mapping[str, Method] = {
             accuracy="symgen.study.accuracy.kernels:of_rods",
             view="symgen.inspection.linkages:RodsView",
             state="symgen.inspection.state:of_linkage",
+            commands=_OF_RODS,
         ),
         Method("system", accuracy="symgen.study.accuracy.kernels:of_user_system"),
     )

@@ -9,25 +9,37 @@ import os
 import sys
 import warnings
 from copy import copy
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
+from typer.models import CommandInfo
 
 from symgen.cli import (
     accuracy,
     analyses,
     benching,
     comparing,
+    elastic,
     exporting,
     inspection,
     making,
     reporting,
-    running,
     stability,
-    sweeping,
+    studying,
 )
-from symgen.cli.common import app
-from symgen.errors import ArgumentError, SymgenError
+from symgen.cli.common import FAULT, INTERRUPTED, RUN, SCENE, USAGE, app
+from symgen.errors import (
+    ArgumentError,
+    BuildError,
+    CacheError,
+    DerivationError,
+    GenerationError,
+    InitialStateError,
+    SceneError,
+    SimulationError,
+    StaleBinaryError,
+    SymgenError,
+)
 
 __all__ = [
     "accuracy",
@@ -35,66 +47,136 @@ __all__ = [
     "app",
     "benching",
     "comparing",
+    "elastic",
     "exporting",
     "inspection",
     "main",
     "making",
     "reporting",
-    "running",
     "stability",
-    "sweeping",
+    "studying",
 ]
 
-#: The commands in the order of --help: a mechanism, its equations, analyses, measurements.
-_ORDER = ["run", "scenes", "schema", "build", "show", "explain", "report", "export", "generate", "diff"]
-_ORDER += ["kinematics", "equilibrium", "modes", "forces", "sweep", "bench", "accuracy", "stability"]
-app.registered_commands.sort(key=lambda command: _ORDER.index(getattr(command.callback, "__name__", "")))
+#: The commands in the order and the groups of --help.
+_GROUPS = {
+    "Analyses": "run simulate kinematics inverse_dynamics equilibrium modes assemblies",
+    "Elastic links": "periodic quasi_static large_rotation sweep",
+    "Scenes": "scenes schema study",
+    "Equations": "show explain diff report",
+    "Kernels": "build generate export",
+    "Checks": "accuracy stability bench",
+}
 
+
+def _name(command: CommandInfo) -> str:
+    """Return the name of a command's function."""
+    return getattr(command.callback, "__name__", "")
+
+
+_GROUP_OF = {name: group for group, names in _GROUPS.items() for name in names.split()}
+app.registered_commands.sort(key=lambda command: [*_GROUP_OF].index(_name(command)))
+for _command in app.registered_commands:
+    _command.rich_help_panel = _GROUP_OF[_name(_command)]
+
+#: Exit codes of errors, which their subclasses share; that of all others is 2, wrong usage.
+_EXIT_CODES: dict[type[SymgenError], int] = {
+    SceneError: SCENE,
+    InitialStateError: SCENE,
+    DerivationError: SCENE,
+    SimulationError: RUN,
+    GenerationError: FAULT,
+    BuildError: FAULT,
+    CacheError: FAULT,
+    StaleBinaryError: FAULT,
+}
+
+#: Former spellings, as words of the command line, and the commands that replaced them.
+_FORMER = {
+    ("forces",): "inverse-dynamics SCENE",
+    ("run", "periodic"): "periodic SCENE",
+    ("run", "quasi-static"): "quasi-static SCENE",
+    ("run", "exact"): "large-rotation SCENE",
+    ("run", "--study"): "study SCENE FOLDER",
+    ("run", "--through"): "inverse-dynamics SCENE --through",
+    ("--every",): "simulate SCENE --checkpoint-every SECONDS",
+    ("run",): "simulate SCENE",
+}
 
 #: Errors of a full device or an exhausted quota.
 _FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)
 
 
 def main() -> None:
-    """Run the command line: every SymgenError becomes one message and an exit code."""
+    """Run the command line: every error becomes one message and an exit code."""
     gc.disable()  # a short process: garbage collection would only delay its start and its end
     atexit.register(gc.freeze)
     warnings.showwarning = lambda message, *_, **__: print(f"symgen: {message}", file=sys.stderr)
+    raise SystemExit(_ended())
+
+
+def _ended() -> int:
+    """Return the exit code of the command line."""
     try:
         try:
-            _only(sys.argv[1:2])()
+            code: int | None = _only(sys.argv[1:2])(standalone_mode=False)
         finally:
             sys.stdout.flush()  # report a full device here rather than after the exit
+        if code == INTERRUPTED:  # newer versions of Typer catch Ctrl-C
+            raise KeyboardInterrupt
+        return code or 0
+    except _WrongUsage as error:
+        return _failed(_usage(error), USAGE)
     except ArgumentError as error:
-        print(f"symgen: {error.named(_option(error.argument))}", file=sys.stderr)
-        raise SystemExit(2) from None
+        return _failed(error.named(_option(error.argument)), USAGE)
     except SymgenError as error:
-        print(f"symgen: {error}", file=sys.stderr)
-        raise SystemExit(2) from None
-    except KeyboardInterrupt:
-        print("symgen: interrupted", file=sys.stderr)
-        raise SystemExit(130) from None
+        return _failed(
+            str(error), next((_EXIT_CODES[c] for c in type(error).__mro__ if c in _EXIT_CODES), USAGE)
+        )
+    except (KeyboardInterrupt, typer.Abort):
+        return _failed("interrupted", INTERRUPTED)
     except BrokenPipeError:
         sys.stderr.close()
-        raise SystemExit(1) from None
+        return FAULT
     except OSError as error:
         if error.errno not in _FULL:
             raise
-        print(f"symgen: cannot write the output: {error.strerror}", file=sys.stderr)
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # discard the rest of the buffer
-        raise SystemExit(1) from None
+        return _failed(f"cannot write the output: {error.strerror}", FAULT)
+
+
+#: The class of usage errors; Typer has it under different names in its versions.
+_WrongUsage: type[Exception] = typer.BadParameter.__mro__[1]
+
+
+def _failed(message: str, code: int) -> int:
+    """Print an error and return its exit code."""
+    if message:
+        print(f"symgen: {message}", file=sys.stderr)
+    return code
+
+
+def _usage(error: Any) -> str:
+    """Return the message of a usage error, with the command that replaced a former spelling."""
+    message = error.format_message()
+    words = [word for argument in sys.argv[1:] for word in argument.split("=", 1)]
+    now = next((new for old, new in _FORMER.items() if {*old} <= {*words}), "")
+    if now and message.startswith("No such"):
+        return f"{error.message}\n  Use 'symgen {now}'."
+    return (
+        f"{message}\n  See '{error.ctx.command_path if error.ctx else 'symgen'} --help'." if message else ""
+    )
 
 
 def _option(argument: str) -> str:
     """Return the command-line option of an argument, or the argument's name if no option was given."""
-    option = "--every" if argument == "checkpoint_every" else f"--{argument.replace('_', '-')}"
+    option = f"--{argument.replace('_', '-')}"
     given = any(word.partition("=")[0] == option for word in sys.argv)
     return option if given else argument
 
 
 def _only(word: list[str]) -> typer.Typer:
     """Return only the command that is named, if any: Typer is slow for many options."""
-    named = [c for c in app.registered_commands if c.callback and [c.callback.__name__] == word]
+    named = [c for c in app.registered_commands if [_name(c).replace("_", "-")] == word]
     if not named:
         return app
     alone = copy(app)

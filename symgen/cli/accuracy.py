@@ -7,10 +7,11 @@ from typing import Annotated
 
 import typer
 
-from symgen.cli.common import JsonOption, SetOption, app, changes, console, print_json, progress_bar
+from symgen.cli import options as o
+from symgen.cli.common import changes, command, console, print_json, progress_bar
 
 
-@app.command()
+@command("symgen accuracy peaucellier")
 def accuracy(
     scene: Annotated[
         str | None,
@@ -28,11 +29,11 @@ def accuracy(
     ] = True,
     precision: Annotated[str, typer.Option(help="Number type of the kernels.")] = "float64",
     top: Annotated[int, typer.Option(help="Number of cancelling sums to list.")] = 10,
-    set_: SetOption = None,
+    set_: o.Set = None,
     out: Annotated[
         Path | None, typer.Option(help="Save the report: .json, or .md for its row of the table.")
     ] = None,
-    as_json: JsonOption = False,
+    as_json: o.Json = False,
 ) -> None:
     """Compare every kernel with its matrices at 40 digits.
 

@@ -1,196 +1,236 @@
-"""``symgen kinematics``, ``equilibrium``, ``modes``, ``forces``: analyses of linkages."""
+"""``symgen run`` and the analyses that models of several methods support, named as in Python."""
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
-from symgen.cli.common import (
-    BackendOption,
-    JsonOption,
-    OutOption,
-    PlotOption,
-    SceneArgument,
-    SetOption,
-    app,
-    changes,
-    console,
-    linkage,
-    print_json,
-    show_motion,
-    write_files,
-)
+from symgen.cli import options as o
+from symgen.cli.carrying import Request
+from symgen.cli.common import command, print_json
+from symgen.errors import ModelError
 
 
-@app.command()
+@command("symgen run four_bar --t-end 2 --plot run.png")
+def run(
+    ctx: typer.Context,
+    scene: o.Scene,
+    t_end: o.TEnd = None,
+    at: o.At = None,
+    samples: o.Samples = None,
+    set_: o.Set = None,
+    out: o.Out = None,
+    plot: o.Plot = None,
+    as_json: o.Json = False,
+    backend: o.Backend = "auto",
+    precision: o.Precision = "float64",
+    digits: o.Digits = None,
+    contraction: o.Contraction = "off",
+    vector: o.Vector = "none",
+) -> None:
+    """Run the analysis that suits the scene.
+
+    A mechanism under forces is simulated, elastic links over one revolution. A driven loop is evaluated
+    over its input, with all forces. The other commands select the analysis and have all of its options.
+    """
+    request = Request(ctx)
+    supported = request.model.capabilities
+    verb = next((v for v in ("simulate", "inverse_dynamics", "kinematics") if v in supported), "simulate")
+    if verb == "kinematics" and request.types:
+        raise ModelError(f"{request.shown(request.types)}: kinematics is computed in double precision")
+    if verb == "simulate" or "t_end" not in request.options:
+        request.carry_out(verb)
+        return
+    if at:
+        raise ModelError("give --at or --t-end, not both")
+    request.carry_out(verb, stop=request.options.pop("t_end"), over="time")
+
+
+@command("symgen simulate peaucellier --t-end 1 --rtol 1e-12")
+def simulate(
+    ctx: typer.Context,
+    scene: o.Scene,
+    t_end: o.TEnd = None,
+    method: o.Method = None,
+    rtol: o.Rtol = None,
+    atol: o.Atol = None,
+    step: o.Step = None,
+    samples: o.Samples = None,
+    stabilisation: o.Stabilisation = None,
+    stabilisation_rate: o.StabilisationRate = None,
+    max_drift: o.MaxDrift = None,
+    revolutions: o.Revolutions = None,
+    steps: o.Steps = None,
+    at: o.AtAngles = None,
+    form: o.Form = None,
+    geometric_stiffness: o.GeometricStiffness = None,
+    max_step: o.MaxStep = None,
+    max_wall: o.MaxWall = None,
+    checkpoint: o.Checkpoint = None,
+    checkpoint_every: o.CheckpointEvery = None,
+    resume: o.Resume = None,
+    set_: o.Set = None,
+    out: o.Out = None,
+    plot: o.Plot = None,
+    as_json: o.Json = False,
+    backend: o.Backend = "auto",
+    precision: o.Precision = "float64",
+    digits: o.Digits = None,
+    contraction: o.Contraction = "off",
+    vector: o.Vector = "none",
+) -> None:
+    """Simulate the motion in time."""
+    Request(ctx).carry_out("simulate")
+
+
+@command("symgen kinematics crank_rocker --of rocker --plot rocker.svg")
 def kinematics(
-    scene: SceneArgument,
-    start: Annotated[float, typer.Option("--from", help="Start of the range [s].")] = 0.0,
-    stop: Annotated[
-        float | None, typer.Option("--to", help="End of the range [s]; default: the scene's.")
-    ] = None,
+    ctx: typer.Context,
+    scene: o.Scene,
+    start: o.From = None,
+    stop: o.To = None,
+    at: o.At = None,
+    samples: o.Samples = None,
     of: Annotated[
         list[str] | None,
-        typer.Option("--of", metavar="NAME", help="A point or link to record; default: all."),
+        o.option("--of", metavar="NAME", help="A point or link of a linkage to record; default: all."),
     ] = None,
-    samples: Annotated[int, typer.Option(help="Number of recorded times.")] = 181,
-    branch: Annotated[int, typer.Option(help="Assembly mode at t = 0; 1 is the drawn one.")] = 1,
-    through: Annotated[
-        bool, typer.Option("--through", help="Continue past dead centres, back in time.")
-    ] = False,
-    set_: SetOption = None,
-    out: OutOption = None,
-    plot: PlotOption = None,
-    as_json: JsonOption = False,
-    backend: BackendOption = "auto",
+    state: o.Branch = None,
+    through: o.Through = False,
+    set_: o.Set = None,
+    out: o.Out = None,
+    plot: o.Plot = None,
+    as_json: o.Json = False,
+    backend: o.Backend = "auto",
 ) -> None:
-    """Compute the kinematics of a driven linkage.
+    """Compute the kinematics of a driven mechanism.
 
-    Positions, velocities and accelerations are printed. Dead centres in the range are located and listed.
+    Positions, velocities and accelerations are printed, and dead centres in the range. Links need no masses.
     """
-    from symgen.errors import ModelError
     from symgen.pipeline.build import build_kinematics
 
-    model = build_kinematics(scene, set=changes(set_), backend=backend)
-    state: Any = None
-    if branch != 1:
-        states = model.assemblies()
-        if not 1 <= branch <= len(states):
-            raise ModelError(f"there is no branch {branch}: {len(states)} assemblies were found at t = 0")
-        state = states[branch - 1]
-    motion: Any = model.kinematics(start, stop, samples=samples, of=of, state=state, through=through)
-    write_files(motion, out, plot)
-    show_motion(motion, as_json)
+    Request(ctx, build_kinematics).carry_out("kinematics")
 
 
-@app.command()
-def equilibrium(
-    scene: SceneArgument, set_: SetOption = None, as_json: JsonOption = False, backend: BackendOption = "auto"
+@command("symgen inverse-dynamics crank_rocker --at 0,60")
+def inverse_dynamics(
+    ctx: typer.Context,
+    scene: o.Scene,
+    start: o.From = None,
+    stop: o.To = None,
+    at: o.At = None,
+    samples: o.Samples = None,
+    elements: Annotated[
+        int | None,
+        o.option("--elements", metavar="N", help="Finite elements per link of a linkage (1)."),
+    ] = None,
+    sections: Annotated[
+        list[float] | None,
+        o.option(
+            "--section",
+            metavar="PART",
+            help="Position of a section along the links of a linkage, 0 to 1 (0.5).",
+        ),
+    ] = None,
+    state: o.Branch = None,
+    through: o.Through = False,
+    set_: o.Set = None,
+    out: o.Out = None,
+    plot: o.Plot = None,
+    as_json: o.Json = False,
+    backend: o.Backend = "auto",
 ) -> None:
-    """Find the static equilibrium downhill from the start.
+    """Compute joint forces and drive efforts of a driven motion.
 
-    Elastic links bend; each is divided into 12 rods.
+    Elastic links are treated as rigid.
     """
-    from symgen.pipeline.build import build_scene as build_model
-    from symgen.runtime.elastic.model import ElasticModel
-
-    elastic = build_model(scene, set=changes(set_), backend=backend)
-    model = elastic if isinstance(elastic, ElasticModel) else linkage(scene, set_, backend, "equilibrium")
-    found = model.equilibrium()
-    if as_json:
-        print_json({"scene": model.name, **found.summary()})
-    else:
-        from symgen.report.analyses import print_equilibrium
-
-        print_equilibrium(found, model.description.title, console())
+    Request(ctx).carry_out("inverse_dynamics")
 
 
-@app.command()
+@command('symgen equilibrium four_bar --set links.crank.mass="2 kg"')
+def equilibrium(
+    ctx: typer.Context,
+    scene: o.Scene,
+    t: Annotated[
+        float | None,
+        o.option("--t", metavar="SECONDS", help="Time at which loads and drives are held [s] (0)."),
+    ] = None,
+    stable: Annotated[
+        bool,
+        o.option("--stable/--any", help="Descend to a stable equilibrium, or take one of any kind nearby."),
+    ] = True,
+    segments: o.Segments = None,
+    set_: o.Set = None,
+    as_json: o.Json = False,
+    backend: o.Backend = "auto",
+) -> None:
+    """Find a static equilibrium, its reactions and stability."""
+    Request(ctx).carry_out("equilibrium")
+
+
+@command("symgen modes elastic_four_bar --at 0,60")
 def modes(
-    scene: SceneArgument,
+    ctx: typer.Context,
+    scene: o.Scene,
     at: Annotated[
         list[str] | None,
-        typer.Option(
+        o.option(
             "--at",
-            metavar="ANGLE[,ANGLE...]",
-            help='Crank angles of a scene with elastic links: "0,60" (degrees), "0.5 rad"; default: start.',
+            metavar="ANGLE,...",
+            group="Elastic links",
+            help='Crank angles: "0,60" (degrees), "0.5 rad"; default: start.',
         ),
     ] = None,
     moving: Annotated[
-        bool, typer.Option("--moving", help="Elastic links at the crank's speed instead of at rest.")
+        bool,
+        o.option("--moving", group="Elastic links", help="At the speed of the crank instead of at rest."),
     ] = False,
-    set_: SetOption = None,
-    as_json: JsonOption = False,
-    backend: BackendOption = "auto",
+    set_: o.Set = None,
+    as_json: o.Json = False,
+    backend: o.Backend = "auto",
 ) -> None:
-    """Find frequencies and shapes of small oscillations.
+    """Find frequencies and shapes of small vibrations.
 
-    They refer to the static equilibrium, or to a pose of elastic links.
+    They refer to the static equilibrium, or to poses of elastic links.
     """
-    from symgen.errors import ModelError
-    from symgen.pipeline.build import build_scene as build_model
-    from symgen.runtime.elastic.model import ElasticModel
-
-    elastic = build_model(scene, set=changes(set_), backend=backend)
-    if isinstance(elastic, ElasticModel):
-        from symgen.inspection.runs import angles
-        from symgen.report.elastic import print_elastic_modes
-
-        poses = angles(at) if at else [None]
-        found: Any = [elastic.modes(angle, moving=moving) for angle in poses]
-        if not as_json:
-            print_elastic_modes(found, elastic.description.title, console())
-        elif len(found) == 1:
-            print_json(found[0].summary())
-        else:
-            print_json({"scene": elastic.name, "poses": [m.summary() for m in found]})
-        return
-    if at or moving:
-        given = "--at" if at else "--moving"
-        raise ModelError(f"{elastic.name} has no elastic links: {given} applies to elastic links only")
-    model = linkage(scene, set_, backend, "modes")
-    about: Any = model.modes()
-    if as_json:
-        print_json({"scene": model.name, **about.summary()})
+    request = Request(ctx)
+    arguments = request.arguments("modes")
+    poses = [{"at": angle} for angle in arguments.pop("at", [])] or [{}]
+    found = [request.result("modes", **arguments, **pose) for pose in poses]
+    if as_json and len(found) > 1:
+        print_json({"scene": request.model.name, "poses": [analysis.summary() for analysis in found]})
+    elif as_json:
+        request.show("modes", found[0], as_json)
     else:
-        from symgen.report.analyses import print_modes
-
-        print_modes(about, model.description.title, console())
+        request.show("modes", found, as_json)
 
 
-@app.command()
-def forces(
-    scene: SceneArgument,
+@command("symgen assemblies crank_rocker --at 60")
+def assemblies(
+    ctx: typer.Context,
+    scene: o.Scene,
     at: Annotated[
-        list[str] | None,
-        typer.Option(
+        str | None,
+        o.option(
             "--at",
-            metavar="ANGLE[,ANGLE...]",
-            help='Directions of the driven link, in degrees or as "0.5 rad"; default: the time range.',
+            metavar="VALUE",
+            help='Value of the input, "60" (degrees, or a loop\'s unit of length), or a time, "0.3 s"; '
+            "default: the start.",
         ),
     ] = None,
-    elements: Annotated[int, typer.Option(help="Number of finite elements per link.")] = 1,
-    section: Annotated[
-        list[float] | None,
-        typer.Option(
-            "--section", metavar="PART", help="Position of the section along the link, 0 to 1; default: 0.5."
-        ),
-    ] = None,
-    start: Annotated[float, typer.Option("--from", help="Start of the range [s].")] = 0.0,
-    stop: Annotated[
-        float | None, typer.Option("--to", help="End of the range [s]; default: the scene's.")
-    ] = None,
-    samples: Annotated[int | None, typer.Option(help="Number of times (361).")] = None,
-    set_: SetOption = None,
-    out: OutOption = None,
-    plot: PlotOption = None,
-    as_json: JsonOption = False,
-    backend: BackendOption = "auto",
+    set_: o.Set = None,
+    as_json: o.Json = False,
+    backend: o.Backend = "auto",
 ) -> None:
-    """Compute the forces in a driven linkage.
+    """List the assembly modes of a mechanism, the drawn one first."""
+    from symgen.pipeline.build import build_kinematics
 
-    Joint, section and driving forces are printed; all links are treated as rigid.
-    """
-    from symgen.errors import ModelError
-    from symgen.inspection.runs import angles
-
-    if at and samples is not None:
-        raise ModelError("give --at or --samples, not both")
-    asked = angles(at) if at else None
-    model = linkage(scene, set_, backend, "forces")
-    found: Any = model.inverse_dynamics(
-        start,
-        stop,
-        at=asked,
-        elements=elements,
-        sections=section or (0.5,),
-        samples=361 if samples is None else samples,
-    )
-    write_files(found, out, plot)
+    request = Request(ctx, build_kinematics)
+    found = request.result("assemblies", **request.arguments("assemblies"))
     if as_json:
-        print_json(found.summary())
+        poses = [getattr(pose, "positions", pose) for pose in found]
+        plain = [{k: v if isinstance(v, float) else v.tolist() for k, v in pose.items()} for pose in poses]
+        print_json({"scene": request.model.name, "analysis": "assemblies", "assemblies": plain})
     else:
-        from symgen.report.forces import print_forces
-
-        print_forces(found, console())
+        request.show("assemblies", found, as_json)

@@ -7,23 +7,13 @@ from typing import Annotated
 
 import typer
 
-from symgen.cli.common import (
-    BackendOption,
-    JsonOption,
-    PlotOption,
-    SceneArgument,
-    SetOption,
-    app,
-    changes,
-    console,
-    print_json,
-    progress_bar,
-)
+from symgen.cli import options as o
+from symgen.cli.common import changes, command, console, print_json, progress_bar
 
 
-@app.command()
+@command("symgen bench triple_pendulum --t-end 1 --plot bench.svg")
 def bench(
-    scene: SceneArgument,
+    scene: o.Scene,
     methods: Annotated[
         str | None, typer.Option(metavar="NAME[,NAME...]", help="Integrators; default: all.")
     ] = None,
@@ -42,11 +32,11 @@ def bench(
     peers: Annotated[
         bool, typer.Option("--peers", help="Include other programs, for planar open chains of rods.")
     ] = False,
-    set_: SetOption = None,
+    set_: o.Set = None,
     out: Annotated[Path | None, typer.Option(help="Save the numbers: .json.")] = None,
-    plot: PlotOption = None,
-    as_json: JsonOption = False,
-    backend: BackendOption = "auto",
+    plot: o.Plot = None,
+    as_json: o.Json = False,
+    backend: o.Backend = "auto",
 ) -> None:
     """Measure error, time and order of every integrator.
 

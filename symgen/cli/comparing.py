@@ -6,18 +6,19 @@ from typing import Annotated
 
 import typer
 
-from symgen.cli.common import DifferenceOption, JsonOption, SetOption, app, changes, print_json
+from symgen.cli import options as o
+from symgen.cli.common import changes, command, print_json
 
 _SOURCE = "A scene, a Python file that returns a System, or a building block."
 
 
-@app.command()
+@command('symgen diff four_bar four_bar --set links.crank.mass="2 kg"')
 def diff(
     before: Annotated[str, typer.Argument(help=_SOURCE)],
     after: Annotated[str, typer.Argument(help="Another one, or the same with --set, which applies to it.")],
-    set_: SetOption = None,
-    form: DifferenceOption = "text",
-    as_json: JsonOption = False,
+    set_: o.Set = None,
+    form: o.Difference = "text",
+    as_json: o.Json = False,
 ) -> None:
     """Show the differences between the equations of two models.
 

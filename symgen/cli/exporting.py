@@ -7,17 +7,18 @@ from typing import Annotated
 
 import typer
 
-from symgen.cli.common import SceneArgument, SetOption, app, changes
+from symgen.cli import options as o
+from symgen.cli.common import changes, command
 
 
-@app.command()
+@command("symgen export four_bar --c four_bar_c")
 def export(
-    scene: SceneArgument,
+    scene: o.Scene,
     c: Annotated[
         Path,
         typer.Option("--c", metavar="FOLDER", help="Destination: an empty or new folder."),
     ],
-    set_: SetOption = None,
+    set_: o.Set = None,
 ) -> None:
     """Write a scene as C for use in other programs.
 

@@ -7,14 +7,15 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from symgen.cli.common import SceneArgument, SetOption, app, changes, console
+from symgen.cli import options as o
+from symgen.cli.common import changes, command, console
 from symgen.errors import ModelError
 
 if TYPE_CHECKING:
     from symgen.inspection.subject import Chosen, Subject
 
 
-@app.command()
+@command("symgen scenes")
 def scenes() -> None:
     """List the shipped scenes."""
     from symgen.report.tables import table
@@ -26,7 +27,7 @@ def scenes() -> None:
     console().print(shown)
 
 
-@app.command()
+@command("symgen show peaucellier constraint_jacobian --format latex")
 def show(
     model: Annotated[
         str, typer.Argument(help="A scene, a Python file that returns a System, or a block: rod, ...")
@@ -67,7 +68,7 @@ def show(
     digits: Annotated[
         bool, typer.Option("--digits", help="Rank the sums of a matrix, or of all, by cancelled digits.")
     ] = False,
-    set_: SetOption = None,
+    set_: o.Set = None,
 ) -> None:
     """Show the derived equations in a chosen form.
 
@@ -166,8 +167,8 @@ def _show_digits(scene: str, matrix: str | None, set_: list[str] | None) -> None
     print_cancelling(accuracy.digits(scene, matrix, set=changes(set_)), console())
 
 
-@app.command()
-def explain(scene: SceneArgument, set_: SetOption = None) -> None:
+@command("symgen explain peaucellier")
+def explain(scene: o.Scene, set_: o.Set = None) -> None:
     """Explain how equations were simplified, and their cost.
 
     The report lists retained and omitted parts, the saving, and the solution method.
@@ -178,7 +179,7 @@ def explain(scene: SceneArgument, set_: SetOption = None) -> None:
         print(line, flush=True)
 
 
-@app.command()
+@command("symgen schema > scene.schema.json")
 def schema() -> None:
     """Print the JSON Schema of scene files, for use in editors."""
     import json

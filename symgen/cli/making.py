@@ -6,29 +6,17 @@ from typing import Annotated
 
 import typer
 
-from symgen.cli.common import (
-    BackendOption,
-    ContractionOption,
-    DifferenceOption,
-    DigitsOption,
-    PrecisionOption,
-    SetOption,
-    SourceArgument,
-    VectorOption,
-    app,
-    changes,
-    console,
-    progress_bar,
-)
+from symgen.cli import options as o
+from symgen.cli.common import app, changes, command, console, progress_bar
 
 #: Number of matrix entries printed without --all.
 _SHOWN = 8
 
 cache_app = typer.Typer(help="The folder of compiled scenes.", no_args_is_help=True)
-app.add_typer(cache_app, name="cache")
+app.add_typer(cache_app, name="cache", rich_help_panel="Kernels")
 
 
-@app.command()
+@command("symgen generate --check")
 def generate(
     source: Annotated[
         str | None,
@@ -42,7 +30,7 @@ def generate(
         typer.Option("--check", help="Derive all of generated/ without writing; fail if it differs."),
     ] = False,
     every: Annotated[bool, typer.Option("--all", help="Print every changed entry.")] = False,
-    form: DifferenceOption = "text",
+    form: o.Difference = "text",
 ) -> None:
     """Regenerate outdated kernels and report the changes.
 
@@ -76,17 +64,17 @@ def generate(
     print("generated/ is current")
 
 
-@app.command()
+@command("symgen build four_bar --vector native")
 def build(
-    scene: SourceArgument,
-    set_: SetOption = None,
-    backend: BackendOption = "auto",
-    precision: PrecisionOption = "float64",
-    digits: DigitsOption = None,
-    contraction: ContractionOption = "off",
-    vector: VectorOption = "none",
+    scene: o.Source,
+    set_: o.Set = None,
+    backend: o.Backend = "auto",
+    precision: o.Precision = "float64",
+    digits: o.Digits = None,
+    contraction: o.Contraction = "off",
+    vector: o.Vector = "none",
 ) -> None:
-    """Compile a scene or a user-defined derivation into the cache."""
+    """Compile a scene or a user-defined system into the cache."""
     from symgen.pipeline.build import build as build_model
     from symgen.report.summary import model_lines
 
@@ -102,7 +90,7 @@ def build(
     print(*model_lines(model), sep="\n")
 
 
-@cache_app.command("info")
+@command("symgen cache info", cache_app, "info")
 def cache_info() -> None:
     """Show the location and contents of the cache."""
     from symgen.report.tables import table
@@ -117,7 +105,7 @@ def cache_info() -> None:
         console().print(table("", ("entry", "size"), rows))
 
 
-@cache_app.command("clear")
+@command("symgen cache clear", cache_app, "clear")
 def cache_clear() -> None:
     """Remove every compiled scene from the cache."""
     from symgen.toolchain.cache import Cache

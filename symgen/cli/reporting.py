@@ -10,12 +10,13 @@ from typing import Annotated
 
 import typer
 
-from symgen.cli.common import SceneArgument, SetOption, app, changes
+from symgen.cli import options as o
+from symgen.cli.common import changes, command
 
 
-@app.command()
+@command("symgen report peaucellier --out page.html")
 def report(
-    scene: SceneArgument,
+    scene: o.Scene,
     out: Annotated[
         Path | None, typer.Option(help="Output file: .html; default: SCENE.html in this folder.")
     ] = None,
@@ -23,7 +24,7 @@ def report(
         bool,
         typer.Option("--speed/--no-speed", help="Measure speed against error (some seconds)."),
     ] = True,
-    set_: SetOption = None,
+    set_: o.Set = None,
 ) -> None:
     """Write an HTML page on a scene.
 

@@ -7,10 +7,11 @@ from typing import Annotated
 
 import typer
 
-from symgen.cli.common import JsonOption, app, console, print_json, progress_bar
+from symgen.cli import options as o
+from symgen.cli.common import command, console, print_json, progress_bar
 
 
-@app.command()
+@command("symgen stability --cases rods")
 def stability(
     cases: Annotated[
         str | None,
@@ -18,7 +19,7 @@ def stability(
             metavar="NAME[,NAME...]", help="Cases or families (rods, loops, elastic links); default: all."
         ),
     ] = None,
-    as_json: JsonOption = False,
+    as_json: o.Json = False,
     out: Annotated[Path | None, typer.Option(help="Write the documentation page: .md.")] = None,
 ) -> None:
     """Run the demanding test cases with every method.

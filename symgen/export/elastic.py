@@ -177,5 +177,5 @@ def _notes(motion: ElasticMotion) -> tuple[str, ...]:
         f"One revolution of the crank takes {motion.period:.6g} s."
         if motion.speed
         else "The crank is at rest.",
-        "Strains, stresses and joint forces follow from the state: `symgen run` computes them.",
+        "Strains, stresses and joint forces follow from the state: `symgen simulate` computes them.",
     )

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symgen.errors import ModelError, SceneError, nearest
-from symgen.inspection.runs import at_values
+from symgen.inspection.values import of_input
 from symgen.methods import method_of
 from symgen.runtime.elastic.model import ElasticModel
 from symgen.runtime.loop.driven import moving
@@ -126,8 +126,12 @@ def of_loop(model: LoopModel, at: str | None) -> Values:
         u = _rates(model, begin.t, begin.q)
         arrays = {"t": [begin.t], "q": begin.q.tolist(), "u": u.tolist(), "p": parameters}
         return Values("at the start", arrays)
-    value = model.kernels.lead_at(begin.t)[0] if at is None else at_values(model, [at])[0]
-    t, states = moving(model.kernels, begin, float(value))
+    value = float(model.kernels.lead_at(begin.t)[0])
+    if at is not None:
+        (value, *others), over = of_input(model, [at], "--at")
+        if others or over == "time":
+            raise ModelError(f"expected one value of the input after --at, got {at!r}")
+    t, states = moving(model.kernels, begin, value)
     n = d.coordinates
     arrays = {
         "t": [t],

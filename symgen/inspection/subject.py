@@ -123,7 +123,7 @@ class Subject:
 
         Raises
         ------
-        DerivationError
+        ModelError
             If no matrix has this name; the message suggests the nearest one.
         """
         kind, _, rest = name.partition(".")

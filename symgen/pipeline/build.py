@@ -129,25 +129,19 @@ def build_kinematics(
     *,
     set: Mapping[str, Any] | None = None,
     backend: str = "auto",
-) -> KinematicModel:
+) -> _Mechanism:
     """Build the kinematics of a scene, independently of the analysis that the scene selects.
 
-    Raises
-    ------
-    ModelError
-        For a link-joint table.
+    A linkage is derived without forces. The closure of a loop has its forces with it.
     """
     text = text_of(scene)
     if "loop" in text.data:
-        raise ModelError(
-            f"kinematics is for linkages of points and links, and {text.name} is a link-joint table\n"
-            f"  'symgen run {text.name}' evaluates it."
-        )
+        return build_asked(text, set=set, backend=backend)
     changes, analysis = dict(set or {}), text.data.get("analysis", {})
     if isinstance(analysis, dict) and changes.pop("analysis.kind", analysis.get("kind")) != "kinematics":
         alone = {"kind": "kinematics", "outputs": []}
         text = replace(text, data={**text.data, "analysis": {**analysis, **alone}})
-    return cast("KinematicModel", build_asked(text, set=changes, backend=backend))
+    return build_asked(text, set=changes, backend=backend)
 
 
 _Options = tuple[Any, ...]

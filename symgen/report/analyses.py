@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import Any
+
 import numpy as np
 from rich.console import Console
 
 from symgen.report.extremes import Components
 from symgen.report.tables import table
 from symgen.runtime.result.motion import Motion
+from symgen.runtime.result.result import Variable
+from symgen.runtime.result.state import State
 from symgen.runtime.rods.equilibrium import Equilibrium
 from symgen.runtime.rods.modes import Modes
 
 
-def print_motion(motion: Motion, console: Console) -> None:
+def print_motion(motion: Motion, _: Any, console: Console) -> None:
     """Print the range of every recorded output, and the intervals that the linkage cannot reach."""
     along, unit = motion.over[0], motion.shown_in[0]
     span = f"{along.min():g} {unit} to {along.max():g} {unit}"
@@ -30,7 +35,25 @@ def print_motion(motion: Motion, console: Console) -> None:
     )
 
 
-def print_equilibrium(found: Equilibrium, title: str, console: Console) -> None:
+def print_assemblies(found: Sequence[State], model: Any, console: Console) -> None:
+    """Print the positions of moving points in every assembly mode."""
+    free = model.description.free
+    axes = "xyz"[: len(model.description.axes)]
+    variables = [
+        Variable(f"{p}.position", "m", "", tuple(axes), np.array([state.positions[p] for state in found]))
+        for p in free
+    ]
+    print_modes_of_assembly(variables, len(found), model, console)
+
+
+def print_modes_of_assembly(variables: Sequence[Variable], count: int, model: Any, console: Console) -> None:
+    """Print the values of variables in every assembly mode, the scene's own first."""
+    title = f"{model.description.title}: {count} assembly mode{'s' if count > 1 else ''}"
+    for part in Components(variables, count).values(title, [str(i + 1) for i in range(count)]):
+        console.print(part)
+
+
+def print_equilibrium(found: Equilibrium, model: Any, console: Console) -> None:
     """Print pose, reactions and outputs."""
     axes = ", ".join("xyz"[: len(next(iter(found.state.positions.values())))])
     rows = [
@@ -38,22 +61,26 @@ def print_equilibrium(found: Equilibrium, title: str, console: Console) -> None:
         for p, r in found.state.positions.items()
     ]
     head = ("point", f"position {axes} [m]", "reaction [N]")
-    console.print(table(f"{title}: {found.stability} equilibrium, {found.freedoms} free", head, rows))
+    console.print(
+        table(f"{model.description.title}: {found.stability} equilibrium, {found.freedoms} free", head, rows)
+    )
     if found.outputs:
         values = [(k, found.units[k], _numbers(np.atleast_1d(v))) for k, v in found.outputs.items()]
         console.print(table("Recorded", ("output", "unit", "value"), values))
     console.print(f"unbalanced {found.residual:.1e} N of {found.scale:.3g} N")
 
 
-def print_modes(found: Modes, title: str, console: Console) -> None:
-    """Print frequencies, damping ratios and mode shapes of the moving points."""
+def print_modes(analyses: Sequence[Modes], model: Any, console: Console) -> None:
+    """Print frequencies, damping ratios and mode shapes of the moving points, of one analysis."""
+    (found,) = analyses
     rows = [
         (i + 1, m.kind, m.frequency, m.omega, m.damping_ratio, f"{m.s.real:.6g}{m.s.imag:+.6g}i")
         for i, m in enumerate(found.modes)
     ]
     head = ("mode", "kind", "frequency [Hz]", "omega [rad/s]", "damping ratio", "s [1/s]")
     stability = found.equilibrium.stability
-    console.print(table(f"{title}: {len(found)} modes about a {stability} equilibrium", head, rows))
+    title = f"{model.description.title}: {len(found)} modes about a {stability} equilibrium"
+    console.print(table(title, head, rows))
     moving = [p for p in found[0].shape if any(np.any(m.shape[p]) for m in found.modes)]
     shapes = [(p, *(_numbers(_rounded(m.shape[p]), ".4g") for m in found.modes[:8])) for p in moving]
     numbers = [str(i + 1) for i in range(min(8, len(found)))]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from rich.console import Console
@@ -18,7 +19,7 @@ from symgen.runtime.result.sweep import Sweep
 _FEW = 6
 
 
-def print_elastic_modes(poses: Sequence[ElasticModes], title: str, console: Console) -> None:
+def print_elastic_modes(poses: Sequence[ElasticModes], model: Any, console: Console) -> None:
     """Print the natural frequencies in each pose, exact and with model reduction, in columns."""
     moving = any(len(p.growth) for p in poses)
     head, columns = ["mode"], []
@@ -38,7 +39,7 @@ def print_elastic_modes(poses: Sequence[ElasticModes], title: str, console: Cons
     count = max(len(c) for c in columns)
     rows = [(str(i + 1), *(c[i] if i < len(c) else "" for c in columns)) for i in range(count)]
     what = "in motion" if moving else "at rest"
-    console.print(table(f"{title}: the structure {what}", head, rows))
+    console.print(table(f"{model.description.title}: the structure {what}", head, rows))
 
 
 def _rpm(speed: float, digits: int) -> str:
@@ -46,7 +47,7 @@ def _rpm(speed: float, digits: int) -> str:
     return f"{speed * 30 / math.pi:.{digits}g}"
 
 
-def print_sweep(result: Sweep, console: Console) -> None:
+def print_sweep(result: Sweep, _: Any, console: Console) -> None:
     """Print peak values and stability at every speed, and the critical speeds."""
     shown = [v for v in result.variables if v.name.endswith(".bending_strain")]
     head = ("speed [rpm]", *(f"{v.name} [{v.unit}]" for v in shown), "largest multiplier")
@@ -67,7 +68,7 @@ def print_sweep(result: Sweep, console: Console) -> None:
         console.print(f"note: {note}", markup=False)
 
 
-def print_elastic_result(result: ElasticResult, console: Console) -> None:
+def print_elastic_result(result: ElasticResult, _: Any, console: Console) -> None:
     """Print the outputs at a few times, or the range of each, and the errors of the run."""
     along, label = result.over
     coordinate, unit = result.coordinate.about, result.shown_in[0]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from rich.console import Console
 
 from symgen.report.tables import table
@@ -11,7 +13,7 @@ from symgen.runtime.result.forces import Forces
 _FEW = 12
 
 
-def print_forces(found: Forces, console: Console) -> None:
+def print_forces(found: Forces, _: Any, console: Console) -> None:
     """Print forces at a few poses, or the largest of many and where they occur."""
     along, label = found.over
     if len(along) <= _FEW:

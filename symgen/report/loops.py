@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+from typing import Any
+
 import numpy as np
 from rich.console import Console
 
+from symgen.report.analyses import print_modes_of_assembly
 from symgen.report.extremes import Components
 from symgen.report.tables import run_table, table
-from symgen.runtime.result.result import Result
+from symgen.runtime.result.result import Result, Variable
 from symgen.runtime.result.turn import Turn
 
 #: Maximum number of input values listed individually; otherwise the range of every output.
 _SHOWN = 6
 
 
-def print_turn(turn: Turn, console: Console) -> None:
+def print_turn(turn: Turn, _: Any, console: Console) -> None:
     """Print every output at a few values of the input, or its minimum and maximum over many."""
     values, name, unit = turn.over[0], turn.coordinate.about, turn.shown_in[0]
     open_ = turn.undetermined
@@ -43,7 +47,7 @@ def print_turn(turn: Turn, console: Console) -> None:
         console.print(f"Note: {note}.", soft_wrap=True, markup=False)
 
 
-def print_motion_of_loop(result: Result, console: Console) -> None:
+def print_motion_of_loop(result: Result, _: Any, console: Console) -> None:
     """Print final joint variables, the range of every output, and the errors of the run."""
     rows = []
     for name, v in result.final.items():
@@ -59,3 +63,13 @@ def print_motion_of_loop(result: Result, console: Console) -> None:
     console.print(run_table(result))
     for note in result.notes:
         console.print(f"Note: {note}.", soft_wrap=True, markup=False)
+
+
+def print_assemblies(found: Sequence[Mapping[str, float]], model: Any, console: Console) -> None:
+    """Print the joint variables in every assembly mode: angles in degrees, lengths in metres."""
+    variables = []
+    for v in model.description.variables:
+        values = np.array([pose[v.name] for pose in found])
+        values = values if v.is_length else np.degrees(values)
+        variables.append(Variable(v.name, "m" if v.is_length else "deg", "", (), values))
+    print_modes_of_assembly(variables, len(found), model, console)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from typing import Any
 
 import numpy as np
 from rich.console import Console
@@ -16,13 +16,20 @@ from symgen.runtime.result.result import Result
 _SIDE_BY_SIDE = 2
 
 
-def print_result(result: Result, console: Console, ground: Collection[str] = ()) -> None:
+def print_result(result: Result, model: Any, console: Console) -> None:
     """Print final positions and velocities, the range of every output, and the errors of the run.
 
-    Points named in ``ground`` are omitted.
+    Ground points that have not moved are omitted.
     """
     t = result.statistics["t"]
-    points = [p for p in result.final if p not in ground]
+    start = model.initial_state().positions
+    points = [
+        p
+        for p, end in result.final.items()
+        if p not in model.description.ground
+        or any(end["velocity"])
+        or list(end["position"]) != list(start[p])
+    ]
     where = np.array([result.final[p]["position"] for p in points]).reshape(len(points), -1)
     rates = np.array([result.final[p]["velocity"] for p in points]).reshape(len(points), -1)
     position = [f"{a} [m]" for a in result.axes]

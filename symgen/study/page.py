@@ -22,7 +22,7 @@ def files_of(
     every plot.
     """
     files: dict[str, bytes] = {}
-    lines = [f"# {title}: studies", "", f"Made by `symgen run {scene} --study FOLDER`.", ""]
+    lines = [f"# {title}: studies", "", f"Made by `symgen study {scene} FOLDER`.", ""]
     for study in studies:
         lines += [f"## {study.plan.about}", ""]
         if study.plan.changes:

@@ -35,7 +35,7 @@ class StudyReport:
     studies: tuple[StudyResult, ...]
 
     def summary(self) -> dict[str, Any]:
-        """Return cases and limits as plain data for ``symgen run --study --json``."""
+        """Return cases and limits as plain data for ``symgen study --json``."""
         return {
             "scene": self.scene,
             "folder": str(self.folder),

@@ -8,7 +8,7 @@ from html import escape
 
 import sympy as sp
 
-from symgen.errors import DerivationError, nearest
+from symgen.errors import DerivationError, ModelError, nearest
 from symgen.symbolic.quantity import Quantity
 
 
@@ -39,7 +39,7 @@ class NamedMatrix:
 
         Raises
         ------
-        DerivationError
+        ModelError
             When there is no such row or column.
         """
         m = self.matrix
@@ -59,7 +59,7 @@ class NamedMatrix:
                 found.append(int(name))
             else:
                 known = nearest(name, names) if names else f"They are numbered from 0 to {count - 1}."
-                raise DerivationError(f"matrix {self.name} has no {what} {name!r}. {known}")
+                raise ModelError(f"matrix {self.name} has no {what} {name!r}. {known}")
         return found or list(range(count))
 
     def _repr_latex_(self) -> str:
@@ -168,9 +168,9 @@ class System:
         return name in self._index
 
     def __getitem__(self, name: str) -> NamedMatrix:
-        """Return the matrix called ``name``; raise DerivationError with the nearest name otherwise."""
+        """Return the matrix called ``name``; raise ModelError with the nearest name otherwise."""
         if name not in self._index:
-            raise DerivationError(f"{self.name} has no matrix {name!r}. {nearest(name, self._index)}")
+            raise ModelError(f"{self.name} has no matrix {name!r}. {nearest(name, self._index)}")
         return self._index[name]
 
     def group(self, name: str) -> Group:

@@ -6,8 +6,11 @@ import json
 import math
 import os
 import re
+import shlex
+import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import numpy as np
@@ -24,7 +27,7 @@ runner = CliRunner()
 
 def test_json_is_one_object_and_nothing_else():
     done = subprocess.run(
-        [sys.executable, "-m", "symgen", "run", "peaucellier", "--t-end", "1.0", "--rtol", "1e-12"]
+        [sys.executable, "-m", "symgen", "simulate", "peaucellier", "--t-end", "1.0", "--rtol", "1e-12"]
         + ["--atol", "1e-14", "--json"],
         capture_output=True,
         text=True,
@@ -39,21 +42,43 @@ def test_json_is_one_object_and_nothing_else():
     assert run["drift"]["energy"] < 1e-12 * run["drift"]["energy_exchanged"]
 
 
-def test_errors_are_one_message_and_exit_code_2():
-    for arguments, words in (
-        (["run", "peaucelier"], "Did you mean 'peaucellier'"),
-        (["run", "peaucellier", "--method", "rk4", "--rtol", "1e-3"], "give step instead of rtol"),
-        (["run", "peaucellier", "--t-end", "-1"], "expected --t-end"),
-        (["run", "peaucellier", "--set", "rho"], "KEY=VALUE"),
-        (["run", "peaucellier", "--set", "roh=1 kg/m"], "Did you mean 'rho'"),
-        (["run", "peaucellier", "--set", "rho=1 kg"], "expected a quantity in kg/m"),
-        (["show", "peaucellier", "mass"], "Did you mean 'mass_matrix'"),
+def test_errors_are_one_message_and_an_exit_code(tmp_path):
+    limit = ["--t-end", "20", "--max-wall", "1e-6"]
+    for code, arguments, words in (
+        (2, ["simulate", "peaucellier", "--method", "rk4", "--rtol", "1e-3"], "give step instead of rtol"),
+        (2, ["run", "peaucellier", "--t-end", "-1"], "expected --t-end"),
+        (2, ["run", "peaucellier", "--t-end", "x"], "'--t-end'"),
+        (2, ["run", "peaucellier", "--set", "rho"], "KEY=VALUE"),
+        (2, ["show", "peaucellier", "mass"], "Did you mean 'mass_matrix'"),
+        (2, ["modes", "slider_crank"], "slider_crank does not support modes"),
+        (3, ["run", "peaucelier"], "Did you mean 'peaucellier'"),
+        (3, ["run", "peaucellier", "--set", "roh=1 kg/m"], "Did you mean 'rho'"),
+        (3, ["run", "peaucellier", "--set", "rho=1 kg"], "expected a quantity in kg/m"),
+        (3, ["run", "slider_crank", "--set", "a4=300 in"], "cannot be assembled"),
+        (4, ["simulate", "triple_pendulum", *limit], "at t ="),
     ):
         done = subprocess.run([sys.executable, "-m", "symgen", *arguments], capture_output=True, text=True)
-        assert done.returncode == 2
+        assert done.returncode == code, arguments
         assert done.stdout == ""
         assert words in done.stderr
-        assert "Traceback" not in done.stderr
+        assert done.stderr.startswith("symgen: ") and "Traceback" not in done.stderr
+
+
+def test_ctrl_c_ends_a_run_with_130(tmp_path):
+    """Once its first checkpoint is written, so that the signal meets the step loop."""
+    file = tmp_path / "kept"
+    options = ["--step", "1e-5", "--t-end", "1e4", "--checkpoint", str(file), "--checkpoint-every", "0.01"]
+    running = subprocess.Popen(
+        [sys.executable, "-m", "symgen", "simulate", "parallelogram", *options],
+        stderr=subprocess.PIPE, text=True,
+    )  # fmt: skip
+    for _ in range(6000):
+        if file.exists():
+            break
+        time.sleep(0.01)
+    running.send_signal(signal.SIGINT)
+    assert running.communicate(timeout=60)[1] == "symgen: interrupted\n"
+    assert running.returncode == 130
 
 
 def test_set_changes_tunable_and_folded_values():
@@ -78,7 +103,7 @@ def test_set_takes_lists_as_they_stand_in_the_file(tmp_path):
         capture_output=True,
         text=True,
     )
-    assert done.returncode == 2 and "expected a list in square brackets, got '[0, 1 m/s^2'" in done.stderr
+    assert done.returncode == 3 and "expected a list in square brackets, got '[0, 1 m/s^2'" in done.stderr
 
 
 @pytest.mark.parametrize("ending", [".nc", ".npz"])
@@ -98,7 +123,7 @@ def test_plot_writes_a_picture(tmp_path):
 def test_a_failed_run_saves_what_it_had(tmp_path):
     file = tmp_path / "run.npz"
     with pytest.raises(SymgenError, match="at t ="):
-        call("run", "triple_pendulum", "--step", "0.4", "--t-end", "20", "--out", file)
+        call("simulate", "triple_pendulum", "--step", "0.4", "--t-end", "20", "--out", file)
     partial = symgen.load_result(file)
     assert 0 < partial.statistics["t"] < 20
     assert np.all(np.isfinite(partial["A.position"].values))
@@ -176,9 +201,112 @@ def test_lists_and_schema(monkeypatch, tmp_path, made, made_in):
     assert "generated/ is current" in call("generate", "--check")
 
 
-@pytest.mark.parametrize("command", ["scenes", "run", "show", "generate", "build", "schema", "cache"])
-def test_help(command):
-    assert "Usage" in call(command, "--help")
+COMMANDS = [c.callback.__name__.replace("_", "-") for c in app.registered_commands]
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_help_fits_80_columns_and_has_an_example_that_parses(command):
+    shown = call(command, "-h")
+    assert shown == call(command, "--help")
+    lines = shown.splitlines()
+    assert max(map(len, lines)) <= 80 and not any("…" in line for line in lines)
+    (example,) = (x for x in re.findall(r"Example: (.*)", " ".join(shown.split())))
+    words = shlex.split(example.split(" > ")[0])
+    assert words[:2] == ["symgen", command]
+    # Typer parses the arguments of a command before it prints the help of that command.
+    assert call(*words[1:], "--help") == shown
+
+
+def test_every_analysis_of_a_model_is_a_command_of_that_name():
+    """Those that take states of a model, and return arrays, are for Python alone."""
+    from symgen.runtime.model.model import VERBS
+
+    assert {v.replace("_", "-") for v in VERBS} - set(COMMANDS) == {"accelerations", "batch"}
+
+
+def test_options_are_shown_in_groups():
+    shown = call("simulate", "--help")
+    places = [shown.index(f"─ {group} ─") for group in ("Run", "Elastic links", "Output", "Compilation")]
+    assert places == sorted(places)
+    assert places[0] < shown.index("--rtol") < places[1] < shown.index("--revolutions") < places[2]
+    assert places[2] < shown.index("--json") < places[3] < shown.index("--precision")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["run", "peaucellier", "--rtol", "1e-9"], "Use 'symgen simulate SCENE'"),
+        (["run", "elastic_four_bar", "--method", "periodic"], "Use 'symgen periodic SCENE'"),
+        (["run", "elastic_four_bar", "--method=exact"], "Use 'symgen large-rotation SCENE'"),
+        (["run", "slider_crank", "--study", "x"], "Use 'symgen study SCENE FOLDER'"),
+        (["forces", "crank_rocker"], "Use 'symgen inverse-dynamics SCENE'"),
+        (["simulate", "elastic_four_bar", "--method", "quasi-static"], "'symgen quasi-static elastic_four_bar'"),
+        (["run", "four_bar", "--at", "30"], "--at does not apply to simulate of four_bar"),
+        (["modes", "four_bar", "--at", "30"], "--at does not apply to modes of four_bar"),
+        (["simulate", "cssp", "--revolutions", "2"], "--revolutions does not apply to simulate of cssp"),
+        (["inverse-dynamics", "slider_crank", "--section", "0.5"], "--section does not apply"),
+        (["inverse-dynamics", "crank_rocker", "--through"], "--through does not apply"),
+        (["inverse-dynamics", "elastic_four_bar", "--through"], "--through does not apply"),
+        (["kinematics", "slider_crank", "--branch", "2"], "--branch does not apply to kinematics of slider_crank"),
+        (["kinematics", "crank_rocker", "--at", "30", "--samples", "3"], "give --at or --samples, not both"),
+        (["kinematics", "crank_rocker", "--at", "30,0.2 s"], "give times or values of the input, not both"),
+        (["assemblies", "crank_rocker", "--at", "30,60"], "expected one value after --at"),
+        (["run", "slider_crank", "--at", "30", "--t-end", "1"], "give --at or --t-end, not both"),
+        (["simulate", "four_bar", "--checkpoint-every", "3"], "give the file with --checkpoint"),
+    ],
+)  # fmt: skip
+def test_options_that_do_not_apply_are_refused_by_name(entry, arguments, words):
+    code, out, err = entry(*arguments)
+    assert (code, out) == (2, "")
+    assert err.startswith("symgen: ") and words in err
+
+
+def test_run_selects_the_analysis_that_suits_the_scene():
+    same = {
+        ("run", "cssp", "--t-end", "0.2"): ("simulate", "cssp", "--t-end", "0.2"),
+        ("run", "slider_crank", "--at", "45"): ("inverse-dynamics", "slider_crank", "--at", "45 deg"),
+        ("run", "slider_crank", "--t-end", "0.1", "--samples", "5"): (
+            "inverse-dynamics", "slider_crank", "--from", "0 s", "--to", "0.1 s", "--samples", "5",
+        ),
+        ("run", "elastic_slider_crank", "--at", "90"): ("simulate", "elastic_slider_crank", "--at", "90"),
+    }  # fmt: skip
+    for short, whole in same.items():
+        first, second = (json.loads(call(*words, "--json")) for words in (short, whole))
+        assert {k: v for k, v in first.items() if k != "wall_s"} == {
+            k: v for k, v in second.items() if k != "wall_s"
+        }
+
+
+def test_assemblies_are_those_of_the_model():
+    found = json.loads(call("assemblies", "crank_rocker", "--at", "60", "--json"))["assemblies"]
+    # Crank 0.1 m, coupler and rocker from the crank's end to the ground: one mode on either side of the diagonal.
+    crank = np.array([0.05, 0.05 * math.sqrt(3)])
+    (first, second), ground = [np.array(pose["B"]) for pose in found], np.array(found[0]["C"])
+    assert np.array(found[0]["A"]) == pytest.approx(crank)
+    line = (ground - crank) / np.linalg.norm(ground - crank)
+    mirrored = crank + 2 * line * ((first - crank) @ line) - (first - crank)
+    assert second == pytest.approx(mirrored, abs=1e-9) and np.linalg.norm(first - second) > 0.1
+    angles = json.loads(call("assemblies", "slider_crank", "--json"))["assemblies"]
+    assert len(angles) == 2 and set(angles[0]) == {
+        v.name for v in symgen.build("slider_crank").description.variables
+    }
+    assert "2 assembly modes" in " ".join(call("assemblies", "slider_crank").split())
+
+
+def test_the_shell_completes_commands_and_scenes():
+    def completed(words, index):
+        environment = {"_SYMGEN_COMPLETE": "complete_bash", "COMP_WORDS": words, "COMP_CWORD": str(index)}
+        done = subprocess.run(
+            [sys.executable, "-c", "import sys; sys.argv[0] = 'symgen'; from symgen.cli import main; main()"],
+            env={**os.environ, **environment}, capture_output=True, text=True,
+        )  # fmt: skip
+        return done.stdout.split()
+
+    assert completed("symgen inv", 1) == ["inverse-dynamics"]
+    assert completed("symgen simulate elastic_f", 2) == [
+        name for name in symgen.shipped_scenes() if name.startswith("elastic_f")
+    ]
+    assert "--install-completion" in call("--help")
 
 
 @pytest.mark.parametrize(
@@ -214,10 +342,10 @@ def test_help(command):
     ids=lambda x: "=".join(x) if isinstance(x, list) else "",
 )
 def test_wrong_options(entry, arguments, words, tmp_path, monkeypatch):
-    """One message, exit code 2, and no file, whole or in part."""
+    """One message, an exit code, and no file, whole or in part."""
     monkeypatch.chdir(tmp_path)
-    code, out, err = entry("run", "peaucellier", "--json", *arguments)
-    assert code == 2
+    code, out, err = entry("simulate", "peaucellier", "--json", *arguments)
+    assert code == (3 if "--set" in arguments else 2)
     assert out == ""
     assert err.startswith("symgen: ") and err.count("symgen: ") == 1
     assert words in err
@@ -235,7 +363,7 @@ def test_the_entry_point_gives_0_when_all_is_well(entry):
 @pytest.mark.parametrize("ending", [".nc", ".npz"])
 def test_saved_arrays_are_those_of_the_run(tmp_path, ending):
     file = tmp_path / f"run{ending}"
-    call("run", "four_bar", "--t-end", "0.4", "--samples", "7", "--step", "0.01", "--out", file)
+    call("simulate", "four_bar", "--t-end", "0.4", "--samples", "7", "--step", "0.01", "--out", file)
     saved = symgen.load_result(file)
     fresh = symgen.build("four_bar").simulate(0.4, samples=7, step=0.01)
     assert {v.name for v in saved.variables} == {v.name for v in fresh.variables}
@@ -278,9 +406,15 @@ def test_set_whole_numbers_and_choices():
 
 
 def test_help_lists_every_command_with_a_whole_sentence():
-    listed = call("--help").partition("Commands:")[2].strip().splitlines()
-    assert len(listed) == len(app.registered_commands) + len(app.registered_groups)
-    assert all(line.rstrip().endswith(".") and not line.rstrip().endswith("..") for line in listed), listed
+    shown = call("--help")
+    assert "Exit codes: 0 success; 1 " in shown and max(map(len, shown.splitlines())) <= 80
+    panels = shown.partition("─ Analyses ─")[2].partition("Exit codes")[0]
+    rows = re.findall(r"│ ([\w-]*) +(.*?) *│", panels)
+    sentences, names = [], [name for name, _ in rows if name]
+    for name, text in rows:
+        sentences.append(text) if name else sentences.append(f"{sentences.pop()} {text}")
+    assert sorted(names) == sorted([*COMMANDS, "cache"])
+    assert all(re.fullmatch(r"[A-Z][^.]*\.", text) for text in sentences), sentences
 
 
 def test_a_run_prints_the_outputs_that_were_asked_for():

@@ -159,7 +159,7 @@ def test_crank_that_is_not_held(crank):
 
 def test_command_line(tmp_path):
     file = tmp_path / "out.npz"
-    options = ["run", "elastic_slider_crank", "--method", "exact", "--segments", "4", "--out", str(file)]
+    options = ["large-rotation", "elastic_slider_crank", "--segments", "4", "--out", str(file)]
     done = CliRunner().invoke(app, [*options, "--json"])
     assert done.exit_code == 0, done.output
     said = json.loads(done.stdout)
@@ -175,24 +175,23 @@ def test_command_line(tmp_path):
 @pytest.mark.parametrize(
     ("options", "said"),
     [
-        (["--method", "exact", "--segments", "2"], "from 3 to 200 segments"),
-        (["--method", "exact", "--at", "90"], "--at does not go with --method exact"),
-        (["--method", "exact", "--form", "thesis"], "--form does not go with --method exact"),
-        (["--method", "exact", "--revolutions", "0"], "revolutions above zero"),
-        (["--method", "exac"], "Did you mean 'exact'?"),
-        (["--segments", "8"], "--segments goes with --method exact"),
+        (["large-rotation", "--segments", "2"], "from 3 to 200 segments"),
+        (["large-rotation", "--revolutions", "0"], "revolutions above zero"),
+        (["simulate", "--method", "exact"], "'symgen large-rotation elastic_slider_crank'"),
+        (["simulate", "--method", "gaus"], "Did you mean 'gauss'?"),
     ],
 )
 def test_wrong_options(options, said):
-    done = CliRunner().invoke(app, ["run", "elastic_slider_crank", *options])
+    command, *others = options
+    done = CliRunner().invoke(app, [command, "elastic_slider_crank", *others])
     assert isinstance(done.exception, ModelError)
     assert said in str(done.exception)
 
 
 def test_options_of_elastic_links_of_a_rigid_linkage():
-    done = CliRunner().invoke(app, ["run", "four_bar", "--segments", "8"])
+    done = CliRunner().invoke(app, ["equilibrium", "four_bar", "--segments", "8"])
     assert isinstance(done.exception, ModelError)
-    assert "--segments: for elastic links only" in str(done.exception)
+    assert "--segments does not apply to equilibrium of four_bar" in str(done.exception)
 
 
 def test_number_of_segments_is_a_whole_number():

@@ -82,9 +82,10 @@ def test_a_crank_at_rest_is_told_over_time():
     data = read_scene("rotating_cantilever").data
     data["crank"]["speed"] = "0 rpm"
     data["gravity"] = {"acceleration": ["0 m/s^2", "-9.81 m/s^2"]}
-    run = symgen.build(symgen.Scene(**data)).simulate(samples=31)
+    model = symgen.build(symgen.Scene(**data))
+    run = model.simulate(samples=31)
     console = Console(width=100, record=True, file=io.StringIO())
-    print_elastic_result(run, console)
+    print_elastic_result(run, model, console)
     assert "at [s]" in console.export_text()
     assert run.coordinate.name == "time" and np.ptp(run.time) > 0.0
 
@@ -118,7 +119,7 @@ def test_no_crank_angle_is_refused(four_bar, at):
 def test_a_turn_is_told_over_degrees(four_bar):
     """Units in brackets are no markup."""
     console = Console(width=140, record=True, file=io.StringIO())
-    print_elastic_result(four_bar.quasi_static(samples=31), console)
+    print_elastic_result(four_bar.quasi_static(samples=31), four_bar, console)
     text = " ".join(console.export_text().split())
     assert "range over crank angle" in text and "least at [deg] greatest at [deg]" in text
 
@@ -126,7 +127,7 @@ def test_a_turn_is_told_over_degrees(four_bar):
 def test_angles_asked_for_have_their_columns(four_bar):
     run = four_bar.simulate(method="gauss", at=[math.pi / 2, math.pi], rtol=1e-2)
     console = Console(width=140, record=True, file=io.StringIO())
-    print_elastic_result(run, console)
+    print_elastic_result(run, four_bar, console)
     text = console.export_text()
     line = next(line for line in text.splitlines() if "coupler.stress" in line)
     assert [float(x) for x in line.split()[2:4]] == pytest.approx(run["coupler.stress"].values, rel=1e-5)

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 import shared.elastic_golden as golden
 from shared.elastic_reference import gauss
+from shared.elastic_scenes import by_method
 
 import symgen
 from symgen.errors import ModelError
-from symgen.inspection.runs import by_method
 from symgen.scene.loading import read_scene
 
 LBF, FT, MICRO = 4.4482216152605, 0.3048, 1e6

@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 
 import symgen
 from symgen.cli import app
-from symgen.errors import ModelError, SimulationError
+from symgen.errors import ModelError, SimulationError, SymgenError
 from symgen.scene.loading import read_scene
 
 RPM = math.pi / 30
@@ -83,7 +83,7 @@ def test_speed_that_no_parameter_sets():
 )
 def test_refused(scene, speeds, said):
     done = CliRunner().invoke(app, ["sweep", scene, "--speeds", speeds])
-    assert isinstance(done.exception, ModelError), done.output
+    assert isinstance(done.exception, SymgenError), done.output
     assert said in str(done.exception)
 
 

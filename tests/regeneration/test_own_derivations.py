@@ -223,7 +223,7 @@ def test_a_file_that_is_not_there(tmp_path):
 
 
 def test_from_a_shell(model):
-    """No traceback, exit code 2, and the file's own folder is where it imports from."""
+    """No traceback, exit code 3, and the file's own folder is where it imports from."""
     model.write_text("import nothing_of_that_name\n")
     done = subprocess.run(
         [sys.executable, "-m", "symgen", "generate", model],
@@ -231,7 +231,7 @@ def test_from_a_shell(model):
         text=True,
         cwd=model.parent.parent,
     )
-    assert done.returncode == 2
+    assert done.returncode == 3
     assert done.stderr.startswith(f"symgen: {model}, line 1: ModuleNotFoundError: No module named")
     assert "Traceback" not in done.stderr
 

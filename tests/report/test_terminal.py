@@ -9,7 +9,7 @@ import pytest
 from rich.console import Console
 from shared.commands import call
 
-from symgen.cli import running
+from symgen.cli import carrying
 from symgen.report.extremes import Components
 from symgen.runtime.result.records import Variable
 
@@ -18,7 +18,7 @@ WIDE = 400
 
 def printed(scene, width, monkeypatch):
     """Return what ``symgen run`` prints on a terminal of this width, without the wall time."""
-    monkeypatch.setattr(running, "console", lambda: Console(width=width, highlight=False))
+    monkeypatch.setattr(carrying, "console", lambda: Console(width=width, highlight=False))
     lines = call("run", scene).splitlines()
     return "\n".join(line for line in lines if not line.startswith("wall time"))
 

@@ -478,7 +478,9 @@ def test_bad_requests(four_bar):
 def test_command_line(tmp_path, four_bar):
     runner = CliRunner()
     file, plot = tmp_path / "forces.nc", tmp_path / "forces.png"
-    done = runner.invoke(app, ["forces", "crank_rocker", "--at", "30,0.5 rad", "--json", "--out", str(file)])
+    done = runner.invoke(
+        app, ["inverse-dynamics", "crank_rocker", "--at", "30,0.5 rad", "--json", "--out", str(file)]
+    )
     assert done.exit_code == 0
     data = json.loads(done.stdout)
     along, torque = data["coordinate"], data["outputs"]["crank.torque"]
@@ -490,12 +492,12 @@ def test_command_line(tmp_path, four_bar):
     values = stored.variable("crank.torque").values
     assert [values[-1], values.min(), values.max()] == [torque[x] for x in ("final", "minimum", "maximum")]
     done = runner.invoke(
-        app, ["forces", "crank_rocker", "--samples", "5", "--elements", "2", "--plot", str(plot)]
+        app, ["inverse-dynamics", "crank_rocker", "--samples", "5", "--elements", "2", "--plot", str(plot)]
     )
     assert done.exit_code == 0 and plot.stat().st_size > 1000
     assert "crank@0.5.moment" in done.stdout and "condition up to" in done.stdout
     with pytest.raises(CapabilityError, match="in the plane"):
-        runner.invoke(app, ["forces", "tumbling_body"], catch_exceptions=False)
+        runner.invoke(app, ["inverse-dynamics", "tumbling_body"], catch_exceptions=False)
 
 
 def test_a_linkage_without_a_drive_is_told_to_have_one():

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 import shared.elastic_scenes as bars
 from shared.elastic_golden import FORCES
+from shared.elastic_scenes import by_method
 
 import symgen
-from symgen.inspection.runs import by_method
 
 #: SI units of the golden numbers.
 LBF, LBF_FT, SLUG = 4.4482216152605, 4.4482216152605 * 0.3048, 14.593902937206364

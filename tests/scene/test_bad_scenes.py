@@ -181,7 +181,7 @@ def test_bad_scene(case, tmp_path, monkeypatch, entry):
     monkeypatch.setenv("SYMGEN_CACHE", str(cache))
     monkeypatch.chdir(folder)
     code, out, said = entry("run", "bad.toml", "--json")
-    assert (code, out) == (2, ""), said
+    assert (code, out) == (3, ""), said
     assert "Traceback" not in said
     assert said.startswith("symgen: bad.toml: ")
     assert said.count("symgen: ") == 1
@@ -210,6 +210,6 @@ def test_empty_and_missing_files(tmp_path):
         done = subprocess.run(
             [sys.executable, "-m", "symgen", "run", name], capture_output=True, text=True, cwd=tmp_path
         )
-        assert done.returncode == 2
+        assert done.returncode == 3
         assert words in done.stderr
         assert "Traceback" not in done.stderr

@@ -76,3 +76,10 @@ def _built(folder: Path, text: str):
     file = folder / "scene.toml"
     file.write_text(f'symgen = 1\ntitle = "a bar"\n{text}')
     return symgen.build(str(file))
+
+
+def by_method(model, method, **options):
+    """Return a result by an integration method, or of the analysis periodic or quasi-static."""
+    if method in ("periodic", "quasi-static"):
+        return getattr(model, method.replace("-", "_"))(**options)
+    return model.simulate(method=method, **options)

@@ -13,7 +13,7 @@ import sympy as sp
 from shared.commands import call
 from shared.full import full
 
-from symgen.errors import BuildError, DerivationError, ModelError, ResultError, SceneError
+from symgen.errors import BuildError, ModelError, ResultError, SceneError
 from symgen.lowering.program import lower_system
 from symgen.lowering.tape import Tape
 from symgen.models import BLOCKS
@@ -236,7 +236,7 @@ def test_digits_of_one_matrix():
     found = digits("four_bar", "constraints", states=2)
     assert found and all(c.output == "constraints" for c in found)
     assert found[0].digits > 10 and all(c.needless < 1.5 for c in found)
-    with pytest.raises(DerivationError, match="Did you mean 'constraints'"):
+    with pytest.raises(ModelError, match="Did you mean 'constraints'"):
         digits("four_bar", "constraint", states=2)
 
 

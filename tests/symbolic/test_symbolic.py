@@ -6,7 +6,7 @@ import pytest
 import sympy as sp
 
 import symgen
-from symgen.errors import DerivationError
+from symgen.errors import DerivationError, ModelError
 from symgen.models import BLOCKS
 from symgen.symbolic.calculus import Calculus
 from symgen.symbolic.quantity import Quantity, quantity
@@ -85,7 +85,7 @@ def test_undeclared_and_doubled_symbols_are_refused():
 
 
 def test_a_missing_matrix_names_the_nearest():
-    with pytest.raises(DerivationError, match="constraint_jacobian"):
+    with pytest.raises(ModelError, match="constraint_jacobian"):
         symgen.derive("four_bar")["constraint_jacobien"]
 
 

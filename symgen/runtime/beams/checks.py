@@ -28,7 +28,7 @@ SLOPE = 0.1
 COMPRESSION = 0.5
 #: The same, of tension too, for links without geometric stiffness: one part in twenty is left out.
 WITHOUT_STIFFENING = 0.05
-_JUDGE = "compare with method exact"
+_JUDGE = "compare with large rotation"
 #: The most places along a link that are looked at, and the elements on which Euler's load is found.
 _PLACES, _EULER = 65, 8
 

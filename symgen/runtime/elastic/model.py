@@ -29,8 +29,6 @@ if TYPE_CHECKING:
     from symgen.runtime.model.rods import RodModel
     from symgen.runtime.result.elastic import ElasticResult
     from symgen.runtime.result.modes import ElasticModes
-    from symgen.runtime.result.result import Result
-    from symgen.runtime.result.state import State
     from symgen.runtime.result.sweep import Sweep
     from symgen.runtime.rods.equilibrium import Equilibrium
 
@@ -168,19 +166,12 @@ class ElasticModel(Model):
         """Return the same model with other values of its tunable parameters, in SI units."""
         return ElasticModel(self.rigid.with_parameters(**values), self._remade)
 
+    def _carrier(self, name: str) -> Model:
+        return self.rigid if name in ("kinematics", "inverse_dynamics", "assemblies") else self
+
     def _refused(self, name: str) -> str | None:
-        if name in ("kinematics", "inverse_dynamics", "assemblies"):
-            return self.rigid._refused(name)
-        return super()._refused(name)
-
-    def _kinematics(self, **options: Any) -> Result:
-        return self.rigid.kinematics(**options)
-
-    def _inverse_dynamics(self, **options: Any) -> Result:
-        return self.rigid.inverse_dynamics(**options)
-
-    def _assemblies(self, **options: Any) -> tuple[State, ...]:
-        return self.rigid._assemblies(**options)
+        carrier = self._carrier(name)
+        return super()._refused(name) if carrier is self else carrier._refused(name)
 
     def _modes(self, at: Equilibrium | float | None = None, moving: bool = False) -> ElasticModes:
         from symgen.runtime.elastic.modes import modes_with_errors
@@ -209,8 +200,11 @@ class ElasticModel(Model):
         progress: Callable[[float], None] | None = None,
     ) -> ElasticResult:
         if method not in METHODS:
-            own = {"quasi-static": "quasi_static()", "periodic": "periodic()", "exact": "large_rotation()"}
-            hint = f"It is model.{own[method]}." if method in own else nearest(method, METHODS)
+            own = {"quasi-static": "quasi_static", "periodic": "periodic", "exact": "large_rotation"}
+            hint = nearest(method, METHODS)
+            if method in own:
+                command = own[method].replace("_", "-")
+                hint = f"It is model.{own[method]}(), on the command line 'symgen {command} {self.name}'."
             raise ModelError(f"there is no method {method!r} of integration. {hint}")
         if t_end is not None:
             if revolutions is not None:

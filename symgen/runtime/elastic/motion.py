@@ -296,8 +296,8 @@ class ElasticMotion(ABC):
                 f"{self.rigid.name}: the crank, {self.info.crank}, does not determine the rigid motion of "
                 f"{', '.join(self.undetermined)}: linear theory needs a rigid motion that crank and drivers "
                 "prescribe\n"
-                "  Run it with --method exact, which integrates free coordinates, or drive what is "
-                "left free: rigid links by [[drivers]], elastic ones by guides or further links."
+                "  Run it in large rotation (symgen large-rotation), which integrates free coordinates, or "
+                "drive what is left free: rigid links by [[drivers]], elastic ones by guides or more links."
             )
 
     def check(self, equations: _beams.BeamEquations, status: int, t: float) -> None:

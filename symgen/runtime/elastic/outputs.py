@@ -143,5 +143,5 @@ def of_powers(powers: tuple[float, float] | None) -> Iterator[str]:
         yield (
             f"mean power of the shaft, {shaft:.4g} W, and of damping, {damping:.4g} W, differ: torque and "
             "joint forces are of first order in the deflections, mean power is of second order; compare with "
-            "method exact"
+            "large rotation"
         )

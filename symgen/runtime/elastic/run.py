@@ -318,7 +318,7 @@ def _of_crank(motion: ElasticMotion, found: Motion) -> list[str]:
     return [
         f"{motion.info.crank}: at {_moments(motion, found.times[k : k + 1])[0]} the crank is {ahead[k]:.3g} "
         f"rad off its rigid motion, {of}, beyond the {SLOPE:g} rad of linear theory; "
-        "compare with method exact"
+        "compare with large rotation"
     ]
 
 

@@ -79,7 +79,7 @@ def _no_shape(
     return SimulationError(
         f"{motion.rigid.name}: the links buckle at {at if motion.speed else f'{t:g} s'}: the axial forces of "
         f"the rigid motion are {largest:.4g} times those under which the straight links are unstable\n"
-        "  Take a lower speed or load, stiffer links, or large rotation: --method exact.",
+        "  Take a lower speed or load, stiffer links, or large rotation: symgen large-rotation.",
         time=t,
     )
 

@@ -125,4 +125,6 @@ def _notes(runs: Sequence[ElasticResult]) -> tuple[str, ...]:
     beyond = sum(any("linear theory" in note for note in r.notes) for r in runs)
     if not beyond:
         return ()
-    return (f"linear theory does not hold at {beyond} of {len(runs)} speeds: 'symgen run' there says why",)
+    return (
+        f"linear theory does not hold at {beyond} of {len(runs)} speeds: 'symgen periodic' there states why",
+    )

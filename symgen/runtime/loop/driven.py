@@ -199,7 +199,7 @@ def driven(d: LoopDescription) -> None:
     if free:
         raise ModelError(
             f"{d.name} has free variables ({', '.join(free)}): its motion follows from forces\n"
-            "  Run it in time ('symgen run SCENE', model.simulate()), or make them inputs."
+            "  Run it in time ('symgen simulate SCENE', model.simulate()), or make them inputs."
         )
     if not d.having("input"):
         raise ModelError(f"{d.name} has no input: nothing moves. Give one under loop.inputs")

@@ -136,13 +136,13 @@ class LoopModel(Model):
         if name == "simulate" and not free:
             return (
                 "it has no free variable: its inputs move it\n"
-                "  Evaluate it over its range ('symgen run SCENE', model.inverse_dynamics()), or give a "
-                "variable under loop.free."
+                "  Evaluate it over its range ('symgen inverse-dynamics SCENE', model.inverse_dynamics()), "
+                "or give a variable under loop.free."
             )
         if name in ("kinematics", "inverse_dynamics") and free:
             return (
                 f"it has free variables ({', '.join(free)}): its motion follows from forces\n"
-                "  Run it in time ('symgen run SCENE', model.simulate()), or make them inputs."
+                "  Run it in time ('symgen simulate SCENE', model.simulate()), or make them inputs."
             )
         if name in ("kinematics", "inverse_dynamics") and not d.having("input"):
             return "it has no input: nothing moves. Give one under loop.inputs"

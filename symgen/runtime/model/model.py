@@ -50,6 +50,10 @@ class Model(ElasticAnalyses, KernelCalls, Compiled):
     def __dir__(self) -> list[str]:
         return sorted({*super().__dir__()} - {name for name in VERBS if self._refused(name) is not None})
 
+    def _carrier(self, name: str) -> Model:
+        """Return the model whose method ``_NAME`` carries out an analysis."""
+        return self
+
     def _refused(self, name: str) -> str | None:
         """Return why an analysis is not supported; None where it is."""
         if name not in self.MISSING and hasattr(type(self), f"_{name}"):

@@ -57,15 +57,14 @@ def _carry_out(
     name, defaults = declared.__name__, _defaults(declared)
     given = {n: v for n, v in zip(defaults, values, strict=False) if v is not defaults[n]}
     given |= {n: v for n, v in named.items() if v is not defaults[n]}
-    of: Any = type(model)
-    accepted = _accepted(of, name)
-    refused = [n for n in given if accepted and n not in accepted]
+    known = accepted(model, name)
+    refused = [n for n in given if n not in known]
     if refused:
         raise ModelError(
             f"{name} of {model.name} does not accept {', '.join(refused)}\n"
-            f"  It accepts {', '.join(sorted(accepted)) or 'no arguments'}."
+            f"  It accepts {', '.join(sorted(known)) or 'no arguments'}."
         )
-    carried_out: Callable[..., Any] = getattr(model, f"_{name}")
+    carried_out: Callable[..., Any] = getattr(model._carrier(name), f"_{name}")
     made = carried_out(**given)
     if name == "simulate":
         made._repeat_by(partial(_at_times, carried_out, given))
@@ -81,6 +80,12 @@ def _at_times(simulate: Callable[..., Any], given: dict[str, Any], times: Any) -
     return simulate(**{n: v for n, v in given.items() if n not in _OF_ONE_RUN}, t_eval=times)
 
 
+def accepted(model: Any, name: str) -> frozenset[str]:
+    """Return the arguments that an analysis of a model accepts."""
+    carrier: Any = type(model._carrier(name))
+    return _accepted(carrier, name)
+
+
 @cache
 def _defaults(declared: Callable[..., Any]) -> dict[str, Any]:
     """Return the default of every argument in order, without ``self``."""
@@ -89,7 +94,7 @@ def _defaults(declared: Callable[..., Any]) -> dict[str, Any]:
 
 @cache
 def _accepted(of: type, name: str) -> frozenset[str]:
-    """Return the arguments that a class of models accepts; none where it passes all on."""
+    """Return the arguments that a class of models accepts."""
     found = set[str]()
     for base in of.__mro__:
         method = vars(base).get(f"_{name}")
@@ -98,5 +103,5 @@ def _accepted(of: type, name: str) -> frozenset[str]:
         parameters = [*signature(method).parameters.values()][1:]
         found |= {p.name for p in parameters if p.kind is not Parameter.VAR_KEYWORD}
         if all(p.kind is not Parameter.VAR_KEYWORD for p in parameters):
-            return frozenset(found)
-    return frozenset()
+            break
+    return frozenset(found)

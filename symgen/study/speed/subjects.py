@@ -160,7 +160,7 @@ def loop(model: LoopModel, asked: Asked) -> Subject:
     if model.is_driven:
         raise ModelError(
             f"the inputs of {model.name} move it: nothing is integrated in time\n"
-            "  'symgen run' evaluates it and prints its closure error."
+            "  'symgen inverse-dynamics' evaluates it and prints its closure error."
         )
     return FreeLoop(_and_widest(asked, in_types(asked, model)), asked.t_end, asked.samples)
 

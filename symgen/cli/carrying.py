@@ -1,0 +1,139 @@
+"""Analyses on the command line: options become arguments, results become files, tables or JSON."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from contextlib import nullcontext
+from typing import Any
+
+import typer
+
+from symgen.cli.common import changes, console, kept_of_a_failure, print_json, progress_bar
+from symgen.errors import ArgumentError, ModelError
+from symgen.methods import load, method_of
+
+#: Options that decide how kernels are compiled, and all others that are not arguments of an analysis.
+_TYPES = ("precision", "digits", "contraction", "vector")
+_COMMON = ("scene", "set_", "out", "plot", "as_json", "backend", *_TYPES)
+#: Options that select a range, which ``--at`` replaces.
+_RANGE = ("samples", "start", "stop", "through")
+
+
+class Request:
+    """A command with the options given to it, and the model of its scene.
+
+    Parameters
+    ----------
+    ctx
+        The context of the command.
+    build
+        Builds the model: ``symgen.pipeline.build.build_asked`` when absent.
+    """
+
+    def __init__(self, ctx: typer.Context, build: Callable[..., Any] | None = None) -> None:
+        from symgen.pipeline.build import build_asked
+
+        source = ctx.get_parameter_source
+        given = {name: value for name, value in ctx.params.items() if source(name).name != "DEFAULT"}  # type: ignore[union-attr]
+        self.names = {p.name: p.opts[0] for p in ctx.command.params}
+        self.options = {name: value for name, value in given.items() if name not in _COMMON}
+        self.types = {name: given[name] for name in _TYPES if name in given}
+        self.common = ctx.params
+        compiled = {name: given[name] for name in ("backend", *_TYPES) if name in given}
+        self.model: Any = (build or build_asked)(
+            ctx.params["scene"], set=changes(ctx.params["set_"]), **compiled
+        )
+
+    def shown(self, names: Iterable[str]) -> str:
+        """Return arguments as options of the command line."""
+        return ", ".join(str(self.names[name]) for name in names)
+
+    def carry_out(self, verb: str, **more: Any) -> None:
+        """Carry out an analysis with its options and ``more``; save, plot and print its result."""
+        out, plot, as_json = (self.common.get(name) for name in ("out", "plot", "as_json"))
+        with kept_of_a_failure(out):
+            result = self.result(verb, **self.arguments(verb), **more)
+        if out:
+            result.save(out)
+        if plot:
+            result.plot(file=plot)
+        self.show(verb, result, bool(as_json))
+
+    def result(self, verb: str, **arguments: Any) -> Any:
+        """Return the result of an analysis, with a progress bar if it reports progress.
+
+        Raises
+        ------
+        CapabilityError
+            If the model does not support the analysis.
+        ModelError
+            If it does not accept an argument; the message names the option.
+        """
+        from symgen.runtime.model.verbs import accepted
+
+        analysis, title = getattr(self.model, verb), self.model.description.title
+        silent = "progress" not in accepted(self.model, verb)
+        with nullcontext() if silent else progress_bar(title, bool(self.common.get("as_json"))) as progress:
+            arguments |= {} if silent else {"progress": progress}
+            try:
+                return analysis(**arguments)
+            except ArgumentError as error:
+                name = error.argument if error.argument in self.options else ""
+                raise ModelError(error.named(self.names.get(name, error.argument))) from None
+
+    def arguments(self, verb: str) -> dict[str, Any]:
+        """Return the arguments of an analysis from the options given.
+
+        Raises
+        ------
+        ModelError
+            For an option that does not apply to the scene, or values that cannot be read.
+        """
+        from symgen.runtime.model.verbs import accepted
+
+        getattr(self.model, verb)  # raises the reason if the model does not support it
+        row = method_of(self.model).commands[verb]
+        known = accepted(self.model, verb) - ({"at"} if not row.values else set())
+        refused = [name for name in self.options if name not in known]
+        if refused:
+            others = [name for name in self.names if name in known]
+            raise ModelError(
+                f"{self.shown(refused)} does not apply to {verb.replace('_', '-')} of {self.model.name}\n"
+                f"  Its options are {self.shown(others) or 'none'}."
+            )
+        ranged = [name for name in _RANGE if name in self.options and "at" in self.options]
+        if ranged:
+            raise ModelError(f"give --at or {self.shown(ranged)}, not both")
+        found = dict(self.options)
+        if "checkpoint_every" in found and "checkpoint" not in found:
+            raise ModelError("--checkpoint-every sets an interval: give the file with --checkpoint")
+        variables = set()
+        for name in ("at", "start", "stop"):
+            if name in found:
+                one, option = isinstance(found[name], str), self.names[name]
+                values, over = load(row.values)(self.model, [found[name]] if one else found[name], option)
+                if one and len(values) > 1:
+                    raise ModelError(f"expected one value after {option}, got {found[name]!r}")
+                found[name] = values[0] if one else values
+                variables.add(over)
+        if len(variables) > 1:
+            raise ModelError("give both ends of the range as times, or both as values of the input")
+        if variables and "over" in known:
+            found["over"] = variables.pop()
+        if "state" in found:
+            found["state"] = self._assembly(found["state"])
+        return found
+
+    def _assembly(self, branch: int) -> Any:
+        """Return the state of an assembly mode of a linkage, counted from 1."""
+        states = self.model.assemblies()
+        if not 1 <= branch <= len(states):
+            raise ModelError(f"there is no branch {branch}: {len(states)} assemblies were found at the start")
+        return states[branch - 1]
+
+    def show(self, verb: str, result: Any, as_json: bool) -> None:
+        """Print a result as one JSON object, or as tables."""
+        if as_json:
+            print_json({"scene": self.model.name, **result.summary()})
+        else:
+            load(method_of(self.model).commands[verb].table)(result, self.model, console())
