@@ -64,7 +64,7 @@ def test_the_guess_chooses_the_assembly():
         .variable("S4")
         .values
     )
-    assert np.allclose(outer, -inner) and outer > 40
+    assert np.allclose(outer, -inner) and outer > 40 * 0.0254
 
 
 def test_parameters_keep_the_assembly():

@@ -105,9 +105,8 @@ def test_linkages_are_evaluated_at_values_of_their_drive_and_at_times():
     spaced = model.inverse_dynamics(0.2, 1.0, over="input", samples=5)
     assert spaced.variable("crank.angle").values == pytest.approx([0.2, 0.4, 0.6, 0.8, 1.0], abs=1e-12)
     at_times = model.inverse_dynamics(at=spaced.time[[3, 1]], over="time")
-    np.testing.assert_array_equal(
-        at_times.variable("crank.torque").values, spaced.variable("crank.torque").values[[3, 1]]
-    )
+    torque = spaced.variable("crank.torque").values
+    assert at_times.variable("crank.torque").values == pytest.approx(torque[[3, 1]], rel=1e-13)
     (pose, other), t = model.assemblies(angles[0]), found.time[0]
     for state in (pose, other):
         assert state.t == pytest.approx(t, abs=1e-12)
