@@ -5,12 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
 from symgen.runtime._beams import BeamEquations
-from symgen.runtime.beams.data import BeamInfo
+from symgen.runtime.beams.data import BeamInfo, Properties
 from symgen.runtime.beams.elements import SHAPES, at, names, segments
 from symgen.runtime.beams.forces import Motion
 from symgen.runtime.beams.frames import APPLIED, frames
@@ -143,17 +144,22 @@ def euler_load(motion: ElasticMotion, k: int) -> float:
     Its ends are held across; it turns freely at both, or is held at the shaft of a held crank. A tip that
     nothing else is joined to is free.
     """
-    from scipy.linalg import eigh
-
     beam = motion.beams[k]
     info = replace(beam.info, elements=_EULER, nodes=())
+    return _buckling_load(info, beam.properties, frozenset(held_alone(motion, info) - {f"u@{_EULER}"}))
+
+
+@lru_cache(maxsize=64)
+def _buckling_load(info: BeamInfo, properties: Properties, held: frozenset[str]) -> float:
+    """Return the same for the unknowns that are held; every run of a linkage asks for it again."""
+    from scipy.linalg import eigh
+
     dofs = names(info)
     stiffness, pulled = (np.zeros((len(dofs), len(dofs))) for _ in range(2))
-    for part in segments(info, beam.properties):
+    for part in segments(info, properties):
         there = np.ix_(part.dofs, part.dofs)
         stiffness[there] += part.matrix("stiffness")
         pulled[there] += part.matrix("geometric", 3)[0]
-    held = held_alone(motion, info) - {f"u@{_EULER}"}
     free = [i for i, dof in enumerate(dofs) if dof not in held]
     there = np.ix_(free, free)
     last = len(free) - 1

@@ -118,7 +118,7 @@ def _loads(motion: ElasticMotion, kept: Motion, axial_force: AxialForce) -> Arra
         omits = kernels("elastic_place").second_order
         forces = np.array([omits(u=row) for row in state]).reshape(*slope.shape, len(SHAPES))
         by = np.outer(np.diff(nodes), weights).ravel() * length / 2
-        load = np.einsum("tgf,g,fgn->tn", forces, by, [table[name] for name in SHAPES], optimize=True)
+        load = np.tensordot(forces * by[:, None], np.stack([table[name] for name in SHAPES], axis=1), axes=2)
         axes = frames(kept.links[:, k])
         for u, w in beam.ends:
             load[:, u], load[:, w] = axes.fixed(load[:, u].copy(), load[:, w].copy())

@@ -238,10 +238,9 @@ class ElasticMotion(ABC):
 
         ``q`` are the coordinates of the rigid linkage at the times, (times, coordinates) [m].
         """
-        of, still = self._motion.blocks, np.zeros(q.shape[1])
-        rows = [of("crank_rotation", t, at, still) for t, at in zip(times.tolist(), q, strict=True)]
-        rotation, arm = (np.reshape([row[name] for row in rows], (-1, 2)) for name in ("rotation", "arm"))
-        return rotation, arm
+        of, still = self._motion, np.zeros(q.shape[1])
+        rows = np.array([of("crank_rotation", t, at, still) for t, at in zip(times.tolist(), q, strict=True)])
+        return rows[:, :2], rows[:, 2:]
 
     def rigid_motion(self, equations: _beams.BeamEquations, times: Array) -> tuple[Array, Array, Array]:
         """Return what the rigid motion is at times.
