@@ -263,7 +263,7 @@ def test_the_page_has_every_scene_and_no_fault_but_those_it_explains():
 @pytest.mark.parametrize("scene", ["rod", "loop_inertia", "triple_pendulum", "far_origin", "screw_jack"])
 def test_the_figures_of_the_page_hold(scene):
     """Within a factor: the last bits of functions and of the run differ between machines."""
-    for found, told in zip(summary_row(accuracy(scene, states=5)), page()[scene], strict=True):
+    for found, told in zip(summary_row(accuracy(scene)), page()[scene], strict=True):
         try:
             assert 0.1 < float(found) / float(told) < 10, (scene, found, told)
         except ValueError:  # the words beside the figures
