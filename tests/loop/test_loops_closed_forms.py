@@ -256,3 +256,14 @@ def test_rank_of_the_screws(case, rank):
     """Of the dependent variables: as many as they are, so that one freedom is left to the input."""
     more = {"samples": 89} if case[0] == "bricard" else {}
     assert turned(*case, **more).statistics["rank"] == rank
+
+
+def test_the_end_of_a_driven_loop_is_that_of_its_outputs():
+    """``final`` has every variable of the loop, in SI, for an analysis at values of the input too."""
+    model = symgen.build("slider_crank", set={"alpha4": "0 deg", "a4": "0 in", "S1": "0 in"})
+    found = model.kinematics(at=[0.5, 1.0])
+    assert set(found.final) == {v.name for v in model.description.variables}
+    assert found.final["theta1"]["value"] == pytest.approx(1.0, abs=1e-14)
+    assert found.final["S4"]["unit"] == "m"
+    assert found.final["S4"]["value"] == found["S4"].values[-1]
+    assert found.final["S4"]["rate"] == found["S4.rate"].values[-1]

@@ -74,8 +74,8 @@ def _of_slope(beam: Beam, slopes: Array, moments: Sequence[str]) -> list[str]:
 def _of_second_order(motion: ElasticMotion, equations: BeamEquations, recorded: Motion) -> list[str]:
     shares = omitted(motion, equations, recorded, _rigid_axial_force)
     return [
-        f"{beam.info.link}: terms of second order that linear theory omits come to an estimated {share:.2g} "
-        f"of its peak strain; {_JUDGE}"
+        f"{beam.info.link}: terms of second order that linear theory omits are estimated at {share:.2g} "
+        f"times its peak strain; {_JUDGE}"
         for beam, share in zip(motion.beams, shares, strict=True)
         if share > SECOND_ORDER
     ]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -245,7 +246,7 @@ def _recorded(
         coordinate=coordinate,
         variables=tuple(v for v in made if v.name != coordinate.name),
         drift=Drift(closure * d.size, rates),
-        final={},
+        final=_final(kernels, made),
         statistics={
             "input": first.name,
             "t": end,
@@ -273,6 +274,16 @@ def _recorded(
         times=times if over == "input" else None,
         units=converters(d),
     )
+
+
+def _final(kernels: LoopKernels, made: Sequence[Variable]) -> dict[str, dict[str, Any]]:
+    """Return value, rate and unit of every variable at the last sample; empty without samples."""
+    last = {v.name: float(v.values[-1]) for v in made if v.values.ndim == 1 and len(v.values)}
+    return {
+        v.name: {"value": last[v.name], "rate": last[f"{v.name}.rate"], "unit": v.unit}
+        for v in kernels.description.variables
+        if v.name in last
+    }
 
 
 def _known(
