@@ -19,7 +19,7 @@
 #define FREE R(1e-6)
 enum { STEPS = 200, IDLE = 4 };
 
-/* Evaluate the loop at q: columns of scaled screws into l->matrix, what is missing into b; return its square. */
+/* Evaluate the loop at q: scaled screws into the columns of l->matrix, the closure error into b; return its square. */
 static real missing(struct loop *l, real t, const real *q, real *b) {
     const long n = l->sizes.n;
     const real *e = l->screws;

@@ -92,7 +92,7 @@ static void spin_of(const struct turns *t, const real *rates, real *w) {
         w[i] = rates[0] * t->e[0][i] + rates[1] * t->e[1][i] + rates[2] * t->e[2][i];
 }
 
-/* What the rates add to the angular acceleration. */
+/* Velocity-dependent terms of the angular acceleration. */
 static void bias_of(const struct turns *t, const real *rates, real *w) {
     real before[3], turned[3];
     for (int i = 0; i < 3; i++)
@@ -133,8 +133,8 @@ struct change {
     int carries; /* the ball behind takes over the spin */
 };
 
-/* Write rates `v` in the other angles; what the frame between the balls no longer spins about i is
- * returned, and w gets the angular velocities: before and after, of the ball and of the one behind. */
+/* Write rates `v` in the other angles; return the spin about i taken from the frame between the balls. w gets the
+ * angular velocities before and after: of the ball, then of the ball behind it. */
 static real write_rates(const struct change *c, real *v, real w[4][3]) {
     real x[3], i[3] = {c->from.r[0][0], c->from.r[1][0], c->from.r[2][0]}, seen[3];
     get(v, c->ball->angles, 0, x);
@@ -179,7 +179,7 @@ static void write_second(const struct change *c, const real *u0, const real *u, 
     if (!c->carries)
         return;
     add(-x[2], i, left);
-    /* What the ball behind has to turn by: the same sum of both with the frame between them before and after. */
+    /* The angular acceleration left for the ball behind: the total stays the same, only the frame between differs. */
     add(-1, left, whole);
     cross(w[0], w[2], turned);
     add(1, turned, whole);
@@ -207,7 +207,7 @@ real ball_off_pole(const struct ball *b, int turned, const real *q) {
     return real_sqrt(x * x + y * y);
 }
 
-/* The rotation behind the second ball: that of both together, less what the first one makes now. */
+/* New rotation of the second ball: the total rotation of both, without the new rotation of the first. */
 static void carry_over(const struct change *c, real r[3][3]) {
     for (int j = 0; j < 3; j++) {
         const real column[3] = {c->next_from.r[0][j], c->next_from.r[1][j], c->next_from.r[2][j]};

@@ -1,10 +1,10 @@
-/* Other angles of ball joints near the poles of their own.
+/* Alternative angles of ball joints near the poles of the table's own angles.
  *
  * Z(theta) Y(eta) X(alpha) loses rank where the axis i behind the ball is along the axis k before it. Near that pole a
  * run writes the rotation as X(90 deg) Z Y X with three angles of the same names, whose pole is where i is along j. The
- * turn in front is a parameter of the kernels, otherwise zero.
- * Where alpha is constant, to hold the idle spin of a link between two balls, the ball behind it takes over what the
- * change makes of that spin.
+ * leading angle of 90 deg is a parameter of the kernels, otherwise zero.
+ * A constant alpha holds the idle spin of a link between two balls; the ball behind it then takes over the spin that
+ * the change of angles causes.
  */
 #ifndef SYMGEN_BALLS_H
 #define SYMGEN_BALLS_H

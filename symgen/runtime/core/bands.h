@@ -18,7 +18,7 @@ struct band_store {
     ptrdiff_t first, lead, size;
 };
 
-/* LAPACK's band storage, with room for what pivoting fills in; or all columns in full where that is less. */
+/* LAPACK's band storage with room for the fill-in of pivoting, or full columns if they need less memory. */
 static inline struct band_store band_store(ptrdiff_t n, ptrdiff_t band) {
     const ptrdiff_t width = 3 * band + 1;
     if (band < WIDE && n < width)

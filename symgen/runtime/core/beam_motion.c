@@ -1,4 +1,4 @@
-/* Elastic links that move: what a run asks of their equations. */
+/* Equations of motion of elastic links, as a run steps them: `beam_behaviour`. */
 #include "beams.h"
 
 #include <string.h>
@@ -47,7 +47,7 @@ static void derivative_beams(struct equations *e, real t, const real *y, real *d
     memcpy(dy + e->n, e->out, half);
 }
 
-/* What the constraints allow is all there is. */
+/* Dependent unknowns are eliminated: the constraints hold exactly. */
 static real no_error(struct equations *e, real t, const real *y) {
     (void)e;
     (void)t;
@@ -61,7 +61,7 @@ static int factorise_beams(struct equations *e, real t, const real *y) {
     return beams_assemble(of(e), t, 1);
 }
 
-/* Bring dependent unknowns to what the constraints make of the others. */
+/* Set the dependent unknowns from the independent ones by the constraints. */
 static int project_beams(struct equations *e, real t, real *y) {
     struct beams *b = of(e);
     real *p = b->state, *v = p + b->free;

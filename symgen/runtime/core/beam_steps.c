@@ -70,7 +70,7 @@ static void take_free(struct beam_steps *x) {
     }
 }
 
-/* Write S, S' and S'' from what is free, and choose anew what is free. */
+/* Write S, S' and S'' from the independent unknowns, then select the independent unknowns for the next step. */
 static int finish(struct beam_steps *x, real t) {
     struct beams *b = x->b;
     const int bound = b->layout.constraints != 0;

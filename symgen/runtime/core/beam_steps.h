@@ -25,7 +25,7 @@ struct beam_steps {
     real *mass, *damping, *stiffness, *load; /* a row each stage */
     real *banded, *rhs;
     real *s, *v, *acc; /* S, S', S'' of all unknowns, rows of `columns` */
-    real *p, *pv, *pa; /* the same of what is free */
+    real *p, *pv, *pa; /* the same of the independent unknowns */
     int *pivots;
 };
 

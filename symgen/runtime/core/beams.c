@@ -143,7 +143,7 @@ static void in_link_axes(const struct beams *b, ptrdiff_t k, const real *w, real
     }
 }
 
-/* Add to d and g what the turning of the end displacements gives, by the weights w. */
+/* Add the damping and stiffness terms due to the rotation of the end displacements to d and g, by the weights w. */
 static void add_turning_ends(const struct beams *b, ptrdiff_t k, const real *w, real *d, real *g) {
     const struct beam_layout *x = &b->layout;
     const ptrdiff_t n = x->sizes[k], nn = n * n;
@@ -152,7 +152,7 @@ static void add_turning_ends(const struct beams *b, ptrdiff_t k, const real *w, 
     for (int e = 0; e < 2; e++) {
         if (x->ends[4 * k + 2 * e] < 0)
             continue;
-        /* A quarter turn back of u and w at this end: its columns are minus the column w, and the column u. */
+        /* u and w at this end rotated by -90 deg: the columns are minus the column w, and the column u. */
         for (int j = 0; j < 2; j++) {
             const ptrdiff_t at = x->ends[4 * k + 2 * e + j], other = x->ends[4 * k + 2 * e + 1 - j];
             const real sign = j == 0 ? -1 : 1;
@@ -216,7 +216,7 @@ static void add_force(const struct beams *b, ptrdiff_t k, const real *own, real 
         const real along = a[u], across = a[w];
         a[u] = c * along - s * across;
         a[w] = s * along + c * across;
-        /* A quarter turn back of (u, w), as in add_turning_ends, in fixed axes. */
+        /* (u, w) rotated by -90 deg, as in add_turning_ends, in fixed axes. */
         rate[u] = -by_rate * a[w];
         rate[w] = by_rate * a[u];
     }
@@ -254,7 +254,7 @@ static void add_block(real *to, const ptrdiff_t *slots, ptrdiff_t count, const r
         to[slots[i]] += from[i];
 }
 
-/* Add what is not elastic, and flywheel and motor on an elastic crank. */
+/* Add mass, damping, stiffness and load of the joints, and flywheel and motor of an elastic crank. */
 static void add_joints(struct beams *b) {
     const struct beam_layout *x = &b->layout;
     const real *found = b->motion->joined, *shaft = b->motion->shaft;

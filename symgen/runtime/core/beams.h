@@ -40,13 +40,13 @@ struct beam_layout {
 enum { IN_MOTION, AT_REST, QUASI_STATIC };
 
 struct beams {
-    struct equations base; /* first: what a run sees */
+    struct equations base; /* first: a run casts to it */
     struct rigid_motion *motion;
     struct beam_layout layout;
     struct lapack lapack;
     int analysis;
     ptrdiff_t whole, free;
-    /* the matrices of what is free: entries, their places, band, values */
+    /* the matrices of the independent unknowns: entries, their places, band, values */
     ptrdiff_t entries, band;
     const ptrdiff_t *rows, *columns;
     real *mass, *damping, *stiffness, *load;
@@ -68,11 +68,11 @@ size_t beams_bytes(const struct beam_layout *layout);
 void beams_bind(struct beams *b, struct rigid_motion *motion, const struct beam_layout *layout,
                 const struct lapack *lapack, void *memory);
 
-/* Leave mass, damping, stiffness and load of the unknowns that are free at a time.
- * With `choose` the dependent unknowns are chosen anew, else they are those of the time before. */
+/* Assemble mass, damping, stiffness and load of the independent unknowns at a time.
+ * With `choose` the dependent unknowns are selected at this time, else those of the time before are kept. */
 int beams_assemble(struct beams *b, real t, int choose);
 
-/* Find R, R' and R'' of S = R p from what was assembled, and write the equations of p. */
+/* Compute R, R' and R'' of S = R p from the assembled constraints, and write the equations of p. */
 int beams_reduce(struct beams *b, int choose);
 
 /* Choose the unknowns that depend on the others by complete pivoting of the constraints' rows. */
@@ -85,7 +85,7 @@ int beams_factor_mass(struct beams *b);
 void beams_expand(const struct beams *b, int derivative, const real *p, const real *v, const real *a, long columns,
                   real *out);
 
-/* What a run asks of elastic links. */
+/* Elastic links as a run steps them, see struct behaviour. */
 extern const struct behaviour beam_behaviour;
 
 #endif

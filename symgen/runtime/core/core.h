@@ -1,4 +1,4 @@
-/* What the outside sees of a core, whatever number type it is compiled for.
+/* Interface of a core, the same for every number type.
  *
  * A core is linked into the extension symgen.runtime._core (double), or a shared library of its own that
  * exports one symbol, `symgen_core`. Scalars cross as double or long, arrays of the core's type as void *.
@@ -87,7 +87,7 @@ struct core_api {
     const void *(*run_samples)(const struct run *run);   /* rows of dim reals */
     const void *(*run_references)(const struct run *run); /* of angles in loads, a row each sample */
     const void *(*run_turns)(const struct run *run); /* angles of links over revolutions, a row each sample */
-    /* Copy what is remembered, states in reals, and forget it; return how many. */
+    /* Copy the recorded events or passages (states in reals) and clear the record; return their number. */
     long (*take_events)(struct run *run, struct found_event *events, void *states);
     long (*take_passages)(struct run *run, struct passage *passages);
 };

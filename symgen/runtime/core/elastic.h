@@ -1,4 +1,4 @@
-/* What the outside sees of elastic links, whatever number type the core is compiled for: see core.h. */
+/* Interface of elastic links, the same for every number type: see core.h. */
 #ifndef SYMGEN_ELASTIC_H
 #define SYMGEN_ELASTIC_H
 

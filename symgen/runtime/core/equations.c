@@ -5,7 +5,7 @@
 
 #include <string.h>
 
-/* A coordinate's pivot that keeps no more than this of its own-signed terms has no mass. Much may cancel
+/* A coordinate has no mass if its pivot keeps at most this part of its own-signed terms. Much may cancel
  * before: rods a million million times heavier than their neighbours leave 1e-12. */
 #define NO_MASS 1e-15
 #define REFINEMENTS 2

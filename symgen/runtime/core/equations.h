@@ -26,7 +26,7 @@ enum status {
     SLIDING     /* a load keeps the motion at its jump: neither of its branches leaves it */
 };
 
-/* A generated kernel; which of its arguments are read is told in its header. */
+/* A generated kernel; its header lists the arguments that it reads. */
 typedef void (*kernel)(const real *t, const real *q, const real *u, const real *p, real *work, real *out);
 
 /* Kernels of a model; those it does not have are NULL. `accelerations` and `energy` are needed.
@@ -62,12 +62,12 @@ struct sizes {
     long choices;          /* of coordinates, which parameters in the place of references tell: see `rewrite` below */
     long tangent;          /* values that `tangent` writes */
     const long *tangent_places; /* of each, column by column: its row, its column, and its place in `out` */
-    double rank_tolerance; /* what a multiplier's pivot keeps at most of its own-signed terms where rank is lost */
+    double rank_tolerance; /* rank is lost where a multiplier's pivot keeps at most this part of its own-signed terms */
     double slack;          /* by how much [m] a redundant constraint may contradict the others */
     double stabilisation;  /* rate [1/s] of Baumgarte's terms in `derivative`; 0: none */
 };
 
-/* What was found at the last look, and counts: plain numbers of the same type in every core. */
+/* Results of the last evaluation, and counts: plain numbers of the same type in every core. */
 struct account {
     double soundness;                  /* least part that a multiplier's pivot keeps; infinite when none is watched */
     double missed;                     /* error of redundant constraints at the last position_error [m] */
@@ -82,8 +82,8 @@ struct account {
 
 struct equations;
 
-/* What a run asks of equations. Models of rods use `kernel_behaviour`; equations written elsewhere (loops and
- * elastic linkages, double only) bring their own, with `owner`. */
+/* Operations that a run needs of equations. Models of rods use `kernel_behaviour`; loops and elastic linkages (double
+ * only) define their own, with `owner`. */
 struct behaviour {
     void (*accelerate)(struct equations *e, real t, const real *y);
     void (*derivative)(struct equations *e, real t, const real *y, real *dy);
@@ -111,7 +111,7 @@ struct equations {
     struct kernels kernels;
     struct sizes sizes;
     long n, m, extra, dim;
-    double finest;           /* the absolute tolerance of the run; 0 where none judges what is left of errors */
+    double finest;           /* the absolute tolerance of the run; 0 if the run has none */
     size_t bytes;            /* of the memory below */
     struct account *account; /* first in that memory; everything behind it holds no pointers either */
     real *p;                 /* parameters, and behind them what `setup` makes of them */
@@ -149,8 +149,8 @@ void derivative(struct equations *e, real t, const real *y, real *dy);
 /* Return the largest error of an independent constraint over its scale [m]; leave (0, -Phi) in e->rhs. */
 real position_error(struct equations *e, real t, const real *y);
 
-/* Return what errors of positions are compared with [m]: coordinates, and the scales of constraints as the last
- * position_error left them. */
+/* Return the length that position errors are compared with [m]: the largest of the coordinates and of the scales of
+ * constraints that the last position_error left. */
 real size_of(const struct equations *e, const real *y);
 
 /* Return the largest constraint rate over its scale [m/s]; leave (0, -dPhi/dt) in e->rhs.
@@ -170,7 +170,7 @@ int project_places(struct equations *e, real t, real *y);
 int project_positions(struct equations *e, real t, real *y);
 int project_velocities(struct equations *e, real t, real *y);
 
-/* Take from `change`, one of q or of u at y, what the constraints do not allow, with the last factor. */
+/* Project `change`, of q or of u at y, onto the tangent space of the constraints, with the last factor. */
 void make_tangent(struct equations *e, real t, const real *y, real *change);
 
 /* Leave kinetic and potential energy, and the power of loads without potential, in e->energies. */

@@ -69,8 +69,8 @@ static void look(struct run *run, real h, int finely) {
     continue_row(run, LOOKS);
 }
 
-/* Return where between a and b, whose values have different signs, the event is: the end of what is left of the
- * bracket where it has happened. Secants, and a bisection every third time, so that the bracket closes. */
+/* Return the instant of an event between a and b, whose values have different signs: the end of the final bracket at
+ * which the event has happened. Secants, and a bisection every third time, so that the bracket closes. */
 real narrowed(struct run *run, real h, long index, real a, real at_a, real b, real at_b) {
     real least = R(2) * REAL_EPSILON * real_fmax(R(1), real_fabs(run->state->t) / h);
     for (int k = 0; k < NARROWINGS && b - a > least && at_b != 0; k++) {

@@ -108,7 +108,7 @@ static int go(struct loop *l, real *t, real *q, real target, real longest) {
     }
 }
 
-/* Write what is known of a sample; `hold` is zero where nothing of forces is. */
+/* Write the diagnosis of a sample; `hold` is zero if the forces are unknown. */
 static void diagnose(const struct loop *l, int status, double *row) {
     row[CLOSURE] = l->seen->closure;
     row[RATES] = status == BLIND ? 0 : l->seen->rates_left;

@@ -100,7 +100,7 @@ static int judge(struct kinematics *k, real *soundness) {
     return sign;
 }
 
-/* Solve for the independent rows of what a kernel left in k->out, over their scales. */
+/* Solve for the independent rows of a kernel's output in k->out, over their scales. */
 static void solve(struct kinematics *k, const real *rows, real *into) {
     for (ptrdiff_t i = 0; i < k->sizes.n; i++)
         into[i] = rows[k->rows[i]] * k->weight[k->rows[i]];

@@ -40,7 +40,7 @@ void kinematics_bind(struct kinematics *k, const struct kinematic_sizes *sizes, 
  * fewer where a step comes near a pose in which dPhi/dq is singular, or where the prediction fails. */
 ptrdiff_t kinematics_follow(struct kinematics *k, real t, const real *q, const real *times, ptrdiff_t count, real *rows);
 
-/* What the outside sees of it: see core.h. */
+/* Interface of kinematics: see core.h. */
 struct kinematics_api {
     size_t kinematics_struct;
     size_t (*bytes)(const struct kinematic_sizes *sizes);

@@ -26,7 +26,7 @@ int factor_complex(ptrdiff_t n, real *a, ptrdiff_t *swaps);
 void solve_complex(ptrdiff_t n, const real *a, const ptrdiff_t *swaps, real *b);
 
 /* Cholesky factorisation of a symmetric matrix, whose lower triangle is given, in place. Pivots are raised to `least`;
- * returns the first row whose pivot keeps no more than `part` of its diagonal entry, or n. */
+ * returns the first row whose pivot keeps at most `part` of its diagonal entry, or n. */
 ptrdiff_t factor_positive(ptrdiff_t n, real *a, real part, real least);
 void solve_positive(ptrdiff_t n, const real *a, real *b);
 
@@ -38,7 +38,7 @@ struct least_pivot {
 
 /* Choose as many independent columns of a (rows by columns, overwritten) as it has rows, by complete pivoting. Their
  * numbers go into `chosen`, those of the other columns into `others`, which has room for all. Returns 0 where the rows
- * are dependent: a pivot is no more than RANK_TOLERANCE of the first. */
+ * are dependent: a pivot is at most RANK_TOLERANCE of the first. */
 int choose_columns(ptrdiff_t rows, ptrdiff_t columns, real *a, ptrdiff_t *chosen, ptrdiff_t *others,
                    struct least_pivot *least);
 

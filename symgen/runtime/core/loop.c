@@ -180,7 +180,7 @@ int loop_close(struct loop *l, real t, real *q) {
     real before = REAL_INFINITY, part = 1, fine = FINE, defect = 0, b[ROWS], x[MOST], step = REAL_INFINITY;
     const real tolerance = R(l->sizes.tolerance);
     loop_prescribe(l, t, q);
-    /* An angle of many turns cannot be told finer than its own last digit. */
+    /* An angle of many revolutions is resolved no finer than its own last digit. */
     for (long k = 0; k < l->sizes.n; k++)
         fine = real_fmax(fine, 2 * REAL_EPSILON * real_fabs(q[k]) / l->scale[k]);
     const real coarse = real_fmax(COARSE, 8 * fine);
@@ -213,7 +213,7 @@ int loop_close(struct loop *l, real t, real *q) {
         mismatch(l, b);
         const long rank = l->sizes.rank;
         if (l->follows && rank > 0 && !(R(l->base.account->soundness) > SIGHT))
-            l->sizes.rank--; /* what the pose leaves undetermined stays as predicted */
+            l->sizes.rank--; /* the variable that the pose leaves undetermined stays as predicted */
         loop_solve(l, b, x);
         l->sizes.rank = rank;
         for (long k = 0; k < l->sizes.solved; k++) {
@@ -328,7 +328,7 @@ int loop_force(struct loop *l, real t, const real *q, const real *u, real *work)
     if (unknown == 0)
         return DONE;
     /* gain[i, x]: how much the variable of unknown effort x moves with the input i of known effort. The unknown
-     * efforts E balance what the inputs need beyond what they are given: gain E = needed. */
+     * efforts E balance the efforts that the inputs need beyond their known ones: gain E = needed. */
     for (long i = 0; i < unknown; i++) {
         const long j = l->driven[l->known[i]];
         for (int k = 0; k < ROWS; k++)

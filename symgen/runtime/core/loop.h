@@ -12,7 +12,7 @@
 #include "qr.h"
 #include "run.h"
 
-/* What closing and moving a loop may answer besides what the core answers. */
+/* Status of closing and moving a loop, in addition to the core's own. */
 enum loop_status { OPEN = 20, INCONSISTENT, POLE, BLIND };
 
 /* Kernels of a loop; those it does not have are NULL. `position` is needed. */
@@ -24,7 +24,7 @@ struct loop_kernels {
     kernel given;       /* out = efforts that drives, springs and loads give */
     kernel mass_matrix; /* out = inertia (n x n) */
     kernel outputs;
-    kernel energy;      /* out = (kinetic, potential, power of what has no potential) */
+    kernel energy;      /* out = (kinetic, potential, power of loads without potential) */
     kernel setup;       /* what depends on parameters alone, behind them */
     kernel events;      /* out = distance from each switching point of loads */
 };
@@ -34,7 +34,7 @@ struct loop_sizes {
     long n;                      /* variables */
     long parameters, work, told; /* reals of parameters, of the largest work, and written by `outputs` */
     long derived;                /* reals that `setup` writes */
-    long solved, inputs, unknown, known; /* how many; their numbers stand in this order in `numbers` */
+    long solved, inputs, unknown, known; /* how many; `numbers` lists them in this order */
     long balls;                  /* of ball joints whose angles can be written otherwise near their poles */
     long switches;               /* of switching points, whose branches are the last of the parameters */
     long rank;                   /* of the screws of the solved variables, in general */
@@ -42,17 +42,17 @@ struct loop_sizes {
     double tolerance;            /* defect of closure that dependent equations may leave, as of `closure` */
 };
 
-/* What the last look found; plain numbers of the same type in every core. */
+/* Results of the last evaluation; plain numbers of the same type in every core. */
 struct loop_account {
     double closure;    /* largest defect: of rotations, and of lengths over the size */
-    double rates_left; /* part of the rates asked that no motion of the solved variables gives */
+    double rates_left; /* part of the required rates that no motion of the solved variables gives */
     double hold;       /* determinant of the drives of unknown effort over the inputs of known effort */
     double stride;     /* time between this state and the one before [s]; 0: there is none before */
     long iterations;
 };
 
 struct loop {
-    struct equations base; /* first: what a run sees */
+    struct equations base; /* first: a run casts to it */
     struct loop_kernels kernels;
     struct loop_sizes sizes;
     struct loop_account *seen;
@@ -60,7 +60,7 @@ struct loop {
     const ptrdiff_t *found, *known;   /* places of unknown efforts in `solved`, of known ones in `driven` */
     const unsigned char *is_length;
     long free;
-    int follows; /* closing keeps what a pose leaves undetermined, as predicted */
+    int follows; /* closing keeps a variable that the pose leaves undetermined as predicted */
     real size;
     double soundest; /* largest part that the least pivot had so far, in a run */
     const struct ball *balls;
@@ -100,7 +100,7 @@ int loop_assemble(struct loop *l, real t, real *q, long *rank);
 void loop_solve(struct loop *l, real *b, real *x);
 
 /* Find rates (which = 1) or accelerations (2) of all variables from those of the inputs and a drift, which may be
- * NULL; return the part of what was asked that no motion gives. b has six reals of room. */
+ * NULL; return the part of the required change that no motion gives. b has six reals of room. */
 real loop_changes(struct loop *l, int which, const real *drift, real *b, real *v);
 
 /* Find rates u and accelerations a of all variables, with the factor at q. */
@@ -119,7 +119,7 @@ enum { CLOSURE, RATES, SOUNDNESS, HOLD, STATUS, DIAGNOSES };
  * times; q and *t end at the last time reached, as far as it was followed.
  *
  * For every time: in rows of `row` reals of `states` q, rates, accelerations and closing wrench (3 n + 6), in rows of
- * `width` of `out` what the kernel `outputs` gives, and a row of `diagnosis`. `longest` is the longest step in time. */
+ * `width` of `out` the output of the kernel `outputs`, and a row of `diagnosis`. `longest` is the longest time step. */
 int loop_follow(struct loop *l, real *t, real *q, const real *times, long count, real longest, real *states,
                 long row, real *out, long width, double *diagnosis, long *reached);
 
@@ -135,7 +135,7 @@ int loop_turn_near(struct loop *l, const real *y);
 /* The way back: accelerations at l->near_y, in place, and the table's own angles in use again. */
 void loop_turn_back(struct loop *l, real *a);
 
-/* What a run asks of a loop that moves under forces. */
+/* A loop that moves under forces as a run steps it, see struct behaviour. */
 extern const struct behaviour loop_behaviour;
 
 #endif

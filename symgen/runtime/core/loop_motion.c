@@ -1,4 +1,4 @@
-/* A loop that moves under forces: what a run asks of its equations, solved for dependent and free variables. */
+/* Equations of motion of a loop under forces, solved for dependent and free variables: `loop_behaviour`. */
 #include <math.h>
 #include <string.h>
 
@@ -209,13 +209,13 @@ static void make_tangent_loop(struct equations *e, real t, const real *y, real *
     shut(l, change);
 }
 
-/* Leave kinetic and potential energy, and the power of what has no potential, in e->energies.
- * The closing wrench, which that power needs, is not found here: the power is not to be used. */
+/* Leave kinetic and potential energy, and the power of loads without potential, in e->energies.
+ * The power is not to be used: it needs the closing wrench, which is not computed here. */
 static void measure_energy_loop(struct equations *e, real t, const real *y) {
     of(e)->kernels.energy(&t, y, y + e->n, e->p, e->out, e->energies);
 }
 
-/* dy/dt, with the work of what has no potential from the wrench just found. */
+/* dy/dt, with the power of loads without potential from the closing wrench of accelerate_loop. */
 static void derivative_loop(struct equations *e, real t, const real *y, real *dy) {
     const long n = e->n;
     accelerate_loop(e, t, y);

@@ -1,4 +1,4 @@
-/* What the outside sees of loops, whatever number type the core is compiled for: see core.h. */
+/* Interface of loops, the same for every number type: see core.h. */
 #ifndef SYMGEN_LOOPS_H
 #define SYMGEN_LOOPS_H
 

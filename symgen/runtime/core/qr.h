@@ -1,7 +1,7 @@
 /* Rank-revealing factorisation of six rows: Householder QR with column pivoting, A P = Q R.
  *
  * Matrices are stored column by column, six reals each. All loops over rows have the same length, which
- * compilers unroll: what a shorter loop would skip is zero. Source: G. H. Golub and C. F. Van Loan, Matrix
+ * compilers unroll: entries that a shorter loop would skip are zero. Source: G. H. Golub and C. F. Van Loan, Matrix
  * Computations, 5.4.2.
  */
 #ifndef SYMGEN_QR_H
@@ -93,7 +93,7 @@ static inline void qr_turn(const struct qr *f, ptrdiff_t k, real *b) {
 }
 
 /* Write a least-squares solution of A x = b with at most `rank` nonzero entries; b is overwritten.
- * Behind its first `rank` entries b then holds what is left of it, seen through Q^T. */
+ * Behind its first `rank` entries b then holds the residual, as Q^T (b - A x). */
 static inline void qr_solve(const struct qr *f, ptrdiff_t rank, real *b, real *x) {
     for (ptrdiff_t k = 0; k < f->steps; k++)
         qr_turn(f, k, b);

@@ -22,7 +22,7 @@ enum { STAGES = 3, ITERATIONS = 7, FIXED_ITERATIONS = 20 };
 #define FAST 1e-3
 /* A step that may grow by less than this is kept, and its matrices with it. */
 #define KEEP 1.2
-/* After iterations that did not converge steps stay below this part of that one, which is forgotten slowly. */
+/* After a step whose iterations did not converge, steps stay below this part of its length; the limit fades slowly. */
 #define CAUTION 0.8
 #define FORGET 1.05
 
@@ -35,7 +35,7 @@ struct radau {
     ptrdiff_t *swaps, *complex_swaps;
     real *r, *rc;                  /* right-hand sides, 2n and 2n pairs */
     real *scale;                   /* of the errors of the iterations, 2n */
-    real *memo;                    /* what is remembered, see enum */
+    real *memo;                    /* values carried from step to step, see enum */
 };
 
 enum memo { KNOWN, FRESH, STALE, ALONG, H_MATRIX, H, H_OLD, NORM_OLD, REJECTED, H_UNSOLVED, MEMO };
@@ -152,7 +152,7 @@ static void predict(const struct run *run, const struct radau *x, const struct c
                 h_old > 0 ? run->y_old[i] - run->y[i] + collocated(m, x->z_old + i, dim, 1 + m->c[s] * h / h_old) : R(0);
 }
 
-/* Find what the linear systems of a step need; returns 0 when that fails. */
+/* Evaluate and factor the matrices of a step's linear systems; return 0 on failure. */
 static int make_matrices(struct run *run, const struct radau *x, const struct coefficients *m, real h, int anew) {
     struct equations *e = run->e;
     long n = e->n;
@@ -187,7 +187,7 @@ static void look(struct run *run, real t, real *y, real *dy) {
         run->e->of->derivative(run->e, t, y, dy);
 }
 
-/* Evaluate the stages, and leave in r and rc what they miss the collocation equations by, transformed. */
+/* Evaluate the stages, and leave the transformed residual of the collocation equations in r and rc. */
 static int find_residual(struct run *run, const struct radau *x, const struct coefficients *m, real t, real h) {
     const real *t_inverse = run->scheme.numbers + STAGES * STAGES;
     long dim = run->dim, n = run->e->n;
@@ -245,7 +245,7 @@ static int solve_stages(struct run *run, const struct radau *x, const struct coe
             return 0;
         if (k > 0) {
             rate = size / last;
-            /* where accelerations have no more digits, the estimate of the error judges what they gave */
+            /* accelerations at the limit of rounding: the error estimate judges the step */
             if (rate > R(0.5) && ((magnified && k > 1) || size <= R(STALLED)))
                 return 1;
             /* with projected stages the first rate is not that of convergence: positions follow the rates once more */

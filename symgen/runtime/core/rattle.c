@@ -11,7 +11,7 @@
  * motion is taken: it differs by M^-1 J^T times something, which the multipliers make up for.
  *
  * counts: parts of a step, an odd number. numbers: lengths of the parts before the middle one over that of the
- * step; those behind are the same the other way round, and the middle one is what is left of the step.
+ * step; the parts after the middle one mirror those before it, and the middle one takes the rest of the step.
  */
 #include "arena.h"
 #include "linear.h"
@@ -133,7 +133,7 @@ static int met(real worst, real size, int stalled) {
     return worst <= (stalled ? R(ROUND_OFF) : R(1)) * REAL_EPSILON * size;
 }
 
-/* Go on with Newton's iterations from `y`: the Jacobian anew at every iterate, steps that lead away halved. */
+/* Newton's iterations from `y`: a new Jacobian at every iterate, steps that increase the error halved. */
 static int meet_by_newton(struct run *run, const struct rattle *x, real h, real t_1, real *y) {
     struct equations *e = run->e;
     real *dq = run->error, previous = REAL_INFINITY, part = 1;
@@ -233,7 +233,7 @@ static int meet_velocities(struct run *run, const struct rattle *x, real h, real
     return UNSOLVED;
 }
 
-/* One part of a step: x->y with its rates x->rate and the factor in e->factors goes on by h to t_1. */
+/* One part of a step: advance x->y, with its rates x->rate and the factor in e->factors, by h to t_1. */
 static int part(struct run *run, const struct rattle *x, real t, real h, real t_1) {
     struct equations *e = run->e;
     long n = e->n;

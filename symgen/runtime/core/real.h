@@ -1,4 +1,4 @@
-/* The number type that the core is compiled for: double, or what a macro says. */
+/* The number type that the core is compiled for: double, or the type that a macro names. */
 #ifndef SYMGEN_REAL_H
 #define SYMGEN_REAL_H
 
@@ -56,7 +56,7 @@ typedef double real;
 #define R(x) ((real)(x))
 #define REAL_INFINITY ((real)INFINITY)
 
-/* The larger and the smaller of two; what is not a number as the second one does not count. */
+/* The larger and the smaller of two numbers; a NaN as the second is ignored. */
 static inline real real_fmax(real a, real b) {
     return b > a ? b : a;
 }

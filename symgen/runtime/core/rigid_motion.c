@@ -5,7 +5,7 @@
 #include "arena.h"
 #include "lanes.h"
 
-/* Strides that are gone at once at most: tens of thousands of turns. */
+/* Largest number of strides between two evaluations: tens of thousands of revolutions. */
 #define FARTHEST R(1e7)
 
 /* Point all arrays into memory, or only count their bytes. */
@@ -62,7 +62,7 @@ static void wind(struct rigid_motion *m) {
         take_references(m);
 }
 
-/* Angles in loads lie within half a turn of zero where the motion began. */
+/* Angles in loads lie within half a revolution of zero at the start of the motion. */
 static void begin_windings(struct rigid_motion *m) {
     struct equations *e = m->e;
     if (e->sizes.windings == 0)

@@ -4,7 +4,7 @@
 
 #include "arena.h"
 
-/* Greatest change of the step (the least is SHRINK), and what it is kept below the step that would just do. Accelerations of
+/* Greatest growth of the step (the least is SHRINK), and its safety factors. Accelerations of
  * linkages change much from step to step: if a step grew by more than GROW_FREELY without being kept CAREFUL, a
  * quarter of all steps would be taken twice. */
 #define GROW 10.0
@@ -235,8 +235,8 @@ int try_step(struct run *run, real h, real t_new) {
     status = s->settled ? DONE : settle(run, t_new);
     if (status == AGAIN)
         s->h = h * s->shrink;
-    /* What the projection takes away is a part of the step's error, across the constraints: where it is more
-     * than the method made of its error, the method did not see it, and its step is judged by that. */
+    /* The correction by the projection is the part of the step's error transverse to the constraints. If it exceeds the
+     * method's own error estimate, the method did not see it, and the correction decides on the step. */
     if (status == DONE && run->scheme.adaptive && !(s->correction <= s->norm)) {
         s->norm = s->correction;
         if (!(s->norm <= 1)) {

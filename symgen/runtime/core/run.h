@@ -3,7 +3,7 @@
  * The loop takes a step by the method, judges its error, brings it back onto the constraints, watches their
  * rank, locates events, records samples and follows the drift. All that changes in a run lies in one block of
  * memory without pointers, `memory`, with `struct state` at its start: its bytes, and those of the equations'
- * memory, are a checkpoint, and a run that goes on from them is the same to the bit.
+ * memory, are a checkpoint, and a run continued from them is the same to the bit.
  *
  * A new kind of method is one C file that defines a `struct kind`, and a line in kinds.c.
  */
@@ -22,7 +22,7 @@ enum { GLANCES = 16 };
 /* Properties of an event: it ends the run; its value is an angle, and continuous over revolutions. */
 enum { ENDS_RUN = 1, REVOLVES = 2 };
 
-/* What a run is asked to do. */
+/* Task of a run. */
 struct task {
     double t0, t_end;
     double rtol, atol;   /* both zero: fixed steps */
@@ -31,7 +31,7 @@ struct task {
     double max_step;     /* the longest step of adaptive methods; 0: any */
     long stabilisation;  /* enum stabilisation */
     long samples;        /* times at which the state is recorded */
-    long places_only;    /* velocities of samples are not asked for: they may stay as they are interpolated */
+    long places_only;    /* velocities of samples are not requested: they may stay as interpolated */
     long found;          /* events remembered until they are taken away; at least LOOKS of each kind */
 };
 
@@ -44,7 +44,7 @@ struct run;
 enum { MOST_COUNTS = 16, MOST_STAGES = 32, MOST_ESTIMATES = 2 };
 
 /* A kind of method. It owns run->own, memory of so many bytes: all that its steps carry from one to the next.
- * `counts` and `numbers` of the method (see struct scheme) mean what the kind's file says they do. */
+ * The file of the kind defines the meaning of the method's `counts` and `numbers` (see struct scheme). */
 struct kind {
     const char *name;
     /* Whether its steps keep positions and velocities on the constraints: then the loop does not project. */
@@ -67,7 +67,7 @@ struct kind {
     void (*prepare)(struct run *run, real h);
     /* Write the state at t + theta h, 0 <= theta <= 1, as good as the method has it; not projected. */
     void (*interpolate)(struct run *run, real h, real theta, real *y);
-    /* y_new has become y: carry over what the next step needs, such as f = f_new. */
+    /* y_new has become y: carry over the data of the next step, such as f = f_new. */
     void (*accept)(struct run *run);
 };
 
@@ -166,7 +166,7 @@ void run_reset(struct run *run);
 int run_begin(struct run *run);
 
 /* Take at most so many steps; return MORE, DONE, ENDED or what went wrong. Comes back early with MORE when
- * remembered events or passages must be taken away (set their counts to zero) before it can go on. */
+ * recorded events or passages must be taken away (set their counts to zero) before it can continue. */
 int run_advance(struct run *run, long most);
 
 /* -- for methods ------------------------------------------------------------------------------------------- */

@@ -1,4 +1,4 @@
-/* The end of a step brought back onto the constraints, and what that says of the step. */
+/* Projection of a step's end onto the constraints, and the error of the step that it shows. */
 #include "run.h"
 
 #include <string.h>
@@ -8,8 +8,8 @@
 /* The tightest relative tolerance that a number type meets, over its epsilon: TIGHTEST of runtime/integrate/options.py. */
 #define ROUNDINGS 100.0
 
-/* What the projection took away, over the tolerance or, where that is less, over ROUNDINGS of the largest coordinate
- * or rate: so much comes back however short the step is. */
+/* Norm of the projection's correction over the tolerance, or over ROUNDINGS of the largest coordinate or rate if that
+ * is larger: so much recurs however short the step is. */
 static real correction(struct run *run) {
     long n = run->e->n;
     real total = 0, atol = R(run->task.atol), rtol = R(run->task.rtol);

@@ -4,7 +4,7 @@
 
 #include "run.h"
 
-/* Write da/dq and da/du at y, n by n each, row by row. `values` is memory for what the kernel writes.
+/* Write da/dq and da/du at y, n by n each, row by row. `values` is memory for the kernel's output.
  * Returns DONE or NOT_FINITE. */
 int find_slopes(struct equations *e, real t, const real *y, real *values, real *by_q, real *by_u);
 
@@ -12,8 +12,8 @@ int find_slopes(struct equations *e, real t, const real *y, real *values, real *
  * iterations that leave its slopes out still converge, unless the motion is stiff just there. */
 void derivative_along(struct run *run, real t, real *y, real *dy);
 
-/* The matrix x^2 - x da/du - da/dq of n by n, for x real or complex (pairs): what is left to solve when the rates are
- * eliminated from (x - d(u, a)/d(q, u)) (dq, du) = (r, s). */
+/* The matrix x^2 - x da/du - da/dq of n by n, for x real or complex (pairs): that of dq, with the rates eliminated
+ * from (x - d(u, a)/d(q, u)) (dq, du) = (r, s). */
 void reduced_matrix(long n, real x, const real *by_q, const real *by_u, real *matrix);
 void reduced_complex(long n, const real *x, const real *by_q, const real *by_u, real *matrix);
 

@@ -5,7 +5,7 @@
  * not change by that, but for rounding, as long as no step turns by more than a quarter of a revolution.
  *
  * Angles of links that are recorded: each is followed from step to step, and from the step's start to a sample in it, by
- * as many revolutions as bring its change nearest to what the rates at both ends say.
+ * as many revolutions as bring its change nearest to the mean rate of both ends times the duration.
  */
 #include "run.h"
 
