@@ -144,7 +144,7 @@ cdef object _indices(const Py_ssize_t *raw, Py_ssize_t count):
 
 
 cdef int _fill(void *to, size_t bytes, const unsigned char[::1] memory) except -1:
-    """Copy the first bytes of what was saved."""
+    """Copy the first `bytes` of a saved memory; ValueError if it is shorter."""
     if <size_t>memory.shape[0] < bytes:
         raise ValueError("it is of a motion of another size")
     memcpy(to, &memory[0], bytes)
@@ -161,7 +161,7 @@ cdef class RigidMotion:
     motion, joints
         The kernels of ``elastic_motion`` and of ``elastic_joints``, which live as long as this.
     sizes
-        Sizes of what the kernels links, joints, shaft and loads write, and the set-up kernels of both.
+        Output sizes of the kernels links, joints, shaft and loads, then of the set-up kernels of both.
     t, y
         A time and the state there.
     stride
@@ -234,7 +234,7 @@ cdef class RigidMotion:
         self.equations.restore(memory[self.bytes:])
 
     def evaluate(self, double t):
-        """Return status, state, motion of links, what the joints kernel wrote, shaft and loads at a time."""
+        """Return the status, the state, and the outputs of the kernels links, joints, shaft and loads at a time."""
         cdef motion_view seen
         cdef int status = self.api.motion_at(self.core, t)
         cdef Core of = self.equations.of
@@ -270,7 +270,7 @@ cdef int _within(str what, values, Py_ssize_t low, high) except -1:
 
 
 cdef int _check_layout(layout, Py_ssize_t links, Py_ssize_t joined) except -1:
-    """Raise ValueError where a layout points outside its arrays or outside what the joints kernel writes."""
+    """Raise ValueError if an index of a layout lies outside its arrays or the output of the joints kernel."""
     cdef Py_ssize_t n = layout.unknowns, m = layout.constraints, entries = len(layout.rows)
     sizes, pieces = np.asarray(layout.sizes), len(layout.sizes)
     for what in ("constants_at", "link_of", "ends", "places_at", "slots_at"):
@@ -440,7 +440,7 @@ cdef class BeamSteps:
     Parameters
     ----------
     equations
-        What is stepped.
+        The equations to step.
     method
         A :class:`symgen.runtime.beams.methods.BeamMethod`.
     columns

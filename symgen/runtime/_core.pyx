@@ -10,7 +10,7 @@ from libc.stdint cimport uintptr_t
 from libc.stdlib cimport calloc, free
 from libc.string cimport memcpy
 
-#: What a step, a projection or a factorisation answers.
+#: Status of a step, a projection or a factorisation.
 DONE, MORE, NOT_FINITE, STEP_TOO_SMALL, SINGULAR = _DONE, _MORE, _NOT_FINITE, _STEP_TOO_SMALL, _SINGULAR
 PROJECTION_FAILED, CONTRADICTED, DRIFTED, ENDED = _PROJECTION_FAILED, _CONTRADICTED, _DRIFTED, _ENDED
 UNSOLVED, SLIDING = _UNSOLVED, _SLIDING
@@ -56,7 +56,7 @@ def set_up(uintptr_t address, double[::1] p, Py_ssize_t parameters, Py_ssize_t d
 
 
 def evaluate(uintptr_t address, sizes, double t, const double[::1] q, const double[::1] u, const double[::1] p, work):
-    """Return what one kernel writes; ``work`` is None or holds the accelerations that it reads."""
+    """Return the output of one kernel; ``work`` is None or holds the accelerations that it reads."""
     cdef Py_ssize_t count = sizes[5]
     cdef double[::1] out = np.zeros(count + 1), memory
     memory = np.zeros(sizes[4] + 1) if work is None else work
@@ -92,7 +92,7 @@ def call_repeatedly(uintptr_t address, sizes, Py_ssize_t times, const double[:, 
 
 
 def address_of(array):
-    """Return where the first number of an array stands in memory."""
+    """Return the memory address of an array's first number."""
     cdef Py_buffer seen
     PyObject_GetBuffer(array, &seen, PyBUF_STRIDES)
     address = <uintptr_t>seen.buf
@@ -151,7 +151,7 @@ cdef class Core:
         return found
 
     def narrow(self, raw):
-        """Return what :meth:`widen` gave as doubles, and what they leave over."""
+        """Return numbers of :meth:`widen` as two arrays of doubles: rounded values and remainders."""
         cdef const unsigned char[::1] given = np.ascontiguousarray(raw).reshape(-1)
         shape = raw.shape[:raw.ndim - 1]
         high, low = np.empty(shape), np.empty(shape)
@@ -218,7 +218,7 @@ DOUBLE = Core()
 cdef class Reals:
     """Numbers of Python for a core: the same memory where its numbers are doubles, else a copy.
 
-    What the core writes comes back only into an array that is contiguous.
+    Results of the core are copied back only into a contiguous array.
     """
 
     def __init__(self, Core of, doubles):
@@ -241,7 +241,7 @@ cdef class Reals:
             free(self.at)
 
     cdef void back(self):
-        """Bring back what the core wrote."""
+        """Copy the core's results back."""
         cdef double[::1] to
         if self.own and self.count:
             to = self.doubles
@@ -249,7 +249,7 @@ cdef class Reals:
 
 
 cdef class Integrable:
-    """What a run integrates: the memory of its equations, and what is told of them."""
+    """Equations that a run integrates: their memory, sizes and diagnosis."""
 
     def __dealloc__(self):
         free(self.core)
@@ -320,7 +320,7 @@ cdef class Integrable:
 
     @property
     def rank_tolerance(self):
-        """What a pivot keeps at most where rank is lost."""
+        """Rank is lost where a pivot keeps at most this part of its own-signed terms."""
         return self.core.sizes.rank_tolerance
 
     def solutions(self, t, y):
@@ -402,8 +402,8 @@ cdef class Equations(Integrable):
     first_pivot
         Where 'factor' leaves the pivots in its work memory.
     rank_tolerance
-        What a multiplier's pivot keeps at most of its own-signed terms where rank is lost; the kernels set such a
-        multiplier to zero.
+        Rank is lost where a multiplier's pivot keeps at most this part of its own-signed terms; the kernels set
+        such a multiplier to zero.
     redundant
         Number of constraints that follow from the others in every configuration: so many pivots must be lost.
     slack
@@ -463,9 +463,9 @@ cdef class Run:
     Parameters
     ----------
     equations
-        What is integrated.
+        The :class:`Integrable` to integrate.
     method
-        What :data:`~symgen.runtime.integrate.integrators.INTEGRATORS` holds.
+        A value of :data:`~symgen.runtime.integrate.integrators.INTEGRATORS`.
     t0, y0, t_end
         Start and end of the run.
     rtol, atol
@@ -481,7 +481,8 @@ cdef class Run:
     max_step
         The longest step of a method that adapts it; 0 for any.
     places_only
-        Velocities of recorded states are not asked for: they may be off the constraints by what interpolation errs.
+        Velocities of recorded states are not requested: they may violate the constraints by the error of
+        interpolation.
     directions, terminal
         Of each event: 1 rising, -1 falling, 0 both; and whether it ends the run.
     """
@@ -632,8 +633,8 @@ cdef class Run:
         return self._doubles(self.of.api.run_turns(self.core), self.recorded, self.equations.core.sizes.turns)
 
     def called(self, uintptr_t address, sizes, const double[::1] p):
-        """Call a kernel of doubles that needs no work memory at every recorded state of a run in doubles; return
-        what it writes, a row each."""
+        """Return the output of a kernel of doubles without work memory, one row per recorded state of a run in
+        doubles."""
         cdef Py_ssize_t size = sizes[5]
         if self.of.api.real_bytes != sizeof(double):
             raise ValueError("kernels of doubles cannot read the states of this run")

@@ -56,7 +56,7 @@ cdef extern from "core/loops.h" nogil:
         int (*turn)(loop *, void *) noexcept nogil
         int (*follow)(loop *, double *, void *, const void *, long, double, void *, long, void *, long, double *, long *) noexcept nogil
 
-#: What closing and moving a loop may answer besides what the core answers.
+#: Status of closing and moving a loop, in addition to the core's own.
 OPEN, INCONSISTENT, POLE, BLIND = _OPEN, _INCONSISTENT, _POLE, _BLIND
 #: Columns of the diagnosis of a sample.
 CLOSURE, RATES, SOUNDNESS, HOLD, STATUS = _CLOSURE, _RATES, _SOUNDNESS, _HOLD, _STATUS
@@ -237,8 +237,8 @@ cdef class LoopEquations(Integrable):
         longest
             Longest step in time [s].
         states, out, diagnosis
-            For every time: q, rates, accelerations and closing wrench; what the kernel 'outputs' gives; the
-            columns CLOSURE, RATES, SOUNDNESS, HOLD, STATUS.
+            For every time: q, rates, accelerations and closing wrench; the output of the kernel 'outputs'; and
+            the columns CLOSURE, RATES, SOUNDNESS, HOLD, STATUS.
 
         Returns
         -------
