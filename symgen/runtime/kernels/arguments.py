@@ -15,7 +15,7 @@ Array = NDArray[np.float64]
 
 
 def is_real(value: Any) -> bool:
-    """Tell whether something is a finite number."""
+    """Return True if ``value`` is a finite real number, and no bool."""
     if type(value) is float:
         return math.isfinite(value)
     return isinstance(value, numbers.Real) and not isinstance(value, bool) and math.isfinite(value)

@@ -1,4 +1,4 @@
-"""Kernels evaluated at many states in one call, in the type that a model was asked for."""
+"""Batched kernels: many states in one call, in the number type of the model."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ _CACHE_LINE = 64
 
 @dataclass(frozen=True, slots=True)
 class _States:
-    """Times, coordinates, velocities and work memory, a row a state; ``rest`` is what ``work`` leaves."""
+    """Times, coordinates, velocities and work memory, one row per state; ``rest``: low parts of ``work``."""
 
     t: Rows
     q: Rows
@@ -46,7 +46,7 @@ class Batch:
     Parameters
     ----------
     description
-        What is known of the model.
+        Description of the model.
     typed
         Its kernels.
     parameters
@@ -125,7 +125,7 @@ class Batch:
         return times
 
     def _with_work(self, info: KernelInfo, states: _States, work: ArrayLike | None, threads: int) -> _States:
-        """Add what a kernel finds in its work memory: what was given, or the motion of each state."""
+        """Return states with a work memory for a kernel: ``work`` if given, else the motion of each state."""
         if info.name in _OWN_WORK or not info.work_size:
             return states
         if work is not None:
@@ -203,11 +203,11 @@ class _Given(ctypes.Structure):
 
 
 def _given(rows: Rows | None, rest: Rows | None, size: int = 0) -> _Given:
-    """Return where the rows of an argument stand; of what is not there, only its size."""
+    """Return address and strides of an argument's rows; only the size of an absent argument."""
     if rows is None:
         return _Given(None, None, size, 0, 0)
     if rest is not None and rest.strides != rows.strides:
-        raise ValueError("both parts of wide numbers must lie alike")
+        raise ValueError("both parts of wide numbers must have the same strides")
     (state, entry), item = rows.strides, rows.itemsize
     return _Given(_pointer(rows), _pointer(rest), rows.shape[1], state // item, entry // item)
 

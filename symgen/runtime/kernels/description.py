@@ -1,4 +1,4 @@
-"""What a compiled model is, without its equations: names, sizes, units and the start; stored as JSON."""
+"""Description of a compiled model but its equations: names, sizes, units and the start; stored as JSON."""
 
 from __future__ import annotations
 
@@ -37,9 +37,9 @@ class BlockInfo:
 
 @dataclass(frozen=True, slots=True)
 class EventInfo:
-    """Where an entry of the kernel 'events' passes zero: rising (1), falling (-1) or either way (0).
+    """A zero of an entry of the kernel 'events': rising (1), falling (-1) or in either direction (0).
 
-    ``revolves`` tells that it is an angle, which runs continue over revolutions.
+    ``revolves``: the entry is an angle, which runs continue over revolutions.
     """
 
     name: str
@@ -72,7 +72,7 @@ class KernelInfo:
 
 @dataclass(frozen=True, slots=True)
 class Described(ABC):
-    """What the runtime needs to know of any model, besides the code."""
+    """Runtime data of any model, without its code."""
 
     name: str
     file: str
@@ -110,7 +110,7 @@ class Described(ABC):
 
     @property
     def derived(self) -> int:
-        """Number of doubles that the kernel 'setup' leaves behind the parameters; 0 where there is none."""
+        """Number of doubles that the kernel 'setup' writes behind the parameters; 0 without that kernel."""
         setup = self.kernel("setup")
         return setup.out_size if setup else 0
 
@@ -120,7 +120,7 @@ class Described(ABC):
         return 1, self.coordinates, self.coordinates, len(self.parameters) + self.derived + 1
 
     def kernel(self, name: str) -> KernelInfo | None:
-        """Return what is known of a kernel; None when the model has none of that name."""
+        """Return name and sizes of a kernel; None if the model has none of that name."""
         return next((k for k in self.kernels if k.name == name), None)
 
     def sizes_of(self, kernel: str) -> tuple[int, int, int, int, int, int]:
@@ -141,14 +141,13 @@ class Described(ABC):
 
 @dataclass(frozen=True, slots=True)
 class Description(Described):
-    """What the runtime needs to know of a linkage of points and links.
+    """Runtime data of a linkage of points and links.
 
-    ``free`` are the points that have coordinates, along ``axes``: those of ``plane`` where a linkage written
-    in space stays in one. ``links`` holds the points of each link; ``labels`` say what each constraint is
-    called in messages. ``kinematic`` tells that there is no dynamics, ``remarks`` what results
-    note of the scene. ``start`` holds the coordinates and
-    then the velocities at the scene's own parameters, ``first_pivot`` is where the kernel 'factor' leaves its
-    pivots in ``work``.
+    ``free`` are the points that have coordinates, along ``axes``: those of ``plane`` if a spatial scene moves
+    in a plane. ``links`` holds the points of each link, ``labels`` the name of each constraint in messages.
+    ``kinematic``: the model has no dynamics. ``remarks`` are notes on the scene for results. ``start`` holds
+    the coordinates and then the velocities at the scene's own parameters, ``first_pivot`` is the index in
+    ``work`` of the first pivot of the kernel 'factor'.
     """
 
     axes: tuple[str, ...]
@@ -201,7 +200,7 @@ class Description(Described):
         return ("x", "y", "z") if self.plane else self.axes
 
     def unknown(self, index: int) -> str:
-        """Return what an unknown of the equations of motion is called in messages."""
+        """Return the name of an unknown of the equations of motion in messages."""
         axes, n = self.axes, self.coordinates
         if index < n:
             return f"the {axes[index % len(axes)]} motion of point {self.free[index // len(axes)]}"
@@ -226,8 +225,8 @@ class Description(Described):
 class VariableInfo:
     """A joint variable of a loop: see :class:`symgen.scene.loop.loop.Variable`.
 
-    ``unit`` is ``rad`` or ``m``; ``unknown`` tells whether the effort of its drive is to be found. ``start``
-    is the first guess of a dependent variable; ``guessed`` tells whether the scene gives it.
+    ``unit`` is ``rad`` or ``m``; ``unknown``: the effort of its drive is an unknown. ``start`` is the first
+    guess of a dependent variable; ``guessed``: the scene prescribes that guess.
     """
 
     name: str
@@ -261,7 +260,7 @@ class BallInfo:
 
 @dataclass(frozen=True, slots=True)
 class LoopDescription(Described):
-    """What the runtime needs to know of a closed loop.
+    """Runtime data of a closed loop.
 
     ``joints`` and ``links`` name each row of the table. ``span`` is the range of the first input, empty where
     variables are free; ``lead`` is the name of that input, the first written in the scene, empty where there
@@ -313,14 +312,14 @@ class LoopDescription(Described):
         return [i for i, v in enumerate(self.variables) if v.role in roles]
 
     def row(self, index: int) -> str:
-        """Return what the row of a variable is called in messages."""
+        """Return variable, row, joint and link of a variable as messages name them."""
         v = self.variables[index]
         return f"{v.name} of row {v.row + 1} (joint {self.joints[v.row]}, link {self.links[v.row]})"
 
 
 @dataclass(frozen=True, slots=True)
 class ArrayInfo:
-    """An argument array: what it is, and name, unit and meaning of each entry."""
+    """An argument array: its purpose, and name, unit and meaning of each entry."""
 
     about: str
     names: tuple[str, ...]
@@ -330,7 +329,7 @@ class ArrayInfo:
 
 @dataclass(frozen=True, slots=True)
 class SystemDescription(Described):
-    """What the runtime needs to know of a user's own derivation: its argument arrays by name."""
+    """Runtime data of a user-defined system: its argument arrays by name."""
 
     arrays: dict[str, ArrayInfo]
 
@@ -380,7 +379,7 @@ def read_description(text: str) -> Described:
 
 
 def kernel_infos(kernels: Iterable[Any]) -> tuple[KernelInfo, ...]:
-    """Return what the runtime keeps of the kernels of a program."""
+    """Return name and sizes of each kernel of a program."""
     return tuple(
         KernelInfo(
             k.name,

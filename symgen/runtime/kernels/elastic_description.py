@@ -1,4 +1,4 @@
-"""What the runtime needs to know of the elastic links of a linkage, besides the code."""
+"""Runtime data of the elastic links of a linkage, without their code."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from symgen.runtime.beams.data import BeamInfo
 
 @dataclass(frozen=True, slots=True)
 class ElasticInfo:
-    """Elastic links, the crank, and where strains are asked for.
+    """Elastic links, the crank, and the stations of strains.
 
     ``stations`` are pairs of a name and a link, ``lumps`` and ``loads`` the links of the masses and forces
     along links, all in the order of the rows that kernels give. ``outputs`` are those the scene selects.

@@ -36,15 +36,15 @@ class Evaluator:
         return as_taken(self.library, self.given, self.description.rank_tolerance)
 
     def has(self, kernel: str) -> bool:
-        """Tell whether the model has this kernel."""
+        """Return True if the model has this kernel."""
         return kernel in self.library.addresses
 
     def find(self, kernel: str) -> KernelInfo | None:
-        """Return what is known of a kernel, None when the model has none of that name."""
+        """Return name and sizes of a kernel; None if the model has none of that name."""
         return self._infos.get(kernel)
 
     def info(self, kernel: str) -> KernelInfo:
-        """Return what is known of a kernel; raise ModelError when the model has none of that name."""
+        """Return name and sizes of a kernel; raise ModelError if the model has none of that name."""
         info = self.find(kernel)
         if info is None:
             raise ModelError(f"{self.description.name} has no kernel {kernel!r}")
@@ -130,8 +130,8 @@ class Evaluator:
 def as_taken(library: Library, values: Sequence[float] | Array, rank_tolerance: float = 0.0) -> Array:
     """Return parameters in double precision as the kernels of a library take them.
 
-    They are those given, then what the kernel 'setup' makes of them, and the rank tolerance. Runs do the same
-    in their own type, in ``set_up`` of the core, and batches in the generated C.
+    The array holds the values, the output of the kernel 'setup' for them, and the rank tolerance. Runs do the
+    same in their own type, in ``set_up`` of the core, and batches in the generated C.
     """
     taken = np.array([*values, *np.zeros(library.derived), rank_tolerance])
     if library.derived:

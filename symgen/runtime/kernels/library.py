@@ -30,17 +30,17 @@ class Library:
     Parameters
     ----------
     backend
-        What they are: ``c``, ``shipped``, ``numpy`` or ``mpmath``.
+        Kind of the kernels: ``c``, ``shipped``, ``numpy`` or ``mpmath``.
     addresses
         Address of each by name.
     owner
         Keeps them alive.
     derived
-        How many numbers the kernel 'setup' leaves behind the parameters; 0 where there is none.
+        Number of values that the kernel 'setup' writes behind the parameters; 0 without that kernel.
     functions
         Those in Python, each taking arrays (entries, states); empty for all others.
     provenance
-        What decides the last bits of their results.
+        Build settings that decide the last bits of their results.
     """
 
     backend: str
@@ -104,7 +104,7 @@ def open_shipped(description: Described) -> Library | None:
 
 
 def shipped_module(name: str) -> ModuleType:
-    """Import a shipped extension module, refusing one that does not belong to the manifest beside it.
+    """Import a shipped extension module; it must match the manifest in its directory.
 
     Raises
     ------
@@ -170,7 +170,7 @@ def _numbers(array: Any, state: int, mpmath: Any) -> list[Any]:
 
 
 def _real(value: Any, mpmath: Any) -> Any:
-    """Return a real number; what has none, such as the root of a negative one, is not a number."""
+    """Return a real number; NaN for a complex one, such as the root of a negative number."""
     return value if isinstance(value, mpmath.mpf) else mpmath.nan
 
 

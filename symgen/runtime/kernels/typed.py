@@ -1,4 +1,4 @@
-"""Kernels in the type that a model was asked for, beside those in double precision that all else uses."""
+"""Kernels in a model's own number type, in addition to those in double precision."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ class Typed:
     digits
         Digits of kernels in mpmath, which have no such type; 0 for all others.
     kernels
-        Gives the kernels, made when first asked for: of one state a call, or of many when given true.
+        Function of a flag; returns the kernels, built on first use: batched if true, else of one state.
     core
-        Gives the core of runs in the type, made when first asked for.
+        Function that returns the core of runs in the type, built on first use.
     """
 
     precision: Precision
@@ -48,6 +48,6 @@ def library_of_runs(library: Library, typed: Typed | None) -> Library:
 
 
 def made_with(library: Library, typed: Typed | None) -> dict[str, str]:
-    """Return what the kernels of runs were made with and where they come from: typed ones, where given."""
+    """Return backend and build settings of the kernels of runs: of the typed ones, if given."""
     chosen = library_of_runs(library, typed)
     return {"backend": chosen.backend, **chosen.provenance}
