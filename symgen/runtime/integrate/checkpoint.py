@@ -1,6 +1,6 @@
-"""Checkpoints: the whole state of a run in a file, from which it goes on to the same bits.
+"""Checkpoints: the whole state of a run in a file; the continued run gives the same bits.
 
-A checkpoint is the memory of the run and of its equations, byte for byte, with what Python remembers of it.
+A checkpoint is the memory of the run and of its equations, byte for byte, with the run's records in Python.
 It belongs to one run: equations, parameters, start and options, machine and version must be the same.
 """
 
@@ -30,7 +30,7 @@ from symgen.runtime.kernels.library import Library
 
 Array = NDArray[np.float64]
 FORMAT = 2
-#: Wall time [s] between two checkpoints when nothing else is asked for.
+#: Default wall time [s] between two checkpoints.
 EVERY = 10.0
 
 
@@ -43,7 +43,7 @@ class Kernels(Protocol):
 
     @property
     def description(self) -> Described:
-        """What is known of the model."""
+        """Description of the model."""
 
     @property
     def given(self) -> Array:
@@ -59,9 +59,9 @@ def mark_of(
     y0: Array,
     *more: object,
 ) -> str:
-    """Return what tells one run of the step loop from another; see :func:`mark_of_kernels`.
+    """Return a hash that distinguishes one run of the step loop from another; see :func:`mark_of_kernels`.
 
-    ``more`` is what its numbers depend on besides.
+    ``more`` are further values that the results depend on.
     """
     method = chosen.method
     options = [getattr(chosen, name) for name in chosen.__slots__ if name not in _OF_NO_RUN]
@@ -98,9 +98,9 @@ class Checkpoints:
     Parameters
     ----------
     mark
-        What :func:`mark_of` gives for the run.
+        The hash of the run by :func:`mark_of`.
     file
-        The file, written anew every time; None: none is written.
+        The file, overwritten every time; None: none is written.
     every
         Wall time between two of them [s].
     spent
@@ -130,19 +130,19 @@ class Checkpoints:
 
 @dataclass(frozen=True, slots=True)
 class Keeping:
-    """Where a run leaves checkpoints, how often [s of wall time], and the one it goes on from."""
+    """File of a run's checkpoints, wall time between them [s], and the checkpoint to resume from."""
 
     file: Path | None
     every: float
     resume: Path | None
 
     def of(self, run: _core.Run, mark: str) -> Checkpoints:
-        """Return what keeps a run that has not begun, which goes on from where it was left, if from anywhere.
+        """Return the checkpoints of a run that has not begun; restore the run from ``resume`` if given.
 
         Raises
         ------
         ResultError
-            When the checkpoint to go on from is missing, broken, or of another run.
+            If the checkpoint to resume from is missing, broken, or of another run.
         """
         spent = 0.0 if self.resume is None else resume(self.resume, run, mark)
         return Checkpoints(mark, self.file, self.every, spent)
@@ -151,7 +151,7 @@ class Keeping:
 def keeping(
     file: str | os.PathLike[str] | None, every: float, resumed: str | os.PathLike[str] | None
 ) -> Keeping | None:
-    """Check what is asked for checkpoints; None when nothing is.
+    """Return the checked options of checkpoints; None if none are requested.
 
     Raises
     ------

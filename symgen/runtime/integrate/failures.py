@@ -1,4 +1,4 @@
-"""What is said when a run cannot go on: where, why, and what to do."""
+"""Messages of runs that cannot continue: time and state, cause, remedy."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from symgen.runtime.kernels.evaluate import Evaluator
 #: Units of the state in loads, by the last word of its name.
 _UNITS = {"vx": "m/s", "vy": "m/s", "vz": "m/s", "rate": "rad/s", "angular_velocity": "rad/s"}
 _UNITS |= {"x": "m", "y": "m", "z": "m", "length": "m", "angle": "rad", "t": "s"}
-#: Pivots that keep less than this are worth a word when a run fails.
+#: A failed run's message names pivots that keep less than this.
 _NEAR = 1e-2
 
 
@@ -29,7 +29,7 @@ def problem(
     evaluator: Evaluator,
     chosen: Options,
 ) -> str:
-    """Return what is said of a run that ended with this status, at the state it had reached."""
+    """Return the message for a run that ended with this status: time, cause, remedy and last state."""
     description = evaluator.description
     free, axes = description.free, description.axes
     at = f"at t = {stepper.t:.9g} s after {stepper.steps} steps"
@@ -61,7 +61,7 @@ def problem(
 
 
 def unfinished(stepper: _core.Run, chosen: Options, at: str, why: str = "") -> str:
-    """Say that a run would have taken more than ``max_steps``, or has, and why, as far as it can be told."""
+    """Return the message for a run that needs more than ``max_steps``; ``why`` is the cause."""
     if stepper.steps < chosen.max_steps:
         return (
             f"the steps are too short for the run to come to its end {at}: at {stepper.h:.2g} s a step "
@@ -72,7 +72,10 @@ def unfinished(stepper: _core.Run, chosen: Options, at: str, why: str = "") -> s
 
 
 def of_sliding(jump: str, at: str, where: str, units: Mapping[str, str] = MappingProxyType({})) -> str:
-    """Say which load keeps the motion at its jump, and what to write instead; ``units`` of names in it."""
+    """Return the message for a load that holds the motion at its jump, with a smooth form as remedy.
+
+    ``units`` are those of the names in the load.
+    """
     return (
         f"the motion stays at the jump of {jump} {at}: on both sides the load drives it back there, as "
         "friction does at rest, and no step can follow\n"
@@ -98,7 +101,7 @@ def _smooth(jump: str, own: Mapping[str, str]) -> str:
 def _of_constraints(
     status: int, equations: _core.Equations, description: Description, at: str, where: str
 ) -> str:
-    """Say which constraint contradicts the others, or no longer stands by itself."""
+    """Return the message for a constraint that contradicts the others or has become dependent."""
     if status == _core.CONTRADICTED:
         return (
             f"a redundant constraint contradicts the others by {equations.missed:.2g} m {at}: the linkage "
@@ -132,13 +135,13 @@ def _of_the_step(status: int, chosen: Options, at: str, where: str) -> str:
 
 
 def _of_a_dead_centre(description: Description, at: str, where: str) -> str:
-    """Say that constraints nearly lose rank there, and what that means with drives and without."""
+    """Return the message for constraints that nearly lose rank, with drives and without."""
     cause = "the linkage comes to a dead centre, which it cannot be taken through"
     hint = "Start elsewhere, or change the lengths."
     if description.drives:
         cause = "the linkage comes to a dead centre, beyond which its drives cannot take it"
         hint = "'symgen kinematics SCENE' shows how far the drives go."
-    return f"the run cannot go on {at}: {cause}\n  {hint} {where}"
+    return f"the run cannot continue {at}: {cause}\n  {hint} {where}"
 
 
 def _of_the_loads(
@@ -150,7 +153,7 @@ def _of_the_loads(
     at: str,
     where: str,
 ) -> str:
-    """Say what made forces or accelerations too large for any step, as far as it can be told."""
+    """Return the message for forces or accelerations too large for any step, with the cause if known."""
     n = evaluator.description.coordinates
     q, u, _ = np.split(stepper.state, [n, 2 * n])
     reached = 2 * stepper.h * float(np.max(np.abs(u), initial=0.0))
@@ -168,7 +171,7 @@ def _of_the_loads(
         )
     if status == _core.STEP_TOO_SMALL:
         return (
-            f"the step became too small to go on {at}: the tolerance cannot be met there"
+            f"the step became too small to continue {at}: the tolerance cannot be met there"
             f"{near or _stiff(stepper)}\n  Loosen rtol and atol. {where}"
         )
     return unfinished(stepper, chosen, at, near or (_stiff(stepper) if stepper.stiff else ""))
@@ -181,7 +184,7 @@ def _stiff(stepper: _core.Run) -> str:
 
 
 def _near_singular(stepper: _core.Run, equations: _core.Equations, description: Description) -> str:
-    """Say so when the constraints of the last good state are close to losing rank."""
+    """Return a remark if the constraints of the last good state nearly lose rank, else ''."""
     equations.check(stepper.t, np.append(stepper.state, 0.0))
     if equations.soundness > _NEAR:
         return ""

@@ -19,9 +19,9 @@ Array = NDArray[np.float64]
 
 #: Times of t_eval in messages.
 _SHOWN = 4
-#: Tightest relative tolerance that a type can meet, and the one taken when none is given: over its epsilon.
+#: Tightest relative tolerance that a type can meet, and the default one, both over its epsilon.
 TIGHTEST, _DEFAULT = 100.0, 1000.0
-#: The latter where the type is no matter, and the absolute tolerance [m, m/s] over it.
+#: Least default relative tolerance of any type, and the absolute tolerance [m, m/s] over the relative one.
 _RTOL, _ATOL = 1e-9, 1e-3
 
 
@@ -52,11 +52,11 @@ def options(*asked: Any, **named: Any) -> Options:
     Raises
     ------
     ModelError
-        When one is out of its range, or does not go with the method.
+        If an option is out of its range, or does not apply to the method.
     """
     try:
         return _remembered(*asked, **named)
-    except TypeError:  # not hashable, so neither a number nor a name: let the check say so
+    except TypeError:  # not hashable, so neither a number nor a name: the check raises its error
         return _options(*asked, **named)
 
 
@@ -80,7 +80,7 @@ def _options(
     Raises
     ------
     ModelError
-        When one is out of its range, or does not go with the method.
+        If an option is out of its range, or does not apply to the method.
     """
     count(samples, "samples")
     count(max_steps, "max_steps")
@@ -155,7 +155,7 @@ _remembered = lru_cache(maxsize=64, typed=True)(_options)
 
 
 def _tolerances(rtol: float | None, atol: float | None, precision: Precision) -> tuple[float, float]:
-    """Check the tolerances against what a precision can meet, and fill in the defaults."""
+    """Return (rtol, atol) with defaults filled in; ModelError if rtol is too tight for the precision."""
     tightest, name = TIGHTEST * precision.epsilon, precision.name
     rtol = max(_RTOL, _DEFAULT * precision.epsilon) if rtol is None else rtol
     if rtol < tightest:

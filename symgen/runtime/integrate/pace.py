@@ -29,7 +29,7 @@ _LOOK, _GROWTH = 0.05, 64.0
 
 @dataclass(slots=True)
 class _Limit:
-    """A limit of wall time [s], and the clock at its begin [s], moved on by what is not counted."""
+    """A limit of wall time [s], and the clock at its begin [s], advanced by time that is not counted."""
 
     seconds: float
     begun: float
@@ -86,7 +86,7 @@ def wall_left() -> float | None:
 
 
 def check_wall(doing: str) -> None:
-    """Raise SimulationError when the wall time is spent in the set-up of a run, which names what it does."""
+    """Raise SimulationError if the wall time is spent before the first step; ``doing`` names the activity."""
     limit = _LIMIT.get()
     if limit is not None and limit.passed():
         raise SimulationError(
@@ -128,9 +128,9 @@ class Pace:
         self._marked, self._at, self._looked = time.perf_counter(), at, math.nan
 
     def spent(self, t: float, why: str = "") -> bool:
-        """Return whether the wall time is spent at the time ``t`` of the motion; warn of a long run.
+        """Return True if the wall time is spent at the time ``t`` of the motion; warn of a long run.
 
-        ``why`` is appended to the warning: what is known of the cause.
+        ``why`` is appended to the warning: the cause, if known.
         """
         now = time.perf_counter()
         wall, span = now - self._begun, now - self._marked
@@ -161,7 +161,7 @@ class Pace:
 class OutOfTime(Exception):
     """An elastic motion took all of its wall time at a time ``t`` [s].
 
-    ``found`` is what was found at the ``reached`` ones of the recorded times.
+    ``found`` holds the results at the recorded times of the indices ``reached``.
     """
 
     def __init__(self, t: float, found: Any, reached: NDArray[np.intp]) -> None:

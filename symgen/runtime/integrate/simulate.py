@@ -1,4 +1,4 @@
-"""One run: the compiled loop driven in chunks, and what is said when it cannot go on."""
+"""One run: the compiled step loop, called in chunks of steps, and the errors of runs that cannot continue."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ from symgen.runtime.rods.redundancy import slack
 Array = NDArray[np.float64]
 Progress = Callable[[float], None]
 
-#: Times of runs with no more samples are kept for the next run.
+#: Recorded times up to this number are cached for the next run.
 _KEPT = 10_000
-#: Steps after which an adaptive run is ended that would not come to its end at their pace in ``max_steps``.
+#: After so many steps an adaptive run is ended if, at their pace, ``max_steps`` would not reach its end.
 _JUDGED = 100_000
 
 
@@ -50,7 +50,7 @@ def run(
     Raises
     ------
     SimulationError
-        When the run cannot go on, naming time and cause; the error carries what was recorded till then.
+        If the run cannot continue, naming time and cause; the error carries the samples recorded till then.
     """
     if chosen.t_end <= t0:
         raise ModelError(f"expected t_end after the start at t = {t0:g} s, got {chosen.t_end:g} s")
@@ -86,7 +86,7 @@ def run(
         checkpoints = keeping.of(stepper, mark_of(evaluator, library, equations, chosen, t0, y0, *more))
     status, wall = drive(stepper, t0, chosen, progress, checkpoints)
     if evaluator.description.switches or evaluator.description.windings:
-        equations.set_parameters(evaluator.given)  # what is recorded is evaluated by no branch that is held
+        equations.set_parameters(evaluator.given)  # samples are evaluated with the loads' own branches
     result = Result._later(Recording(evaluator, equations, stepper, redundant, chosen, wall, library))
     if status in (_core.DONE, _core.ENDED):
         return result
@@ -122,8 +122,8 @@ def drive(
 ) -> tuple[int, float]:
     """Step to the end in chunks of time; return the last status and the wall time [s].
 
-    The status is MORE where ``max_steps`` were too few, or are too few at the pace of the last steps, and
-    OUT_OF_TIME where ``max_wall`` was spent. A run that was resumed goes on where it was.
+    The status is MORE if ``max_steps`` were too few, or are too few at the pace of the last steps, and
+    OUT_OF_TIME if ``max_wall`` is spent. A resumed run continues from its checkpoint.
     """
     pace = Pace(stepper.t, chosen.t_end)
     spent = checkpoints.spent if checkpoints else 0.0
@@ -149,5 +149,5 @@ def drive(
 
 
 def _short(stepper: _core.Run) -> str:
-    """Return what the steps show of the cause of a slow run."""
+    """Return the step size, and stiffness if seen, as the cause of a slow run."""
     return f", in steps of {stepper.h:.2g} s{' (the motion is stiff)' if stepper.stiff else ''}"

@@ -1,4 +1,4 @@
-"""What a method is to the compiled loop that is told by a few numbers: see ``core/NAME.c`` of its kind."""
+"""A method by its coefficients, as the compiled step loop reads them: see ``core/NAME.c`` of its kind."""
 
 from __future__ import annotations
 

@@ -15,7 +15,7 @@ _SUZUKI = 1 / (4 - 4 ** (1 / 3))
 
 
 def _composed(order: int, dense_order: int, *side: float) -> Method:
-    """Return the method whose parts are ``side``, what is left of the step, and ``side`` backwards."""
+    """Return the method whose parts are ``side``, the rest of the step, and ``side`` in reverse order."""
     parts = 2 * len(side) + 1
     composed = f"{parts} symmetric parts of it" if side else "time reversible"
     return Method(

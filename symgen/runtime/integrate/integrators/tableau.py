@@ -1,4 +1,4 @@
-"""What an explicit Runge-Kutta method is to the compiled loop."""
+"""An explicit Runge-Kutta method by its coefficients, as the compiled step loop reads them."""
 
 from __future__ import annotations
 
