@@ -31,7 +31,7 @@ _NEARER, _ROUND = 240, 48
 
 @dataclass(slots=True)
 class Search:
-    """What a search for closures found: one pose for each assembly, and the pose of least defect."""
+    """Result of a search for closures: one pose per assembly mode, and the pose of least defect."""
 
     closures: list[Array] = field(default_factory=list)
     closest: Array | None = None
@@ -201,13 +201,13 @@ def distance(kernels: LoopKernels, q: Array, other: Array, of: Sequence[int] | N
 
 
 def same_assembly(kernels: LoopKernels, t: float, q: Array, other: Array) -> bool:
-    """Tell whether all links stand alike in two poses, but for whole revolutions of screws."""
+    """Return True if all links coincide in two poses, up to whole revolutions of screws."""
     apart = np.max(np.abs(standing(kernels, t, q) - standing(kernels, t, other)), initial=0.0)
     return bool(apart < _SAME) or _advanced(kernels, q, other)
 
 
 def _advanced(kernels: LoopKernels, q: Array, other: Array) -> bool:
-    """Tell whether screws have made whole revolutions between two poses, and no angle differs else."""
+    """Return True if two poses differ by whole revolutions of screws and in no other angle."""
     angles = np.array([not v.is_length for v in kernels.description.variables])
     gap = np.where(angles, q - other, 0.0)
     screws = angles & ~kernels.periodic

@@ -1,8 +1,9 @@
 """Closures in closed form, where a ball-ball link and one more hinge or slide are all that is not prescribed.
 
-Seen from the frame the balls A and B lie on known places, but that one of them moves on a line (prismatic)
-or a circle (revolute) with the remaining variable v. That the rod keeps its length is a quadratic in v, or
-a + b cos v + c sin v = 0; the angles of the balls follow from the direction of the rod and the rotation left.
+In the frame, one of the balls A and B is fixed; the other moves on a line (prismatic) or a circle (revolute)
+with the remaining variable v. The constant length of the rod gives a quadratic in v, or
+a + b cos v + c sin v = 0; the angles of the balls follow from the direction of the rod and the remaining
+rotation.
 """
 
 from __future__ import annotations

@@ -71,7 +71,7 @@ def _basis(kernels: LoopKernels, t: float, q: Array, rank: int) -> Array:
 
 
 def _moved(kernels: LoopKernels, t: float, q: Array, rank: int) -> Array | None:
-    """Return a closure at a distance, along a motion that the screws allow; None where there is none."""
+    """Return a closure at a distance, along a motion that the screws allow; None if there is none."""
     d = kernels.description
     solved = d.having("dependent")
     scale = np.array([d.size if d.variables[j].is_length else 1.0 for j in solved])

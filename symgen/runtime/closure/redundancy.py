@@ -27,7 +27,7 @@ _SHOWN = 6
 def undetermined(kernels: LoopKernels, times: Array, states: Array) -> dict[str, Mask]:
     """Return which entries of the outputs (poses, entries) redundant closure leaves undetermined.
 
-    A wrench on which the screws of all variables do no work can be added to the closing wrench. At every
+    A wrench that does no work on the screws of any variable can be added to the closing wrench. At every
     pose these wrenches are the null space of the screws; an output that one of them changes is undetermined.
 
     Parameters
@@ -117,7 +117,7 @@ def _ranges(mask: Mask) -> list[list[int]]:
 
 
 def note(kernels: LoopKernels, ranges: Mapping[str, Sequence[Sequence[int]]], poses: int) -> Iterator[str]:
-    """Say which components of forces are undetermined, and what is given for them."""
+    """Yield the note that names undetermined components of forces, and the values returned for them."""
     if not ranges:
         return
     d, names = kernels.description, list(ranges)

@@ -1,4 +1,4 @@
-"""A driven loop followed by arc length, through the values at which its input turns back."""
+"""A driven loop followed by arc length, past the turning points of its input."""
 
 from __future__ import annotations
 
@@ -86,7 +86,7 @@ def walk(kernels: LoopKernels, begin: Closed, stop: float, samples: int) -> tupl
     Returns
     -------
     tuple
-        Times, poses (samples, variables), and the times at which the input turns back.
+        Times, poses (samples, variables), and the times of the input's turning points.
 
     Raises
     ------
@@ -110,7 +110,7 @@ def walk(kernels: LoopKernels, begin: Closed, stop: float, samples: int) -> tupl
         path = curve.walk(start, ends, True, _MOST)
     low, high = (e / curve.duration for e in ends)
     outside = next((i for i, p in enumerate(path) if i and not low <= p.x[-1] <= high), len(path))
-    path = path[: outside + 1]  # a turn of the input beyond the range is not gone through
+    path = path[: outside + 1]  # no turning point beyond the range is passed
     if len(path) < 2:
         raise SimulationError(
             f"the loop cannot be followed from {kernels.value_at(begin.t)}: its screws lose rank there",

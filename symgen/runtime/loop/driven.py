@@ -52,10 +52,10 @@ def follow(
     Raises
     ------
     ModelError
-        When the loop has no input, or free variables besides.
+        If the loop has no input, or has free variables as well.
     SimulationError
         When the loop cannot be followed to a value, naming it and the row that holds it; the error carries
-        what was reached.
+        the samples reached.
     """
     d = kernels.description
     driven(d)
@@ -119,9 +119,9 @@ def follow(
 def follow_through(
     kernels: LoopKernels, begin: Closed, stop: float, samples: int, forces: bool = True
 ) -> Turn:
-    """Return the loop by equal parts of the way from the closed pose, beyond where its input turns back.
+    """Return the loop at equal arc lengths from the closed pose, past turning points of its input.
 
-    Poses at which the input turns back, where rates have no bound, are left out; the notes tell them.
+    Turning points of the input, where rates have no bound, are omitted; the notes list them.
 
     Raises
     ------

@@ -26,9 +26,10 @@ def product(rows: Iterable[Array]) -> Array:
 
 
 def standing(kernels: LoopKernels, t: float, q: Array) -> Array:
-    """Return where all links stand, however their angles are written: numbers to compare poses by.
+    """Return positions [over the size of the loop] and axes of all links, to compare poses by.
 
-    Of a link between two balls, which may spin about their line, only that line is told.
+    They do not depend on the choice of angles. A link between two balls may spin about their line: only that
+    axis of it is included.
     """
     d = kernels.description
     table = kernels("rows", t, q, np.zeros_like(q))["rows"]
@@ -41,10 +42,10 @@ def standing(kernels: LoopKernels, t: float, q: Array) -> Array:
 
 
 def ball_angles(kernels: LoopKernels, q: Array) -> list[Array]:
-    """Return a pose with every choice of the angles of its balls that leaves all links where they are.
+    """Return a pose with every choice of the angles of its balls that leaves all links in place.
 
-    Z(theta) Y(eta) X(alpha) has two; the frame of a link between two balls may also stand half a turn about i
-    away.
+    Z(theta) Y(eta) X(alpha) has two; the frame of a link between two balls may also be rotated by 180 deg
+    about i.
     """
     d = kernels.description
     solved = {d.variables[i].name: i for i in d.having("dependent")}
@@ -68,7 +69,7 @@ def ball_angles(kernels: LoopKernels, q: Array) -> list[Array]:
 
 
 def _flipped(q: Array, theta: int, eta: int, alpha: int) -> Array:
-    """Return q with Z(theta) Y(eta) X(alpha) written otherwise; half a turn about i less, without alpha."""
+    """Return q with the other angles of Z(theta) Y(eta) X(alpha); without alpha, 180 deg less about i."""
     other = q.copy()
     other[theta], other[eta] = q[theta] + math.pi, math.pi - q[eta]
     if alpha >= 0:
@@ -77,7 +78,7 @@ def _flipped(q: Array, theta: int, eta: int, alpha: int) -> Array:
 
 
 def _spun(q: Array, theta: int, eta: int, alpha: int) -> Array:
-    """Return q with half a turn about i before Z(theta) Y(eta), and one more about i by alpha."""
+    """Return q with a rotation of 180 deg about i before Z(theta) Y(eta), and another about i by alpha."""
     other = q.copy()
     other[theta], other[eta] = -q[theta], -q[eta]
     other[alpha] += math.pi

@@ -73,7 +73,7 @@ class LoopKernels:
         return {b.name: out[:, b.offset : b.offset + b.shape[0] * b.shape[1]] for b in info.blocks}
 
     def has(self, kernel: str) -> bool:
-        """Tell whether the loop has this kernel."""
+        """Return True if the loop has this kernel."""
         return kernel in self.library.addresses
 
     def equations(self, solved: Sequence[int], rank: int) -> _loop.LoopEquations:
@@ -81,7 +81,7 @@ class LoopKernels:
         return self._made_of(self.library, _core.DOUBLE, solved, rank)
 
     def stepping(self, solved: Sequence[int], rank: int) -> _loop.LoopEquations:
-        """Return the same in the type that was asked for: what follows inputs and runs."""
+        """Return the same in the model's own number type, as runs and followed inputs use it."""
         if self.typed is None:
             return self.equations(solved, rank)
         return self._made_of(self.typed.kernels(False), self.typed.stepping, solved, rank)

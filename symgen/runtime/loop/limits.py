@@ -60,7 +60,7 @@ def refine(
 ) -> Iterator[str]:
     """Replace outputs near change points by their limits along the branch, and report the error of the rest.
 
-    Outputs are replaced in place, and only where they differ by no more than their own estimated error.
+    Outputs are replaced in place, and only where they differ by at most their own estimated error.
     """
     if kernels.typed is not None or not len(samples.times):
         return
@@ -171,7 +171,7 @@ def _refined(
     samples: Samples,
     i: int,
 ) -> bool:
-    """Replace the outputs of a sample by interpolation; tell whether its branch is smooth there."""
+    """Replace the outputs of a sample by interpolation; return True if its branch is smooth there."""
     t, n = float(samples.times[i]), kernels.description.coordinates
     around = _around(kernels, equations, start, samples, t)
     if around is None:

@@ -48,7 +48,7 @@ def run(
     Raises
     ------
     SimulationError
-        When the run cannot go on, naming time, row and cause; the error carries what was recorded till then.
+        If the run cannot continue, naming time, row and cause; the error carries the recorded samples.
     ResultError
         When a checkpoint cannot be written, or is of another run.
     """
@@ -233,21 +233,21 @@ def _problem(kernels: LoopKernels, stepper: _core.Run, chosen: Options, status: 
         )
     if near < 1e-2 and (names := ball_pole(kernels, stepper.t, q)):
         return (
-            f"the run cannot go on {at}: the angles {', '.join(names)} of a ball joint have a pole there, a "
-            "property of these angles and not of the loop\n"
+            f"the run cannot continue {at}: the angles {', '.join(names)} of a ball joint have a pole there, "
+            "a property of these angles and not of the loop\n"
             "  Turn the axes of the rows next to the ball (theta, alpha) so that its pole lies elsewhere. "
             f"State: {where}."
         )
     if status == _core.SINGULAR or near < 1e-2:
         return (
-            f"the run cannot go on {at}: the screws lose rank there (least singular value {near:.1e} of the "
-            f"largest, {weakest} the least held), a dead centre of the loop\n  State: {where}."
+            f"the run cannot continue {at}: the screws lose rank there (least singular value {near:.1e} of "
+            f"the largest, {weakest} the least held), a dead centre of the loop\n  State: {where}."
         )
     if status == _core.PROJECTION_FAILED:
         return f"the loop could not be closed again {at}: the step is too large\n  State: {where}."
     if status == _core.STEP_TOO_SMALL:
         return (
-            f"the step became too small to go on {at}: the tolerance cannot be met there\n"
+            f"the step became too small to continue {at}: the tolerance cannot be met there\n"
             f"  Loosen rtol and atol. State: {where}."
         )
     return unfinished(stepper, chosen, at)

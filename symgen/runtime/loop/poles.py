@@ -1,8 +1,8 @@
 """Where given loads cannot hold the loop, and which components of the wrenches nothing determines.
 
-Let E be the dependent variables of unknown effort, and G = dq_E/dq_i what the inputs i of given effort do to
-them. The unknown efforts x solve G^T x = needed - given; where G loses rank, at a dead centre, x has a true
-pole in the input. Its residue follows from the rate of G, which the rates of the screws give.
+Let E be the dependent variables of unknown effort, and G = dq_E/dq_i their sensitivity to the inputs i of
+given effort. The unknown efforts x solve G^T x = needed - given; where G loses rank, at a dead centre, x has
+a true pole in the input. Its residue follows from the rate of G, which the rates of the screws give.
 """
 
 from __future__ import annotations
@@ -105,8 +105,8 @@ def beside_pole(
 ) -> Array:
     """Return the outputs at a pole: those that have none there are the limit from both sides.
 
-    What is solved for at the pole meets the loads but not the drives that are given, so ``out`` is right for
-    motions only. The limit is the even polynomial through three values on either side.
+    The wrenches solved for at the pole balance the loads but not the given drives, so only the motions in
+    ``out`` are right. The limit is the even polynomial through three values on either side.
     """
     around = _around(kernels, equations, t, (t, q))
     if around is None:
@@ -198,7 +198,7 @@ def _limit(
 
 
 def _differences(kernels: LoopKernels, t: float, q: Array, wrenches: list[Array]) -> list[dict[str, Array]]:
-    """Return what each of these closing wrenches, alone, does to the outputs, which are affine in it."""
+    """Return the change of the outputs due to each of these closing wrenches, in which they are affine."""
     base, u = np.zeros(len(q) + 6), np.zeros(len(q))
     without = kernels("outputs", t, q, u, base)
     found = []

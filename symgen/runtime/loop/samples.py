@@ -81,7 +81,7 @@ class Samples:
         return held
 
     def outputs(self) -> Array:
-        """Return what the kernel 'outputs' gives at every sample, angles of balls as in the table."""
+        """Return the kernel 'outputs' at every sample, angles of balls as in the table."""
         d = self.kernels.description
         n, info = d.coordinates, d.kernel("outputs")
         out = np.zeros((len(self.times), (info.out_size if info else 0) + 1))

@@ -23,10 +23,10 @@ _CLOSE = 4 * float(np.finfo(float).eps)
 
 
 def first_times(lead: Input, values: Array) -> Array:
-    """Return the first times, from 0 on, at which an input has these values; not a number where it never has.
+    """Return the first times [s], from 0 on, at which an input has these values; NaN if it never has.
 
     Values towards which the input moves at t = 0 are looked for at later times, the others at earlier ones;
-    all at later times where it starts at rest. A value at which the input turns back is reached there.
+    all at later times where it starts at rest. The value of a turning point is reached there.
     """
     start, rate, acceleration = lead(np.zeros(1))[0].tolist()
     gaps = values - start
@@ -68,7 +68,7 @@ def _path(lead: Input, values: Array, step: float) -> tuple[Array, Array]:
 
 
 def _with_turns(lead: Input, t: Array, jets: Array) -> tuple[Array, Array]:
-    """Return times and values, and between them those at which the input turns back, by bisection."""
+    """Return times and values, with the turning points of the input inserted, found by bisection."""
     with np.errstate(invalid="ignore"):
         turns = np.flatnonzero(jets[:-1, 1] * jets[1:, 1] < 0.0)
     if not len(turns):

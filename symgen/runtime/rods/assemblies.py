@@ -16,9 +16,9 @@ _SEED, _SAME, _CLOSED = 20, 1e-6, 1e-12
 def assemblies(bonds: Bonds, near: Array, t: float, *, tries: int = 40) -> list[Array]:
     """Return coordinates of the assemblies found at the time t, the nearest to ``near`` first.
 
-    Starting poses are ``near``, its mirror images and random ones of the same seed every time. What is
-    found is a solution to round-off; what is not found may still exist, though for linkages of few loops
-    that is unlikely. Poses in which the drives do not hold the linkage are left out. There must be at least
+    Starting poses are ``near``, its mirror images and random ones of the same seed every time. Every pose
+    found is a solution to round-off. Others may exist, though that is unlikely for linkages of few loops.
+    Poses in which the drives do not determine the motion are omitted. There must be at least
     as many constraints, drives among them, as coordinates.
 
     Raises

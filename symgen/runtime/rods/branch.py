@@ -21,7 +21,7 @@ _TURN = 1.5
 
 @dataclass(frozen=True, slots=True)
 class Branch:
-    """Poses along a branch, near enough to each other to count revolutions, and which are those asked for."""
+    """Poses along a branch, close enough to count revolutions; ``asked`` indexes the requested ones."""
 
     poses: Poses
     asked: NDArray[np.intp]
@@ -71,7 +71,7 @@ def steps_of(bonds: Bonds, q: Array, t: float) -> Kinematics:
 
 
 def _turned(bonds: Bonds, poses: Poses) -> float:
-    """Return how far a link turns at most from one pose to the next [rad]; infinite where that is open."""
+    """Return the largest rotation of a link between consecutive poses [rad]; infinite if it is unknown."""
     if len(bonds.description.axes) != 2 or len(poses) < 2:
         return 0.0
     places, velocities = bonds.moving(poses)

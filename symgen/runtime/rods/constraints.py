@@ -120,7 +120,7 @@ class Bonds:
         return {name: values.reshape(len(times)) for name, values in found.items()}
 
     def turned_over(self, q: Array, t: float) -> bool:
-        """Tell whether a driven link points against its prescribed direction, which the constraint allows."""
+        """Return True if a driven link points against its prescribed direction, as its constraint allows."""
         places = dict(zip(self.description.points, self.places(q, t), strict=True))
         for name, angle in self.drives(t).items():
             link, _, what = name.partition(".")

@@ -1,7 +1,7 @@
 """The solution curve of Phi(q, t) = 0 by pseudo-arc-length continuation, with its singular points.
 
-A *limit point* of the curve, where it turns back in t, is a dead centre: dPhi/dq loses rank and
-[dPhi/dq dPhi/dt] keeps it. Where the latter loses rank too, branches cross: a *bifurcation*.
+A *limit point*, a turning point of the curve in t, is a dead centre: dPhi/dq loses rank and
+[dPhi/dq dPhi/dt] keeps it. Where [dPhi/dq dPhi/dt] loses rank too, branches cross: a *bifurcation*.
 
 Source: E. L. Allgower and K. Georg, *Introduction to Numerical Continuation Methods*, chapters 2 and 8.
 """
@@ -85,7 +85,7 @@ class Curve(Generic[Held]):
         rank = int(np.count_nonzero(values[:n] > _RANK * values[0]))
         like = np.append(np.zeros(n), 1.0) if like is None else like
         kernel = right[rank:]
-        if rank < n:  # branches cross here: go on as straight as can be
+        if rank < n:  # branches cross here: keep the direction as far as possible
             kernel = (kernel @ like)[None, :] @ kernel
         tangent = kernel[0] / np.linalg.norm(kernel[0])
         return CurvePoint(x, tangent if tangent @ like >= 0 else -tangent, float(values[n - 1] / values[0]))
@@ -142,8 +142,8 @@ class Curve(Generic[Held]):
     ) -> list[CurvePoint]:
         """Follow the curve until t leaves ``ends``; unless ``through``, no farther than a dead centre.
 
-        Dead centres are points of the list. It goes on two points beyond ``ends``, so that what is singular
-        there is seen from both sides. It ends early where no further point was found, or, with ``through``,
+        Dead centres are points of the list. It ends two points beyond ``ends``, so that singular points there
+        are bracketed. It ends early where no further point was found, or, with ``through``,
         where the curve is back at its start.
         """
         points, step, outside = [start], _FIRST, 0

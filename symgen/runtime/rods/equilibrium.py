@@ -36,11 +36,11 @@ class Equilibrium:
     residual, scale
         Largest force that is left unbalanced, and the largest of the forces that balance [N].
     multipliers
-        Lagrange multiplier of every constraint; of least norm where constraints are redundant.
+        Lagrange multiplier of every constraint; the minimum-norm ones if constraints are redundant.
     reactions
         Force of the ground on the linkage at every ground point [N].
     outputs
-        What the scene asks to record, at this pose.
+        The outputs that the scene selects, at this pose.
     units
         Units of these outputs.
     """
@@ -219,7 +219,7 @@ def _none(
 
 
 def describe(statics: Statics, q: Array, found: Linearised) -> Equilibrium:
-    """Return the equilibrium with its reactions and what the scene asks to record."""
+    """Return the equilibrium with its reactions and the outputs that the scene selects."""
     bonds, t = statics.bonds, statics.t
     d, evaluator, rest = bonds.description, bonds.evaluator, np.zeros(bonds.n)
     work = np.zeros(evaluator.work_size + bonds.n + bonds.m + 1)

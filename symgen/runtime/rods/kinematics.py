@@ -42,7 +42,7 @@ def driven(bonds: Bonds, q: Array, t: float) -> None:
     Raises
     ------
     ModelError
-        When there are fewer drives than freedoms; it says how many are missing.
+        If there are fewer drives than degrees of freedom; it gives the number of missing ones.
     """
     values = np.linalg.svd(bonds.jacobian(q, t), compute_uv=False)
     rank = int(np.count_nonzero(values > _RANK * values.max(initial=0.0)))

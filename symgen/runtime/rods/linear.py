@@ -16,7 +16,7 @@ Array = NDArray[np.float64]
 _EPS = float(np.finfo(float).eps)
 #: Rank tolerance of the constraints, above the error with which poses meet them.
 RANK = 1e-9
-#: Squares of frequencies below this part of the largest one cannot be told from zero.
+#: Squares of frequencies below this part of the largest one are numerically zero.
 SMALL = 1e-12
 
 

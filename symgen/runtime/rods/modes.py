@@ -74,7 +74,7 @@ class Modes:
         return iter(self.modes)
 
     def __getitem__(self, i: int) -> Mode:
-        """Return the mode of this number, from 0; raise ModelError where there is none."""
+        """Return the mode of this number, from 0; raise ModelError if there is none."""
         if not -len(self.modes) <= i < len(self.modes):
             raise ModelError(f"expected the number of one of {len(self.modes)} modes, from 0, got {i}")
         return self.modes[i]
@@ -188,10 +188,10 @@ def _damped(stiffness: Array, damping: Array) -> tuple[NDArray[Any], NDArray[Any
 
 
 def _separated(squares: Array, shapes: Array) -> Array:
-    """Fix the shapes within each set of equal frequencies, which round-off would turn at will.
+    """Fix the shapes within each set of equal frequencies, where round-off would rotate them arbitrarily.
 
-    Coordinate directions are projected onto their common space one after the other, and those are kept that
-    bring in something new. The turn is orthogonal, so unit modal masses stay what they are.
+    Coordinate directions are projected onto the common space one after the other; independent ones are kept.
+    The rotation is orthogonal, so modal masses remain one.
     """
     result = shapes.copy()
     close = 1e-9 * float(np.max(np.abs(squares)))

@@ -107,7 +107,7 @@ def slack(evaluator: Evaluator, q: Array) -> float:
 
 
 def _rank(evaluator: Evaluator) -> float:
-    """Return what is left of a singular value where rank is lost: pivots go by its square."""
+    """Return the relative singular value below which rank is lost: the root of the tolerance of pivots."""
     return float(evaluator.description.rank_tolerance**0.5)
 
 

@@ -38,16 +38,16 @@ class Start:
 
 
 def start(evaluator: Evaluator) -> Start:
-    """Return coordinates and velocities at the start, and which constraints follow from the others.
+    """Return coordinates and velocities at the start, and the redundant constraints.
 
-    The drawing is led step by step to the lengths and angles asked for, so that a linkage stays on the
-    branch it is drawn on. Velocities are those of least kinetic energy that meet the constraints and what
-    the start asks for.
+    The drawing is led step by step to the prescribed lengths and angles, so that a linkage stays on the
+    assembly branch of the drawing. Velocities are those of least kinetic energy that meet the constraints
+    and the prescribed start.
 
     Raises
     ------
     InitialStateError
-        When the linkage cannot be assembled, is singular, or the velocities asked for contradict the
+        If the linkage cannot be assembled, is singular, or the prescribed velocities contradict the
         constraints.
     """
     q = pose(evaluator)
@@ -163,7 +163,7 @@ def _newton(evaluator: Evaluator, at: float, q: Array) -> Array | None:
             return None
         previous = worst
         jacobian = np.atleast_2d(parts["assembly_jacobian"].reshape(len(residual), -1))
-        # Below the assembly error no singular value can be told from zero.
+        # Below the assembly error singular values are numerically zero.
         correction = np.linalg.lstsq(jacobian, -residual, rcond=10 * tolerance / wide)[0]
         if not np.max(np.abs(correction)) <= max(size, 1e-300):
             return None
@@ -199,7 +199,7 @@ def _values(evaluator: Evaluator) -> str:
 
 
 def _label(evaluator: Evaluator, row: str) -> str:
-    """Return what a row is called in messages: constraints by their label, conditions as they are."""
+    """Return the name of a row in messages: the label of a constraint, conditions unchanged."""
     d = evaluator.description
     return d.labels[d.constraints.index(row)] if row in d.constraints else row
 

@@ -1,4 +1,4 @@
-"""Forces in a driven linkage of rigid links over its motion: from what is asked to a result."""
+"""Forces in a driven linkage of rigid links over its motion: from the task to a result."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ _OPEN = 1e-6
 
 @dataclass(frozen=True, slots=True)
 class ForceTask:
-    """What is asked of an analysis of forces.
+    """Task of an analysis of forces.
 
     Attributes
     ----------
@@ -86,8 +86,8 @@ def analyse(bonds: Bonds, loads: Evaluator, q: Array, t: float, redundant: int, 
     ModelError
         For a request out of range, or drives that do not determine the motion.
     SimulationError
-        When a pose asked for cannot be reached, or determines no forces: it names direction, rank and what is
-        left open.
+        If a requested pose cannot be reached, or does not determine the forces: it names direction, rank and
+        the undetermined forces.
     """
     began = perf_counter()
     linkage, asked = _Linkage(bonds, loads, redundant), _checked(asked)
@@ -129,7 +129,7 @@ def _checked(asked: ForceTask) -> ForceTask:
 
 
 def _poses(linkage: _Linkage, found: Followed, times: Array, every: bool) -> Poses:
-    """Return the samples in the order of the times asked for; raise SimulationError when one is missing."""
+    """Return the samples in the order of the requested times; raise SimulationError if one is missing."""
     at = {t: i for i, t in enumerate(found.samples.times.tolist())}
     missing = [t for t in times.tolist() if t not in at]
     if missing and (every or not at):
@@ -153,7 +153,7 @@ def _poses(linkage: _Linkage, found: Followed, times: Array, every: bool) -> Pos
 
 
 def _at_pose(linkage: _Linkage, pose: SingularPose) -> str:
-    """Return what a singular pose of the motion means for the forces."""
+    """Return the message for a singular pose: its kind, and the forces that it leaves undetermined."""
     d = linkage.bonds.description
     q = np.concatenate([np.array(pose.positions[p]) for p in d.free])
     state = np.stack([q, np.zeros_like(q), np.zeros_like(q)])
@@ -163,7 +163,7 @@ def _at_pose(linkage: _Linkage, pose: SingularPose) -> str:
 
 
 def _undetermined(linkage: _Linkage, assembly: Assembly, solution: Solution, i: int) -> str:
-    """Say which forces are not determined at a pose, and why."""
+    """Return the message that names the undetermined forces at a pose, and the rank of the equations."""
     names = ", ".join(_open(assembly, solution.loose[i]))
     return (
         f"forces are not determined at {linkage.at(assembly.times[i])}: the equations of {assembly.size} "
@@ -172,7 +172,7 @@ def _undetermined(linkage: _Linkage, assembly: Assembly, solution: Solution, i: 
 
 
 def _open(assembly: Assembly, loose: Array) -> list[str]:
-    """Return what unknowns that are left open are called, those most open first."""
+    """Return the names of the undetermined unknowns, the most undetermined first."""
     size = {u: float(np.max(loose[u.column : u.column + u.width])) for u in assembly.unknowns}
     return [u.describe() for u in sorted(size, key=lambda u: -size[u]) if size[u] > _OPEN]
 

@@ -40,7 +40,7 @@ class Unknown:
         return 2 if self.kind == "force" else 1
 
     def describe(self) -> str:
-        """Return what it is called in messages."""
+        """Return the name of the unknown in messages."""
         of = {
             "force": f"the force on {self.link} at {self.point}",
             "guide": f"the force of the guide along {self.link} on {self.point}",
@@ -100,7 +100,7 @@ class Assembly:
         return list(self.description.links[link])
 
     def distribution(self, link: str) -> Distribution | None:
-        """Return how the mass of a link is spread, where that is known."""
+        """Return the mass distribution of a link; None if it is unknown."""
         return self._distributions[link]
 
     @cached_property
@@ -191,7 +191,7 @@ class Assembly:
 
     @cached_property
     def scales(self) -> Array:
-        """What the unknowns are multiplied by to be forces [N]: torques are over the length of the link."""
+        """Factors that make the unknowns forces [N]: torques are over the length of the link."""
         lengths = {c.name: c.length for c in self.chains}
         scales = [np.full(u.width, lengths[u.link] if u.kind == "torque" else 1.0) for u in self.unknowns]
         return np.concatenate(scales)
@@ -213,7 +213,7 @@ class Assembly:
         return np.concatenate(left, axis=1) * self.scales, np.concatenate(right, axis=1)
 
     def residual(self, x: Array) -> float:
-        """Return what the equations miss at worst, over the largest force [1]."""
+        """Return the largest residual of the equations, over the largest force [1]."""
         left, right = self.equations
         forces = x / self.scales
         missed = np.abs(np.einsum("kij,kj->ki", left, forces) - right)

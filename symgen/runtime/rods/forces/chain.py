@@ -1,10 +1,9 @@
-"""One link cut into rigid elements, at many poses at once: what its section forces follow from.
+"""One link cut into rigid elements, batched over poses: the equations of its section forces.
 
 Source: the thesis on kineto-elastodynamics, Chapter IV. Elements share their nodes, so a section force (Fx,
 Fy, M) is unknown to two of them. The assembled equations of a link are block-bidiagonal in its section
-forces; they are eliminated from the first node on, and what is left says that nothing pulls beyond the last
-node: three equations of the forces at the joints. The other end of the link is its first node, beyond which
-nothing pulls either.
+forces. Elimination from the first node leaves three equations of the forces at the joints: the section force
+beyond the last node is zero. The section force beyond the first node, the other end of the link, is zero too.
 """
 
 from __future__ import annotations
@@ -32,7 +31,7 @@ class ElementKernels:
     def __call__(
         self, kernel: str, q: Array, u: Array, p: tuple[float, ...], shape: tuple[int, ...]
     ) -> Array:
-        """Return what a kernel gives for each pose: q and u of shape (poses, 6)."""
+        """Return the output of a kernel for each pose, (poses, *shape): q and u of shape (poses, 6)."""
         poses = len(q)
         work, out = np.zeros((poses, 1)), np.zeros((poses, int(np.prod(shape))))
         y = np.ascontiguousarray(np.hstack([q, u]))
