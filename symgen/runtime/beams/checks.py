@@ -22,7 +22,7 @@ from symgen.runtime.elastic.motion import ElasticMotion
 Array = NDArray[np.float64]
 
 #: Largest angle [rad] that the centre line makes with its rigid direction. Linear theory has sin a = a and
-#: cos a = 1: what it leaves out, 1 - cos a, is a/2 of the sin a that it keeps, one part in twenty.
+#: cos a = 1: the neglected 1 - cos a is a/2 of the sin a that it keeps, one part in twenty.
 SLOPE = 0.1
 #: Largest compression over Euler's load P. Deflections are amplified by 1/(1 - N/P), so that an error in the
 #: axial force, which is that of the rigid motion, counts (N/P)/(1 - N/P) times: fully from one half on.
@@ -180,7 +180,7 @@ def held_alone(motion: ElasticMotion, info: BeamInfo) -> set[str]:
 
 
 def _has_a_free_tip(motion: ElasticMotion, own: BeamInfo) -> bool:
-    """Tell whether no other link, guide or ground holds the second point of a link."""
+    """Return True if no other link, guide or ground holds the second point of a link."""
     d = motion.rigid.description
     others = [points for name, points in d.links.items() if name != own.link]
     guided = any(label.startswith(f"the guide of {own.end} ") for label in d.labels)

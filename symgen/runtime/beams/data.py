@@ -1,4 +1,4 @@
-"""What an elastic link is made of, in numbers: its section, its choices, and its matrices in its own axes."""
+"""Data of an elastic link: its section, its options, and its matrices in its own axes."""
 
 from __future__ import annotations
 
@@ -90,7 +90,7 @@ class BeamInfo:
     link, start, end
         The link and its first and last point.
     element, node_dofs, inner_dofs, elements
-        The finite element, what its nodes move by, what it has besides, and how many there are; zero where
+        The finite element, the unknowns of its nodes, its inner unknowns, and the number of elements; zero if
         symgen chooses it: see :mod:`symgen.runtime.elastic.mesh`.
     axial
         Whether the link stretches.
@@ -145,7 +145,7 @@ class Piece:
         (n, n): inertia, rotary inertia of the sections included.
     centrifugal
         (n, n): the same without rotary inertia, for a section that turns with the link has the same moment
-        of inertia whatever its angle; the same object as ``mass`` where there is none.
+        of inertia whatever its angle; the same object as ``mass`` without rotary inertia.
     gyroscopic
         (n, n), antisymmetric: integral of mu (Nu Nw^T - Nw Nu^T).
     stiffness, damping
@@ -196,9 +196,9 @@ VECTORS = ("load_x", "load_y", "load_out", "load_turn")
 
 @dataclass(frozen=True, slots=True)
 class StationRows:
-    """Rows over the unknowns of a link, each (n,): their products with the unknowns are what they are named.
+    """Rows over the unknowns of a link, each (n,): a row times the unknowns is the quantity of its name.
 
-    ``u`` and ``w`` are displacements [m] along and across the link, ``slope`` dw/dx and ``rotation`` of the
+    ``u`` and ``w`` are axial and transverse displacements [m], ``slope`` dw/dx and ``rotation`` of the
     section [rad], ``axial_strain`` du/dx and ``curvature`` [1/m] that of bending.
     """
 

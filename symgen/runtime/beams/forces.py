@@ -98,7 +98,7 @@ def _accelerations(motion: ElasticMotion, equations: BeamEquations, found: Motio
 
 
 def _link(motion: ElasticMotion, found: Motion, accelerations: Array, k: int, axes: Frames) -> Array:
-    """Return what acts on a link from outside at each of its unknowns, on its own axes, (times, n)."""
+    """Return the external forces on a link at each of its unknowns, on its own axes, (times, n)."""
     beam = motion.beams[k]
     s, v, a = own_motion(motion, found, accelerations, k, axes)
     made = np.zeros_like(s)

@@ -57,7 +57,7 @@ class Frames:
     def axial_force(self, beam: Beam, fractions: Array) -> Array:
         """Return the axial force of the rigid motion [N] at fractions of the length, (times, fractions).
 
-        It stands in the geometric stiffness with the same weights as here.
+        The geometric stiffness has the same weights.
         """
         p = beam.properties
         x = np.asarray(fractions, dtype=float) * p.length
@@ -81,5 +81,5 @@ class Frames:
 
 
 def frames(motion: Array) -> Frames:
-    """Return what a link's rows of the kernel ``links`` are, (times, columns)."""
+    """Return the columns of a link's rows of the kernel ``links``, (times, columns), by name."""
     return Frames(*motion.T)

@@ -21,7 +21,7 @@ _BLOCKS = ("load", "mass_matrix", "damping", "stiffness", "jacobian", "jacobian_
 
 @dataclass(frozen=True, slots=True)
 class Layout:
-    """What :class:`symgen.runtime._beams.BeamEquations` is made from; index arrays end with one spare entry.
+    """Sizes and index arrays of :class:`symgen.runtime._beams.BeamEquations`; arrays end with a spare entry.
 
     Attributes
     ----------
@@ -139,9 +139,9 @@ def layout(
 def _unknowns(
     description: Description, info: ElasticInfo, beams: Sequence[Beam]
 ) -> tuple[list[str], list[list[int]], int]:
-    """Return what the unknowns are called, where those of each link are among them, and where the shaft is.
+    """Return the names of the unknowns, the indices of those of each link, and the index of the shaft.
 
-    Those of the joints come first. -1 stands for what is held, and for a shaft that is.
+    Unknowns of the joints come first. The index is -1 for a held unknown or shaft.
     """
     joint = {p: 2 * i for i, p in enumerate(description.free)}
     names = [f"{p}.{axis}" for p in description.free for axis in description.axes]
@@ -177,7 +177,7 @@ def _unknowns(
 def _of_pieces(
     beams: Sequence[Beam], of_links: Sequence[Indices], slot: Mapping[tuple[int, int], int]
 ) -> dict[str, Any]:
-    """Return what the layout says of the pieces of all links, one behind the other."""
+    """Return the entries of the layout for the pieces of all links, concatenated."""
     pieces = [(k, piece) for k, beam in enumerate(beams) for piece in beam.pieces]
     places = [of_links[k][list(piece.at)] for k, piece in pieces]
     slots = [np.array([slot.get((int(i), int(j)), -1) for i in p for j in p], dtype=np.intp) for p in places]

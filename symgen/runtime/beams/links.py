@@ -1,4 +1,4 @@
-"""Elastic links as superelements: constant matrices in the link's axes, and rows for what is recovered."""
+"""Elastic links as superelements: constant matrices in the link's axes, rows of displacement and strain."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class Beam:
     Attributes
     ----------
     info, properties, lumps
-        What it was made from.
+        Its options, properties and lumped masses.
     dofs
         Names of its unknowns: ``w@0`` of the first node, ``w@n`` of the last of n + 1, ``mid@0.1`` inside an
         element, ``mode@1`` of a reduction.
@@ -54,9 +54,9 @@ class Beam:
     expansion: Array | None
 
     def rows(self, at: float) -> StationRows:
-        """Return what recovers displacement and strain at a fraction of the length, 0 to 1.
+        """Return the rows that recover displacement and strain at a fraction of the length, 0 to 1.
 
-        Where two elements meet it is the mean of both: their strains may differ.
+        Where two elements meet they are the mean of both: their strains may differ.
 
         Raises
         ------

@@ -89,7 +89,7 @@ def _gauss(name: str, stages: int) -> BeamMethod:
     )
 
 
-#: Of a high order, since what a linkage vibrates at is much faster than its turns.
+#: Of a high order, since a linkage vibrates much faster than its crank revolves.
 GAUSS = _gauss("gauss", 6)
 _METHODS = (
     GAUSS,

@@ -42,7 +42,7 @@ def of_one_length(
 
 
 def _is_along(part: Segment, dof: int) -> bool:
-    """Tell whether an unknown of an element moves nothing across the link."""
+    """Return True if an unknown of an element causes no transverse displacement."""
     return part.shape(part.length / 3)[1, part.dofs.index(dof)] == 0.0
 
 
@@ -58,7 +58,7 @@ def reduced(
     Raises
     ------
     ModelError
-        When the link has fewer modes than asked for, or no stiffness.
+        If the link has fewer modes than requested, or no stiffness.
     """
     names = ["u@0", "w@0", *(["theta@0"] if info.clamped else []), f"u@{info.elements}", f"w@{info.elements}"]
     ends = [dofs.index(name) for name in names]

@@ -181,7 +181,7 @@ class Elimination:
         )  # fmt: skip
 
     def _rest(self, d: Array, gamma: Array, force: Array, a: Array, lam: Array) -> tuple[Array, Array]:
-        """Return what a solution leaves of forces and length rows."""
+        """Return the residuals of a solution in the forces and in the length rows."""
         n = self.rods
         left, length_left = np.empty_like(a), np.empty_like(lam)
         for i in np.ndindex(d.shape[:-2]):
@@ -195,7 +195,7 @@ class Elimination:
         worst = np.abs(solved.cancellation).reshape(-1, self.rods)
         bad = ~(worst < _REFUSE)
         if bad.any():
-            rod = int(np.argwhere(bad)[:, 1].max())  # what fails there spoils all that is inboard of it
+            rod = int(np.argwhere(bad)[:, 1].max())  # a failure there spoils all inboard rods
             raise ModelError(
                 f"nothing determines the motion of the outer point of rod {rod}: what it carries has no "
                 "inertia in some direction. Give it mass, or the rod inertia"

@@ -1,4 +1,4 @@
-"""What a chain is made of: arrays checked, with errors that name the entry, and laid out for the kernels."""
+"""Inputs of a chain: arrays checked, with errors that name the entry, and laid out for the kernels."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ def tree(parents: Any, n: int) -> NDArray[np.intp] | None:
 
 
 def on_length(along: Array, lengths: Array) -> None:
-    """Refuse rods that are not as long as they are said to be, but for what rounding and projection leave."""
+    """Raise ModelError if rods deviate from their lengths by more than rounding and projection leave."""
     error = (
         np.abs(np.linalg.norm(along, axis=-1) / lengths - 1).reshape(-1, len(lengths)).max(axis=0, initial=0)
     )

@@ -51,7 +51,7 @@ def run(
     forces: Forces | None,
     every: int,
 ) -> ChainRun:
-    """Step a chain; :meth:`symgen.runtime.chain.chain.Chain.simulate` says what the arguments are."""
+    """Step a chain; arguments as of :meth:`symgen.runtime.chain.chain.Chain.simulate`."""
     for name, value in (("t_end", t_end), ("step", step)):
         if not (np.isfinite(value) and value > 0):
             raise ModelError(f"{name} is {value}, expected a time in seconds, more than zero")

@@ -36,7 +36,7 @@ _RIGID_RTOL = 1e-10
 
 @dataclass(frozen=True, slots=True)
 class ExactTask:
-    """What is asked of a run: see :meth:`symgen.Model.large_rotation`."""
+    """Task of a run: see :meth:`symgen.Model.large_rotation`."""
 
     segments: int
     revolutions: float
@@ -102,7 +102,7 @@ def exact_run(
     ModelError
         For options out of range.
     SimulationError
-        When the run cannot go on.
+        If the run cannot continue.
     """
     if not (task.revolutions > 0 and math.isfinite(task.revolutions)):
         raise ModelError(f"expected revolutions above zero, got {task.revolutions!r}")
@@ -235,7 +235,7 @@ def _of_stretch(cuts: tuple[Cut, ...], result: Result) -> list[str]:
 
 
 def _notes(motion: ElasticMotion, segments: int) -> list[str]:
-    """Say what rods with springs between them leave out."""
+    """Return the notes on effects that rods with springs between them neglect."""
     notes = [
         f"the error of {segments} rods a link is not estimated: it falls with the square of their number; "
         f"compare with {2 * segments}",

@@ -19,21 +19,21 @@ Pair = tuple[Array, Array]
 
 
 class Stages:
-    """Runs one after the other, which all go on from where a checkpoint left them.
+    """Consecutive runs that share one checkpoint and resume from it.
 
-    Those that were done are not taken again: what they found is in the checkpoint.
+    Finished runs are not repeated: the checkpoint holds their results.
 
     Parameters
     ----------
     mark
-        What :func:`symgen.runtime.integrate.checkpoint.mark_of_kernels` gives for all of them.
+        The hash of all of them by :func:`symgen.runtime.integrate.checkpoint.mark_of_kernels`.
     keeping
-        Where checkpoints are left, and the one to go on from.
+        File of the checkpoints, and the one to resume from.
 
     Raises
     ------
     ResultError
-        When the checkpoint to go on from is missing, broken, or of another run.
+        If the checkpoint to resume from is missing, broken, or of another run.
     """
 
     def __init__(self, mark: str, keeping: Keeping) -> None:
@@ -52,7 +52,7 @@ class Stages:
         return self._checkpoints.spent
 
     def next(self) -> Pair | None:
-        """Begin the next run; return what it found if it was done before."""
+        """Begin the next run; return its displacements and rates if it is already finished, else None."""
         self._taken += 1
         if self._left is None or self._taken > len(self._left["displacements"]):
             return None
@@ -103,6 +103,6 @@ class Stages:
         store(file, self._checkpoints.mark, t, wall, arrays)
 
     def finished(self, found: Array, rates: Array) -> Pair:
-        """Keep what a run found, and return it."""
+        """Record displacements and rates of a finished run, and return them."""
         self._finished.append((found, rates))
         return found, rates

@@ -34,7 +34,7 @@ ENOUGH = 1e-2
 _MOST, _MODES = 16, 2
 #: Poses of a revolution in which loads are looked at.
 _POSES = 12
-#: Poses of a turn in which frequencies are looked for.
+#: Poses of a revolution at which frequencies are computed.
 _IN_A_TURN = 24
 #: Shortest element next to a load, as a part of the length: shorter ones are stiff and change nothing.
 _SHORTEST = 0.01
@@ -62,7 +62,7 @@ class MeshedMotion(ElasticMotion):
 
     @cached_property
     def lowest_frequency(self) -> float:
-        """The lowest frequency [Hz] of the structure at rest, over the poses of a turn."""
+        """The lowest frequency [Hz] of the structure at rest, over the poses of a revolution."""
         if self._driven:
             return self._driven.lowest_frequency
         self.check_determined()
@@ -88,7 +88,7 @@ class MeshedMotion(ElasticMotion):
 
 
 def _properties(row: Array) -> Properties:
-    """Return what a row of the table ``properties`` says."""
+    """Return the properties in a row of the table ``properties``."""
     x = [float(v) for v in row]
     return Properties(
         length=x[0],
@@ -137,7 +137,7 @@ def chosen(motion: ElasticMotion, k: int, info: BeamInfo, properties: Properties
     lumps, profiles = motion.lumps(info.link), motion.profiles(info.link)
     poses = _loads_of_poses(motion, k)
     places = [at for _, link, at, _ in motion.stations if link == k] or [0.5]
-    # What the joints pull is the same for any number of elements, and counts in the peak only.
+    # The axial force of the joints does not depend on the number of elements, and counts in the peak only.
     pull = np.zeros((len(poses[0]), len(places)))
     coarse = meshed(replace(info, elements=1), properties.length, lumps, profiles)
     if f"u@{coarse.elements}" in held_alone(motion, coarse):

@@ -135,7 +135,7 @@ class ElasticModel(Model):
 
     @property
     def layout(self) -> Layout:
-        """Where everything stands in the matrices of the elastic motion."""
+        """Index arrays of the matrices of the elastic motion."""
         return self._motion(True).layout
 
     @property
@@ -145,7 +145,7 @@ class ElasticModel(Model):
 
     @property
     def lowest_frequency(self) -> float:
-        """The lowest frequency [Hz] of the structure at rest, over the poses of a turn."""
+        """The lowest frequency [Hz] of the structure at rest, over the poses of a revolution."""
         return self._motion(True).lowest_frequency
 
     @property

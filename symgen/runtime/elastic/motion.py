@@ -29,7 +29,7 @@ Array = NDArray[np.float64]
 _STRIDE = 0.02
 #: How closely the time at which a crank locks is found, over that time.
 _LOCKED = 1e-7
-#: Parts of a turn in which it is looked for.
+#: Parts of a revolution that are searched for it.
 _SAMPLES = 64
 #: Least singular value of the constraint Jacobian over the largest, and least component of a free motion.
 _RANK = 1e-9
@@ -89,7 +89,7 @@ class ElasticMotion(ABC):
 
     @property
     def period(self) -> float:
-        """Time of one turn of the crank [s], at the speed of the scene unless steady; infinite at rest."""
+        """Time of one revolution of the crank [s], at the scene's speed unless steady; infinite at rest."""
         if self._path and self._path.repeats:
             return self._path.end
         return 2 * math.pi / abs(self.speed) if self.speed else math.inf
@@ -123,7 +123,7 @@ class ElasticMotion(ABC):
     @property
     @abstractmethod
     def lowest_frequency(self) -> float:
-        """The lowest frequency [Hz] of the structure at rest, over the poses of a turn."""
+        """The lowest frequency [Hz] of the structure at rest, over the poses of a revolution."""
 
     @abstractmethod
     def unreduced(self) -> ElasticMotion | None:
@@ -176,17 +176,17 @@ class ElasticMotion(ABC):
 
     @property
     def kernels_of_motion(self) -> tuple[KernelInfo, ...]:
-        """What is known of the kernels of the rigid motion that elastic links move about."""
+        """Names and sizes of the kernels of the rigid motion that elastic links move about."""
         return self._motion.description.kernels
 
     @property
     def kernels_of_joints(self) -> tuple[KernelInfo, ...]:
-        """What is known of the kernels of what joins elastic links."""
+        """Names and sizes of the kernels of the joints of elastic links."""
         return self._joints.description.kernels
 
     @property
     def kernel_sizes(self) -> list[int]:
-        """Sizes of what the kernels of the motion write; 0 of those that are not there.
+        """Output sizes of the kernels of the motion; 0 for absent ones.
 
         They are links, joints, shaft and loads, then the set-up of these and that of joints.
         """
@@ -202,7 +202,7 @@ class ElasticMotion(ABC):
 
     @property
     def told(self) -> tuple[str, ...]:
-        """What the numbers of a run depend on, besides the rigid linkage and its parameters."""
+        """Data that determine a run, in addition to the rigid linkage and its parameters."""
         made = self._motion.description.equations, self._joints.description.equations
         return *made, repr(self.info), repr(self._stiffened), self.layout.constants.tobytes().hex()
 
@@ -243,7 +243,7 @@ class ElasticMotion(ABC):
         return rows[:, :2], rows[:, 2:]
 
     def rigid_motion(self, equations: _beams.BeamEquations, times: Array) -> tuple[Array, Array, Array]:
-        """Return what the rigid motion is at times.
+        """Return the rigid motion at times.
 
         Coordinates (times, coordinates) [m], and the weights of links (times, links, columns) and of forces
         along links (times, forces, 3): see :mod:`symgen.runtime.beams.frames`.

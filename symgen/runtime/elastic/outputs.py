@@ -99,7 +99,7 @@ def length_change(link: str, values: Array) -> Variable:
 def _stretch(beam: Beam, own: Array) -> Array:
     """Return the change of the distance between the ends [m], to the second order of bending.
 
-    What the axial strain adds, less the half of the integral of the square of the slope from the line between
+    The integral of the axial strain, less half the integral of the square of the slope from the line between
     the ends. Turning the link as a whole changes nothing, however far linear displacements go.
     """
     (u0, w0), (u1, w1) = beam.ends

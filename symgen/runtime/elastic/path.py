@@ -228,7 +228,7 @@ class Machine:
         raise self._stalled()
 
     def steady(self) -> Path:
-        """Return one revolution of the crank after which its speed is what it was.
+        """Return one revolution of the crank at the end of which its speed is that at the begin.
 
         Raises
         ------

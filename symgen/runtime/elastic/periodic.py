@@ -25,12 +25,12 @@ from symgen.runtime.result.elastic import FLOQUET_SETTLED
 
 Array = NDArray[np.float64]
 
-#: Steps a turn that shooting begins with, and the most that it is doubled to.
+#: Steps per revolution that shooting begins with, and the most that it is doubled to.
 _FIRST, _MOST = 64, 1 << 16
 #: Poses of a revolution that are compared with those of the next, the part of its largest value by which a
 #: number may differ, and the part of the largest number that is none.
 _LOOKS, _PERIODIC, _NOTHING = 7, 1e-6, 1e-12
-#: The most unknowns of which all states of one turn are stepped together.
+#: The most unknowns for which all states of one revolution are stepped together.
 _SHOOTING = 400
 #: How near to one the multiplier of the phase of a crank with a motor is, but for the elastic deflections.
 _OPEN = 0.2
@@ -49,9 +49,10 @@ def periodic(
     pace: Pace,
     passes: list[Found],
 ) -> Found:
-    """Find the state that repeats after a turn, (I - Phi) y = y of a turn from rest, and the multipliers.
+    """Find the state that repeats after a revolution, and the Floquet multipliers.
 
-    What was found with fewer steps is appended to ``passes``.
+    The periodic state y solves (I - Phi) y = y_1, with y_1 the state after one revolution from rest. Results
+    with fewer steps are appended to ``passes``.
 
     Raises
     ------
@@ -69,7 +70,7 @@ def periodic(
         _check_repeats(motion, equations)
     free = motion.layout.unknowns - motion.layout.constraints
     errors = Errors(motion, equations, times, GAUSS.order)
-    # The estimates need two runs: with half the steps asked for, then with these.
+    # The estimates need two runs: with half the requested steps, then with all.
     per_turn = first_steps(motion, task, _FIRST)
     if task.steps and task.steps > 1:
         per_turn = task.steps // 2

@@ -1,4 +1,4 @@
-"""One run of an elastic motion, by any method, and what is said of it."""
+"""One run of an elastic motion by any method, with its notes."""
 
 from __future__ import annotations
 

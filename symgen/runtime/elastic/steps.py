@@ -158,9 +158,9 @@ def stepped(
     start
         S and S' at time zero, (unknowns, 1) each; at rest and undeformed if absent.
     stages
-        What keeps this run and those before it.
+        Checkpoints of this run and those before it.
     pace
-        What follows the run by the clock.
+        Clock of the run.
 
     Raises
     ------
@@ -219,7 +219,7 @@ def doubled(
     pace: Pace,
     passes: list[Found],
 ) -> Found:
-    """Step with what is asked, or double the steps until two runs agree; append complete runs to ``passes``.
+    """Take the requested steps, or double them until two runs agree; append complete runs to ``passes``.
 
     Raises
     ------

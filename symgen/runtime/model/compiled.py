@@ -83,7 +83,7 @@ class Compiled:
 
     @property
     def typed(self) -> Typed | None:
-        """Kernels in the type of runs, where that is not float64."""
+        """Kernels in the type of runs; None if that is float64."""
         return None if self._typed is None or self._typed.is_plain else self._typed
 
     @property
@@ -91,7 +91,7 @@ class Compiled:
         return self._typed.precision if self._typed else FLOAT64
 
     def _in_type(self, t: float, q: Any, u: Any, solution: Any) -> Any:
-        """Return accelerations and multipliers in the model's own type, where that is not float64."""
+        """Return accelerations and multipliers in the model's own type, if that is not float64."""
         if self.typed is None:
             return solution
         found = self._batch("accelerations", t, q[None], u[None])
@@ -132,7 +132,7 @@ class Compiled:
         return self._evaluate_many(what, t, q, u, work, threads)[0]
 
     def _refuse_types(self, what: str, but: str = "") -> None:
-        """Refuse what is computed in doubles only, where another type was asked for; ``but`` those of C."""
+        """Raise ModelError if ``what`` has doubles only and the model another type; ``but`` excepts C."""
         if self.typed and (self.typed.digits or not but):
             how = f"{self.typed.digits} digits" if self.typed.digits else self.precision
             raise ModelError(

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from symgen.runtime.rods.constraints import Bonds
 
 Array = NDArray[np.float64]
-#: Gives the kernels of one kind of analysis, made when first asked for.
+#: Returns the kernels of one kind of analysis, built on first use.
 Analyses = Callable[[str, bool], tuple[Description, Library]]
 
 

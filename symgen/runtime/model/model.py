@@ -156,7 +156,7 @@ class Model(ElasticAnalyses, KernelCalls, Compiled):
         InitialStateError
             When the start cannot be assembled.
         SimulationError
-            When the run cannot continue; it carries the time and what was recorded.
+            If the run cannot continue; it carries the time and the samples recorded.
         """
         raise NotImplementedError
 

@@ -22,9 +22,9 @@ if TYPE_CHECKING:
 class PlaneModel(RodModel):
     """Compiled equations of a linkage written in space, of its motion in a plane.
 
-    Runs and accelerations are those in the plane: nothing drives the motion across it. What asks for freedoms
-    rather than for a motion (poses, equilibria and their stability, modes) is answered by the model in
-    ``in_space``, which knows those across the plane too and is made when it is first needed.
+    Runs and accelerations are those in the plane: nothing drives the motion out of it. Analyses of freedoms
+    rather than of a motion (poses, equilibria and their stability, modes) use the model of ``in_space``. It
+    includes out-of-plane freedoms and is built on first use.
     """
 
     def __init__(self, *args: Any, in_space: Callable[[], RodModel], **kwargs: Any) -> None:

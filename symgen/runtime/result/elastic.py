@@ -1,4 +1,4 @@
-"""What a run of elastic links gives: strains, displacements and lengths over the crank angle."""
+"""Result of a run of elastic links: strains, displacements and lengths over the crank angle."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class ElasticResult(Result):
 
     @property
     def floquet(self) -> tuple[complex, ...]:
-        """Floquet multipliers of one turn, the largest first; empty where they were not asked for."""
+        """Floquet multipliers of one revolution, the largest first; empty if they were not requested."""
         return tuple(complex(re, im) for re, im in self.statistics["floquet"])
 
     @property
@@ -69,7 +69,7 @@ class ElasticResult(Result):
 
     @property
     def headline(self) -> str:
-        """What a plot says of the run."""
+        """Title line of plots: method and errors."""
         known = [
             f"{error:.1e} by {what}"
             for what, error in (

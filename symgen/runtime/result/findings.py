@@ -22,8 +22,8 @@ class SingularPose:
     Attributes
     ----------
     kind
-        ``dead centre``: the drive cannot pass, the linkage turns back there; ``bifurcation``: branches of
-        the motion cross there, and the one that goes on smoothly was followed.
+        ``dead centre``: a turning point that the drive cannot pass; ``bifurcation``: branches of the motion
+        cross there, and the smooth continuation was followed.
     t
         Time [s].
     drives

@@ -1,4 +1,4 @@
-"""What an analysis of the forces in rigid links gives: a result over the motion of the drive."""
+"""Result of an analysis of the forces in rigid links, over the motion of the drive."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ class Forces(Result):
 
     @property
     def headline(self) -> str:
-        """What a plot says of the analysis."""
+        """Title line of plots: elements, poses and condition."""
         elements = self.statistics["elements"]
         parts = "one element" if elements == 1 else f"{elements} elements"
         poses = "one pose" if self.count == 1 else f"{self.count} poses"

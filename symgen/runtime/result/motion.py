@@ -1,4 +1,4 @@
-"""What a kinematic analysis gives: a result over time, with dead centres and ranges out of reach."""
+"""Result of a kinematic analysis over time, with dead centres and ranges out of reach."""
 
 from __future__ import annotations
 
@@ -29,5 +29,5 @@ class Motion(Result):
 
     @property
     def headline(self) -> str:
-        """What a plot says of the analysis."""
+        """Title line of plots: poses and constraint error."""
         return f"kinematics, {self.count} poses; constraints within {self.drift.constraint:.1e} m"

@@ -1,4 +1,4 @@
-"""What a kinematic analysis records: points and links over the times that were reached."""
+"""Records of a kinematic analysis: points and links over the times that were reached."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def chosen_names(bonds: Bonds, of: Sequence[str] | None) -> list[str]:
     ]
     turning = [k for k, points in d.links.items() if not set(points[:2]) <= set(d.ground)]
     if of is None and d.kinematic and d.kernel("outputs"):
-        return []  # what the scene asks for
+        return []  # the outputs that the scene selects
     if of is None:
         return [*moving, *(turning if len(d.axes) == 2 else [])]
     known = [*d.points, *(turning if len(d.axes) == 2 else [])]

@@ -1,4 +1,4 @@
-"""From a finished or broken run to its Result: outputs evaluated, drift gathered, what must be said of it."""
+"""From a finished or broken run to its Result: outputs, drift and notes."""
 
 from __future__ import annotations
 
@@ -130,7 +130,7 @@ class Recording:
         }
 
     def provenance(self) -> dict[str, Any]:
-        """Return what the numbers come from."""
+        """Return equations, method, options, build and parameters of the run."""
         d, chosen = self.evaluator.description, self.chosen
         parameters = zip(d.tunable, self.evaluator.given.tolist(), strict=False)
         return {
@@ -148,7 +148,7 @@ class Recording:
         }
 
     def notes(self) -> tuple[str, ...]:
-        """Return what must be said of the run."""
+        """Return the notes on the run: redundancy, losses of rank, stiffness, events."""
         return (
             *self.evaluator.description.remarks,
             *_of_redundancy(self.evaluator, self.stepper, self.redundant),
@@ -182,7 +182,7 @@ def motion(evaluator: Evaluator, t: float, y: Array) -> dict[str, dict[str, list
 def outputs(
     evaluator: Evaluator, equations: _core.Equations, times: Array, states: Array, redundant: int
 ) -> tuple[Variable, ...]:
-    """Return what the scene asks to record, at these times and states (q, u, ...), a row each."""
+    """Return the outputs that the scene selects, at times (samples,) and states (samples, (q, u, ...))."""
     info = evaluator.find("outputs")
     if info is None or not len(times):
         return ()
@@ -237,7 +237,7 @@ def _shaped(info: KernelInfo, out: Array) -> tuple[Variable, ...]:
 
 
 def _of_redundancy(evaluator: Evaluator, stepper: _core.Run, redundant: tuple[int, ...]) -> Iterator[str]:
-    """Say which constraints follow from others, by how much they contradict them, and what is not unique."""
+    """Yield the note on redundant constraints: their error, and the multipliers that are not unique."""
     if not redundant:
         return
     d = evaluator.description
@@ -277,14 +277,14 @@ def _of_stiffness(stepper: _core.Run, chosen: Options) -> Iterator[str]:
 
 
 def _of_the_end(evaluator: Evaluator, stepper: _core.Run) -> Iterator[str]:
-    """Say which event ended the run."""
+    """Yield the note that names the event that ended the run."""
     if stepper.ended_by >= 0:
         name = evaluator.description.events[stepper.ended_by].name
         yield f"the event {name!r} ended the run at t = {stepper.t:.9g} s"
 
 
 def of_switches(switches: tuple[str, ...], stepper: _core.Run) -> Iterator[str]:
-    """Say how often loads changed their branch."""
+    """Yield the note on switching points of loads that steps ended on."""
     if stepper.switchings:
         jumps = "; ".join(switches[:_SHOWN])
         points = "1 switching point" if stepper.switchings == 1 else f"{stepper.switchings} switching points"

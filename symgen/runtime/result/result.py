@@ -44,13 +44,13 @@ class Result(Findings):
     variables
         Recorded outputs; the coordinate is not one of them.
     drift
-        Drift of what must be conserved; nan where it was not measured.
+        Drift of the constraints and of the energy; nan if it was not measured.
     notes
         Remarks on the numbers: redundant constraints, losses of rank.
     events
         Events that the scene defines, in the order of time.
     times
-        Times [s] of the samples where the coordinate is not the time; None where there are none.
+        Times [s] of the samples if the coordinate is not the time; None if there are none.
     units
         Units of tables and plots by unit in SI: their name and size. SI where one is missing.
     """
@@ -75,9 +75,9 @@ class Result(Findings):
 
     @classmethod
     def _later(cls, source: Any) -> Self:
-        """Return a result whose fields are made when first asked for, by the methods of ``source`` so named.
+        """Return a result whose fields the methods of ``source`` of the same names compute on first access.
 
-        In short runs most of them are not asked for, and making them would take longer than the steps.
+        In short runs most fields are never read, and computing them would take longer than the steps.
         """
         made = object.__new__(cls)
         made.__dict__.update(_source=source, _cache={})
@@ -118,7 +118,7 @@ class Result(Findings):
         return self.dataset[name]
 
     def __contains__(self, name: object) -> bool:
-        """Tell whether an output, or the coordinate, has this name."""
+        """Return True if an output, or the coordinate, has this name."""
         return isinstance(name, str) and (name == self.coordinate.name or name in [*self])
 
     def __iter__(self) -> Iterator[str]:
@@ -181,12 +181,12 @@ class Result(Findings):
         )
 
     def panel(self, variable: Variable) -> str:
-        """Return the panel of a plot that an output is drawn in, by what is written beside it."""
+        """Return the panel of a plot that an output is drawn in, named by its axis label."""
         return variable.unit
 
     @property
     def headline(self) -> str:
-        """What a plot says of the run."""
+        """Title line of plots: method, steps and drift."""
         measured = self.drift.measured
         units = (("constraint", "constraints", "m"), ("energy", "energy", "J"))
         drift = [f"{word} {measured[name]:.1e} {unit}" for name, word, unit in units if name in measured]
@@ -379,7 +379,7 @@ SAVED_AS = tuple(_WRITERS)
 
 
 class _WhenAsked:
-    """A field that a result's source makes when it is first asked for; the result keeps it in its place."""
+    """A field that a result's source computes on first access; the result then stores it."""
 
     def __init__(self, name: str) -> None:
         self.name = name

@@ -1,4 +1,4 @@
-"""What a sweep of crank speeds gives: steady states over the speed, and where they are dangerous."""
+"""Result of a sweep of crank speeds: steady states over the speed, and dangerous speeds."""
 
 from __future__ import annotations
 
@@ -68,5 +68,5 @@ class Sweep(Result):
 
     @property
     def headline(self) -> str:
-        """What a plot says of the sweep."""
+        """Title line of plots: the estimated error."""
         return f"steady states, estimated error {self.statistics['error']:.1e} of the peak stress at most"

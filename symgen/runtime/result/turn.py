@@ -94,7 +94,7 @@ class Turn(Result):
 
     @property
     def headline(self) -> str:
-        """What a plot says of the run."""
+        """Title line of plots: poses and closure error."""
         return f"{self.count} poses, closed within {self.closure:.1e}"
 
 
@@ -121,7 +121,7 @@ def converters(description: LoopDescription) -> dict[str, tuple[str, float]]:
 
 
 def variables(description: LoopDescription, out: Array) -> list[Variable]:
-    """Return the outputs of rows of what the kernel 'outputs' gave."""
+    """Return the outputs in rows of the kernel 'outputs', (samples, entries)."""
     info = description.kernel("outputs")
     made = []
     for b in info.blocks if info else ():
