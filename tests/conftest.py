@@ -49,7 +49,7 @@ def made(made_in: Path) -> dict:
 
 @pytest.fixture
 def entry(monkeypatch, capfd):
-    """Call what the console script calls, in this process: exit code, standard output and error."""
+    """Run the console script's entry in this process; return exit code, standard output and error."""
     from symgen import cli
 
     # The entry keeps the command alone that is named, which must last no longer than the call.

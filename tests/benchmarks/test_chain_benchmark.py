@@ -1,4 +1,4 @@
-"""The exact solution that benchmarks/chain.py measures errors by, and what it asks of Pinocchio."""
+"""The exact solution that benchmarks/chain.py measures errors by, and its calls of Pinocchio."""
 
 from __future__ import annotations
 

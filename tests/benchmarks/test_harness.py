@@ -1,4 +1,4 @@
-"""Repeats of a measurement: which lines are measured again, and what is printed."""
+"""Repeats of a measurement: lines that are measured again, and the printed table."""
 
 from __future__ import annotations
 

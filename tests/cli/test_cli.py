@@ -392,7 +392,7 @@ def test_help_of_the_rest(command):
 @pytest.mark.parametrize("option", ["--out", "--plot"])
 @pytest.mark.parametrize("file", ["result.xyz", "missing/result.nc", "missing/plot.png"])
 def test_a_file_that_cannot_be_written_is_refused_before_the_run(option, file, tmp_path):
-    """A run that cannot end, asked for a file that cannot be written: the answer comes at once."""
+    """An endless run into a file that cannot be written fails at once."""
     done = runner.invoke(app, ["run", "peaucellier", "--t-end", "1e9", option, str(tmp_path / file)])
     assert isinstance(done.exception, ResultError)
     assert re.search("file ending in|no folder", str(done.exception))

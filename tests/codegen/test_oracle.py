@@ -27,7 +27,7 @@ STATES = 3
 #: Relative to the largest entry of a kernel's result. The assembly residual cancels to nothing by design.
 TOLERANCE = 1e-13
 SOLUTION_TOLERANCE = 2e-11
-#: Away from what the constraints allow, a redundant one is nearly dependent on the others.
+#: Off the constraints, a redundant one is nearly dependent on the others.
 REDUNDANT_TOLERANCE = 1e-9
 #: Unknowns beyond which one state must do: their solution off the constraints takes long.
 MANY = 60
@@ -68,7 +68,7 @@ def test_scene_kernels(scene, backend):
         _solve_in_place(evaluate, t, q, u, memory, solved)
         assert relative_error(solved[:-1], oracle.solve(values, mpmath.matrix(rhs))) < tolerance
         checked |= {"accelerations", "factor", "solve"}
-    # What the set-up kernel leaves is in all of these numbers.
+    # The output of the set-up kernel enters all of these numbers.
     assert checked == {k.name for k in model.description.kernels} - {"setup"}
 
 

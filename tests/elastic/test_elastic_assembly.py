@@ -192,7 +192,7 @@ def test_compiled_equations_without_geometric_stiffness(name):
 
 
 def test_geometric_stiffness_is_seen():
-    """What the comparison above would miss without it is far above its tolerance."""
+    """Without this term the comparison above would fail by far."""
     with_it, without = (motion("elastic_four_bar", s).equations().matrices(0.01)[3] for s in (True, False))
     assert np.abs(with_it - without).max() > 1e-6 * np.abs(with_it).max()
 

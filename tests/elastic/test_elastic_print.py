@@ -43,7 +43,7 @@ def shapes():
 
 @cache
 def derived() -> dict[str, sp.Matrix]:
-    """Return what symgen derives, by the number of the print's matrix."""
+    """Return symgen's matrices by the number of the print's matrix."""
     none = (sp.S.Zero,)
     found = beam_matrices(ELEMENTS["beam8"], Section((m,), none, (EA,), (EI,), none))
 

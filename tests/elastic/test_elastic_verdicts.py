@@ -1,4 +1,4 @@
-"""What results of elastic links say of themselves: stability, what a reduction leaves out, panels of plots."""
+"""Verdicts in results of elastic links: stability, neglected modes of a reduction, panels of plots."""
 
 from __future__ import annotations
 

@@ -116,7 +116,7 @@ def test_quasi_static_strains():
     [("gauss", {"steps": 4096}), ("gauss4", {"steps": 8192}), ("dop853", {"rtol": 1e-8})],
 )
 def test_transient(method, options):
-    """One turn from rest, without geometric stiffness."""
+    """One revolution from rest, without geometric stiffness."""
     found = by_method(linkage(), method, samples=4097, geometric_stiffness=False, **options)
     for link in LINKS:
         strain = found.variable(f"{link}.bending_strain").values * MICRO

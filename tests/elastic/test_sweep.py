@@ -1,4 +1,4 @@
-"""Sweeps of the crank's speed: what they find, how they are saved, what they refuse."""
+"""Sweeps of the crank speed: results, files and errors."""
 
 from __future__ import annotations
 

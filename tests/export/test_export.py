@@ -272,7 +272,7 @@ def test_every_number_of_a_state_is_told(folders):
 
 
 def test_words_of_a_scene_stay_words(tmp_path):
-    """A description cannot end the comment that it stands in."""
+    """A description cannot end the comment around it."""
     wicked = "*/ int injected(void) { return 1; } /*"
     scene = symgen.Scene(
         parameters={"rho": {"value": "1 kg", "tunable": True, "about": wicked}},

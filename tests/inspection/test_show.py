@@ -1,4 +1,4 @@
-"""Looking at what was derived: parts of matrices, every form, derivatives, states, the record, notebooks."""
+"""Inspection of derived equations: parts of matrices, every form, derivatives, states, the record, notebooks."""
 
 from __future__ import annotations
 
@@ -133,7 +133,7 @@ def test_numbers_of_a_loop_keep_it_closed(scene, at):
 
 
 def test_numbers_of_a_loop_at_a_value_of_its_input():
-    """Screws times accelerations, and what the rates leave, add up to nothing."""
+    """Screws times accelerations, plus the drift due to the rates, add up to zero."""
     screws, drift = (
         numbers(shown("planar_4r", name, "--format", "numeric", "--at", "50"))
         for name in ("screws", "screw_drift")

@@ -1,4 +1,4 @@
-"""The independent vector model against every checked number: what the other tests of loops compare with."""
+"""The independent vector model against every checked number: the reference of the other tests of loops."""
 
 from __future__ import annotations
 
@@ -95,7 +95,7 @@ def test_dead_centres(scene):
 
 @pytest.mark.parametrize("ratio", [0, 2])
 def test_power_balance(ratio):
-    """Drives give what the kinetic energy takes: its rate from differences of high order."""
+    """The power of the drives is the rate of the kinetic energy: its rate from differences of high order."""
     crank = Crank(a4=20.0, alpha4=float(radians(232)[0]))
     h = Real(2) ** -9
     steps = np.arange(-5, 6) * h

@@ -35,7 +35,7 @@ WRENCHES = {
     "F4": "slider.joint4.force",
     "T4": "slider.joint4.moment",
 }
-#: What is known in each mode, and what is to be found.
+#: Prescribed quantities and unknowns of each mode.
 MODES = {
     "mode_L": {"loop.drives.theta1": "?", "loop.drives.S4": "0 lbf"},
     "mode_T": {"loop.drives.theta1": "100 lbf*in", "loop.drives.S4": "?"},

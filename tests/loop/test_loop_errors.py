@@ -1,4 +1,4 @@
-"""What goes wrong with a loop is said in words: which row, which angle, which count, and what to do."""
+"""Errors of loops name row, angle, count and remedy."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def crank():
 
 @pytest.fixture(scope="module")
 def rocking():
-    """A crank that cannot turn round: 0.3, 0.4, 0.2, ground 0.25."""
+    """A crank that cannot make a full revolution: 0.3, 0.4, 0.2, ground 0.25."""
     return symgen.build(planar_4r((0.3, 0.4, 0.2, 0.25)))
 
 

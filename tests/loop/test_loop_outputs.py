@@ -1,4 +1,4 @@
-"""What a loop records: pruned kernels, and clear errors for what it does not have."""
+"""Recorded outputs of a loop: pruned kernels, and clear errors for unknown names."""
 
 from __future__ import annotations
 

@@ -14,7 +14,7 @@ from symgen.report.mathematics.saving import saving_lines
 
 
 def operations(loop):
-    """Of all kernels but the one that is called once a run."""
+    """Of all kernels but the one that is called once per run."""
     program = lower_system(loop_system(loop))
     return sum(k.counts.flops for k in program.kernels if k is not program.setup)
 

@@ -1,4 +1,4 @@
-"""Loops at the edges: motions that end or turn back, loads without a value, lost rank, odd arguments."""
+"""Loops at the edges: motions that end or reach turning points, loads without a value, lost rank, odd arguments."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ def test_a_load_without_a_value_is_an_error():
 
 
 def test_a_pose_that_loses_rank_has_no_forces():
-    """A parallelogram in line: placed, told, and gone through."""
+    """A parallelogram in line is assembled, reported and passed."""
     model = four_bar(
         lengths=("0.1 m", "0.4 m", "0.1 m", "-0.4 m"),
         start={"theta2": "-45 deg", "theta3": "225 deg", "theta4": "135 deg"},

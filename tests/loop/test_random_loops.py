@@ -40,7 +40,7 @@ def test_every_choice_of_the_angles_of_balls_closes(name, count):
 
 
 def test_angles_of_balls_whose_second_spin_is_held():
-    """The constant alpha of the two balls of a link may stand in either row."""
+    """The constant alpha of the two balls of a link may be in either row."""
     rows = [
         {"joint": "R", "link": "crank", "theta": "theta1", "a": "1 m"},
         {"joint": "S", "link": "coupler", "theta": "?", "eta": "?", "alpha": "?", "a": "5 m"},

@@ -1,4 +1,4 @@
-"""What depends on parameters of a run alone stands in the kernel 'setup', once, and nowhere else."""
+"""Per-run precomputation is in the kernel 'setup', once, and nowhere else."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The order of elimination, what it costs, and sums of like terms."""
+"""The order of elimination, its cost, and sums of like terms."""
 
 from __future__ import annotations
 

@@ -228,7 +228,7 @@ def test_shipped_scenes(scene):
 
 
 def test_guides_drives_and_moving_ground():
-    """Forces of guides and the torque of a drive are unknowns beside the accelerations."""
+    """Forces of guides and the torque of a drive are unknowns together with the accelerations."""
     scene = symgen.Scene(
         parameters={"rate": "1 rad/s", "shake": "3 cm"},
         points={

@@ -1,4 +1,4 @@
-"""Only what is asked for is derived: outputs cost what they bring, and positions bring no dynamics."""
+"""Only selected outputs are derived: positions alone need no dynamics."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Regeneration: what each model depends on, what a change derives anew, and what is said of it."""
+"""Regeneration: dependencies of each model, models that a change regenerates, and messages."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from symgen.toolchain import dependencies as graph
 PACKAGE = Path(symgen.__file__).parent
 OF_ELEMENTS = {f"element_{name}" for name in ELEMENTS}
 OF_LINKS = OF_ELEMENTS | {"elastic_place"}
-#: Files of derivations, and the models that are derived anew when they change: those and no others.
+#: Files of derivations, and the models that are regenerated when they change: those and no others.
 DEPENDENTS = {
     "models/rod.py": set(),
     "models/elastic/rigid_element.py": {"rigid_element"},

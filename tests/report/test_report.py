@@ -1,4 +1,4 @@
-"""The page on a scene: what it holds, and how it shows in a real browser."""
+"""The page on a scene: its content, and its display in a real browser."""
 
 from __future__ import annotations
 
@@ -94,7 +94,7 @@ def test_a_page_in_a_browser(seen, name, width):
 
 @in_chromium
 def test_the_browser_sees_what_is_wrong(seen):
-    """A page with faults is told from one without."""
+    """A page with faults is distinguished from one without."""
     faults = " | ".join(seen["bad", 390].faults)
     for word in ("broken", "missing is not defined", "px wide in 390", "P.", "1 of 1 equations", "pictures"):
         assert word in faults

@@ -17,7 +17,7 @@ WIDE = 400
 
 
 def printed(scene, width, monkeypatch):
-    """Return what ``symgen run`` prints on a terminal of this width, without the wall time."""
+    """Return the output of ``symgen run`` on a terminal of this width, without the wall time."""
     monkeypatch.setattr(carrying, "console", lambda: Console(width=width, highlight=False))
     lines = call("run", scene).splitlines()
     return "\n".join(line for line in lines if not line.startswith("wall time"))

@@ -1,4 +1,4 @@
-"""Linkages written with three coordinates that stay in a plane: they cost what the plane costs, and no more."""
+"""Linkages written with three coordinates that stay in a plane: their cost is that of the plane."""
 
 from __future__ import annotations
 

@@ -414,7 +414,7 @@ def test_assembled_at_once(four_bar):
 
 
 def test_a_toggle_is_named():
-    """A rocker driven into the pose in which coupler and crank lie in line, where it cannot go on."""
+    """A rocker driven into the pose in which coupler and crank lie in line, where it cannot continue."""
     a, b, c, d = 0.1, 0.35, 0.3, 0.4
     psi = np.pi - np.arccos((c**2 + d**2 - (a + b) ** 2) / (2 * c * d))  # |OB| = a + b
     start = circles([d + c * np.cos(psi + 0.4), c * np.sin(psi + 0.4)], [0.0, 0.0], b, a)

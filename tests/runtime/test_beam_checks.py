@@ -17,7 +17,7 @@ LBF = 4.4482216152605
 
 
 def number(note: str, before: str) -> float:
-    """The number that stands in a note behind some words."""
+    """The number in a note after some words."""
     return float(re.search(rf"{before} ([-+.\de]+)", note).group(1))
 
 

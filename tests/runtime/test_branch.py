@@ -45,7 +45,7 @@ def tuned():
 
 
 def lengths_of_crank_rockers(count):
-    """Return lengths in metres of linkages that turn round, by Grashof, none near a change point."""
+    """Return lengths in metres of linkages whose crank makes full revolutions, by Grashof, none near a change point."""
     made, random = [], np.random.default_rng(5)
     while len(made) < count:
         a, b, c, d = random.uniform(0.05, 1.0, 4)

@@ -1,4 +1,4 @@
-"""Checkpoints: a run that goes on from one is the same to the bit, and refuses those of other runs."""
+"""Checkpoints: a resumed run is the same to the bit, and refuses those of other runs."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ def test_a_resumed_run_is_the_same_to_the_bit_wherever_it_was_stopped(name, mode
         assert resume(tmp_path / "run.npz", again, "mark") == 2.5
         assert again.steps == stopped.steps == k
         assert to_the_end(again) == expected
-        # The file is a copy: the run it was taken from goes on as well.
+        # The file is a copy: the run it was taken from continues as well.
         assert to_the_end(stopped, chunk=7) == expected
 
 

@@ -1,4 +1,4 @@
-"""Every result has one coordinate with its unit, in Python and in files; what was not measured is absent."""
+"""Every result has one coordinate with its unit, in Python and in files; unmeasured values are absent."""
 
 import io
 import json

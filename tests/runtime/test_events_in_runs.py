@@ -1,4 +1,4 @@
-"""Events in runs: where they are, in which order, and what they end."""
+"""Events in runs: their times, their order, and the runs they end."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Models and results of every method go through pickle, and through processes that are started anew."""
+"""Models and results of every method go through pickle, and through newly started processes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the step loop does around any method: constraints kept or left, drift limited, stiffness seen."""
+"""The step loop around any method: constraints kept or left, drift limited, stiffness seen."""
 
 from __future__ import annotations
 
@@ -167,7 +167,7 @@ def test_stiffness_is_told(name, tmp_path):
 
 
 def test_rank_is_not_watched_in_a_tree_which_cannot_lose_it():
-    """One factorisation a step, for the projection; a loop is looked at in between as well."""
+    """One factorisation per step, for the projection; a loop is looked at in between as well."""
     tree = symgen.build("triple_pendulum").simulate(1.0, samples=2).statistics
     assert tree["factorisations"] == tree["steps"] + 1
     loop = symgen.build("four_bar").simulate(1.0, samples=2).statistics

@@ -29,7 +29,7 @@ SUPPLIED: dict[str, Any] = {}
 
 
 def kernels(block: str) -> Any:
-    """Return the compiled module of a building block, or what was supplied in its place."""
+    """Return the compiled module of a building block, or its supplied substitute."""
     return SUPPLIED.get(block) or _shipped(block)
 
 

@@ -27,7 +27,7 @@ Array = NDArray[np.float64]
 Counts = NDArray[np.intp]
 Progress = Callable[[float], None]
 
-#: Steps a turn that a run begins with, and the most that it is doubled to.
+#: Steps per revolution that a run begins with, and the most that it is doubled to.
 _FIRST, _MOST = 256, 1 << 18
 #: Part of a revolution that an adaptive run tries as its first step.
 _FIRST_TRIED = 4096
@@ -58,7 +58,7 @@ class Task:
 
 @dataclass(frozen=True, slots=True)
 class Found:
-    """Displacements and their rates (times, unknowns) at the recorded times, and what they cost.
+    """Displacements and their rates (times, unknowns) at the recorded times, and their cost.
 
     ``rates`` is None where the elastic motion itself adds nothing: quasi-static. ``floquet_error`` is that of
     the largest multiplier, ``spent`` the wall time [s] taken before the run was resumed, ``counts`` the steps
