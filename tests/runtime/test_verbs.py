@@ -152,3 +152,30 @@ def test_elastic_links_run_to_a_time_or_over_revolutions():
     np.testing.assert_array_equal(
         rigid, model.rigid.kinematics(at=[0.5], of=["A"]).variable("A.position").values
     )
+
+
+@pytest.mark.parametrize(
+    "result",
+    [
+        lambda: symgen.build("crank_rocker").kinematics(samples=4),
+        lambda: symgen.build("crank_rocker").inverse_dynamics(samples=4),
+        lambda: symgen.build("elastic_four_bar").sweep([5.0, 6.0]),
+        lambda: symgen.build("slider_crank").kinematics(at=[0.5]),
+        lambda: symgen.build("four_bar").simulate(0.1, samples=2),
+    ],
+    ids=["kinematics", "inverse_dynamics", "sweep", "loop", "simulate"],
+)
+def test_every_result_has_facts_and_a_page_in_a_notebook(result):
+    found = result()
+    assert dict(found.facts)
+    assert found._repr_html_().startswith("<")
+
+
+def test_a_run_is_repeated_from_the_state_that_it_was_given():
+    """Also when the caller changes that state afterwards."""
+    model = symgen.build("triple_pendulum")
+    state = model.initial_state()
+    run = model.simulate(t_end=0.1, samples=3, state=state)
+    kept = run.variables[0].values[1].copy()
+    state.u[:] = 3.0
+    assert np.array_equal(run.at([0.05]).variables[0].values[0], kept)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from copy import deepcopy
 from functools import cache, partial, wraps
 from inspect import Parameter, signature
 from types import MethodType
@@ -67,6 +68,8 @@ def _carry_out(
     carried_out: Callable[..., Any] = getattr(model._carrier(name), f"_{name}")
     made = carried_out(**given)
     if name == "simulate":
+        if given.get("state") is not None:  # the caller may change it
+            given["state"] = deepcopy(given["state"])
         made._repeat_by(partial(_at_times, carried_out, given))
     return made
 

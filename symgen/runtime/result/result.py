@@ -196,19 +196,21 @@ class Result(Findings):
     @property
     def facts(self) -> tuple[tuple[str, str], ...]:
         """Names and values of facts about the run; error measures come last."""
-        drift, errors = self.drift.measured, []
+        known, drift = self.statistics, self.drift.measured
+        facts = [("method", str(self.provenance["method"]))]
+        if self.coordinate.name == "time" and "t" in known:
+            facts.append(("to", f"t = {known['t']:g} s"))
+        if "steps" in known:
+            rejected = f", {known['rejected']} rejected" if "rejected" in known else ""
+            facts.append(("steps", f"{known['steps']}{rejected}"))
+        if "wall_s" in known:
+            facts.append(("time", seconds(float(known["wall_s"]))))
         if "energy" in drift:
             lost, exchanged = (f"{drift[name]:.1e} J" for name in ("energy", "energy_exchanged"))
-            errors.append(("energy drift", f"{lost} of {exchanged} exchanged"))
+            facts.append(("energy drift", f"{lost} of {exchanged} exchanged"))
         if "constraint" in drift:
-            errors.append(("constraint drift", f"{drift['constraint']:.1e} m"))
-        return (
-            ("method", str(self.provenance["method"])),
-            ("to", f"t = {self.statistics['t']:g} s"),
-            ("steps", f"{self.statistics['steps']}, {self.statistics['rejected']} rejected"),
-            ("time", seconds(float(self.statistics["wall_s"]))),
-            *errors,
-        )
+            facts.append(("constraint drift", f"{drift['constraint']:.1e} m"))
+        return tuple(facts)
 
     def _repeat_by(self, again: Callable[[Array], Result]) -> None:
         """Set the function that repeats the run at other times; see :meth:`at`."""
