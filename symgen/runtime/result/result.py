@@ -9,7 +9,7 @@ import os
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import asdict, dataclass, field, fields, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, Self
+from typing import TYPE_CHECKING, Any, ClassVar, Self, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -156,8 +156,7 @@ class Result(Findings):
             if any(v.values.ndim == 2 for v in self.variables):
                 coordinates["axis"] = list(self.axes)
             self._cache["dataset"] = xarray.Dataset(data, coords=coordinates, attrs={"title": self.title})
-        dataset: xarray.Dataset = self._cache["dataset"]
-        return dataset
+        return cast("xarray.Dataset", self._cache["dataset"])
 
     @property
     def over(self) -> tuple[Array, str]:
