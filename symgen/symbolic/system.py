@@ -194,10 +194,10 @@ class System:
 
 
 class Matrices(dict[str, sp.ImmutableMatrix]):
-    """SymPy matrices by name; a missing name is a DerivationError with the nearest name."""
+    """SymPy matrices by name; a missing name is a ModelError with the nearest name."""
 
     def __missing__(self, name: str) -> sp.ImmutableMatrix:
-        raise DerivationError(f"there is no matrix {name!r}. {nearest(name, self)}")
+        raise ModelError(f"there is no matrix {name!r}. {nearest(name, self)}")
 
     def _repr_html_(self) -> str:
         rows = [(name, f"{m.rows} × {m.cols}") for name, m in self.items()]

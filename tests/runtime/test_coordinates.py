@@ -110,7 +110,7 @@ def test_a_drift_that_was_not_measured_is_nowhere(results, kind):
     assert result.summary()["drift"] == {}
     assert not json.loads(result.meta())["drift"]
     console = Console(width=100, record=True, file=io.StringIO())
-    (print_sweep if kind == "sweep" else print_elastic_result)(result, console)
+    (print_sweep if kind == "sweep" else print_elastic_result)(result, None, console)
     assert "drift" not in console.export_text()
     if kind == "elastic":
         assert not any("drift" in name for name, _ in result.facts)

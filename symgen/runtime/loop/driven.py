@@ -246,7 +246,7 @@ def _recorded(
         coordinate=coordinate,
         variables=tuple(v for v in made if v.name != coordinate.name),
         drift=Drift(closure * d.size, rates),
-        final=_final(kernels, made),
+        final=_final(d, states),
         statistics={
             "input": first.name,
             "t": end,
@@ -276,13 +276,14 @@ def _recorded(
     )
 
 
-def _final(kernels: LoopKernels, made: Sequence[Variable]) -> dict[str, dict[str, Any]]:
-    """Return value, rate and unit of every variable at the last sample; empty without samples."""
-    last = {v.name: float(v.values[-1]) for v in made if v.values.ndim == 1 and len(v.values)}
+def _final(d: LoopDescription, states: Array) -> dict[str, dict[str, Any]]:
+    """Return value, rate and unit of every joint variable at the last sample; empty without samples."""
+    if not len(states):
+        return {}
+    values, rates = states[-1, : 2 * d.coordinates].reshape(2, -1).tolist()
     return {
-        v.name: {"value": last[v.name], "rate": last[f"{v.name}.rate"], "unit": v.unit}
-        for v in kernels.description.variables
-        if v.name in last
+        v.name: {"value": value, "rate": rate, "unit": v.unit}
+        for v, value, rate in zip(d.variables, values, rates, strict=True)
     }
 
 
