@@ -179,6 +179,7 @@ def of_linkage(linkage: Linkage, program: Program, equations: str) -> Descriptio
         labels=tuple(s.description.removeprefix("multiplier of ") for s in multipliers),
         work_of_loads="energy" in kernels and any(b.name == "power" for b in kernels["energy"].blocks),
         parameters=_parameters(linkage.parameters),
+        inputs=tuple(p.quantity.name for p in linkage.parameters if p.input),
         kernels=kernel_infos(program.kernels),
         first_pivot=program.pivots,
         start=(),

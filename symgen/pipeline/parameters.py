@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 from symgen.errors import SceneError
-from symgen.scene.loading import SceneText, check_scene
+from symgen.scene.loading import NAMED, SceneText, check_scene
 
 if TYPE_CHECKING:
     from symgen.runtime.elastic.model import ElasticModel
@@ -15,11 +15,12 @@ if TYPE_CHECKING:
 
 def split(text: SceneText, changes: Mapping[str, str]) -> tuple[dict[str, str], dict[str, str]]:
     """Divide the changes into those of tunable parameters and those that change the equations."""
-    parameters = text.data.get("parameters", {})
+    parameters, inputs = (text.data.get(table) or {} for table in NAMED)
     tunable = {}
     for name, value in changes.items():
         table = parameters.get(name) if isinstance(parameters, Mapping) else None
-        if isinstance(table, Mapping) and table.get("tunable") is True:
+        is_input = isinstance(inputs, Mapping) and name in inputs
+        if is_input or (isinstance(table, Mapping) and table.get("tunable") is True):
             from symgen.scene.units import is_quantity
 
             if is_quantity(str(value)):
@@ -46,6 +47,7 @@ def in_si(model: Compiled | ElasticModel, values: Mapping[str, str], file: str) 
                 if dimension.unit != info.unit:
                     raise SceneError(f"expected a quantity in {info.unit}, got {values[info.name]!r}")
             except SceneError as error:
-                raise error.located(where=f"parameters.{info.name}", file=file) from None
+                table = "inputs" if info.name in getattr(model.description, "inputs", ()) else "parameters"
+                raise error.located(where=f"{table}.{info.name}", file=file) from None
             result[info.name] = float(number)
     return result

@@ -18,6 +18,7 @@ def model_lines(model: Compiled) -> Iterator[str]:
         kinds = ", ".join(f"{n} {kind}" for kind, n in counts.items() if n and kind != "flops")
         yield f"  {name:{width}}  {counts['flops']:5} operations{f' ({kinds})' if kinds else ''}"
     for p in d.tunable:
-        yield f"  tunable: {p.name} = {model.parameters[p.name]:g} {p.unit}, {p.about}"
+        kind = "input" if p.name in getattr(d, "inputs", ()) else "tunable"
+        yield f"  {kind}: {p.name} = {model.parameters[p.name]:g} {p.unit}, {p.about}"
     for what in d.left_out:
         yield f"  left out: {what}"

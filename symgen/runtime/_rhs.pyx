@@ -21,12 +21,19 @@ cdef class Rhs:
 
     cdef Equations equations
     cdef object size
-    cdef readonly object start
+    cdef readonly object start, inputs
+    cdef double[::1] given, passed
+    cdef Py_ssize_t first
+    cdef bint replaced
 
-    def __init__(self, Equations equations, start):
+    def __init__(self, Equations equations, start, inputs=(), Py_ssize_t first=0):
         if equations.of.api.real_bytes != sizeof(double):
             raise ValueError("expected equations in double precision")
         self.equations, self.start, self.size = equations, start, (equations.dim,)
+        self.given, self.passed = equations.parameters.copy(), equations.parameters.copy()
+        self.inputs, self.first = tuple(inputs), first
+        if not 0 <= first <= self.given.shape[0] - len(self.inputs):
+            raise ValueError(f"expected {len(self.inputs)} inputs from {first} on among {self.given.shape[0]} parameters")
 
     cdef object _checked(self, y):
         """Return a state as the kernels take it: an array of 2n numbers on end."""
@@ -38,8 +45,31 @@ cdef class Rhs:
             raise ModelError(f"expected a state y = (q, u) of {self.size[0]} numbers, got shape {row.shape}")
         return row
 
-    def __call__(self, double t, y):
+    cdef int put(self, u) except -1:
+        """Set the inputs; where none are passed, to their values in the model."""
+        cdef double[::1] values = self.given
+        if u is not None:
+            try:
+                row = np.ascontiguousarray(u, dtype=float)
+            except (TypeError, ValueError):
+                row = None
+            if row is None or row.shape != (len(self.inputs),):
+                raise ModelError(
+                    f"expected {len(self.inputs)} inputs u" + (f" ({', '.join(self.inputs)})" if self.inputs else "")
+                    + f", got {u!r}"
+                )
+            values = self.passed
+            for i, value in enumerate(row):
+                values[self.first + i] = value
+        elif not self.replaced:
+            return 0
+        self.equations.set_parameters(values)
+        self.replaced = u is not None
+        return 0
+
+    def __call__(self, double t, y, u=None):
         cdef Py_buffer state, slope
+        self.put(u)
         PyObject_GetBuffer(self._checked(y), &state, PyBUF_SIMPLE)
         made = np.empty(self.size)
         PyObject_GetBuffer(made, &slope, PyBUF_SIMPLE)
@@ -63,7 +93,7 @@ cdef class Rhs:
         return made
 
     def energy(self, double t, y):
-        """Return kinetic plus potential energy [J]."""
+        """Return kinetic plus potential energy [J]; inputs have none."""
         cdef const double[::1] row = self._checked(y)
         self.equations.core.of.measure_energy(self.equations.core, t, &row[0])
         return self.equations.core.energies[0] + self.equations.core.energies[1]

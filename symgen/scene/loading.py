@@ -112,6 +112,8 @@ def load_scene(source: str | os.PathLike[str], set: Mapping[str, Any] | None = N
 
 #: Tables of single keys that a scene may leave out.
 _TABLES = ("analysis", "gravity", "start")
+#: Tables of named values, which are set by the name alone.
+NAMED = ("parameters", "inputs")
 
 
 def override(text: SceneText, changes: Mapping[str, Any]) -> SceneText:
@@ -120,8 +122,9 @@ def override(text: SceneText, changes: Mapping[str, Any]) -> SceneText:
         return text
     data = json.loads(json.dumps(text.data, default=str))
     for key, value in changes.items():
-        parameters = data.get("parameters", {})
-        if isinstance(parameters, dict) and key in parameters:
+        named = [table for table in map(data.get, NAMED) if isinstance(table, dict)]
+        parameters = next((table for table in named if key in table), None)
+        if parameters is not None:
             if isinstance(parameters[key], dict):
                 parameters[key]["value"] = value
             else:
@@ -141,7 +144,7 @@ def override(text: SceneText, changes: Mapping[str, Any]) -> SceneText:
             raise SceneError(
                 f"there is no parameter and no key {key!r} to set",
                 file=text.file,
-                hint=nearest(key, parameters if isinstance(parameters, dict) else ()),
+                hint=nearest(key, [name for table in named for name in table]),
             )
     return SceneText(text.name, text.file, data)
 

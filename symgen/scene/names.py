@@ -22,10 +22,13 @@ _ADDED = re.compile(r"(?P<owner>.+)_base[1-3]")
 
 
 def check_names(scene: Scene) -> None:
-    """Raise SceneError for a parameter, a point or a link whose name has a meaning already."""
+    """Raise SceneError for a parameter, an input, a point or a link whose name has a meaning already."""
     for name, parameter in scene.parameters.items():
         problem = _word(name) or (_quantity(name, scene) if parameter.tunable else "")
         _refuse(problem, f"parameters.{name}")
+    for name in scene.inputs:
+        twice = f"{name!r} is a parameter already" if name in scene.parameters else ""
+        _refuse(_word(name) or _quantity(name, scene) or twice, f"inputs.{name}")
     for name in scene.points:
         _refuse(_owner(name) or (_added(name, scene) if _ADDED.fullmatch(name) else ""), f"points.{name}")
     rows = _rows(scene)
@@ -70,7 +73,7 @@ def _added(name: str, scene: Scene) -> str:
 
 
 def _quantity(name: str, scene: Scene) -> str:
-    """Return a complaint if a tunable parameter has the name of a quantity of a point, a link or a load."""
+    """Return a complaint if a tunable parameter or an input is called as a quantity of symgen is."""
     point, link = _OF_POINT.fullmatch(name), _OF_LINK.fullmatch(name)
     if point and (point["owner"] in scene.points or _added(point["owner"], scene)):
         return f"{name!r} is what symgen calls a component of the point {point['owner']}"

@@ -78,8 +78,15 @@ class Values:
         self, text: str | int | float, dim: Dimension, where: str, names: Names | None = None
     ) -> sp.Expr:
         """Return a value of this dimension, which must be finite at the scene's own parameters."""
+        known = self.names if names is None else names
         with at(where):
-            expression = parse_value(text, self.names if names is None else names, dim)
+            for used in [] if is_quantity(str(text)) else _NAME.findall(str(text)):
+                if used in self.scene.inputs and used not in known:
+                    raise SceneError(
+                        f"{used} is an input, and inputs may stand in forces and torques alone",
+                        hint="Make it a parameter, with tunable = true where it is to be varied.",
+                    )
+            expression = parse_value(text, known, dim)
             if expression.free_symbols <= {*self.defaults, TIME.symbol}:
                 self.number(expression)
         return expression
@@ -154,13 +161,22 @@ class Reader(Values):
             raise SceneError("no point says where it is drawn", where="points", hint="Give some of them at.")
         self.dimension = dims.pop()
         self.points: dict[str, PlacedPoint] = {}
+        self._inputs: dict[str, tuple[sp.Expr, Dimension]] = {}
+        for name, written in scene.inputs.items():
+            with at(f"inputs.{name}.value"):
+                value, dim = parse_any(written.value, self.names)
+                self.number(value)
+            q = quantity(name, dim.unit, written.about.strip() or f"input {name}")
+            self._inputs[name] = q.symbol, dim
+            self.defaults[q.symbol] = value.xreplace(self.defaults)
+            self.parameters.append(Parameter(q, self.defaults[q.symbol], input=True))
 
     def with_state(self, own: str = "", words: Mapping[str, Dimension] | None = None) -> Names:
-        """Names for loads: the time, and the state as ``owner.word``; ``this.word`` of the load ``own``.
+        """Names for loads: time, inputs, and the state as ``owner.word``; ``this.word`` of the load ``own``.
 
         A name of the state stands for a symbol that is called like it, with the load's own name for ``this``.
         """
-        found = dict(self.with_time)
+        found = {**self.with_time, **self._inputs}
         for point in self.scene.points:
             for axis in AXES[: self.dimension]:
                 found[f"{point}.{axis}"] = state_symbol(f"{point}.{axis}"), units.LENGTH

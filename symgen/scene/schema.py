@@ -34,11 +34,10 @@ def _for_editors(schema: dict[str, Any]) -> None:
     ]
 
 
-class Parameter(Table):
-    """A named value, for use in expressions."""
+class Named(Table):
+    """A named value with its meaning; the bare value may stand for the table."""
 
     value: Value
-    tunable: bool = Field(False, description="Keep it as an argument of the kernels instead of folding it.")
     about: Text = Field("", description="Meaning, for reports.")
 
     @model_validator(mode="before")
@@ -51,6 +50,18 @@ class Parameter(Table):
         """Tell editors that the bare value may stand for the table."""
         table = handler(core)
         return {"anyOf": [table, handler.resolve_ref_schema(table)["properties"]["value"]]}
+
+
+class Parameter(Named):
+    """A named value, for use in expressions."""
+
+    tunable: bool = Field(False, description="Keep it as an argument of the kernels instead of folding it.")
+
+
+class Input(Named):
+    """An external signal in forces and torques, such as that of a controller: a named quantity."""
+
+    value: Value = Field(description="Where no other value is passed; its unit is that of the input.")
 
 
 class Point(Table):
@@ -183,6 +194,7 @@ class Scene(Table):
     title: Text = ""
     about: Text = ""
     parameters: dict[Name, Parameter] = Field(default_factory=dict)
+    inputs: dict[Name, Input] = Field(default_factory=dict)
     points: dict[Name, Point] = Field(default_factory=dict, min_length=1)
     links: dict[Name, Link] = Field(default_factory=dict, min_length=1)
     loop: SpatialLoop | None = None
@@ -259,8 +271,8 @@ class Scene(Table):
 
 #: The table model behind each top-level key, to name the nearest known key in errors.
 TABLES: dict[str, type[Table]] = {
-    "parameters": Parameter, "points": Point, "links": Link, "gravity": Gravity, "masses": PointMass,
-    "guides": Guide, "drivers": Driver, "crank": Crank, "modal_damping": ModalDamping,
+    "parameters": Parameter, "inputs": Input, "points": Point, "links": Link, "gravity": Gravity,
+    "masses": PointMass, "guides": Guide, "drivers": Driver, "crank": Crank, "modal_damping": ModalDamping,
     "stations": Station, "start": Start, "events": Event, "analysis": Analysis,
     "loop": SpatialLoop, "studies": Study,
 }  # fmt: skip

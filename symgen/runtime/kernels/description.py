@@ -145,7 +145,8 @@ class Description(Described):
 
     ``free`` are the points that have coordinates, along ``axes``: those of ``plane`` if a spatial scene moves
     in a plane. ``links`` holds the points of each link, ``labels`` the name of each constraint in messages.
-    ``kinematic``: the model has no dynamics. ``remarks`` are notes on the scene for results. ``start`` holds
+    ``inputs`` are the parameters that are external signals, the last of the tunable ones. ``kinematic``: the
+    model has no dynamics. ``remarks`` are notes on the scene for results. ``start`` holds
     the coordinates and then the velocities at the scene's own parameters, ``first_pivot`` is the index in
     ``work`` of the first pivot of the kernel 'factor'.
     """
@@ -173,6 +174,7 @@ class Description(Described):
     switches: tuple[str, ...] = ()
     jumps: tuple[str, ...] = ()
     remarks: tuple[str, ...] = ()
+    inputs: tuple[str, ...] = ()
 
     @property
     def method(self) -> str:

@@ -17,16 +17,20 @@ _SIGNATURE = ctypes.CFUNCTYPE(None, ctypes.c_double, _VECTOR, _VECTOR, ctypes.c_
 
 
 def right_hand_side(begin: State, evaluator: Evaluator, redundant: int, work_of_loads: bool = False) -> Rhs:
-    """Return ``f`` with dy/dt = f(t, y) of y = (q, u): coordinates [m] and velocities [m/s] in order.
+    """Return ``f`` with dy/dt = f(t, y, u) of y = (q, u): coordinates [m] and velocities [m/s] in order.
 
     It takes any array of 2n numbers and returns a new one, in one compiled call:
-    ``solve_ivp(model.rhs, (0, 1), model.rhs.start)``. ``start`` is the state in which the scene starts,
-    ``project(t, y)`` returns a state brought onto the constraints by the least change, and ``energy(t, y)``
-    is kinetic plus potential energy [J]. The accelerations keep the constraints' second rates only, so what
-    a solver errs makes a state drift off the constraints: project it now and then.
+    ``solve_ivp(model.rhs, (0, 1), model.rhs.start)``. ``f(t, y, u)`` takes values u of the scene's inputs,
+    in SI units and in the order of ``inputs``; without u they are those of ``model.parameters``.
+
+    ``start`` is the state in which the scene starts, ``project(t, y)`` returns a state brought onto the
+    constraints by the least change, and ``energy(t, y)`` is kinetic plus potential energy [J]. The
+    accelerations keep the constraints' second rates only, so what a solver errs makes a state drift off the
+    constraints: project it now and then.
 
     ``low_level`` is the same as a ``scipy.LowLevelCallable``, for solvers that call from C: see
-    :func:`low_level`. Where no finite accelerations exist, both give numbers that are not finite.
+    :func:`low_level`. Its inputs are those of the last call from Python. Where no finite accelerations exist,
+    both give numbers that are not finite.
 
     Each ``model.rhs`` has scratch memory of its own. Threads of Python may share one, since a call holds
     Python's lock; threads that call the compiled function without that lock must have one each.
@@ -39,7 +43,9 @@ def right_hand_side(begin: State, evaluator: Evaluator, redundant: int, work_of_
         When the start cannot be assembled.
     """
     equations = evaluator.equations(redundant, slack(evaluator, begin.q), work_of_loads=work_of_loads)
-    return Rhs(equations, np.concatenate([begin.q, begin.u, np.zeros(equations.extra)]))
+    d = evaluator.description
+    start = np.concatenate([begin.q, begin.u, np.zeros(equations.extra)])
+    return Rhs(equations, start, d.inputs, len(d.tunable) - len(d.inputs))
 
 
 def low_level(function: int, equations: int, owner: Rhs) -> Any:

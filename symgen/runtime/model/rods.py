@@ -114,7 +114,7 @@ class RodModel(LinkageModel):
 
     @property
     def rhs(self) -> Rhs:
-        """The right-hand side for solvers of SciPy and others: see :mod:`symgen.runtime.model.rhs`."""
+        """The right-hand side f(t, y, u) for other solvers: see :mod:`symgen.runtime.model.rhs`."""
         from symgen.runtime.model.rhs import right_hand_side
 
         return right_hand_side(self.initial_state(), self._evaluator, len(self.redundant))

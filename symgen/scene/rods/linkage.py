@@ -28,10 +28,14 @@ _T = TypeVar("_T")
 
 @dataclass(frozen=True, slots=True)
 class Parameter:
-    """A tunable parameter: it stays an argument of the kernels. ``default`` is its value in the scene."""
+    """A tunable parameter: it stays an argument of the kernels. ``default`` is its value in the scene.
+
+    ``input``: it is an external signal, which may change during a motion.
+    """
 
     quantity: Quantity
     default: sp.Expr
+    input: bool = False
 
 
 @dataclass(frozen=True, slots=True)
