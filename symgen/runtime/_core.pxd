@@ -102,6 +102,9 @@ cdef extern from "core/core.h" nogil:
     cdef struct kinematics_api:
         pass
 
+    cdef struct start_api:
+        pass
+
     cdef struct core_api:
         long version, real_bytes
         double epsilon
@@ -109,6 +112,7 @@ cdef extern from "core/core.h" nogil:
         const loops_api *loops
         const elastic_api *elastic
         const kinematics_api *kinematics
+        const start_api *start
         void (*widen)(long, const double *, const double *, void *) noexcept nogil
         void (*narrow)(long, const void *, double *, double *) noexcept nogil
         void (*call_rows)(kernel_t, long, const void *, const void *, long, long, const void *, void *, long, void *, long) noexcept nogil

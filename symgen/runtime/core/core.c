@@ -153,6 +153,7 @@ const struct core_api symgen_core = {
     .loops = &symgen_loops,
     .elastic = &symgen_elastic,
     .kinematics = &symgen_kinematics,
+    .start = &symgen_start,
     .widen = widen,
     .narrow = narrow,
     .call_rows = call_rows,

@@ -12,6 +12,7 @@
 #include "kinematics.h"
 #include "loops.h"
 #include "run.h"
+#include "start.h"
 
 #if defined(_WIN32)
 #define SYMGEN_EXPORT __declspec(dllexport)
@@ -22,7 +23,7 @@
 #endif
 
 /* Of another number than this, a compiled core does not belong to the binding. */
-#define CORE_VERSION 9L
+#define CORE_VERSION 10L
 
 /* A run in doubles. */
 struct report {
@@ -47,6 +48,7 @@ struct core_api {
     const struct loops_api *loops;
     const struct elastic_api *elastic;
     const struct kinematics_api *kinematics;
+    const struct start_api *start;
 
     /* Numbers to the core's type: high + low, low may be NULL; and back, low gets the rest when it is not NULL. */
     void (*widen)(long count, const double *high, const double *low, void *reals);

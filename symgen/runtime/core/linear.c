@@ -152,6 +152,107 @@ void solve_positive(ptrdiff_t n, const real *a, real *b) {
     }
 }
 
+/* -- least squares --------------------------------------------------------------------------------------- */
+
+static real dot(ptrdiff_t count, const real *a, const real *b) {
+    real total = 0;
+    for (ptrdiff_t i = 0; i < count; i++)
+        total += a[i] * b[i];
+    return total;
+}
+
+/* Turn (first, rest) into (returned, 0) by the reflection 1 - beta v v^T, v = (1, rest), of which rest and beta are left.
+ * The entries of rest lie `stride` apart. */
+static real reflect(real first, real *rest, ptrdiff_t count, ptrdiff_t stride, real *beta) {
+    real total = first * first;
+    for (ptrdiff_t i = 0; i < count; i++)
+        total += rest[i * stride] * rest[i * stride];
+    real norm = real_sqrt(total);
+    *beta = 0;
+    if (norm == 0)
+        return 0;
+    if (first > 0)
+        norm = -norm;
+    for (ptrdiff_t i = 0; i < count; i++)
+        rest[i * stride] /= first - norm;
+    *beta = (norm - first) / norm;
+    return norm;
+}
+
+/* Bring the column of largest norm below row k to place k; return that norm, squared. */
+static real pivot_column(ptrdiff_t rows, ptrdiff_t columns, real *a, ptrdiff_t k, ptrdiff_t *order) {
+    ptrdiff_t best = k;
+    real largest = -1;
+    for (ptrdiff_t j = k; j < columns; j++) {
+        const real total = dot(rows - k, a + rows * j + k, a + rows * j + k);
+        if (total > largest)
+            best = j, largest = total;
+    }
+    if (best != k) {
+        const ptrdiff_t kept = order[k];
+        order[k] = order[best], order[best] = kept;
+        exchange(a + rows * k, a + rows * best, rows);
+    }
+    return largest;
+}
+
+void solve_least(ptrdiff_t rows, ptrdiff_t columns, real *a, real *b, real part, real *x, ptrdiff_t *order, real *beta) {
+    const ptrdiff_t most = rows < columns ? rows : columns;
+    ptrdiff_t rank = 0;
+    for (ptrdiff_t j = 0; j < columns; j++)
+        order[j] = j;
+    for (real first = 0; rank < most; rank++) {
+        const real largest = real_sqrt(pivot_column(rows, columns, a, rank, order));
+        if (rank == 0)
+            first = largest;
+        if (!(largest > part * first))
+            break;
+        real *own = a + rows * rank + rank, reflected;
+        *own = reflect(*own, own + 1, rows - rank - 1, 1, &reflected);
+        for (ptrdiff_t j = rank + 1; j <= columns; j++) {
+            real *other = j < columns ? a + rows * j + rank : b + rank;
+            const real along = reflected * (*other + dot(rows - rank - 1, own + 1, other + 1));
+            *other -= along;
+            for (ptrdiff_t i = 1; i < rows - rank; i++)
+                other[i] -= along * own[i];
+        }
+    }
+    /* R = (T 0) Z: reflections from the right, the last row first */
+    const ptrdiff_t beyond = columns - rank;
+    for (ptrdiff_t k = rank - 1; k >= 0 && beyond; k--) {
+        real *rest = a + rows * rank + k;
+        a[rows * k + k] = reflect(a[rows * k + k], rest, beyond, rows, &beta[k]);
+        for (ptrdiff_t i = 0; i < k; i++) {
+            real along = a[rows * k + i];
+            for (ptrdiff_t j = 0; j < beyond; j++)
+                along += a[rows * (rank + j) + i] * rest[rows * j];
+            along *= beta[k];
+            a[rows * k + i] -= along;
+            for (ptrdiff_t j = 0; j < beyond; j++)
+                a[rows * (rank + j) + i] -= along * rest[rows * j];
+        }
+    }
+    for (ptrdiff_t k = rank - 1; k >= 0; k--) {
+        b[k] /= a[rows * k + k];
+        for (ptrdiff_t i = 0; i < k; i++)
+            b[i] -= a[rows * k + i] * b[k];
+    }
+    for (ptrdiff_t k = 0; k < rank; k++)
+        x[order[k]] = b[k];
+    for (ptrdiff_t j = rank; j < columns; j++)
+        x[order[j]] = 0;
+    for (ptrdiff_t k = 0; k < rank && beyond; k++) {
+        const real *rest = a + rows * rank + k;
+        real along = x[order[k]];
+        for (ptrdiff_t j = 0; j < beyond; j++)
+            along += x[order[rank + j]] * rest[rows * j];
+        along *= beta[k];
+        x[order[k]] -= along;
+        for (ptrdiff_t j = 0; j < beyond; j++)
+            x[order[rank + j]] -= along * rest[rows * j];
+    }
+}
+
 /* -- complete pivoting ----------------------------------------------------------------------------------- */
 
 /* Find the largest entry below row k in the columns that are left; return its magnitude. */

@@ -30,6 +30,12 @@ void solve_complex(ptrdiff_t n, const real *a, const ptrdiff_t *swaps, real *b);
 ptrdiff_t factor_positive(ptrdiff_t n, real *a, real part, real least);
 void solve_positive(ptrdiff_t n, const real *a, real *b);
 
+/* Write the x of least norm among those that minimise |A x - b|: Householder QR with column pivoting, and from the right
+ * where columns are dependent. A has `rows` by `columns` numbers, column by column; pivots of at most `part` of the first
+ * count as zero. A and b are overwritten; order and beta have room for a number per column. Source: G. H. Golub
+ * and C. F. Van Loan, Matrix Computations, 5.4 and 5.5. */
+void solve_least(ptrdiff_t rows, ptrdiff_t columns, real *a, real *b, real part, real *x, ptrdiff_t *order, real *beta);
+
 /* The least pivot of an elimination with complete pivoting over the first one, and its row. */
 struct least_pivot {
     double part;

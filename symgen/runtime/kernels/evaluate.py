@@ -26,6 +26,7 @@ class Evaluator:
         self.given = np.array(parameters, dtype=float)
         self.work_size = description.work_size
         self._infos = {k.name: k for k in description.kernels}
+        self._sizes = description.sizes
         outputs = self._infos.get("outputs")
         #: Whether the places of the points are all that the scene's outputs depend on.
         self.outputs_by_places = outputs is not None and not (outputs.reads_rates or outputs.work_size)
@@ -53,7 +54,7 @@ class Evaluator:
     def __call__(self, kernel: str, t: float, q: Array, u: Array, work: Array | None = None) -> Array:
         """Return the ``out`` array of a kernel."""
         info, address = self.info(kernel), self.library.addresses[kernel]
-        sizes = (*self.description.sizes, info.work_size, info.out_size)
+        sizes = (*self._sizes, info.work_size, info.out_size)
         q, u = np.ascontiguousarray(q, dtype=float), np.ascontiguousarray(u, dtype=float)
         return _core.evaluate(address, sizes, t, q, u, self.parameters, work)
 

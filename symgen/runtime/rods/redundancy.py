@@ -12,7 +12,7 @@ from symgen.runtime.kernels.evaluate import Evaluator
 Array = NDArray[np.float64]
 
 #: The share of the linkage's size that an assembly error may have unstated, and how it may grow on the way.
-_ASSEMBLED, _SLACK = 1e-8, 10.0
+ASSEMBLED, _SLACK = 1e-8, 10.0
 _NEIGHBOURS, _AWAY, _NEWTON = 3, 1e-2, 50
 #: A row with a smaller part in every self-stress has a multiplier that is unique.
 _TAKES_PART = 1e-6
@@ -98,7 +98,7 @@ def extent(evaluator: Evaluator, q: Array) -> float:
 
 def assembly_tolerance(evaluator: Evaluator, q: Array) -> float:
     """Return by how much [m] redundant constraints may contradict the others at the start."""
-    return max(_ASSEMBLED * extent(evaluator, q), evaluator.description.assembly_tolerance)
+    return max(ASSEMBLED * extent(evaluator, q), evaluator.description.assembly_tolerance)
 
 
 def slack(evaluator: Evaluator, q: Array) -> float:

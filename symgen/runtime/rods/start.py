@@ -8,17 +8,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symgen.errors import InitialStateError
+from symgen.runtime import _start
+from symgen.runtime._start import Starter
 from symgen.runtime.integrate.causes import without_direction
 from symgen.runtime.integrate.pace import check_wall
 from symgen.runtime.kernels.evaluate import Evaluator
-from symgen.runtime.rods.redundancy import assembly_tolerance, extent, not_positive, redundant_constraints
+from symgen.runtime.rods.redundancy import (
+    ASSEMBLED,
+    assembly_tolerance,
+    extent,
+    not_positive,
+    redundant_constraints,
+)
 
 Array = NDArray[np.float64]
 
-_STEPS, _SMALLEST = 32, 1 / 4096
-_NEWTON, _ROUNDING, _CONSISTENT = 30, 1e-14, 1e-9
-#: The largest assembly tolerance over the linkage's size.
-_MOST = 1e-5
+_ROUNDING, _CONSISTENT = 1e-14, 1e-9
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,9 +55,10 @@ def start(evaluator: Evaluator) -> Start:
         If the linkage cannot be assembled, is singular, or the prescribed velocities contradict the
         constraints.
     """
-    q = pose(evaluator)
+    starter = _posed(evaluator)
+    q = starter.q
     redundant = redundant_constraints(evaluator, q)
-    u = _velocities(evaluator, q, redundant) if evaluator.has("mass_matrix") else np.zeros(len(q))
+    u = _velocities(evaluator, starter, redundant) if evaluator.has("mass_matrix") else np.zeros(len(q))
     line = without_direction(evaluator, 0.0, q, u)
     if line:
         raise InitialStateError(f"{line}\n  Draw its points apart.", where="springs")
@@ -67,15 +73,21 @@ def pose(evaluator: Evaluator) -> Array:
     InitialStateError
         When the linkage cannot be assembled.
     """
-    n = evaluator.description.coordinates
-    q = evaluator("drawn", 0.0, np.zeros(n), np.zeros(n))
+    return _posed(evaluator).q
+
+
+def _posed(evaluator: Evaluator) -> Starter:
+    """Return the compiled start at the assembled pose."""
+    zero = np.zeros(evaluator.description.coordinates)
+    starter = Starter(evaluator, ASSEMBLED, evaluator("drawn", 0.0, zero, zero))
     if evaluator.has("assembly"):
-        q = _assemble(evaluator, q)
+        _assemble(evaluator, starter)
     if evaluator.has("constraints"):
-        parts = evaluator.blocks("constraints", 0.0, q, np.zeros_like(q))
+        q = starter.q
+        parts = evaluator.blocks("constraints", 0.0, q, zero)
         _check_scales(evaluator, parts["constraint_scale"])
         check_closed(evaluator, q, parts["constraints"], parts["constraint_scale"])
-    return q
+    return starter
 
 
 def check_closed(evaluator: Evaluator, q: Array, values: Array, scales: Array) -> None:
@@ -109,10 +121,10 @@ def _check_directions(evaluator: Evaluator, q: Array) -> None:
     """Refuse links whose ends tunable parameters draw at one place: they have no direction to start from."""
     d = evaluator.description
     rows = evaluator.blocks("points", 0.0, q, np.zeros_like(q))["positions"]
-    places = dict(zip(d.points, rows, strict=True))
-    least = _ROUNDING * np.max(np.ptp(rows, axis=0))
+    places = dict(zip(d.points, rows.tolist(), strict=True))
+    least = _ROUNDING * max(max(axis) - min(axis) for axis in zip(*places.values(), strict=True))
     for link, (first, second, *_) in d.links.items():
-        if not np.max(np.abs(places[second] - places[first])) > least:
+        if not max(abs(x - y) for x, y in zip(places[second], places[first], strict=True)) > least:
             raise InitialStateError(
                 f"{first} and {second} are drawn at the same place: the link {link} has no direction there\n"
                 "  Change the parameters, or draw them apart.",
@@ -120,57 +132,29 @@ def _check_directions(evaluator: Evaluator, q: Array) -> None:
             )
 
 
-def _assemble(evaluator: Evaluator, q: Array) -> Array:
+def _assemble(evaluator: Evaluator, starter: Starter) -> None:
+    q = starter.q
     _check_directions(evaluator, q)
     if evaluator.has("constraints"):  # residuals are over these scales
         _check_scales(
             evaluator, evaluator.blocks("constraints", 0.0, q, np.zeros_like(q))["constraint_scale"]
         )
-    at, step = 0.0, 1.0 / _STEPS
-    while at < 1.0:
+    status = _start.ON_THE_WAY
+    while status == _start.ON_THE_WAY:
         check_wall("assembling the linkage")
-        target = min(1.0, at + step)
-        new = _newton(evaluator, target, q)
-        if new is not None:
-            q, at, step = new, target, min(2 * step, 1.0 / _STEPS)
-            continue
-        step /= 2
-        if step < _SMALLEST:
-            end = np.append(1.0, np.zeros(len(q) - 1))
-            residual = evaluator.blocks("assembly", 0.0, q, end)["assembly_residual"]
-            raise _unassembled(evaluator, at, residual)
-    return q
-
-
-def _newton(evaluator: Evaluator, at: float, q: Array) -> Array | None:
-    wide = extent(evaluator, q)
-    size = max(wide, float(np.max(np.abs(q), initial=0.0)))
-    tolerance = assembly_tolerance(evaluator, q)
-    if tolerance > _MOST * wide:
+        status = starter.advance()
+    if status == _start.TOO_TOLERANT:
+        wide = extent(evaluator, starter.q)
         raise InitialStateError(
-            f"an assembly tolerance of {tolerance:g} m is too large for a linkage of {wide:g} m: redundant "
-            f"constraints could not be told from independent ones\n  Give at most {_MOST * wide:.2g} m.",
+            f"an assembly tolerance of {assembly_tolerance(evaluator, starter.q):g} m is too large for a "
+            f"linkage of {wide:g} m: redundant constraints could not be told from independent ones\n"
+            f"  Give at most {_start.MOST * wide:.2g} m.",
             where="analysis.assembly_tolerance",
         )
-    previous = np.inf
-    for _ in range(_NEWTON):
-        parts = evaluator.blocks("assembly", 0.0, q, np.append(at, np.zeros(len(q) - 1)))
-        residual = parts["assembly_residual"]
-        worst = float(np.max(np.abs(residual)))
-        if worst <= _ROUNDING * size and worst > 0.5 * previous:
-            return q
-        if not worst < 2.0 * previous:
-            return None
-        previous = worst
-        jacobian = np.atleast_2d(parts["assembly_jacobian"].reshape(len(residual), -1))
-        # Below the assembly error singular values are numerically zero.
-        correction = np.linalg.lstsq(jacobian, -residual, rcond=10 * tolerance / wide)[0]
-        if not np.max(np.abs(correction)) <= max(size, 1e-300):
-            return None
-        q = q + correction
-        if worst == 0.0 or (worst <= tolerance and np.max(np.abs(correction)) <= _ROUNDING * size):
-            return q
-    return q if previous <= _ROUNDING * size else None
+    if status == _start.UNASSEMBLED:
+        end = np.append(1.0, np.zeros(len(q) - 1))
+        residual = evaluator.blocks("assembly", 0.0, starter.q, end)["assembly_residual"]
+        raise _unassembled(evaluator, starter.at, residual)
 
 
 def _unassembled(evaluator: Evaluator, reached: float, residual: Array) -> InitialStateError:
@@ -218,49 +202,27 @@ def _place(evaluator: Evaluator, row: str) -> str:
     return f"{tables.get(what.partition(' ')[0], 'links')}.{name}"
 
 
-def _velocities(evaluator: Evaluator, q: Array, redundant: tuple[int, ...]) -> Array:
-    n = len(q)
-    zero = np.zeros(n)
-    rows, rhs = [np.zeros((0, n))], [np.zeros(0)]
-    kept = np.arange(0)
-    if evaluator.has("constraint_jacobian"):
-        scale = evaluator.blocks("constraints", 0.0, q, zero)["constraint_scale"]
-        jacobian = evaluator.blocks("constraint_jacobian", 0.0, q, zero)["constraint_jacobian"].reshape(-1, n)
-        kept = np.setdiff1d(np.arange(len(scale)), redundant)
-        rows.append((jacobian / scale[:, None])[kept])
-        rhs.append((-evaluator("velocity_constraints", 0.0, q, zero) / scale)[kept])
-    asked = 0
-    if evaluator.has("start_velocity"):
-        wanted = evaluator.blocks("start_velocity", 0.0, q, zero)
-        rows.append(wanted["start_jacobian"].reshape(-1, n))
-        rhs.append(wanted["start_rates"])
-        asked = len(wanted["start_rates"])
-    matrix, vector = np.vstack(rows), np.concatenate(rhs)
-    mass = evaluator.blocks("mass_matrix", 0.0, q, zero)["mass_matrix"].reshape(n, n)
-    try:
-        root = np.linalg.cholesky(mass)
-    except np.linalg.LinAlgError:
-        raise not_positive(evaluator) from None
-    # Least kinetic energy: u = L^-T x with x of least norm, M = L L^T.
-    reduced = np.linalg.solve(root, matrix.T).T
-    x = np.linalg.lstsq(reduced, vector, rcond=1e-10)[0]
-    u: Array = np.linalg.solve(root.T, x)
-    miss = np.abs(matrix @ u - vector)
-    size = float(np.max(np.abs(vector), initial=0.0))
-    if np.max(miss, initial=0.0) <= _CONSISTENT * size:
+def _velocities(evaluator: Evaluator, starter: Starter, redundant: tuple[int, ...]) -> Array:
+    found = starter.velocities(redundant)
+    if found is None:
+        raise not_positive(evaluator)
+    u, of_constraints, of_start, size = found
+    missed = float(np.max(np.concatenate((of_constraints, of_start)), initial=0.0))
+    if missed <= _CONSISTENT * size:
         return u
-    of_constraints, of_start = np.split(miss, [len(miss) - asked])
-    if asked:
+    if len(of_start):
         worst = int(np.argmax(of_start))
         row, by = _rows(evaluator, "start_velocity")[worst], of_start[worst]
+        place = _place(evaluator, row)
     else:
         worst = int(np.argmax(of_constraints))
-        row, by = evaluator.description.labels[kept[worst]], of_constraints[worst]
+        kept = np.setdiff1d(np.arange(len(evaluator.description.constraints)), redundant)
+        row, by, place = evaluator.description.labels[kept[worst]], of_constraints[worst], "drivers"
     raise InitialStateError(
         f"the velocities at the start contradict the constraints: {row} is missed by {by:.3g} m/s, "
         f"a constraint by {np.max(of_constraints, initial=0.0):.3g} m/s\n"
         "  Ask for fewer of them: the others follow.",
-        where=_place(evaluator, row) if asked else "drivers",
+        where=place,
     )
 
 

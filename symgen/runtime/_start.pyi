@@ -1,0 +1,23 @@
+"""Types of the binding of starts; see ``_start.pyx`` for what things do."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symgen.runtime.kernels.evaluate import Evaluator
+
+Array = NDArray[np.float64]
+
+STARTED: int
+ON_THE_WAY: int
+UNASSEMBLED: int
+TOO_TOLERANT: int
+MOST: float
+
+class Starter:
+    at: float
+    q: Array
+    def __init__(self, evaluator: Evaluator, share: float, q: Array) -> None: ...
+    def advance(self) -> int: ...
+    def velocities(self, redundant: Sequence[int]) -> tuple[Array, Array, Array, float] | None: ...

@@ -1,0 +1,148 @@
+# cython: language_level=3, boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
+"""The binding of starts in the core: a linkage is assembled, and receives consistent velocities."""
+
+import numpy as np
+
+from libc.stdint cimport uintptr_t
+from libc.stdlib cimport calloc, free
+from libc.string cimport memcpy
+
+from symgen.runtime._core cimport Core, at_least, kernel_of, kernel_t
+
+from symgen.runtime._core import DOUBLE
+
+cdef extern from "core/start.h" nogil:
+    cdef struct start_kernels:
+        kernel_t assembly, points, constraints, jacobian, drift, rates, mass
+
+    cdef struct start_sizes:
+        Py_ssize_t n, m, rows, prescribed, points, axes, work, out
+        double tolerance, share
+
+    enum start_status:
+        _STARTED "STARTED"
+        _ON_THE_WAY "ON_THE_WAY"
+        _UNASSEMBLED "UNASSEMBLED"
+        _TOO_TOLERANT "TOO_TOLERANT"
+
+    double MOST_TOLERANCE
+
+    cdef struct start:
+        double at, fastest
+        double *q
+        double *u
+        double *miss
+
+    cdef struct start_table "start_api":
+        size_t start_struct
+        size_t (*bytes)(const start_sizes *) noexcept nogil
+        void (*bind)(start *, const start_sizes *, const start_kernels *, const void *, void *) noexcept nogil
+        void (*begin)(start *) noexcept nogil
+        int (*advance)(start *) noexcept nogil
+        Py_ssize_t (*velocities)(start *, const char *) noexcept nogil
+
+#: Outcomes of a step of the assembly.
+STARTED, ON_THE_WAY, UNASSEMBLED, TOO_TOLERANT = _STARTED, _ON_THE_WAY, _UNASSEMBLED, _TOO_TOLERANT
+#: The largest assembly tolerance over the size of the linkage.
+MOST = MOST_TOLERANCE
+
+
+cdef class Starter:
+    """The assembly of one linkage with scratch memory; one per thread of work.
+
+    Parameters
+    ----------
+    evaluator
+        The :class:`~symgen.runtime.kernels.evaluate.Evaluator` of the equations of motion.
+    share
+        The assembly tolerance of the scene applies where it exceeds this part of the size of the linkage.
+    q
+        The drawn coordinates [m].
+    """
+
+    cdef start *core
+    cdef void *memory
+    cdef const start_table *api
+    cdef start_sizes sizes
+    cdef object library
+    cdef const double[::1] p
+
+    def __init__(self, evaluator, double share, const double[::1] q):
+        cdef start_kernels given
+        cdef Core core = DOUBLE
+        d = evaluator.description
+        self.library, self.p = evaluator.library, evaluator.parameters
+        addresses = self.library.addresses
+        given.assembly, given.points = kernel_of(addresses, "assembly"), kernel_of(addresses, "points")
+        given.constraints = kernel_of(addresses, "constraints")
+        given.jacobian = kernel_of(addresses, "constraint_jacobian")
+        given.drift = kernel_of(addresses, "velocity_constraints")
+        given.rates, given.mass = kernel_of(addresses, "start_velocity"), kernel_of(addresses, "mass_matrix")
+        self.sizes.n, self.sizes.m = d.coordinates, len(d.constraints)
+        at_least("coordinates", q.shape[0], self.sizes.n)
+        self.sizes.tolerance, self.sizes.share = d.assembly_tolerance, share
+        for name in ("assembly", "points", "constraints", "constraint_jacobian", "velocity_constraints",
+                     "start_velocity", "mass_matrix"):
+            info = evaluator.find(name)
+            if info is None:
+                continue
+            self.sizes.work = max(self.sizes.work, info.work_size)
+            self.sizes.out = max(self.sizes.out, info.out_size)
+            rows = info.blocks[0].shape[0]
+            if name == "assembly":
+                self.sizes.rows = rows
+            elif name == "points":
+                self.sizes.points, self.sizes.axes = info.blocks[0].shape
+            elif name == "start_velocity":
+                self.sizes.prescribed = rows
+        self.api = <const start_table *>core.api.start
+        self.core = <start *>calloc(1, self.api.start_struct)
+        self.memory = calloc(1, self.api.bytes(&self.sizes))
+        if self.core == NULL or self.memory == NULL:
+            raise MemoryError
+        self.api.bind(self.core, &self.sizes, &given, &self.p[0], self.memory)
+        memcpy(self.core.q, &q[0], self.sizes.n * sizeof(double))
+        self.api.begin(self.core)
+
+    def __dealloc__(self):
+        free(self.core)
+        free(self.memory)
+
+    cdef object copied(self, const double *numbers, Py_ssize_t count):
+        found = np.empty(count)
+        cdef double[::1] to = found
+        if count:
+            memcpy(&to[0], numbers, count * sizeof(double))
+        return found
+
+    @property
+    def at(self):
+        """The part of the way from the drawing to the prescribed lengths that was covered."""
+        return self.core.at
+
+    @property
+    def q(self):
+        """Coordinates [m] of that part."""
+        return self.copied(self.core.q, self.sizes.n)
+
+    def advance(self):
+        """Take one step on the way; return its outcome."""
+        cdef int status
+        with nogil:
+            status = self.api.advance(self.core)
+        return status
+
+    def velocities(self, redundant):
+        """Return velocities of least kinetic energy, by how much the rows of constraints, but the redundant ones, and
+        the prescribed velocities are missed, and the largest right-hand side of these rows, each in m/s; None where
+        the mass matrix is not positive definite."""
+        cdef char[::1] dropped = np.zeros(self.sizes.m + 1, dtype=np.int8)
+        cdef Py_ssize_t kept
+        for row in redundant:
+            dropped[row] = 1
+        kept = self.api.velocities(self.core, &dropped[0])
+        if kept < 0:
+            return None
+        u = self.copied(self.core.u, self.sizes.n)
+        of_start = self.copied(self.core.miss + kept, self.sizes.prescribed)
+        return u, self.copied(self.core.miss, kept), of_start, self.core.fastest

@@ -1,0 +1,206 @@
+#include "start.h"
+
+#include <string.h>
+
+#include "arena.h"
+#include "lanes.h"
+#include "linear.h"
+
+/* First and longest part of the way from the drawing, and the shortest before the assembly has failed. */
+#define LONGEST (R(1) / 32)
+#define SHORTEST (R(1) / 4096)
+/* Round-off over the size of the linkage. */
+#define ROUNDING R(1e-14)
+/* Velocities whose part in the rows is smaller are left at their least. */
+#define DEPENDENT R(1e-10)
+enum { NEWTON = 30 };
+
+static size_t place(struct start *s, const struct start_sizes *z, void *memory) {
+    const ptrdiff_t of_velocities = z->m + z->prescribed, most = z->rows > of_velocities ? z->rows : of_velocities;
+    const struct arena_array arrays[] = {
+        ARENA_ARRAY(s->q, z->n + 1),
+        ARENA_ARRAY(s->u, z->n + 1),
+        ARENA_ARRAY(s->miss, of_velocities + 1),
+        ARENA_ARRAY(s->trial, z->n + 1),
+        ARENA_ARRAY(s->still, z->n + 1),
+        ARENA_ARRAY(s->change, z->n + 1),
+        ARENA_ARRAY(s->matrix, most * z->n + 1),
+        ARENA_ARRAY(s->right, 2 * most + 1),
+        ARENA_ARRAY(s->beta, z->n + 1),
+        ARENA_ARRAY(s->mass, z->n * z->n + 1),
+        ARENA_ARRAY(s->work, z->work + 1),
+        ARENA_ARRAY(s->out, (z->out > of_velocities * z->n ? z->out : of_velocities * z->n) + 1),
+        ARENA_ARRAY(s->order, z->n + 1),
+    };
+    return ARENA_PLACE(arrays, memory);
+}
+
+static size_t bytes(const struct start_sizes *sizes) {
+    struct start counted;
+    return place(&counted, sizes, NULL);
+}
+
+static void bind(struct start *s, const struct start_sizes *sizes, const struct start_kernels *kernels, const void *p,
+                 void *memory) {
+    place(s, sizes, memory);
+    s->sizes = *sizes;
+    s->kernels = *kernels;
+    s->p = p;
+}
+
+/* Evaluate a kernel at rest into s->out. */
+static void call(struct start *s, kernel function, const real *q, const real *u) {
+    const real t = 0;
+    function(&t, q, u, s->p, s->work, s->out);
+}
+
+/* The largest magnitude; not a number where one of them is none. */
+static real largest_of(const real *values, ptrdiff_t count) {
+    real largest = 0;
+    for (ptrdiff_t i = 0; i < count && largest == largest; i++)
+        if (!(real_fabs(values[i]) <= largest))
+            largest = real_fabs(values[i]);
+    return largest;
+}
+
+/* The largest spread of the points along an axis. */
+static real extent(struct start *s, const real *q) {
+    real widest = 0;
+    call(s, s->kernels.points, q, s->still);
+    for (ptrdiff_t axis = 0; axis < s->sizes.axes; axis++) {
+        real low = REAL_INFINITY, high = -REAL_INFINITY;
+        for (ptrdiff_t i = 0; i < s->sizes.points; i++) {
+            low = real_fmin(low, s->out[i * s->sizes.axes + axis]);
+            high = real_fmax(high, s->out[i * s->sizes.axes + axis]);
+        }
+        widest = real_fmax(widest, high - low);
+    }
+    return widest;
+}
+
+/* Bring q onto the rows of the assembly at a part of the way, by Newton's method with corrections of least norm. */
+static int newton(struct start *s, real at, real *q) {
+    const ptrdiff_t n = s->sizes.n, rows = s->sizes.rows;
+    const real wide = extent(s, q), size = real_fmax(wide, largest_of(q, n));
+    const real tolerance = real_fmax(R(s->sizes.share) * wide, R(s->sizes.tolerance));
+    real previous = REAL_INFINITY;
+    if (tolerance > R(MOST_TOLERANCE) * wide)
+        return TOO_TOLERANT;
+    for (int tries = 0; tries < NEWTON; tries++) {
+        s->change[0] = at;
+        memset(s->change + 1, 0, (size_t)n * sizeof(real));
+        call(s, s->kernels.assembly, q, s->change);
+        const real worst = largest_of(s->out, rows);
+        if (worst <= ROUNDING * size && worst > R(0.5) * previous)
+            return STARTED;
+        if (!(worst < 2 * previous))
+            return UNASSEMBLED;
+        previous = worst;
+        for (ptrdiff_t i = 0; i < rows; i++) {
+            s->right[i] = -s->out[i];
+            for (ptrdiff_t j = 0; j < n; j++)
+                s->matrix[rows * j + i] = s->out[rows + n * i + j];
+        }
+        /* below the assembly error singular values are numerically zero */
+        solve_least(rows, n, s->matrix, s->right, R(10) * tolerance / wide, s->change, s->order, s->beta);
+        const real moved = largest_of(s->change, n);
+        if (!(moved <= size))
+            return UNASSEMBLED;
+        for (ptrdiff_t j = 0; j < n; j++)
+            q[j] += s->change[j];
+        if (worst == 0 || (worst <= tolerance && moved <= ROUNDING * size))
+            return STARTED;
+    }
+    return previous <= ROUNDING * size ? STARTED : UNASSEMBLED;
+}
+
+static void begin(struct start *s) {
+    s->at = 0;
+    s->step = LONGEST;
+}
+
+static int advance(struct start *s) {
+    const real target = real_fmin(R(1), s->at + s->step);
+    copy(s->q, s->sizes.n, s->trial);
+    const int status = newton(s, target, s->trial);
+    if (status == STARTED) {
+        copy(s->trial, s->sizes.n, s->q);
+        s->at = target;
+        s->step = real_fmin(2 * s->step, LONGEST);
+        return target < 1 ? ON_THE_WAY : STARTED;
+    }
+    s->step /= 2;
+    return status == TOO_TOLERANT || s->step < SHORTEST ? status : ON_THE_WAY;
+}
+
+/* Leave the rows of constraints over their scales, but those dropped, and behind them those of prescribed velocities in
+ * s->matrix, row by row, and their right-hand sides in s->right. Return the number of rows of constraints. */
+static ptrdiff_t rows_of_velocities(struct start *s, const char *dropped) {
+    const ptrdiff_t n = s->sizes.n, m = s->sizes.m, prescribed = s->sizes.prescribed;
+    ptrdiff_t kept = 0;
+    if (s->kernels.jacobian != NULL) {
+        real *scale = s->miss;
+        call(s, s->kernels.constraints, s->q, s->still);
+        copy(s->out + m, m, scale);
+        call(s, s->kernels.drift, s->q, s->still);
+        for (ptrdiff_t i = 0; i < m; i++)
+            if (!dropped[i])
+                s->right[kept++] = -s->out[i] / scale[i];
+        call(s, s->kernels.jacobian, s->q, s->still);
+        kept = 0;
+        for (ptrdiff_t i = 0; i < m; i++)
+            if (!dropped[i]) {
+                for (ptrdiff_t j = 0; j < n; j++)
+                    s->matrix[kept * n + j] = s->out[i * n + j] / scale[i];
+                kept++;
+            }
+    }
+    if (prescribed) {
+        call(s, s->kernels.rates, s->q, s->still);
+        copy(s->out, prescribed, s->right + kept);
+        copy(s->out + prescribed, prescribed * n, s->matrix + kept * n);
+    }
+    return kept;
+}
+
+/* Least kinetic energy: u = L^-T x with x of least norm, M = L L^T. */
+static ptrdiff_t velocities(struct start *s, const char *dropped) {
+    const ptrdiff_t n = s->sizes.n;
+    call(s, s->kernels.mass, s->q, s->still);
+    copy(s->out, n * n, s->mass);
+    if (factor_positive(n, s->mass, 0, 0) < n)
+        return -1;
+    const ptrdiff_t kept = rows_of_velocities(s, dropped), rows = kept + s->sizes.prescribed;
+    real *reduced = s->out, *right = s->right + rows;
+    s->fastest = largest_of(s->right, rows);
+    copy(s->right, rows, right);
+    for (ptrdiff_t i = 0; i < rows; i++)
+        for (ptrdiff_t j = 0; j < n; j++) {
+            real total = s->matrix[i * n + j];
+            for (ptrdiff_t k = 0; k < j; k++)
+                total -= s->mass[j * n + k] * reduced[k * rows + i];
+            reduced[j * rows + i] = total / s->mass[j * n + j];
+        }
+    solve_least(rows, n, reduced, right, DEPENDENT, s->u, s->order, s->beta);
+    for (ptrdiff_t i = n - 1; i >= 0; i--) {
+        for (ptrdiff_t j = i + 1; j < n; j++)
+            s->u[i] -= s->mass[j * n + i] * s->u[j];
+        s->u[i] /= s->mass[i * n + i];
+    }
+    for (ptrdiff_t i = 0; i < rows; i++) {
+        real total = -s->right[i];
+        for (ptrdiff_t j = 0; j < n; j++)
+            total += s->matrix[i * n + j] * s->u[j];
+        s->miss[i] = real_fabs(total);
+    }
+    return kept;
+}
+
+const struct start_api symgen_start = {
+    .start_struct = sizeof(struct start),
+    .bytes = bytes,
+    .bind = bind,
+    .begin = begin,
+    .advance = advance,
+    .velocities = velocities,
+};

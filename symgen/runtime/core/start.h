@@ -1,0 +1,65 @@
+/* The start of a linkage: assembled from the drawing, and velocities of least kinetic energy. */
+#ifndef SYMGEN_START_H
+#define SYMGEN_START_H
+
+#include <stddef.h>
+
+#include "equations.h"
+
+/* Kernels of a start; those that a model does not have are NULL. */
+struct start_kernels {
+    kernel assembly;    /* residual [m] and its derivative by q, at the part u[0] of the way from the drawing */
+    kernel points;      /* positions of all points, and more */
+    kernel constraints; /* Phi and the scale of each row */
+    kernel jacobian;    /* dPhi/dq */
+    kernel drift;       /* dPhi/dt where nothing moves */
+    kernel rates;       /* prescribed velocities k, and the K of their rows K u = k */
+    kernel mass;        /* mass matrix */
+};
+
+struct start_sizes {
+    ptrdiff_t n, m;         /* coordinates, constraints */
+    ptrdiff_t rows;         /* of the assembly */
+    ptrdiff_t prescribed;   /* velocities */
+    ptrdiff_t points, axes; /* positions */
+    ptrdiff_t work, out;    /* numbers of work memory and of results of the largest kernel */
+    double tolerance;       /* assembly tolerance [m], if it exceeds `share` of the size of the linkage */
+    double share;
+};
+
+/* The largest assembly tolerance over the size of the linkage. */
+#define MOST_TOLERANCE 1e-5
+
+/* Outcomes of a step of the assembly. */
+enum start_status { STARTED, ON_THE_WAY, UNASSEMBLED, TOO_TOLERANT };
+
+struct start {
+    struct start_kernels kernels;
+    struct start_sizes sizes;
+    const real *p; /* owned by the caller */
+    real at, step; /* part of the way from the drawing; the next step */
+    real *q, *u, *miss;
+    real fastest;  /* the largest right-hand side of the rows of velocities */
+    real *trial, *still, *change, *matrix, *right, *beta, *mass, *work, *out;
+    ptrdiff_t *order;
+};
+
+/* Interface of starts: see core.h. */
+struct start_api {
+    size_t start_struct;
+    size_t (*bytes)(const struct start_sizes *sizes);
+    void (*bind)(struct start *s, const struct start_sizes *sizes, const struct start_kernels *kernels, const void *p,
+                 void *memory);
+    /* Begin at the drawn coordinates s->q. */
+    void (*begin)(struct start *s);
+    /* Lead s->q one step on from the drawing to the prescribed lengths and angles; STARTED at the end. */
+    int (*advance)(struct start *s);
+    /* Leave in s->u the velocities of least kinetic energy that meet the constraints, but those dropped, and the
+     * prescribed velocities; in s->miss by how much [m/s] each row of either misses. Returns the number of rows
+     * of constraints that were kept, or -1 where the mass matrix is not positive definite. */
+    ptrdiff_t (*velocities)(struct start *s, const char *dropped);
+};
+
+extern const struct start_api symgen_start;
+
+#endif

@@ -1,0 +1,36 @@
+"""Starts of many variants of a linkage against closed forms: poses and velocities."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from shared.variants import crank_rocker_with_lengths, pins
+
+import symgen
+from symgen.errors import InitialStateError
+
+
+@pytest.fixture(scope="module")
+def model(tmp_path_factory):
+    return symgen.build(crank_rocker_with_lengths(tmp_path_factory.mktemp("variants")), backend="c")
+
+
+def test_variants_are_assembled_on_the_branch_of_the_drawing(model):
+    lengths = np.random.default_rng(2).uniform([0.04, 0.3, 0.25], [0.14, 0.45, 0.35], (100, 3))
+    for a, b, c in lengths:
+        state = model.with_parameters(a=a, b=b, c=c).initial_state()
+        at, there = pins(a, b, c, np.array(0.0))
+        assert state.positions["A"] == pytest.approx(at, abs=1e-15)
+        assert state.positions["B"] == pytest.approx(there, abs=1e-14)
+        # at the angle 0 the crank moves A upwards; B moves about C so that b is constant
+        rocker, coupler = there - [0.4, 0.0], there - at
+        rate = 2 * np.pi * a * coupler[1] / (coupler @ [-rocker[1], rocker[0]])
+        assert state.velocities["B"] == pytest.approx(rate * np.array([-rocker[1], rocker[0]]), abs=1e-12)
+
+
+def test_a_variant_that_cannot_be_assembled_names_the_gap(model):
+    with pytest.raises(InitialStateError, match="cannot be assembled") as caught:
+        model.with_parameters(b=0.05, c=0.1).initial_state()
+    assert caught.value.where.startswith("links.")
+    with pytest.raises(InitialStateError, match="needs a length above zero, got -0.1 m"):
+        model.with_parameters(b=-0.1).initial_state()
