@@ -9,10 +9,10 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
-from importlib import import_module
 from typing import Any, NamedTuple
 
 from symgen.errors import ModelError, nearest
+from symgen.registry import Registry, load
 
 
 class Command(NamedTuple):
@@ -99,13 +99,15 @@ class Method:
             raise ModelError(f"models of the method {self.name!r} have no {entry}")
         return load(name)
 
+    @property
+    def deciding(self) -> tuple[Any, ...]:
+        """What its entries name outside of symgen, as far as kernels and descriptions depend on them."""
+        names = (getattr(self, entry) for entry in _DECIDING)
+        return tuple(load(name) for name in names if name and not name.startswith("symgen."))
 
-def load(entry: str) -> Any:
-    """Import what ``module:name`` names."""
-    module, _, name = entry.partition(":")
-    return getattr(import_module(module), name)
 
-
+#: The entries of a row on which kernels and descriptions depend.
+_DECIDING = ("schema", "resolve", "system", "further", "describe", "start", "momentum")
 _LINKAGE = {
     "resolve": "symgen.scene.resolve:resolved_linkage",
     "system": "symgen.pipeline.build:linkage_system_of",
@@ -141,54 +143,57 @@ _OF_LOOP = {
 }
 
 #: All methods, in the order in which they claim a scene.
-METHODS: Mapping[str, Method] = {
-    row.name: row
-    for row in (
-        Method(
-            "loop",
-            claims=("loop",),
-            resolve="symgen.scene.resolve:resolved_loop",
-            system="symgen.models.loop.system:loop_system",
-            describe="symgen.pipeline.describe:of_loop",
-            start="symgen.pipeline.describe:with_pose",
-            model="symgen.pipeline.build:loop_model",
-            export="symgen.export.loop:loop",
-            record="symgen.models.record:of_loop",
-            subject="symgen.study.speed.subjects:loop",
-            accuracy="symgen.study.accuracy.kernels:of_loop_model",
-            view="symgen.inspection.loops:LoopView",
-            state="symgen.inspection.state:of_loop",
-            commands=_OF_LOOP,
-        ),
-        Method(
-            "elastic",
-            claims=("crank",),
-            **_LINKAGE,
-            model="symgen.pipeline.build:elastic_model",
-            export="symgen.export.elastic:elastic",
-            record="symgen.models.record:of_elastic",
-            subject="symgen.study.speed.elastic_links:elastic",
-            accuracy="symgen.study.accuracy.kernels:of_elastic",
-            view="symgen.inspection.linkages:ElasticView",
-            state="symgen.inspection.state:of_elastic",
-            commands=_OF_ELASTIC,
-        ),
-        Method(
-            "rods",
-            claims=("points",),
-            **_LINKAGE,
-            model="symgen.pipeline.build:linkage_model",
-            export="symgen.export.rods:rods",
-            record="symgen.models.record:of_linkage",
-            subject="symgen.study.speed.subjects:rods",
-            accuracy="symgen.study.accuracy.kernels:of_rods",
-            view="symgen.inspection.linkages:RodsView",
-            state="symgen.inspection.state:of_linkage",
-            commands=_OF_RODS,
-        ),
-        Method("system", accuracy="symgen.study.accuracy.kernels:of_user_system"),
-    )
-}
+METHODS = Registry[Method](
+    {
+        row.name: row
+        for row in (
+            Method(
+                "loop",
+                claims=("loop",),
+                resolve="symgen.scene.resolve:resolved_loop",
+                system="symgen.models.loop.system:loop_system",
+                describe="symgen.pipeline.describe:of_loop",
+                start="symgen.pipeline.describe:with_pose",
+                model="symgen.pipeline.build:loop_model",
+                export="symgen.export.loop:loop",
+                record="symgen.models.record:of_loop",
+                subject="symgen.study.speed.subjects:loop",
+                accuracy="symgen.study.accuracy.kernels:of_loop_model",
+                view="symgen.inspection.loops:LoopView",
+                state="symgen.inspection.state:of_loop",
+                commands=_OF_LOOP,
+            ),
+            Method(
+                "elastic",
+                claims=("crank",),
+                **_LINKAGE,
+                model="symgen.pipeline.build:elastic_model",
+                export="symgen.export.elastic:elastic",
+                record="symgen.models.record:of_elastic",
+                subject="symgen.study.speed.elastic_links:elastic",
+                accuracy="symgen.study.accuracy.kernels:of_elastic",
+                view="symgen.inspection.linkages:ElasticView",
+                state="symgen.inspection.state:of_elastic",
+                commands=_OF_ELASTIC,
+            ),
+            Method(
+                "rods",
+                claims=("points",),
+                **_LINKAGE,
+                model="symgen.pipeline.build:linkage_model",
+                export="symgen.export.rods:rods",
+                record="symgen.models.record:of_linkage",
+                subject="symgen.study.speed.subjects:rods",
+                accuracy="symgen.study.accuracy.kernels:of_rods",
+                view="symgen.inspection.linkages:RodsView",
+                state="symgen.inspection.state:of_linkage",
+                commands=_OF_RODS,
+            ),
+            Method("system", accuracy="symgen.study.accuracy.kernels:of_user_system"),
+        )
+    },
+    lambda row: row.deciding,
+)
 
 
 def method_of(thing: Any) -> Method:

@@ -17,7 +17,7 @@ FILES = sorted(p for p in ROOT.rglob("*.py"))
 FOLDERS = sorted({p.parent for p in FILES})
 
 #: Modules that every part may import.
-COMMON = {"errors", "calls", "display", "version"}
+COMMON = {"errors", "calls", "display", "registry", "version"}
 #: What each part may import of symgen, besides itself and ``COMMON``.
 ALLOWED = {
     **{name: set() for name in COMMON},

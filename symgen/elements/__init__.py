@@ -2,45 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, MutableMapping
-from importlib import import_module
 from typing import TYPE_CHECKING
+
+from symgen.registry import Registry
 
 if TYPE_CHECKING:
     from symgen.elements.element import Element
 
-
-class _Files(MutableMapping[str, "Element"]):
-    """Elements by the names of their files, loaded on first access; others can be added."""
-
-    def __init__(self, *names: str) -> None:
-        self._names: dict[str, Element | None] = dict.fromkeys(names)
-
-    def __getitem__(self, name: str) -> Element:
-        found = self._names[name]
-        if found is None:
-            found = self._names[name] = import_module(f"symgen.elements.{name}").ELEMENT
-        return found
-
-    def __setitem__(self, name: str, element: Element) -> None:
-        self._names[name] = element
-
-    def __delitem__(self, name: str) -> None:
-        del self._names[name]
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._names)
-
-    def __len__(self) -> int:
-        return len(self._names)
-
-
+_FILES = ("beam8", "cubic", "timoshenko", "rayleigh", "beam9")
 #: Each has its own kernels, the block ``element_NAME``, which depend on no other element. Those of an
 #: element without a module in ``generated/`` are compiled into the cache when a model first needs them.
-ELEMENTS = _Files(
-    "beam8",
-    "cubic",
-    "timoshenko",
-    "rayleigh",
-    "beam9",
-)
+ELEMENTS: Registry[Element] = Registry({name: f"symgen.elements.{name}:ELEMENT" for name in _FILES})

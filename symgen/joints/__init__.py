@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from symgen.joints import ball, cylindric, helical, prismatic, revolute, universal
 from symgen.joints.joint import Joint
+from symgen.registry import Registry
 
-JOINTS: dict[str, Joint] = {
-    "R": revolute.JOINT,
-    "P": prismatic.JOINT,
-    "C": cylindric.JOINT,
-    "H": helical.JOINT,
-    "S": ball.JOINT,
-    "U": universal.JOINT,
-}
+JOINTS = Registry[Joint](
+    {
+        "R": revolute.JOINT,
+        "P": prismatic.JOINT,
+        "C": cylindric.JOINT,
+        "H": helical.JOINT,
+        "S": ball.JOINT,
+        "U": universal.JOINT,
+    }
+)

@@ -9,13 +9,16 @@ from symgen.loads.load import Load
 from symgen.loads.spring import LinearSpring
 from symgen.loads.torque import AppliedTorque
 from symgen.loads.torsion_spring import AngularSpring
+from symgen.registry import Registry
 
 #: Load kinds by the table of the scene that holds them, in the order in which their terms are derived.
-LOADS: dict[str, type[Load]] = {
-    "springs": LinearSpring,
-    "actuators": LineForce,
-    "forces": AppliedForce,
-    "distributed_forces": DistributedLoad,
-    "torques": AppliedTorque,
-    "torsion_springs": AngularSpring,
-}
+LOADS = Registry[type[Load]](
+    {
+        "springs": LinearSpring,
+        "actuators": LineForce,
+        "forces": AppliedForce,
+        "distributed_forces": DistributedLoad,
+        "torques": AppliedTorque,
+        "torsion_springs": AngularSpring,
+    }
+)

@@ -218,7 +218,7 @@ def elastic_model(made: Made) -> ElasticModel:
     from symgen.pipeline.user_model import supply_elements
     from symgen.runtime.elastic.model import ElasticModel
 
-    supply_elements((beam.element for beam in made.description.elastic.beams), made.tools.in_float64)
+    supply_elements(made.description.elastic.beams, made.tools.in_float64)
     text, base, d = made.text, made.tools.in_float64, made.description
     of_rigid = replace(made, equations=replace(made.equations, rigid=True))
     rigid = cast("RodModel", linkage_model(of_rigid))

@@ -215,6 +215,7 @@ def _shaft_alone(linkage: Linkage) -> bool:
 def _elastic(linkage: Linkage) -> ElasticInfo:
     from symgen.elements import ELEMENTS
     from symgen.models.elastic.links import loads_along, lumps
+    from symgen.pipeline.user_model import definition_of
     from symgen.runtime.beams.data import BeamInfo
     from symgen.runtime.kernels.elastic_description import ElasticInfo
 
@@ -234,6 +235,7 @@ def _elastic(linkage: Linkage) -> ElasticInfo:
                 reduction=b.reduction,
                 modes=b.modes,
                 clamped=crank is not None and crank.link == b.link,
+                definition=definition_of(b.element),
             )
             for b in linkage.elastic
         ),

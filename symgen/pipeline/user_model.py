@@ -12,10 +12,12 @@ from numpy.typing import NDArray
 
 from symgen.pipeline.user_system import load, own_name
 from symgen.scene.loading import SceneText
+from symgen.toolchain.fingerprint import fingerprint
 from symgen.toolchain.kernels import Tools, no_collection
 
 if TYPE_CHECKING:
     from symgen.lowering.kernel import Program, Slot
+    from symgen.runtime.beams.data import BeamInfo
     from symgen.runtime.kernels.description import SystemDescription
     from symgen.runtime.kernels.library import Library
     from symgen.runtime.model.system import SystemModel
@@ -38,12 +40,19 @@ def build_own(path: Path, tools: Tools, equations: Callable[[], Any]) -> SystemM
     return _built(text, path.name, tools, lambda: own().system, lambda: own().needs, equations)
 
 
-def supply_elements(names: Iterable[str], tools: Tools) -> None:
+def definition_of(element: str) -> str:
+    """Return a hash of the definition of an element that this program registered; empty for one of symgen."""
+    from symgen.elements import ELEMENTS
+
+    added = ELEMENTS.added()
+    return fingerprint(added[element])[:16] if element in added else ""
+
+
+def supply_elements(beams: Iterable[BeamInfo], tools: Tools) -> None:
     """Compile the kernels of the beam elements that have no shipped module."""
     from symgen.runtime.beams.elements import SUPPLIED, kernels
 
-    for name in sorted(set(names)):
-        block = f"element_{name}"
+    for block, name in sorted({(beam.block, beam.element) for beam in beams}):
         try:
             kernels(block)
         except ModuleNotFoundError:
@@ -74,7 +83,7 @@ def _element(name: str, tools: Tools) -> SystemModel:
 
     element = ELEMENTS[name]
     derive = partial(elastic_element_system, element)
-    text = SceneText(f"element_{name}", "", {"element": repr(element)})
+    text = SceneText(f"element_{name}", "", {})
     return _built(text, "", tools, derive, dict, lambda: derive().by_name())
 
 

@@ -19,13 +19,14 @@ from pathlib import Path
 from types import CodeType
 
 from symgen.toolchain.cache import Cache, Entry, key
+from symgen.toolchain.fingerprint import of_registered
 
 _NEEDS = "needs.json"
 #: Parts of symgen that only call the generation or use its results; all other parts affect kernels.
 _CALLING = (
     "__main__", "_cython", "atomic", "calls", "cli", "display", "errors", "export", "generated",
-    "inspection", "pipeline.parameters", "regeneration", "report", "runtime", "scenes", "study",
-    "templates", "toolchain.cache", "toolchain.dependencies", "toolchain.ownership",
+    "inspection", "pipeline.parameters", "regeneration", "registry", "report", "runtime", "scenes", "study",
+    "templates", "toolchain.cache", "toolchain.dependencies", "toolchain.fingerprint", "toolchain.ownership",
 )  # fmt: skip
 #: The module that describes a scene, including its initial state, and the package whose modules it uses.
 _DESCRIBING, _RUNTIME = "symgen.pipeline.describe", "symgen.runtime"
@@ -37,6 +38,8 @@ _PACKAGES = ("sympy", "mpmath", "jinja2")
 _SYMGEN = "version:symgen"
 #: The list of registered elements, which does not affect the equations of any one element.
 _REGISTRY = "symgen.elements"
+#: The loads, joints, elements and methods that a program adds, by content.
+_REGISTERED = "registered:kinds registered by the program"
 
 #: Start of this process: a file modified later may differ from the version that was loaded.
 _BEGUN = time.time()
@@ -62,15 +65,10 @@ def needs(further: Needs | None = None) -> Needs:
     every = (p.relative_to(templates) for p in templates.rglob("*.j2"))
     printed = (p for p in every if Path(p.stem).suffix not in _OF_PAGES)
     names += [f"symgen.templates:{p.as_posix()}" for p in printed if p.parts[0] != _EXPORTED]
-    return {name: _as_loaded(name) for name in sorted(names)} | {**_registered(), **(further or {})}
-
-
-def _registered() -> Needs:
-    """Return the files of the load kinds that are registered from outside of symgen."""
-    kinds = getattr(sys.modules.get("symgen.loads"), "LOADS", {}).values()
-    modules = {kind.__module__ for kind in kinds if not kind.__module__.startswith("symgen.")}
-    files = (getattr(sys.modules[module], "__file__", None) for module in sorted(modules))
-    return {name: digest for file in files if file for name, digest in of_file(Path(file)).items()}
+    return {name: _as_loaded(name) for name in sorted(names)} | {
+        _REGISTERED: content(_REGISTERED),
+        **(further or {}),
+    }
 
 
 def _as_loaded(name: str) -> str:
@@ -149,6 +147,8 @@ def _folder(package: str) -> Path:
 
 def content(name: str) -> str:
     """Return the content hash of a dependency, or a package's version; empty if it no longer exists."""
+    if name == _REGISTERED:
+        return of_registered()
     where, _, rest = name.partition(":")
     return _hash(Path(rest)) if where == "file" else _of_package(where, rest)
 
@@ -229,7 +229,7 @@ def latest(store: Cache, name: str) -> tuple[Path, Needs] | None:
 def current(store: Cache, name: str) -> Entry | None:
     """Return the intact entry with this name whose dependencies are unchanged; None if there is none."""
     for folder, before in versions(store, name):
-        if _SYMGEN in before and not changed(before):
+        if {_SYMGEN, _REGISTERED} <= before.keys() and not changed(before):
             entry = store.find(folder.name)
             if entry:
                 return entry

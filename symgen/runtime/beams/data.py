@@ -104,6 +104,8 @@ class BeamInfo:
         For each end, whether a couple acts there, so that its curvature is not zero.
     nodes
         Where the elements meet, as fractions of the length, both ends included; evenly spaced if empty.
+    definition
+        Hash of the definition of an element that a program registers, empty for those of symgen.
     """
 
     link: str
@@ -120,6 +122,12 @@ class BeamInfo:
     clamped: bool = False
     moments: tuple[bool, bool] = (False, False)
     nodes: tuple[float, ...] = ()
+    definition: str = ""
+
+    @property
+    def block(self) -> str:
+        """The name of the kernels of its elements, which belongs to one definition of the element."""
+        return "_".join(part for part in ("element", self.element, self.definition) if part)
 
     def node(self, k: int) -> float:
         """Return the place of a node as a fraction of the length."""

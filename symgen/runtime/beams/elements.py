@@ -24,7 +24,7 @@ AT_A_PLACE = (
 )  # fmt: skip
 
 
-#: Kernels of elements that have no shipped module, by the name of their block.
+#: Kernels of elements that have no shipped module, by the name of their block, which names one definition.
 SUPPLIED: dict[str, Any] = {}
 
 
@@ -70,8 +70,8 @@ class Segment:
 
     Attributes
     ----------
-    element
-        Its name.
+    element, block
+        Its name, and that of its kernels.
     start, length
         Where it begins [m] from the first point of the link, and how long it is [m].
     dofs
@@ -81,6 +81,7 @@ class Segment:
     """
 
     element: str
+    block: str
     start: float
     length: float
     dofs: tuple[int, ...]
@@ -105,7 +106,7 @@ class Segment:
         return self._call("shape", self.arguments, np.array([x])).reshape(len(SHAPES), len(self.dofs))
 
     def _call(self, name: str, arguments: Array, x: Array | None = None) -> Array:
-        found: Array = getattr(kernels(f"element_{self.element}"), name)(q=arguments, u=x)
+        found: Array = getattr(kernels(self.block), name)(q=arguments, u=x)
         return found
 
 
@@ -138,9 +139,8 @@ def segments(info: BeamInfo, properties: Properties) -> tuple[Segment, ...]:
             *range(second, second + per_node),
             *range(first + per_node, second),
         )
-        found.append(
-            Segment(info.element, start, stop - start, dofs, np.array([stop - start, *moved], dtype=float))
-        )
+        arguments = np.array([stop - start, *moved], dtype=float)
+        found.append(Segment(info.element, info.block, start, stop - start, dofs, arguments))
     return tuple(found)
 
 
