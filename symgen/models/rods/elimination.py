@@ -5,12 +5,14 @@ from __future__ import annotations
 import numpy as np
 import sympy as sp
 
-from symgen.mechanics.rods.elimination import cost
+from symgen.mechanics.rods.elimination import cost, minimum_degree
 from symgen.mechanics.rods.topology import elimination_order
 from symgen.models.rods.linkage import RodsModel
 
 #: All coordinates first loses as many digits as the condition of the mass matrix has.
 _MOST_CONDITION = 100
+#: Part of the cost along the tree that minimum degree may have: below that, results keep their last digits.
+_WORTH = 0.75
 
 
 def is_open(model: RodsModel) -> bool:
@@ -25,23 +27,29 @@ def is_open(model: RodsModel) -> bool:
 
 
 def order_of(model: RodsModel, masses: sp.MatrixBase, jacobian: sp.MatrixBase) -> tuple[int, ...]:
-    """Return the cheaper order: from the leaves of the tree to its root, or all coordinates first.
+    """Return the order along the tree, from its leaves to the root, or another one that is cheaper.
 
-    A numeric mass matrix has a numeric factor, and only the pivots of the multipliers remain as divisors:
-    cheaper for short open chains. From the leaves to the root the number of operations is proportional to the
-    number of rods, and masses may differ widely.
+    Along the tree of an open linkage, the number of operations is proportional to the number of rods, and
+    masses may differ widely. A numeric mass matrix with all coordinates first has a numeric factor, and only
+    the pivots of the multipliers remain as divisors, which is cheaper for short chains. With closed loops or
+    bodies, rods that are not in the tree come last and the factor of their part is full, unless the order is
+    of minimum degree.
     """
     n = masses.rows
     at = {p: range(i * len(model.axes), (i + 1) * len(model.axes)) for i, p in enumerate(model.free)}
     lengths = {c.link: n + i for i, c in enumerate(model.constraints) if c.link}
     outward = elimination_order(model.tree, at, lengths, n + jacobian.rows)
-    first = (*(k for k in outward if k < n), *(k for k in outward if k >= n))
-    if not is_open(model) or not _is_even(masses):
-        return outward
     entries = {(i, j): masses[i, j] for i in range(n) for j in range(i + 1)}
     entries |= {(n + i, j): jacobian[i, j] for i in range(jacobian.rows) for j in range(n)}
     varies = {ij: not x.is_number for ij, x in entries.items() if x != 0}
-    return first if cost(first, varies) < cost(outward, varies) else outward
+    dear = cost(outward, varies)
+    if not is_open(model):
+        other = minimum_degree(varies, n, n + jacobian.rows)
+        return other if cost(other, varies) < _WORTH * dear else outward
+    if _is_even(masses):
+        other = (*(k for k in outward if k < n), *(k for k in outward if k >= n))
+        return other if cost(other, varies) < dear else outward
+    return outward
 
 
 def _is_even(masses: sp.MatrixBase) -> bool:

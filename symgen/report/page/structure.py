@@ -39,7 +39,11 @@ def solver_lines(system: System) -> Iterator[str]:
     names = (*coordinates, *multipliers)
     pattern, factor = elimination(system, point)
     first = max(point.order[: len(coordinates)]) < len(coordinates) < len(names)
-    how = "all coordinates first, whose pivots are numbers" if first else "in the order of the tree"
+    how = (
+        "all coordinates first, whose pivots are numbers"
+        if first
+        else "each multiplier after all coordinates of its row"
+    )
     yield (
         f"equations of motion: [M J^T; J 0] of {pattern.rows} unknowns by L D L^T without pivoting, {how}:"
     )
