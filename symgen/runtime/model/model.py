@@ -13,6 +13,7 @@ from symgen.errors import CapabilityError
 from symgen.runtime.model.compiled import Compiled
 from symgen.runtime.model.elastic_analyses import ElasticAnalyses
 from symgen.runtime.model.kernel_calls import KernelCalls
+from symgen.runtime.model.many import ManyRuns
 from symgen.runtime.model.verbs import Verb, verb
 
 if TYPE_CHECKING:
@@ -27,7 +28,7 @@ if TYPE_CHECKING:
 _INSTEAD = {"evaluate": "it calls kernels of user-defined systems; batch calls those of scenes"}
 
 
-class Model(ElasticAnalyses, KernelCalls, Compiled):
+class Model(ManyRuns, ElasticAnalyses, KernelCalls, Compiled):
     """A compiled mechanism. :func:`symgen.build` returns one.
 
     Every model has the analyses below, with the same arguments. An analysis that a mechanism does not support
@@ -48,7 +49,8 @@ class Model(ElasticAnalyses, KernelCalls, Compiled):
         return tuple(name for name in VERBS if self._refused(name) is None)
 
     def __dir__(self) -> list[str]:
-        return sorted({*super().__dir__()} - {name for name in VERBS if self._refused(name) is not None})
+        refused = {name for name in VERBS if self._refused(name) is not None}
+        return sorted({*super().__dir__()} - refused - {f"{name}_many" for name in refused})
 
     def _carrier(self, name: str) -> Model:
         """Return the model whose method ``_NAME`` carries out an analysis."""

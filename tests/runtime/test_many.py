@@ -1,0 +1,143 @@
+"""Many runs in a call: equal to single runs and to closed forms, failures as entries, wrong calls refused."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from shared.variants import BASE, crank_rocker_with_lengths, pins
+
+import symgen
+from symgen.errors import CapabilityError, InitialStateError, ModelError
+
+LENGTHS = {"a": 0.1, "b": np.linspace(0.33, 0.37, 7), "c": np.linspace(0.31, 0.29, 7)}
+
+
+@pytest.fixture(scope="module")
+def model(tmp_path_factory):
+    return symgen.build(crank_rocker_with_lengths(tmp_path_factory.mktemp("variants")), backend="c")
+
+
+def single(model, parameters, i):
+    return model.with_parameters(**{n: np.broadcast_to(v, 7)[i] for n, v in parameters.items()})
+
+
+def same_bits(dataset, results):
+    """Every output of every run is that of its own result, to the bit."""
+    assert len(results) == dataset.sizes["run"] and not any(dataset["error"].values)
+    for i, result in enumerate(results):
+        assert result.variables
+        for v in result.variables:
+            assert np.array_equal(dataset[v.name].values[i], v.values, equal_nan=True), (i, v.name)
+
+
+@pytest.mark.parametrize("threads", [1, 2, 5])
+@pytest.mark.parametrize("analysis", ["simulate", "kinematics", "inverse_dynamics"])
+def test_each_run_has_the_bits_of_a_single_one(model, analysis, threads):
+    options = {"samples": 11} if analysis != "simulate" else {"samples": 11, "t_end": 0.2, "rtol": 1e-6}
+    parts = []
+    found = getattr(model, f"{analysis}_many")(LENGTHS, threads=threads, progress=parts.append, **options)
+    same_bits(found, [getattr(single(model, LENGTHS, i), analysis)(**options) for i in range(7)])
+    assert found["b"].values == pytest.approx(LENGTHS["b"]) and np.all(found["a"].values == 0.1)
+    assert found["b"].attrs["units"] == "m" and found["error"].dims == ("run",)
+    assert parts == sorted(parts) and parts[-1] == 1.0
+
+
+def test_positions_are_those_of_two_circles(model):
+    angles = np.linspace(0.0, 2 * np.pi, 25)
+    found = model.kinematics_many(LENGTHS, at=angles[:-1], of=["B"])
+    for i in range(7):
+        _, there = pins(0.1, LENGTHS["b"][i], LENGTHS["c"][i], angles[:-1])
+        assert found["B.position"].values[i] == pytest.approx(there, abs=1e-13)
+
+
+def test_outputs_are_chosen_and_reduced(model):
+    whole = model.simulate_many(LENGTHS, samples=31)
+    least = model.simulate_many(LENGTHS, samples=31, outputs=["crank.torque", "B.position"], reduce=np.min)
+    drifts = {"constraint_drift", "energy_drift"}
+    assert set(least.data_vars) == {"error", "crank.torque", "B.position"} | drifts
+    assert least["crank.torque"].dims == ("run",) and least["B.position"].dims == ("run", "axis")
+    assert np.array_equal(least["B.position"], whole["B.position"].min("time"))
+    assert np.array_equal(least["crank.torque"], whole["crank.torque"].min("time"))
+    assert np.all(whole["constraint_drift"] < 1e-12) and np.all(whole["energy_drift"] < 1e-6)
+
+
+def test_a_failed_run_is_an_entry_with_its_error(model):
+    lengths = np.array([0.35, 0.7, 0.36])  # 0.7 m is longer than rocker and opening, 0.6 m
+    found = model.simulate_many({"b": lengths}, samples=5)
+    assert [bool(e) for e in found["error"].values] == [False, True, False]
+    assert "cannot be assembled" in found["error"].values[1]
+    assert np.all(np.isnan(found["B.position"].values[1])) and np.isnan(found["energy_drift"].values[1])
+    alone = model.with_parameters(b=0.36).simulate(samples=5)["B.position"].values
+    assert np.array_equal(found["B.position"].values[2], alone)
+    with pytest.raises(InitialStateError, match="cannot be assembled"):
+        model.simulate_many({"b": [0.7, 0.8]})
+
+
+def test_samples_beyond_a_dead_centre_are_nan(model):
+    """A crank of 0.2 m cannot pass the angle at which coupler and rocker are in line."""
+    sizes = {"a": [0.1, 0.2], "b": 0.2, "c": [0.35, 0.25]}
+    found = model.kinematics_many(sizes, samples=73, of=["B"])
+    a, reach = 0.2, 0.2 + 0.25
+    limit = np.arccos((a**2 + BASE**2 - reach**2) / (2 * a * BASE)) / (2 * np.pi)
+    times = found["time"].values
+    reached = np.isfinite(found["B.position"].values).all(axis=2)
+    assert reached[0].all() and not any(found["error"].values)
+    assert np.array_equal(reached[1], times < limit)
+
+
+def test_states_and_loops_and_equilibria():
+    bar = symgen.build("four_bar")
+    states = [bar.simulate(t, samples=2).at(t) for t in (0.1, 0.2)]
+    states = [
+        bar.state(*({p: s.final[p][k] for p in ("A", "B")} for k in ("position", "velocity"))) for s in states
+    ]
+    same_bits(
+        bar.simulate_many(states=states, t_end=0.1, samples=5),
+        [bar.simulate(0.1, samples=5, state=state) for state in states],
+    )
+    loop = symgen.build("slider_crank")
+    offsets = np.linspace(0.0, 0.05, 3)
+    same_bits(
+        loop.inverse_dynamics_many({"a4": offsets}, samples=7),
+        [loop.with_parameters(a4=a).inverse_dynamics(samples=7) for a in offsets],
+    )
+    found = bar.equilibrium_many(states=states)
+    alone = bar.equilibrium(state=states[1])
+    assert list(found["stability"].values) == ["stable", "stable"]
+    assert np.array_equal(found["B.position"].values[1], alone.state.positions["B"])
+    assert np.array_equal(found["O.reaction"].values[1], alone.reactions["O"])
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({}, "expected a list of values for a parameter, or of states"),
+        ({"parameters": {"b": 0.35}}, "expected a list of values for a parameter, or of states"),
+        ({"parameters": {"b": []}}, r"expected at least one run, got the shape \(0,\) of b"),
+        ({"parameters": {"bb": [0.3]}}, "no tunable parameter 'bb'"),
+        ({"parameters": {"b": [[0.3]]}}, r"one value of b per run, or one for all, got the shape \(1, 1\)"),
+        ({"parameters": {"b": [0.3, 0.3], "c": [0.3]}}, r"2 values of c, as of b, got the shape \(1,\)"),
+        ({"parameters": {"b": [0.35, np.nan]}}, "expected finite values of b, got nan for run 1"),
+        ({"parameters": {"b": ["x"]}}, "numbers for parameters"),
+        ({"states": 3}, "expected a list of states, one per run"),
+        ({"states": [3]}, "expected a state of .* for run 0, got 3"),
+        ({"parameters": {"b": [0.35]}, "threads": 0}, "expected one thread or more, got 0"),
+        ({"parameters": {"b": [0.35]}, "outputs": ["B.positon"]}, "no output 'B.positon'.*B.position"),
+        ({"parameters": {"b": [0.35]}, "resume": "x"}, "simulate_many does not accept resume"),
+        ({"parameters": {"b": [0.35]}, "revolutions": 2.0}, "does not accept revolutions"),
+        ({"parameters": {"b": [0.35]}, "rtol": -1.0}, "rtol"),
+        (
+            {"parameters": {"b": [0.35]}, "reduce": lambda x, axis: x},
+            r"expected reduce to return the shape \(2,\)",
+        ),
+    ],
+)
+def test_wrong_calls_are_refused(model, given, message):
+    with pytest.raises(ModelError, match=message):
+        model.simulate_many(**given)
+
+
+def test_models_without_the_analysis_say_why():
+    with pytest.raises(CapabilityError, match="four_bar does not support kinematics_many: .* 1 more drive"):
+        symgen.build("four_bar").kinematics_many  # noqa: B018
+    assert "kinematics_many" not in dir(symgen.build("four_bar"))
