@@ -178,7 +178,7 @@ def _states(model: Any, states: Any) -> Sequence[State]:
 
 @dataclass(frozen=True, slots=True)
 class _Kept:
-    """What is kept of one run.
+    """Samples of one run that are kept.
 
     Attributes
     ----------
@@ -189,7 +189,7 @@ class _Kept:
     axes
         Names of the components of vectors.
     error
-        Why the run failed; then it has nothing else.
+        Message of a failed run, which has nothing else.
     """
 
     along: Coordinate | None = None
@@ -220,7 +220,7 @@ class _Runs:
         return self.model.with_parameters(**{name: values[i] for name, values in self.columns.items()})
 
     def kept(self, i: int, outputs: Sequence[str] | None, reduce: Callable[..., Any] | None) -> _Kept:
-        """Carry out run i by itself, and return what is kept of it; errors are those of the analysis."""
+        """Carry out run i by itself and return its samples; errors are those of the analysis."""
         state = {} if self.states is None else {"state": self.states[i]}
         result = getattr(self.variant(i), self.analysis)(**state, **self.arguments)
         if self.analysis != "equilibrium":
@@ -269,7 +269,7 @@ def _carried_out(
 def _in_threads(
     task: Callable[[int, int], int], blocks: Sequence[tuple[int, int]], workers: int
 ) -> Iterator[int]:
-    """Yield what a task returns for blocks of runs, as they end; what raises in one of them ends all."""
+    """Yield the results of a task for blocks of runs, as they end; an exception in one of them ends all."""
     if workers == 1:
         yield from (task(*block) for block in blocks)
         return
@@ -289,7 +289,7 @@ def _processors() -> int:
 
 
 def _kept(result: Any, outputs: Sequence[str] | None, reduce: Callable[..., Any] | None) -> _Kept:
-    """Return what is kept of the result of one run."""
+    """Return the selected outputs of one result, or their reductions, and its drift."""
     samples = _chosen(result.variables, outputs)
     drift = tuple(
         Variable(
@@ -305,7 +305,7 @@ def _kept(result: Any, outputs: Sequence[str] | None, reduce: Callable[..., Any]
 
 
 def _at_one_pose(found: Equilibrium, axes: tuple[str, ...], outputs: Sequence[str] | None) -> _Kept:
-    """Return what is kept of an equilibrium: its outputs, positions, ground reactions and stability."""
+    """Return outputs, positions, ground reactions and stability of an equilibrium."""
     named = {name: (found.units[name], "output", values) for name, values in found.outputs.items()}
     for name, place in found.state.positions.items():
         named.setdefault(f"{name}.position", ("m", "position", place))
@@ -349,7 +349,7 @@ def _reduced(reduce: Callable[..., Any], variable: Variable) -> Array:
 
 
 def _dataset(runs: _Runs, kept: Sequence[_Kept]) -> xarray.Dataset:
-    """Return all runs in one dataset; what a run has no value of is nan."""
+    """Return all runs in one dataset, with nan where a run has no value."""
     import xarray
 
     count = len(runs)
