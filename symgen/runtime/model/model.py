@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, ClassVar, overload
 from numpy.typing import ArrayLike
 
 from symgen.errors import CapabilityError
+from symgen.runtime.many.calls import ManyRuns
 from symgen.runtime.model.compiled import Compiled
 from symgen.runtime.model.elastic_analyses import ElasticAnalyses
 from symgen.runtime.model.kernel_calls import KernelCalls
-from symgen.runtime.model.many import ManyRuns
 from symgen.runtime.model.verbs import Verb, verb
 
 if TYPE_CHECKING:

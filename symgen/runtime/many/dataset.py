@@ -1,0 +1,168 @@
+"""Samples of many runs, and the dataset that holds them all."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symgen.errors import ModelError, nearest
+from symgen.runtime.result.records import Coordinate, Variable
+
+if TYPE_CHECKING:
+    import xarray
+
+    from symgen.runtime.kernels.description import Described
+    from symgen.runtime.rods.equilibrium import Equilibrium
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Kept:
+    """Samples of one run that are kept.
+
+    Attributes
+    ----------
+    along, times
+        The coordinate of its samples, and their times where that is another; None without samples.
+    samples, single
+        Outputs with a value per sample, and quantities with one value per run.
+    axes
+        Names of the components of vectors.
+    error
+        Message of a failed run, which has nothing else.
+    """
+
+    along: Coordinate | None = None
+    times: Array | None = None
+    samples: tuple[Variable, ...] = ()
+    single: tuple[Variable, ...] = ()
+    axes: tuple[str, ...] = ()
+    error: str = ""
+
+
+def kept_of(result: Any, outputs: Sequence[str] | None, reduce: Callable[..., Any] | None) -> Kept:
+    """Return the selected outputs of one result, or their reductions, and its drift."""
+    samples = _chosen(result.variables, outputs)
+    drift = tuple(
+        Variable(
+            f"{name}_drift", unit, f"largest drift of the {name}", (), np.array(result.drift.measured[name])
+        )
+        for name, unit in (("constraint", "m"), ("energy", "J"))
+        if name in result.drift.measured
+    )
+    if reduce is None:
+        return Kept(result.coordinate, result.times, samples, drift, result.axes)
+    reduced = tuple(replace(v, values=_reduced(reduce, v)) for v in samples)
+    return Kept(single=(*reduced, *drift), axes=result.axes)
+
+
+def at_one_pose(found: Equilibrium, axes: tuple[str, ...], outputs: Sequence[str] | None) -> Kept:
+    """Return outputs, positions, ground reactions and stability of an equilibrium."""
+    named = {name: (found.units[name], "output", values) for name, values in found.outputs.items()}
+    for name, place in found.state.positions.items():
+        named.setdefault(f"{name}.position", ("m", "position", place))
+    for name, force in found.reactions.items():
+        named.setdefault(f"{name}.reaction", ("N", "force of the ground on the linkage", force))
+    single = tuple(
+        Variable(
+            name,
+            unit,
+            about,
+            axes if np.size(v) > 1 else (),
+            np.asarray(v).reshape(np.shape(v)[: np.size(v) > 1]),
+        )
+        for name, (unit, about, v) in named.items()
+    )
+    stability = Variable(
+        "stability", "1", "stable, neutral or unstable", (), np.array(found.stability, dtype=object)
+    )
+    return Kept(single=(*_chosen(single, outputs), stability), axes=axes)
+
+
+def _chosen(variables: tuple[Variable, ...], outputs: Sequence[str] | None) -> tuple[Variable, ...]:
+    if outputs is None:
+        return variables
+    named = {v.name: v for v in variables}
+    for name in outputs:
+        if name not in named:
+            raise ModelError(f"the runs have no output {name!r}. {nearest(name, named)}")
+    return tuple(named[name] for name in outputs)
+
+
+def _reduced(reduce: Callable[..., Any], variable: Variable) -> Array:
+    values = np.asarray(reduce(variable.values, axis=0), dtype=float)
+    shape = variable.values.shape
+    if values.shape != shape[1:]:
+        raise ModelError(
+            f"expected reduce to return the shape {shape[1:]} for the samples of {variable.name}, of shape "
+            f"{shape}, got the shape {values.shape}"
+        )
+    return values
+
+
+def dataset_of(
+    description: Described, analysis: str, columns: Mapping[str, Array], kept: Sequence[Kept]
+) -> xarray.Dataset:
+    """Return all runs in one dataset, with nan where a run has no value; ``columns`` are their parameters."""
+    import xarray
+
+    count = len(kept)
+    model_of = max((k for k in kept if not k.error), key=lambda k: k.along.values.size if k.along else 0)
+    along, size = model_of.along, model_of.along.values.size if model_of.along else 0
+    places = [None if k.error else _places(k.along, along) for k in kept]
+    errors = np.array([k.error for k in kept], dtype=object)
+    for i, place in enumerate(places):
+        if place is None and not errors[i]:
+            errors[i] = "its samples are at other values of the coordinate than those of the other runs"
+    data: dict[str, Any] = {"error": ("run", errors, {"long_name": "why the run failed"})}
+    over = (along.name,) if along else ()
+    for sampled, variables in ((True, model_of.samples), (False, model_of.single)):
+        for k, v in enumerate(variables):
+            shape = (count, *((size,) if sampled else ()), *((len(v.components),) if v.components else ()))
+            values = np.full(shape, "" if v.values.dtype == object else np.nan, v.values.dtype)
+            for i, place in enumerate(places):
+                if place is not None and sampled:
+                    values[i, place] = kept[i].samples[k].values
+                elif place is not None:
+                    values[i] = kept[i].single[k].values
+            dims = ("run", *(over if sampled else ()), *(("axis",) if v.components else ()))
+            data[v.name] = (dims, values, {"units": v.unit, "long_name": v.about})
+    coordinates: dict[str, Any] = {"run": np.arange(count)}
+    if along:
+        labels = {"units": along.unit, "long_name": along.about}
+        coordinates[along.name] = (along.name, along.values, labels)
+    if model_of.times is not None:
+        times = np.full((count, size), np.nan)
+        for i, place in enumerate(places):
+            if place is not None:
+                times[i, place] = kept[i].times
+        coordinates["time"] = (("run", *over), times, {"units": "s", "long_name": "time"})
+    if any("axis" in dims for dims, *_ in data.values()):
+        coordinates["axis"] = list(model_of.axes)
+    units = {p.name: (p.unit, p.about) for p in description.tunable}
+    for name, values in columns.items():
+        unit, about = units[name]
+        label = name if name not in data and name not in coordinates else f"{name} (parameter)"
+        coordinates[label] = ("run", np.array(values), {"units": unit, "long_name": about})
+    title = f"{description.title}: {count} runs of {analysis}"
+    return xarray.Dataset(data, coords=coordinates, attrs={"title": title})
+
+
+def _places(of_run: Coordinate | None, along: Coordinate | None) -> Any:
+    """Return the places of the samples of a run among those of the longest run; None where they have none."""
+    if of_run is None or along is None or of_run.values is along.values:
+        return slice(None)
+    near = 1e-6 * np.ptp(along.values)  # a sample next to a loss of rank is moved by less
+    if of_run.values.size == along.values.size and np.allclose(
+        of_run.values, along.values, rtol=0.0, atol=near
+    ):
+        return slice(None)
+    order = np.argsort(along.values, kind="stable")
+    at = np.searchsorted(along.values, of_run.values, sorter=order).clip(max=along.values.size - 1)
+    places = order[at]
+    return places if np.array_equal(along.values[places], of_run.values) else None
