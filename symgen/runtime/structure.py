@@ -21,6 +21,10 @@ Array = NDArray[np.float64]
 ROUND_OFF = 1e-14
 
 
+class UnstableError(ModelError):
+    """The structure is unstable at rest: it has no lowest frequency, and no modes to damp."""
+
+
 def stiffness_sizes(equations: _beams.BeamEquations, basis: Array) -> Array:
     """Return the roots of the sums of sizes of the terms of the diagonal of B^T K B, (columns of B,).
 
@@ -42,8 +46,10 @@ def modes_at_rest(name: str, mass: Array, stiffness: Array, sizes: Array) -> tup
 
     Raises
     ------
+    UnstableError
+        When the structure is unstable at rest.
     ModelError
-        When the structure is unstable at rest, or something moves without mass.
+        When something moves without mass.
     """
     from scipy.linalg import LinAlgError, cholesky, solve_triangular, svd
 
@@ -65,7 +71,7 @@ def _factor(name: str, stiffness: Array, sizes: Array) -> Array:
 
     Raises
     ------
-    ModelError
+    UnstableError
         When K has a negative eigenvalue.
     """
     from scipy.linalg.lapack import dpstrf
@@ -80,7 +86,7 @@ def _factor(name: str, stiffness: Array, sizes: Array) -> Array:
     left = null.T @ scaled[np.ix_(order, order)] @ null
     noise = np.sum(np.abs(null) * (np.abs(scaled[np.ix_(order, order)]) @ np.abs(null)), axis=0)
     if np.any(np.diagonal(left) < -ROUND_OFF * n * noise):
-        raise ModelError(f"{name} is unstable at rest in this pose: a spring pushes it away")
+        raise UnstableError(f"{name} is unstable at rest in this pose: a spring pushes it away")
     found: Array = np.empty((rank, n))
     found[:, order] = upper
     return found * sizes

@@ -222,6 +222,10 @@ int motion_at_rest(struct rigid_motion *m, real t) {
         for (int i = 2; i < MOTION; i++)
             m->motion[MOTION * k + i] = 0;
     memset(m->loads, 0, (size_t)m->sizes[OF_LOADS] * sizeof(real));
+    /* The torque of a motor that turns the crank holds no pose: its change with the angle is no stiffness at rest. */
+    for (ptrdiff_t i = 0; i < m->e->n; i++)
+        if (m->kernels.shaft && m->y[m->e->n + i] != 0)
+            m->shaft[SHAFT_STIFFNESS] = 0;
     m->kernels.joints(m->t, m->y, m->still, m->joints_p, m->still, m->joined);
     return DONE;
 }

@@ -25,6 +25,7 @@ from symgen.runtime.beams.pieces import whole
 from symgen.runtime.elastic.modes import lowest
 from symgen.runtime.elastic.motion import ElasticMotion
 from symgen.runtime.result.records import Variable
+from symgen.runtime.structure import UnstableError
 
 Array = NDArray[np.float64]
 
@@ -62,13 +63,27 @@ class MeshedMotion(ElasticMotion):
 
     @cached_property
     def lowest_frequency(self) -> float:
-        """The lowest frequency [Hz] of the structure at rest, over the poses of a revolution."""
+        """The lowest frequency [Hz] of the structure at rest, over the stable poses of a revolution.
+
+        Raises
+        ------
+        UnstableError
+            When the structure is unstable at rest in every pose.
+        """
         if self._driven:
             return self._driven.lowest_frequency
         self.check_determined()
         equations = self.equations()
         poses = np.linspace(0.0, self.period, _IN_A_TURN, endpoint=False).tolist()
-        return min(lowest(self, equations, t) for t in poses)
+        found = []
+        for t in poses:
+            try:
+                found.append(lowest(self, equations, t))
+            except UnstableError as error:
+                unstable = error
+        if not found:
+            raise unstable
+        return min(found)
 
     def unreduced(self) -> MeshedMotion | None:
         """Return the same with no link reduced; None where none is."""

@@ -36,6 +36,7 @@ from symgen.runtime.kernels.typed import made_with
 from symgen.runtime.result.elastic import ElasticResult, is_stable
 from symgen.runtime.result.recording import of_jumps
 from symgen.runtime.result.records import Drift
+from symgen.runtime.structure import UnstableError
 
 Array = NDArray[np.float64]
 Progress = Callable[[float], None]
@@ -286,7 +287,10 @@ def _of_speed(motion: ElasticMotion) -> list[str]:
     """Say where the crank turns faster than the lowest frequency of the structure, if wall time is left."""
     if not motion.speed or is_spent():
         return []
-    crank, lowest = 1.0 / motion.period, motion.lowest_frequency
+    try:
+        crank, lowest = 1.0 / motion.period, motion.lowest_frequency
+    except UnstableError:
+        return ["the structure is unstable at rest in every pose: a spring pushes it away"]
     if crank < lowest:
         return []
     return [
@@ -348,7 +352,10 @@ def _damping(motion: ElasticMotion) -> list[float]:
     """Return the damping ratios of the lowest modes at the start, where links have one of their own."""
     if not any(beam.properties.ratio for beam in motion.beams):
         return []
-    modes = elastic_modes(motion, motion.equations(), 0.0)
+    try:
+        modes = elastic_modes(motion, motion.equations(), 0.0)
+    except UnstableError:
+        return []
     ratios: list[float] = modes.ratios[modes.rigid : modes.rigid + _DAMPED].tolist()
     return ratios
 
