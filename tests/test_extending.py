@@ -20,7 +20,7 @@ import symgen
 from symgen.cli import app
 from symgen.elements import ELEMENTS
 from symgen.elements.element import Element
-from symgen.errors import SceneError
+from symgen.errors import ModelError, SceneError
 from symgen.export import export_c
 from symgen.inspection.explanation import explanation
 from symgen.inspection.linkages import RodsView
@@ -655,4 +655,44 @@ def test_without_its_row_a_scene_has_no_such_table(swing):
     with pytest.MonkeyPatch.context() as patch:
         patch.delitem(METHODS, "pendulum")
         with pytest.raises(SceneError, match="unknown key 'pendulum'"):
+            symgen.Scene(**tomllib.loads(SWING))
+
+
+def test_the_schema_for_editors_has_tables_that_methods_add(swing):
+    schema = symgen.Scene.model_json_schema()
+    assert "pendulum" in schema["properties"] and {"required": ["pendulum"]} in schema["anyOf"]
+    with pytest.MonkeyPatch.context() as patch:
+        patch.delitem(METHODS, "pendulum")
+        assert '"pendulum": {' not in CliRunner().invoke(app, ["schema"]).output
+    assert '"pendulum": {' in CliRunner().invoke(app, ["schema"]).output
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"claims": ("masses",)}, "the method 'pendulum' adds the table 'masses' to scenes, which have"),
+        ({"claims": ("springs",)}, "the method 'pendulum' adds the table 'springs'"),
+        ({"claims": ()}, "the method 'pendulum' has a schema and claims no table"),
+    ],
+)
+def test_a_method_cannot_replace_a_table(changes, message):
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setitem(METHODS, "pendulum", replace(PENDULUM_METHOD, **changes))
+        with pytest.raises(ModelError, match=message):
+            symgen.Scene(**tomllib.loads(SWING))
+
+
+def test_a_load_cannot_replace_a_table():
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setitem(LOADS, "masses", Drag)
+        with pytest.raises(ModelError, match="the load kind 'drag' adds the table 'masses'"):
+            symgen.Scene(**tomllib.loads(PENDULUM))
+    symgen.Scene(**tomllib.loads(PENDULUM))
+
+
+def test_two_methods_cannot_add_one_table():
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setitem(METHODS, "pendulum", PENDULUM_METHOD)
+        patch.setitem(METHODS, "other", replace(PENDULUM_METHOD, name="other"))
+        with pytest.raises(ModelError, match="the method 'other' adds the table 'pendulum'"):
             symgen.Scene(**tomllib.loads(SWING))

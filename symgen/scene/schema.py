@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Any, Literal
 
 from pydantic import ConfigDict, Field, GetJsonSchemaHandler, PrivateAttr, ValidationError, model_validator
@@ -9,7 +10,7 @@ from pydantic.fields import FieldInfo
 from pydantic_core import CoreSchema
 
 from symgen.calls import checked
-from symgen.errors import SceneError
+from symgen.errors import ModelError, SceneError
 from symgen.loads import LOADS
 from symgen.methods import METHODS, claiming
 from symgen.scene.elastic.schema import Crank, Elastic, ModalDamping, Section, Station
@@ -31,6 +32,7 @@ def _for_editors(schema: dict[str, Any]) -> None:
     schema["anyOf"] = [
         {"required": ["points", "links"], "properties": {"loop": False}},
         {"required": ["loop"], "properties": {key: False for key in others if key != "loop"}},
+        *({"required": [row.claims[0]]} for row in METHODS.values() if row.schema),
     ]
 
 
@@ -213,6 +215,12 @@ class Scene(Table):
     _name: str = PrivateAttr("scene")
     _file: str = PrivateAttr("")
 
+    @classmethod
+    def model_json_schema(cls, *arguments: Any, **options: Any) -> dict[str, Any]:
+        """Return the JSON schema of scenes, with the tables of registered loads and methods."""
+        _add_tables()
+        return super().model_json_schema(*arguments, **options)
+
     @checked
     def __init__(self, /, **tables: Any) -> None:
         _add_tables()
@@ -278,12 +286,38 @@ TABLES: dict[str, type[Table]] = {
 }  # fmt: skip
 
 
+def _of_methods() -> dict[str, type[Table]]:
+    """Return the tables that methods add to scenes, by name."""
+    found: dict[str, type[Table]] = {}
+    for row in METHODS.values():
+        if row.schema:
+            if not row.claims:
+                raise ModelError(
+                    f"the method {row.name!r} has a schema and claims no table\n"
+                    '  Name its table in the scene: claims=("TABLE",).'
+                )
+            _check_new(row.claims[0], f"the method {row.name!r}", (*LOADS, *found))
+            found[row.claims[0]] = row.load("schema")
+    return found
+
+
+def _check_new(table: str, owner: str, added: Iterable[str]) -> None:
+    """Check that a table to be added has a name of its own; raise ModelError with its owner otherwise."""
+    if table in added or (table in Scene.model_fields and table not in _ADDED):
+        raise ModelError(
+            f"{owner} adds the table {table!r} to scenes, which have a table of that name\n"
+            "  Register it under another name."
+        )
+
+
 def _add_tables() -> None:
     """Give the scene lists of tables of loads, and tables of methods, including those registered since."""
     loads = {name: kind.schema for name, kind in LOADS.items()}
-    kinds = loads | {row.claims[0]: row.load("schema") for row in METHODS.values() if row.schema}
+    kinds = loads | _of_methods()
     if {name: TABLES.get(name) for name in _ADDED} == kinds:
         return
+    for name in loads:
+        _check_new(name, f"the load kind {LOADS[name].noun!r}", ())
     fields, others = Scene.model_fields, {n: f for n, f in Scene.model_fields.items() if n not in _ADDED}
     for name in _ADDED:
         TABLES.pop(name, None)

@@ -96,8 +96,8 @@ class ElasticModel(Model):
     is_driven = False
 
     @property
-    def parameters(self) -> Mapping[str, float]:  # type: ignore[override]
-        """Values of the tunable parameters, in SI units."""
+    def parameters(self) -> Mapping[str, float]:
+        """Values of the tunable parameters, in SI units, read-only."""
         return self.rigid.parameters
 
     @property

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable, Iterator, Mapping
+from typing import TYPE_CHECKING, Any, NoReturn
 
 from numpy.typing import ArrayLike
 
@@ -18,6 +18,33 @@ from symgen.runtime.kernels.typed import Typed
 
 if TYPE_CHECKING:
     from symgen.runtime.kernels.batch import Batch, Rows
+
+
+class Parameters(Mapping[str, float]):
+    """Values of tunable parameters by name, which cannot be changed: analyses depend on them."""
+
+    def __init__(self, values: Mapping[str, float]) -> None:
+        self._values = dict(values)
+
+    def __getitem__(self, name: str) -> float:
+        return self._values[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._values)
+
+    def __len__(self) -> int:
+        return len(self._values)
+
+    def __repr__(self) -> str:
+        return repr(self._values)
+
+    def _refused(self, *_: Any, **__: Any) -> NoReturn:
+        raise ModelError(
+            "the parameters of a model cannot be changed in place\n"
+            "  model.with_parameters(NAME=value) returns the model with another value, without compiling."
+        )
+
+    __setitem__ = __delitem__ = update = setdefault = pop = popitem = clear = __ior__ = _refused
 
 
 @checked
@@ -37,13 +64,16 @@ class Compiled:
         self._typed = typed
         self._batches: Batch | None = None
         self.description, self._library, self._derive = description, library, derive
-        self.parameters: dict[str, float] = {p.name: p.default for p in description.tunable}
+        values = {p.name: p.default for p in description.tunable}
         for name, value in (parameters or {}).items():
-            if name not in self.parameters:
+            if name not in values:
                 raise ModelError(
-                    f"{description.name} has no tunable parameter {name!r}. {nearest(name, self.parameters)}"
+                    f"{description.name} has no tunable parameter {name!r}. {nearest(name, values)}\n"
+                    "  To change another parameter of the scene, write it as { value = ..., tunable = true }"
+                    f", or build the scene with set={{{name!r}: ...}}."
                 )
-            self.parameters[name] = real(value, f"{name}, in SI units")
+            values[name] = real(value, f"{name}, in SI units")
+        self._parameters = Parameters(values)
         self._equations: Any = None
 
     def __reduce__(self) -> tuple[Any, ...]:
@@ -51,6 +81,11 @@ class Compiled:
         if not hasattr(self._derive, "restored"):
             raise ModelError(f"{self.name} was made without its scene and cannot be pickled")
         return self._derive.restored, (dict(self.parameters),)
+
+    @property
+    def parameters(self) -> Mapping[str, float]:
+        """Values of the tunable parameters, in SI units, read-only: :meth:`with_parameters` changes them."""
+        return self._parameters
 
     def _repr_html_(self) -> str:
         html: str = display("model_html", self)
