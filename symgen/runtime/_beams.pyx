@@ -36,7 +36,7 @@ cdef extern from "core/elastic.h" nogil:
 
     cdef struct beam_layout:
         Py_ssize_t unknowns, constraints, pieces, coordinates, masses, dampings, stiffnesses
-        Py_ssize_t shaft, shaft_slot, damped, damped_at, entries, band, constant_count
+        Py_ssize_t shaft, shaft_slot, damped, damped_at, entries, band, inner, constant_count
         const Py_ssize_t *sizes
         const Py_ssize_t *constants_at
         const Py_ssize_t *link_of
@@ -63,7 +63,7 @@ cdef extern from "core/elastic.h" nogil:
         pass
 
     cdef struct matrices_view:
-        long entries, free, whole, full_entries
+        long entries, free, whole, inner, full_entries
         const Py_ssize_t *rows
         const Py_ssize_t *columns
         const void *mass
@@ -282,9 +282,15 @@ cdef int _check_layout(layout, Py_ssize_t links, Py_ssize_t joined) except -1:
         raise ValueError(f"expected at most {n} constraints, got {m}")
     _within("rows", layout.rows, 0, n)
     _within("columns", layout.columns, 0, n)
-    _within("distances from the diagonal", np.abs(layout.rows - layout.columns[:entries]), 0, layout.band + 1)
+    inner = layout.inner
+    banded = (np.asarray(layout.rows) < inner) & (np.asarray(layout.columns[:entries]) < inner)
+    _within("distances from the diagonal", np.abs(layout.rows - layout.columns[:entries])[banded], 0, layout.band + 1)
     _within("places", layout.places, -1, n)
+    if m and not 0 <= inner <= n - m or not m and inner != n:
+        raise ValueError(f"expected {n} unknowns before those of joints, fewer by {m} constraints at least, got {inner}")
     _within("joint_places", layout.joint_places, -1, n)
+    if m:
+        _within("joint_places without -1", layout.joint_places[:-1], inner, n)
     for what in ("slots", "mass_slots", "damping_slots", "stiffness_slots"):
         _within(what, getattr(layout, what), -1, entries)
     _within("shaft", [layout.shaft], -1, n)
@@ -340,6 +346,7 @@ cdef class BeamEquations(Integrable):
         wanted.shaft, wanted.shaft_slot = layout.shaft, layout.shaft_slot
         wanted.damped, wanted.damped_at = len(layout.damped), layout.damped_at
         wanted.entries, wanted.band, wanted.thesis = len(layout.rows), layout.band, thesis
+        wanted.inner = layout.inner
         wanted.sizes, wanted.constants_at = _kept(kept, layout.sizes), _kept(kept, layout.constants_at)
         wanted.link_of, wanted.ends = _kept(kept, layout.link_of), _kept(kept, layout.ends)
         wanted.places, wanted.places_at = _kept(kept, layout.places), _kept(kept, layout.places_at)
@@ -387,7 +394,13 @@ cdef class BeamEquations(Integrable):
             matrix = np.zeros((seen.free, seen.free))
             matrix[rows, columns] = values
             made.append(matrix)
-        basis = self._array(seen.basis, (3, seen.whole, seen.free)) if self.m else None
+        basis = None
+        if self.m:
+            basis = np.zeros((3, seen.whole, seen.free))
+            basis[0, :seen.inner, :seen.inner] = np.eye(seen.inner)
+            basis[:, seen.inner:, seen.inner:] = self._array(
+                seen.basis, (3, seen.whole - seen.inner, seen.free - seen.inner)
+            )
         return status, *made, self._array(seen.load, seen.free), basis
 
     def sparse(self, double t, int analysis=_IN_MOTION):
@@ -424,7 +437,10 @@ cdef class BeamEquations(Integrable):
                     self._array(seen.full_stiffness, seen.full_entries))
         for values, by in zip(matrices, (a, v, s)):
             found += np.bincount(rows, values * np.asarray(by)[columns], self.whole)
-        return status, found, self._array(seen.bound, (self.m, seen.whole))
+        bound = np.zeros((self.m, seen.whole))
+        if self.m:
+            bound[:, seen.inner:] = self._array(seen.bound, (self.m, seen.whole - seen.inner))
+        return status, found, bound
 
 
 cdef const Py_ssize_t *_kept(dict kept, values) except NULL:

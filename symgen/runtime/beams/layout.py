@@ -31,8 +31,11 @@ class Layout:
         What each unknown is called: ``A.x``, ``coupler.theta@0``.
     of_links
         For each link the unknown of each of its own; -1 where it is held. Ends are on fixed axes.
+    inner
+        Number of unknowns before those of the joints, which come last where there are constraints.
     rows, columns, band
-        Entries of the matrices that may not be zero, and their distance from the diagonal.
+        Entries of the matrices that may not be zero, by rising row and column, and the largest distance from
+        the diagonal of those between the first ``inner`` unknowns.
     damped
         Forces f of modes with damping f f^T of their own, (modes, forces): on the unknowns of all pieces, in
         the axes of links, then on those of the joints, in fixed axes. They begin at ``damped_at`` of
@@ -43,6 +46,7 @@ class Layout:
 
     unknowns: int
     constraints: int
+    inner: int
     names: tuple[str, ...]
     of_links: tuple[Indices, ...]
     rows: Indices
@@ -97,7 +101,14 @@ def layout(
     pairs = _pairs(beams, of_links, joints, joint, shaft)
     if damped is not None:
         pairs = np.indices((n, n)).reshape(2, -1).T
-    order = np.arange(n) if constraints or damped is not None else _by_least_band(n, pairs)
+    # Constraints are between unknowns of the joints, which `_unknowns` names first.
+    first = len(description.free) * len(description.axes) if constraints else 0
+    order = _by_least_band(n, pairs)
+    if constraints:
+        # Not reversed: displacements before slopes and curvatures, which keeps their round-off small.
+        inner_order = first + _by_least_band(n - first, pairs - first)[::-1]
+        order = np.concatenate([inner_order, np.arange(first)])
+    inner = n - first
     new = np.empty(n + 1, dtype=np.intp)
     new[order], new[-1] = np.arange(n), -1
     pairs = np.unique(new[pairs], axis=0)
@@ -117,11 +128,12 @@ def layout(
     return Layout(
         unknowns=n,
         constraints=constraints,
+        inner=inner,
         names=tuple(names[i] for i in order),
         of_links=renumbered,
         rows=np.ascontiguousarray(pairs[:, 0]),
         columns=np.ascontiguousarray(pairs[:, 1]),
-        band=int(np.max(np.abs(pairs[:, 0] - pairs[:, 1]), initial=0)),
+        band=int(np.max(np.abs(np.diff(pairs[np.all(pairs < inner, axis=1)])), initial=0)),
         **of_pieces | {"constants": np.concatenate([of_pieces["constants"], np.ravel(forces), np.zeros(1)])},
         damped=forces,
         damped_at=len(of_pieces["constants"]),
@@ -227,11 +239,17 @@ def _of_joints(joints: Mapping[str, BlockInfo], name: str, joint: Mapping[str, i
 
 
 def _by_least_band(n: int, pairs: NDArray[np.intp]) -> Indices:
-    """Return the unknowns in an order that keeps the matrices' entries near the diagonal."""
+    """Return the unknowns in an order that keeps the matrices' entries near the diagonal.
+
+    Pairs with a negative number are left out.
+    """
+    if n == 0:
+        return np.zeros(0, dtype=np.intp)
     from scipy.sparse import csr_array
     from scipy.sparse.csgraph import reverse_cuthill_mckee
 
-    graph = csr_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(n, n))
+    among = pairs[np.all(pairs >= 0, axis=1)]
+    graph = csr_array((np.ones(len(among)), (among[:, 0], among[:, 1])), shape=(n, n))
     return np.asarray(reverse_cuthill_mckee(graph, symmetric_mode=True), dtype=np.intp)
 
 

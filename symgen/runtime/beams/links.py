@@ -12,7 +12,7 @@ from symgen.errors import ModelError
 from symgen.runtime.beams.damping import modal, rayleigh
 from symgen.runtime.beams.data import BeamInfo, Lump, Piece, Profile, Properties, StationRows
 from symgen.runtime.beams.elements import SHAPES, Segment, at, names, segment_at, segments
-from symgen.runtime.beams.pieces import pieces, transformed, whole
+from symgen.runtime.beams.pieces import followed, pieces, transformed, whole
 from symgen.runtime.beams.reduction import of_one_length, reduced
 
 __all__ = ["Beam", "BeamInfo", "Lump", "Piece", "Profile", "Properties", "StationRows", "beam"]
@@ -114,20 +114,24 @@ def beam(
     if not info.axial:
         total = whole(found, len(dofs))
         dofs, expansion = of_one_length(info, dofs, parts, total.stiffness)
-        found = (transformed(total, expansion),)
+        found = tuple(followed(piece, expansion, _end_unknowns(info, dofs)) for piece in found)
     if info.reduction:
         total = whole(found, len(dofs))
         dofs, basis = reduced(info, dofs, _fixed(info, properties, dofs), total)
         expansion = basis if expansion is None else expansion @ basis
         found = (transformed(total, basis),)
     fixed = _fixed(info, properties, dofs)
-    last = f"@{info.elements}"
-    ends = (
-        (dofs.index("u@0"), dofs.index("w@0")),
-        (dofs.index("u" + last), dofs.index("w" + last)),
-    )
+    u0, w0, u1, w1 = _end_unknowns(info, dofs)
+    ends = (u0, w0), (u1, w1)
     damped = _damped(info, properties, dofs, fixed, found)
     return Beam(info, properties, tuple(lumps), dofs, ends, fixed, damped, parts, expansion)
+
+
+def _end_unknowns(info: BeamInfo, dofs: Sequence[str]) -> tuple[int, int, int, int]:
+    """Return the places of (u, w) of the first and of the last node."""
+    last = f"@{info.elements}"
+    u0, w0, u1, w1 = (dofs.index(name) for name in ("u@0", "w@0", "u" + last, "w" + last))
+    return u0, w0, u1, w1
 
 
 def _damped(

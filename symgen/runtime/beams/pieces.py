@@ -164,3 +164,15 @@ def transformed(piece: Piece, basis: Array) -> Piece:
     fields.update(force_x=piece.force_x @ basis, force_y=piece.force_y @ basis)
     fields["force_axial"] = basis.T @ piece.force_axial @ basis
     return replace(piece, at=tuple(range(basis.shape[1])), **fields)
+
+
+def followed(piece: Piece, basis: Array, ends: Sequence[int]) -> Piece:
+    """Return a piece in those unknowns y of s = basis @ y that move it, and in those of both ends.
+
+    ``s`` are the unknowns of its link, and the basis is constant in the link's axes.
+    """
+    rows = basis[list(piece.at)]
+    moved = np.any(rows != 0.0, axis=0)
+    moved[list(ends)] = True
+    at = np.flatnonzero(moved)
+    return replace(transformed(piece, rows[:, at]), at=tuple(at.tolist()))

@@ -3,6 +3,7 @@
 #include <stddef.h>
 
 #include "lanes.h"
+#include "linear.h"
 
 static int smaller(int a, int b) {
     return a < b ? a : b;
@@ -62,27 +63,75 @@ LANES int factor_band(const struct lapack *lapack, int n, int band, real *a, int
     return 0;
 }
 
-LANES void solve_band(const struct lapack *lapack, int n, int band, int columns, real *a, int *pivots, real *x) {
+LANES void solve_band(const struct lapack *lapack, int n, int band, int columns, real *a, int *pivots, real *x,
+                      int lead) {
     int width = 3 * band + 1, info = 0;
     if (by_lapack(lapack, band)) {
-        lapack->solve("N", &n, &band, &band, &columns, (double *)(void *)a, &width, pivots, (double *)(void *)x, &n,
+        lapack->solve("N", &n, &band, &band, &columns, (double *)(void *)a, &width, pivots, (double *)(void *)x, &lead,
                       &info);
         return;
     }
     const struct band_store at = band_store(n, band);
-    for (int c = 0; c < columns; c++) {
-        real *b = x + (ptrdiff_t)c * n;
-        for (int k = 0; k < n; k++) {
-            const real *own = a + at.first + k * (at.lead + 1), value = b[pivots[k]];
+    /* All right sides at each column of the factors, which do not fit into the caches. */
+    for (int k = 0; k < n; k++) {
+        const real *own = a + at.first + k * (at.lead + 1);
+        const int below = smaller(band, n - 1 - k);
+        for (int c = 0; c < columns; c++) {
+            real *b = x + (ptrdiff_t)c * lead, value = b[pivots[k]];
             b[pivots[k]] = b[k];
             b[k] = value;
-            subtract(b + k + 1, own + 1, value, smaller(band, n - 1 - k));
+            subtract(b + k + 1, own + 1, value, below);
         }
-        for (int k = n - 1; k >= 0; k--) {
-            const real *own = a + at.first + k * (at.lead + 1);
+    }
+    for (int k = n - 1; k >= 0; k--) {
+        const real *own = a + at.first + k * (at.lead + 1);
+        const int above = smaller(2 * band, k);
+        for (int c = 0; c < columns; c++) {
+            real *b = x + (ptrdiff_t)c * lead;
             b[k] /= own[0];
-            const int above = smaller(2 * band, k);
             subtract(b + k - above, own - above, b[k], above);
         }
+    }
+}
+
+void clear_bordered(struct bordered *a) {
+    const ptrdiff_t sides = a->inner * a->border;
+    memset(a->banded, 0, (size_t)band_store(a->inner, a->band).size * sizeof(real));
+    if (a->border == 0)
+        return;
+    memset(a->right, 0, (size_t)sides * sizeof(real));
+    memset(a->below, 0, (size_t)sides * sizeof(real));
+    memset(a->corner, 0, (size_t)(a->border * a->border) * sizeof(real));
+}
+
+int factor_bordered(const struct lapack *lapack, struct bordered *a) {
+    const ptrdiff_t n = a->inner, m = a->border;
+    if (factor_band(lapack, (int)n, (int)a->band, a->banded, a->pivots) != 0)
+        return 0;
+    if (m == 0)
+        return 1;
+    solve_band(lapack, (int)n, (int)a->band, (int)m, a->banded, a->pivots, a->right, (int)n);
+    for (ptrdiff_t k = 0; k < n; k++)
+        for (ptrdiff_t i = 0; i < m; i++) {
+            const real left = a->below[n * i + k];
+            if (left != 0)
+                for (ptrdiff_t j = 0; j < m; j++)
+                    a->corner[m * i + j] -= left * a->right[n * j + k];
+        }
+    return factor_dense(m, a->corner, a->swaps);
+}
+
+void solve_bordered(const struct lapack *lapack, struct bordered *a, ptrdiff_t columns, real *x) {
+    const ptrdiff_t n = a->inner, m = a->border;
+    solve_band(lapack, (int)n, (int)a->band, (int)columns, a->banded, a->pivots, x, (int)(n + m));
+    for (ptrdiff_t c = 0; m && c < columns; c++) {
+        real *top = x + c * (n + m), *bottom = top + n;
+        for (ptrdiff_t i = 0; i < m; i++)
+            for (ptrdiff_t k = 0; k < n; k++)
+                bottom[i] -= a->below[n * i + k] * top[k];
+        solve_dense(m, a->corner, a->swaps, bottom);
+        for (ptrdiff_t j = 0; j < m; j++)
+            for (ptrdiff_t k = 0; k < n; k++)
+                top[k] -= a->right[n * j + k] * bottom[j];
     }
 }

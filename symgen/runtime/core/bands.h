@@ -1,4 +1,4 @@
-/* Banded systems by Gauss's elimination with partial pivoting.
+/* Banded systems by Gauss's elimination with partial pivoting, and such with a dense border.
  *
  * Wide bands of doubles go to LAPACK where it is given: for narrow ones it calls BLAS at every column, which takes
  * twice as long as the arithmetic.
@@ -36,7 +36,37 @@ struct lapack {
 /* Factorise in place; return zero, or the number from one of the column without a pivot. */
 int factor_band(const struct lapack *lapack, int n, int band, real *a, int *pivots);
 
-/* Solve for right sides in the columns of x, n reals each, in place, by the factors. */
-void solve_band(const struct lapack *lapack, int n, int band, int columns, real *a, int *pivots, real *x);
+/* Solve for right sides in the columns of x, `lead` reals apart, in place, by the factors. */
+void solve_band(const struct lapack *lapack, int n, int band, int columns, real *a, int *pivots, real *x, int lead);
+
+/* The system [B E; F D] of a banded B (inner x inner) and a few rows and columns that couple all unknowns. */
+struct bordered {
+    ptrdiff_t inner, border, band;
+    real *banded;          /* B, see band_store */
+    real *right;           /* E by columns, then B^-1 E */
+    real *below, *corner;  /* F and D by rows, then the factors of D - F B^-1 E */
+    int *pivots;
+    ptrdiff_t *swaps;
+};
+
+/* Set all entries to zero. */
+void clear_bordered(struct bordered *a);
+
+/* Set an entry with row or column in the border. */
+static inline void set_in_border(struct bordered *a, ptrdiff_t row, ptrdiff_t column, real value) {
+    const ptrdiff_t n = a->inner;
+    if (row < n)
+        a->right[row + n * (column - n)] = value;
+    else if (column < n)
+        a->below[n * (row - n) + column] = value;
+    else
+        a->corner[a->border * (row - n) + column - n] = value;
+}
+
+/* Factorise in place; false where B or the whole has no inverse. */
+int factor_bordered(const struct lapack *lapack, struct bordered *a);
+
+/* Solve for right sides in the columns of x, inner + border reals each, in place, by the factors. */
+void solve_bordered(const struct lapack *lapack, struct bordered *a, ptrdiff_t columns, real *x);
 
 #endif

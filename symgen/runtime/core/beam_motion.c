@@ -4,20 +4,18 @@
 #include <string.h>
 
 int beams_factor_mass(struct beams *b) {
-    const struct band_store at = band_store(b->free, b->band);
-    memset(b->banded, 0, (size_t)at.size * sizeof(real));
+    const struct band_store at = band_store(b->inner, b->system.band);
+    clear_bordered(&b->system);
     for (ptrdiff_t e = 0; e < b->entries; e++)
-        b->banded[at.first + b->rows[e] + b->columns[e] * at.lead] = b->mass[e];
-    return factor_band(&b->lapack, (int)b->free, (int)b->band, b->banded, b->pivots) == 0;
+        if (e < b->banded_entries)
+            b->system.banded[at.first + b->rows[e] + b->columns[e] * at.lead] = b->mass[e];
+        else
+            set_in_border(&b->system, b->rows[e], b->columns[e], b->mass[e]);
+    return factor_bordered(&b->lapack, &b->system);
 }
 
 static struct beams *of(struct equations *e) {
     return e->owner;
-}
-
-/* The unknown that is free number i. */
-static ptrdiff_t free_unknown(const struct beams *b, ptrdiff_t i) {
-    return b->layout.constraints ? b->independent[i] : i;
 }
 
 /* Leave S'' in e->out, not a number where the motion cannot be. */
@@ -29,14 +27,14 @@ static void accelerate_beams(struct equations *e, real t, const real *y) {
         return;
     }
     for (ptrdiff_t i = 0; i < b->free; i++) {
-        const ptrdiff_t k = free_unknown(b, i);
+        const ptrdiff_t k = independent_unknown(b, i);
         p[i] = y[k];
         v[i] = y[b->whole + k];
         b->solution[i] = b->load[i];
     }
     for (ptrdiff_t k = 0; k < b->entries; k++)
         b->solution[b->rows[k]] -= b->damping[k] * v[b->columns[k]] + b->stiffness[k] * p[b->columns[k]];
-    solve_band(&b->lapack, (int)b->free, (int)b->band, 1, b->banded, b->pivots, b->solution);
+    solve_bordered(&b->lapack, &b->system, 1, b->solution);
     beams_expand(b, 2, p, v, b->solution, 1, e->out);
 }
 
@@ -71,8 +69,8 @@ static int project_beams(struct equations *e, real t, real *y) {
     if (status != DONE)
         return status;
     for (ptrdiff_t i = 0; i < b->free; i++) {
-        p[i] = y[b->independent[i]];
-        v[i] = y[b->whole + b->independent[i]];
+        p[i] = y[independent_unknown(b, i)];
+        v[i] = y[b->whole + independent_unknown(b, i)];
     }
     beams_expand(b, 0, p, v, NULL, 1, y);
     beams_expand(b, 1, p, v, NULL, 1, y + b->whole);
@@ -87,7 +85,7 @@ static void make_tangent_beams(struct equations *e, real t, const real *y, real 
     if (b->layout.constraints == 0)
         return;
     for (ptrdiff_t i = 0; i < b->free; i++)
-        b->state[i] = change[b->independent[i]];
+        b->state[i] = change[independent_unknown(b, i)];
     beams_expand(b, 0, b->state, NULL, NULL, 1, change);
 }
 

@@ -19,7 +19,10 @@ static size_t place(struct beam_steps *x, void *memory) {
         ARENA_ARRAY(x->damping, k * (entries + 1)),
         ARENA_ARRAY(x->stiffness, k * (entries + 1)),
         ARENA_ARRAY(x->load, k * (free + 1)),
-        ARENA_ARRAY(x->banded, (3 * x->band + 1) * free * k),
+        ARENA_ARRAY(x->system.banded, (3 * x->system.band + 1) * x->system.inner),
+        ARENA_ARRAY(x->system.right, x->system.inner * x->system.border),
+        ARENA_ARRAY(x->system.below, x->system.inner * x->system.border),
+        ARENA_ARRAY(x->system.corner, x->system.border * x->system.border),
         ARENA_ARRAY(x->rhs, free * k * columns),
         ARENA_ARRAY(x->s, whole * columns),
         ARENA_ARRAY(x->v, whole * columns),
@@ -27,7 +30,8 @@ static size_t place(struct beam_steps *x, void *memory) {
         ARENA_ARRAY(x->p, free * columns),
         ARENA_ARRAY(x->pv, free * columns),
         ARENA_ARRAY(x->pa, free * columns),
-        ARENA_ARRAY(x->pivots, free * k),
+        ARENA_ARRAY(x->system.pivots, x->system.inner),
+        ARENA_ARRAY(x->system.swaps, x->system.border),
     };
     return ARENA_PLACE(arrays, memory);
 }
@@ -37,7 +41,9 @@ static void fill(struct beam_steps *x, struct beams *b, const struct beam_scheme
     x->scheme = *scheme;
     x->columns = columns;
     x->stages = scheme->stages > 0 ? scheme->stages : 1;
-    x->band = b->band * x->stages + x->stages - 1;
+    x->system.inner = b->inner * x->stages;
+    x->system.border = b->border * x->stages;
+    x->system.band = b->system.band * x->stages + x->stages - 1;
 }
 
 size_t beam_steps_bytes(const struct beams *b, const struct beam_scheme *scheme, long columns) {
@@ -62,7 +68,7 @@ void beam_steps_bind(struct beam_steps *x, struct beams *b, const struct beam_sc
 /* Take from S and S' the unknowns that are free with the present choice. */
 static void take_free(struct beam_steps *x) {
     for (ptrdiff_t i = 0; i < x->b->free; i++) {
-        const ptrdiff_t k = x->b->layout.constraints ? x->b->independent[i] : i;
+        const ptrdiff_t k = independent_unknown(x->b, i);
         const size_t row = (size_t)x->columns * sizeof(real);
         memcpy(x->p + i * x->columns, x->s + k * x->columns, row);
         memcpy(x->pv + i * x->columns, x->v + k * x->columns, row);
@@ -109,11 +115,11 @@ static int keep_stage(struct beam_steps *x, long stage, real t) {
     return DONE;
 }
 
-/* Solve the banded system for all columns, in place. */
-static int solve(struct beam_steps *x, ptrdiff_t size) {
-    if (factor_band(&x->b->lapack, (int)size, (int)x->band, x->banded, x->pivots) != 0)
+/* Solve the system for all columns, in place. */
+static int solve(struct beam_steps *x) {
+    if (!factor_bordered(&x->b->lapack, &x->system))
         return SINGULAR;
-    solve_band(&x->b->lapack, (int)size, (int)x->band, (int)x->columns, x->banded, x->pivots, x->rhs);
+    solve_bordered(&x->b->lapack, &x->system, x->columns, x->rhs);
     return DONE;
 }
 
@@ -122,8 +128,8 @@ static void collocation_system(struct beam_steps *x, real h) {
     const struct beams *b = x->b;
     const long k = x->stages, columns = x->columns;
     const ptrdiff_t size = b->free * k;
-    const struct band_store at = band_store(size, x->band);
-    memset(x->banded, 0, (size_t)at.size * sizeof(real));
+    const struct band_store at = band_store(x->system.inner, x->system.band);
+    clear_bordered(&x->system);
     memset(x->rhs, 0, (size_t)(size * columns) * sizeof(real));
     for (long i = 0; i < k; i++) {
         const real *mass = x->mass + i * (b->entries + 1), *damping = x->damping + i * (b->entries + 1);
@@ -132,12 +138,16 @@ static void collocation_system(struct beam_steps *x, real h) {
             x->rhs[r * k + i] = x->load[i * (b->free + 1) + r];
         for (ptrdiff_t e = 0; e < b->entries; e++) {
             const ptrdiff_t q = b->columns[e], row = b->rows[e] * k + i;
-            for (long j = 0; j < k; j++) {
-                const ptrdiff_t column = q * k + j;
+            const int inside = e < b->banded_entries;
+            real *entry = x->system.banded + (inside ? at.first + row + q * k * at.lead : 0);
+            for (long j = 0; j < k; j++, entry += at.lead) {
                 real value = h * x->a[k * i + j] * damping[e] + h * h * x->aa[k * i + j] * stiffness[e];
                 if (i == j)
                     value += mass[e];
-                x->banded[at.first + row + column * at.lead] = value;
+                if (inside)
+                    *entry = value;
+                else
+                    set_in_border(&x->system, row, q * k + j, value);
             }
             for (long c = 0; c < columns; c++) {
                 const real p = x->p[q * columns + c], v = x->pv[q * columns + c];
@@ -157,7 +167,7 @@ static int collocate(struct beam_steps *x, real t, real h) {
             return status;
     }
     collocation_system(x, h);
-    const int status = solve(x, size);
+    const int status = solve(x);
     if (status != DONE)
         return status;
     for (ptrdiff_t r = 0; r < x->b->free; r++)
@@ -179,7 +189,7 @@ static int step_once(struct beam_steps *x, real t, real h) {
     const struct beam_scheme *s = &x->scheme;
     const long columns = x->columns;
     const ptrdiff_t free = b->free;
-    const struct band_store in = band_store(free, x->band);
+    const struct band_store in = band_store(x->system.inner, x->system.band);
     const real at = R(s->at), gamma = R(s->gamma), beta = R(s->beta), half = R(0.5);
     const real inertia[] = {R(s->inertia[0]), R(s->inertia[1])};
     const real rate[] = {h * R(s->rate[0]), h * R(s->rate[1])};
@@ -187,20 +197,24 @@ static int step_once(struct beam_steps *x, real t, real h) {
     int status = keep_stage(x, 0, t + at * h);
     if (status != DONE)
         return status;
-    memset(x->banded, 0, (size_t)in.size * sizeof(real));
+    clear_bordered(&x->system);
     memset(x->rhs, 0, (size_t)(free * columns) * sizeof(real));
     memcpy(x->rhs, x->load, (size_t)free * sizeof(real));
     for (ptrdiff_t e = 0; e < b->entries; e++) {
         const ptrdiff_t r = b->rows[e], q = b->columns[e];
         const real mass = x->mass[e], damping = x->damping[e], stiffness = x->stiffness[e];
-        x->banded[in.first + r + q * in.lead] = inertia[1] * mass + rate[1] * damping + place[1] * stiffness;
+        const real value = inertia[1] * mass + rate[1] * damping + place[1] * stiffness;
+        if (e < b->banded_entries)
+            x->system.banded[in.first + r + q * in.lead] = value;
+        else
+            set_in_border(&x->system, r, q, value);
         for (long c = 0; c < columns; c++) {
             const real p = x->p[q * columns + c], v = x->pv[q * columns + c], old = x->pa[q * columns + c];
             x->rhs[c * free + r] -= inertia[0] * mass * old + damping * (v + rate[0] * old) +
                                     stiffness * (p + at * h * v + place[0] * old);
         }
     }
-    status = solve(x, free);
+    status = solve(x);
     if (status != DONE)
         return status;
     for (ptrdiff_t r = 0; r < free; r++)
@@ -228,7 +242,7 @@ static int start_accelerations(struct beam_steps *x) {
             const ptrdiff_t at = b->columns[e] * columns + c;
             x->rhs[c * free + b->rows[e]] -= b->damping[e] * x->pv[at] + b->stiffness[e] * x->p[at];
         }
-    solve_band(&b->lapack, (int)free, (int)b->band, (int)columns, b->banded, b->pivots, x->rhs);
+    solve_bordered(&b->lapack, &b->system, columns, x->rhs);
     for (ptrdiff_t r = 0; r < free; r++)
         for (long c = 0; c < columns; c++)
             x->pa[r * columns + c] = x->rhs[c * free + r];

@@ -20,13 +20,12 @@ struct beam_steps {
     struct beams *b;
     struct beam_scheme scheme;
     long columns, stages; /* states stepped together, of which the first is loaded; stages kept, one or more */
-    ptrdiff_t band;
     real *a, *aa, *weights, *weights_a, *nodes;
     real *mass, *damping, *stiffness, *load; /* a row each stage */
-    real *banded, *rhs;
+    struct bordered system;                  /* of all stages: stage by stage within each unknown */
+    real *rhs;
     real *s, *v, *acc; /* S, S', S'' of all unknowns, rows of `columns` */
     real *p, *pv, *pa; /* the same of the independent unknowns */
-    int *pivots;
 };
 
 /* Bytes of memory, without the struct itself. */

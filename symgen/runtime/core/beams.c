@@ -18,10 +18,26 @@ static struct sizes as_equations(const struct beam_layout *x) {
     return made;
 }
 
+/* Set the numbers of unknowns and of entries. */
+static void count(struct beams *b, const struct beam_layout *x) {
+    b->whole = x->unknowns;
+    b->free = x->unknowns - x->constraints;
+    b->inner = x->inner;
+    b->border = b->free - b->inner;
+    b->banded_entries = b->entries = x->entries;
+    if (x->constraints == 0)
+        return;
+    b->banded_entries = 0;
+    for (ptrdiff_t e = 0; e < x->entries; e++)
+        b->banded_entries += x->rows[e] < b->inner && x->columns[e] < b->inner;
+    b->entries = b->banded_entries + (2 * b->inner + b->border) * b->border;
+}
+
 /* Point all arrays into memory, or only count their bytes. */
 static size_t place(struct beams *b, const struct beam_layout *x, void *memory) {
-    const ptrdiff_t n = x->unknowns, m = x->constraints, free = n - m, entries = m ? free * free : x->entries;
-    const ptrdiff_t band = m ? free - 1 : x->band, own = m ? entries + 1 : 0, all = x->entries + 1;
+    count(b, x);
+    const ptrdiff_t n = x->unknowns, m = x->constraints, free = b->free, joints = n - b->inner;
+    const ptrdiff_t own = m ? b->entries + 1 : 0, all = x->entries + 1;
     ptrdiff_t largest = 0;
     for (ptrdiff_t k = 0; k < x->pieces; k++)
         if (x->sizes[k] > largest)
@@ -38,20 +54,27 @@ static size_t place(struct beams *b, const struct beam_layout *x, void *memory) 
         ARENA_ARRAY(b->constants, x->constant_count + 1),
         ARENA_ARRAY(b->local, 3 * largest * largest + largest),
         ARENA_ARRAY(b->forces, x->damped ? 2 * n : 0),
-        ARENA_ARRAY(b->bound, (3 * m + 1) * n),
-        ARENA_ARRAY(b->pivoted, (m + 1) * n),
-        ARENA_ARRAY(b->basis, m ? 3 * n * free : 0),
-        ARENA_ARRAY(b->product, m ? n * free : 0),
-        ARENA_ARRAY(b->banded, (3 * band + 1) * (free > 0 ? free : 1)),
+        ARENA_ARRAY(b->bound, 3 * m * joints),
+        ARENA_ARRAY(b->pivoted, m * joints),
+        ARENA_ARRAY(b->basis, 3 * joints * b->border),
+        ARENA_ARRAY(b->product, m * b->border),
+        ARENA_ARRAY(b->system.banded, (3 * x->band + 1) * (b->inner > 0 ? b->inner : 1)),
+        ARENA_ARRAY(b->system.right, b->inner * b->border),
+        ARENA_ARRAY(b->system.below, b->inner * b->border),
+        ARENA_ARRAY(b->system.corner, b->border * b->border),
         ARENA_ARRAY(b->solution, n + 1),
         ARENA_ARRAY(b->state, 2 * n + 1),
         ARENA_ARRAY(b->dependent, m + 1),
-        ARENA_ARRAY(b->independent, n + 1),
+        ARENA_ARRAY(b->independent, joints + 1),
         ARENA_ARRAY(b->swaps, m),
         ARENA_ARRAY(b->own_rows, own),
         ARENA_ARRAY(b->own_columns, own),
-        ARENA_ARRAY(b->pivots, n + 1),
+        ARENA_ARRAY(b->system.pivots, b->inner + 1),
+        ARENA_ARRAY(b->system.swaps, b->border),
     };
+    b->system.inner = b->inner;
+    b->system.border = b->border;
+    b->system.band = x->band;
     return ARENA_PLACE(arrays, memory);
 }
 
@@ -59,6 +82,28 @@ size_t beams_bytes(const struct beam_layout *layout) {
     const struct sizes plain = as_equations(layout);
     struct beams counted;
     return rounded(equations_bytes(&plain)) + place(&counted, layout, NULL);
+}
+
+/* Number the entries of the independent unknowns: those between inner ones, then the border. */
+static void number_entries(struct beams *b) {
+    const ptrdiff_t n = b->inner, m = b->border;
+    ptrdiff_t *row = b->own_rows, *column = b->own_columns;
+    for (ptrdiff_t e = 0; e < b->layout.entries; e++)
+        if (b->layout.rows[e] < n && b->layout.columns[e] < n) {
+            *row++ = b->layout.rows[e];
+            *column++ = b->layout.columns[e];
+        }
+    for (int below = 0; below < 2; below++)
+        for (ptrdiff_t i = 0; i < n; i++)
+            for (ptrdiff_t r = 0; r < m; r++) {
+                *row++ = below ? n + r : i;
+                *column++ = below ? i : n + r;
+            }
+    for (ptrdiff_t r = 0; r < m; r++)
+        for (ptrdiff_t q = 0; q < m; q++) {
+            *row++ = n + r;
+            *column++ = n + q;
+        }
 }
 
 void beams_bind(struct beams *b, struct rigid_motion *motion, const struct beam_layout *layout,
@@ -72,21 +117,12 @@ void beams_bind(struct beams *b, struct rigid_motion *motion, const struct beam_
     b->layout = *layout;
     b->lapack = *lapack;
     b->analysis = IN_MOTION;
-    b->whole = layout->unknowns;
-    b->free = layout->unknowns - layout->constraints;
     place(b, layout, (char *)memory + rounded(equations_bytes(&plain)));
     if (layout->constraints) {
-        b->entries = b->free * b->free;
-        b->band = b->free - 1;
-        for (ptrdiff_t e = 0; e < b->entries; e++) {
-            b->own_rows[e] = e / b->free;
-            b->own_columns[e] = e % b->free;
-        }
+        number_entries(b);
         b->rows = b->own_rows;
         b->columns = b->own_columns;
     } else {
-        b->entries = layout->entries;
-        b->band = layout->band;
         b->rows = layout->rows;
         b->columns = layout->columns;
         b->mass = b->full_mass;

@@ -29,7 +29,8 @@ struct beam_layout {
     ptrdiff_t shaft, shaft_slot;   /* unknown and slot of an elastic crank's turn, -1: none */
     ptrdiff_t damped, damped_at;   /* modes with damping of their own; where their forces begin in `constants`:
                                     * of each mode over the unknowns of all superelements, then over `coordinates` */
-    ptrdiff_t entries, band;       /* of the matrices of all unknowns */
+    ptrdiff_t entries, band;       /* of the matrices of all unknowns; the band is that of the first `inner` */
+    ptrdiff_t inner;               /* unknowns before those of joints; with constraints these come last */
     const ptrdiff_t *rows, *columns;
     ptrdiff_t constant_count;
     long thesis;                   /* take rotations of ends and the basis as constant in time */
@@ -45,19 +46,21 @@ struct beams {
     struct beam_layout layout;
     struct lapack lapack;
     int analysis;
-    ptrdiff_t whole, free;
-    /* the matrices of the independent unknowns: entries, their places, band, values */
-    ptrdiff_t entries, band;
+    /* Of `whole` unknowns `free` are independent: `inner` ones, which no constraint has, and `border` of joints. */
+    ptrdiff_t whole, free, inner, border;
+    /* the matrices of the independent unknowns: entries, their places, values; the first `banded_entries` are those
+     * between inner unknowns, then come (i, r) and (r, i) with i an inner unknown and r one of joints, then (r, r) */
+    ptrdiff_t entries, banded_entries;
     const ptrdiff_t *rows, *columns;
     real *mass, *damping, *stiffness, *load;
     real *full_mass, *full_damping, *full_stiffness, *full_load;
     real *constants, *local, *forces;
-    /* constraints J, J', J'' (rows of `whole`), and the basis R, R', R'' (whole x free each) */
+    /* of the unknowns of joints: constraints J, J', J'' (rows of whole - inner), the basis R, R', R'' (border columns),
+     * and the numbers of those that depend on the others */
     real *bound, *pivoted, *basis, *product;
     ptrdiff_t *dependent, *independent, *swaps;
-    /* the factorised mass matrix */
-    real *banded, *solution, *state;
-    int *pivots;
+    struct bordered system; /* the factorised mass matrix */
+    real *solution, *state;
     ptrdiff_t *own_rows, *own_columns;
 };
 
@@ -77,6 +80,11 @@ int beams_reduce(struct beams *b, int choose);
 
 /* Choose the unknowns that depend on the others by complete pivoting of the constraints' rows. */
 int beams_choose(struct beams *b);
+
+/* The number among all unknowns of independent unknown i. */
+static inline ptrdiff_t independent_unknown(const struct beams *b, ptrdiff_t i) {
+    return i < b->inner ? i : b->inner + b->independent[i - b->inner];
+}
 
 /* Factorise the mass matrix; false when it has no inverse. */
 int beams_factor_mass(struct beams *b);

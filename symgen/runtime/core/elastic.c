@@ -45,6 +45,7 @@ static void view_matrices(const struct beams *b, struct matrices_view *view) {
         .entries = (long)b->entries,
         .free = (long)b->free,
         .whole = (long)b->whole,
+        .inner = (long)b->inner,
         .rows = b->rows,
         .columns = b->columns,
         .mass = b->mass,

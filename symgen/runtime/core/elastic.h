@@ -11,7 +11,7 @@ struct motion_view {
 };
 
 struct matrices_view {
-    long entries, free, whole;
+    long entries, free, whole, inner;
     const ptrdiff_t *rows, *columns;
     const void *mass, *damping, *stiffness, *load, *basis;
     long full_entries;

@@ -204,7 +204,8 @@ class ElasticMotion(ABC):
     def told(self) -> tuple[str, ...]:
         """Data that determine a run, in addition to the rigid linkage and its parameters."""
         made = self._motion.description.equations, self._joints.description.equations
-        return *made, repr(self.info), repr(self._stiffened), self.layout.constants.tobytes().hex()
+        own = self.layout
+        return *made, repr(self.info), repr(self._stiffened), repr(own.names), own.constants.tobytes().hex()
 
     def equations(self, thesis: bool = False, stepping: bool = False) -> _beams.BeamEquations:
         """Return the compiled equations, at the start of the motion; for ``stepping`` in the type of runs."""
