@@ -1,9 +1,10 @@
-"""Time per pose of a driven four-bar linkage: positions, velocities and accelerations, beside the error.
+"""Time per pose of driven linkages: positions, velocities and accelerations, beside the error.
 
 symgen's ``model.kinematics`` is timed whole, with everything that it records, and its compiled steps alone.
 The other ways are symgen's own curve by arc length, which follows linkages near singular poses, and
 pylinkage, whose functions are compiled by Numba (left out where it is not installed). Errors are those of
-point B in the last pose, against two circles; rounds are interleaved.
+point B in the last pose, against two circles; those of other linkages are residuals of their constraints.
+Rounds are interleaved.
 """
 
 from __future__ import annotations
@@ -14,11 +15,13 @@ from unittest.mock import patch
 
 import numpy as np
 from harness import Case, Measurement, Required, Timing, arguments, measure, report_repeats
+from linkages import LINKAGES
 from numpy.typing import NDArray
 
 import symgen
 from symgen.runtime.rods import kinematics
-from symgen.runtime.rods.branch import steps_of
+from symgen.runtime.rods.following.branch import steps_of
+from symgen.runtime.rods.poses import Poses
 
 Array = NDArray[np.float64]
 
@@ -27,6 +30,9 @@ CRANK, COUPLER, ROCKER, BASE = 0.1, 0.35, 0.3, 0.4
 POSES, SLOW_POSES, ROUNDS = 3601, 361, 20
 FASTER, LARGEST_ERROR = 30.0, 1e-13
 COMPILED, WHOLE, CURVE, PEER = "compiled steps", "model.kinematics", "by arc length", "pylinkage, Numba"
+FORCES = "model.inverse_dynamics"
+#: Most that a pose of any of the linkages may cost, in those of the four-bar linkage.
+DEAREST = 6.0
 
 
 def main() -> int:
@@ -55,12 +61,19 @@ def measured() -> Measurement:
         WHOLE: model.kinematics(0.0, 1.0, samples=POSES)["B.position"].values[-1],
         CURVE: by_arc_length()["B.position"].values[-1],
     }
+    cases[FORCES] = Case(lambda: model.inverse_dynamics(samples=POSES, sections=()), POSES)
+    places[FORCES] = np.array(model.inverse_dynamics(samples=POSES, sections=()).final["B"]["position"])
+    missed = {}
+    for name, scene in LINKAGES.items():
+        cases[name], missed[name] = _steps(symgen.build(scene()))
     peer = _pylinkage()
     if peer is not None:
         cases[PEER] = Case(lambda: peer.step_fast_with_kinematics(POSES - 1), POSES - 1)
         places[PEER] = peer.step_fast_with_kinematics(POSES - 1)[0][-1, -1]
     timings: dict[str, Timing] = measure(cases, ROUNDS)
-    errors = {how: float(np.linalg.norm(place - _closed(2 * np.pi))) for how, place in places.items()}
+    errors = {
+        how: float(np.linalg.norm(place - _closed(2 * np.pi))) for how, place in places.items()
+    } | missed
     rows = [
         {
             "route": how,
@@ -72,12 +85,33 @@ def measured() -> Measurement:
         for how, t in timings.items()
     ]
     ratio = timings[CURVE].best / timings[WHOLE].best
+    dearest = max(timings[name].best for name in LINKAGES) / timings[COMPILED].best
     required = [
         Required("model.kinematics: poses for one by arc length", ratio, FASTER, True, timed=True),
         Required("model.kinematics: error [m]", errors[WHOLE], LARGEST_ERROR, False),
+        Required(
+            "a pose of the dearest linkage for one of the four-bar", dearest, DEAREST, False, timed=True
+        ),
+        Required("residual of the linkages [m]", max(missed.values()), LARGEST_ERROR, False),
     ]
+    if PEER in timings:
+        line = "pylinkage: poses of symgen for one"
+        required.append(Required(line, timings[PEER].best / timings[COMPILED].best, 1.0, True, timed=True))
     notes = [] if peer is not None else ["pylinkage is not installed (pip install pylinkage numba)."]
     return Measurement("A pose of crank_rocker with velocities and accelerations", rows, required, notes)
+
+
+def _steps(model: symgen.Model) -> tuple[Case, float]:
+    """Return the compiled steps of a linkage over a second, and their largest residual [m]."""
+    times, start = np.linspace(0.0, 1.0, POSES), model.initial_state().q
+    bonds = model._bonds()
+    steps = steps_of(bonds, start, 0.0)
+    states = steps.follow(0.0, start, times)
+    if len(states) < POSES:
+        raise RuntimeError(f"{model.name} is followed to t = {times[len(states)]:g} s only")
+    return Case(lambda: steps.follow(0.0, start, times), POSES), float(
+        np.max(np.abs(bonds.missed(Poses(times, states))[0]))
+    )
 
 
 def _closed(angle: float) -> Array:

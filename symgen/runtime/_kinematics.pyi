@@ -1,17 +1,18 @@
 """Types of the binding of driven linkages; see ``_kinematics.pyx`` for what things do."""
 
-from collections.abc import Sequence
-
 import numpy as np
 from numpy.typing import NDArray
 
 from symgen.runtime.kernels.evaluate import Evaluator
+from symgen.runtime.rods.following.groups import Groups
 
 Array = NDArray[np.float64]
 
 class Kinematics:
     n: int
+    m: int
     def __init__(
-        self, evaluator: Evaluator, analysis: Evaluator, rows: Sequence[int], length: float
+        self, evaluator: Evaluator, groups: Groups, length: float, forces: Evaluator | None = None
     ) -> None: ...
     def follow(self, t: float, q: Array, times: Array) -> Array: ...
+    def multipliers(self, times: Array, states: Array) -> tuple[Array, Array]: ...

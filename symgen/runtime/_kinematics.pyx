@@ -15,7 +15,16 @@ cdef extern from "core/kinematics.h" nogil:
         pass
 
     cdef struct kinematic_kernels:
-        kernel_t constraints, jacobian, drift, gamma
+        kernel_t closure, gamma, balance
+
+    cdef struct kinematic_groups:
+        Py_ssize_t count, squares, filled, couplings
+        const Py_ssize_t *starts
+        const Py_ssize_t *rows
+        const Py_ssize_t *columns
+        const Py_ssize_t *entries
+        const Py_ssize_t *coupling_starts
+        const Py_ssize_t *coupling_columns
 
     cdef struct kinematic_sizes:
         Py_ssize_t n, m, work, out
@@ -23,9 +32,10 @@ cdef extern from "core/kinematics.h" nogil:
 
     cdef struct kinematics_table "kinematics_api":
         size_t kinematics_struct
-        size_t (*bytes)(const kinematic_sizes *) noexcept nogil
-        void (*bind)(kinematics *, const kinematic_sizes *, const kinematic_kernels *, const void *, const void *, const Py_ssize_t *, void *) noexcept nogil
+        size_t (*bytes)(const kinematic_sizes *, const kinematic_groups *) noexcept nogil
+        void (*bind)(kinematics *, const kinematic_sizes *, const kinematic_kernels *, const kinematic_groups *, const void *, const void *, void *) noexcept nogil
         Py_ssize_t (*follow)(kinematics *, double, const void *, const void *, Py_ssize_t, void *) noexcept nogil
+        Py_ssize_t (*multipliers)(kinematics *, const void *, const void *, Py_ssize_t, void *, void *) noexcept nogil
 
 
 cdef class Kinematics:
@@ -33,48 +43,68 @@ cdef class Kinematics:
 
     Parameters
     ----------
-    evaluator, analysis
-        The :class:`~symgen.runtime.kernels.evaluate.Evaluator` of the constraints, and that of the kernel
+    evaluator
+        The :class:`~symgen.runtime.kernels.evaluate.Evaluator` of the kernels ``closure`` and
         ``acceleration_rhs``.
-    rows
-        As many independent constraints as there are coordinates.
+    groups
+        The constraint Jacobian of independent rows in block triangular form: a
+        :class:`~symgen.runtime.rods.following.groups.Groups`.
     length
         Size of the linkage [m].
+    forces
+        The Evaluator of the kernel ``balance``; None if no multipliers are asked.
     """
 
     cdef kinematics *core
     cdef void *memory
     cdef const kinematics_table *api
-    cdef readonly Py_ssize_t n
+    cdef readonly Py_ssize_t n, m
     cdef object libraries
-    cdef const double[::1] p, gamma_p
-    cdef const Py_ssize_t[::1] rows
+    cdef const double[::1] p, balance_p
+    cdef const Py_ssize_t[::1] starts, rows, columns, entries, coupling_starts, coupling_columns
 
-    def __init__(self, evaluator, analysis, rows, double length):
+    def __init__(self, evaluator, groups, double length, forces=None):
         cdef kinematic_kernels given
+        cdef kinematic_groups blocks
         cdef kinematic_sizes wanted
         cdef Core core = DOUBLE
         d = evaluator.description
         wanted.n, wanted.m, wanted.length = d.coordinates, len(d.constraints), length
-        if len(rows) != wanted.n or any([not 0 <= row < wanted.m for row in rows]):
-            raise ValueError(f"expected {wanted.n} constraint numbers below {wanted.m}, got {rows!r}")
-        self.n, self.libraries = wanted.n, (evaluator.library, analysis.library)
-        self.p, self.gamma_p = evaluator.parameters, analysis.parameters
-        self.rows = np.array([*rows, -1], dtype=np.intp)
-        own, other = (library.addresses for library in self.libraries)
-        given.constraints, given.jacobian = kernel_of(own, "constraints"), kernel_of(own, "constraint_jacobian")
-        given.drift, given.gamma = kernel_of(own, "velocity_constraints"), kernel_of(other, "acceleration_rhs")
-        if given.constraints == NULL or given.jacobian == NULL or given.drift == NULL or given.gamma == NULL:
+        self.n, self.m, self.libraries = wanted.n, wanted.m, [evaluator.library]
+        self.p = evaluator.parameters
+        own = evaluator.library.addresses
+        given.closure, given.gamma = kernel_of(own, "closure"), kernel_of(own, "acceleration_rhs")
+        given.balance, self.balance_p = NULL, self.p
+        if given.closure == NULL or given.gamma == NULL:
             raise ValueError("a model without constraints cannot be followed")
-        called = [evaluator.info(k) for k in ("constraints", "constraint_jacobian", "velocity_constraints")]
-        called.append(analysis.info("acceleration_rhs"))
-        wanted.work, wanted.out = max([k.work_size for k in called]), max([k.out_size for k in called])
+        called = [evaluator.info(k) for k in ("closure", "acceleration_rhs")]
+        if forces is not None:
+            given.balance, self.balance_p = kernel_of(forces.library.addresses, "balance"), forces.parameters
+            self.libraries.append(forces.library)
+            called.append(forces.info("balance"))
+        wanted.work = max([k.work_size for k in called] + [wanted.n])
+        wanted.out = max([k.out_size for k in called] + [wanted.n])
+        blocks.count, blocks.squares = len(groups.starts) - 1, groups.squares
+        blocks.filled, blocks.couplings = len(groups.entries), len(groups.coupling_columns)
+        if blocks.count < 0 or len(groups.rows) != wanted.n or len(groups.columns) != wanted.n:
+            raise ValueError(f"expected the groups of {wanted.n} coordinates, got {groups!r}")
+        self.starts = _checked(groups.starts, wanted.n + 1)
+        self.rows, self.columns = _checked(groups.rows, wanted.m), _checked(groups.columns, wanted.n)
+        limits = (blocks.squares + blocks.couplings, evaluator.info("closure").out_size, wanted.m)
+        self.entries = np.concatenate(
+            [np.ravel(np.stack([_checked(x, y)[:-1] for x, y in zip(zip(*groups.entries), limits)], axis=1)), [0]]
+        )
+        self.coupling_starts = _checked(groups.coupling_starts, blocks.couplings + 1)
+        self.coupling_columns = _checked(groups.coupling_columns, wanted.n)
+        blocks.starts, blocks.rows, blocks.columns = &self.starts[0], &self.rows[0], &self.columns[0]
+        blocks.entries = &self.entries[0]
+        blocks.coupling_starts, blocks.coupling_columns = &self.coupling_starts[0], &self.coupling_columns[0]
         self.api = <const kinematics_table *>core.api.kinematics
         self.core = <kinematics *>calloc(1, self.api.kinematics_struct)
-        self.memory = calloc(1, self.api.bytes(&wanted))
+        self.memory = calloc(1, self.api.bytes(&wanted, &blocks))
         if self.core == NULL or self.memory == NULL:
             raise MemoryError
-        self.api.bind(self.core, &wanted, &given, &self.p[0], &self.gamma_p[0], &self.rows[0], self.memory)
+        self.api.bind(self.core, &wanted, &given, &blocks, &self.p[0], &self.balance_p[0], self.memory)
 
     def __dealloc__(self):
         free(self.core)
@@ -98,3 +128,33 @@ cdef class Kinematics:
         with nogil:
             reached = self.api.follow(self.core, t, &q[0], &times[0], count, &into[0, 0])
         return rows[:reached].reshape(reached, 3, self.n)
+
+    def multipliers(self, const double[::1] times, const double[:, :, ::1] states):
+        """Return the multipliers of the constraints at closed poses, as ``follow`` gives them.
+
+        Returns
+        -------
+        tuple
+            Multipliers, shape (done, m), zero for constraints that follow from others, and the least pivot of
+            the Jacobian over the greatest, shape (done,). Not all poses are done where one is near to singular.
+        """
+        cdef Py_ssize_t count = times.shape[0], done = 0
+        found, sound = np.zeros((count + 1, self.m)), np.zeros(count + 1)
+        cdef double[:, ::1] into = found
+        cdef double[::1] soundness = sound
+        if states.shape[0] != count or states.shape[1] != 3 or states.shape[2] != self.n or len(self.libraries) < 2:
+            raise ValueError(f"expected states of shape {(count, 3, self.n)} and kernels of forces")
+        if count:
+            with nogil:
+                done = self.api.multipliers(
+                    self.core, &times[0], &states[0, 0, 0], count, &into[0, 0], &soundness[0]
+                )
+        return found[:done], sound[:done]
+
+
+cdef object _checked(numbers, Py_ssize_t limit):
+    """Return numbers that are at least 0 and below a limit, with one more entry so that there is a first."""
+    found = np.array([*numbers, 0], dtype=np.intp)
+    if (found < 0).any() or (found >= max(limit, 1)).any():
+        raise ValueError(f"expected numbers from 0 to below {limit}, got {numbers!r}")
+    return found

@@ -10,7 +10,7 @@ from shared.linkages import at, circles, four_bar, ground, rod
 
 import symgen
 from symgen.runtime.rods import kinematics
-from symgen.runtime.rods.branch import along_branch
+from symgen.runtime.rods.following.branch import along_branch
 
 #: Lengths of links that are tuned: crank, coupler, rocker, base.
 LENGTHS = ("a", "b", "c", "d")

@@ -6,6 +6,7 @@ Row names with two items have the form ``LINK POINT``. The accelerations come fr
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 
 import sympy as sp
 
@@ -14,6 +15,7 @@ from symgen.errors import SceneError
 from symgen.loads.measure import PointForce
 from symgen.models.rods.linkage import REFERENCE, RodsModel
 from symgen.models.rods.matrix import named
+from symgen.models.rods.outputs import OF_LINKS
 from symgen.models.rods.system import definitions, groups
 from symgen.scene.elastic.links import AREA_POWER, INERTIA_POWER
 from symgen.scene.rods.linkage import Linkage, RigidLink
@@ -32,7 +34,8 @@ def rigid_forces_system(linkage: Linkage) -> System:
     section is given, coefficients by power of the distance from the first point), ``carried`` (places of the
     further points of links, along and across over the length), ``point_masses``, ``point_loads``,
     ``gravity``, ``couples`` and ``driven_angles`` (each by link and the point at which it acts), ``guides``
-    (unit normals, by link and guided point).
+    (unit normals, by link and guided point); ``balance`` (f - M a) and, where the multipliers of the
+    constraints determine all forces, ``joint_forces`` by them.
 
     Raises
     ------
@@ -45,7 +48,7 @@ def rigid_forces_system(linkage: Linkage) -> System:
             hint="LINK.POINT.force among the outputs of the scene gives the joint forces of a run.",
         )
     model = RodsModel(linkage)
-    matrices = tuple(m for m in (*_inertias(model), *_loads(model), *_bonds(model)) if m.matrix.rows)
+    matrices = tuple(m for m in _matrices(model) if m.matrix.rows)
     return System(
         name=f"{linkage.name}_forces",
         title=f"{linkage.title}: forces",
@@ -55,6 +58,32 @@ def rigid_forces_system(linkage: Linkage) -> System:
         definitions=definitions(model),
         references=(REFERENCE,),
     )
+
+
+def _matrices(model: RodsModel) -> Iterator[NamedMatrix]:
+    yield from _inertias(model)
+    yield from _loads(model)
+    yield from _bonds(model)
+    about = "applied forces minus mass times acceleration, f - M a"
+    yield named(model, "balance", model.balance, "N", about, rows=[x.name for x in model.coordinates])
+    with suppress(SceneError):  # the elements tell which forces are not determined
+        rows, forces = zip(*_by_multipliers(model), strict=True)
+        about = "forces on links at their points, forces of guides, torques of drives"
+        yield named(model, "joint_forces", forces, "N, N*m", about, rows=rows)
+
+
+def _by_multipliers(model: RodsModel) -> Iterator[tuple[str, sp.Expr]]:
+    """Yield kind, link, point and axis of each component of a force, and the component."""
+    for rod in model.rods:
+        for point in (*rod.base, *(c.name for c in rod.carried)):
+            for axis, force in zip(model.axes, model.joint_forces.on(rod.name, point), strict=True):
+                yield f"force {rod.name} {point} {axis}", force
+    for guide in model.guides:
+        push = model.multipliers[guide.constraint.name].symbol * model.linkage.link(guide.link).length
+        yield f"guide {guide.link} {guide.point} -", -push
+    for driver in model.linkage.drivers:
+        where = _where(model, model.linkage.link(driver.link), "")
+        yield f"torque {driver.link} {where} -", OF_LINKS["torque"](model, driver.link)[0][0]
 
 
 def _inertias(model: RodsModel) -> Iterator[NamedMatrix]:

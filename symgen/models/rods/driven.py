@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from symgen.errors import SceneError
 from symgen.models.rods import outputs
-from symgen.models.rods.linearised import drives
+from symgen.models.rods.linearised import driven_motion
 from symgen.models.rods.linkage import REFERENCE, RodsModel
 from symgen.models.rods.start import assembly_exports
 from symgen.models.rods.system import bonds, definitions, groups, kinematic_exports, places
@@ -31,7 +31,7 @@ def driven_system(linkage: Linkage) -> System:
 def _assemble(model: RodsModel) -> System:
     asked = outputs.asked(model)
     start, start_kernels = assembly_exports(model)
-    moved = list(drives(model))
+    moved, following = driven_motion(model)
     derived = [*bonds(model), *places(model)]
     # A requested driven angle is that of its drive, which counts revolutions.
     names = {m.name for m in (*derived, *moved)}
@@ -39,13 +39,8 @@ def _assemble(model: RodsModel) -> System:
         *kinematic_exports(model),
         Export("outputs", "what the scene asks to record", tuple(m.name for m in asked)),
         *start_kernels,
+        *following,
     ]
-    if moved:
-        about = "prescribed angles, lengths and places"
-        exports.append(Export("drives", about, tuple(m.name for m in moved)))
-    if model.constraints:
-        about = "right-hand side gamma of J a = gamma"
-        exports.append(Export("acceleration_rhs", about, ("acceleration_rhs",)))
     return System(
         name=model.linkage.name,
         title=model.linkage.title,

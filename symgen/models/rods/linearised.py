@@ -18,7 +18,7 @@ import sympy as sp
 from symgen.models.rods.constraints import Constraint
 from symgen.models.rods.linkage import REFERENCE, Gradient, RodsModel
 from symgen.models.rods.matrix import named
-from symgen.models.rods.system import definitions, groups, with_ground
+from symgen.models.rods.system import bonds, definitions, groups, slope_unit, with_ground
 from symgen.scene.rods.linkage import TIME, Linkage
 from symgen.symbolic.calculus import ONE, ZERO
 from symgen.symbolic.names import Names
@@ -32,16 +32,39 @@ def kinematics_system(linkage: Linkage) -> System:
     ``POINT.x`` [m], as a function of time.
     """
     model = RodsModel(linkage)
-    exports, matrices = [], list(drives(model))
+    matrices, exports = driven_motion(model)
+    return analysis_of(
+        model, "kinematics", [*(bonds(model) if model.constraints else ()), *matrices], exports
+    )
+
+
+def driven_motion(model: RodsModel) -> tuple[list[NamedMatrix], list[Export]]:
+    """Return the matrices that follow a driven linkage, besides those of ``bonds``, and the kernels."""
+    matrices, exports = list(drives(model)), []
     if matrices:
         about = "prescribed angles, lengths and places"
         exports.append(Export("drives", about, tuple(m.name for m in matrices)))
     if model.constraints:
+        matrices.append(_slopes(model))
+        about = "constraints, their scale, their rate, and the nonzero entries of their Jacobian"
+        of_closure = ("constraints", "constraint_scale", "velocity_constraints", "constraint_slopes")
+        exports.append(Export("closure", about, of_closure))
         about = "right-hand side gamma of J a = gamma"
-        rows = [c.name for c in model.constraints]
-        matrices.append(named(model, "acceleration_rhs", model.acceleration_rhs, "m/s^2", about, rows=rows))
         exports.append(Export("acceleration_rhs", about, ("acceleration_rhs",)))
-    return analysis_of(model, "kinematics", matrices, exports)
+    return matrices, exports
+
+
+def _slopes(model: RodsModel) -> NamedMatrix:
+    """Return the nonzero entries of the constraint Jacobian, each called by its row and its column."""
+    entries = {
+        f"{c.name} {s.name}": row[s]
+        for c, row in zip(model.constraints, model.jacobian, strict=True)
+        for s in (x.symbol for x in model.coordinates)
+        if row.get(s, ZERO) != 0
+    }
+    about = "nonzero entries of the constraint Jacobian"
+    unit = slope_unit(model)
+    return named(model, "constraint_slopes", list(entries.values()), unit, about, rows=list(entries))
 
 
 def statics_system(linkage: Linkage) -> System:

@@ -185,6 +185,16 @@ class RodsModel(ConstrainedPoints):
             for x in self.coordinates
         ]
 
+    @cached_property
+    def balance(self) -> list[sp.Expr]:
+        """Applied forces minus mass times acceleration, f - M a [N], which the constraints balance."""
+        a = [a.symbol for p in self.free for a in self.a[p]]
+        q = [x.symbol for x in self.coordinates]
+        return [
+            f - sp.Add(*(self.mass_entries.get((s, r), ZERO) * b for r, b in zip(q, a, strict=True)))
+            for s, f in zip(q, self.applied, strict=True)
+        ]
+
     def residual(self, point: str) -> Vector:
         """Return M a + J^T lambda - f at a point's rows [N]: the reaction of its pin."""
         every = [x for p in self.q for x in zip(self.q[p], self.a[p], strict=True)]

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 import sympy as sp
 
 from symgen.models.rods.matrix import named
-from symgen.symbolic.calculus import ZERO
 from symgen.symbolic.system import Export, NamedMatrix
 
 if TYPE_CHECKING:
@@ -33,12 +32,7 @@ def refinement(model: RodsModel) -> tuple[list[NamedMatrix], list[Export]]:
         rows.append(gamma - sp.Add(*(row[s] * b for s, b in zip(q, a, strict=True) if s in row)))
         for s in row:
             columns.setdefault(s, []).append(row[s] * multiplier)
-    above = [
-        f
-        - sp.Add(*(model.mass_entries.get((s, r), ZERO) * b for r, b in zip(q, a, strict=True)))
-        - sp.Add(*columns.get(s, ()))
-        for s, f in zip(q, model.applied, strict=True)
-    ]
+    above = [f - sp.Add(*columns.get(s, ())) for s, f in zip(q, model.balance, strict=True)]
     about = "what the accelerations and multipliers in work leave of the equations of motion"
     matrix = named(
         model,

@@ -160,11 +160,7 @@ def bonds(model: RodsModel) -> list[NamedMatrix]:
     """Return the constraints with their derivatives."""
     q = [x.symbol for x in model.coordinates]
     names, rows = [s.name for s in q], [c.name for c in model.constraints]
-    units = {c.unit for c in model.constraints}
-    unit = units.pop() if len(units) == 1 else "m^2, m"
-    rate_unit, rhs_unit, slope_unit = (
-        ", ".join(_OF_CONSTRAINT[x][i] for x in unit.split(", ")) for i in range(3)
-    )
+    unit, rate_unit, rhs_unit = (_unit_of_constraints(model, i) for i in range(3))
     return [
         named(
             model,
@@ -186,7 +182,7 @@ def bonds(model: RodsModel) -> list[NamedMatrix]:
             model,
             "constraint_jacobian",
             [row.get(s, ZERO) for row in model.jacobian for s in q],
-            slope_unit,
+            slope_unit(model),
             "constraint Jacobian, J",
             rows=rows,
             columns=names,
@@ -210,8 +206,19 @@ def bonds(model: RodsModel) -> list[NamedMatrix]:
     ]
 
 
-#: Units of rate, second rate and gradient of a constraint.
-_OF_CONSTRAINT = {"m^2": ("m^2/s", "m^2/s^2", "m"), "m": ("m/s", "m/s^2", "1")}
+def slope_unit(model: RodsModel) -> str:
+    """Return the unit of the constraint Jacobian; of linear and quadratic rows, both."""
+    return _unit_of_constraints(model, 3)
+
+
+#: Units of a constraint, of its rate, second rate and gradient.
+_OF_CONSTRAINT = {"m^2": ("m^2", "m^2/s", "m^2/s^2", "m"), "m": ("m", "m/s", "m/s^2", "1")}
+
+
+def _unit_of_constraints(model: RodsModel, which: int) -> str:
+    units = {c.unit for c in model.constraints}
+    both = ["m^2", "m"] if len(units) != 1 else units
+    return ", ".join(_OF_CONSTRAINT[x][which] for x in both)
 
 
 def places(model: RodsModel) -> list[NamedMatrix]:

@@ -1,7 +1,5 @@
 #include "kinematics.h"
 
-#include <string.h>
-
 #include "arena.h"
 #include "extrapolate.h"
 #include "lanes.h"
@@ -17,7 +15,7 @@
 #define ACCEPT (256 * REAL_EPSILON)
 enum { NEWTON = 12, HALVINGS = 12 };
 
-static size_t place(struct kinematics *k, const struct kinematic_sizes *s, void *memory) {
+static size_t place(struct kinematics *k, const struct kinematic_sizes *s, const struct kinematic_groups *g, void *memory) {
     const struct arena_array arrays[] = {
         ARENA_ARRAY(k->q, s->n + 1),
         ARENA_ARRAY(k->u, s->n + 1),
@@ -28,28 +26,35 @@ static size_t place(struct kinematics *k, const struct kinematic_sizes *s, void 
         ARENA_ARRAY(k->still, s->n + 1),
         ARENA_ARRAY(k->phi, s->m + 1),
         ARENA_ARRAY(k->weight, s->m + 1),
-        ARENA_ARRAY(k->matrix, s->n * s->n + 1),
         ARENA_ARRAY(k->solved, s->n + 1),
         ARENA_ARRAY(k->work, s->work + 1),
+        ARENA_ARRAY(k->closure, s->out + 1),
         ARENA_ARRAY(k->out, s->out + 1),
+        ARENA_ARRAY(k->values, g->squares + g->couplings + 1),
+        ARENA_ARRAY(k->inverse, s->n + 1),
         ARENA_ARRAY(k->swaps, s->n + 1),
     };
     return ARENA_PLACE(arrays, memory);
 }
 
-size_t kinematics_bytes(const struct kinematic_sizes *sizes) {
+size_t kinematics_bytes(const struct kinematic_sizes *sizes, const struct kinematic_groups *groups) {
     struct kinematics counted;
-    return place(&counted, sizes, NULL);
+    return place(&counted, sizes, groups, NULL);
 }
 
 void kinematics_bind(struct kinematics *k, const struct kinematic_sizes *sizes, const struct kinematic_kernels *kernels,
-                     const real *p, const real *gamma_p, const ptrdiff_t *rows, void *memory) {
-    place(k, sizes, memory);
+                     const struct kinematic_groups *groups, const real *p, const real *balance_p, void *memory) {
+    place(k, sizes, groups, memory);
     k->sizes = *sizes;
     k->kernels = *kernels;
+    k->groups = *groups;
     k->p = p;
-    k->gamma_p = gamma_p;
-    k->rows = rows;
+    k->balance_p = balance_p;
+}
+
+static void zero(ptrdiff_t count, real *values) {
+    for (ptrdiff_t i = 0; i < count; i++)
+        values[i] = 0;
 }
 
 /* The largest magnitude; not a number where one of them is none. */
@@ -61,53 +66,119 @@ static real largest_of(const real *values, ptrdiff_t count) {
     return largest;
 }
 
-/* Leave Phi over its scale in k->phi, all rows of it, and the scales' inverses; return the worst. */
+/* Evaluate the constraints: Phi over its scale goes into k->phi, 1 / scale into k->weight. Return the largest. */
 static real missed(struct kinematics *k, real t, const real *q) {
     const ptrdiff_t m = k->sizes.m;
-    k->kernels.constraints(&t, q, k->still, k->p, k->work, k->out);
+    k->kernels.closure(&t, q, k->still, k->p, k->work, k->closure);
     for (ptrdiff_t i = 0; i < m; i++) {
-        k->weight[i] = 1 / k->out[m + i];
-        k->phi[i] = k->out[i] * k->weight[i];
+        k->weight[i] = 1 / k->closure[m + i];
+        k->phi[i] = k->closure[i] * k->weight[i];
     }
     return largest_of(k->phi, m);
 }
 
-/* Factorise dPhi/dq of the independent rows over their scales; returns 0 where it is singular. */
-static int factorise_jacobian(struct kinematics *k, real t, const real *q) {
-    const ptrdiff_t n = k->sizes.n;
-    k->kernels.jacobian(&t, q, k->still, k->p, k->work, k->out);
-    for (ptrdiff_t i = 0; i < n; i++) {
-        const ptrdiff_t row = k->rows[i];
-        for (ptrdiff_t j = 0; j < n; j++)
-            k->matrix[i * n + j] = k->out[row * n + j] * k->weight[row];
+/* LU factorisation with partial pivoting of a group of two unknowns, a dyad or a crank, as most are. */
+static int factor_pair(real *a, ptrdiff_t *swaps, real *inverse) {
+    const int exchanged = real_fabs(a[2]) > real_fabs(a[0]);
+    const real a00 = a[2 * exchanged], a01 = a[2 * exchanged + 1];
+    inverse[0] = 1 / a00;
+    const real factor = a[2 - 2 * exchanged] * inverse[0], pivot = a[3 - 2 * exchanged] - factor * a01;
+    inverse[1] = 1 / pivot;
+    swaps[0] = exchanged, swaps[1] = 1;
+    a[0] = a00, a[1] = a01, a[2] = factor, a[3] = pivot;
+    return a00 != 0 && pivot != 0 && real_isfinite(a00) && real_isfinite(pivot);
+}
+
+static void solve_pair(const real *a, const ptrdiff_t *swaps, const real *inverse, real *b) {
+    const real first = b[swaps[0]];
+    b[1] = (b[1 - swaps[0]] - a[2] * first) * inverse[1];
+    b[0] = (first - a[1] * b[1]) * inverse[0];
+}
+
+/* Factorise dPhi/dq, of the independent rows over their scales, where the constraints were evaluated last; returns 0 where
+ * it is singular. */
+static int factorise_groups(struct kinematics *k) {
+    const struct kinematic_groups *g = &k->groups;
+    const ptrdiff_t *entry = g->entries;
+    zero(g->squares, k->values);
+    for (ptrdiff_t e = 0; e < g->filled; e++, entry += 3)
+        k->values[entry[0]] = k->closure[entry[1]] * k->weight[entry[2]];
+    real *group = k->values;
+    for (ptrdiff_t c = 0; c < g->count; c++) {
+        const ptrdiff_t start = g->starts[c], width = g->starts[c + 1] - start;
+        if (!(width == 2 ? factor_pair(group, k->swaps + start, k->inverse + start)
+                         : factor_dense(width, group, k->swaps + start)))
+            return 0;
+        group += width * width;
     }
-    return factor_dense(n, k->matrix, k->swaps);
+    return 1;
 }
 
 /* Sign of the determinant, and the least pivot over the greatest. */
 static int judge(struct kinematics *k, real *soundness) {
-    const ptrdiff_t n = k->sizes.n;
+    const struct kinematic_groups *g = &k->groups;
+    const real *group = k->values;
     real least = REAL_INFINITY, greatest = 0;
     int sign = 1;
-    for (ptrdiff_t i = 0; i < n; i++) {
-        const real pivot = k->matrix[i * n + i];
-        least = real_fmin(least, real_fabs(pivot));
-        greatest = real_fmax(greatest, real_fabs(pivot));
-        if ((pivot < 0) != (k->swaps[i] != i))
-            sign = -sign;
+    for (ptrdiff_t c = 0; c < g->count; c++) {
+        const ptrdiff_t start = g->starts[c], width = g->starts[c + 1] - start;
+        for (ptrdiff_t i = 0; i < width; i++) {
+            const real pivot = group[i * width + i];
+            least = real_fmin(least, real_fabs(pivot));
+            greatest = real_fmax(greatest, real_fabs(pivot));
+            if ((pivot < 0) != (k->swaps[start + i] != i))
+                sign = -sign;
+        }
+        group += width * width;
     }
-    *soundness = n ? least / greatest : R(1);
+    *soundness = k->sizes.n ? least / greatest : R(1);
     return sign;
 }
 
-/* Solve for the independent rows of a kernel's output in k->out, over their scales. */
-static void solve(struct kinematics *k, const real *rows, real *into) {
-    for (ptrdiff_t i = 0; i < k->sizes.n; i++)
-        into[i] = rows[k->rows[i]] * k->weight[k->rows[i]];
-    solve_dense(k->sizes.n, k->matrix, k->swaps, into);
+/* Solve dPhi/dq x = rows over their scales, for what a kernel wrote for all constraints. */
+static void solve(struct kinematics *k, const real *rows, real *x) {
+    const struct kinematic_groups *g = &k->groups;
+    const real *group = k->values, *coupling = k->values + g->squares;
+    real *solved = k->solved;
+    for (ptrdiff_t c = 0; c < g->count; c++) {
+        const ptrdiff_t start = g->starts[c], end = g->starts[c + 1], width = end - start;
+        for (ptrdiff_t i = start; i < end; i++) {
+            real value = rows[g->rows[i]] * k->weight[g->rows[i]];
+            for (ptrdiff_t e = g->coupling_starts[i]; e < g->coupling_starts[i + 1]; e++)
+                value -= coupling[e] * solved[g->coupling_columns[e]];
+            solved[i] = value;
+        }
+        if (width == 2)
+            solve_pair(group, k->swaps + start, k->inverse + start, solved + start);
+        else
+            solve_dense(width, group, k->swaps + start, solved + start);
+        group += width * width;
+        for (ptrdiff_t i = start; i < end; i++)
+            x[g->columns[i]] = solved[i];
+    }
 }
 
-/* Close the linkage at t by Newton's method from q, in place. */
+/* Solve J^T lambda = forces; lambda of the constraints that are not among the rows is zero. */
+static void solve_transposed(struct kinematics *k, const real *forces, real *lambda) {
+    const struct kinematic_groups *g = &k->groups;
+    const real *group = k->values + g->squares, *coupling = group;
+    real *solved = k->solved;
+    for (ptrdiff_t j = 0; j < k->sizes.n; j++)
+        solved[j] = forces[g->columns[j]];
+    zero(k->sizes.m, lambda);
+    for (ptrdiff_t c = g->count - 1; c >= 0; c--) {
+        const ptrdiff_t start = g->starts[c], end = g->starts[c + 1], width = end - start;
+        group -= width * width;
+        solve_dense_transposed(width, group, k->swaps + start, solved + start);
+        for (ptrdiff_t i = start; i < end; i++) {
+            for (ptrdiff_t e = g->coupling_starts[i]; e < g->coupling_starts[i + 1]; e++)
+                solved[g->coupling_columns[e]] -= coupling[e] * solved[i];
+            lambda[g->rows[i]] = solved[i] * k->weight[g->rows[i]];
+        }
+    }
+}
+
+/* Close the linkage at t by Newton's method from q, in place; the constraints were then evaluated in q last. */
 static int closed(struct kinematics *k, real t, real *q) {
     const ptrdiff_t n = k->sizes.n;
     real before = REAL_INFINITY;
@@ -115,32 +186,30 @@ static int closed(struct kinematics *k, real t, real *q) {
         const real worst = missed(k, t, q), size = real_fmax(R(k->sizes.length), largest_of(q, n));
         if (worst <= 4 * REAL_EPSILON * size || (worst <= ACCEPT * size && worst > before / 4))
             return 1;
-        if (!(worst < before / 2) || !factorise_jacobian(k, t, q))
+        if (!(worst < before / 2) || !factorise_groups(k))
             return 0;
         before = worst;
-        for (ptrdiff_t i = 0; i < n; i++)
-            k->solved[i] = k->phi[k->rows[i]];
-        solve_dense(n, k->matrix, k->swaps, k->solved);
+        solve(k, k->closure, k->out);
         for (ptrdiff_t j = 0; j < n; j++)
-            q[j] -= k->solved[j];
+            q[j] -= k->out[j];
     }
     return 0;
 }
 
-/* Leave velocities and accelerations of a closed pose; 0 where it is too near a singular one, or passed one. */
+/* Leave velocities and accelerations of the pose that was closed last; 0 where it is too near a singular one, or passed
+ * one. */
 static int moved(struct kinematics *k, real t, const real *q, real *u, real *a) {
-    const ptrdiff_t n = k->sizes.n;
+    const ptrdiff_t n = k->sizes.n, m = k->sizes.m;
     real soundness;
-    if (!factorise_jacobian(k, t, q))
+    if (!factorise_groups(k))
         return 0;
     const int sign = judge(k, &soundness);
     if (!(soundness > SOUND) || (k->sign != 0 && sign != k->sign))
         return 0;
-    k->kernels.drift(&t, q, k->still, k->p, k->work, k->out);
-    solve(k, k->out, u);
+    solve(k, k->closure + 2 * m, u);
     for (ptrdiff_t j = 0; j < n; j++)
         u[j] = -u[j];
-    k->kernels.gamma(&t, q, u, k->gamma_p, k->work, k->out);
+    k->kernels.gamma(&t, q, u, k->p, k->work, k->out);
     solve(k, k->out, a);
     k->sign = sign;
     return real_isfinite(largest_of(u, n)) && real_isfinite(largest_of(a, n));
@@ -208,13 +277,35 @@ ptrdiff_t kinematics_follow(struct kinematics *k, real t, const real *q, const r
     return count;
 }
 
+ptrdiff_t kinematics_multipliers(struct kinematics *k, const real *times, const real *rows, ptrdiff_t count,
+                                 real *multipliers, real *soundness) {
+    const ptrdiff_t n = k->sizes.n, m = k->sizes.m;
+    for (ptrdiff_t i = 0; i < count; i++, rows += 3 * n, multipliers += m) {
+        missed(k, times[i], rows);
+        if (!factorise_groups(k))
+            return i;
+        judge(k, soundness + i);
+        if (!(soundness[i] > SOUND))
+            return i;
+        copy(rows + 2 * n, n, k->work);
+        k->kernels.balance(times + i, rows, rows + n, k->balance_p, k->work, k->out);
+        solve_transposed(k, k->out, multipliers);
+    }
+    return count;
+}
+
 static void bind(struct kinematics *k, const struct kinematic_sizes *sizes, const struct kinematic_kernels *kernels,
-                 const void *p, const void *gamma_p, const ptrdiff_t *rows, void *memory) {
-    kinematics_bind(k, sizes, kernels, p, gamma_p, rows, memory);
+                 const struct kinematic_groups *groups, const void *p, const void *balance_p, void *memory) {
+    kinematics_bind(k, sizes, kernels, groups, p, balance_p, memory);
 }
 
 static ptrdiff_t follow(struct kinematics *k, double t, const void *q, const void *times, ptrdiff_t count, void *rows) {
     return kinematics_follow(k, R(t), q, times, count, rows);
+}
+
+static ptrdiff_t multipliers(struct kinematics *k, const void *times, const void *rows, ptrdiff_t count, void *into,
+                             void *soundness) {
+    return kinematics_multipliers(k, times, rows, count, into, soundness);
 }
 
 const struct kinematics_api symgen_kinematics = {
@@ -222,4 +313,5 @@ const struct kinematics_api symgen_kinematics = {
     .bytes = kinematics_bytes,
     .bind = bind,
     .follow = follow,
+    .multipliers = multipliers,
 };

@@ -45,6 +45,19 @@ void solve_dense(ptrdiff_t n, const real *a, const ptrdiff_t *swaps, real *b) {
     }
 }
 
+void solve_dense_transposed(ptrdiff_t n, const real *a, const ptrdiff_t *swaps, real *b) {
+    for (ptrdiff_t i = 0; i < n; i++) {
+        for (ptrdiff_t j = 0; j < i; j++)
+            b[i] -= a[j * n + i] * b[j];
+        b[i] /= a[i * n + i];
+    }
+    for (ptrdiff_t i = n - 1; i >= 0; i--)
+        for (ptrdiff_t j = i + 1; j < n; j++)
+            b[i] -= a[j * n + i] * b[j];
+    for (ptrdiff_t k = n - 1; k >= 0; k--)
+        exchange(b + k, b + swaps[k], 1);
+}
+
 /* to -= factor * from, for a row of right-hand sides. */
 static void subtract_row(real *restrict to, const real *restrict from, real factor, ptrdiff_t wide) {
     for (ptrdiff_t c = 0; c < wide; c++)

@@ -17,8 +17,10 @@
  * Returns 0 where a pivot is zero or not finite, else 1. */
 int factor_dense(ptrdiff_t n, real *a, ptrdiff_t *swaps);
 
-/* Solve in place with that factorisation: one right-hand side, or `wide` of them, a row of b for each unknown. */
+/* Solve in place with that factorisation: one right-hand side; with the transpose of a; or `wide` right-hand sides, a row
+ * of b for each unknown. */
 void solve_dense(ptrdiff_t n, const real *a, const ptrdiff_t *swaps, real *b);
+void solve_dense_transposed(ptrdiff_t n, const real *a, const ptrdiff_t *swaps, real *b);
 void solve_dense_wide(ptrdiff_t n, const real *a, const ptrdiff_t *swaps, ptrdiff_t wide, real *b);
 
 /* The same for complex a (n by n pairs) and b (n pairs). */

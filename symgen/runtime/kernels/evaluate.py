@@ -68,14 +68,14 @@ class Evaluator:
     def many(self, kernel: str, times: Array, q: Array, u: Array, work: Array | None = None) -> Array:
         """Return the ``out`` arrays of a kernel at many states, (states, entries), given ``work`` of each."""
         info, address, count = self.info(kernel), self.library.addresses[kernel], len(times)
-        rows = np.zeros((count, 2 * self.description.coordinates + 1))
-        rows[:, :-1] = np.hstack([q, u])
+        n = self.description.coordinates
+        rows = np.zeros((count, 2 * n + 1))
+        rows[:, :n], rows[:, n:-1] = q, u
         memory = np.zeros((count, info.work_size + 1))
         if work is not None:
             width = min(work.shape[1], info.work_size)
             memory[:, :width] = work[:, :width]
         out, sizes = np.zeros((count, info.out_size + 1)), self.description.sizes_of(kernel)
-        n = self.description.coordinates
         _core.call_many(address, sizes, np.ascontiguousarray(times), rows, n, self.parameters, memory, out)
         return out[:, :-1]
 

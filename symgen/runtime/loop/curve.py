@@ -11,7 +11,7 @@ from symgen.errors import SimulationError
 from symgen.runtime.closure.start import Closed
 from symgen.runtime.loop.ball_poles import ball_pole
 from symgen.runtime.loop.kernels import LoopKernels
-from symgen.runtime.rods.continuation import Curve, CurvePoint
+from symgen.runtime.rods.following.continuation import Curve, CurvePoint
 
 Array = NDArray[np.float64]
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import product
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -32,6 +34,17 @@ class Bonds:
         self._arguments = np.zeros(1), np.zeros(self.n + 1), np.zeros(self.n + 1)
         self._work = np.zeros(evaluator.work_size + 1)
         self._kept: dict[str, tuple[int, _core.Sizes, Array, Array]] = {}
+
+    @property
+    def slopes(self) -> NDArray[np.intp]:
+        """Constraint, coordinate and place in what ``closure`` writes, of each slope dPhi/dq: (slopes, 3)."""
+        d = self.description
+        rows = {name: i for i, name in enumerate(d.constraints)}
+        columns = {f"{p}_{axis}": i for i, (p, axis) in enumerate(product(d.free, d.axes))}
+        block = next(b for b in self.kinematics.info("closure").blocks if b.name == "constraint_slopes")
+        labels = (label.split() for label in block.rows)
+        found = [(rows[row], columns[x], block.offset + k) for k, (row, x) in enumerate(labels)]
+        return np.array(found, dtype=np.intp)
 
     def residual(self, q: Array, t: float) -> Array:
         """Return Phi over its scale [m], shape (m,)."""

@@ -14,12 +14,12 @@ from symgen.runtime.result.findings import SingularPose
 from symgen.runtime.result.motion import Motion, Range
 from symgen.runtime.result.recorded_motion import Along, chosen_names, recorded
 from symgen.runtime.rods.assemblies import assemblies
-from symgen.runtime.rods.branch import along_branch
 from symgen.runtime.rods.constraints import Bonds
-from symgen.runtime.rods.continuation import LONGEST, Curve, CurvePoint
+from symgen.runtime.rods.following.branch import along_branch
+from symgen.runtime.rods.following.continuation import LONGEST, Curve, CurvePoint
+from symgen.runtime.rods.following.singular import TURNING, monotone, singular_poses
 from symgen.runtime.rods.instants import Instants
 from symgen.runtime.rods.poses import Poses
-from symgen.runtime.rods.singular import TURNING, monotone, singular_poses
 
 Array = NDArray[np.float64]
 

@@ -20,6 +20,7 @@ from symgen.runtime.result.recorded_motion import coordinate_of
 from symgen.runtime.result.records import Drift, Variable
 from symgen.runtime.rods.constraints import Bonds
 from symgen.runtime.rods.forces.assembly import Assembly, Solution, solve
+from symgen.runtime.rods.forces.multipliers import by_multipliers
 from symgen.runtime.rods.instants import Instants
 from symgen.runtime.rods.kinematics import Followed, Task, driven, follow
 from symgen.runtime.rods.poses import Poses
@@ -96,7 +97,7 @@ def analyse(bonds: Bonds, loads: Evaluator, q: Array, t: float, redundant: int, 
     found = follow(bonds, q, t, Task(asked.range.start, asked.range.stop, len(times), False), times)
     poses = _poses(linkage, found, times, asked.range.at is not None)
     assembly = Assembly(bonds, loads, poses, asked.elements)
-    solution = solve(assembly)
+    solution = by_multipliers(bonds, loads, poses, assembly) or solve(assembly)
     lost = np.flatnonzero(solution.rank < assembly.size - redundant)
     notes = [*_notes(linkage, assembly, solution, found)]
     if len(lost):
@@ -130,9 +131,12 @@ def _checked(asked: ForceTask) -> ForceTask:
 
 def _poses(linkage: _Linkage, found: Followed, times: Array, every: bool) -> Poses:
     """Return the samples in the order of the requested times; raise SimulationError if one is missing."""
-    at = {t: i for i, t in enumerate(found.samples.times.tolist())}
-    missing = [t for t in times.tolist() if t not in at]
-    if missing and (every or not at):
+    order = np.argsort(found.samples.times, kind="stable")
+    reached = found.samples.times[order]
+    place = np.minimum(np.searchsorted(reached, times), max(len(reached) - 1, 0))
+    there = reached[place] == times if len(reached) else np.zeros(len(times), dtype=bool)
+    missing = times[~there].tolist()
+    if missing and (every or not len(reached)):
         singular = [_at_pose(linkage, p) for p in found.poses]
         raise SimulationError(
             "\n  ".join(
@@ -143,7 +147,7 @@ def _poses(linkage: _Linkage, found: Followed, times: Array, every: bool) -> Pos
             ),
             time=missing[0],
         )
-    poses = found.samples[np.array([at[t] for t in times.tolist() if t in at], dtype=np.intp)]
+    poses = found.samples[order[place[there]]]
     if linkage.bonds.evaluator.has("line_lengths"):
         for t, q, u in zip(poses.times.tolist(), poses.q, poses.u, strict=True):
             line = without_direction(linkage.bonds.evaluator, t, q, u)
@@ -261,7 +265,6 @@ def _recorded(
     d, bonds = linkage.bonds.description, linkage.bonds
     errors = np.max(np.abs(bonds.missed(poses)), axis=(1, 2), initial=0.0)
     positions, velocities = bonds.moving(poses)
-    worst = int(np.argmax(solution.condition))
     parameters = zip(d.tunable, bonds.evaluator.given.tolist(), strict=False)
     drive = next(iter(linkage.drives(0.0)), "") if asked.range.over == "input" else ""
     times = poses.times
@@ -282,9 +285,9 @@ def _recorded(
             "steps": len(poses),
             "elements": asked.elements,
             "unknowns": assembly.size,
-            "condition": float(solution.condition[worst]),
-            "worst_at": linkage.at(assembly.times[worst]),
-            "residual": assembly.residual(solution.x),
+            "condition": solution.condition,
+            "worst_at": linkage.at(assembly.times[solution.worst]),
+            "residual": solution.residual,
             "singular_poses": [asdict(p) for p in found.poses],
             "wall_s": perf_counter() - began,
         },

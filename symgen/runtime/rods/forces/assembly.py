@@ -39,6 +39,12 @@ class Unknown:
         """Number of its components."""
         return 2 if self.kind == "force" else 1
 
+    @property
+    def labels(self) -> list[str]:
+        """Names of its components in the kernel ``joint_forces``."""
+        axes = "xy" if self.kind == "force" else "-"
+        return [f"{self.kind} {self.link} {self.point} {axis}" for axis in axes]
+
     def describe(self) -> str:
         """Return the name of the unknown in messages."""
         of = {
@@ -248,14 +254,18 @@ class Assembly:
 class Solution:
     """Unknowns at all poses, (poses, unknowns), and how well they are determined.
 
-    ``rank`` of the equations at each pose, ``condition`` the ratio of the greatest to the least singular
-    value that is not lost, ``loose`` for each unknown how much of it forces that nothing balances leave open.
+    ``rank`` of the equations at each pose, ``loose`` for each unknown how much of it forces that nothing
+    balances leave open. ``worst`` is the pose nearest to a loss of rank and ``condition`` the ratio of the
+    greatest to the least singular value there, of those that are not lost; ``residual`` is the largest error
+    of the equations over the largest force.
     """
 
     x: Array
     rank: NDArray[np.int_]
-    condition: Array
     loose: Array
+    worst: int
+    condition: float
+    residual: float
 
 
 def solve(assembly: Assembly) -> Solution:
@@ -266,10 +276,11 @@ def solve(assembly: Assembly) -> Solution:
     kept = s > RANK * s[:, :1]
     inverse = np.divide(1.0, s, out=np.zeros_like(s), where=kept)
     projected = np.einsum("kij,ki->kj", u[:, :, :k], right) * inverse
-    x = np.einsum("kij,ki->kj", vt[:, :k], projected)
+    x = np.einsum("kij,ki->kj", vt[:, :k], projected) * assembly.scales
     rank = np.count_nonzero(kept, axis=1)
-    least = np.min(np.where(kept, s, np.inf), axis=1)
+    condition = s[:, 0] / np.min(np.where(kept, s, np.inf), axis=1)
     open_ = np.ones(vt.shape[:2])
     open_[:, :k] = ~kept
     loose = np.sqrt(np.einsum("kij,ki->kj", vt**2, open_))
-    return Solution(x * assembly.scales, rank, s[:, 0] / least, loose)
+    worst = int(np.argmax(condition))
+    return Solution(x, rank, loose, worst, float(condition[worst]), assembly.residual(x))

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from symgen.runtime.result.findings import SingularPose
 from symgen.runtime.rods.constraints import Bonds
-from symgen.runtime.rods.continuation import Curve, CurvePoint
+from symgen.runtime.rods.following.continuation import Curve, CurvePoint
 
 Array = NDArray[np.float64]
 

@@ -8,7 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symgen.runtime._kinematics import Kinematics
+from symgen.runtime.kernels.evaluate import Evaluator
 from symgen.runtime.rods.constraints import Bonds
+from symgen.runtime.rods.following.groups import groups_of
 from symgen.runtime.rods.poses import Poses
 
 Array = NDArray[np.float64]
@@ -62,12 +64,16 @@ def along_branch(bonds: Bonds, q: Array, t: float, low: float, high: float, time
     return None
 
 
-def steps_of(bonds: Bonds, q: Array, t: float) -> Kinematics:
-    """Return the compiled steps of a linkage, by constraints that are independent in a pose q at a time t."""
+def steps_of(bonds: Bonds, q: Array, t: float, forces: Evaluator | None = None) -> Kinematics:
+    """Return the compiled steps of a linkage, by constraints that are independent in a pose q at a time t.
+
+    With the kernels of the analysis ``forces``, they give the multipliers of the constraints too.
+    """
     from scipy.linalg import qr
 
     rows = qr(bonds.jacobian(q, t).T, mode="r", pivoting=True)[1][: bonds.n]
-    return Kinematics(bonds.evaluator, bonds.kinematics, rows.tolist(), bonds.length(q))
+    groups = groups_of(bonds.slopes, rows.tolist(), bonds.n)
+    return Kinematics(bonds.kinematics, groups, bonds.length(q), forces)
 
 
 def _turned(bonds: Bonds, poses: Poses) -> float:
