@@ -3,43 +3,12 @@
 
 import numpy as np
 
-from libc.stdint cimport uintptr_t
 from libc.stdlib cimport calloc, free
 from libc.string cimport memcpy
 
-from symgen.runtime._core cimport Core, at_least, kernel_of, kernel_t
+from symgen.runtime._core cimport Core, at_least, kernel_of
 
 from symgen.runtime._core import DOUBLE
-
-cdef extern from "core/start.h" nogil:
-    cdef struct start_kernels:
-        kernel_t assembly, points, constraints, jacobian, drift, rates, mass
-
-    cdef struct start_sizes:
-        Py_ssize_t n, m, rows, prescribed, points, axes, work, out
-        double tolerance, share
-
-    enum start_status:
-        _STARTED "STARTED"
-        _ON_THE_WAY "ON_THE_WAY"
-        _UNASSEMBLED "UNASSEMBLED"
-        _TOO_TOLERANT "TOO_TOLERANT"
-
-    double MOST_TOLERANCE
-
-    cdef struct start:
-        double at, fastest
-        double *q
-        double *u
-        double *miss
-
-    cdef struct start_table "start_api":
-        size_t start_struct
-        size_t (*bytes)(const start_sizes *) noexcept nogil
-        void (*bind)(start *, const start_sizes *, const start_kernels *, const void *, void *) noexcept nogil
-        void (*begin)(start *) noexcept nogil
-        int (*advance)(start *) noexcept nogil
-        Py_ssize_t (*velocities)(start *, const char *) noexcept nogil
 
 #: Outcomes of a step of the assembly.
 STARTED, ON_THE_WAY, UNASSEMBLED, TOO_TOLERANT = _STARTED, _ON_THE_WAY, _UNASSEMBLED, _TOO_TOLERANT
@@ -60,24 +29,16 @@ cdef class Starter:
         The drawn coordinates [m].
     """
 
-    cdef start *core
-    cdef void *memory
-    cdef const start_table *api
-    cdef start_sizes sizes
-    cdef object library
-    cdef const double[::1] p
-
     def __init__(self, evaluator, double share, const double[::1] q):
-        cdef start_kernels given
         cdef Core core = DOUBLE
         d = evaluator.description
         self.library, self.p = evaluator.library, evaluator.parameters
         addresses = self.library.addresses
-        given.assembly, given.points = kernel_of(addresses, "assembly"), kernel_of(addresses, "points")
-        given.constraints = kernel_of(addresses, "constraints")
-        given.jacobian = kernel_of(addresses, "constraint_jacobian")
-        given.drift = kernel_of(addresses, "velocity_constraints")
-        given.rates, given.mass = kernel_of(addresses, "start_velocity"), kernel_of(addresses, "mass_matrix")
+        self.given.assembly, self.given.points = kernel_of(addresses, "assembly"), kernel_of(addresses, "points")
+        self.given.constraints = kernel_of(addresses, "constraints")
+        self.given.jacobian = kernel_of(addresses, "constraint_jacobian")
+        self.given.drift = kernel_of(addresses, "velocity_constraints")
+        self.given.rates, self.given.mass = kernel_of(addresses, "start_velocity"), kernel_of(addresses, "mass_matrix")
         self.sizes.n, self.sizes.m = d.coordinates, len(d.constraints)
         at_least("coordinates", q.shape[0], self.sizes.n)
         self.sizes.tolerance, self.sizes.share = d.assembly_tolerance, share
@@ -100,7 +61,7 @@ cdef class Starter:
         self.memory = calloc(1, self.api.bytes(&self.sizes))
         if self.core == NULL or self.memory == NULL:
             raise MemoryError
-        self.api.bind(self.core, &self.sizes, &given, &self.p[0], self.memory)
+        self.api.bind(self.core, &self.sizes, &self.given, &self.p[0], self.memory)
         memcpy(self.core.q, &q[0], self.sizes.n * sizeof(double))
         self.api.begin(self.core)
 

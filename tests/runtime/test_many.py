@@ -8,6 +8,9 @@ from shared.variants import BASE, crank_rocker_with_lengths, pins
 
 import symgen
 from symgen.errors import CapabilityError, InitialStateError, ModelError
+from symgen.runtime.many.compiled import compiled_runs
+from symgen.runtime.many.dataset import Keep
+from symgen.scene.loading import SHIPPED
 
 LENGTHS = {"a": 0.1, "b": np.linspace(0.33, 0.37, 7), "c": np.linspace(0.31, 0.29, 7)}
 
@@ -40,6 +43,53 @@ def test_each_run_has_the_bits_of_a_single_one(model, analysis, threads):
     assert found["b"].values == pytest.approx(LENGTHS["b"]) and np.all(found["a"].values == 0.1)
     assert found["b"].attrs["units"] == "m" and found["error"].dims == ("run",)
     assert parts == sorted(parts) and parts[-1] == 1.0
+
+
+@pytest.mark.parametrize(
+    ("scene", "options"),
+    [
+        ("four_bar", {"method": "rk4", "step": 1e-3, "t_end": 0.05}),
+        ("andrews_squeezer", {"t_end": 0.01}),
+        ("car_axis", {"t_end": 0.05, "stabilisation": "baumgarte"}),
+        ("tumbling_body", {"t_eval": [0.01, 0.02, 0.05], "t_end": 0.06}),
+        ("triple_pendulum", {"t_end": 0.1, "method": "rattle", "step": 1e-3}),
+        ("peaucellier", {"t_end": 0.1}),  # redundant constraints: each run by itself
+    ],
+)
+def test_states_of_all_kinds_give_the_bits_of_single_runs(scene, options):
+    model = symgen.build(scene)
+    start = model.initial_state()
+    states = [
+        model.state(start.positions, {p: f * v for p, v in start.velocities.items()}) for f in (1.0, 0.5, 1.5)
+    ]
+    found = model.simulate_many(states=states, threads=2, **options)
+    same_bits(found, [model.simulate(state=state, **options) for state in states])
+
+
+def test_revolutions_are_counted_and_springs_start_at_their_variant(tmp_path):
+    scene = tmp_path / "spring.toml"
+    text = (
+        (SHIPPED / "crank_rocker.toml")
+        .read_text(encoding="utf-8")
+        .replace("[points]", '[parameters.k]\nvalue = "200 N/m"\ntunable = true\n\n[points]')
+    )
+    text = text.replace("outputs = [", 'outputs = ["crank.angle", "crank.angular_velocity", ')
+    text += '\n[[springs]]\nbetween = ["A", "C"]\nstiffness = "k"\nlength = "20 cm"\n'
+    scene.write_text(text, encoding="utf-8")
+    model = symgen.build(scene)
+    stiffness = [100.0, 200.0, 300.0, 400.0]
+    found = model.simulate_many({"k": stiffness}, t_end=2.5, samples=26, threads=1)
+    same_bits(found, [model.with_parameters(k=k).simulate(2.5, samples=26) for k in stiffness])
+    assert found["crank.angle"].values[:, -1] == pytest.approx(5 * np.pi)
+
+
+def test_regular_runs_stay_in_compiled_code(model):
+    columns = {"b": np.linspace(0.34, 0.36, 4)}
+    first = model.with_parameters(b=0.34).simulate(samples=5)
+    compiled = compiled_runs(first, columns, None, {"samples": 5})
+    kept = compiled(0, 4, Keep(None, None))
+    assert all(k is not None for k in kept)
+    assert compiled_runs(first, columns, None, {"samples": 5, "max_wall": 1.0}) is None
 
 
 def test_positions_are_those_of_two_circles(model):

@@ -10,7 +10,7 @@ from symgen.runtime.kernels.evaluate import Evaluator
 Array = NDArray[np.float64]
 
 #: A spring shorter than this share of the coordinates is at zero length.
-_NEAR = 1e-12
+NEAR = 1e-12
 
 
 def without_direction(evaluator: Evaluator, t: float, q: Array, u: Array, reach: float = 0.0) -> str:
@@ -19,7 +19,7 @@ def without_direction(evaluator: Evaluator, t: float, q: Array, u: Array, reach:
         return ""
     lengths = evaluator("line_lengths", t, q, u)
     least = int(np.argmin(lengths))
-    if not lengths[least] <= max(reach, _NEAR * float(np.max(np.abs(q), initial=0.0))):
+    if not lengths[least] <= max(reach, NEAR * float(np.max(np.abs(q), initial=0.0))):
         return ""
     name = evaluator.info("line_lengths").blocks[0].rows[least]
     return f"{name} is {lengths[least]:.3g} m long: where its points meet, its force has no direction"

@@ -51,7 +51,7 @@ class Many:
             progress: Callable[[float], None] | None = None,
             **arguments: Any,
         ) -> xarray.Dataset:
-            from symgen.runtime.many.dataset import dataset_of
+            from symgen.runtime.many.dataset import Keep, dataset_of
             from symgen.runtime.many.runs import Runs, carried_out, variants
 
             runs = Runs(model, analysis, *variants(model, parameters or {}, states), arguments)
@@ -59,7 +59,7 @@ class Many:
                 model.description,
                 analysis,
                 runs.columns,
-                carried_out(runs, outputs, reduce, threads, progress),
+                carried_out(runs, Keep(outputs, reduce), threads, progress),
             )
 
         call.__name__ = f"{analysis}_many"

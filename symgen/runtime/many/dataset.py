@@ -45,20 +45,32 @@ class Kept:
     error: str = ""
 
 
-def kept_of(result: Any, outputs: Sequence[str] | None, reduce: Callable[..., Any] | None) -> Kept:
-    """Return the selected outputs of one result, or their reductions, and its drift."""
-    samples = _chosen(result.variables, outputs)
-    drift = tuple(
-        Variable(
-            f"{name}_drift", unit, f"largest drift of the {name}", (), np.array(result.drift.measured[name])
+@dataclass(frozen=True, slots=True)
+class Keep:
+    """Selection of outputs, and their reduction where requested."""
+
+    outputs: Sequence[str] | None
+    reduce: Callable[..., Any] | None
+
+    def __call__(
+        self,
+        variables: tuple[Variable, ...],
+        along: Coordinate,
+        times: Array | None,
+        drift: Mapping[str, float],
+        axes: tuple[str, ...],
+    ) -> Kept:
+        """Return the selected outputs of one run, or their reductions, and its drift."""
+        samples = chosen(variables, self.outputs)
+        strayed = tuple(
+            Variable(f"{name}_drift", unit, f"largest drift of the {name}", (), np.array(drift[name]))
+            for name, unit in (("constraint", "m"), ("energy", "J"))
+            if name in drift
         )
-        for name, unit in (("constraint", "m"), ("energy", "J"))
-        if name in result.drift.measured
-    )
-    if reduce is None:
-        return Kept(result.coordinate, result.times, samples, drift, result.axes)
-    reduced = tuple(replace(v, values=_reduced(reduce, v)) for v in samples)
-    return Kept(single=(*reduced, *drift), axes=result.axes)
+        if self.reduce is None:
+            return Kept(along, times, samples, strayed, axes)
+        reduced = tuple(replace(v, values=_reduced(self.reduce, v)) for v in samples)
+        return Kept(single=(*reduced, *strayed), axes=axes)
 
 
 def at_one_pose(found: Equilibrium, axes: tuple[str, ...], outputs: Sequence[str] | None) -> Kept:
@@ -81,10 +93,11 @@ def at_one_pose(found: Equilibrium, axes: tuple[str, ...], outputs: Sequence[str
     stability = Variable(
         "stability", "1", "stable, neutral or unstable", (), np.array(found.stability, dtype=object)
     )
-    return Kept(single=(*_chosen(single, outputs), stability), axes=axes)
+    return Kept(single=(*chosen(single, outputs), stability), axes=axes)
 
 
-def _chosen(variables: tuple[Variable, ...], outputs: Sequence[str] | None) -> tuple[Variable, ...]:
+def chosen(variables: tuple[Variable, ...], outputs: Sequence[str] | None) -> tuple[Variable, ...]:
+    """Return the variables of some names, all for None."""
     if outputs is None:
         return variables
     named = {v.name: v for v in variables}

@@ -12,7 +12,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from symgen.errors import InitialStateError, ModelError, SimulationError, nearest, shown
-from symgen.runtime.many.dataset import Kept, at_one_pose, kept_of
+from symgen.runtime.many.compiled import compiled_runs
+from symgen.runtime.many.dataset import Keep, Kept, at_one_pose
 
 if TYPE_CHECKING:
     from symgen.runtime.result.state import State
@@ -63,13 +64,16 @@ def _values(model: Any, name: str, given: ArrayLike) -> Array:
 
 
 def _states(model: Any, states: Any) -> Sequence[State]:
-    from symgen.runtime.result.state import State
+    from symgen.runtime.result.state import State, finite
 
     if not isinstance(states, list | tuple):
         raise ModelError(f"expected a list of states, one per run, got {shown(states)}")
     for i, state in enumerate(states):
         if not isinstance(state, State):
             raise ModelError(f"expected a state of {model.name} for run {i}, got {shown(state)}")
+        y, n = finite(state)[1], model.description.coordinates
+        if len(y) != 2 * n:
+            raise ModelError(f"expected {n} coordinates of {model.name} for run {i}, got {len(y) // 2}")
     return states
 
 
@@ -92,50 +96,63 @@ class Runs:
             return self.model
         return self.model.with_parameters(**{name: values[i] for name, values in self.columns.items()})
 
-    def kept(self, i: int, outputs: Sequence[str] | None, reduce: Callable[..., Any] | None) -> Kept:
-        """Carry out run i by itself and return its samples; errors are those of the analysis."""
+    def result(self, i: int) -> Any:
+        """Carry out run i by itself; errors are those of the analysis."""
         state = {} if self.states is None else {"state": self.states[i]}
-        result = getattr(self.variant(i), self.analysis)(**state, **self.arguments)
+        return getattr(self.variant(i), self.analysis)(**state, **self.arguments)
+
+    def kept(self, result: Any, keep: Keep) -> Kept:
+        """Return the samples of a result that are kept."""
         if self.analysis != "equilibrium":
-            return kept_of(result, outputs, reduce)
-        if reduce is not None:
+            measured = result.drift.measured
+            return keep(result.variables, result.coordinate, result.times, measured, result.axes)
+        if keep.reduce is not None:
             raise ModelError("equilibrium_many does not accept reduce: an equilibrium has no samples")
-        return at_one_pose(result, self.model.description.shown_axes, outputs)
+        return at_one_pose(result, self.model.description.shown_axes, keep.outputs)
 
 
 def carried_out(
-    runs: Runs,
-    outputs: Sequence[str] | None,
-    reduce: Callable[..., Any] | None,
-    threads: int | None,
-    progress: Callable[[float], None] | None,
+    runs: Runs, keep: Keep, threads: int | None, progress: Callable[[float], None] | None
 ) -> list[Kept]:
-    """Return the samples of all runs; the first one is alone, since it may compile kernels for all others."""
+    """Return the samples of all runs.
+
+    The runs up to the first that succeeds are carried out one after the other: it may compile kernels for all
+    others, and wrong arguments are refused there.
+    """
     wrong = [name for name in _SINGLE if name in runs.arguments]
     if wrong:
         raise ModelError(f"{runs.analysis}_many does not accept {', '.join(wrong)}: it is for single runs")
     if threads is not None and threads < 1:
         raise ModelError(f"expected one thread or more, got {threads}")
-    count, workers = len(runs), threads or _processors()
-    kept = [Kept()] * count
+    kept: list[Kept] = []
+    result = None
+    while result is None and len(kept) < len(runs):
+        try:
+            result = runs.result(len(kept))
+            kept.append(runs.kept(result, keep))
+        except FAILURES as error:
+            kept.append(Kept(error=str(error)))
+    if result is None:
+        runs.result(0)  # raises the error of the first run
+    done, count, workers = len(kept), len(runs), threads or _processors()
+    kept += [Kept()] * (count - done)
+    compiled = compiled_runs(result, runs.columns, runs.states, runs.arguments)
 
     def carry_out(first: int, last: int) -> int:
-        for i in range(first, last):
+        found = compiled(first, last, keep) if compiled else [None] * (last - first)
+        for i, one in enumerate(found, first):
             try:
-                kept[i] = runs.kept(i, outputs, reduce)
+                kept[i] = runs.kept(runs.result(i), keep) if one is None else one
             except FAILURES as error:
                 kept[i] = Kept(error=str(error))
         return last - first
 
-    done = carry_out(0, 1)
-    block = min(_BLOCK, -(-count // (4 * workers)))
-    blocks = [(first, min(first + block, count)) for first in range(1, count, block)]
+    block = max(1, min(_BLOCK, -(-count // (4 * workers))))
+    blocks = [(first, min(first + block, count)) for first in range(done, count, block)]
     for finished in _in_threads(carry_out, blocks, workers):
         done += finished
         if progress:
             progress(done / count)
-    if all(k.error for k in kept):
-        runs.kept(0, outputs, reduce)  # raises the error of the first run
     return kept
 
 

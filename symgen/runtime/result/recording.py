@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -72,7 +72,7 @@ class Recording:
         if in_doubles and not info.work_size and not references.any():
             sizes = evaluator.description.sizes_of("outputs")
             out = run.called(evaluator.library.addresses["outputs"], sizes, evaluator.parameters)
-            return self._continued(_shaped(info, out))
+            return self._continued(shaped(info, out))
         # States are recorded as doubles, and outputs follow from them.
         solver = self.equations if in_doubles else evaluator.equations(lost)
         if not references.any():
@@ -96,17 +96,7 @@ class Recording:
         )
 
     def _continued(self, variables: tuple[Variable, ...]) -> tuple[Variable, ...]:
-        """Return the variables with the angles of links over the revolutions that the run counted."""
-        links = self.evaluator.description.turns
-        counted = {f"{link}.angle": turned for link, turned in zip(links, self.stepper.turns.T, strict=True)}
-
-        def continued(variable: Variable) -> Variable:
-            turned = counted.get(variable.name)
-            if turned is None:
-                return variable
-            return replace(variable, values=nearest_turn(variable.values, turned))
-
-        return tuple(map(continued, variables))
+        return continued(variables, self.evaluator.description.turns, self.stepper.turns)
 
     def drift(self) -> Drift:
         """Return how far the run strayed."""
@@ -202,7 +192,16 @@ def outputs(
     address = evaluator.library.addresses["outputs"]
     sizes = evaluator.description.sizes_of("outputs")
     _core.call_many(address, sizes, times, rows, n, evaluator.parameters, work, out)
-    return _shaped(info, out)
+    return shaped(info, out)
+
+
+def continued(variables: tuple[Variable, ...], links: Sequence[str], turns: Array) -> tuple[Variable, ...]:
+    """Return the variables with the angles of links over the revolutions that a run counted, ``turns``."""
+    counted = {f"{link}.angle": turned for link, turned in zip(links, turns.T, strict=True)}
+    return tuple(
+        replace(v, values=nearest_turn(v.values, counted[v.name])) if v.name in counted else v
+        for v in variables
+    )
 
 
 def wound(evaluator: Evaluator, references: Array) -> Iterator[tuple[Array, NDArray[np.intp]]]:
@@ -226,7 +225,7 @@ def nearest_turn(angles: Array, to: Array) -> Array:
     return nearest
 
 
-def _shaped(info: KernelInfo, out: Array) -> tuple[Variable, ...]:
+def shaped(info: KernelInfo, out: Array) -> tuple[Variable, ...]:
     """Return rows of a kernel's results as named variables; single numbers lose the axis of components."""
     return tuple(
         [

@@ -23,7 +23,8 @@ from symgen.runtime.rods.redundancy import (
 
 Array = NDArray[np.float64]
 
-_ROUNDING, _CONSISTENT = 1e-14, 1e-9
+#: Round-off of drawn positions over the size of the linkage, and of velocities over the prescribed ones.
+ROUNDING, CONSISTENT = 1e-14, 1e-9
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,7 +123,7 @@ def _check_directions(evaluator: Evaluator, q: Array) -> None:
     d = evaluator.description
     rows = evaluator.blocks("points", 0.0, q, np.zeros_like(q))["positions"]
     places = dict(zip(d.points, rows.tolist(), strict=True))
-    least = _ROUNDING * max(max(axis) - min(axis) for axis in zip(*places.values(), strict=True))
+    least = ROUNDING * max(max(axis) - min(axis) for axis in zip(*places.values(), strict=True))
     for link, (first, second, *_) in d.links.items():
         if not max(abs(x - y) for x, y in zip(places[second], places[first], strict=True)) > least:
             raise InitialStateError(
@@ -208,7 +209,7 @@ def _velocities(evaluator: Evaluator, starter: Starter, redundant: tuple[int, ..
         raise not_positive(evaluator)
     u, of_constraints, of_start, size = found
     missed = float(np.max(np.concatenate((of_constraints, of_start)), initial=0.0))
-    if missed <= _CONSISTENT * size:
+    if missed <= CONSISTENT * size:
         return u
     if len(of_start):
         worst = int(np.argmax(of_start))

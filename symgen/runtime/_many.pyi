@@ -1,0 +1,39 @@
+"""Types of the binding of many runs; see ``_many.pyx`` for what things do."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symgen.runtime._core import Equations
+from symgen.runtime._start import Starter
+from symgen.runtime.integrate.integrators import Integrator
+from symgen.runtime.kernels.evaluate import Evaluator
+
+Array = NDArray[np.float64]
+
+class Runs:
+    def __init__(
+        self,
+        evaluator: Evaluator,
+        equations: Equations,
+        starter: Starter,
+        method: Integrator,
+        t0: float,
+        t_end: float,
+        rtol: float,
+        atol: float,
+        step: float,
+        times: Array,
+        *,
+        stabilisation: int,
+        max_drift: float,
+        max_step: float,
+        places_only: bool,
+        most: int,
+        ends: NDArray[np.intp],
+        rounding: float,
+        consistent: float,
+        near: float,
+    ) -> None: ...
+    def carry_out(
+        self, given: Array, states: Array | None = None
+    ) -> tuple[NDArray[np.bool_], Array, Array, Array]: ...

@@ -1,0 +1,271 @@
+# cython: language_level=3, boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
+"""Many runs of one linkage with other parameters each, without Python between them."""
+
+import numpy as np
+
+from libc.math cimport fabs, fmax, fmin
+from libc.stdlib cimport calloc, free
+from libc.string cimport memcpy, memset
+
+from symgen.runtime._core cimport (
+    Core, Equations, Scheme, _DONE, _MORE, at_least, core_api, equations, kernel_of, kernel_t, report, run,
+    scheme as scheme_t, task,
+)
+from symgen.runtime._start cimport (
+    Starter, start, start_kernels, start_sizes, start_table, _ON_THE_WAY, _STARTED,
+)
+
+
+cdef class Runs:
+    """Runs of one linkage from its starts; one per thread of work.
+
+    A run whose start is not regular, or that does not come to its end, is left to the caller, who finds out why.
+
+    Parameters
+    ----------
+    evaluator
+        The :class:`~symgen.runtime.kernels.evaluate.Evaluator` of any variant.
+    equations
+        Its :class:`~symgen.runtime._core.Equations`, without redundant constraints, events and held parameters.
+    starter
+        Its :class:`~symgen.runtime._start.Starter`.
+    method, t0, t_end, rtol, atol, step, times, stabilisation, max_drift, max_step, places_only
+        As of :class:`~symgen.runtime._core.Run`.
+    most
+        A run that needs more steps is left to the caller.
+    ends
+        Numbers of the two points of every link, shape (links, 2).
+    rounding
+        Round-off of drawn positions over the size of the linkage.
+    consistent
+        Round-off of the start's velocities over the largest of their right-hand sides.
+    near
+        Springs shorter than this part of the coordinates have no direction.
+    """
+
+    cdef Equations equations
+    cdef Starter starter
+    cdef Scheme scheme
+    cdef scheme_t filled
+    cdef const core_api *api
+    cdef equations *e
+    cdef start *s
+    cdef const start_table *of_start
+    cdef start_sizes sizes
+    cdef start_kernels kernels
+    cdef size_t bytes
+    cdef task asked
+    cdef run *core
+    cdef void *memory
+    cdef void *fresh
+    cdef void *state
+    cdef kernel_t drawn, lines, outputs
+    cdef Py_ssize_t n, m, springs, out, work, turns
+    cdef const Py_ssize_t[:, ::1] ends
+    cdef const double[::1] times
+    cdef double rounding, consistent, near
+    cdef long most
+    cdef double[::1] solutions, row, result
+    cdef char[::1] none_dropped
+    cdef object evaluator
+
+    def __init__(self, evaluator, Equations equations, Starter starter, method, double t0, double t_end, double rtol,
+                 double atol, double step, const double[::1] times, *, long stabilisation, double max_drift,
+                 double max_step, bint places_only, long most, const Py_ssize_t[:, ::1] ends, double rounding, double consistent,
+                 double near):
+        d, addresses = evaluator.description, evaluator.library.addresses
+        self.evaluator, self.equations, self.starter = evaluator, equations, starter
+        self.api, self.e, self.state, self.bytes = equations.of.api, equations.core, equations.memory, equations.bytes
+        self.s, self.of_start, self.sizes, self.kernels = starter.core, starter.api, starter.sizes, starter.given
+        self.n, self.m, self.turns = equations.n, equations.m, len(d.turns)
+        self.times, self.ends, self.most = times, ends, most
+        self.rounding, self.consistent, self.near = rounding, consistent, near
+        if self.api.real_bytes != sizeof(double) or self.n < 1 or d.events or d.held or equations.redundant:
+            raise ValueError("many runs are for linkages in doubles, without events and redundant constraints")
+        self.drawn, self.lines = kernel_of(addresses, "drawn"), kernel_of(addresses, "line_lengths")
+        self.outputs = kernel_of(addresses, "outputs")
+        if self.drawn == NULL or times.shape[0] == 0:
+            raise ValueError("expected a kernel 'drawn' and a time to record")
+        lines, outputs = evaluator.find("line_lengths"), evaluator.find("outputs")
+        self.springs = lines.out_size if lines else 0
+        self.out = outputs.out_size if outputs else 0
+        self.work = self.n + self.m + 1 if outputs and outputs.work_size else 0
+        if outputs and outputs.work_size > self.work:
+            raise ValueError("the outputs need more than accelerations and multipliers")
+        if any([k.work_size for k in d.kernels if k.name in ("drawn", "line_lengths")]):
+            raise ValueError("the kernels of a start need work memory")
+        self.scheme = equations.of.scheme(method)
+        self.filled = self.scheme.filled
+        self.asked.t0, self.asked.t_end, self.asked.rtol, self.asked.atol = t0, t_end, rtol, atol
+        self.asked.step, self.asked.max_drift, self.asked.stabilisation = step, max_drift, stabilisation
+        self.asked.max_step, self.asked.places_only = max_step, places_only
+        self.asked.samples = times.shape[0]
+        self.solutions = np.zeros(times.shape[0] * self.work + 1)
+        self.row, self.result = np.zeros(2 * self.n + 2), np.zeros(self.springs + 1)
+        self.none_dropped = np.zeros(self.m + 1, dtype=np.int8)
+        self.core = <run *>calloc(1, self.api.run_struct)
+        self.memory = calloc(1, self.api.run_bytes(equations.core, &self.scheme.filled, &self.asked))
+        self.fresh = calloc(1, equations.bytes)
+        if self.core == NULL or self.memory == NULL or self.fresh == NULL:
+            raise MemoryError
+        self.api.run_bind(self.core, equations.core, &self.scheme.filled, &self.asked, self.memory)
+        memcpy(self.fresh, equations.memory, equations.bytes)
+        starter.api.bind(starter.core, &starter.sizes, &starter.given, equations.core.p, starter.memory)
+
+    def __dealloc__(self):
+        free(self.core)
+        free(self.memory)
+        free(self.fresh)
+
+    cdef void renew(self, const double *given) noexcept nogil:
+        """Set parameters of equations in the state in which they were bound."""
+        memcpy(self.state, self.fresh, self.bytes)
+        self.api.set_parameters(self.e, given, NULL)
+
+    cdef bint scaled(self) noexcept nogil:
+        """Return whether the scales of all constraints are above zero at the coordinates of the start; leave the values
+        and the scales in the output of the start."""
+        cdef double t = 0.0
+        cdef Py_ssize_t i
+        self.kernels.constraints(&t, self.s.q, self.s.still, self.e.p, self.s.work, self.s.out)
+        for i in range(self.m):
+            if not self.s.out[self.m + i] > 0.0:
+                return False
+        return True
+
+    cdef double extent(self) noexcept nogil:
+        """Return the largest spread of the points along an axis [m]; leave their positions in the output of the start."""
+        cdef double t = 0.0, low, high, widest = 0.0
+        cdef Py_ssize_t i, axis
+        self.kernels.points(&t, self.s.q, self.s.still, self.e.p, self.s.work, self.s.out)
+        for axis in range(self.sizes.axes):
+            low = high = self.s.out[axis]
+            for i in range(self.sizes.points):
+                low = fmin(low, self.s.out[i * self.sizes.axes + axis])
+                high = fmax(high, self.s.out[i * self.sizes.axes + axis])
+            widest = fmax(widest, high - low)
+        return widest
+
+    cdef bint assembled(self) noexcept nogil:
+        """Lead the linkage from its drawing to the pose of its start; return whether that is regular."""
+        cdef double t = 0.0, size, apart
+        cdef Py_ssize_t i, j, axes = self.sizes.axes
+        cdef int status = _ON_THE_WAY
+        self.drawn(&t, self.s.still, self.s.still, self.e.p, self.s.work, self.s.q)
+        if self.kernels.assembly != NULL:
+            size = self.extent()
+            for i in range(self.ends.shape[0]):
+                apart = 0.0
+                for j in range(axes):
+                    apart = fmax(apart, fabs(self.s.out[self.ends[i, 1] * axes + j] - self.s.out[self.ends[i, 0] * axes + j]))
+                if not apart > self.rounding * size:
+                    return False
+            if self.kernels.constraints != NULL and not self.scaled():
+                return False
+            self.of_start.begin(self.s)
+            while status == _ON_THE_WAY:
+                status = self.of_start.advance(self.s)
+            if status != _STARTED:
+                return False
+        if self.kernels.constraints == NULL:
+            return True
+        size = fmax(self.sizes.share * self.extent(), self.sizes.tolerance)
+        if not self.scaled():
+            return False
+        for i in range(self.m):
+            if not fabs(self.s.out[i] / self.s.out[self.m + i]) <= size:
+                return False
+        return True
+
+    cdef bint started(self) noexcept nogil:
+        """Find the start, in the row of the state; return whether it is regular."""
+        cdef double t = 0.0, size = 0.0, least
+        cdef Py_ssize_t i, kept
+        cdef const char *dropped
+        if not self.assembled():
+            return False
+        memset(&self.row[0], 0, self.row.shape[0] * sizeof(double))
+        memcpy(&self.row[0], self.s.q, self.n * sizeof(double))
+        if self.api.check(self.e, 0.0, &self.row[0]) != _DONE:
+            return False
+        dropped = self.api.dropped(self.e)
+        for i in range(self.m):
+            if dropped[i]:
+                return False
+        if self.kernels.mass != NULL:
+            kept = self.of_start.velocities(self.s, &self.none_dropped[0])
+            if kept < 0:
+                return False
+            for i in range(kept + self.sizes.prescribed):
+                if not self.s.miss[i] <= self.consistent * self.s.fastest:
+                    return False
+            memcpy(&self.row[self.n], self.s.u, self.n * sizeof(double))
+        if self.lines != NULL:
+            self.lines(&t, &self.row[0], &self.row[self.n], self.e.p, self.s.work, &self.result[0])
+            for i in range(self.n):
+                size = fmax(size, fabs(self.row[i]))
+            for i in range(self.springs):
+                if self.result[i] <= self.near * size:
+                    return False
+        return True
+
+    cdef bint ran(self, const double *given, const double *state, double *out, double *turns, double *drift) noexcept nogil:
+        """Carry out one run; return whether it came regularly to its end."""
+        cdef report r
+        cdef const void *samples
+        cdef long count = self.asked.samples
+        self.renew(given)
+        if not self.started():
+            return False
+        if state != NULL:
+            memcpy(&self.row[0], state, 2 * self.n * sizeof(double))
+        self.renew(given)
+        memset(self.memory, 0, self.core.bytes)
+        self.api.run_bind(self.core, self.e, &self.filled, &self.asked, self.memory)
+        self.api.run_start(self.core, &self.row[0], NULL, &self.times[0], NULL, NULL)
+        if self.api.run_begin(self.core) != _MORE or self.api.run_advance(self.core, self.most) != _DONE:
+            return False
+        self.api.run_report(self.core, &r)
+        if r.recorded != count or r.moved or r.passages:
+            return False
+        drift[0], drift[1] = r.position_drift, r.energy_drift
+        samples = self.api.run_samples(self.core)
+        if self.turns:
+            memcpy(turns, self.api.run_turns(self.core), count * self.turns * sizeof(double))
+        if self.work:
+            self.api.solve_rows(self.e, count, self.api.run_times(self.core), samples, 2 * self.n + self.e.sizes.extra,
+                                &self.solutions[0], self.work)
+        if self.out:
+            self.api.call_rows(self.outputs, count, self.api.run_times(self.core), samples,
+                               2 * self.n + self.e.sizes.extra, self.n, self.e.p, &self.solutions[0], self.work, out, self.out)
+        return True
+
+    def carry_out(self, const double[:, ::1] given, states=None):
+        """Carry out a run for every row of parameters, from its start or from a row of states (q, u).
+
+        Returns
+        -------
+        tuple
+            Which runs came regularly to their end; the output of the kernel 'outputs' (runs, samples, numbers);
+            counted angles of links (runs, samples, links); largest errors of constraints [m] and energy [J]
+            (runs, 2).
+        """
+        cdef Py_ssize_t runs = given.shape[0], i, count = self.times.shape[0], out = self.out, turns = self.turns
+        cdef const double[:, ::1] rows
+        cdef bint from_states = states is not None
+        at_least("parameters", given.shape[1], self.e.sizes.parameters)
+        found, turned = np.empty((runs, count, out)), np.empty((runs, count, turns))
+        drifts, regular = np.empty((runs, 2)), np.zeros(runs, dtype=np.uint8)
+        cdef double[::1] to_found = np.zeros(1) if not found.size else found.reshape(-1)
+        cdef double[::1] to_turned = np.zeros(1) if not turned.size else turned.reshape(-1)
+        cdef double[:, ::1] to_drifts = drifts
+        cdef unsigned char[::1] to_regular = regular
+        if from_states:
+            rows = states
+            at_least("rows of states", rows.shape[0], runs)
+            at_least("numbers in a state", rows.shape[1], 2 * self.n)
+        with nogil:
+            for i in range(runs):
+                to_regular[i] = self.ran(&given[i, 0], &rows[i, 0] if from_states else NULL, &to_found[i * count * out],
+                                         &to_turned[i * count * turns], &to_drifts[i, 0])
+        return regular.astype(bool), found, turned, drifts

@@ -1,0 +1,48 @@
+"""The interface of starts in C, and their binding."""
+
+from symgen.runtime._core cimport kernel_t
+
+cdef extern from "core/start.h" nogil:
+    cdef struct start_kernels:
+        kernel_t assembly, points, constraints, jacobian, drift, rates, mass
+
+    cdef struct start_sizes:
+        Py_ssize_t n, m, rows, prescribed, points, axes, work, out
+        double tolerance, share
+
+    enum start_status:
+        _STARTED "STARTED"
+        _ON_THE_WAY "ON_THE_WAY"
+        _UNASSEMBLED "UNASSEMBLED"
+        _TOO_TOLERANT "TOO_TOLERANT"
+
+    double MOST_TOLERANCE
+
+    cdef struct start:
+        double at, fastest
+        double *q
+        double *u
+        double *miss
+        double *still
+        double *work
+        double *out
+
+    cdef struct start_table "start_api":
+        size_t start_struct
+        size_t (*bytes)(const start_sizes *) noexcept nogil
+        void (*bind)(start *, const start_sizes *, const start_kernels *, const void *, void *) noexcept nogil
+        void (*begin)(start *) noexcept nogil
+        int (*advance)(start *) noexcept nogil
+        Py_ssize_t (*velocities)(start *, const char *) noexcept nogil
+
+
+cdef class Starter:
+    cdef start *core
+    cdef void *memory
+    cdef const start_table *api
+    cdef start_sizes sizes
+    cdef start_kernels given
+    cdef object library
+    cdef const double[::1] p
+
+    cdef object copied(self, const double *numbers, Py_ssize_t count)

@@ -1,0 +1,118 @@
+"""Many runs of a linkage without Python between them, where starts and runs are regular."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symgen.runtime import _core
+from symgen.runtime._many import Runs
+from symgen.runtime._start import Starter
+from symgen.runtime.integrate.causes import NEAR
+from symgen.runtime.integrate.options import Options
+from symgen.runtime.integrate.simulate import sample_times
+from symgen.runtime.kernels.evaluate import Evaluator
+from symgen.runtime.many.dataset import Keep, Kept
+from symgen.runtime.result.recording import Recording, continued, shaped
+from symgen.runtime.result.records import over_time
+from symgen.runtime.rods.redundancy import ASSEMBLED
+from symgen.runtime.rods.start import CONSISTENT, ROUNDING
+
+if TYPE_CHECKING:
+    from symgen.runtime.result.state import State
+
+Array = NDArray[np.float64]
+#: Arguments of runs that look at the clock between steps.
+_CLOCKED = ("max_wall", "progress")
+#: Longer runs are carried out singly: they can be interrupted, and tell their pace.
+_MOST_STEPS = 100_000
+
+
+@dataclass(frozen=True, slots=True)
+class Compiled:
+    """Runs with parameters ``given`` (runs, parameters) from their starts, or from states (runs, (q, u)).
+
+    ``single`` are runs with the parameters of the scene, which start from the stored state.
+    """
+
+    evaluator: Evaluator
+    chosen: Options
+    t0: float
+    times: Array
+    given: Array
+    states: Array | None
+    single: NDArray[np.bool_]
+
+    def __call__(self, first: int, last: int, keep: Keep) -> list[Kept | None]:
+        """Carry out some runs; None stands for those that are to be carried out singly."""
+        d, rows = self.evaluator.description, slice(first, last)
+        states = None if self.states is None else self.states[rows]
+        regular, out, turned, drifts = self._runs().carry_out(self.given[rows], states)
+        info, along = self.evaluator.find("outputs"), over_time(self.times)
+        if info and keep.outputs is not None:
+            info = replace(info, blocks=tuple(b for b in info.blocks if b.name in keep.outputs))
+        kept: list[Kept | None] = []
+        for i in range(last - first):
+            if not regular[i] or self.single[first + i]:
+                kept.append(None)
+                continue
+            variables = continued(shaped(info, out[i]), d.turns, turned[i]) if info else ()
+            drift = dict(zip(("constraint", "energy"), drifts[i].tolist(), strict=True))
+            kept.append(keep(variables, along, None, drift, d.shown_axes))
+        return kept
+
+    def _runs(self) -> Runs:
+        d, chosen = self.evaluator.description, self.chosen
+        number = {name: i for i, name in enumerate(d.points)}
+        ends = [[number[p] for p in points[:2]] for points in d.links.values()]
+        return Runs(
+            self.evaluator,
+            self.evaluator.equations(stabilisation=chosen.rate),
+            Starter(self.evaluator, ASSEMBLED, np.zeros(d.coordinates)),
+            chosen.method,
+            self.t0,
+            chosen.t_end,
+            chosen.rtol,
+            chosen.atol,
+            chosen.step,
+            self.times,
+            stabilisation=_core.STABILISATIONS.index(chosen.stabilisation),
+            max_drift=chosen.max_drift,
+            max_step=chosen.max_step,
+            places_only=self.evaluator.outputs_by_places,
+            most=min(chosen.max_steps, _MOST_STEPS),
+            ends=np.array(ends, dtype=np.intp).reshape(-1, 2),
+            rounding=ROUNDING,
+            consistent=CONSISTENT,
+            near=NEAR,
+        )
+
+
+def compiled_runs(
+    first: Any, columns: Mapping[str, Array], states: Sequence[State] | None, arguments: Mapping[str, Any]
+) -> Compiled | None:
+    """Return runs with the options of a first one; None where each is to be carried out singly."""
+    source = getattr(first, "__dict__", {}).get("_source")
+    if not isinstance(source, Recording) or any(arguments.get(name) is not None for name in _CLOCKED):
+        return None
+    evaluator, chosen, d = source.evaluator, source.chosen, source.evaluator.description
+    in_c = source.equations.core_type is _core.DOUBLE and source.library.backend in ("c", "shipped")
+    starts = {s.t for s in states} if states is not None else {0.0}
+    if not in_c or d.events or d.held or source.redundant or not d.coordinates or len(starts) > 1:
+        return None
+    if chosen.method.needs_tangent:
+        return None
+    rows = None if states is None else np.array([np.concatenate((s.q, s.u)) for s in states])
+    count = len(next(iter(columns.values()))) if rows is None else len(rows)
+    names = [p.name for p in d.tunable]
+    given = np.tile(evaluator.given, (count, 1))
+    for name, values in columns.items():
+        given[:, names.index(name)] = values
+    single = np.all(given == np.array([p.default for p in d.tunable]), axis=1) & (states is None)
+    t0 = starts.pop()
+    times = np.ascontiguousarray(sample_times(t0, chosen, arguments.get("t_eval")))
+    return Compiled(evaluator, chosen, t0, times, given, rows, single)
