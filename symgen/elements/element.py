@@ -58,10 +58,10 @@ class Element:
         element are in the order first node, second node, inner.
     axial, transverse
         Degree of u and of w as polynomials in x.
+    rotation
         Degree of the rotation of the section if it is a separate field; None if it is the slope.
     vanishing
         Function of the shear strain that is zero along the element, if the boundary conditions alone do not
-        determine the fields.
         determine the fields.
     rotary
         Whether the rotary inertia of the section is included.

@@ -13,13 +13,15 @@ from symgen.runtime.model.model import VERBS
 
 RODS = {"simulate", "equilibrium", "modes", "accelerations", "batch"}
 DRIVEN = {"kinematics", "inverse_dynamics", "assemblies"}
+AT_REST = {"equilibrium", "modes"}
 ELASTIC = {"periodic", "quasi_static", "large_rotation", "sweep", "in_segments"}
 SUPPORTED = {
     "four_bar": RODS,
-    "crank_rocker": RODS | DRIVEN,
+    "crank_rocker": (RODS | DRIVEN) - AT_REST,
     "slider_crank": DRIVEN | {"batch"},
     "cssp": {"simulate", "assemblies", "batch"},
-    "elastic_four_bar": RODS - {"accelerations"} | DRIVEN | ELASTIC,
+    "elastic_four_bar": RODS - {"accelerations", "equilibrium"} | DRIVEN | ELASTIC,
+    "elastic_four_bar_motor": RODS - {"accelerations"} | DRIVEN | ELASTIC,
 }
 KINEMATIC = {"analysis.kind": "kinematics", "analysis.outputs": []}
 
@@ -53,6 +55,31 @@ def test_kinematic_scenes_and_user_defined_systems_support_few(tmp_path):
     with pytest.raises(CapabilityError, match="user-defined system"):
         own.batch("squared", 0.0, [[2.0]])
     assert isinstance(own, symgen.SystemModel) and own.evaluate("squared", q=[3.0])["area"] == 9.0
+
+
+@pytest.mark.parametrize(
+    ("angle", "missing", "reason"),
+    [
+        ("0.4", {"modes"}, "constraints and drives hold every freedom"),
+        ("0.4 + speed*t", AT_REST, "the drive of link crank moves at all times until 1 s"),
+        ("0.4 + (t/T)**3", {"modes"}, "constraints and drives hold every freedom"),
+    ],
+)
+def test_a_driven_linkage_has_equilibria_where_its_drives_rest(angle, missing, reason):
+    points = {"O": {"at": ["0 m", "0 m"], "ground": True}, "A": {"at": ["cos(0.4)*m", "sin(0.4)*m"]}}
+    scene = symgen.Scene(
+        parameters={"speed": "2 rad/s", "T": "0.5 s", "m": "1 m"},
+        points=points,
+        links={"crank": {"points": ["O", "A"], "mass": "2 kg"}},
+        gravity={"acceleration": ["0 m/s^2", "-9.81 m/s^2"]},
+        drivers=[{"link": "crank", "angle": angle}],
+    )
+    model = symgen.build(scene, backend="numpy")
+    assert AT_REST - set(model.capabilities) == missing
+    with pytest.raises(CapabilityError, match=reason):
+        model.modes  # noqa: B018
+    if "equilibrium" not in missing:
+        assert model.equilibrium().reactions["O"].sum() == pytest.approx(2 * 9.81)
 
 
 def test_missing_analyses_give_the_reason_when_accessed():

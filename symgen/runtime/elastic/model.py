@@ -6,7 +6,7 @@ import math
 import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from functools import cache
+from functools import cache, cached_property
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
@@ -171,7 +171,19 @@ class ElasticModel(Model):
 
     def _refused(self, name: str) -> str | None:
         carrier = self._carrier(name)
-        return super()._refused(name) if carrier is self else carrier._refused(name)
+        if carrier is not self:
+            return carrier._refused(name)
+        if name == "equilibrium" and self._never_rests:
+            return self._never_rests
+        return super()._refused(name)
+
+    @cached_property
+    def _never_rests(self) -> str | None:
+        """Why there is no equilibrium; None where there may be one. Nothing holds a crank with a motor."""
+        from symgen.runtime.rods.equilibrium import never_rests
+
+        info = self.description.elastic
+        return never_rests(self.rigid.evaluator, info.crank if info and info.mode != "held" else "")
 
     def _modes(self, at: Equilibrium | float | None = None, moving: bool = False) -> ElasticModes:
         from symgen.runtime.elastic.modes import modes_with_errors
@@ -295,8 +307,6 @@ class ElasticModel(Model):
         return self._of_scene(whole(count, "segments"))
 
     def _equilibrium(self, segments: int = 12, t: float | None = None, stable: bool = True) -> Equilibrium:
-        if self.crank_speed and self._motion(True).info.mode == "held":
-            return self.rigid._equilibrium()  # which names the drive that moves, before rods are derived
         return self._in_segments(segments)._equilibrium(t=t, stable=stable)
 
     def _large_rotation(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Mapping, Sequence
+from functools import cached_property
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
@@ -72,7 +73,20 @@ class RodModel(LinkageModel):
     def _refused(self, name: str) -> str | None:
         if name == "inverse_dynamics" and (len(self.description.axes) > 2 or self.description.plane):
             return "joint forces by rigid elements are for linkages in the plane"
+        if name in ("equilibrium", "modes") and self._never_rests:
+            return self._never_rests
+        d = self.description
+        held = d.coordinates == len(d.constraints) - len(d.redundant)
+        if name == "modes" and held and not d.plane:  # a plane linkage vibrates across its plane, too
+            return "constraints and drives hold every freedom: nothing oscillates"
         return super()._refused(name)
+
+    @cached_property
+    def _never_rests(self) -> str | None:
+        """Why there is no equilibrium; None where there may be one."""
+        from symgen.runtime.rods.equilibrium import never_rests
+
+        return never_rests(self._evaluator)
 
     @property
     def redundant(self) -> tuple[str, ...]:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from symgen.calls import checked
 from symgen.errors import ModelError, SimulationError
+from symgen.runtime.kernels.evaluate import Evaluator
 from symgen.runtime.result.state import State
 from symgen.runtime.rods.assemblies import polished
 from symgen.runtime.rods.constraints import Bonds
@@ -18,6 +19,10 @@ from symgen.runtime.rods.linear import Linearised, Statics
 Array = NDArray[np.float64]
 
 _STEPS, _AWAY = 500, 1e4
+#: Times of a run at which drives may rest.
+_INSTANTS = 65
+_IN_MOTION = "there is no equilibrium while a drive is in motion"
+_HOLD = "Give the drive a constant value, or ask for the kinematics or the motion."
 
 
 @checked
@@ -72,6 +77,26 @@ class Equilibrium:
         }
 
 
+def never_rests(evaluator: Evaluator, left_out: str = "") -> str | None:
+    """Return why a linkage has no equilibrium: a drive or ground point moves at every time of its run.
+
+    None where all rest at some time. ``left_out`` is a link whose drive does not count.
+    """
+    d = evaluator.description
+    q, rest = np.array(d.start[: d.coordinates]), np.zeros(d.coordinates)
+    moving = ""
+    for t in np.linspace(0.0, d.t_end, _INSTANTS).tolist():
+        rates = evaluator.blocks("points", t, q, rest)["velocities"]
+        moving = next((f"the ground point {p}" for p in d.ground if np.any(rates[d.points.index(p)])), "")
+        if not moving and d.constraints:
+            drift = np.ravel(evaluator.blocks("velocity_constraints", t, q, rest)["velocity_constraints"])
+            rows = zip(d.constraints, d.labels, drift, strict=True)
+            moving = next((label for name, label, x in rows if x and name != f"{left_out}_drive"), "")
+        if not moving:
+            return None
+    return f"{_IN_MOTION}: {moving} moves at all times until {d.t_end:g} s\n  {_HOLD}"
+
+
 def at_rest(bonds: Bonds, q: Array, t: float) -> None:
     """Check that no drive and no ground point is in motion at the time t.
 
@@ -93,10 +118,7 @@ def at_rest(bonds: Bonds, q: Array, t: float) -> None:
         if name in d.ground and (np.any(rates[i]) or np.any(second[i])):
             moving.insert(0, f"the ground point {name}")
     if moving:
-        raise ModelError(
-            f"there is no equilibrium while a drive is in motion: {moving[0]} moves at t = {t:g} s\n"
-            "  Give the drive a constant value, or ask for the kinematics or the motion."
-        )
+        raise ModelError(f"{_IN_MOTION}: {moving[0]} moves at t = {t:g} s\n  {_HOLD}")
 
 
 def find(statics: Statics, q: Array, stable: bool) -> tuple[Array, Linearised]:

@@ -86,9 +86,9 @@ class Crank:
     """How the input turns: the link's direction is ``angle + speed*t`` in the rigid motion.
 
     ``mode`` is ``held`` (its shaft turns exactly so), ``free`` (nothing holds it: its turning departs from
-    the rigid motion) or ``motor``: driven by a torque [N m] which may use the time t and the states
-    ``LINK.angle`` and ``LINK.angular_velocity``, with the moment of inertia ``flywheel`` [kg m^2] on it,
-    which is in the ``inertia`` of its link.
+    the rigid motion) or ``motor``: driven by a torque [N m] over the time t and the states ``LINK.angle`` and
+    ``LINK.angular_velocity`` of its link, which scenes write as ``this.angle`` and ``this.rate``, with the
+    moment of inertia ``flywheel`` [kg m^2] on it, which is in the ``inertia`` of its link.
     """
 
     link: str
