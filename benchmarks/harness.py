@@ -248,7 +248,7 @@ def _holds(line: Sequence[Required]) -> bool:
 
 
 def _console() -> Console:
-    return Console(width=None if sys.stdout.isatty() else 110, highlight=False)
+    return Console(width=None if sys.stdout.isatty() else 110, highlight=False, markup=False)
 
 
 def _print_rows(measured: Measurement, repeat: int) -> None:

@@ -1,0 +1,134 @@
+"""N four-bar linkages in a row: operations, code, time from file to first step, evaluation and memory over N.
+
+Each linkage shares a crank with the next, so that 2 N + 2 coordinates have 2 N + 1 constraints and one degree
+of freedom remains. Time to the first step, processor time and memory are those of a new process with an empty
+cache, compilers included. Errors are those of all accelerations, against the pendulum that the row is
+equivalent to.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+import sys
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from harness import Case, Measurement, Required, arguments, measure, report_repeats
+from numpy.typing import NDArray
+from regeneration import IMPORT, best, cold
+
+import symgen
+from symgen.runtime import _core
+
+Array = NDArray[np.float64]
+
+SIZES = (5, 10, 20, 40)
+#: Bounds: growth with N between the two largest sizes, time to the first step of 40 linkages [s], error.
+EXPONENT, FIRST_STEP, LARGEST_ERROR = 1.15, 5.0, 1e-12
+#: Mass of every link [kg], start of the cranks (1 m long) [m, rad/s], and gravity [m/s^2].
+MASS, ACROSS, UP, RATE, GRAVITY = 1.0, 0.6, 0.8, -2.0, 9.81
+TIMES = 2000
+#: Columns whose growth is bounded, and whether they are times.
+GROWING = {
+    "operations": False,
+    "code [kB]": False,
+    "processor [s]": True,
+    "evaluation [us]": True,
+    "memory [MB]": False,
+}
+
+
+def main() -> int:
+    """Measure, print, and return the exit code."""
+    options = arguments(__doc__)
+    return report_repeats(measured, repeats=options.repeats, as_json=options.json)
+
+
+def measured() -> Measurement:
+    """Measure once."""
+    with tempfile.TemporaryDirectory() as folder:
+        sympy = best(["-c", "import sympy"], Path(folder), 3)
+        rows = [size(n, Path(folder)) for n in SIZES]
+    earlier, last = rows[-2:]
+    required = [
+        Required(
+            f"exponent of {column}, N = {earlier['N']} to {last['N']}",
+            math.log(last[column] / earlier[column]) / math.log(last["N"] / earlier["N"]),
+            EXPONENT,
+            at_least=False,
+            timed=timed,
+        )
+        for column, timed in GROWING.items()
+    ]
+    forty = next(row for row in rows if row["N"] == 40)
+    seconds = forty["processor [s]"] * IMPORT / max(IMPORT, sympy.processor)
+    required += [
+        Required(
+            "processor time to the first step, N = 40 [s]", seconds, FIRST_STEP, at_least=False, timed=True
+        ),
+        Required("relative error", max(row["relative error"] for row in rows), LARGEST_ERROR, at_least=False),
+    ]
+    notes = [f"Seconds required: where SymPy is imported in {IMPORT:g} s; on a slower machine in proportion."]
+    return Measurement("N four-bar linkages in a row", rows, required, notes)
+
+
+def size(n: int, folder: Path) -> dict[str, Any]:
+    """Return the row of one N."""
+    file = folder / f"row_of_{n}.toml"
+    file.write_text(scene(n), encoding="utf-8")
+    spent = cold(["simulate", str(file), "--t-end", "1e-3", "--json"], folder, 1)
+    os.environ["SYMGEN_CACHE"] = str(folder / "cache")  # of the process above
+    model = symgen.build(file)
+    found, start = model.accelerations(), model.initial_state()
+    expected = exact(n)
+    wrong = max(float(np.linalg.norm(found[point] - expected)) for point in model.description.free)
+    kernel, counts = model._library.addresses["accelerations"], model.description.sizes_of("accelerations")
+    state, unknowns = np.concatenate([start.q, start.u, [0.0]])[None, :], 4 * n + 3
+    work = np.zeros(max(k.work_size for k in model.description.kernels) + 1)
+    out = np.zeros((1, unknowns))
+    times = max(1, TIMES // n)
+
+    def evaluate() -> None:
+        _core.call_repeatedly(
+            kernel, counts, times, state, len(start.q), model.evaluator.parameters, work, out
+        )
+
+    evaluation = measure({"": Case(evaluate, times)}, primed=True)[""]
+    return {
+        "N": n,
+        "operations": model.operations["accelerations"]["flops"],
+        "code [kB]": sum(file.stat().st_size for file in (folder / "cache").rglob("*.c")) / 1e3,
+        "first step [s]": spent.seconds,
+        "processor [s]": spent.processor,
+        "evaluation [us]": evaluation.best * 1e6,
+        "memory [MB]": spent.memory,
+        "relative error": wrong / float(np.linalg.norm(expected)),
+    }
+
+
+def scene(n: int) -> str:
+    """Return the scene of N linkages with n + 1 cranks of 1 m, 1 m apart, and n couplers."""
+    lines = ["symgen = 1", f'title = "{n} four-bar linkages in a row"', "[points]"]
+    for k in range(n + 1):
+        lines.append(f'A{k} = {{ at = ["{k} m", "0 m"], ground = true }}')
+        lines.append(f'B{k} = {{ at = ["{k + ACROSS} m", "{UP} m"] }}')
+    lines.append("[links]")
+    lines += [f'crank{k} = {{ points = ["A{k}", "B{k}"], mass = "{MASS} kg" }}' for k in range(n + 1)]
+    lines += [f'coupler{k} = {{ points = ["B{k}", "B{k + 1}"], mass = "{MASS} kg" }}' for k in range(n)]
+    lines += ["[gravity]", f'acceleration = ["0 m/s^2", "-{GRAVITY} m/s^2"]', "[start.velocities]"]
+    lines += [f'B{k} = ["{-RATE * UP} m/s", "{RATE * ACROSS} m/s"]' for k in range(n + 1)]
+    return "\n".join([*lines, "[analysis]", f'outputs = ["B{n}.position"]', ""])
+
+
+def exact(n: int) -> Array:
+    """Return the acceleration of every moving point [m/s^2]: all cranks turn alike, couplers translate."""
+    inertia, moment = (n + 1) * MASS / 3 + n * MASS, (n + 1) * MASS / 2 + n * MASS
+    turning = -moment * GRAVITY * ACROSS / inertia
+    return turning * np.array([-UP, ACROSS]) - RATE**2 * np.array([ACROSS, UP])
+
+
+if __name__ == "__main__":
+    sys.exit(main())
