@@ -94,7 +94,11 @@ def kinematics(
     samples: o.Samples = None,
     of: Annotated[
         list[str] | None,
-        o.option("--of", metavar="NAME", help="A point or link of a linkage to record; default: all."),
+        o.option(
+            "--of",
+            metavar="NAME",
+            help="A point, link or corner A.B.C to record; default: all that move.",
+        ),
     ] = None,
     state: o.Branch = None,
     through: o.Through = False,

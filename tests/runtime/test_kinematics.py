@@ -291,3 +291,39 @@ def test_gravity_does_not_matter():
     heavy = symgen.Scene(**{**plain.model_dump(exclude_unset=True), "gravity": GRAVITY})
     one, two = (symgen.build(s).kinematics(0, 1, samples=5) for s in (plain, heavy))
     assert one["B.acceleration"].values == pytest.approx(two["B.acceleration"].values, rel=1e-12)
+
+
+def test_transmission_angle_by_the_law_of_cosines():
+    """In kinematics, and among the outputs of an inverse analysis and of a run."""
+    a, b, c, d = 0.1, 0.35, 0.3, 0.4
+    scene = four_bar(a, b, c, d, 0.3).model_dump(exclude_unset=True)
+    model = symgen.build(
+        symgen.Scene(**scene, analysis={"t_end": "2 s", "outputs": ["A.B.C.angle", "O.A.B.angle"]})
+    )
+
+    def expected(time):
+        diagonal = a**2 + d**2 - 2 * a * d * np.cos(0.3 + time)
+        return np.arccos((b**2 + c**2 - diagonal) / (2 * b * c))
+
+    motion = model.kinematics(0, 6, of=["A.B.C"])
+    assert motion["A.B.C.angle"].values == pytest.approx(expected(motion.time), abs=1e-14)
+    run = model.simulate()
+    assert run["A.B.C.angle"].values == pytest.approx(expected(run.time), abs=1e-9)
+    assert run.variable("A.B.C.angle").unit == "rad"
+    with pytest.raises(ModelError, match="no point or moving link 'A.B.A'"):
+        model.kinematics(0, 1, of=["A.B.A"])
+
+
+def test_an_angle_at_a_point_in_space():
+    """A triangle of bars swinging in space keeps its angles."""
+    scene = symgen.Scene(
+        points={"O": ground(0, 0, 0), "A": at(0.3, 0, 0.1), "B": at(0.1, 0.4, 0)},
+        links={"p": rod("O", "A"), "q": rod("A", "B"), "r": rod("B", "O")},
+        gravity={"acceleration": ["1 m/s^2", "2 m/s^2", "-9 m/s^2"]},
+        analysis={"t_end": "0.5 s", "outputs": ["O.A.B.angle", "A.B.O.angle", "B.O.A.angle"]},
+    )
+    found = symgen.build(scene).simulate()
+    angles = [found[f"{corner}.angle"].values for corner in ("O.A.B", "A.B.O", "B.O.A")]
+    assert np.sum(angles, axis=0) == pytest.approx(np.full(len(found.time), np.pi), abs=1e-10)
+    cosine = 0.03 / np.sqrt(0.1 * 0.17)
+    assert angles[2] == pytest.approx(np.full(len(found.time), np.arccos(cosine)), abs=1e-9)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import sympy as sp
 
 from symgen.errors import SceneError, nearest
-from symgen.mechanics.rods.particles import cross
+from symgen.mechanics.rods.particles import cross, dot
 from symgen.models.rods.loads import product
 from symgen.models.rods.matrix import named
 from symgen.symbolic.calculus import ZERO
@@ -92,6 +92,15 @@ def _angular_velocity(model: RodsModel, name: str) -> Entries:
         turning = model.shown((ZERO, ZERO), rate) if model.linkage.plane else [rate]
         return turning, "rad/s", f"angular velocity of {name}"
     return model.angular_velocity(name), "rad/s", f"angular velocity of {name}"
+
+
+def _angle_at(model: RodsModel, first: str, vertex: str, second: str) -> Entries:
+    a, b = (
+        tuple(x - y for x, y in zip(model.shown_position(p), model.shown_position(vertex), strict=True))
+        for p in (first, second)
+    )
+    area = abs(cross(a, b)) if len(a) == 2 else sp.sqrt(sp.Add(*(x**2 for x in product(a, b))))
+    return [sp.atan2(area, dot(a, b))], "rad", f"angle at {vertex} from {first} to {second}"
 
 
 def _force(model: RodsModel, link: str, point: str) -> Entries:
@@ -179,6 +188,9 @@ def _entries(model: RodsModel, name: str) -> Entries:
     links = {k.name: [*k.base, *(c.name for c in k.carried)] for k in model.parts}
     if word in OF_LINKS and owner in links:
         return OF_LINKS[word](model, owner)
+    corner = owner.split(".")
+    if word == "angle" and len(set(corner)) == len(corner) == 3 and set(corner) <= set(model.points):
+        return _angle_at(model, *corner)
     link, _, point = owner.partition(".")
     if word in OF_JOINTS and point in links.get(link, ()):
         return OF_JOINTS[word](model, link, point)

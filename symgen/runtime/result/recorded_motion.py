@@ -41,7 +41,7 @@ class Along:
 
 
 def chosen_names(bonds: Bonds, of: Sequence[str] | None) -> list[str]:
-    """Return the points and links to record: all that move when none is named."""
+    """Return the points, links and corners A.B.C to record: all points and links that move by default."""
     d = bonds.description
     moving = [
         p for p in d.points if p not in d.ground or any(n.startswith(f"{p}.") for n in bonds.drives(0.0))
@@ -53,7 +53,8 @@ def chosen_names(bonds: Bonds, of: Sequence[str] | None) -> list[str]:
         return [*moving, *(turning if len(d.axes) == 2 else [])]
     known = [*d.points, *(turning if len(d.axes) == 2 else [])]
     for name in of:
-        if name not in known:
+        corner = name.split(".")
+        if name not in known and not (len(set(corner)) == len(corner) == 3 and set(corner) <= set(d.points)):
             raise ModelError(f"there is no point or moving link {name!r} to record. {nearest(name, known)}")
     return list(dict.fromkeys(of))
 
@@ -87,6 +88,8 @@ def recorded(
             _of_point(d.points.index(name), name, d.axes, r, v, a)
             if name in d.points
             else _of_link(along, name, r, v, a)
+            if name in d.links
+            else _of_corner([d.points.index(p) for p in name.split(".")], name, r)
         )
         variables += [x for x in made if x.name not in taken]
     coordinate, variables = coordinate_of(
@@ -147,6 +150,15 @@ def _asked(bonds: Bonds, samples: Poses, along: Along) -> list[Variable]:
 def _of_point(i: int, name: str, axes: tuple[str, ...], r: Array, v: Array, a: Array) -> list[Variable]:
     words = (("position", "m", r), ("velocity", "m/s", v), ("acceleration", "m/s^2", a))
     return [Variable(f"{name}.{w}", unit, f"{w} of {name}", axes, x[:, i]) for w, unit, x in words]
+
+
+def _of_corner(points: list[int], name: str, r: Array) -> list[Variable]:
+    """Return the angle at the second of three points."""
+    places = np.pad(r[:, points], ((0, 0), (0, 0), (0, 3 - r.shape[2])))
+    a, b = places[:, 0] - places[:, 1], places[:, 2] - places[:, 1]
+    area = np.linalg.norm(np.cross(a, b), axis=1)
+    about = "angle at {1} from {0} to {2}".format(*name.split("."))
+    return [Variable(f"{name}.angle", "rad", about, (), np.arctan2(area, np.sum(a * b, axis=1)))]
 
 
 def _of_link(along: Along, name: str, r: Array, v: Array, a: Array) -> list[Variable]:
