@@ -123,6 +123,7 @@ _OF_RODS = {
     "inverse_dynamics": Command("symgen.report.forces:print_forces", _DRIVE),
     "equilibrium": Command("symgen.report.analyses:print_equilibrium"),
     "modes": Command("symgen.report.analyses:print_modes"),
+    "linearise": Command("symgen.report.linear:print_linearisation"),
     "assemblies": Command("symgen.report.analyses:print_assemblies", _DRIVE),
 }
 _RUN_OF_ELASTIC = Command("symgen.report.elastic:print_elastic_result", _CRANK)

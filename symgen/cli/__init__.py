@@ -57,7 +57,7 @@ __all__ = [
 
 #: The commands in the order and the groups of --help.
 _GROUPS = {
-    "Analyses": "run simulate kinematics inverse_dynamics equilibrium modes assemblies",
+    "Analyses": "run simulate kinematics inverse_dynamics equilibrium modes linearise assemblies",
     "Elastic links": "periodic quasi_static large_rotation sweep",
     "Scenes": "scenes schema study",
     "Equations": "show explain diff report",

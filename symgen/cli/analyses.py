@@ -210,6 +210,48 @@ def modes(
         request.show("modes", found, as_json)
 
 
+@command("symgen linearise four_bar --coordinate crank.angle --at equilibrium")
+def linearise(
+    ctx: typer.Context,
+    scene: o.Scene,
+    at: Annotated[
+        str | None,
+        o.option("--at", metavar="STATE", help="start (default) or equilibrium."),
+    ] = None,
+    inputs: Annotated[
+        list[str] | None,
+        o.option("--input", metavar="NAME", help="An input of the scene; default: all."),
+    ] = None,
+    outputs: Annotated[
+        list[str] | None,
+        o.option("--output", metavar="NAME", help="An output, such as A.position.x; default: coordinates."),
+    ] = None,
+    coordinates: Annotated[
+        list[str] | None,
+        o.option(
+            "--coordinate",
+            metavar="NAME",
+            help="An independent coordinate, such as crank.angle; default: positions of all moving points.",
+        ),
+    ] = None,
+    set_: o.Set = None,
+    as_json: o.Json = False,
+    backend: o.Backend = "auto",
+) -> None:
+    """Compute the state-space matrices A, B, C, D.
+
+    They are exact derivatives of the equations of motion at a state.
+    """
+    request = Request(ctx)
+    about = request.options.pop("at", "start")
+    if about not in ("start", "equilibrium"):
+        raise ModelError(f"expected start or equilibrium after --at, got {about!r}")
+    arguments = request.arguments("linearise")
+    if about == "equilibrium":
+        arguments["at"] = request.result("equilibrium")
+    request.show("linearise", request.result("linearise", **arguments), as_json)
+
+
 @command("symgen assemblies crank_rocker --at 60")
 def assemblies(
     ctx: typer.Context,

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from symgen.errors import ModelError, SceneError, nearest
+from symgen.models.linearisation import linearisation_system
 from symgen.models.rods.linearised import kinematics_system, statics_system
 from symgen.models.tangent import tangent_system
 
@@ -35,6 +36,7 @@ ANALYSES: dict[str, Callable[[Linkage], System]] = {
     "kinematics": kinematics_system,
     "statics": statics_system,
     "tangent": tangent_system,
+    "linearisation": linearisation_system,
     "forces": _forces,
     "elastic_motion": _elastic("motion_system"),
     "elastic_joints": _elastic("joints_system"),

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 
 import sympy as sp
 
-from symgen.models.rods.linearised import analysis_of, slopes_by_rates, stiffness_row
+from symgen.models.rods.linearised import analysis_of, slopes_by, stiffness_row
 from symgen.models.rods.linkage import Gradient, RodsModel
 from symgen.models.rods.matrix import named
 from symgen.symbolic.system import Export, System
@@ -79,7 +79,7 @@ def _by_rates(model: RodsModel) -> list[Gradient]:
     """Return the rows of dR/du: the slopes of f and of gamma."""
     rates: Sequence[sp.Symbol] = [x.symbol for p in model.free for x in model.u[p]]
     right = [*model.applied, *model.acceleration_rhs]
-    by_rates = slopes_by_rates(model, rates)
+    by_rates = slopes_by(model, rates)
     return [by_rates(expression) for expression in right]
 
 

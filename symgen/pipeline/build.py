@@ -19,6 +19,7 @@ from symgen.pipeline.source import Source
 from symgen.pipeline.user_system import is_own, load
 from symgen.precision import FLOAT64
 from symgen.scene.loading import SceneText, check_scene, override, text_of
+from symgen.toolchain.cache import key
 from symgen.toolchain.kernels import GET_A_COMPILER, Tools, no_collection, tools_for
 
 if TYPE_CHECKING:
@@ -235,11 +236,11 @@ def linkage_model(made: Made) -> RodModel | KinematicModel:
         return KinematicModel(*parts, typed=typed)
     base = tools.in_float64
 
-    def analysis(kind: str, stepping: bool) -> tuple[Description, Library]:
+    def analysis(kind: str, stepping: bool, outputs: tuple[str, ...]) -> tuple[Description, Library]:
         # Kernels of runs are in the type of the model; all others are in double precision.
         in_type = stepping and not tools.digits and tools.precision != FLOAT64
         chosen, of = (tools, tools.precision.name) if in_type else (base, "")
-        return _analysis(text, chosen, description, kind, lambda: _linkage(text), of)
+        return _analysis(text, chosen, description, kind, outputs, lambda: _linkage(text), of)
 
     analyses = cache(analysis)
     if description.plane is None:
@@ -322,12 +323,14 @@ def _analysis(
     tools: Tools,
     base: Description,
     kind: str,
+    outputs: tuple[str, ...],
     linkage: Callable[[], Linkage],
     of: str = "",
 ) -> tuple[Description, Library]:
     """Return the kernels of one kind of analysis, which are compiled on first use.
 
-    ``linkage`` returns the linkage of the scene, or one derived from it, which ``of`` names.
+    ``outputs`` are those of the analysis; the scene's own where there are none. ``linkage`` returns the
+    linkage of the scene, or one derived from it, which ``of`` names.
     """
     from symgen.runtime.kernels.description import kernel_infos
 
@@ -335,13 +338,15 @@ def _analysis(
         with no_collection():
             from symgen.models.analyses import analysis_system
 
-            program, equations, sources = tools.lowered(analysis_system(linkage(), kind))
+            found = replace(linkage(), outputs=outputs) if outputs else linkage()
+            program, equations, sources = tools.lowered(analysis_system(found, kind))
         with tools.written(program, sources, folder) as compilation:
             kernels = kernel_infos(program.kernels)
             description = replace(base, name=program.name, equations=equations, kernels=kernels)
             return description, tools.opened(folder, description, compilation)
 
-    return tools.cached(text, f"{of}-{kind}" if of else kind, make, base=base)
+    name = "-".join(part for part in (of, kind, key(*outputs)[:12] if outputs else "") if part)
+    return tools.cached(text, name, make, base=base)
 
 
 def _remade(text: SceneText, tools: Tools, base: Description, segments: int | None) -> RodModel:
@@ -364,7 +369,7 @@ def _made_of(
     from symgen.runtime.model.rods import RodModel
 
     description, library = tools.cached(text, name, lambda f: _of_resolved(linkage(), tools, f), base=base)
-    analyses = cache(lambda kind, _: _analysis(text, tools, description, kind, linkage, name))
+    analyses = cache(lambda kind, _, of: _analysis(text, tools, description, kind, of, linkage, name))
     return RodModel(description, library, lambda: system_of(linkage()).by_name(), analyses=analyses)
 
 

@@ -11,7 +11,8 @@ import symgen
 from symgen.errors import CapabilityError, ModelError, SymgenError
 from symgen.runtime.model.model import VERBS
 
-RODS = {"simulate", "equilibrium", "modes", "accelerations", "batch"}
+LINEAR = {"linearise", "mass_matrix", "jacobian"}
+RODS = {"simulate", "equilibrium", "modes", "accelerations", "batch"} | LINEAR
 DRIVEN = {"kinematics", "inverse_dynamics", "assemblies"}
 AT_REST = {"equilibrium", "modes"}
 ELASTIC = {"periodic", "quasi_static", "large_rotation", "sweep", "in_segments"}
@@ -20,8 +21,8 @@ SUPPORTED = {
     "crank_rocker": (RODS | DRIVEN) - AT_REST,
     "slider_crank": DRIVEN | {"batch"},
     "cssp": {"simulate", "assemblies", "batch"},
-    "elastic_four_bar": RODS - {"accelerations", "equilibrium"} | DRIVEN | ELASTIC,
-    "elastic_four_bar_motor": RODS - {"accelerations"} | DRIVEN | ELASTIC,
+    "elastic_four_bar": RODS - {"accelerations", "equilibrium"} - LINEAR | DRIVEN | ELASTIC,
+    "elastic_four_bar_motor": RODS - {"accelerations"} - LINEAR | DRIVEN | ELASTIC,
 }
 KINEMATIC = {"analysis.kind": "kinematics", "analysis.outputs": []}
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from shared.linkages import GRAVITY, at, ground
+from shared.linkages import GRAVITY, G, at, circles, ground
 
 import symgen
 
@@ -37,3 +37,43 @@ def cart_pole(model, x, theta, v, omega):
         return np.array([a[0], (relative[0] * up - relative[1] * across) / 0.25])
 
     return np.concatenate([state.q, state.u]), back
+
+
+#: Lengths of crank, coupler, rocker and base of a four-bar linkage [m].
+FOUR_BAR = (0.3, 0.8, 0.6, 0.9)
+#: Mass per length of its links [kg/m].
+LINE = 2.0
+
+
+def four_bar_with_torque():
+    """A four-bar linkage under gravity, drawn at a crank angle of 1 rad, with a torque on its crank."""
+    crank, coupler, rocker, base = FOUR_BAR
+    a = np.array([crank * np.cos(1.0), crank * np.sin(1.0)])
+    b = circles(a, [base, 0.0], coupler, rocker)
+    return symgen.Scene(
+        inputs={"T": {"value": "0.7 N*m", "about": "torque of the motor"}},
+        points={"O": ground(0, 0), "A": at(*a), "B": at(*b), "C": ground(base, 0)},
+        links={
+            name: {"points": ends, "mass": f"{LINE * length!r} kg", "length": f"{length!r} m"}
+            for name, ends, length in (
+                ("crank", ["O", "A"], crank),
+                ("coupler", ["A", "B"], coupler),
+                ("rocker", ["C", "B"], rocker),
+            )
+        },
+        gravity=GRAVITY,
+        torques=[{"link": "crank", "torque": "T"}],
+    )
+
+
+#: A rod of 0.7 m and 0.9 kg from a ball joint, with a force on its tip.
+SPATIAL_PENDULUM = symgen.Scene(
+    inputs={"F": "0 N", "H": "0.2 N"},
+    points={
+        "O": {"at": [0, 0, 0], "ground": True},
+        "P": {"at": ["0.2 m", "0.3 m", "-0.6 m"]},
+    },
+    links={"OP": {"points": ["O", "P"], "mass": "0.9 kg"}},
+    gravity={"acceleration": [0, 0, f"{-G!r} m/s^2"]},
+    forces=[{"point": "P", "force": ["F", "H", "0 N"]}],
+)

@@ -90,7 +90,7 @@ def linearised(model: RodsModel, bound: Sequence[Constraint]) -> Iterator[NamedM
     """
     q = [x.symbol for x in model.coordinates]
     rates = [x.symbol for p in model.free for x in model.u[p]]
-    by_rates = slopes_by_rates(model, rates)
+    by_rates = slopes_by(model, rates)
     own = dict(zip(rates, q, strict=True))
     mass: dict[sp.Symbol, Gradient] = {}
     for (a, b), value in model.mass_entries.items():
@@ -161,12 +161,12 @@ def stiffness_row(model: RodsModel, row: sp.Symbol, bound: Sequence[Constraint])
     return {s: sp.Add(*slopes) for s, slopes in total.items()}
 
 
-def slopes_by_rates(model: RodsModel, rates: Sequence[sp.Symbol]) -> Callable[[sp.Expr], Gradient]:
-    """Return a function that gives the nonzero partial derivatives of an expression by the rates u.
+def slopes_by(model: RodsModel, arguments: Sequence[sp.Symbol]) -> Callable[[sp.Expr], Gradient]:
+    """Return a function that gives the nonzero partial derivatives of an expression by arguments of kernels.
 
     The expression must have been derived before: it may use only definitions that the model has by now.
     """
-    known: dict[sp.Symbol, Gradient] = {u: {u: ONE} for u in rates}
+    known: dict[sp.Symbol, Gradient] = {x: {x: ONE} for x in arguments}
 
     def gradient(expression: sp.Expr) -> Gradient:
         terms: dict[sp.Symbol, list[sp.Expr]] = {}

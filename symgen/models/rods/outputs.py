@@ -164,15 +164,16 @@ def asked(model: RodsModel) -> list[NamedMatrix]:
                 raise SceneError(f"{name!r} is listed twice")
             if model.linkage.elastic and name.rpartition(".")[2] in OF_ELASTIC:
                 continue
-            entries, unit, description = _entries(model, name)
+            scalars, unit, description = entries(model, name)
         except SceneError as error:
             raise error.located(where=f"analysis.outputs.{i}") from None
-        rows = model.shown_axes if len(entries) > 1 else ()
-        found.append(named(model, name, entries, unit, description, rows=rows))
+        rows = model.shown_axes if len(scalars) > 1 else ()
+        found.append(named(model, name, scalars, unit, description, rows=rows))
     return found
 
 
-def _entries(model: RodsModel, name: str) -> Entries:
+def entries(model: RodsModel, name: str) -> Entries:
+    """Return the scalars of an output, their unit and its description; raise SceneError if there is none."""
     owner, _, word = name.rpartition(".")
     if model.linkage.kinematic and word not in KINEMATIC:
         raise SceneError(

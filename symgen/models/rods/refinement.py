@@ -23,6 +23,14 @@ def refinement(model: RodsModel) -> tuple[list[NamedMatrix], list[Export]]:
     """
     if not _spread(model):
         return [], []
+    about = "what the accelerations and multipliers in work leave of the equations of motion"
+    rows = [x.name for x in model.coordinates] + [c.name for c in model.constraints]
+    matrix = named(model, "residual", residual(model), "N, m^2/s^2", about, rows=rows)
+    return [matrix], [Export("residual", about, ("residual",))]
+
+
+def residual(model: RodsModel) -> list[sp.Expr]:
+    """Return f - M a - J^T lambda, then gamma - J a, over the accelerations and multipliers in ``work``."""
     q = [x.symbol for x in model.coordinates]
     a = [x.symbol for p in model.free for x in model.a[p]]
     multipliers = [model.multipliers[c.name].symbol for c in model.constraints]
@@ -33,16 +41,7 @@ def refinement(model: RodsModel) -> tuple[list[NamedMatrix], list[Export]]:
         for s in row:
             columns.setdefault(s, []).append(row[s] * multiplier)
     above = [f - sp.Add(*columns.get(s, ())) for s, f in zip(q, model.balance, strict=True)]
-    about = "what the accelerations and multipliers in work leave of the equations of motion"
-    matrix = named(
-        model,
-        "residual",
-        [*above, *rows],
-        "N, m^2/s^2",
-        about,
-        rows=[s.name for s in q] + [c.name for c in model.constraints],
-    )
-    return [matrix], [Export("residual", about, ("residual",))]
+    return [*above, *rows]
 
 
 def _spread(model: RodsModel) -> bool:

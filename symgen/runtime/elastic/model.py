@@ -58,7 +58,7 @@ class ElasticModel(Model):
 
     description: Description
     MISSING: ClassVar[Mapping[str, str]] = {
-        "": "it has elastic links; those of the rigid linkage are model.rigid.accelerations()"
+        "": "it has elastic links; model.rigid, the rigid linkage, has this analysis"
     }
 
     def __init__(self, rigid: RodModel, remade: Remade | None = None) -> None:

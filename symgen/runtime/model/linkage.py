@@ -25,8 +25,8 @@ if TYPE_CHECKING:
     from symgen.runtime.rods.constraints import Bonds
 
 Array = NDArray[np.float64]
-#: Returns the kernels of one kind of analysis, built on first use.
-Analyses = Callable[[str, bool], tuple[Description, Library]]
+#: Returns the kernels of one kind of analysis of some outputs, built on first use.
+Analyses = Callable[[str, bool, tuple[str, ...]], tuple[Description, Library]]
 
 
 @checked
@@ -103,8 +103,11 @@ class LinkageModel(Model):
         """Its kernels as functions of arrays."""
         return self._evaluator
 
-    def analysis(self, kind: str, stepping: bool = False) -> Evaluator:
-        """Return the kernels of a kind of analysis; for ``stepping`` in the type of runs, else in doubles."""
+    def analysis(self, kind: str, stepping: bool = False, outputs: tuple[str, ...] = ()) -> Evaluator:
+        """Return the kernels of a kind of analysis; for ``stepping`` in the type of runs, else in doubles.
+
+        ``outputs`` are those of the analysis; the scene's own where there are none.
+        """
         if self._analyses is None:
             raise ModelError(
                 f"{self.name} was made without the kernels of {kind}: build it with symgen.build"
@@ -112,7 +115,7 @@ class LinkageModel(Model):
         if not kind.isidentifier():  # it becomes part of the name of a folder
             raise ModelError(f"there is no analysis {kind!r}")
         with uncounted():
-            return Evaluator(*self._analyses(kind, stepping), self._evaluator.given)
+            return Evaluator(*self._analyses(kind, stepping, outputs), self._evaluator.given)
 
     def _bonds(self) -> Bonds:
         from symgen.runtime.rods.constraints import Bonds

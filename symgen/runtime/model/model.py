@@ -14,6 +14,7 @@ from symgen.runtime.many.calls import ManyRuns
 from symgen.runtime.model.compiled import Compiled
 from symgen.runtime.model.elastic_analyses import ElasticAnalyses
 from symgen.runtime.model.kernel_calls import KernelCalls
+from symgen.runtime.model.linear_analyses import LinearAnalyses
 from symgen.runtime.model.verbs import Verb, verb
 
 if TYPE_CHECKING:
@@ -28,7 +29,7 @@ if TYPE_CHECKING:
 _INSTEAD = {"evaluate": "it calls kernels of user-defined systems; batch calls those of scenes"}
 
 
-class Model(ManyRuns, ElasticAnalyses, KernelCalls, Compiled):
+class Model(LinearAnalyses, ManyRuns, ElasticAnalyses, KernelCalls, Compiled):
     """A compiled mechanism. :func:`symgen.build` returns one.
 
     Every model has the analyses below, with the same arguments. An analysis that a mechanism does not support
@@ -345,7 +346,7 @@ class Model(ManyRuns, ElasticAnalyses, KernelCalls, Compiled):
 #: Names of all analyses.
 VERBS: tuple[str, ...] = tuple(
     name
-    for of in (Model, ElasticAnalyses, KernelCalls)
+    for of in (Model, LinearAnalyses, ElasticAnalyses, KernelCalls)
     for name, value in vars(of).items()
     if isinstance(value, Verb)
 )

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from symgen.calls import checked
 from symgen.runtime.model.rods import RodModel
@@ -12,10 +15,13 @@ from symgen.runtime.result.result import Result
 from symgen.runtime.result.state import Accelerations, State
 
 if TYPE_CHECKING:
+    from symgen.runtime.linearisation.record import Linearisation
     from symgen.runtime.result.forces import Forces
     from symgen.runtime.result.motion import Motion
     from symgen.runtime.rods.equilibrium import Equilibrium
     from symgen.runtime.rods.modes import Modes
+
+Array = NDArray[np.float64]
 
 
 @checked
@@ -86,6 +92,25 @@ class PlaneModel(RodModel):
         self, state: State | None = None, t: float | None = None, stable: bool = True
     ) -> Equilibrium:
         return self.in_space._equilibrium(self._whole(state), t, stable)
+
+    def _linearise(  # type: ignore[override]  # the other options pass through
+        self,
+        at: State | Equilibrium | None = None,
+        coordinates: Sequence[str] | None = None,
+        **options: Any,
+    ) -> Linearisation:
+        state = at if at is None or isinstance(at, State) else at.state
+        if coordinates is None:
+            return super()._linearise(self._own(state), **options)
+        return self.in_space._linearise(self._whole(state), coordinates=coordinates, **options)
+
+    def _mass_matrix(self, state: State | None = None, coordinates: Sequence[str] | None = None) -> Array:
+        if coordinates is None:
+            return super()._mass_matrix(self._own(state))
+        return self.in_space._mass_matrix(self._whole(state), coordinates)
+
+    def _jacobian(self, state: State | None = None) -> Array:
+        return super()._jacobian(self._own(state))
 
     def _modes(self, at: Equilibrium | float | None = None) -> Modes:
         return self.in_space._modes(at)

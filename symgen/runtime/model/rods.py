@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from symgen.calls import checked
-from symgen.errors import ModelError
+from symgen.errors import ModelError, nearest
 from symgen.runtime import _core
 from symgen.runtime.integrate.causes import without_direction
 from symgen.runtime.integrate.checkpoint import keeping
@@ -27,6 +27,8 @@ from symgen.runtime.rods.start import Start, start
 
 if TYPE_CHECKING:
     from symgen.runtime._rhs import Rhs
+    from symgen.runtime.linearisation.record import Linearisation
+    from symgen.runtime.linearisation.state_space import Tangents
     from symgen.runtime.result.forces import Forces
     from symgen.runtime.rods.equilibrium import Equilibrium
     from symgen.runtime.rods.modes import Modes
@@ -93,10 +95,9 @@ class RodModel(LinkageModel):
         """Constraints that follow from the others wherever the linkage goes, as messages call them."""
         return tuple(self.description.labels[i] for i in self._found().redundant)
 
-    def _accelerations(self, state: State | None = None) -> Accelerations:
+    def _solution(self, state: State) -> Array:
+        """Return accelerations and multipliers at a state; raise ModelError where it is singular."""
         d = self.description
-        state = self.initial_state() if state is None else state
-        n = d.coordinates
         redundant = self._found().redundant
         equations = self._evaluator.equations(len(redundant))
         row = np.concatenate([state.q, state.u, [0.0, 0.0]])
@@ -114,8 +115,12 @@ class RodModel(LinkageModel):
             )
         work = equations.solutions(np.array([state.t]), row[None, :])[0]
         work[:-1] = self._in_type(state.t, state.q, state.u, work[:-1])
-        if redundant:
-            work = least_norm(self._evaluator, state.t, state.q, work, len(redundant))
+        return least_norm(self._evaluator, state.t, state.q, work, len(redundant)) if redundant else work
+
+    def _accelerations(self, state: State | None = None) -> Accelerations:
+        d = self.description
+        state = self.initial_state() if state is None else state
+        work, n, redundant = self._solution(state), d.coordinates, self._found().redundant
         of_points = self._evaluator.blocks("point_accelerations", state.t, state.q, state.u, work)
         points = dict(zip(d.points, of_points["point_accelerations"], strict=True))
         reactions = {}
@@ -132,6 +137,48 @@ class RodModel(LinkageModel):
         from symgen.runtime.model.rhs import right_hand_side
 
         return right_hand_side(self.initial_state(), self._evaluator, len(self.redundant))
+
+    def _tangents(self, state: State | None, names: Sequence[str]) -> Tangents:
+        """Return the linearised motion at a state, with the slopes of the outputs ``names``."""
+        from symgen.runtime.linearisation.state_space import Tangents
+
+        begin = self.initial_state() if state is None else state
+        kernels, redundant = self.analysis("linearisation", outputs=tuple(names)), len(self.redundant)
+        return Tangents(self._evaluator, kernels, begin, self._solution(begin)[:-1], redundant)
+
+    def _mass_matrix(self, state: State | None = None, coordinates: Sequence[str] | None = None) -> Array:
+        from symgen.runtime.linearisation.state_space import derivatives
+
+        tangents = self._tangents(state, derivatives(coordinates or ()))
+        return tangents.mass if coordinates is None else tangents.mass_matrix(coordinates)
+
+    def _jacobian(self, state: State | None = None) -> Array:
+        return self._tangents(state, ()).jacobian
+
+    def _linearise(
+        self,
+        at: State | Equilibrium | None = None,
+        inputs: Sequence[str] | None = None,
+        outputs: Sequence[str] | None = None,
+        coordinates: Sequence[str] | None = None,
+    ) -> Linearisation:
+        from symgen.runtime.linearisation.state_space import derivatives, state_space
+
+        d = self.description
+        chosen = d.inputs if inputs is None else tuple(inputs)
+        for name in chosen:
+            if name not in d.inputs:
+                raise ModelError(f"{self.name} has no input {name!r}. {nearest(name, d.inputs)}")
+        positions = [f"{p}.position.{axis}" for p in d.free for axis in d.axes]
+        names = positions if coordinates is None else list(coordinates)
+        wanted = dict.fromkeys([*derivatives(names), *(outputs or ())])
+        state = at if at is None or isinstance(at, State) else at.state
+        tangents = self._tangents(state, tuple(wanted))
+        shown = names if outputs is None else list(outputs)
+        values = [self.parameters[name] for name in chosen]
+        return state_space(
+            tangents, names, coordinates is not None, dict(zip(chosen, values, strict=True)), shown
+        )
 
     def _inverse_dynamics(
         self,

@@ -1,0 +1,121 @@
+"""Slopes of the equations of motion and of outputs, from which state-space models are made.
+
+With the residual R = [f - M a - J^T lambda; gamma - J a] of the equations of motion, the constraints' rates
+dPhi/dt and the outputs h, all functions of coordinates q, velocities u, accelerations and multipliers w, and
+inputs v,
+
+    dR = R_q dq + R_u du + R_w dw + R_v dv = 0,   d(dPhi/dt) = 0,   dh = h_q dq + h_u du + h_w dw + h_v dv.
+
+R_w is minus the matrix [M J^T; J 0]. Solving for dw, and for dq and du of independent coordinates, is
+numerics: :mod:`symgen.runtime.linearisation.state_space`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING
+
+import sympy as sp
+
+from symgen.errors import ModelError, SceneError
+from symgen.models.rods import outputs
+from symgen.models.rods.linearised import analysis_of, slopes_by
+from symgen.models.rods.linkage import RodsModel
+from symgen.models.rods.matrix import named
+from symgen.models.rods.refinement import residual
+from symgen.symbolic.calculus import per_second
+from symgen.symbolic.system import Export, NamedMatrix, System
+
+if TYPE_CHECKING:
+    from symgen.scene.rods.linkage import Linkage
+
+#: The mark of a time derivative behind the name of an output.
+RATE = "'"
+
+Entry = tuple[str, sp.Expr, str]
+
+
+def linearisation_system(linkage: Linkage) -> System:
+    """Return the System of values and slopes of the linkage's outputs, and slopes of its equations.
+
+    An output is one that a scene can record, or a component of it such as ``A.position.x``; behind one that
+    depends on the pose alone, ``'`` and ``''`` are its first and second time derivatives.
+
+    Its kernels: ``values``, one matrix for each scalar output; ``slopes``, the matrices ``residual``,
+    ``rates`` and ``outputs``. Each is the list of its nonzero entries, called by the row and the argument of
+    the kernels, ``pole.angle C_x``.
+
+    Raises
+    ------
+    ModelError
+        For an output that the linkage does not have.
+    """
+    model = RodsModel(linkage)
+    try:
+        entries = [entry for name in linkage.outputs or () for entry in _entries(model, name)]
+    except SceneError as error:
+        raise ModelError(str(error)) from None
+    work = [x for p in model.free for x in model.a[p]] + [
+        model.multipliers[c.name] for c in model.constraints
+    ]
+    inputs = [p.quantity for p in linkage.parameters if p.input]
+    rates = [x for p in model.free for x in model.u[p]]
+    rows = residual(model), [model.constraint_rate(c) for c in model.constraints]
+    slopes = slopes_by(model, [x.symbol for x in (*model.coordinates, *rates, *work, *inputs)])
+    matrices = []
+    for name, labels, expressions, about in (
+        ("residual", [x.name for x in work], rows[0], "slopes of the equations of motion"),
+        ("rates", [x.name for x in work[len(rates) :]], rows[1], "slopes of the constraints' rates"),
+        ("outputs", [name for name, *_ in entries], [e for _, e, _ in entries], "slopes of outputs"),
+    ):
+        found = {
+            f"{label} {argument.name}": slope
+            for label, expression in zip(labels, expressions, strict=True)
+            for argument, slope in slopes(expression).items()
+        }
+        if found:
+            matrices.append(named(model, name, list(found.values()), "SI", about, rows=list(found)))
+    exports = [Export("slopes", "slopes of equations and outputs", tuple(m.name for m in matrices))]
+    values = _values(model, entries)
+    if values:
+        exports.append(Export("values", "values of outputs", tuple(m.name for m in values)))
+    return analysis_of(model, "linearisation", (*matrices, *values), exports)
+
+
+def _values(model: RodsModel, entries: Sequence[Entry]) -> list[NamedMatrix]:
+    return [named(model, f"value {i}", [e], unit, name) for i, (name, e, unit) in enumerate(entries)]
+
+
+def _entries(model: RodsModel, name: str) -> Iterator[Entry]:
+    """Yield the scalars of an output, or its time derivative, with their names and units."""
+    whole = name.rstrip(RATE)
+    order = len(name) - len(whole)
+    owner, _, last = whole.rpartition(".")
+    axis = model.shown_axes.index(last) if last in model.shown_axes else None
+    expressions, unit, _ = outputs.entries(model, whole if axis is None else owner)
+    if axis is not None and len(expressions) < len(model.shown_axes):
+        raise SceneError(f"{owner} has no component {last}")
+    several = len(expressions) > 1 and axis is None
+    for i, expression in enumerate(expressions if axis is None else [expressions[axis]]):
+        full = f"{whole}.{model.shown_axes[i]}" if several else whole
+        yield _derived(model, full, expression, unit, order)
+
+
+def _derived(model: RodsModel, name: str, expression: sp.Expr, unit: str, order: int) -> Entry:
+    """Return a scalar, or its first or second derivative by the time."""
+    if order == 0:
+        return name, expression, unit
+    moving = {x.symbol for p in model.u for x in (*model.u[p], *model.a[p])}
+    moving |= {x.symbol for x in model.multipliers.values()}
+    if order > 2 or slopes_by(model, sorted(moving, key=str))(expression):
+        raise SceneError(
+            f"{name} depends on more than the pose, so it is no coordinate",
+            hint="Choose the angle of a link, or components of the position of points.",
+        )
+    rate = model.calculus.rate
+    unit = per_second(unit)
+    if order == 1:
+        return name + RATE, rate(expression), unit
+    accelerations = {q.symbol: a.symbol for p in model.q for q, a in zip(model.q[p], model.a[p], strict=True)}
+    terms = [slope * accelerations[q] for q, slope in model.calculus.gradient(expression).items()]
+    return name + 2 * RATE, sp.Add(rate(rate(expression)), *terms), per_second(unit)

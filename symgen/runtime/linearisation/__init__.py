@@ -1,0 +1,1 @@
+"""State-space models: equations of motion and outputs linearised about any state."""

@@ -1,0 +1,90 @@
+"""A linear state-space model of a mechanism."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symgen.calls import checked
+from symgen.errors import ModelError
+
+if TYPE_CHECKING:
+    from scipy.signal import StateSpace
+
+Array = NDArray[np.float64]
+
+
+@checked
+@dataclass(frozen=True, slots=True)
+class Linearisation:
+    """d(dx)/dt = A dx + B du, dy = C dx + D du: deviations from a state of the mechanism, in SI units.
+
+    Attributes
+    ----------
+    A, B, C, D
+        Arrays (states, states), (states, inputs), (outputs, states) and (outputs, inputs).
+    states, inputs, outputs
+        Names of the entries of x, u and y. The first half of the states are coordinates, the others their
+        time derivatives: ``pole.angle'`` is that of ``pole.angle``.
+    units
+        Unit of every state, input and output by name.
+    t, x, u, y
+        Time [s], state, inputs and outputs about which it is linearised.
+    rates
+        dx/dt there: zero at an equilibrium.
+    """
+
+    A: Array
+    B: Array
+    C: Array
+    D: Array
+    states: tuple[str, ...]
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+    units: dict[str, str]
+    t: float
+    x: Array
+    u: Array
+    y: Array
+    rates: Array
+
+    @property
+    def state_space(self) -> StateSpace:
+        """The model as a ``scipy.signal.StateSpace``; raise ModelError without inputs or outputs."""
+        for what, names in (("inputs", self.inputs), ("outputs", self.outputs)):
+            if not names:
+                raise ModelError(
+                    f"a StateSpace needs {what}, and this model has none\n"
+                    f"  {'Add [inputs] to the scene.' if what == 'inputs' else 'Give outputs to linearise.'}"
+                )
+        from scipy.signal import StateSpace
+
+        return StateSpace(self.A, self.B, self.C, self.D)
+
+    @property
+    def poles(self) -> NDArray[np.complex128]:
+        """Eigenvalues of A [1/s], by rising modulus; of a conjugate pair that of positive frequency first."""
+        values = np.linalg.eigvals(self.A).astype(complex)
+        order = np.lexsort((-values.imag, np.round(np.abs(values), 12)))
+        return np.asarray(values[order])
+
+    def summary(self) -> dict[str, Any]:
+        """Return it in plain numbers: what ``symgen linearise --json`` prints."""
+
+        def named(names: tuple[str, ...], values: Array) -> dict[str, Any]:
+            pairs = zip(names, values.tolist(), strict=True)
+            return {name: {"unit": self.units[name], "value": value} for name, value in pairs}
+
+        return {
+            "analysis": "linearise",
+            "t": self.t,
+            "states": named(self.states, self.x),
+            "inputs": named(self.inputs, self.u),
+            "outputs": named(self.outputs, self.y),
+            "rates": self.rates.tolist(),
+            **{name: getattr(self, name).tolist() for name in "ABCD"},
+            "poles": [[s.real, s.imag] for s in self.poles.tolist()],
+        }

@@ -1,0 +1,286 @@
+"""State-space models from the slopes of the equations of motion, by implicit differentiation.
+
+The slopes are derived in :mod:`symgen.models.linearisation`. Independent coordinates z(q) with rates z' = G u
+determine the motion: J dq = 0 and G dq = dz give dq, the differential of the constraints' rates and of z'
+gives du, and that of the equations of motion the accelerations and multipliers.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symgen.errors import ModelError
+from symgen.runtime.kernels.evaluate import Evaluator
+from symgen.runtime.linearisation.record import Linearisation
+from symgen.runtime.result.state import State
+from symgen.runtime.rods.redundancy import extent, not_unique
+
+Array = NDArray[np.float64]
+
+#: Coordinates whose directions are closer to dependent than this do not determine the motion.
+_DEPENDENT = 1e-9
+#: The part of the linkage's size, and of the speeds, by which a state may violate the constraints.
+_CLOSED = 1e-6
+
+
+@dataclass(frozen=True, slots=True)
+class Slopes:
+    """Slopes at one state by its coordinates, velocities, solution (a, lambda), and inputs; a row each.
+
+    ``residual`` are those of f - M a - J^T lambda and gamma - J a, ``rates`` those of dPhi/dt, ``outputs``
+    and ``values`` those of the outputs by name, and their values.
+    """
+
+    residual: Array
+    rates: Array
+    outputs: dict[str, Array]
+    values: dict[str, float]
+    units: dict[str, str]
+
+    def rows(self, names: Sequence[str]) -> Array:
+        """Return the slopes of scalar outputs, a row each."""
+        return np.array([self.outputs[name] for name in names]).reshape(len(names), self.residual.shape[1])
+
+    def scalars(self, name: str) -> list[str]:
+        """Return the scalars of an output: itself, or its components."""
+        marks = name[len(name.rstrip("'")) :]
+        whole = name.removesuffix(marks)
+        components = [f"{whole}.{axis}{marks}" for axis in "xyz"]
+        return [name] if name in self.outputs else [x for x in components if x in self.outputs]
+
+
+class Tangents:
+    """The linearised motion of a linkage at one state.
+
+    Parameters
+    ----------
+    model
+        The kernels of the equations of motion.
+    kernels
+        Those of the analysis ``linearisation``.
+    state
+        The state.
+    solution
+        Its accelerations and multipliers.
+    redundant
+        Number of constraints that follow from the others.
+    """
+
+    def __init__(
+        self, model: Evaluator, kernels: Evaluator, state: State, solution: Array, redundant: int
+    ) -> None:
+        self.model, self.state, self.redundant = model, state, redundant
+        d = self.description = model.description
+        self.n, self.m = d.coordinates, len(d.constraints)
+        self.slopes = _slopes(kernels, state, solution)
+        n, whole = self.n, self.n + self.m
+        by = 2 * n + whole
+        self.by_q, self.by_u = slice(n), slice(n, 2 * n)
+        self.by_solution, self.by_inputs = slice(2 * n, by), slice(by, by + len(d.inputs))
+        equations = 0.0 - self.slopes.residual[:, self.by_solution]
+        self.mass, self.jacobian = equations[:n, :n], equations[n:, :n]
+        self.scale = (
+            model.blocks("constraints", state.t, state.q, state.u)["constraint_scale"]
+            if self.m
+            else np.zeros(0)
+        )
+        rank = self.m - redundant
+        left, values, right = np.linalg.svd(self.jacobian / self.scale[:, None])
+        #: Minimum-norm motions of unit constraint errors, and a basis of the motions without any.
+        self.bound = (right[:rank].T / values[:rank]) @ left[:, :rank].T
+        self.free = right[rank:].T
+
+    def solved(self, right: Array) -> Array:
+        """Return the solutions of [M J^T; J 0] w = b for the columns of ``right``."""
+        force, gamma = right[: self.n], right[self.n :]
+        a = self.bound @ (gamma / self.scale[:, None])
+        reduced = self.free.T @ self.mass @ self.free
+        a = a + self.free @ np.linalg.solve(reduced, self.free.T @ (force - self.mass @ a))
+        return np.vstack([a, (self.bound.T @ (force - self.mass @ a)) / self.scale[:, None]])
+
+    def directions(self, coordinates: Sequence[str]) -> Array:
+        """Return dz/dq on the free motions, (coordinates, freedoms), checked to be regular.
+
+        Raises
+        ------
+        ModelError
+            When the coordinates do not determine the motion.
+        """
+        freedoms = self.free.shape[1]
+        for name in coordinates:
+            if name not in self.slopes.outputs:
+                raise ModelError(
+                    f"{name} is no coordinate, since it has several components\n"
+                    f"  Choose some of {', '.join(self.slopes.scalars(name))}."
+                )
+        if len(coordinates) != freedoms:
+            raise ModelError(
+                f"expected {freedoms} independent coordinates of {self.description.name}, one for each "
+                f"degree of freedom, got {len(coordinates)}: {', '.join(coordinates) or 'none'}\n"
+                "  Choose angles of links (plane), or components of positions such as A.position.x."
+            )
+        rows = self.slopes.rows(coordinates)[:, self.by_q]
+        on_free: Array = rows @ self.free
+        sizes = np.linalg.norm(rows, axis=1)
+        if freedoms and np.linalg.svd(on_free / sizes[:, None])[1][-1] < _DEPENDENT:
+            raise ModelError(
+                f"the coordinates {', '.join(coordinates)} do not determine the motion of "
+                f"{self.description.name} at this state: some combination of them is constant there\n"
+                "  Choose other coordinates."
+            )
+        return on_free
+
+    def independent(self, coordinates: Sequence[str]) -> tuple[Array, Array]:
+        """Return dq and du by (z, z'), each (n, 2 coordinates); errors as of :meth:`directions`.
+
+        Raises
+        ------
+        ModelError
+            When the state violates the constraints.
+        """
+        self._check_closed()
+        inverse = np.linalg.inv(self.directions(coordinates))
+        unit = self.free @ inverse
+        places, rates = self.slopes.rows(coordinates), self.slopes.rows([f"{x}'" for x in coordinates])
+        forced = self.bound @ (-self.slopes.rates[:, self.by_q] @ unit / self.scale[:, None])
+        left = -rates[:, self.by_q] @ unit - places[:, self.by_q] @ forced
+        turned = forced + unit @ left
+        return np.hstack([unit, np.zeros_like(unit)]), np.hstack([turned, unit])
+
+    def mass_matrix(self, coordinates: Sequence[str]) -> Array:
+        """Return the mass matrix of independent coordinates; errors as of :meth:`directions`."""
+        unit = self.free @ np.linalg.inv(self.directions(coordinates))
+        reduced: Array = unit.T @ self.mass @ unit
+        return reduced
+
+    def _check_closed(self) -> None:
+        if not self.m:
+            return
+        at = self.state.t, self.state.q, self.state.u
+        size = extent(self.model, self.state.q)
+        error = float(np.max(np.abs(self.model.blocks("constraints", *at)["constraints"] / self.scale)))
+        rates = self.model.blocks("velocity_constraints", *at)["velocity_constraints"] / self.scale
+        speed = max(float(np.max(np.abs(self.state.u))), float(np.max(np.abs(rates))), 1e-300)
+        if error > _CLOSED * size or np.max(np.abs(rates)) > _CLOSED * speed:
+            raise ModelError(
+                f"the state violates the constraints, by {error:.1e} m and {np.max(np.abs(rates)):.1e} m/s: "
+                "independent coordinates do not describe it\n"
+                "  model.rhs.project(t, y) brings a state y = (q, u) onto the constraints."
+            )
+
+
+def state_space(
+    tangents: Tangents,
+    coordinates: Sequence[str],
+    independent: bool,
+    inputs: Mapping[str, float],
+    outputs: Sequence[str],
+) -> Linearisation:
+    """Return the state-space model of these coordinates, of inputs with their values, and of outputs.
+
+    Parameters
+    ----------
+    tangents
+        The linearised motion, with kernels of ``derivatives(coordinates)`` and of the outputs.
+    independent
+        Whether the coordinates are independent; otherwise they are those of all moving points.
+
+    Raises
+    ------
+    ModelError
+        As :meth:`Tangents.independent`; for forces that redundant constraints leave open; for Cartesian
+        coordinates of redundant constraints.
+    """
+    slopes, d, n = tangents.slopes, tangents.description, tangents.n
+    if tangents.redundant and not independent:
+        raise ModelError(
+            f"the constraints of {d.name} are redundant, so that they contradict each other where Cartesian "
+            "coordinates deviate one by one\n  Give independent coordinates."
+        )
+    dq, du = tangents.independent(coordinates) if independent else _cartesian(n)
+    moved = slopes.residual[:, tangents.by_q] @ dq + slopes.residual[:, tangents.by_u] @ du
+    chosen = [tangents.by_inputs.start + d.inputs.index(name) for name in inputs]
+    dw, driven = tangents.solved(moved), tangents.solved(slopes.residual[:, chosen])
+    k = len(coordinates)
+
+    def linear(names: Sequence[str]) -> tuple[Array, Array]:
+        rows = slopes.rows(names)
+        by = rows[:, tangents.by_solution]
+        state = rows[:, tangents.by_q] @ dq + rows[:, tangents.by_u] @ du + by @ dw
+        return state, by @ driven + rows[:, chosen]
+
+    shown = [x for name in outputs for x in slopes.scalars(name)]
+    _check_unique(tangents, shown)
+    second, by_inputs = linear([f"{name}''" for name in coordinates])
+    c, direct = linear(shown)
+    x, first, accelerations, y = (
+        np.array([slopes.values[f"{name}{mark}"] for name in of])
+        for of, mark in ((coordinates, ""), (coordinates, "'"), (coordinates, "''"), (shown, ""))
+    )
+    states = (*coordinates, *(f"{name}'" for name in coordinates))
+    units = {name: slopes.units[name] for name in (*states, *shown)}
+    return Linearisation(
+        A=np.vstack([np.hstack([np.zeros((k, k)), np.eye(k)]), second]),
+        B=np.vstack([np.zeros((k, len(inputs))), by_inputs]),
+        C=c,
+        D=direct,
+        states=states,
+        inputs=tuple(inputs),
+        outputs=tuple(shown),
+        units=units | {p.name: p.unit for p in d.tunable if p.name in inputs},
+        t=tangents.state.t,
+        x=np.concatenate([x, first]),
+        u=np.array([*inputs.values()], dtype=float),
+        y=y,
+        rates=np.concatenate([first, accelerations]),
+    )
+
+
+def derivatives(coordinates: Sequence[str]) -> list[str]:
+    """Return the outputs that coordinates need: themselves and their first two derivatives."""
+    return [f"{name}{mark}" for name in coordinates for mark in ("", "'", "''")]
+
+
+def _cartesian(n: int) -> tuple[Array, Array]:
+    return np.hstack([np.eye(n), np.zeros((n, n))]), np.hstack([np.zeros((n, n)), np.eye(n)])
+
+
+def _check_unique(tangents: Tangents, outputs: Sequence[str]) -> None:
+    """Raise ModelError for an output by multipliers that redundant constraints leave open."""
+    open_rows = not_unique(tangents.model, tangents.state.t, tangents.state.q, tangents.redundant)
+    columns = [tangents.by_solution.start + tangents.n + i for i in open_rows]
+    for name in outputs:
+        if columns and np.any(tangents.slopes.outputs[name][columns]):
+            raise ModelError(
+                f"{name} depends on forces of redundant constraints, which the motion does not determine: "
+                f"those of {', '.join(tangents.description.labels[i] for i in open_rows)}"
+            )
+
+
+def _slopes(kernels: Evaluator, state: State, solution: Array) -> Slopes:
+    """Return the slopes at a state as dense rows."""
+    d = kernels.description
+    points = [(p, axis) for p in d.free for axis in d.axes]
+    unknowns = [f"{p}_a{axis}" for p, axis in points] + [f"{c}_lambda" for c in d.constraints]
+    arguments = [f"{p}_{axis}" for p, axis in points] + [f"{p}_v{axis}" for p, axis in points]
+    columns = {name: i for i, name in enumerate([*arguments, *unknowns, *d.inputs])}
+    work = np.zeros(kernels.work_size + len(solution) + 1)
+    work[: len(solution)] = solution
+    at = state.t, state.q, state.u, work
+    infos = {b.name: b for b in kernels.info("values").blocks} if kernels.has("values") else {}
+    values = {infos[k].about: float(v[0]) for k, v in kernels.blocks("values", *at).items()} if infos else {}
+    rows = {"residual": unknowns, "rates": unknowns[len(points) :], "outputs": list(values)}
+    found = {name: np.zeros((len(labels), len(columns))) for name, labels in rows.items()}
+    parts = kernels.blocks("slopes", *at)
+    for block in kernels.info("slopes").blocks:
+        places = {label: i for i, label in enumerate(rows[block.name])}
+        for label, value in zip(block.rows, parts[block.name], strict=True):
+            row, column = label.split()
+            found[block.name][places[row], columns[column]] = value
+    outputs = dict(zip(values, found["outputs"], strict=True))
+    units = {b.about: b.unit for b in infos.values()}
+    return Slopes(found["residual"], found["rates"], outputs, values, units)
