@@ -22,9 +22,7 @@ def scenes() -> None:
     from symgen.scene.loading import read_scene, shipped_scenes
 
     rows = [(name, read_scene(name).data.get("title", "")) for name in shipped_scenes()]
-    shown = table("Shipped scenes", ("name", "mechanism"), rows)
-    shown.columns[1].justify = "left"
-    console().print(shown)
+    console().print(table("Shipped scenes", ("name", "mechanism"), rows, texts=(0, 1)))
 
 
 @command("symgen show peaucellier constraint_jacobian --format latex")
@@ -104,9 +102,7 @@ def _list(subject: Subject) -> None:
 
     for prefix, part in subject.parts:
         listed = [(prefix + name, *more) for name, *more in overview(part)]
-        shown = table(part.title, ("matrix", "shape", "unit", "meaning"), listed)
-        shown.columns[3].justify = "left"
-        console().print(shown)
+        console().print(table(part.title, ("matrix", "shape", "unit", "meaning"), listed, texts=(0, 3)))
 
 
 def _show_record(subject: Subject, form: str) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 from rich.console import Console
 
 from symgen.report.extremes import Components
-from symgen.report.tables import table
+from symgen.report.tables import MODES, table
 from symgen.runtime.result.motion import Motion
 from symgen.runtime.result.result import Variable
 from symgen.runtime.result.state import State
@@ -75,12 +75,14 @@ def print_modes(analyses: Sequence[Modes], model: Any, console: Console) -> None
     (found,) = analyses
     rows = [
         (i + 1, m.kind, m.frequency, m.omega, m.damping_ratio, f"{m.s.real:.6g}{m.s.imag:+.6g}i")
-        for i, m in enumerate(found.modes)
+        for i, m in enumerate(found.modes[:MODES])
     ]
     head = ("mode", "kind", "frequency [Hz]", "omega [rad/s]", "damping ratio", "s [1/s]")
     stability = found.equilibrium.stability
     title = f"{model.description.title}: {len(found)} modes about a {stability} equilibrium"
     console.print(table(title, head, rows))
+    if len(found) > MODES:
+        console.print(f"and {len(found) - MODES} more modes: --json lists all")
     moving = [p for p in found[0].shape if any(np.any(m.shape[p]) for m in found.modes)]
     shapes = [(p, *(_numbers(_rounded(m.shape[p]), ".4g") for m in found.modes[:8])) for p in moving]
     numbers = [str(i + 1) for i in range(min(8, len(found)))]

@@ -10,7 +10,7 @@ import numpy as np
 from rich.console import Console
 
 from symgen.report.extremes import Components
-from symgen.report.tables import table
+from symgen.report.tables import MODES, table
 from symgen.runtime.result.elastic import ElasticResult
 from symgen.runtime.result.modes import ElasticModes
 from symgen.runtime.result.sweep import Sweep
@@ -37,9 +37,12 @@ def print_elastic_modes(poses: Sequence[ElasticModes], model: Any, console: Cons
             head.append(f"error of reducing {p.without_reduction[1]} unknowns")
             columns.append([f"{x:.1e}" for x in p.errors])
     count = max(len(c) for c in columns)
-    rows = [(str(i + 1), *(c[i] if i < len(c) else "" for c in columns)) for i in range(count)]
+    rows = [(str(i + 1), *(c[i] if i < len(c) else "" for c in columns)) for i in range(min(count, MODES))]
     what = "in motion" if moving else "at rest"
     console.print(table(f"{model.description.title}: the structure {what}", head, rows))
+    if count > MODES:
+        highest = max(float(np.max(p.frequencies)) for p in poses)
+        console.print(f"and {count - MODES} more modes up to {highest:.6g} Hz: --json lists all")
 
 
 def _rpm(speed: float, digits: int) -> str:

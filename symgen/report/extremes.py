@@ -6,10 +6,10 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
-from rich.table import Table
+from rich.console import Group
 
 from symgen.report.tables import table
-from symgen.runtime.result.records import Variable
+from symgen.runtime.result.records import Variable, columns
 
 Array = NDArray[np.float64]
 
@@ -36,15 +36,8 @@ class Components:
 
     def __init__(self, variables: Sequence[Variable], count: int, missing: str = "-") -> None:
         self.missing = missing
-        rows = [
-            (
-                f"{v.name}.{c}" if c else v.name,
-                v.unit,
-                np.asarray(v.values, dtype=float).reshape(count, -1)[:, i],
-            )
-            for v in variables
-            for i, c in enumerate(v.components or ("",))
-        ]
+        parts = columns(variables)
+        rows = [(v.name, v.unit, np.asarray(v.values, dtype=float).reshape(count)) for v in parts]
         largest = dict(_LEAST_SCALE)
         for _, unit, values in rows:
             size = np.abs(values[np.isfinite(values)])
@@ -66,7 +59,7 @@ class Components:
         *,
         end: bool = False,
         mark: Callable[[str, int], str] = lambda name, index: "",
-    ) -> Table:
+    ) -> Group:
         """Return a table with the minimum and maximum of each component and where they occur.
 
         Parameters
@@ -103,7 +96,7 @@ class Components:
 
     def values(
         self, title: str, heads: Sequence[str], mark: Callable[[str, int], str] = lambda name, index: ""
-    ) -> list[Table]:
+    ) -> list[Group]:
         """Return tables with one column per value, split to fit 80 columns."""
         made = []
         for first in range(0, len(heads), _COLUMNS):

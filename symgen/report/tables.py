@@ -2,21 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from typing import Any
 
 from rich.box import SIMPLE_HEAD
+from rich.console import Group
 from rich.markup import escape
 from rich.table import Table
+from rich.text import Text
 
 from symgen.runtime.result.result import Result
 
 
-def table(title: str, columns: Sequence[str], rows: Iterable[Sequence[Any]]) -> Table:
-    """Return a table of plain text; the first column is the name, numbers are right-aligned."""
+def table(
+    title: str, columns: Sequence[str], rows: Iterable[Sequence[Any]], texts: Collection[int] = (0,)
+) -> Group:
+    """Return a table of plain text; columns of numbers are right-aligned, those numbered in ``texts`` left.
+
+    The title is a line of its own: a title of the table would be broken at the width of its columns.
+    """
     made = Table(
-        title=escape(title),
-        title_justify="left",
         header_style="bold",
         show_header=any(columns),
         box=SIMPLE_HEAD,
@@ -25,21 +30,23 @@ def table(title: str, columns: Sequence[str], rows: Iterable[Sequence[Any]]) -> 
         collapse_padding=True,
     )
     for i, column in enumerate(columns):
-        made.add_column(escape(column), justify="left" if i == 0 else "right", overflow="fold")
+        made.add_column(escape(column), justify="left" if i in texts else "right", overflow="fold")
     for row in rows:
         made.add_row(*(escape(_text(cell)) for cell in row))
-    return made
+    return Group(Text(title, style="table.title"), made) if title else Group(made)
 
 
 def _text(value: Any) -> str:
     return f"{value + 0.0:.6g}" if isinstance(value, float) else str(value)  # no -0
 
 
+#: Maximum number of modes listed on the terminal.
+MODES = 10
 #: Maximum number of events listed on the terminal.
 _EVENTS = 20
 
 
-def events_table(result: Result) -> Table:
+def events_table(result: Result) -> Group:
     """Return a table of the events of a run, truncated if long."""
     rows = [(e.name, f"{e.time:.12g}", "rising" if e.rising else "falling") for e in result.events[:_EVENTS]]
     more = len(result.events) - _EVENTS
@@ -52,7 +59,7 @@ def _type(result: Result) -> tuple[str, ...]:
     return (found,) if found else ()
 
 
-def run_table(result: Result) -> Table:
+def run_table(result: Result) -> Group:
     """Return a table of run statistics: cost and errors."""
     drift, statistics = result.drift.measured, result.statistics
     return table(

@@ -120,6 +120,42 @@ def test_plot_writes_a_picture(tmp_path):
     assert (tmp_path / "run.svg").read_text().count("<path") > 10
 
 
+def test_files_that_were_written_are_named_behind_the_tables_and_not_in_json(tmp_path):
+    files = tmp_path / "run.csv", tmp_path / "run.svg"
+    given = "run", "four_bar", "--t-end", "0.1", "--out", files[0], "--plot", files[1]
+    assert call(*given).splitlines()[-2:] == [f"wrote {file}" for file in files]
+    assert json.loads(call(*given, "--json"))["scene"] == "four_bar"
+
+
+def test_ten_modes_are_listed_and_the_others_counted():
+    given = "modes", "rotating_cantilever", "--set", "links.strip.elastic.elements=5"
+    found = json.loads(call(*given, "--json"))["frequencies_hz"]
+    lines = call(*given).splitlines()
+    assert [float(line.split()[1]) for line in lines if re.match(r"\d+ ", line)] == pytest.approx(
+        found[:10], rel=1e-5
+    )
+    assert lines[-1] == f"and {len(found) - 10} more modes up to {found[-1]:.6g} Hz: --json lists all"
+
+
+def test_a_length_that_does_not_fit_is_the_only_one_named(tmp_path):
+    """The other constraints of the linkage are met up to rounding."""
+    file = tmp_path / "open.toml"
+    file.write_text(
+        'symgen = 1\n[points]\nO = { at = ["0 m", "0 m"], ground = true }\nA = { at = ["0 m", "1 m"] }\n'
+        'B = { at = ["2 m", "2 m"] }\nC = { at = ["3 m", "0 m"], ground = true }\n[links]\n'
+        'crank = { points = ["O", "A"], mass = "1 kg" }\nrocker = { points = ["B", "C"], mass = "1 kg" }\n'
+        'coupler = { points = ["A", "B"], mass = "1 kg", length = "30 m" }\n'
+    )
+    with pytest.raises(SymgenError, match=r"it still misses the length of link coupler by [\d.]+ m\n"):
+        call("simulate", file)
+
+
+def test_titles_are_not_broken_at_the_width_of_their_tables():
+    title = "Four-bar linkage swinging freely: stable equilibrium, 1 free"
+    assert title in call("equilibrium", "four_bar").splitlines()
+    assert "Cantilever on a turning shaft: the structure at rest" in call("modes", "rotating_cantilever")
+
+
 def test_a_failed_run_saves_what_it_had(tmp_path):
     file = tmp_path / "run.npz"
     with pytest.raises(SymgenError, match="at t ="):

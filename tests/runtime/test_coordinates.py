@@ -193,3 +193,22 @@ def test_the_summary_of_poles_has_no_number_in_their_place():
     turn = symgen.build("slider_crank", set=changed).inverse_dynamics(at=[math.pi / 2])
     load = json.loads(json.dumps(turn.summary(), allow_nan=False))["outputs"]["S4.drive"]
     assert load["unit"] == "N" and {load[k] for k in load if k != "unit"} == {None}
+
+
+@pytest.mark.parametrize("scene", ["four_bar", "slider_crank", "elastic_slider_crank", "tumbling_body"])
+def test_components_have_the_names_of_tables_and_files(scene, tmp_path):
+    model = symgen.build(scene)
+    run = model.simulate(samples=3) if hasattr(model, "simulate") else model.inverse_dynamics(samples=3)
+    run.save(tmp_path / "run.csv")
+    head, *lines = (tmp_path / "run.csv").read_text().splitlines()
+    names = [column.rpartition(" [")[0] for column in head.split(",")]
+    table = np.array([[float(x) for x in line.split(",")] for line in lines])
+    outputs = run.summary()["outputs"]
+    assert any(name not in [v.name for v in run.variables] for name in outputs)  # some are components
+    for name, entry in outputs.items():
+        assert name in run
+        assert run[name].values.tolist() == table[:, names.index(name)].tolist()
+        assert run[name].attrs["units"] == entry["unit"] and run[name].name == name
+
+    with pytest.raises(ResultError, match="holds no 'A.position.w'"):
+        run["A.position.w"]

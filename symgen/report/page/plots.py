@@ -6,7 +6,7 @@ import os
 from typing import TYPE_CHECKING, Any
 
 from symgen.errors import ResultError
-from symgen.runtime.result.records import Variable
+from symgen.runtime.result.records import Variable, columns
 from symgen.runtime.result.result import Result
 
 #: Supported file name extensions of plots.
@@ -24,8 +24,8 @@ def plot(result: Result, *names: str, file: str | os.PathLike[str] | None = None
     result
         The result.
     names
-        Outputs, such as ``C.position``, or points or links for all their recorded outputs. All outputs if
-        none is given.
+        Outputs, such as ``C.position`` or ``C.position.x``, or points or links for all their recorded
+        outputs. All outputs if none is given.
     file
         Output file; its extension selects the format.
 
@@ -72,7 +72,7 @@ def _save(figure: Any, file: str | os.PathLike[str]) -> None:
 def _shown(result: Result, name: str) -> Variable:
     """Return an output in the unit of plots; raise ResultError if it was not recorded."""
     result.variable(name)
-    return next(v for v in result.shown if v.name == name)
+    return next(v for v in (*result.shown, *columns(result.shown)) if v.name == name)
 
 
 def _chosen(result: Result, names: tuple[str, ...]) -> list[Variable]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -49,6 +49,15 @@ class Variable:
     about: str
     components: tuple[str, ...]
     values: Array
+
+
+def columns(variables: Sequence[Variable]) -> tuple[Variable, ...]:
+    """Return every component of outputs as an output of its own, such as ``C.position.x``."""
+    return tuple(
+        Variable(f"{v.name}.{c}", v.unit, v.about, (), v.values.reshape(len(v.values), -1)[:, i]) if c else v
+        for v in variables
+        for i, c in enumerate(v.components or ("",))
+    )
 
 
 @dataclass(frozen=True, slots=True)

@@ -18,7 +18,7 @@ from symgen.calls import checked
 from symgen.display import display, seconds
 from symgen.errors import ResultError, nearest
 from symgen.runtime.result.findings import Findings
-from symgen.runtime.result.records import Coordinate, Drift, Event, Variable, plain
+from symgen.runtime.result.records import Coordinate, Drift, Event, Variable, columns, plain
 
 if TYPE_CHECKING:
     import xarray
@@ -113,21 +113,26 @@ class Result(Findings):
         return self.times
 
     def __getitem__(self, name: str) -> xarray.DataArray:
-        """Return an output, or the coordinate, as a labelled array with its unit in ``attrs["units"]``."""
+        """Return an output, a component such as ``C.position.x``, or the coordinate, with its unit."""
         self.variable(name)
-        return self.dataset[name]
+        if name in self.dataset:
+            return self.dataset[name]
+        owner, _, component = name.rpartition(".")
+        axis = self.variable(owner).components.index(component)
+        return self.dataset[owner].isel(axis=axis).rename(name)
 
     def __contains__(self, name: object) -> bool:
-        """Return True if an output, or the coordinate, has this name."""
-        return isinstance(name, str) and (name == self.coordinate.name or name in [*self])
+        """Return True if an output, a component of one, or the coordinate has this name."""
+        known = [v.name for v in (*self.variables, *columns(self.variables))]
+        return name in (self.coordinate.name, *known)
 
     def __iter__(self) -> Iterator[str]:
         """Yield the names of the outputs."""
         return (v.name for v in self.variables)
 
     def variable(self, name: str) -> Variable:
-        """Return an output, or the coordinate; raise ResultError with the nearest name otherwise."""
-        for variable in self.variables:
+        """Return an output, a component of one, or the coordinate, else raise ResultError."""
+        for variable in (*self.variables, *columns(self.variables)):
             if variable.name == name:
                 return variable
         along = self.coordinate
@@ -250,7 +255,7 @@ class Result(Findings):
 
         ``docs/results.md`` describes it.
         """
-        along = self.coordinate
+        along, outputs = self.coordinate, columns(self.variables)
         ends = {"first": along.values[0], "last": along.values[-1]} if self.count else {}
         summary: dict[str, Any] = plain(
             {
@@ -260,7 +265,7 @@ class Result(Findings):
                 "kind": self.KIND,
                 "method": self.provenance["method"],
                 "coordinate": {"name": along.name, "unit": along.unit, "count": self.count, **ends},
-                "outputs": {name: {"unit": unit, **self._extremes(x)} for name, unit, x in self.columns()},
+                "outputs": {v.name: {"unit": v.unit, **self._extremes(v.values)} for v in outputs},
                 "final": self.final,
                 "drift": self.drift.measured,
                 "statistics": self.all_statistics(),
@@ -270,13 +275,6 @@ class Result(Findings):
             }
         )
         return summary
-
-    def columns(self) -> Iterator[tuple[str, str, Array]]:
-        """Yield name, unit and values of every component of the outputs, such as ``C.position.x``."""
-        for v in self.variables:
-            for i, component in enumerate(v.components or ("",)):
-                name = f"{v.name}.{component}" if component else v.name
-                yield name, v.unit, v.values.reshape(self.count, -1)[:, i]
 
     def _extremes(self, values: Array) -> dict[str, Any]:
         """Return the last, least and greatest of values, and the coordinate at both; None without any."""
@@ -364,14 +362,14 @@ def _write_npz(result: Result, path: Path) -> None:
 
 def _write_csv(result: Result, path: Path) -> None:
     along = result.coordinate
-    columns = [(along.name, along.unit, along.values)]
+    written = [(along.name, along.unit, along.values)]
     if result.times is not None:
-        columns.append(("time", "s", result.times))
-    columns += result.columns()
+        written.append(("time", "s", result.times))
+    written += [(v.name, v.unit, v.values) for v in columns(result.variables)]
     with path.open("w", encoding="utf-8", newline="") as stream:
         writer = csv.writer(stream, lineterminator="\n")
-        writer.writerow(f"{name} [{unit}]" for name, unit, _ in columns)
-        writer.writerows(zip(*(values.tolist() for *_, values in columns), strict=True))
+        writer.writerow(f"{name} [{unit}]" for name, unit, _ in written)
+        writer.writerows(zip(*(values.tolist() for *_, values in written), strict=True))
 
 
 _WRITERS = {".nc": _write_netcdf, ".npz": _write_npz, ".csv": _write_csv}

@@ -158,9 +158,14 @@ def _assemble(evaluator: Evaluator, starter: Starter) -> None:
         raise _unassembled(evaluator, starter.at, residual)
 
 
+#: Constraints that are missed by less than this fraction of the largest miss are met, up to rounding.
+_MISSED = 1e-9
+
+
 def _unassembled(evaluator: Evaluator, reached: float, residual: Array) -> InitialStateError:
     rows = [_label(evaluator, row) for row in _rows(evaluator, "assembly")]
-    order = [i for i in np.argsort(-np.abs(residual))[:3] if residual[i] != 0.0]
+    size = np.abs(residual)
+    order = [i for i in np.argsort(-size)[:3] if size[i] > _MISSED * np.max(size)]
     missing = ", ".join(f"{rows[i]} by {abs(residual[i]):.3g} m" for i in order)
     if not np.all(np.isfinite(residual)):
         bad = rows[int(np.flatnonzero(~np.isfinite(residual))[0])]

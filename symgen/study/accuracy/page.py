@@ -39,8 +39,8 @@ def print_accuracy(found: Accuracy, console: Console) -> None:
         "",
         ("output", "ulps", "of entry", "of largest", "condition", "beyond", "entry and state", "lost by"),
         (_row(o, worst) for o, worst in rows if worst),
+        texts=(0, 6, 7),
     )
-    shown.columns[6].justify = shown.columns[7].justify = "left"
     console.print(shown)
     exact = ", ".join(_name(o) for o, worst in rows if not worst)
     if exact:
@@ -95,8 +95,8 @@ def print_cancelling(found: Sequence[Cancelling], console: Console) -> None:
             (c.output, *map(_digits, (c.digits, c.in_output, c.needless)), f"{c.name} = {c.expression}")
             for c in found
         ),
+        texts=(0, 4),
     )
-    shown.columns[4].justify = "left"
     console.print(shown)
     console.print(
         "digits: lost in the sum itself; in output: lost in the output as a result, near its largest error;\n"

@@ -43,9 +43,7 @@ def print_suite(outcomes: Sequence[Outcome], console: Console) -> None:
         for o in outcomes
     ]
     head = ("case", "method", "survived", "error", "drift", "steps", "time", "bound")
-    made = table("Hard cases", head, rows)
-    made.columns[1].justify = "left"
-    console.print(made)
+    console.print(table("Hard cases", head, rows, texts=(0, 1)))
     for o in outcomes:
         if not o.survived:
             console.print(f"{o.case.name}, {o.trial.label}: {o.said}.", soft_wrap=True)
