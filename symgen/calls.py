@@ -19,6 +19,9 @@ if TYPE_CHECKING:
 #: Methods behind operators, which are public as well.
 _OPERATORS = ("__getitem__", "__contains__")
 
+#: Errors of kernels in Python, and Ctrl-C in them: compiled code that calls them cannot raise.
+FAILURES: list[BaseException] = []
+
 Target = TypeVar("Target", bound=Callable[..., Any])
 
 
@@ -44,9 +47,20 @@ def _checked(function: FunctionType) -> Callable[..., Any]:
         if not interface:  # built at the first call, so that imports stay light
             interface.append(_interface(function))
         values, named = interface[0].taken(values, named)
-        return function(*values, **named)
+        try:
+            return function(*values, **named)
+        finally:
+            raise_failure()
 
     return call
+
+
+def raise_failure() -> None:
+    """Raise the first error of a kernel since the last call, in place of its consequences."""
+    if FAILURES:
+        error = FAILURES[0]
+        FAILURES.clear()
+        raise error from None
 
 
 class _Kind(NamedTuple):

@@ -10,6 +10,8 @@ from libc.stdint cimport uintptr_t
 from libc.stdlib cimport calloc, free
 from libc.string cimport memcpy
 
+from symgen.calls import raise_failure
+
 #: Status of a step, a projection or a factorisation.
 DONE, MORE, NOT_FINITE, STEP_TOO_SMALL, SINGULAR = _DONE, _MORE, _NOT_FINITE, _STEP_TOO_SMALL, _SINGULAR
 PROJECTION_FAILED, CONTRADICTED, DRIFTED, ENDED = _PROJECTION_FAILED, _CONTRADICTED, _DRIFTED, _ENDED
@@ -47,12 +49,14 @@ def call(uintptr_t address, sizes, const double[::1] t, const double[::1] q, con
     """Call one kernel; ``sizes`` are the numbers of t, q, u, p, work and out that it reads or writes."""
     _fits(sizes, t.shape[0], q.shape[0], u.shape[0], p.shape[0], work.shape[0], out.shape[0])
     (<kernel_t>address)(&t[0], &q[0], &u[0], &p[0], &work[0], &out[0])
+    raise_failure()
 
 
 def set_up(uintptr_t address, double[::1] p, Py_ssize_t parameters, Py_ssize_t derived):
     """Leave behind so many parameters the ``derived`` numbers that a set-up kernel makes of them."""
     at_least("numbers in p", p.shape[0], parameters + derived)
     set_up_with(<kernel_t>address, parameters, &p[0])
+    raise_failure()
 
 
 def evaluate(uintptr_t address, sizes, double t, const double[::1] q, const double[::1] u, const double[::1] p, work):
@@ -62,6 +66,7 @@ def evaluate(uintptr_t address, sizes, double t, const double[::1] q, const doub
     memory = np.zeros(sizes[4] + 1) if work is None else work
     _fits(sizes, 1, q.shape[0], u.shape[0], p.shape[0], memory.shape[0], count)
     (<kernel_t>address)(&t, &q[0], &u[0], &p[0], &memory[0], &out[0])
+    raise_failure()
     return out.base[:count]
 
 
@@ -76,6 +81,7 @@ def call_many(uintptr_t address, sizes, const double[::1] t, const double[:, ::1
         at_least(what, found, rows)
     symgen_core.call_rows(<kernel_t>address, y.shape[0], &t[0], &y[0, 0], y.shape[1], n, &p[0], &work[0, 0],
                           work.shape[1], &out[0, 0], out.shape[1])
+    raise_failure()
 
 
 def call_repeatedly(uintptr_t address, sizes, Py_ssize_t times, const double[:, ::1] y, Py_ssize_t n,

@@ -7,6 +7,7 @@ from cpython.buffer cimport PyBUF_SIMPLE, PyBuffer_Release, PyObject_GetBuffer
 from libc.stdint cimport uintptr_t
 from libc.string cimport memcpy
 
+from symgen.calls import raise_failure
 from symgen.errors import ModelError
 from symgen.runtime._core cimport _DONE, Equations, equations
 
@@ -76,6 +77,7 @@ cdef class Rhs:
         self.equations.core.of.derivative(self.equations.core, t, <const double *>state.buf, <double *>slope.buf)
         PyBuffer_Release(&state)
         PyBuffer_Release(&slope)
+        raise_failure()
         return made
 
     def project(self, double t, y):

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from symgen.errors import ModelError
+from symgen.errors import ModelError, SceneError
 from symgen.runtime import _beams
 from symgen.runtime.beams.damping import modal_forces
 from symgen.runtime.beams.frames import MOTION, frames
@@ -114,8 +114,10 @@ def forces_of_modes(
 
     Raises
     ------
+    SceneError
+        When there are fewer modes than ratios.
     ModelError
-        When there are fewer modes than ratios, and as :func:`modes_at_rest`.
+        As :func:`modes_at_rest`.
     """
     from scipy.sparse import csr_array
 
@@ -125,9 +127,10 @@ def forces_of_modes(
     count = len(speeds) - rigid
     ratios = np.repeat(ratios, count) if every else ratios
     if len(ratios) > count:
-        raise ModelError(
-            f"{name}: expected at most {count} ratios of modal damping, one for each mode that strains the "
-            f"structure, got {len(ratios)}\n  Give fewer, or give links more elements."
+        raise SceneError(
+            f"expected at most {count} ratios, one for each mode that strains a link, got {len(ratios)}",
+            where="modal_damping.ratio",
+            hint="Give fewer, or give links more elements.",
         )
     chosen = slice(rigid, rigid + len(ratios))
     speeds, shapes = speeds[chosen], shown @ shapes[:, chosen]

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from symgen.errors import ModelError
+from symgen.errors import SceneError
 from symgen.runtime.beams.data import BeamInfo, Piece, Properties
 
 Array = NDArray[np.float64]
@@ -44,7 +44,7 @@ def modal(info: BeamInfo, fixed: Sequence[int], piece: Piece, ratio: float) -> A
 
     Raises
     ------
-    ModelError
+    SceneError
         When the mass matrix is not positive: something of the link has no mass.
     """
     from scipy.linalg import eigh
@@ -55,8 +55,9 @@ def modal(info: BeamInfo, fixed: Sequence[int], piece: Piece, ratio: float) -> A
     try:
         squares, modes = eigh(piece.stiffness[at], piece.mass[at])
     except np.linalg.LinAlgError:
-        raise ModelError(
-            f"elastic link {info.link!r} cannot have a damping ratio: something of it moves without mass"
+        raise SceneError(
+            "the link cannot have a damping ratio: something of it moves without mass",
+            where=f"links.{info.link}.elastic.damping.ratio",
         ) from None
     strained = slice(_RIGID, None)
     forces = modal_forces(piece.stiffness[at] @ modes[:, strained], np.sqrt(squares[strained]), ratio)

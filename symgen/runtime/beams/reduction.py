@@ -10,7 +10,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from symgen.errors import ModelError
+from symgen.errors import SceneError
 from symgen.runtime.beams.data import BeamInfo, Piece
 from symgen.runtime.beams.elements import Segment
 
@@ -57,7 +57,7 @@ def reduced(
 
     Raises
     ------
-    ModelError
+    SceneError
         If the link has fewer modes than requested, or no stiffness.
     """
     names = ["u@0", "w@0", *(["theta@0"] if info.clamped else []), f"u@{info.elements}", f"w@{info.elements}"]
@@ -65,9 +65,10 @@ def reduced(
     inside = [j for j in range(len(dofs)) if j not in ends and j not in fixed]
     modes = info.modes if info.reduction == "craig-bampton" else 0
     if modes > len(inside):
-        raise ModelError(
-            f"elastic link {info.link!r} has {len(inside)} modes of held ends, asked for {modes}\n"
-            "  Ask for fewer, or give it more elements."
+        raise SceneError(
+            f"expected at most {len(inside)} modes, those of the link with held ends, got {modes}",
+            where=f"links.{info.link}.elastic.reduction.modes",
+            hint="Give fewer modes, or more elements.",
         )
     basis = np.zeros((len(dofs), len(ends) + modes))
     basis[ends, np.arange(len(ends))] = 1.0
@@ -77,9 +78,9 @@ def reduced(
             if modes:
                 basis[inside, len(ends) :] = held_modes(piece, inside, modes)[1]
         except np.linalg.LinAlgError:
-            raise ModelError(
-                f"elastic link {info.link!r} cannot be reduced: its ends held, something moves without "
-                "stiffness or without mass"
+            raise SceneError(
+                "the link cannot be reduced: its ends held, something moves without stiffness or mass",
+                where=f"links.{info.link}.elastic.reduction",
             ) from None
     return (*names, *(f"mode@{k + 1}" for k in range(modes))), basis
 

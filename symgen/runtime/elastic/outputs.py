@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from symgen.errors import ModelError, nearest
+from symgen.errors import SceneError, nearest
 from symgen.runtime.beams.forces import Motion, modal_rates, own_motion
 from symgen.runtime.beams.frames import frames
 from symgen.runtime.beams.links import Beam
@@ -57,7 +57,7 @@ def selected(variables: Sequence[Variable], motion: ElasticMotion) -> tuple[Vari
 
     Raises
     ------
-    ModelError
+    SceneError
         When a run of elastic links has no such output.
     """
     names = motion.info.outputs
@@ -66,9 +66,9 @@ def selected(variables: Sequence[Variable], motion: ElasticMotion) -> tuple[Vari
     known = {v.name: v for v in variables}
     for name in names:
         if name not in known:
-            raise ModelError(
-                f"{motion.rigid.name}: analysis.outputs names {name!r}, which runs of elastic links do not "
-                f"have. {nearest(name, known)}"
+            raise SceneError(
+                f"runs of elastic links have no output {name!r}. {nearest(name, known)}",
+                where="analysis.outputs",
             )
     return tuple(known[name] for name in names)
 

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from symgen.calls import FAILURES
 from symgen.errors import StaleBinaryError
 from symgen.precision import FLOAT64, Precision
 from symgen.runtime.kernels.description import Described
@@ -203,11 +204,17 @@ def _in_python(
 
 def _over_pointers(function: Callable[..., None], sizes: tuple[int, ...], dtype: Any) -> Callable[..., None]:
     def kernel(*pointers: int | None) -> None:
-        function(
-            *(
+        arrays: list[Any] = []
+        try:
+            arrays += (
                 np.frombuffer((ctypes.c_char * n).from_address(p), dtype) if p and n else None  # type: ignore[call-overload]
                 for p, n in zip(pointers, sizes, strict=True)
             )
-        )
+            if not FAILURES:
+                function(*arrays)
+        except BaseException as error:
+            FAILURES.append(error)  # ctypes would print and ignore it
+        if FAILURES and arrays and arrays[-1] is not None:
+            arrays[-1][:] = np.nan  # ends the run
 
     return kernel

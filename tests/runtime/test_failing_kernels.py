@@ -1,0 +1,63 @@
+"""Errors of kernels in Python, which compiled code calls, end a run with the error itself."""
+
+from __future__ import annotations
+
+import pytest
+
+import symgen
+from symgen.runtime.kernels import library
+
+SCENES = {
+    "four_bar": ("simulate", "equilibrium", "accelerations"),
+    "crank_rocker": ("kinematics", "inverse_dynamics"),
+    "slider_crank": ("inverse_dynamics",),
+    "elastic_slider_crank": ("simulate",),
+}
+
+
+@pytest.mark.parametrize("error", [MemoryError, KeyboardInterrupt])
+@pytest.mark.parametrize(("scene", "analysis"), [(s, a) for s, verbs in SCENES.items() for a in verbs])
+def test_a_failing_kernel_ends_an_analysis_with_its_error(
+    scene, analysis, error, monkeypatch, tmp_path, capsys
+):
+    """ctypes printed the error and went on with the outputs of the last call."""
+    monkeypatch.setenv("SYMGEN_CACHE", str(tmp_path))
+    left = [10**9]
+
+    def failing(function):
+        def kernel(*arrays):
+            left[0] -= 1
+            if left[0] == 0:
+                raise error("of a kernel")
+            function(*arrays)
+
+        return kernel
+
+    monkeypatch.setattr(library, "_quietly", failing)
+    model = symgen.build(scene, backend="numpy")
+    options = {"simulate": {"samples": 3}, "inverse_dynamics": {"samples": 3}, "kinematics": {"samples": 3}}
+    model_call = lambda: getattr(model, analysis)(**options.get(analysis, {}))  # noqa: E731
+    left[0] = 3
+    with pytest.raises(error, match="of a kernel"):
+        model_call()
+    model_call()  # nothing of the failure is left
+    assert "ignored" not in capsys.readouterr().err
+
+
+def test_the_right_hand_side_raises_it(monkeypatch, tmp_path):
+    monkeypatch.setenv("SYMGEN_CACHE", str(tmp_path))
+    failing = [False]
+
+    def quietly(function):
+        def kernel(*arrays):
+            if failing[0]:
+                raise MemoryError("of a kernel")
+            function(*arrays)
+
+        return kernel
+
+    monkeypatch.setattr(library, "_quietly", quietly)
+    rhs = symgen.build("four_bar", backend="numpy").rhs
+    failing[0] = True
+    with pytest.raises(MemoryError, match="of a kernel"):
+        rhs(0.0, rhs.start)
