@@ -42,6 +42,9 @@ def test_json_is_one_object_and_nothing_else():
     assert run["drift"]["energy"] < 1e-12 * run["drift"]["energy_exchanged"]
 
 
+_REDUCTION = 'reduction={kind="craig-bampton",modes=99}'
+
+
 def test_errors_are_one_message_and_an_exit_code(tmp_path):
     limit = ["--t-end", "20", "--max-wall", "1e-6"]
     for code, arguments, words in (
@@ -55,6 +58,11 @@ def test_errors_are_one_message_and_an_exit_code(tmp_path):
         (3, ["run", "peaucellier", "--set", "roh=1 kg/m"], "Did you mean 'rho'"),
         (3, ["run", "peaucellier", "--set", "rho=1 kg"], "expected a quantity in kg/m"),
         (3, ["run", "slider_crank", "--set", "a4=300 in"], "cannot be assembled"),
+        (
+            3,
+            ["run", "elastic_slider_crank", "--set", f"links.rod.elastic.{_REDUCTION}"],
+            "modes: expected at most",
+        ),
         (4, ["simulate", "triple_pendulum", *limit], "at t ="),
     ):
         done = subprocess.run([sys.executable, "-m", "symgen", *arguments], capture_output=True, text=True)

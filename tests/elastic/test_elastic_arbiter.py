@@ -163,7 +163,7 @@ def test_command_line(tmp_path):
     done = CliRunner().invoke(app, [*options, "--json"])
     assert done.exit_code == 0, done.output
     said = json.loads(done.stdout)
-    assert said["method"] == "exact"
+    assert said["method"] == "large-rotation"
     outputs = {name for name in said["outputs"] if name.startswith("rod.")}
     assert outputs == {"rod.bending_strain", "rod.axial_strain", "rod.stress", "rod.length_change"}
     assert any("keep their length" in note for note in said["notes"])

@@ -187,7 +187,7 @@ def _result(motion: ElasticMotion, cuts: tuple[Cut, ...], result: Result, task: 
         },
         provenance={
             "equations": result.provenance["equations"],
-            "method": "exact",
+            "method": "large-rotation",
             "form": f"{task.segments} rods a link",
             "rtol": task.rtol,
             "t_end": result.provenance["t_end"],
