@@ -105,6 +105,9 @@ cdef extern from "core/core.h" nogil:
     cdef struct start_api:
         pass
 
+    cdef struct lane_api:
+        pass
+
     cdef struct core_api:
         long version, real_bytes
         double epsilon
@@ -113,6 +116,7 @@ cdef extern from "core/core.h" nogil:
         const elastic_api *elastic
         const kinematics_api *kinematics
         const start_api *start
+        const lane_api *lane_runs
         void (*widen)(long, const double *, const double *, void *) noexcept nogil
         void (*narrow)(long, const void *, double *, double *) noexcept nogil
         void (*call_rows)(kernel_t, long, const void *, const void *, long, long, const void *, void *, long, void *, long) noexcept nogil

@@ -7,8 +7,13 @@ from symgen.runtime._core import Equations
 from symgen.runtime._start import Starter
 from symgen.runtime.integrate.integrators import Integrator
 from symgen.runtime.kernels.evaluate import Evaluator
+from symgen.runtime.kernels.library import Library
 
 Array = NDArray[np.float64]
+
+class Lanes:
+    lanes: int
+    def __init__(self, library: Library, equations: Equations, lanes: int) -> None: ...
 
 class Runs:
     def __init__(
@@ -33,6 +38,7 @@ class Runs:
         rounding: float,
         consistent: float,
         near: float,
+        lanes: Lanes | None = None,
     ) -> None: ...
     def carry_out(
         self, given: Array, states: Array | None = None

@@ -8,12 +8,89 @@ from libc.stdlib cimport calloc, free
 from libc.string cimport memcpy, memset
 
 from symgen.runtime._core cimport (
-    Core, Equations, Scheme, _DONE, _MORE, at_least, core_api, equations, kernel_of, kernel_t, report, run,
+    Core, Equations, Scheme, _DONE, _MORE, at_least, core_api, equations, kernel_of, kernel_t, kernels, report, run,
     scheme as scheme_t, task,
 )
 from symgen.runtime._start cimport (
     Starter, start, start_kernels, start_sizes, start_table, _ON_THE_WAY, _STARTED,
 )
+
+
+cdef extern from "core/lane_runs.h" nogil:
+    cdef struct lane_sizes:
+        Py_ssize_t lanes, n, m, extra, parameters, derived, work, first_pivot
+        double rank_tolerance
+
+    cdef struct lane_runs:
+        pass
+
+    cdef struct lane_table "lane_api":
+        size_t lane_struct
+        size_t (*bytes)(const lane_sizes *, const scheme_t *) noexcept nogil
+        void (*bind)(lane_runs *, const lane_sizes *, const kernels *, const scheme_t *, const task *, void *) noexcept nogil
+        void (*run)(lane_runs *, const void *, const void *, const void *, void *, void *, char *) noexcept nogil
+
+# Alignment of vectors.
+cdef size_t LINE = 64
+
+
+cdef class Lanes:
+    """Runs of fixed explicit steps in the lanes of vectors.
+
+    Parameters
+    ----------
+    library
+        Kernels that take vectors.
+    equations
+        The :class:`~symgen.runtime._core.Equations` of a single run.
+    lanes
+        Numbers of a vector.
+    """
+
+    cdef readonly Py_ssize_t lanes
+    cdef lane_sizes sizes
+    cdef kernels given
+    cdef const lane_table *api
+    cdef lane_runs *core
+    cdef void *memory
+    cdef object library
+    cdef double[::1] rows, states, samples, drifts
+    cdef char[::1] failed, found
+
+    def __init__(self, library, Equations equations, Py_ssize_t lanes):
+        addresses = library.addresses
+        self.library, self.lanes = library, lanes
+        self.api = <const lane_table *>equations.of.api.lane_runs
+        self.given.accelerations, self.given.factor = kernel_of(addresses, "accelerations"), kernel_of(addresses, "factor")
+        self.given.solve, self.given.constraints = kernel_of(addresses, "solve"), kernel_of(addresses, "constraints")
+        self.given.velocity_constraints = kernel_of(addresses, "velocity_constraints")
+        self.given.energy, self.given.residual = kernel_of(addresses, "energy"), kernel_of(addresses, "residual")
+        self.given.setup = kernel_of(addresses, "setup")
+        self.sizes.lanes, self.sizes.n, self.sizes.m = lanes, equations.n, equations.m
+        self.sizes.extra, self.sizes.parameters = equations.extra, equations.core.sizes.parameters
+        self.sizes.derived, self.sizes.work = library.derived, equations.core.sizes.work
+        self.sizes.first_pivot = equations.core.sizes.first_pivot
+        self.sizes.rank_tolerance = equations.core.sizes.rank_tolerance
+        self.core = <lane_runs *>calloc(1, self.api.lane_struct)
+        if self.core == NULL:
+            raise MemoryError
+
+    def __dealloc__(self):
+        free(self.core)
+        free(self.memory)
+
+    cdef int bound(self, const scheme_t *method, const task *asked) except -1:
+        """Provide memory for runs by a method."""
+        cdef Py_ssize_t w = self.lanes, dim = 2 * self.sizes.n + self.sizes.extra
+        self.memory = calloc(1, self.api.bytes(&self.sizes, method) + LINE)
+        if self.memory == NULL:
+            raise MemoryError
+        self.api.bind(self.core, &self.sizes, &self.given, method, asked,
+                      <void *>(((<size_t>self.memory) + LINE - 1) // LINE * LINE))
+        self.rows, self.states = np.zeros(w * self.sizes.parameters + 1), np.zeros(w * dim)
+        self.samples, self.drifts = np.zeros(w * asked.samples * dim), np.zeros(2 * w)
+        self.failed, self.found = np.zeros(w, dtype=np.int8), np.zeros(w, dtype=np.int8)
+        return 0
 
 
 cdef class Runs:
@@ -39,6 +116,8 @@ cdef class Runs:
         Round-off of drawn positions over the size of the linkage.
     consistent
         Round-off of the start's velocities over the largest of their right-hand sides.
+    lanes
+        The :class:`Lanes` that runs are carried out in, if the method has fixed explicit steps.
     near
         Springs shorter than this part of the coordinates have no direction.
     """
@@ -68,11 +147,17 @@ cdef class Runs:
     cdef double[::1] solutions, row, result
     cdef char[::1] none_dropped
     cdef object evaluator
+    cdef Lanes lanes
+    cdef Py_ssize_t width
+    cdef const lane_table *of_lanes
+    cdef lane_runs *in_lanes
+    cdef double[::1] lane_given, lane_states, lane_samples, lane_drifts
+    cdef char[::1] failed, found
 
     def __init__(self, evaluator, Equations equations, Starter starter, method, double t0, double t_end, double rtol,
                  double atol, double step, const double[::1] times, *, long stabilisation, double max_drift,
                  double max_step, bint places_only, long most, const Py_ssize_t[:, ::1] ends, double rounding, double consistent,
-                 double near):
+                 double near, Lanes lanes=None):
         d, addresses = evaluator.description, evaluator.library.addresses
         self.evaluator, self.equations, self.starter = evaluator, equations, starter
         self.api, self.e, self.state, self.bytes = equations.of.api, equations.core, equations.memory, equations.bytes
@@ -103,6 +188,14 @@ cdef class Runs:
         self.solutions = np.zeros(times.shape[0] * self.work + 1)
         self.row, self.result = np.zeros(2 * self.n + 2), np.zeros(self.springs + 1)
         self.none_dropped = np.zeros(self.m + 1, dtype=np.int8)
+        if lanes is not None:
+            if self.turns or self.filled.kind != self.api.find_kind(b"explicit") or self.filled.counts[4] or rtol or atol \
+                    or stabilisation or not step > 0.0:
+                raise ValueError("lanes are for fixed explicit steps with projection")
+            lanes.bound(&self.filled, &self.asked)
+            self.lanes, self.width, self.of_lanes, self.in_lanes = lanes, lanes.lanes, lanes.api, lanes.core
+            self.lane_given, self.lane_states, self.lane_samples = lanes.rows, lanes.states, lanes.samples
+            self.lane_drifts, self.failed, self.found = lanes.drifts, lanes.failed, lanes.found
         self.core = <run *>calloc(1, self.api.run_struct)
         self.memory = calloc(1, self.api.run_bytes(equations.core, &self.scheme.filled, &self.asked))
         self.fresh = calloc(1, equations.bytes)
@@ -229,16 +322,49 @@ cdef class Runs:
         if r.recorded != count or r.moved or r.passages:
             return False
         drift[0], drift[1] = r.position_drift, r.energy_drift
-        samples = self.api.run_samples(self.core)
         if self.turns:
             memcpy(turns, self.api.run_turns(self.core), count * self.turns * sizeof(double))
-        if self.work:
-            self.api.solve_rows(self.e, count, self.api.run_times(self.core), samples, 2 * self.n + self.e.sizes.extra,
-                                &self.solutions[0], self.work)
-        if self.out:
-            self.api.call_rows(self.outputs, count, self.api.run_times(self.core), samples,
-                               2 * self.n + self.e.sizes.extra, self.n, self.e.p, &self.solutions[0], self.work, out, self.out)
+        self.evaluate(<const double *>self.api.run_samples(self.core), out)
         return True
+
+    cdef void evaluate(self, const double *samples, double *out) noexcept nogil:
+        """Evaluate the outputs at recorded states, with the parameters that the equations have."""
+        cdef long count = self.asked.samples, dim = 2 * self.n + self.e.sizes.extra
+        if self.work:
+            self.api.solve_rows(self.e, count, &self.times[0], samples, dim, &self.solutions[0], self.work)
+        if self.out:
+            self.api.call_rows(self.outputs, count, &self.times[0], samples, dim, self.n, self.e.p, &self.solutions[0],
+                               self.work, out, self.out)
+
+    cdef void ran_in_lanes(self, const double *given, Py_ssize_t stride, const double *states, Py_ssize_t runs, double *out,
+                           double *drifts, unsigned char *regular) noexcept nogil:
+        """Carry out some runs, at most one per lane; note which came regularly to their end."""
+        cdef Py_ssize_t lane, usable = -1, count = self.times.shape[0], dim = 2 * self.n + self.e.sizes.extra
+        cdef Py_ssize_t parameters = self.e.sizes.parameters
+        for lane in range(runs):
+            self.renew(given + lane * stride)
+            self.found[lane] = self.started()
+            if self.found[lane]:
+                if states != NULL:
+                    memcpy(&self.row[0], states + lane * 2 * self.n, 2 * self.n * sizeof(double))
+                memcpy(&self.lane_states[lane * dim], &self.row[0], dim * sizeof(double))
+                memcpy(&self.lane_given[lane * parameters], given + lane * stride, parameters * sizeof(double))
+                usable = lane
+        if usable < 0:
+            return
+        for lane in range(self.width):  # idle lanes repeat another
+            if lane >= runs or not self.found[lane]:
+                memcpy(&self.lane_states[lane * dim], &self.lane_states[usable * dim], dim * sizeof(double))
+                memcpy(&self.lane_given[lane * parameters], &self.lane_given[usable * parameters],
+                       parameters * sizeof(double))
+        self.of_lanes.run(self.in_lanes, &self.lane_given[0], &self.lane_states[0], &self.times[0], &self.lane_samples[0],
+                          &self.lane_drifts[0], &self.failed[0])
+        for lane in range(runs):
+            if self.found[lane] and not self.failed[lane]:
+                self.renew(given + lane * stride)
+                self.evaluate(&self.lane_samples[lane * count * dim], out + lane * count * self.out)
+                drifts[2 * lane], drifts[2 * lane + 1] = self.lane_drifts[2 * lane], self.lane_drifts[2 * lane + 1]
+                regular[lane] = 1
 
     def carry_out(self, const double[:, ::1] given, states=None):
         """Carry out a run for every row of parameters, from its start or from a row of states (q, u).
@@ -263,9 +389,17 @@ cdef class Runs:
         if from_states:
             rows = states
             at_least("rows of states", rows.shape[0], runs)
-            at_least("numbers in a state", rows.shape[1], 2 * self.n)
+            if rows.shape[1] != 2 * self.n:
+                raise ValueError(f"expected states of {2 * self.n} numbers, got {rows.shape[1]}")
         with nogil:
+            i = 0
+            while self.width and i < runs:
+                self.ran_in_lanes(&given[i, 0], given.shape[1], &rows[i, 0] if from_states else NULL,
+                                  min(self.width, runs - i), &to_found[i * count * out], &to_drifts[i, 0], &to_regular[i])
+                i += self.width
             for i in range(runs):
+                if to_regular[i]:
+                    continue
                 to_regular[i] = self.ran(&given[i, 0], &rows[i, 0] if from_states else NULL, &to_found[i * count * out],
                                          &to_turned[i * count * turns], &to_drifts[i, 0])
         return regular.astype(bool), found, turned, drifts

@@ -51,6 +51,10 @@ def test_each_run_has_the_bits_of_a_single_one(model, analysis, threads):
         ("four_bar", {"method": "rk4", "step": 1e-3, "t_end": 0.05}),
         ("andrews_squeezer", {"t_end": 0.01}),
         ("car_axis", {"t_end": 0.05, "stabilisation": "baumgarte"}),
+        ("andrews_squeezer", {"t_end": 0.002, "step": 1e-4, "samples": 7}),
+        ("tumbling_body", {"t_end": 0.05, "step": 1e-3, "t_eval": [0.0, 0.013, 0.05]}),
+        ("triple_pendulum", {"t_end": 0.1, "step": 1e-3}),
+        ("double_four_bar", {"t_end": 0.1, "step": 1e-3}),
         ("tumbling_body", {"t_eval": [0.01, 0.02, 0.05], "t_end": 0.06}),
         ("triple_pendulum", {"t_end": 0.1, "method": "rattle", "step": 1e-3}),
         ("peaucellier", {"t_end": 0.1}),  # redundant constraints: each run by itself
@@ -64,6 +68,22 @@ def test_states_of_all_kinds_give_the_bits_of_single_runs(scene, options):
     ]
     found = model.simulate_many(states=states, threads=2, **options)
     same_bits(found, [model.simulate(state=state, **options) for state in states])
+
+
+def test_fixed_steps_in_lanes_have_the_bits_of_single_runs(model):
+    """One lane cannot be assembled, another meets a dead centre: neither changes its neighbours."""
+    lengths = [0.35, 0.7, 0.2, 0.36, 0.34, 0.33, 0.37]
+    options = {"step": 1 / 720, "t_end": 0.5, "samples": 14}
+    found = model.simulate_many({"b": lengths, "a": 0.12}, threads=1, **options)
+    assert [bool(e) for e in found["error"].values] == [i in (1, 2) for i in range(7)]
+    assert "cannot be assembled" in found["error"].values[1]
+    assert "brought back onto the constraints" in found["error"].values[2]
+    for i in (0, 3, 4, 5, 6):
+        alone = model.with_parameters(b=lengths[i], a=0.12).simulate(**options)
+        for v in alone.variables:
+            assert np.array_equal(found[v.name].values[i], v.values), (i, v.name)
+        assert found["energy_drift"].values[i] == alone.drift.energy
+        assert found["constraint_drift"].values[i] == alone.drift.constraint
 
 
 def test_revolutions_are_counted_and_springs_start_at_their_variant(tmp_path):
@@ -86,10 +106,12 @@ def test_revolutions_are_counted_and_springs_start_at_their_variant(tmp_path):
 def test_regular_runs_stay_in_compiled_code(model):
     columns = {"b": np.linspace(0.34, 0.36, 4)}
     first = model.with_parameters(b=0.34).simulate(samples=5)
-    compiled = compiled_runs(first, columns, None, {"samples": 5})
+    compiled = compiled_runs(model, first, columns, None, {"samples": 5})
     kept = compiled(0, 4, Keep(None, None))
-    assert all(k is not None for k in kept)
-    assert compiled_runs(first, columns, None, {"samples": 5, "max_wall": 1.0}) is None
+    assert all(k is not None for k in kept) and compiled.grain == 1
+    first = model.with_parameters(b=0.34).simulate(samples=5, step=1e-3)
+    assert compiled_runs(model, first, columns, None, {"samples": 5, "step": 1e-3}).grain in (2, 4, 8)
+    assert compiled_runs(model, first, columns, None, {"samples": 5, "max_wall": 1.0}) is None
 
 
 def test_positions_are_those_of_two_circles(model):

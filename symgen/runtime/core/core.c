@@ -154,6 +154,7 @@ const struct core_api symgen_core = {
     .elastic = &symgen_elastic,
     .kinematics = &symgen_kinematics,
     .start = &symgen_start,
+    .lane_runs = &symgen_lane_runs,
     .widen = widen,
     .narrow = narrow,
     .call_rows = call_rows,

@@ -10,6 +10,7 @@
 
 #include "elastic.h"
 #include "kinematics.h"
+#include "lane_runs.h"
 #include "loops.h"
 #include "run.h"
 #include "start.h"
@@ -23,7 +24,7 @@
 #endif
 
 /* Of another number than this, a compiled core does not belong to the binding. */
-#define CORE_VERSION 10L
+#define CORE_VERSION 11L
 
 /* A run in doubles. */
 struct report {
@@ -49,6 +50,7 @@ struct core_api {
     const struct elastic_api *elastic;
     const struct kinematics_api *kinematics;
     const struct start_api *start;
+    const struct lane_api *lane_runs;
 
     /* Numbers to the core's type: high + low, low may be NULL; and back, low gets the rest when it is not NULL. */
     void (*widen)(long count, const double *high, const double *low, void *reals);

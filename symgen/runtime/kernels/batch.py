@@ -69,9 +69,8 @@ class Batch:
                 self.library.functions["setup"](None, None, None, self._parameters, None, behind)
         else:
             self._evaluate = self._in_c
-            owner, name = self.library.owner, description.name
-            self._lanes, self._size = (ctypes.c_int * 2).in_dll(owner, f"{name}_lanes")
-            self._in_library = owner[f"{name}_batch"]
+            self._lanes, self._size = lanes_of(self.library, description.name)
+            self._in_library = self.library.owner[f"{description.name}_batch"]
             self._in_library.restype, self._in_library.argtypes = None, _ARGUMENTS
 
     def __call__(
@@ -176,6 +175,12 @@ class Batch:
         arrays = states.t[None, :], states.q.T, states.u.T, self._parameters, memory, out
         self.library.functions[info.name](*arrays)
         return out.T, None
+
+
+def lanes_of(library: Library, name: str) -> tuple[int, int]:
+    """Return how many numbers the vectors of a batched library have, and their bytes."""
+    lanes, size = (ctypes.c_int * 2).in_dll(library.owner, f"{name}_lanes")
+    return lanes, size
 
 
 def _fitted(rows: Rows, size: int) -> Rows:

@@ -10,12 +10,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symgen.runtime import _core
-from symgen.runtime._many import Runs
+from symgen.runtime._many import Lanes, Runs
 from symgen.runtime._start import Starter
 from symgen.runtime.integrate.causes import NEAR
 from symgen.runtime.integrate.options import Options
 from symgen.runtime.integrate.simulate import sample_times
+from symgen.runtime.kernels.batch import lanes_of
 from symgen.runtime.kernels.evaluate import Evaluator
+from symgen.runtime.kernels.library import Library
+from symgen.runtime.kernels.typed import Typed
 from symgen.runtime.many.dataset import Keep, Kept
 from symgen.runtime.result.recording import Recording, continued, shaped
 from symgen.runtime.result.records import over_time
@@ -36,7 +39,8 @@ _MOST_STEPS = 100_000
 class Compiled:
     """Runs with parameters ``given`` (runs, parameters) from their starts, or from states (runs, (q, u)).
 
-    ``single`` are runs with the parameters of the scene, which start from the stored state.
+    ``single`` are runs with the parameters of the scene, which start from the stored state; ``batched`` the
+    kernels that take vectors, for fixed explicit steps in SIMD lanes.
     """
 
     evaluator: Evaluator
@@ -46,6 +50,12 @@ class Compiled:
     given: Array
     states: Array | None
     single: NDArray[np.bool_]
+    batched: Library | None
+
+    @property
+    def grain(self) -> int:
+        """Number of runs that fill all lanes."""
+        return lanes_of(self.batched, self.evaluator.description.name)[0] if self.batched else 1
 
     def __call__(self, first: int, last: int, keep: Keep) -> list[Kept | None]:
         """Carry out some runs; None stands for those that are to be carried out singly."""
@@ -69,9 +79,13 @@ class Compiled:
         d, chosen = self.evaluator.description, self.chosen
         number = {name: i for i, name in enumerate(d.points)}
         ends = [[number[p] for p in points[:2]] for points in d.links.values()]
+        equations = self.evaluator.equations(stabilisation=chosen.rate)
+        lanes = None
+        if self.batched is not None:
+            lanes = Lanes(self.batched, equations, self.grain)
         return Runs(
             self.evaluator,
-            self.evaluator.equations(stabilisation=chosen.rate),
+            equations,
             Starter(self.evaluator, ASSEMBLED, np.zeros(d.coordinates)),
             chosen.method,
             self.t0,
@@ -89,11 +103,16 @@ class Compiled:
             rounding=ROUNDING,
             consistent=CONSISTENT,
             near=NEAR,
+            lanes=lanes,
         )
 
 
 def compiled_runs(
-    first: Any, columns: Mapping[str, Array], states: Sequence[State] | None, arguments: Mapping[str, Any]
+    model: Any,
+    first: Any,
+    columns: Mapping[str, Array],
+    states: Sequence[State] | None,
+    arguments: Mapping[str, Any],
 ) -> Compiled | None:
     """Return runs with the options of a first one; None where each is to be carried out singly."""
     source = getattr(first, "__dict__", {}).get("_source")
@@ -115,4 +134,15 @@ def compiled_runs(
     single = np.all(given == np.array([p.default for p in d.tunable]), axis=1) & (states is None)
     t0 = starts.pop()
     times = np.ascontiguousarray(sample_times(t0, chosen, arguments.get("t_eval")))
-    return Compiled(evaluator, chosen, t0, times, given, rows, single)
+    batched = None
+    if _in_lanes(chosen) and not d.turns and isinstance(model._typed, Typed):
+        batched = model._typed.kernels(True)
+    return Compiled(evaluator, chosen, t0, times, given, rows, single, batched)
+
+
+def _in_lanes(chosen: Options) -> bool:
+    """Return whether steps have a fixed length and an explicit method, and end on the constraints."""
+    method = chosen.method
+    fixed = chosen.rtol == chosen.atol == 0.0 and chosen.step > 0.0
+    explicit = method.kind == "explicit" and not method.counts[4]
+    return fixed and explicit and chosen.stabilisation == "projection"

@@ -28,7 +28,7 @@ class Kept:
     Attributes
     ----------
     along, times
-        The coordinate of its samples, and their times where that is another; None without samples.
+        The coordinate of its samples, and their times if these are not the coordinate; None without samples.
     samples, single
         Outputs with a value per sample, and quantities with one value per run.
     axes

@@ -136,7 +136,7 @@ def carried_out(
         runs.result(0)  # raises the error of the first run
     done, count, workers = len(kept), len(runs), threads or _processors()
     kept += [Kept()] * (count - done)
-    compiled = compiled_runs(result, runs.columns, runs.states, runs.arguments)
+    compiled = compiled_runs(runs.model, result, runs.columns, runs.states, runs.arguments)
 
     def carry_out(first: int, last: int) -> int:
         found = compiled(first, last, keep) if compiled else [None] * (last - first)
@@ -147,7 +147,8 @@ def carried_out(
                 kept[i] = Kept(error=str(error))
         return last - first
 
-    block = max(1, min(_BLOCK, -(-count // (4 * workers))))
+    grain = compiled.grain if compiled else 1
+    block = grain * -(-min(_BLOCK, max(1, count // (4 * workers))) // grain)
     blocks = [(first, min(first + block, count)) for first in range(done, count, block)]
     for finished in _in_threads(carry_out, blocks, workers):
         done += finished
