@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,10 +15,16 @@ from symgen.runtime.loop.kernels import LoopKernels
 Array = NDArray[np.float64]
 
 
+@cache
+def _transform() -> Callable[..., Array]:
+    """Return the compiled transform of a row, whose module is checked once."""
+    transform: Callable[..., Array] = shipped_module("loop_row").transform
+    return transform
+
+
 def product(rows: Iterable[Array]) -> Array:
     """Return the transform of rows in a chain as a 4x4 matrix, each by the kernel ``loop_row``."""
-    transform = shipped_module("loop_row").transform
-    whole = np.eye(4)
+    transform, whole = _transform(), np.eye(4)
     for row in rows:
         placed = np.eye(4)
         placed[:3] = transform(q=np.array(row, dtype=float)).reshape(3, 4)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from copy import copy
 from functools import cached_property
 from typing import Any
 
@@ -12,7 +13,7 @@ from numpy.typing import NDArray
 
 from symgen.errors import ModelError
 from symgen.runtime import _core, _loop
-from symgen.runtime.kernels.description import LoopDescription, VariableInfo
+from symgen.runtime.kernels.description import KernelInfo, LoopDescription, VariableInfo
 from symgen.runtime.kernels.evaluate import as_taken, part
 from symgen.runtime.kernels.library import Library
 from symgen.runtime.kernels.typed import Typed
@@ -43,20 +44,33 @@ class LoopKernels:
         self.inputs = description.having("input")
         names = [description.variables[i].name for i in self.inputs]
         self._lead = names.index(description.lead) if description.lead else 0
+        self._infos, self._sizes = {k.name: k for k in description.kernels}, description.sizes
+
+    def at(self, parameters: Array) -> LoopKernels:
+        """Return the same kernels with other parameters."""
+        other = copy(self)
+        for name in ("_slopes", "balls", "pitches", "periodic"):
+            other.__dict__.pop(name, None)
+        other.given, other.parameters = parameters, as_taken(self.library, parameters)
+        return other
+
+    def _info(self, kernel: str) -> KernelInfo:
+        info = self._infos.get(kernel)
+        if info is None:
+            raise ModelError(f"{self.description.name} has no kernel {kernel!r}")
+        return info
 
     def __call__(
         self, kernel: str, t: float, q: Array, u: Array, work: Array | None = None
     ) -> dict[str, Array]:
         """Return the results of a kernel by name, shaped."""
-        info = self.description.kernel(kernel)
-        if info is None:
-            raise ModelError(f"{self.description.name} has no kernel {kernel!r}")
+        info = self._info(kernel)
         out, memory = np.zeros(info.out_size + 1), np.zeros(self.work_size + 1)
         if work is not None:
             memory[: len(work)] = work
         address = self.library.addresses[kernel]
         given = np.array([float(t)]), np.append(q, 0.0), np.append(u, 0.0), self.parameters
-        _core.call(address, self.description.sizes_of(kernel), *given, memory, out)
+        _core.call(address, (*self._sizes, info.work_size, info.out_size), *given, memory, out)
         return {b.name: part(out, b) for b in info.blocks}
 
     def many(self, kernel: str, times: Array, rows: Array, work: Array) -> dict[str, Array]:
@@ -64,11 +78,9 @@ class LoopKernels:
 
         ``rows`` hold variables and rates, and one number more; ``work`` has ``work_size`` + 1 columns.
         """
-        info = self.description.kernel(kernel)
-        if info is None:
-            raise ModelError(f"{self.description.name} has no kernel {kernel!r}")
+        info = self._info(kernel)
         out, address = np.zeros((len(times), info.out_size + 1)), self.library.addresses[kernel]
-        n, sizes = self.description.coordinates, self.description.sizes_of(kernel)
+        n, sizes = self.description.coordinates, (*self._sizes, info.work_size, info.out_size)
         _core.call_many(address, sizes, times, rows, n, self.parameters, work, out)
         return {b.name: out[:, b.offset : b.offset + b.shape[0] * b.shape[1]] for b in info.blocks}
 

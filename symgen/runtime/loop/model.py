@@ -111,21 +111,23 @@ class LoopModel(Model):
 
     def _kept_closed(self) -> Closed | None:
         """Follow the closure from the scene's own parameters to these; None where that does not lead here."""
-        d = self.description
-        q, kernels = np.append(d.start, 0.0), self._kernels
-        own = np.array([p.default for p in d.parameters])
-        asked = np.array(self.given)
-        t = 0.0
+        d, kernels = self.description, self._kernels
+        q, t = np.append(d.start, 0.0), 0.0
+        own, asked = np.array([p.default for p in d.parameters]), np.array(self.given)
+        scale = np.array([d.size if v.is_length else 1.0 for v in d.variables])
+        equations = kernels.equations(d.having("dependent"), d.rank)
         for part in np.linspace(0.0, 1.0, _STAGES + 1)[1:]:
-            kernels = LoopKernels(d, self._library, ((1 - part) * own + part * asked).tolist())
+            stage = kernels.at((1 - part) * own + part * asked)
             try:
-                t = kernels.time_of(d.begin) if d.span else 0.0
+                t = stage.time_of(d.begin) if d.span else 0.0
             except ModelError:
                 return None
+            if d.balls:  # their angles are read from the table
+                equations = stage.equations(d.having("dependent"), d.rank)
+            equations.set_parameters(stage.given)
             before = q.copy()
-            if kernels.equations(d.having("dependent"), d.rank).close(t, q) != _core.DONE:
+            if equations.close(t, q) != _core.DONE:
                 return None
-            scale = np.array([d.size if v.is_length else 1.0 for v in d.variables])
             if np.max(np.abs(q - before)[:-1] / scale) > 1.0:
                 return None
         return counted(self._kernels, t, q[:-1])
