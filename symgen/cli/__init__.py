@@ -60,7 +60,8 @@ _GROUPS = {
     "Analyses": "run simulate kinematics inverse_dynamics equilibrium modes linearise assemblies",
     "Elastic links": "periodic quasi_static large_rotation sweep",
     "Scenes": "scenes schema study",
-    "Equations": "show explain diff report",
+    "Pages": "report animate",
+    "Equations": "show explain diff",
     "Kernels": "build generate export",
     "Checks": "accuracy stability bench",
 }

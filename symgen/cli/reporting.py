@@ -1,4 +1,4 @@
-"""``symgen report``: an HTML page on a scene."""
+"""``symgen report`` and ``symgen animate``: HTML pages on a scene."""
 
 from __future__ import annotations
 
@@ -12,6 +12,9 @@ import typer
 
 from symgen.cli import options as o
 from symgen.cli.common import changes, command
+
+#: Frames of a moving picture.
+FRAMES = 241
 
 
 @command("symgen report peaucellier --out page.html")
@@ -41,6 +44,35 @@ def report(
     with _status(f"report of {text.name}") as told:
         page = scene_page(text, speed=speed, told=told)
     write_text(file, render(page))
+    print(file)
+
+
+@command("symgen animate crank_rocker --out crank_rocker.html")
+def animate(
+    scene: o.Scene,
+    out: Annotated[
+        Path | None, typer.Option(help="Output file: .html; default: SCENE_moving.html in this folder.")
+    ] = None,
+    t_end: o.TEnd = None,
+    samples: o.Samples = None,
+    set_: o.Set = None,
+) -> None:
+    """Write an HTML page on which the mechanism moves.
+
+    The page plays, pauses and scrubs the motion beside plots of the scene's outputs; it works offline.
+    """
+    from symgen.atomic import writable, write_text
+    from symgen.inspection.film import film_of
+    from symgen.report.page.animation import animation
+    from symgen.scene.loading import override, read_scene
+
+    text = override(read_scene(scene), changes(set_))
+    file = out or Path(f"{text.name}_moving.html")
+    writable(file, (".html",), "page")
+    with _status(f"animation of {text.name}"):
+        asked = {} if t_end is None else {"t_end": t_end}
+        film = film_of(text, samples or FRAMES, **asked)
+    write_text(file, animation(film))
     print(file)
 
 

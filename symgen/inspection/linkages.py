@@ -53,6 +53,28 @@ class RodsView(View):
         """Return points and links, and the paths of points in a run."""
         return linkage_sketch(resolved, model.initial_state().positions, result)
 
+    film_caption = "Thin lines are the paths of points."
+
+    def drawn_outputs(self, resolved: Linkage) -> Sequence[str]:
+        """Return the positions of all points."""
+        return [f"{p.name}.position" for p in resolved.as_written.points]
+
+    def moved(self, model: Any, samples: int, **asked: Any) -> Result:
+        """Return a run under forces, or the kinematics of a scene that has none."""
+        if "simulate" in model.capabilities:
+            return super().moved(model, samples, **asked)
+        stop = asked.pop("t_end", None)
+        found: Result = model.kinematics(stop=stop, samples=samples, **asked)
+        return found
+
+    def sketches(self, resolved: Linkage, model: Any, result: Result) -> list[Sketch]:
+        """Return points and links at every sample."""
+        names = [p.name for p in resolved.as_written.points]
+        places = {p: result.variable(f"{p}.position").values for p in names}
+        return [
+            linkage_sketch(resolved, {p: x[k] for p, x in places.items()}, None) for k in range(result.count)
+        ]
+
     def caption(self, drawn: Drawing) -> str:
         """Return the caption of the drawing."""
         kinds = {s.kind for s in drawn.shapes}
@@ -90,6 +112,16 @@ class ElasticView(RodsView):
     def sketch(self, resolved: Linkage, model: ElasticModel, result: Result | None) -> Sketch:
         """Return points and links of the rigid motion."""
         return super().sketch(resolved, model.rigid, result)
+
+    film_caption = (
+        "The motion of the rigid links; blue links bend about it. Thin lines are the paths of points."
+    )
+
+    def moved(self, model: ElasticModel, samples: int, **asked: Any) -> Result:
+        """Return the motion of the rigid links."""
+        points = model.description.points
+        found: Result = model.kinematics(stop=asked.pop("t_end", None), samples=samples, of=points, **asked)
+        return found
 
     def run(self, model: ElasticModel) -> Result:
         """Return the motion at a tolerance that suits a page."""

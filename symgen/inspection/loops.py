@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any
+
+import numpy as np
 
 from symgen.display import seconds
 from symgen.inspection.picture import loop_sketch
@@ -43,7 +45,33 @@ class LoopView(View):
 
     def sketch(self, resolved: Loop, model: Any, result: Result | None) -> Sketch:
         """Return the links between their joint axes."""
-        return loop_sketch(resolved, model)
+        start = model.closed_start()
+        return loop_sketch(resolved, model, start.t, start.q)
+
+    film_caption = (
+        "Dashed lines are joint axes and translations along them; thin lines are the paths of joints."
+    )
+
+    def drawn_outputs(self, resolved: Loop) -> Sequence[str]:
+        """Return the joint variables."""
+        return [v.name for v in resolved.variables]
+
+    def moved(self, model: Any, samples: int, **asked: Any) -> Result:
+        """Return the range of a driven loop, with forces if it has masses, or the motion of a free one."""
+        if not model.is_driven:
+            return super().moved(model, samples, **asked)
+        verb = "inverse_dynamics" if "inverse_dynamics" in model.capabilities else "kinematics"
+        if "t_end" in asked:
+            asked |= {"start": 0.0, "stop": asked.pop("t_end"), "over": "time"}
+        found: Result = getattr(model, verb)(samples=samples, **asked)
+        return found
+
+    def sketches(self, resolved: Loop, model: Any, result: Result) -> list[Sketch]:
+        """Return the links between their joint axes at every sample."""
+        known = {result.coordinate.name: result.coordinate.values}
+        known |= {v.name: v.values for v in result.variables}
+        q = np.stack([known[v.name] for v in model.description.variables], axis=1)
+        return [loop_sketch(resolved, model, float(t), x) for t, x in zip(result.time, q, strict=True)]
 
     def caption(self, drawn: Drawing) -> str:
         """Return the caption of the drawing."""

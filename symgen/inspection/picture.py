@@ -1,4 +1,4 @@
-"""A mechanism in its initial configuration: lines and points in space for ``report.drawing``."""
+"""A mechanism in a pose: lines and points in space for ``report.drawing``."""
 
 from __future__ import annotations
 
@@ -81,26 +81,23 @@ def _bars(linkage: Linkage, places: dict[str, Array]) -> Iterator[Line]:
             yield Line("slider", "", np.array([places[point], places[point] + _LITTLE * d]))
 
 
-def loop_sketch(loop: Loop, model: LoopModel) -> Sketch:
-    """Return the links between their joint axes, in the first frame."""
-    start = model.closed_start()
-    table = model.kernels("rows", start.t, start.q, np.zeros_like(start.q))["rows"]
+def loop_sketch(loop: Loop, model: LoopModel, t: float, q: Array) -> Sketch:
+    """Return the links between their joint axes at a time [s] and joint variables, in the first frame."""
+    table = model.kernels("rows", t, q, np.zeros_like(q))["rows"]
     frame, lines, nodes = np.eye(4), [], []
     size = loop.size
     for i, (row, entries) in enumerate(zip(loop.rows, table, strict=True)):
         foot, k = frame[:3, 3].copy(), frame[:3, 2].copy()
         behind = frame @ product([entries])
         head = foot + entries[1] * k  # start of the link: offset by the translation along the joint axis
-        if abs(entries[1]) > 1e-9 * size:
-            lines.append(Line("axis", "", np.array([foot, head])))
+        lines.append(Line("axis", "", np.array([foot, head])))
         varies = JOINTS[row.joint].varies
         if varies == ("S",):
             lines.append(Line("slider", "", np.array([foot, foot + _LITTLE * size * k])))
         if varies != _BALL:
             lines.append(Line("axis", "", np.array([head - _AXIS * size * k, head + _AXIS * size * k])))
         last = i == len(loop.rows) - 1
-        if np.linalg.norm(behind[:3, 3] - head) > 1e-9 * size:
-            lines.append(Line("rail" if last else "rod", row.link, np.array([head, behind[:3, 3]])))
+        lines.append(Line("rail" if last else "rod", row.link, np.array([head, behind[:3, 3]])))
         nodes.append(Node(f"{row.joint}{i + 1}", head, "ground" if i == 0 or last else "joint"))
         frame = behind
     gravity = np.array([loop.number(g) for g in loop.gravity])

@@ -39,6 +39,22 @@ class View:
         """Return the mechanism in its initial configuration, with the paths of its points in a run."""
         raise NotImplementedError
 
+    #: What the moving picture shows.
+    film_caption = ""
+
+    def drawn_outputs(self, resolved: Any) -> Sequence[str]:
+        """Return the outputs from which the pose at each sample follows."""
+        raise NotImplementedError
+
+    def moved(self, model: Any, samples: int, **asked: Any) -> Result:
+        """Return the motion that the moving picture shows."""
+        found: Result = model.simulate(samples=samples, **asked)
+        return found
+
+    def sketches(self, resolved: Any, model: Any, result: Result) -> list[Sketch]:
+        """Return the mechanism at every sample of a result that has the drawn outputs."""
+        raise NotImplementedError
+
     def caption(self, drawn: Drawing) -> str:
         """Return the caption of the drawing."""
         return "The mechanism in its initial configuration"

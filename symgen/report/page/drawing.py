@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -106,7 +106,8 @@ class Drawing:
 
 def drawing(sketch: Sketch) -> Drawing:
     """Return the drawing of a mechanism: front view in the plane, oblique view in space."""
-    view = _view(sketch)
+    view = view_of_paper(sketch)
+    sketch = replace(sketch, lines=tuple(line for line in sketch.lines if np.ptp(line.at, axis=0).any()))
     every = np.vstack(
         [*(line.at @ view for line in sketch.lines), *(n.at[None] @ view for n in sketch.nodes)]
     )
@@ -133,7 +134,7 @@ def drawing(sketch: Sketch) -> Drawing:
 _ORDER = ("path", "axis", "rail", "body", "spring", "actuator", "rod", "elastic", "slider")
 
 
-def _view(sketch: Sketch) -> Array:
+def view_of_paper(sketch: Sketch) -> Array:
     """Return the two directions of the paper, as columns."""
     gravity = sketch.gravity
     if len(gravity) == 2:

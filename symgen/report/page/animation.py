@@ -1,0 +1,104 @@
+"""A moving mechanism: its frames as numbers for a page that draws them without a network."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symgen.report.page.drawing import Sketch, view_of_paper
+from symgen.report.page.page import environment
+from symgen.runtime.result.records import Variable
+from symgen.runtime.result.result import Result
+
+Array = NDArray[np.float64]
+
+#: Digits of a place over the size of the mechanism, and of a plotted value over its largest magnitude.
+_DIGITS = 5
+#: A smaller part of the largest value of a unit is round-off.
+_ROUNDING = 1e-9
+#: Most curves that are plotted beside the mechanism.
+_CURVES = 12
+
+
+@dataclass(frozen=True, slots=True)
+class Film:
+    """A mechanism at equal steps of a result, one sketch for each; the lines of all sketches correspond."""
+
+    result: Result
+    sketches: Sequence[Sketch]
+    caption: str
+
+
+def animation(film: Film) -> str:
+    """Return a self-contained HTML page that plays a film and plots the outputs of its result."""
+    first = film.sketches[0]
+    every = np.array([_places(s) for s in film.sketches])  # (frames, points, axes)
+    low, high = np.nanmin(every, axis=(0, 1)), np.nanmax(every, axis=(0, 1))
+    size = float(np.max(high - low)) or 1.0
+    along, label = film.result.over
+    data = {
+        "title": film.result.title,
+        "along": {
+            "label": label,
+            "values": _rounded(along, float(np.max(np.abs(along), initial=0.0)) or 1.0),
+        },
+        "duration": float(np.ptp(film.result.time)) if film.result.count > 1 else 0.0,
+        "view": np.round(view_of_paper(first), 6).tolist(),
+        "low": low.tolist(),
+        "high": high.tolist(),
+        "lines": [
+            {"kind": line.kind, "name": line.name if long else "", "count": len(line.at)}
+            for line, long in zip(first.lines, _long(film.sketches, size), strict=True)
+        ],
+        "nodes": [{"kind": node.kind, "name": node.name} for node in first.nodes],
+        "frames": [_rounded(places.ravel(), size) for places in every],
+        "curves": _curves(film.result.shown),
+    }
+    text: str = (
+        environment()
+        .get_template("animation.html.j2")
+        .render(title=film.result.title, caption=film.caption, data=_script(data))
+    )
+    return text
+
+
+def _long(sketches: Sequence[Sketch], size: float) -> list[bool]:
+    """Return for each line whether it has a length in some sketch."""
+    lines = zip(*(s.lines for s in sketches), strict=True)
+    return [any(np.ptp(line.at, axis=0).max() > 1e-9 * size for line in same) for same in lines]
+
+
+def _places(sketch: Sketch) -> Array:
+    """Return the vertices of all lines, then the nodes, one per row."""
+    return np.vstack([*(line.at for line in sketch.lines), *(node.at[None] for node in sketch.nodes)])
+
+
+def _rounded(values: Array, size: float) -> list[float | None]:
+    digits = _DIGITS - int(np.floor(np.log10(size)))
+    return [float(x) if np.isfinite(x) else None for x in np.round(np.asarray(values, dtype=float), digits)]
+
+
+def _curves(variables: Sequence[Variable]) -> list[dict[str, Any]]:
+    """Return each component with its values; those that are round-off of others of its unit are zero."""
+    largest: dict[str, float] = {}
+    for v in variables:
+        largest[v.unit] = max(largest.get(v.unit, 0.0), float(np.nanmax(np.abs(v.values), initial=0.0)))
+    found = []
+    for v in variables:
+        columns = [(v.name, v.values)] if v.values.ndim == 1 else []
+        if v.values.ndim == 2:
+            columns = [(f"{v.name}.{c}", v.values[:, i]) for i, c in enumerate(v.components)]
+        for name, values in columns:
+            size = max(float(np.nanmax(np.abs(values), initial=0.0)), _ROUNDING * largest[v.unit])
+            found.append({"name": name, "unit": v.unit, "values": _rounded(values, size or 1.0)})
+    return found[:_CURVES]
+
+
+def _script(data: dict[str, Any]) -> str:
+    """Return data as JSON that no text in it can end: see the HTML standard on script elements."""
+    return json.dumps(data, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")

@@ -1,0 +1,93 @@
+"""The moving picture: its numbers against closed forms, and what a page may contain."""
+
+from __future__ import annotations
+
+import json
+import re
+
+import numpy as np
+import pytest
+
+from symgen.inspection.film import film_of
+from symgen.report.page.animation import animation
+from symgen.scene.loading import override, read_scene
+
+
+def page_of(name, samples=25, changes=None, **asked):
+    film = film_of(override(read_scene(name), changes or {}), samples, **asked)
+    text = animation(film)
+    return text, json.loads(re.search(r'<script id="data"[^>]*>(.*?)</script>', text, re.DOTALL)[1])
+
+
+def places(data):
+    """Return the vertices of all lines and the nodes, (frames, points, axes)."""
+    frames = np.array(data["frames"])
+    return frames.reshape(len(frames), -1, len(data["low"]))
+
+
+def nodes(data):
+    first = sum(line["count"] for line in data["lines"])
+    return {node["name"]: places(data)[:, first + i] for i, node in enumerate(data["nodes"])}
+
+
+def test_a_crank_rocker_turns_as_two_circles_say():
+    _, data = page_of("crank_rocker")
+    found, t = nodes(data), np.linspace(0.0, 1.0, 25)
+    assert data["along"]["values"] == pytest.approx(t, abs=1e-5)
+    tip = 0.1 * np.array([np.cos(2 * np.pi * t), np.sin(2 * np.pi * t)]).T
+    assert found["A"] == pytest.approx(tip, abs=1e-5)
+    assert np.linalg.norm(found["B"] - tip, axis=1) == pytest.approx(np.full(25, 0.35), abs=2e-5)
+    assert np.linalg.norm(found["B"] - [0.4, 0.0], axis=1) == pytest.approx(np.full(25, 0.3), abs=2e-5)
+    start = next(i for i, line in enumerate(data["lines"]) if line["name"] == "coupler")
+    before = sum(line["count"] for line in data["lines"][:start])
+    assert places(data)[:, before] == pytest.approx(found["A"], abs=0)
+    assert places(data)[:, before + 1] == pytest.approx(found["B"], abs=0)
+    assert {c["name"] for c in data["curves"]} >= {"B.position.x", "crank.torque"}
+
+
+def test_a_loop_keeps_its_lengths_and_its_lines():
+    """The nut of the screw jack stands where its rod has no length: every frame has the same lines."""
+    _, data = page_of("slider_crank", samples=13)
+    found = nodes(data)
+    assert data["along"]["label"] == "theta1 [deg]" and len(data["frames"]) == 13
+    crank = np.linalg.norm(found["S2"] - found["P4"], axis=1)
+    rod = np.linalg.norm(found["S3"] - found["S2"], axis=1)
+    assert crank == pytest.approx(np.full(13, crank[0]), rel=1e-4)
+    assert rod == pytest.approx(np.full(13, rod[0]), rel=1e-4)
+    _, jack = page_of("screw_jack", samples=5)
+    assert len(places(jack)) == 5
+
+
+def test_elastic_links_and_scenes_of_kinematics_move():
+    _, data = page_of("elastic_four_bar", samples=9)
+    assert len(data["frames"]) == 9 and "elastic" in {line["kind"] for line in data["lines"]}
+    _, data = page_of(
+        "crank_rocker", samples=9, changes={"analysis.kind": "kinematics", "analysis.outputs": []}
+    )
+    assert len(data["frames"]) == 9
+
+
+def test_round_off_is_not_plotted():
+    _, data = page_of("planar_4r", samples=9)
+    largest = {}
+    for curve in data["curves"]:
+        size = max(abs(x) for x in curve["values"])
+        largest[curve["unit"]] = max(size, largest.get(curve["unit"], 0.0))
+    for curve in data["curves"]:
+        size = max(abs(x) for x in curve["values"])
+        assert size == 0 or size > 1e-9 * largest[curve["unit"]]
+
+
+def test_a_title_cannot_end_the_script():
+    text, data = page_of("crank_rocker", samples=3, changes={"title": "</script><b>Crank & rocker"})
+    assert data["title"] == "</script><b>Crank & rocker"
+    assert "</script><b>" not in text and "&lt;/script&gt;&lt;b&gt;Crank &amp; rocker" in text
+    assert not re.search(r"(src|href)=\"(?!data:)", text)
+
+
+def test_the_command_writes_a_page(tmp_path, monkeypatch, entry):
+    monkeypatch.chdir(tmp_path)
+    assert entry("animate", "crank_rocker", "--samples", "5")[:2] == (0, "crank_rocker_moving.html\n")
+    assert (tmp_path / "crank_rocker_moving.html").stat().st_size < 100_000
+    code, out, said = entry("animate", "crank_rocker", "--out", "page.png")
+    assert (code, out) == (2, "") and ".html" in said
