@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import groupby
@@ -12,7 +12,7 @@ from typing import Any
 from symgen.codegen.printers import C_FUNCTIONS, Printer, printer
 from symgen.codegen.source import SourceFile
 from symgen.codegen.target import Target
-from symgen.lowering.kernel import ARRAYS, Assignment, Block, Kernel, Program, Slot
+from symgen.lowering.kernel import ARRAYS, Assignment, Block, Kernel, Program, Slot, Store
 from symgen.lowering.nodes import GUARDED_INVERSE, Constant, calls, references
 from symgen.precision import Precision
 
@@ -80,7 +80,10 @@ class CallView:
 
 @dataclass(frozen=True, slots=True)
 class KernelView:
-    """A kernel as used by the templates, with every expression as final text."""
+    """A kernel as used by the templates, with every expression as final text.
+
+    In C, ``early`` has the stores that follow each assignment, and ``late`` those behind all of them.
+    """
 
     name: str
     description: str
@@ -91,6 +94,8 @@ class KernelView:
     then: tuple[str, ...]
     assignments: tuple[TextAssignment, ...]
     stores: tuple[TextAssignment, ...]
+    early: tuple[tuple[TextAssignment, ...], ...]
+    late: tuple[TextAssignment, ...]
     calls: tuple[CallView, ...]
     blocks: tuple[BlockView, ...]
     reads: tuple[ArrayView, ...]
@@ -274,6 +279,7 @@ def _kernel(program: Program, kernel: Kernel, target: Target) -> KernelView:
     own = dict(kernel.inputs)
     written = {s.array for s in kernel.stores}
     sizes = kernel.reads
+    early, late = _scheduled(kernel)
     return KernelView(
         name=kernel.name,
         description=kernel.description,
@@ -283,7 +289,9 @@ def _kernel(program: Program, kernel: Kernel, target: Target) -> KernelView:
         first=tuple(k.name for k in kernel.first),
         then=tuple(k.name for k in kernel.then),
         assignments=tuple(_assignment(a, prints) for a in kernel.assignments),
-        stores=tuple(_stores(kernel, prints, target)),
+        stores=tuple(_stores(kernel.stores, prints, target)),
+        early=tuple(tuple(_stores(stores, prints, target)) for stores in early),
+        late=tuple(_stores(late, prints, target)),
         calls=_calls(kernel, target.precision),
         blocks=tuple(map(_block, kernel.blocks)),
         reads=tuple(ArrayView(a, sizes[a]) for a in ARRAYS if a in sizes),
@@ -307,11 +315,29 @@ def _is_after_setup(program: Program, kernel: Kernel) -> bool:
     return bool(places & set(references(values))) or any(_is_after_setup(program, k) for k in called)
 
 
-def _stores(kernel: Kernel, prints: Printer, target: Target) -> Iterator[TextAssignment]:
+def _scheduled(kernel: Kernel) -> tuple[list[list[Store]], list[Store]]:
+    """Return the stores that can follow each assignment, and those that remain behind all of them.
+
+    A value is stored as soon as it is known and the entry that it replaces is no longer read: if all values
+    of a large factorisation wait for their stores, compilers spend their time on spilling them.
+    """
+    assigned = {a.target: i for i, a in enumerate(kernel.assignments)}
+    last_read = {name: i for i, a in enumerate(kernel.assignments) for name in references([a.value])}
+    loaded = set(references([s.value for s in kernel.stores]))
+    early: list[list[Store]] = [[] for _ in assigned]
+    late: list[Store] = []
+    for store in kernel.stores:
+        names, entry = references([store.value]), f"{store.array}[{store.index}]"
+        if names and all(name in assigned for name in names) and entry not in loaded:
+            early[max(last_read.get(entry, 0), *(assigned[name] for name in names))].append(store)
+        else:
+            late.append(store)
+    return early, late
+
+
+def _stores(stores: Iterable[Store], prints: Printer, target: Target) -> Iterator[TextAssignment]:
     """Yield the stores; in C a loop stores consecutive zeros: a Jacobian of n rods has n squared of them."""
-    following = groupby(
-        enumerate(kernel.stores), lambda x: (x[1].array, x[1].value == _ZERO, x[1].index - x[0])
-    )
+    following = groupby(enumerate(stores), lambda x: (x[1].array, x[1].value == _ZERO, x[1].index - x[0]))
     for (array, is_zero, _), run in following:
         stores = [store for _, store in run]
         if target.language == "c" and is_zero and len(stores) >= ZEROS:

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from symgen.lowering.binding_times import with_setup
 from symgen.lowering.kernel import RANK_TOLERANCE, SETUP, Block, Kernel, Program, Slot, Store
-from symgen.lowering.nodes import Node, Reference, references, rename
+from symgen.lowering.nodes import ZERO, Node, Reference, references, rename
 from symgen.lowering.sparse_ldlt import Factor, factor, solve
 from symgen.lowering.straight_line import Shared, StraightLine
 from symgen.symbolic.system import Export, NamedMatrix, SaddlePoint, System
@@ -90,7 +90,7 @@ class _Lowering:
         rhs = [*self.shared.entries[point.force], *self.shared.entries[point.rhs]]
 
         line = StraightLine(self.shared.values)
-        named = {ij: line.name(value, f"k{ij[0]}_{ij[1]}") for ij, value in entries.items()}
+        named = {ij: line.name(value, f"k{ij[0]}_{ij[1]}") for ij, value in entries.items() if value != ZERO}
         tolerance = None if point.independent else Reference(RANK_TOLERANCE)
         factors = factor(line, named, point.order, n, labels, tolerance)
         stored = _stored(factors)

@@ -9,6 +9,7 @@ from sympy.simplify.cse_main import tree_cse
 
 from symgen.lowering.kernel import Assignment
 from symgen.lowering.nodes import (
+    ZERO,
     Constant,
     Negative,
     Node,
@@ -81,11 +82,14 @@ class Shared:
 
     def __init__(self, system: System, names: Sequence[str]) -> None:
         definitions, numbers = _definitions(system)
-        expressions = {name: [fold(e.xreplace(numbers)) for e in system[name].matrix] for name in names}
+        expressions = {
+            name: [e if e is sp.S.Zero else fold(e.xreplace(numbers)) for e in system[name].matrix]
+            for name in names
+        }
         # Whole subtrees only: searching for common parts of sums and products takes longer than the rest
         # of the lowering, and finds almost nothing if the derivation already names shared terms.
         found, shared = tree_cse(
-            [*definitions.values()] + [e for entries in expressions.values() for e in entries],
+            [*definitions.values()] + [e for entries in expressions.values() for e in entries if e != 0],
             sp.numbered_symbols("c", real=True),
             order="none",
         )
@@ -107,7 +111,9 @@ class Shared:
             value = next(nodes)
             if value != Reference(symbol.name):
                 self.values[symbol.name] = value
-        self.entries = {name: [next(nodes) for _ in entries] for name, entries in expressions.items()}
+        self.entries = {
+            name: [next(nodes) if e != 0 else ZERO for e in entries] for name, entries in expressions.items()
+        }
 
 
 class StraightLine:

@@ -285,3 +285,24 @@ def test_header_says_what_every_entry_means():
 def test_large_models_are_split_over_files():
     files = [f.name for f in emit(program_of("peaucellier"), Target(), "x")]
     assert "peaucellier_kernel_2.c" in files
+
+
+@pytest.mark.parametrize("name", ["four_bar", "rssr", "element_beam8"])
+def test_no_entry_is_read_after_it_is_stored(name):
+    """Stores follow the values that they need, in kernels that work in place too."""
+    source = "".join(f.text for f in emit(program_of(name), Target(), "x") if f.name.endswith(".c"))
+    bodies = re.findall(r"^void \w+\(.*?\n{\n(.*?)\n}\n", source, re.S | re.M)
+    early = 0
+    for body in bodies:
+        statements = [line.strip().split(" = ", 1) for line in body.splitlines() if " = " in line]
+        stored, known = set(), set()
+        for k, (target, value) in enumerate(statements):
+            names = set(re.findall(r"(?<![\w.])[A-Za-z_]\w*(?:\[\d+\])?", value))
+            assert not names & stored, (target, value)
+            if target.startswith("const double "):
+                known.add(target.split()[-1])
+            elif not target.startswith("for "):
+                assert {x for x in names if "[" not in x} <= known, (target, value)
+                stored.add(target)
+                early += any(later.startswith("const double ") for later, _ in statements[k:])
+    assert early > 10

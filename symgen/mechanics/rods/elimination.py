@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping
 from heapq import heapify, heappop, heappush
 
@@ -12,7 +13,7 @@ _PIVOT = 45
 _SOLUTION = 4
 
 
-def cost(order: Iterable[int], varies: Mapping[tuple[int, int], bool]) -> int:
+def cost(order: Iterable[int], varies: Mapping[tuple[int, int], bool], enough: float = math.inf) -> int:
     """Return the cost of one factorisation and one solution, in additions and multiplications.
 
     Constant entries are computed when the code is generated, and only their use counts.
@@ -23,12 +24,16 @@ def cost(order: Iterable[int], varies: Mapping[tuple[int, int], bool]) -> int:
         The elimination order of all unknowns.
     varies
         For every nonzero entry, either triangle or both, whether it changes from state to state.
+    enough
+        A cost at which to stop counting.
     """
     rows: dict[int, dict[int, bool]] = {k: {} for k in order}
     for (i, j), changes in varies.items():
         rows[i][j] = rows[j][i] = changes
     total = 0
     for k in list(rows):
+        if total > enough:
+            break
         row = rows.pop(k)
         pivot = row.pop(k, False)
         total += _PIVOT * pivot

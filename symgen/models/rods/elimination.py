@@ -39,17 +39,16 @@ def order_of(model: RodsModel, masses: sp.MatrixBase, jacobian: sp.MatrixBase) -
     at = {p: range(i * len(model.axes), (i + 1) * len(model.axes)) for i, p in enumerate(model.free)}
     lengths = {c.link: n + i for i, c in enumerate(model.constraints) if c.link}
     outward = elimination_order(model.tree, at, lengths, n + jacobian.rows)
-    entries = {(i, j): masses[i, j] for i in range(n) for j in range(i + 1)}
-    entries |= {(n + i, j): jacobian[i, j] for i in range(jacobian.rows) for j in range(n)}
-    varies = {ij: not x.is_number for ij, x in entries.items() if x != 0}
-    dear = cost(outward, varies)
+    varies = {ij: not x.is_number for ij, x in masses.todok().items()}
+    varies |= {(n + i, j): not x.is_number for (i, j), x in jacobian.todok().items()}
     if not is_open(model):
-        other = minimum_degree(varies, n, n + jacobian.rows)
-        return other if cost(other, varies) < _WORTH * dear else outward
-    if _is_even(masses):
-        other = (*(k for k in outward if k < n), *(k for k in outward if k >= n))
-        return other if cost(other, varies) < dear else outward
-    return outward
+        other, worth = minimum_degree(varies, n, n + jacobian.rows), _WORTH
+    elif _is_even(masses):
+        other, worth = (*(k for k in outward if k < n), *(k for k in outward if k >= n)), 1.0
+    else:
+        return outward
+    least = cost(other, varies) / worth
+    return other if least < cost(outward, varies, enough=least) else outward
 
 
 def _is_even(masses: sp.MatrixBase) -> bool:

@@ -79,6 +79,14 @@ class RodsModel(ConstrainedPoints):
         return entries
 
     @cached_property
+    def mass_rows(self) -> dict[sp.Symbol, Gradient]:
+        """Rows of the mass matrix by coordinate, ground included [kg]; nonzero entries only."""
+        rows: dict[sp.Symbol, Gradient] = {}
+        for (a, b), mass in self.mass_entries.items():
+            rows.setdefault(a, {})[b] = mass
+        return rows
+
+    @cached_property
     def kinetic_energy(self) -> sp.Expr:
         """Kinetic energy [J]."""
         terms = []
@@ -176,37 +184,52 @@ class RodsModel(ConstrainedPoints):
     @cached_property
     def applied(self) -> list[sp.Expr]:
         """Force on the free coordinates, minus the force for the acceleration of the ground [N]."""
-        ground = [
-            (q.symbol, a.symbol) for p in self.ground for q, a in zip(self.q[p], self.a[p], strict=True)
-        ]
+        driven = {
+            q.symbol: self.held[a.symbol]
+            for p in self.ground
+            for q, a in zip(self.q[p], self.a[p], strict=True)
+        }
         return [
             self.force.get(x.symbol, ZERO)
-            - sp.Add(*(self.mass_entries.get((x.symbol, q), ZERO) * self.held[a] for q, a in ground))
+            - sp.Add(*(m * driven[q] for q, m in self.mass_rows.get(x.symbol, {}).items() if q in driven))
             for x in self.coordinates
         ]
 
     @cached_property
     def balance(self) -> list[sp.Expr]:
         """Applied forces minus mass times acceleration, f - M a [N], which the constraints balance."""
-        a = [a.symbol for p in self.free for a in self.a[p]]
         q = [x.symbol for x in self.coordinates]
+        free = set(q)
         return [
-            f - sp.Add(*(self.mass_entries.get((s, r), ZERO) * b for r, b in zip(q, a, strict=True)))
+            f
+            - sp.Add(
+                *(m * self.acceleration_of[r] for r, m in self.mass_rows.get(s, {}).items() if r in free)
+            )
             for s, f in zip(q, self.applied, strict=True)
         ]
 
     def residual(self, point: str) -> Vector:
         """Return M a + J^T lambda - f at a point's rows [N]: the reaction of its pin."""
-        every = [x for p in self.q for x in zip(self.q[p], self.a[p], strict=True)]
         result = []
         for own in self.symbols(self.q[point]):
-            terms = [self.mass_entries.get((own, q.symbol), ZERO) * a.symbol for q, a in every]
-            terms += [
-                row.get(own, ZERO) * self.multipliers[c.name].symbol
-                for c, row in zip(self.constraints, self.jacobian, strict=True)
-            ]
+            terms = [m * self.acceleration_of[q] for q, m in self.mass_rows.get(own, {}).items()]
+            terms += self.constraint_forces.get(own, ())
             result.append(sp.Add(*terms) - self.force.get(own, ZERO))
         return tuple(result)
+
+    @cached_property
+    def acceleration_of(self) -> dict[sp.Symbol, sp.Symbol]:
+        """The acceleration of every coordinate, ground included."""
+        return {q.symbol: a.symbol for p in self.q for q, a in zip(self.q[p], self.a[p], strict=True)}
+
+    @cached_property
+    def constraint_forces(self) -> dict[sp.Symbol, list[sp.Expr]]:
+        """Terms of J^T lambda by coordinate, ground included [N]."""
+        found: dict[sp.Symbol, list[sp.Expr]] = {}
+        for c, row in zip(self.constraints, self.jacobian, strict=True):
+            for q, slope in row.items():
+                found.setdefault(q, []).append(slope * self.multipliers[c.name].symbol)
+        return found
 
     def reaction(self, point: str) -> Vector:
         """Return the force of the ground at a ground point [N].
