@@ -25,7 +25,7 @@ from symgen.runtime import _core
 
 Array = NDArray[np.float64]
 
-SIZES = (5, 10, 20, 40)
+SIZES, SHORT_SIZES = (10, 20, 40, 80, 160), (10, 20, 40)
 #: Bounds: growth with N between the two largest sizes, time to the first step of 40 linkages [s], error.
 EXPONENT, FIRST_STEP, LARGEST_ERROR = 1.15, 5.0, 1e-12
 #: Mass of every link [kg], start of the cranks (1 m long) [m, rad/s], and gravity [m/s^2].
@@ -43,15 +43,16 @@ GROWING = {
 
 def main() -> int:
     """Measure, print, and return the exit code."""
-    options = arguments(__doc__)
-    return report_repeats(measured, repeats=options.repeats, as_json=options.json)
+    options = arguments(__doc__, short=True)
+    sizes = SHORT_SIZES if options.short else SIZES
+    return report_repeats(lambda: measured(sizes), repeats=options.repeats, as_json=options.json)
 
 
-def measured() -> Measurement:
+def measured(sizes: tuple[int, ...]) -> Measurement:
     """Measure once."""
     with tempfile.TemporaryDirectory() as folder:
         sympy = best(["-c", "import sympy"], Path(folder), 3)
-        rows = [size(n, Path(folder)) for n in SIZES]
+        rows = [size(n, Path(folder)) for n in sizes]
     earlier, last = rows[-2:]
     required = [
         Required(
