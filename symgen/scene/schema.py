@@ -16,6 +16,7 @@ from symgen.methods import METHODS, claiming
 from symgen.scene.elastic.schema import Crank, Elastic, ModalDamping, Section, Station
 from symgen.scene.faults import scene_error
 from symgen.scene.loop.schema import SpatialLoop
+from symgen.scene.repeated import written_out
 from symgen.scene.study_schema import Study
 from symgen.scene.table import Moments, Name, Table, Text, Value, Vector
 
@@ -225,7 +226,7 @@ class Scene(Table):
     def __init__(self, /, **tables: Any) -> None:
         _add_tables()
         try:
-            super().__init__(**tables)
+            super().__init__(**written_out(tables))
         except ValidationError as error:
             raise scene_error(Scene, error) from None
         self._check_kind()
