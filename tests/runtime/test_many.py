@@ -157,6 +157,18 @@ def test_samples_beyond_a_dead_centre_are_nan(model):
     assert np.array_equal(reached[1], times < limit)
 
 
+def test_coordinates_of_their_own_are_rows(tmp_path):
+    """At variants of the speed the same times are other angles of the crank."""
+    scene = tmp_path / "speeds.toml"
+    text = (SHIPPED / "crank_rocker.toml").read_text(encoding="utf-8")
+    scene.write_text(text.replace('"60 rpm"', '{ value = "60 rpm", tunable = true }'), encoding="utf-8")
+    speeds = np.array([2.0, 4.0, 6.0]) * np.pi
+    found = symgen.build(scene).inverse_dynamics_many({"speed": speeds}, samples=9)
+    assert not any(found["error"].values) and found["crank.torque"].dims == ("run", "sample")
+    angles = speeds[:, None] * np.linspace(0.0, 1.0, 9)
+    assert found["crank.angle"].values == pytest.approx(angles)
+
+
 def test_states_and_loops_and_equilibria():
     bar = symgen.build("four_bar")
     states = [bar.simulate(t, samples=2).at(t) for t in (0.1, 0.2)]

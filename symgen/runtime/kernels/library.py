@@ -7,6 +7,7 @@ import importlib
 import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import lru_cache
 from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
@@ -115,13 +116,18 @@ def shipped_module(name: str) -> ModuleType:
         When it was compiled from other equations than ``generated/manifest.json`` lists.
     """
     package = importlib.import_module("symgen.generated")
-    manifest = json.loads(
-        (Path(str(package.__file__)).with_name("manifest.json")).read_text(encoding="utf-8")
-    )
+    listed = Path(str(package.__file__)).with_name("manifest.json")
+    manifest = _manifest(listed, listed.stat().st_mtime_ns)
     module = importlib.import_module(f"symgen.generated.{name}")
     expected = manifest["models"][name]["equations"]
     _check_tag(module.EQUATIONS, expected, f"symgen.generated.{name}")
     return module
+
+
+@lru_cache(maxsize=2)
+def _manifest(file: Path, changed: int) -> Any:
+    """Return the manifest in a file that was changed at this time [ns]."""
+    return json.loads(file.read_text(encoding="utf-8"))
 
 
 def _check_tag(tag: str, expected: str, what: str) -> None:

@@ -104,8 +104,9 @@ class ManyRuns:
         Outputs over the dimension ``run`` and the coordinate of the analysis, with the parameters as
         coordinates of the runs and the largest drift of each run where it is measured. ``error`` is the
         message of a run that failed, and empty for all others. Outputs of a failed run are nan, as are
-        samples that a run did not reach. Every run has the bits of ``model.with_parameters(...)`` and the
-        analysis alone.
+        samples that a run did not reach. Where runs differ in the values of their coordinate, the dimension
+        is ``sample``, and the coordinate has a row per run. Every run has the bits of
+        ``model.with_parameters(...)`` and the analysis alone.
 
     Raises
     ------

@@ -129,11 +129,9 @@ def dataset_of(
     along, size = model_of.along, model_of.along.values.size if model_of.along else 0
     places = [None if k.error else _places(k.along, along) for k in kept]
     errors = np.array([k.error for k in kept], dtype=object)
-    for i, place in enumerate(places):
-        if place is None and not errors[i]:
-            errors[i] = "its samples are at other values of the coordinate than those of the other runs"
     data: dict[str, Any] = {"error": ("run", errors, {"long_name": "why the run failed"})}
-    over = (along.name,) if along else ()
+    shared = all(p is None or _agree(k.along, along, p) for k, p in zip(kept, places, strict=True))
+    over = (along.name if shared else "sample",) if along else ()
     for sampled, variables in ((True, model_of.samples), (False, model_of.single)):
         for k, v in enumerate(variables):
             shape = (count, *((size,) if sampled else ()), *((len(v.components),) if v.components else ()))
@@ -148,12 +146,11 @@ def dataset_of(
     coordinates: dict[str, Any] = {"run": np.arange(count)}
     if along:
         labels = {"units": along.unit, "long_name": along.about}
-        coordinates[along.name] = (along.name, along.values, labels)
+        of_runs = [k.along.values if k.along else None for k in kept]
+        own = (("run", *over), _rows(of_runs, places, size))
+        coordinates[along.name] = (*((over, along.values) if shared else own), labels)
     if model_of.times is not None:
-        times = np.full((count, size), np.nan)
-        for i, place in enumerate(places):
-            if place is not None:
-                times[i, place] = kept[i].times
+        times = _rows([k.times for k in kept], places, size)
         coordinates["time"] = (("run", *over), times, {"units": "s", "long_name": "time"})
     if any("axis" in dims for dims, *_ in data.values()):
         coordinates["axis"] = list(model_of.axes)
@@ -166,16 +163,28 @@ def dataset_of(
     return xarray.Dataset(data, coords=coordinates, attrs={"title": title})
 
 
+def _rows(of_runs: Sequence[Array | None], places: Sequence[Any], size: int) -> Array:
+    """Return a row of samples per run, with nan where a run has none."""
+    rows = np.full((len(of_runs), size), np.nan)
+    for i, (values, place) in enumerate(zip(of_runs, places, strict=True)):
+        if place is not None:
+            rows[i, place] = values
+    return rows
+
+
 def _places(of_run: Coordinate | None, along: Coordinate | None) -> Any:
-    """Return the places of the samples of a run among those of the longest run; None where they have none."""
-    if of_run is None or along is None or of_run.values is along.values:
-        return slice(None)
-    near = 1e-6 * np.ptp(along.values)  # a sample next to a loss of rank is moved by less
-    if of_run.values.size == along.values.size and np.allclose(
-        of_run.values, along.values, rtol=0.0, atol=near
-    ):
+    """Return the places of the samples of a run in those of the longest run: equal values, or the first."""
+    if of_run is None or along is None or of_run.values.size == along.values.size:
         return slice(None)
     order = np.argsort(along.values, kind="stable")
     at = np.searchsorted(along.values, of_run.values, sorter=order).clip(max=along.values.size - 1)
     places = order[at]
-    return places if np.array_equal(along.values[places], of_run.values) else None
+    return places if np.array_equal(along.values[places], of_run.values) else slice(of_run.values.size)
+
+
+def _agree(of_run: Coordinate | None, along: Coordinate | None, places: Any) -> bool:
+    """Return whether a run has the coordinate of the longest run; a loss of rank moves samples a little."""
+    if of_run is None or along is None or of_run.values is along.values:
+        return True
+    near = 1e-6 * np.ptp(along.values)
+    return bool(np.allclose(of_run.values, along.values[places], rtol=0.0, atol=near))

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from graphlib import TopologicalSorter
 
 import numpy as np
@@ -68,9 +69,16 @@ def groups_of(places: Numbers, rows: Sequence[int], n: int) -> Groups:
     ValueError
         If the rows cannot be matched to the unknowns, so that they are dependent in every pose.
     """
+    return _groups_of(np.ascontiguousarray(places, dtype=np.intp).tobytes(), tuple(rows), n)
+
+
+@lru_cache(maxsize=64)
+def _groups_of(pattern_of: bytes, rows: tuple[int, ...], n: int) -> Groups:
+    """Return the groups of a pattern, which variants of a linkage share."""
     from scipy.sparse import csr_array
     from scipy.sparse.csgraph import connected_components, maximum_bipartite_matching
 
+    places = np.frombuffer(pattern_of, dtype=np.intp).reshape(-1, 3)
     number = {row: i for i, row in enumerate(rows)}
     used = [(number[row], column, place) for row, column, place in places.tolist() if row in number]
     i, j, _ = np.array(used, dtype=np.intp).reshape(-1, 3).T
