@@ -221,6 +221,34 @@ def test_wrong_calls_are_refused(model, given, message):
         model.simulate_many(**given)
 
 
+def test_a_state_of_another_linkage_is_refused():
+    other = symgen.build("triple_pendulum").initial_state()
+    with pytest.raises(ModelError, match="expected 4 coordinates of four_bar for run 1, got 6"):
+        symgen.build("four_bar").simulate_many(states=[symgen.build("four_bar").initial_state(), other])
+
+
+def test_a_linkage_in_space_runs_in_its_plane():
+    scene = symgen.Scene(
+        points={
+            "O": {"at": [0, 0, 0], "ground": True},
+            "A": {"at": ["1 m", 0, 0]},
+            "B": {"at": ["1.6 m", "-0.8 m", 0]},
+        },
+        links={
+            "OA": {"points": ["O", "A"], "mass": "2 kg"},
+            "AB": {"points": ["A", "B"], "mass": "1 kg"},
+        },
+        gravity={"acceleration": [0, "-9.81 m/s^2", 0]},
+        analysis={"t_end": "0.3 s", "outputs": ["B.position", "energy"]},
+    )
+    model = symgen.build(scene)
+    start = model.initial_state()
+    states = [model.state(start.positions, {"A": [0, v, 0], "B": [0, v, 0]}) for v in (0.0, 1.0)]
+    found = model.simulate_many(states=states, samples=5)
+    assert found["B.position"].shape == (2, 5, 3)
+    same_bits(found, [model.simulate(samples=5, state=state) for state in states])
+
+
 def test_models_without_the_analysis_say_why():
     with pytest.raises(CapabilityError, match="four_bar does not support kinematics_many: .* 1 more drive"):
         symgen.build("four_bar").kinematics_many  # noqa: B018

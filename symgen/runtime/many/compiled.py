@@ -125,7 +125,8 @@ def compiled_runs(
         return None
     if chosen.method.needs_tangent:
         return None
-    rows = None if states is None else np.array([np.concatenate((s.q, s.u)) for s in states])
+    own = getattr(model, "_own", lambda state: state)
+    rows = None if states is None else np.array([np.concatenate((s.q, s.u)) for s in map(own, states)])
     count = len(next(iter(columns.values()))) if rows is None else len(rows)
     names = [p.name for p in d.tunable]
     given = np.tile(evaluator.given, (count, 1))

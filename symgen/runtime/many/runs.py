@@ -71,9 +71,12 @@ def _states(model: Any, states: Any) -> Sequence[State]:
     for i, state in enumerate(states):
         if not isinstance(state, State):
             raise ModelError(f"expected a state of {model.name} for run {i}, got {shown(state)}")
-        y, n = finite(state)[1], model.description.coordinates
-        if len(y) != 2 * n:
-            raise ModelError(f"expected {n} coordinates of {model.name} for run {i}, got {len(y) // 2}")
+        finite(state)
+        start = getattr(model, "initial_state", None)
+        if start is not None and not hasattr(model, "in_space") and len(state.q) != len(start().q):
+            raise ModelError(
+                f"expected {len(start().q)} coordinates of {model.name} for run {i}, got {len(state.q)}"
+            )
     return states
 
 
