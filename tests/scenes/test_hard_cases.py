@@ -291,7 +291,9 @@ def test_far_from_the_origin_ten_digits_are_left():
     state = far.initial_state()
     assert relative_error(found(far, state), exact("far_origin", state, far)) < 1e-9
     assert far.accelerations()["A"] == pytest.approx(near.accelerations()["A"], rel=1e-9)
-    moved = far.simulate(rtol=1e-9)["B.position"].values - 1e6
+    # The tolerances of rtol = 1e-9 are round-off of these coordinates: the last bits of the start decide whether its run
+    # comes to its end.
+    moved = far.simulate(rtol=1e-8)["B.position"].values - 1e6
     assert moved == pytest.approx(near.simulate(rtol=1e-9)["B.position"].values, abs=1e-7)
 
 
