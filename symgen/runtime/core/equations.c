@@ -163,7 +163,7 @@ int factorise(struct equations *e, real t, const real *y) {
         double ratio = part_left(e, i);
         if (!isfinite(ratio)) {
             finite = 0;
-        } else if (ratio <= NO_MASS) {
+        } else if (ratio <= MASSLESS) {
             found->weakest = i, found->soundness = ratio;
             return SINGULAR;
         }

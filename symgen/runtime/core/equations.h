@@ -79,7 +79,7 @@ struct account {
 
 /* A coordinate has no mass if its pivot keeps at most this part of its own-signed terms. Much may cancel
  * before: rods a million million times heavier than their neighbours leave 1e-12. */
-#define NO_MASS 1e-15
+#define MASSLESS 1e-15
 #define REFINEMENTS 2
 /* Iterations of the projections: with the same factor they converge by the step's own error each time. Each halves the
  * error at least, or ends the iterations: enough from any error down to rounding. */

@@ -96,7 +96,7 @@ static void lane_factor(struct lane_runs *l, real t, const real *y) {
     call(l, l->kernels.factor, t, y, l->factors, l->out);
     for (ptrdiff_t i = 0; i < n + l->sizes.m; i++) {
         const real *pivot = l->factors + (l->sizes.first_pivot + 2 * i) * w, sign = i < n ? R(1) : R(-1);
-        const double least = i < n ? NO_MASS : fmax(NEAR, l->sizes.rank_tolerance);
+        const double least = i < n ? MASSLESS : fmax(NEAR, l->sizes.rank_tolerance);
         for (ptrdiff_t lane = 0; lane < w; lane++) {
             const real terms = real_fabs(pivot[w + lane]);
             const double ratio = terms != 0 ? (double)(sign * pivot[lane] / terms) : 0.0;
