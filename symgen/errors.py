@@ -21,7 +21,7 @@ class SymgenError(Exception):
 
 
 class SceneError(SymgenError):
-    """Invalid scene. Correct it at the file, table and key named.
+    """Invalid scene. Correct the table and key that the message names.
 
     Parameters
     ----------
@@ -108,7 +108,7 @@ class ModelError(SymgenError):
 
 
 class ArgumentError(ModelError):
-    """An argument of a call has an unexpected value. Correct the call.
+    """An argument of a call has a wrong value. Correct the call.
 
     Parameters
     ----------
@@ -153,7 +153,7 @@ class InitialStateError(ModelError):
 
 
 class ResultError(SymgenError):
-    """A result file cannot be read or written, or a result holds no such quantity."""
+    """A result file cannot be read or written, or a result has no such quantity. Correct the name."""
 
 
 class SimulationError(SymgenError):
@@ -184,7 +184,7 @@ def nearest(name: str, known: Iterable[str]) -> str:
     close = close or [w for w in words if w.casefold().startswith(folded)]
     if close:
         return f"Did you mean {close[0]!r}?"
-    return f"Known: {', '.join(words)}." if words else "None is known here."
+    return f"Known: {', '.join(words)}." if words else "There are none."
 
 
 class SlowBackendWarning(UserWarning):

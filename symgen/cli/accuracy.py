@@ -15,7 +15,7 @@ from symgen.cli.common import changes, command, console, print_json, progress_ba
 def accuracy(
     scene: Annotated[
         str | None,
-        typer.Argument(help="A scene, a Python file that returns a System, or a building block: rod, ..."),
+        typer.Argument(help="A scene, a Python file with system(), or a building block: rod, ..."),
     ] = None,
     every: Annotated[
         bool, typer.Option("--all", help="All shipped scenes and building blocks, one line each.")
@@ -37,7 +37,7 @@ def accuracy(
 ) -> None:
     """Compare every kernel with its matrices at 40 digits.
 
-    The report contains the condition number and the cancellation next to the error.
+    The report lists errors, condition numbers and cancellation.
     """
     from symgen.atomic import writable
     from symgen.errors import ModelError

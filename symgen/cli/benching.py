@@ -24,10 +24,10 @@ def bench(
         float | None,
         typer.Option(help="End time [s]; default: the scene's. Shorten it for chaotic motion."),
     ] = None,
-    samples: Annotated[int, typer.Option(help="Recorded times at which errors are evaluated.")] = 21,
-    repeats: Annotated[int, typer.Option(help="Timings per setting.")] = 5,
+    samples: Annotated[int, typer.Option(help="Number of times at which errors are evaluated.")] = 21,
+    repeats: Annotated[int, typer.Option(help="Number of timed runs per setting.")] = 5,
     longest: Annotated[
-        float, typer.Option(help="A sweep of settings ends with the first run that takes longer [s].")
+        float, typer.Option(help="End a sweep of settings with the first run longer than this [s].")
     ] = 0.5,
     peers: Annotated[
         bool, typer.Option("--peers", help="Include other programs, for planar open chains of rods.")

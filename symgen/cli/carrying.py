@@ -131,7 +131,9 @@ class Request:
         """Return the state of an assembly mode of a linkage, counted from 1."""
         states = self.model.assemblies()
         if not 1 <= branch <= len(states):
-            raise ModelError(f"there is no branch {branch}: {len(states)} assemblies were found at the start")
+            raise ModelError(
+                f"there is no branch {branch}: {len(states)} assembly modes were found at the start"
+            )
         return states[branch - 1]
 
     def show(self, verb: str, result: Any, as_json: bool) -> None:

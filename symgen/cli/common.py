@@ -26,7 +26,7 @@ _CODES = (
 )
 
 app = typer.Typer(
-    help="Derive the equations of motion of a mechanism, print them as C, and run them compiled.",
+    help="Derive the equations of motion of a mechanism, generate C from them, and run it compiled.",
     epilog=_CODES,
     no_args_is_help=True,
     pretty_exceptions_enable=False,

@@ -57,7 +57,7 @@ def quasi_static(
     contraction: o.Contraction = "off",
     vector: o.Vector = "none",
 ) -> None:
-    """Bend elastic links by the forces of the rigid motion."""
+    """Compute the static deformation of elastic links under the rigid motion."""
     Request(ctx).carry_out("quasi_static")
 
 
@@ -80,9 +80,9 @@ def large_rotation(
     as_json: o.Json = False,
     backend: o.Backend = "auto",
 ) -> None:
-    """Simulate elastic links that bend by any angle, as rods.
+    """Simulate elastic links in large rotation, as chains of rods.
 
-    It is the reference of linear theory, on which the other analyses of elastic links are based.
+    This is the reference solution for linear theory, on which the other analyses are based.
     """
     Request(ctx).carry_out("large_rotation")
 

@@ -22,7 +22,7 @@ def export(
 ) -> None:
     """Write a scene as C for use in other programs.
 
-    The folder contains the kernels, the core that runs them, an example, and a test of the results.
+    The folder contains the kernels, the core that runs them, an example, and a check of the results.
     """
     from symgen.export import export_c
 

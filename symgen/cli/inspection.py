@@ -28,7 +28,7 @@ def scenes() -> None:
 @command("symgen show peaucellier constraint_jacobian --format latex")
 def show(
     model: Annotated[
-        str, typer.Argument(help="A scene, a Python file that returns a System, or a block: rod, ...")
+        str, typer.Argument(help="A scene, a Python file with system(), or a building block: rod, ...")
     ],
     matrix: Annotated[
         str | None,
@@ -64,11 +64,12 @@ def show(
         typer.Option("--with", metavar="NAME=NUMBER", help="Numeric value of a symbol, in SI units."),
     ] = None,
     digits: Annotated[
-        bool, typer.Option("--digits", help="Rank the sums of a matrix, or of all, by cancelled digits.")
+        bool,
+        typer.Option("--digits", help="Rank the sums of a matrix, or of all matrices, by cancelled digits."),
     ] = False,
     set_: o.Set = None,
 ) -> None:
-    """Show the derived equations in a chosen form.
+    """Show the derived equations in a selected format.
 
     Without a matrix name, all matrices are listed.
     """
@@ -165,9 +166,9 @@ def _show_digits(scene: str, matrix: str | None, set_: list[str] | None) -> None
 
 @command("symgen explain peaucellier")
 def explain(scene: o.Scene, set_: o.Set = None) -> None:
-    """Explain how equations were simplified, and their cost.
+    """Explain topology, degrees of freedom and cost of the equations.
 
-    The report lists retained and omitted parts, the saving, and the solution method.
+    The report lists retained and omitted parts, saved operations, and the elimination order.
     """
     from symgen.inspection.explanation import explanation
 
@@ -185,13 +186,15 @@ def schema() -> None:
     print(json.dumps(Scene.model_json_schema(), indent=2))
 
 
-_SOURCE = "A scene, a Python file that returns a System, or a building block."
+_SOURCE = "A scene, a Python file with a function system(), or a building block."
 
 
 @command('symgen diff four_bar four_bar --set links.crank.mass="2 kg"')
 def diff(
     before: Annotated[str, typer.Argument(help=_SOURCE)],
-    after: Annotated[str, typer.Argument(help="Another one, or the same with --set, which applies to it.")],
+    after: Annotated[
+        str, typer.Argument(help="The second one, or the first again with --set, which changes it.")
+    ],
     set_: o.Set = None,
     form: o.Difference = "text",
     as_json: o.Json = False,

@@ -12,7 +12,7 @@ from symgen.cli.common import app, changes, command, console, progress_bar
 #: Number of matrix entries printed without --all.
 _SHOWN = 8
 
-cache_app = typer.Typer(help="The folder of compiled scenes.", no_args_is_help=True)
+cache_app = typer.Typer(help="Show or empty the cache of compiled scenes.", no_args_is_help=True)
 app.add_typer(cache_app, name="cache", rich_help_panel="Kernels")
 
 
@@ -21,7 +21,7 @@ def generate(
     source: Annotated[
         str | None,
         typer.Argument(
-            help="A scene, or a Python file that returns a System, whose kernels to generate; default: the "
+            help="Generate the kernels of this scene, or of a Python file with system(); default: the "
             "shipped kernels under generated/."
         ),
     ] = None,

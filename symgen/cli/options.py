@@ -45,11 +45,11 @@ def _plot_file(file: Path | None) -> Path | None:
 
 
 Scene = Annotated[
-    str, typer.Argument(help="A shipped scene, or the path of a TOML file.", autocompletion=_scenes)
+    str, typer.Argument(help="Name of a shipped scene, or path of a TOML file.", autocompletion=_scenes)
 ]
 Source = Annotated[
     str,
-    typer.Argument(help="A scene, or a Python file that returns a System.", autocompletion=_scenes),
+    typer.Argument(help="A scene, or a Python file with a function system().", autocompletion=_scenes),
 ]
 Set = Annotated[
     list[str] | None,
@@ -57,7 +57,7 @@ Set = Annotated[
         "--set",
         metavar="KEY=VALUE",
         group=_SCENE,
-        help='A parameter or dotted key: rho="2 kg/m", links.OA.mass="1 kg". May be repeated.',
+        help='Set a parameter, or a key by its path: rho="2 kg/m", links.OA.mass="1 kg". May be repeated.',
     ),
 ]
 Out = Annotated[
@@ -91,7 +91,7 @@ Precision = Annotated[
 ]
 Digits = Annotated[
     int | None,
-    option("--digits", metavar="N", group=_COMPILATION, help="Digits of the backend mpmath (40)."),
+    option("--digits", metavar="N", group=_COMPILATION, help="Digits of the mpmath backend (40)."),
 ]
 Contraction = Annotated[
     str,
@@ -131,7 +131,7 @@ From = Annotated[
     option(
         "--from",
         metavar="VALUE",
-        help="Start of the range; bare numbers are seconds, or values of the input of a loop.",
+        help="Start of the range; bare numbers are seconds, or the input of a loop in its unit.",
     ),
 ]
 To = Annotated[str | None, option("--to", metavar="VALUE", help="End of the range; default: the scene's.")]
@@ -154,20 +154,24 @@ Steps = Annotated[
         "--steps",
         metavar="N",
         group=_ELASTIC,
-        help="Steps per revolution; default: doubled until accurate.",
+        help="Steps per revolution; default: doubled until --rtol is met.",
     ),
 ]
 Revolutions = Annotated[
     float | None,
-    option("--revolutions", metavar="N", group=_ELASTIC, help="Revolutions of the crank (1)."),
+    option("--revolutions", metavar="N", group=_ELASTIC, help="Number of revolutions of the crank (1)."),
 ]
 Segments = Annotated[
-    int | None, option("--segments", metavar="N", group=_ELASTIC, help="Rods per elastic link (12).")
+    int | None,
+    option("--segments", metavar="N", group=_ELASTIC, help="Number of rods per elastic link (12)."),
 ]
 Form = Annotated[
     str | None,
     option(
-        "--form", metavar="FORM", group=_ELASTIC, help="Equations: exact, or thesis (for comparison only)."
+        "--form",
+        metavar="FORM",
+        group=_ELASTIC,
+        help="exact, or thesis: constant transformations, for comparison only.",
     ),
 ]
 GeometricStiffness = Annotated[
@@ -176,7 +180,7 @@ GeometricStiffness = Annotated[
         "--no-geometric-stiffness",
         callback=lambda omitted: False if omitted else None,
         group=_ELASTIC,
-        help="Omit stiffening by axial forces.",
+        help="Omit the stiffness of axial forces.",
     ),
 ]
 Method = Annotated[
@@ -217,7 +221,7 @@ MaxDrift = Annotated[
         "--max-drift",
         metavar="METRES",
         group=_CONSTRAINTS,
-        help="Constraint or closure error [m] that ends the run; default: none.",
+        help="End the run at this constraint or closure error [m]; default: never.",
     ),
 ]
 MaxStep = Annotated[
@@ -235,7 +239,7 @@ MaxWall = Annotated[
         "--max-wall",
         metavar="SECONDS",
         group=_LIMITS,
-        help="Wall-time limit [s]; the run ends with the samples recorded so far. Default: none.",
+        help="End the run, with the samples recorded so far, after this wall time [s]; default: never.",
     ),
 ]
 Checkpoint = Annotated[
@@ -257,6 +261,6 @@ Resume = Annotated[
         "--resume",
         metavar="FILE",
         group=_LIMITS,
-        help="Resume from a checkpoint of the same run, bit-identically.",
+        help="Continue from a checkpoint of the same run, with the same bits.",
     ),
 ]

@@ -31,7 +31,7 @@ def report(
 ) -> None:
     """Write an HTML page on a scene.
 
-    The page contains a picture, the derivation, the kernels and a run with its errors; it works offline.
+    The page contains the mechanism, its derivation, its kernels and a run with its errors. It works offline.
     """
     from symgen.atomic import writable, write_text
     from symgen.inspection.page import scene_page

@@ -1,4 +1,4 @@
-"""``symgen stability``: demanding test cases for every method, with acceptance criteria."""
+"""``symgen stability``: hard cases for every method, with bounds."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ def stability(
     as_json: o.Json = False,
     out: Annotated[Path | None, typer.Option(help="Write the documentation page: .md.")] = None,
 ) -> None:
-    """Run the demanding test cases with every method.
+    """Run the hard cases with every method.
 
-    The exit code is 1 if an acceptance criterion is not met.
+    The exit code is 1 if an error exceeds its bound.
     """
     from symgen.atomic import replacing, writable
     from symgen.study.stability import chosen, run_suite

@@ -14,14 +14,14 @@ from symgen.cli.common import changes, command, console, print_json, progress_ba
 @command("symgen study slider_crank results")
 def study(
     scene: o.Scene,
-    folder: Annotated[Path, typer.Argument(help="Folder of the plots and tables.")],
+    folder: Annotated[Path, typer.Argument(help="Folder for plots and tables.")],
     set_: o.Set = None,
     as_json: o.Json = False,
     backend: o.Backend = "auto",
 ) -> None:
     """Run the parameter studies of a driven loop.
 
-    The scene defines them; plots and tables are written.
+    The scene defines the studies. Plots, tables and their data are written to the folder.
     """
     from symgen.study import run_studies
 

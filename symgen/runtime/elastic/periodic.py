@@ -203,7 +203,7 @@ def _shot(motion: ElasticMotion, equations: _beams.BeamEquations, per_turn: int,
     rows = [int(np.flatnonzero(np.all(own[0] == np.eye(free)[k], axis=1))[0]) for k in range(free)]
     end = np.vstack([ends_s[rows], ends_v[rows]])
     if not np.all(np.isfinite(end)):
-        raise SimulationError(f"{motion.rigid.name}: the motion grows out of all bounds within one turn")
+        raise SimulationError(f"{motion.rigid.name}: the motion grows without bound within one revolution")
     transition, forced = end[:, 1:], end[:, 0]
 
     def state(y: Array) -> tuple[Array, Array]:

@@ -62,7 +62,7 @@ def run(
         For options out of range, a method that does not suit the linkage, or a rigid motion that the crank
         does not determine.
     SimulationError
-        When the linkage cannot turn, or the motion grows out of all bounds.
+        When the linkage cannot move, or the motion grows without bound.
     ResultError
         When a checkpoint cannot be written, or is of another run.
     """
@@ -94,9 +94,9 @@ def run(
         raise _out_of_time(motion, equations, task, times, stop, passes, pace) from None
     if not np.all(np.isfinite(found.displacements)):
         raise SimulationError(
-            f"{motion.rigid.name}: the motion grows out of all bounds: the step is too long for "
+            f"{motion.rigid.name}: the motion grows without bound: the step is too long for "
             f"{task.method}, or the motion is unstable\n"
-            "  Take more steps, or look at the Floquet multipliers: method periodic."
+            "  Take more steps, or check the Floquet multipliers (symgen periodic, model.periodic())."
         )
     made = _result(motion, equations, task, times, found, found.spent + pace.wall)
     made.estimate_later(partial(_mesh_error, motion, equations, task, times, found, passes, wall_left()))

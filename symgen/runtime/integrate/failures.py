@@ -109,8 +109,8 @@ def _of_constraints(
         )
     if equations.lost < equations.redundant:
         return (
-            f"a constraint that was redundant at the start is no longer so {at}: the linkage contradicts "
-            f"itself by more than can be told from a free motion\n  {where}"
+            f"a constraint that was redundant at the start is no longer so {at}: its contradiction of the "
+            f"other constraints is no longer distinguishable from a free motion\n  {where}"
         )
     name = description.unknown(equations.weakest)
     if equations.weakest < description.coordinates:

@@ -113,7 +113,7 @@ def walk(kernels: LoopKernels, begin: Closed, stop: float, samples: int) -> tupl
     path = path[: outside + 1]  # no turning point beyond the range is passed
     if len(path) < 2:
         raise SimulationError(
-            f"the loop cannot be followed from {kernels.value_at(begin.t)}: its screws lose rank there",
+            f"the loop cannot be followed from {kernels.value_at(begin.t)}: the position is singular",
             time=begin.t,
         )
     turning = [

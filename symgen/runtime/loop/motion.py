@@ -240,8 +240,8 @@ def _problem(kernels: LoopKernels, stepper: _core.Run, chosen: Options, status: 
         )
     if status == _core.SINGULAR or near < 1e-2:
         return (
-            f"the run cannot continue {at}: the screws lose rank there (least singular value {near:.1e} of "
-            f"the largest, {weakest} the least held), a dead centre of the loop\n  State: {where}."
+            f"the run cannot continue {at}: the loop is at a dead centre; {weakest} is least constrained "
+            f"(smallest singular value of the screws: {near:.1e} of the largest)\n  State: {where}."
         )
     if status == _core.PROJECTION_FAILED:
         return f"the loop could not be closed again {at}: the step is too large\n  State: {where}."

@@ -37,8 +37,8 @@ def why_stopped(
         if error:
             return str(error)
         return (
-            f"the loop closes at {at} but cannot move on: the dependent variables cannot follow the inputs "
-            f"(rates are missed by {equations.rates_left:.1e})\n  The table has too few variables."
+            f"the loop closes at {at} but cannot move there: dependent variables cannot follow the inputs "
+            f"(residual of the rates: {equations.rates_left:.1e})\n  The table has too few variables."
         )
     if names := ball_pole(kernels, t, q):
         return (
@@ -48,13 +48,13 @@ def why_stopped(
             "alpha) so that its pole lies elsewhere."
         )
     why = (
-        f"its screws lose rank there (least singular value {least:.1e} of the largest, {weakest} the least "
-        "held), a dead centre or the end of the range in which it can be assembled"
+        f"the position is singular, a dead centre or the limit of assembly; {weakest} is least constrained "
+        f"(smallest singular value of the screws: {least:.1e} of the largest)"
         if least < _WEAK
         else "no closure of the same branch was found"
     )
     return (
         f"the loop cannot be followed beyond {at} towards {wanted}: {why}\n"
-        "  Stay below it, follow it on where the input turns back (--through, through=True), change the "
-        "lengths, or choose another input."
+        "  Stay below this value, continue past a turning point of the input (--through, through=True), "
+        "change the lengths, or choose another input."
     )
