@@ -184,7 +184,7 @@ def nearest(name: str, known: Iterable[str]) -> str:
     close = close or [w for w in words if w.casefold().startswith(folded)]
     if close:
         return f"Did you mean {close[0]!r}?"
-    return f"Known: {', '.join(words)}." if words else "There are none."
+    return f"Known: {', '.join(words)}." if words else "None are defined."
 
 
 class SlowBackendWarning(UserWarning):

@@ -2127,7 +2127,7 @@ def test_31_error_estimates_cover_axial_vibrations_that_steps_do_not_resolve():
 def test_31_steps_outputs_and_cranks_are_reported(tmp_path):
     """Steps beyond those requested are named, the scene's outputs are selected, a guided crank is in [crank]."""
     model = symgen.build("elastic_slider_crank")
-    assert any("7 steps a revolution were requested" in note for note in model.simulate(steps=7).notes)
+    assert any("7 steps per revolution were requested" in note for note in model.simulate(steps=7).notes)
     found = bar(
         tmp_path, speed=1, head='[analysis]\noutputs = ["here.stress", "tip.position"]'
     ).quasi_static()

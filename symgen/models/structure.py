@@ -54,7 +54,7 @@ def structure(linkage: Linkage) -> Iterator[str]:
     for point, (part, _) in model.carrier.items():
         yield f"  {point} is carried by link {part.name}: no coordinates of its own"
     cuts = list(dict.fromkeys(_cut(model, rod, bars) for rod in model.tree.cuts))
-    yield f"loops: {len(cuts)} links close them" if cuts else "loops: none is closed by a link"
+    yield f"loops: {len(cuts)}, closed by these links" if cuts else "loops: none is closed by a link"
     yield from (f"  {cut}" for cut in cuts)
     labels = dict.fromkeys(row.label for row in model.constraints if not row.link)
     if labels:
@@ -78,7 +78,7 @@ def structure(linkage: Linkage) -> Iterator[str]:
         absent.insert(0, "the third axis")
     if not any(x.offset for x in linkage.links) and linkage.links:
         absent.append("centres of mass off the lines of the links")
-    yield f"left out, for the scene has none: {', '.join(absent)}"
+    yield f"omitted, since the scene has none: {', '.join(absent)}"
 
 
 def _cut(model: RodsModel, rod: str, bars: dict[str, str]) -> str:

@@ -38,8 +38,8 @@ def print_turn(turn: Turn, _: Any, console: Console) -> None:
         title = f"{turn.title}: {len(values)} poses, {span}"
         console.print(outputs.extremes(title, values, unit, mark=mark))
     console.print(
-        f"closed within {turn.closure:.1e} (radians, and parts of its size); least singular value of its "
-        f"screws {turn.statistics['least_singular']:.2g} of the largest"
+        f"closed within {turn.closure:.1e} (radians, lengths over the size of the loop); smallest "
+        f"singular value of its screws: {turn.statistics['least_singular']:.2g} of the largest"
     )
     if turn.indeterminate:
         console.print("* undetermined: a value of minimum norm")

@@ -35,7 +35,7 @@ def test_peaucellier_has_three_loops_and_one_degree_of_freedom():
     text = said("peaucellier")
     assert "ground: O, E" in text
     assert "A after link OA from O" in text
-    assert "loops: 3 links close them" in text
+    assert "loops: 3, closed by these links" in text
     assert text.count(", cut between ") == 3
     assert "8 coordinates, 7 constraints: 1 degree of freedom at the start" in text
     assert "redundant: none" in text
@@ -49,7 +49,7 @@ def counted(text, what):
 def test_what_a_four_bar_saves_and_how_it_is_solved():
     """The factor has one entry a pivot and one a nonzero below it, counted by hand on the drawn pattern."""
     text = said("four_bar")
-    assert "left out, for the scene has none: the third axis, bodies in space, point masses, springs" in text
+    assert "omitted, since the scene has none: the third axis, bodies in space, point masses, springs" in text
     own, whole = map(int, re.search(r"four_bar: (\d+) operations; with any .* (\d+) \(", text).groups())
     assert own < whole
     model = symgen.build("four_bar")

@@ -259,7 +259,7 @@ def _turn(
         to = min(taken + pace.chunk(), per_turn)
         motion.check(equations, steps.advance(0.0, motion.period, per_turn, taken, to), motion.period)
         taken = to
-        if pace.spent(motion.period * taken / per_turn, f", with {per_turn} steps a revolution"):
+        if pace.spent(motion.period * taken / per_turn, f", with {per_turn} steps per revolution"):
             none: Counts = np.zeros(0, dtype=np.intp)
             empty = np.zeros((0, motion.layout.unknowns))
             raise OutOfTime(motion.period * taken / per_turn, Found(empty, empty, steps.steps), none)

@@ -335,7 +335,7 @@ def _of_steps(motion: ElasticMotion, task: Task, found: Found) -> list[str]:
     ):
         return []
     return [
-        f"{task.steps} steps a revolution were requested, and {int(np.sum(found.counts))} were taken: every "
+        f"{task.steps} steps per revolution were requested, {int(np.sum(found.counts))} were taken: every "
         "recorded time ends a step; request fewer samples for longer steps"
     ]
 
@@ -377,7 +377,7 @@ def _of_stability(found: Found) -> list[str]:
     if stable is None:
         return [
             "not known whether it is stable: the Floquet multipliers still change as steps are halved, by "
-            "vibrations that these do not resolve; take more steps a turn, or a reduction"
+            "vibrations that these do not resolve; take more steps per revolution, or a reduction"
         ]
     nearest = min(abs(z - 1.0) for z in found.floquet)
     if stable and nearest < _UNIT:

@@ -267,7 +267,7 @@ def doubled(
         coarse = fine
     raise SimulationError(
         f"{motion.rigid.name}: {task.method} does not come within {task.rtol:g} of the peak stress "
-        f"with {_MOST} steps a turn\n"
+        f"with {_MOST} steps per revolution\n"
         "  A turn may have too many vibrations to follow from rest: take method periodic or quasi-static, or "
         "fewer revolutions."
     )
