@@ -229,6 +229,14 @@ int project_positions(struct equations *e, real t, real *y) {
     return e->sizes.redundant && !(e->account->missed <= e->sizes.slack) ? CONTRADICTED : DONE;
 }
 
+real shortest_scale(const struct equations *e) {
+    real shortest = REAL_INFINITY;
+    if (e->of == &kernel_behaviour)
+        for (long i = 0; i < e->m; i++)
+            shortest = real_fmin(shortest, e->out[e->m + i]);
+    return shortest;
+}
+
 static real speed_of(const struct equations *e, const real *y) {
     real speed = 0;
     for (long i = e->n; i < 2 * e->n; i++)

@@ -149,6 +149,10 @@ void set_up(struct equations *e);
 /* Call a set-up kernel, if there is one, on so many parameters. */
 void set_up_with(kernel setup, long parameters, real *p);
 
+/* The shortest scale of the constraints, as the last projection found them: a length of a link or 1 m. Infinite for
+ * equations other than those of kernels. */
+real shortest_scale(const struct equations *e);
+
 /* Leave accelerations and multipliers in e->out, refined where the model has a residual. */
 void accelerate(struct equations *e, real t, const real *y);
 

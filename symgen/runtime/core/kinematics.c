@@ -61,7 +61,7 @@ static void zero(ptrdiff_t count, real *values) {
 static real largest_of(const real *values, ptrdiff_t count) {
     real largest = 0;
     for (ptrdiff_t i = 0; i < count; i++)
-        if (!(real_fabs(values[i]) <= largest))
+        if (!(real_fabs(values[i]) <= largest) && largest == largest)
             largest = real_fabs(values[i]);
     return largest;
 }

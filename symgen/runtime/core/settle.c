@@ -8,15 +8,20 @@
 /* The tightest relative tolerance that a number type meets, over its epsilon: TIGHTEST of runtime/integrate/options.py. */
 #define ROUNDINGS 100.0
 
-/* Norm of the projection's correction over the tolerance, or over ROUNDINGS of the largest coordinate or rate if that
- * is larger: so much recurs however short the step is. */
+/* Roundings of a coordinate that the projection leaves, which turn the constraints. */
+#define TURNED 4.0
+
+/* Norm of the projection's correction over the tolerance, or over what recurs however short the step is: ROUNDINGS of the
+ * largest coordinate or rate, and the part of the rates that roundings of the coordinates turn off the constraints. */
 static real correction(struct run *run) {
     long n = run->e->n;
     real total = 0, atol = R(run->task.atol), rtol = R(run->task.rtol);
     real least[2] = {largest_of(run->y_new, n), largest_of(run->y_new + n, n)};
+    real floor[2] = {R(ROUNDINGS) * REAL_EPSILON * least[0], R(ROUNDINGS) * REAL_EPSILON * least[1]};
+    floor[1] += R(TURNED) * REAL_EPSILON * least[0] * least[1] / shortest_scale(run->e);
     for (long i = 0; i < 2 * n; i++) {
         real scale = atol + rtol * real_fmax(real_fabs(run->y[i]), real_fabs(run->y_new[i]));
-        real part = (run->error[i] - run->y_new[i]) / real_fmax(scale, R(ROUNDINGS) * REAL_EPSILON * least[i / n]);
+        real part = (run->error[i] - run->y_new[i]) / real_fmax(scale, floor[i / n]);
         total += part * part;
     }
     return real_sqrt(total / R(run->dim));
