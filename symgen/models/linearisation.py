@@ -6,7 +6,8 @@ inputs v,
 
     dR = R_q dq + R_u du + R_w dw + R_v dv = 0,   d(dPhi/dt) = 0,   dh = h_q dq + h_u du + h_w dw + h_v dv.
 
-R_w is minus the matrix [M J^T; J 0]. Solving for dw, and for dq and du of independent coordinates, is
+R_w is minus the matrix [M J^T; J 0]. With respect to tunable parameters, which change the constraints
+too, slopes of Phi are added. Solving for dw, and for dq and du of independent coordinates, is
 numerics: :mod:`symgen.runtime.linearisation.state_space`.
 """
 
@@ -19,15 +20,17 @@ import sympy as sp
 
 from symgen.errors import ModelError, SceneError
 from symgen.models.rods import outputs
-from symgen.models.rods.linearised import analysis_of, slopes_by
+from symgen.models.rods.linearised import analysis_of, constraint_slopes, linearised, slopes_by
 from symgen.models.rods.linkage import RodsModel
 from symgen.models.rods.matrix import named
 from symgen.models.rods.refinement import residual
+from symgen.models.rods.system import definitions
 from symgen.symbolic.calculus import per_second
 from symgen.symbolic.system import Export, NamedMatrix, System
 
 if TYPE_CHECKING:
     from symgen.scene.rods.linkage import Linkage
+    from symgen.symbolic.quantity import Quantity
 
 #: The mark of a time derivative behind the name of an output.
 RATE = "'"
@@ -50,28 +53,77 @@ def linearisation_system(linkage: Linkage) -> System:
     ModelError
         For an output that the linkage does not have.
     """
+    return _system(linkage, "linearisation", [p.quantity for p in linkage.parameters if p.input])
+
+
+def sensitivity_system(linkage: Linkage) -> System:
+    """Return the System of :func:`linearisation_system` with all tunable parameters in place of inputs.
+
+    Its kernel ``slopes`` also has the matrix ``constraints``, of Phi.
+    """
+    return _system(linkage, "sensitivity", _tunable(linkage))
+
+
+def vibration_system(linkage: Linkage) -> System:
+    """Return the System of the matrices of small vibrations and their slopes.
+
+    Its kernels: ``pencil``, the matrices M, K, C of :func:`symgen.models.rods.linearised.linearised` and the
+    constraint Jacobian, lists of nonzero entries; ``slopes``, their derivatives by coordinates, multipliers
+    and tunable parameters, called by the matrix, the row and column of the entry, and the argument.
+    """
+    model = RodsModel(linkage)
+    bound = [model.multipliers[c.name] for c in model.constraints]
+    pencil = [*linearised(model, model.constraints)]
+    if model.constraints:
+        pencil.append(constraint_slopes(model))
+    arguments = [x.symbol for x in (*model.coordinates, *bound, *_tunable(linkage))]
+    by = slopes_by(model, arguments, definitions(model))
+    found = {
+        f"{matrix.name} {label} {argument.name}": slope
+        for matrix in pencil
+        for label, entry in zip(matrix.rows, matrix.matrix, strict=True)
+        for argument, slope in by(entry).items()
+    }
+    exports = [Export("pencil", "matrices of small vibrations", tuple(m.name for m in pencil))]
+    if found:
+        about = "slopes of the matrices of small vibrations"
+        pencil.append(named(model, "slopes", list(found.values()), "SI", about, rows=list(found)))
+        exports.append(Export("slopes", about, ("slopes",)))
+    return analysis_of(model, "vibration", pencil, exports)
+
+
+def _tunable(linkage: Linkage) -> list[Quantity]:
+    """Return the parameters that users can change."""
+    held = {w.reference for w in linkage.windings} | {s.branch for s in linkage.switches}
+    return [p.quantity for p in linkage.parameters if p.quantity not in held]
+
+
+def _system(linkage: Linkage, kind: str, parameters: Sequence[Quantity]) -> System:
     model = RodsModel(linkage)
     try:
         entries = [entry for name in linkage.outputs or () for entry in _entries(model, name)]
     except SceneError as error:
         raise ModelError(str(error)) from None
-    work = [x for p in model.free for x in model.a[p]] + [
-        model.multipliers[c.name] for c in model.constraints
-    ]
-    inputs = [p.quantity for p in linkage.parameters if p.input]
     rates = [x for p in model.free for x in model.u[p]]
-    rows = residual(model), [model.constraint_rate(c) for c in model.constraints]
-    slopes = slopes_by(model, [x.symbol for x in (*model.coordinates, *rates, *work, *inputs)])
+    bound = [model.multipliers[c.name] for c in model.constraints]
+    work = [*(x for p in model.free for x in model.a[p]), *bound]
+    rows = [
+        ("residual", work, residual(model), "slopes of the equations of motion"),
+        ("rates", bound, [model.constraint_rate(c) for c in model.constraints], "slopes of dPhi/dt"),
+    ]
+    if kind == "sensitivity":
+        rows.append(("constraints", bound, [c.expression for c in model.constraints], "slopes of Phi"))
+    arguments = [x.symbol for x in (*model.coordinates, *rates, *work, *parameters)]
+    slopes = slopes_by(model, arguments, definitions(model))
     matrices = []
     for name, labels, expressions, about in (
-        ("residual", [x.name for x in work], rows[0], "slopes of the equations of motion"),
-        ("rates", [x.name for x in work[len(rates) :]], rows[1], "slopes of the constraints' rates"),
+        *((name, [x.name for x in of], expressions, about) for name, of, expressions, about in rows),
         ("outputs", [name for name, *_ in entries], [e for _, e, _ in entries], "slopes of outputs"),
     ):
         found = {
             f"{label} {argument.name}": slope
             for label, expression in zip(labels, expressions, strict=True)
-            for argument, slope in slopes(expression).items()
+            for argument, slope in slopes(expression.xreplace(model.held)).items()
         }
         if found:
             matrices.append(named(model, name, list(found.values()), "SI", about, rows=list(found)))
@@ -79,7 +131,7 @@ def linearisation_system(linkage: Linkage) -> System:
     values = _values(model, entries)
     if values:
         exports.append(Export("values", "values of outputs", tuple(m.name for m in values)))
-    return analysis_of(model, "linearisation", (*matrices, *values), exports)
+    return analysis_of(model, kind, (*matrices, *values), exports)
 
 
 def _values(model: RodsModel, entries: Sequence[Entry]) -> list[NamedMatrix]:

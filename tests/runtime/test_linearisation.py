@@ -36,9 +36,8 @@ def derived(of, x, u):
                 moved = [*point[:i], value, *point[i + 1 :]]
                 return mp.matrix(of(moved[:k], moved[k:]))
 
-            h = mp.mpf(10) ** -12  # the error is of order h^4
-            first, second = at(point[i] + h) - at(point[i] - h), at(point[i] + 2 * h) - at(point[i] - 2 * h)
-            return [float(v) for v in (8 * first - second) / (12 * h)]
+            h = mp.mpf(10) ** -14  # the error is of order h^2
+            return [float(v) for v in (at(point[i] + h) - at(point[i] - h)) / (2 * h)]
 
         columns = np.array([slopes(i) for i in range(len(point))]).T
         return columns[:, :k], columns[:, k:]

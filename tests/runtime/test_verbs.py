@@ -11,7 +11,7 @@ import symgen
 from symgen.errors import CapabilityError, ModelError, SymgenError
 from symgen.runtime.model.model import VERBS
 
-LINEAR = {"linearise", "mass_matrix", "jacobian"}
+LINEAR = {"linearise", "mass_matrix", "jacobian", "sensitivity"}
 RODS = {"simulate", "equilibrium", "modes", "accelerations", "batch"} | LINEAR
 DRIVEN = {"kinematics", "inverse_dynamics", "assemblies"}
 AT_REST = {"equilibrium", "modes"}

@@ -22,7 +22,7 @@ from symgen.models.rods.system import bonds, definitions, groups, slope_unit, wi
 from symgen.scene.rods.linkage import TIME, Linkage
 from symgen.symbolic.calculus import ONE, ZERO
 from symgen.symbolic.names import Names
-from symgen.symbolic.system import Export, NamedMatrix, System
+from symgen.symbolic.system import Definition, Export, NamedMatrix, System
 
 
 def kinematics_system(linkage: Linkage) -> System:
@@ -45,7 +45,7 @@ def driven_motion(model: RodsModel) -> tuple[list[NamedMatrix], list[Export]]:
         about = "prescribed angles, lengths and places"
         exports.append(Export("drives", about, tuple(m.name for m in matrices)))
     if model.constraints:
-        matrices.append(_slopes(model))
+        matrices.append(constraint_slopes(model))
         about = "constraints, their scale, their rate, and the nonzero entries of their Jacobian"
         of_closure = ("constraints", "constraint_scale", "velocity_constraints", "constraint_slopes")
         exports.append(Export("closure", about, of_closure))
@@ -54,7 +54,7 @@ def driven_motion(model: RodsModel) -> tuple[list[NamedMatrix], list[Export]]:
     return matrices, exports
 
 
-def _slopes(model: RodsModel) -> NamedMatrix:
+def constraint_slopes(model: RodsModel) -> NamedMatrix:
     """Return the nonzero entries of the constraint Jacobian, each called by its row and its column."""
     entries = {
         f"{c.name} {s.name}": row[s]
@@ -161,10 +161,14 @@ def stiffness_row(model: RodsModel, row: sp.Symbol, bound: Sequence[Constraint])
     return {s: sp.Add(*slopes) for s, slopes in total.items()}
 
 
-def slopes_by(model: RodsModel, arguments: Sequence[sp.Symbol]) -> Callable[[sp.Expr], Gradient]:
+def slopes_by(
+    model: RodsModel, arguments: Sequence[sp.Symbol], through: Sequence[Definition] | None = None
+) -> Callable[[sp.Expr], Gradient]:
     """Return a function that gives the nonzero partial derivatives of an expression by arguments of kernels.
 
     The expression must have been derived before: it may use only definitions that the model has by now.
+    ``through`` are these with changes, such as the motion of the ground substituted; those of the model
+    itself when absent.
     """
     known: dict[sp.Symbol, Gradient] = {x: {x: ONE} for x in arguments}
 
@@ -182,7 +186,7 @@ def slopes_by(model: RodsModel, arguments: Sequence[sp.Symbol]) -> Callable[[sp.
         model.jacobian,
         model.acceleration_rhs,
     )  # definitions added for them are needed below
-    for definition in model.calculus.definitions:
+    for definition in model.calculus.definitions if through is None else through:
         found = gradient(definition.expression)
         if found:
             known[definition.quantity.symbol] = found

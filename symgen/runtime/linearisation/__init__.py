@@ -1,1 +1,1 @@
-"""State-space models: equations of motion and outputs linearised about any state."""
+"""Linear models about any state, and derivatives by parameters."""

@@ -1,4 +1,4 @@
-"""A linear state-space model of a mechanism."""
+"""Linear state-space models of mechanisms, and derivatives by parameters."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symgen.calls import checked
-from symgen.errors import ModelError
+from symgen.errors import ModelError, nearest
 
 if TYPE_CHECKING:
     from scipy.signal import StateSpace
@@ -88,3 +88,38 @@ class Linearisation:
             **{name: getattr(self, name).tolist() for name in "ABCD"},
             "poles": [[s.real, s.imag] for s in self.poles.tolist()],
         }
+
+
+@checked
+@dataclass(frozen=True, slots=True)
+class Sensitivity:
+    """Derivatives of outputs by parameters, in SI units.
+
+    Attributes
+    ----------
+    derivatives
+        Array (outputs, parameters).
+    outputs, parameters
+        Names of its rows and columns.
+    values
+        Values of the outputs.
+    units
+        Unit of every output and parameter by name.
+    t
+        Time [s].
+    """
+
+    derivatives: Array
+    outputs: tuple[str, ...]
+    parameters: tuple[str, ...]
+    values: Array
+    units: dict[str, str]
+    t: float
+
+    def __getitem__(self, names: tuple[str, str]) -> float:
+        """Return the derivative of an output by a parameter: ``found["O.reaction.x", "stiffness"]``."""
+        output, parameter = names
+        for name, known in ((output, self.outputs), (parameter, self.parameters)):
+            if name not in known:
+                raise ModelError(f"there is no derivative of or by {name!r}. {nearest(name, known)}")
+        return float(self.derivatives[self.outputs.index(output), self.parameters.index(parameter)])

@@ -29,14 +29,16 @@ _CLOSED = 1e-6
 
 @dataclass(frozen=True, slots=True)
 class Slopes:
-    """Slopes at one state by its coordinates, velocities, solution (a, lambda), and inputs; a row each.
+    """Slopes at one state by its coordinates, velocities, solution (a, lambda), and parameters.
 
-    ``residual`` are those of f - M a - J^T lambda and gamma - J a, ``rates`` those of dPhi/dt, ``outputs``
-    and ``values`` those of the outputs by name, and their values.
+    ``residual`` are those of f - M a - J^T lambda and gamma - J a, ``rates`` those of dPhi/dt,
+    ``constraints`` those of Phi (in kernels of sensitivities), a row each; ``outputs`` and ``values`` are
+    those of the outputs by name, and their values.
     """
 
     residual: Array
     rates: Array
+    constraints: Array
     outputs: dict[str, Array]
     values: dict[str, float]
     units: dict[str, str]
@@ -61,7 +63,9 @@ class Tangents:
     model
         The kernels of the equations of motion.
     kernels
-        Those of the analysis ``linearisation``.
+        Those of the analysis ``linearisation``, or ``sensitivity``.
+    parameters
+        The parameters that these kernels differentiate by, in order: the inputs, or all tunable ones.
     state
         The state.
     solution
@@ -71,16 +75,23 @@ class Tangents:
     """
 
     def __init__(
-        self, model: Evaluator, kernels: Evaluator, state: State, solution: Array, redundant: int
+        self,
+        model: Evaluator,
+        kernels: Evaluator,
+        parameters: Sequence[str],
+        state: State,
+        solution: Array,
+        redundant: int,
     ) -> None:
         self.model, self.state, self.redundant = model, state, redundant
         d = self.description = model.description
         self.n, self.m = d.coordinates, len(d.constraints)
-        self.slopes = _slopes(kernels, state, solution)
+        self.slopes = _slopes(kernels, parameters, state, solution)
+        self.parameters, self.solution = tuple(parameters), solution
         n, whole = self.n, self.n + self.m
         by = 2 * n + whole
         self.by_q, self.by_u = slice(n), slice(n, 2 * n)
-        self.by_solution, self.by_inputs = slice(2 * n, by), slice(by, by + len(d.inputs))
+        self.by_solution, self._first = slice(2 * n, by), by
         equations = 0.0 - self.slopes.residual[:, self.by_solution]
         self.mass, self.jacobian = equations[:n, :n], equations[n:, :n]
         self.scale = (
@@ -93,6 +104,10 @@ class Tangents:
         #: Minimum-norm motions of unit constraint errors, and a basis of the motions without any.
         self.bound = (right[:rank].T / values[:rank]) @ left[:, :rank].T
         self.free = right[rank:].T
+
+    def columns(self, parameters: Sequence[str]) -> list[int]:
+        """Return the columns of slopes by parameters."""
+        return [self._first + self.parameters.index(name) for name in parameters]
 
     def solved(self, right: Array) -> Array:
         """Return the solutions of [M J^T; J 0] w = b for the columns of ``right``."""
@@ -142,7 +157,7 @@ class Tangents:
         ModelError
             When the state violates the constraints.
         """
-        self._check_closed()
+        self.check_closed()
         inverse = np.linalg.inv(self.directions(coordinates))
         unit = self.free @ inverse
         places, rates = self.slopes.rows(coordinates), self.slopes.rows([f"{x}'" for x in coordinates])
@@ -157,7 +172,8 @@ class Tangents:
         reduced: Array = unit.T @ self.mass @ unit
         return reduced
 
-    def _check_closed(self) -> None:
+    def check_closed(self) -> None:
+        """Raise ModelError for a state that violates the constraints."""
         if not self.m:
             return
         at = self.state.t, self.state.q, self.state.u
@@ -203,7 +219,7 @@ def state_space(
         )
     dq, du = tangents.independent(coordinates) if independent else _cartesian(n)
     moved = slopes.residual[:, tangents.by_q] @ dq + slopes.residual[:, tangents.by_u] @ du
-    chosen = [tangents.by_inputs.start + d.inputs.index(name) for name in inputs]
+    chosen = tangents.columns([*inputs])
     dw, driven = tangents.solved(moved), tangents.solved(slopes.residual[:, chosen])
     k = len(coordinates)
 
@@ -214,7 +230,7 @@ def state_space(
         return state, by @ driven + rows[:, chosen]
 
     shown = [x for name in outputs for x in slopes.scalars(name)]
-    _check_unique(tangents, shown)
+    check_unique(tangents, shown)
     second, by_inputs = linear([f"{name}''" for name in coordinates])
     c, direct = linear(shown)
     x, first, accelerations, y = (
@@ -249,7 +265,7 @@ def _cartesian(n: int) -> tuple[Array, Array]:
     return np.hstack([np.eye(n), np.zeros((n, n))]), np.hstack([np.zeros((n, n)), np.eye(n)])
 
 
-def _check_unique(tangents: Tangents, outputs: Sequence[str]) -> None:
+def check_unique(tangents: Tangents, outputs: Sequence[str]) -> None:
     """Raise ModelError for an output by multipliers that redundant constraints leave open."""
     open_rows = not_unique(tangents.model, tangents.state.t, tangents.state.q, tangents.redundant)
     columns = [tangents.by_solution.start + tangents.n + i for i in open_rows]
@@ -261,19 +277,20 @@ def _check_unique(tangents: Tangents, outputs: Sequence[str]) -> None:
             )
 
 
-def _slopes(kernels: Evaluator, state: State, solution: Array) -> Slopes:
+def _slopes(kernels: Evaluator, parameters: Sequence[str], state: State, solution: Array) -> Slopes:
     """Return the slopes at a state as dense rows."""
     d = kernels.description
     points = [(p, axis) for p in d.free for axis in d.axes]
     unknowns = [f"{p}_a{axis}" for p, axis in points] + [f"{c}_lambda" for c in d.constraints]
     arguments = [f"{p}_{axis}" for p, axis in points] + [f"{p}_v{axis}" for p, axis in points]
-    columns = {name: i for i, name in enumerate([*arguments, *unknowns, *d.inputs])}
+    columns = {name: i for i, name in enumerate([*arguments, *unknowns, *parameters])}
     work = np.zeros(kernels.work_size + len(solution) + 1)
     work[: len(solution)] = solution
     at = state.t, state.q, state.u, work
     infos = {b.name: b for b in kernels.info("values").blocks} if kernels.has("values") else {}
     values = {infos[k].about: float(v[0]) for k, v in kernels.blocks("values", *at).items()} if infos else {}
-    rows = {"residual": unknowns, "rates": unknowns[len(points) :], "outputs": list(values)}
+    bound = unknowns[len(points) :]
+    rows = {"residual": unknowns, "rates": bound, "constraints": bound, "outputs": list(values)}
     found = {name: np.zeros((len(labels), len(columns))) for name, labels in rows.items()}
     parts = kernels.blocks("slopes", *at)
     for block in kernels.info("slopes").blocks:
@@ -283,4 +300,4 @@ def _slopes(kernels: Evaluator, state: State, solution: Array) -> Slopes:
             found[block.name][places[row], columns[column]] = value
     outputs = dict(zip(values, found["outputs"], strict=True))
     units = {b.about: b.unit for b in infos.values()}
-    return Slopes(found["residual"], found["rates"], outputs, values, units)
+    return Slopes(found["residual"], found["rates"], found["constraints"], outputs, values, units)

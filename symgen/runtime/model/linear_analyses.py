@@ -1,4 +1,4 @@
-"""Matrices of the equations of motion and linear state-space models, for control."""
+"""Matrices of the equations of motion, linear state-space models, and derivatives by parameters."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from numpy.typing import NDArray
 from symgen.runtime.model.verbs import verb
 
 if TYPE_CHECKING:
-    from symgen.runtime.linearisation.record import Linearisation
+    from symgen.runtime.linearisation.record import Linearisation, Sensitivity
     from symgen.runtime.result.state import State
     from symgen.runtime.rods.equilibrium import Equilibrium
 
 
 class LinearAnalyses:
-    """Mass matrix, constraint Jacobian and linearisation, declared for every model."""
+    """Mass matrix, constraint Jacobian, linearisation and sensitivities, declared for every model."""
 
     @verb
     def mass_matrix(
@@ -82,5 +82,42 @@ class LinearAnalyses:
         ModelError
             For unknown names; for coordinates that do not determine the motion; for a singular state, or one
             that violates the constraints; for forces that redundant constraints leave open.
+        """
+        raise NotImplementedError
+
+    @verb
+    def sensitivity(
+        self,
+        outputs: Sequence[str],
+        parameters: Sequence[str] | None = None,
+        *,
+        at: State | Equilibrium | float | None = None,
+        coordinates: Sequence[str] = (),
+    ) -> Sensitivity:
+        """Return exact derivatives of outputs by tunable parameters: see ``docs/sensitivity.md``.
+
+        Parameters
+        ----------
+        outputs
+            Scalars that a scene can record, as for :meth:`linearise`: poses, velocities, accelerations,
+            reactions, drive efforts, energies. At an equilibrium also ``frequencies`` [Hz] of all modes that
+            oscillate, rising; they come last.
+        parameters
+            Tunable parameters and inputs, all when absent.
+        at
+            An equilibrium, which moves with the parameters; or a state, which is held as far as drives and
+            ``coordinates`` determine it, together with its time. Where drives alone move the linkage, a time
+            [s] gives the state. The start when absent.
+        coordinates
+            Independent coordinates as for :meth:`linearise` that are held at a state, with their rates: one
+            for each degree of freedom that is not driven.
+
+        Raises
+        ------
+        ModelError
+            As :meth:`linearise`; for a neutral equilibrium; for a parameter that contradicts redundant
+            constraints; for equal frequencies.
+        SimulationError
+            When the pose of that time cannot be reached.
         """
         raise NotImplementedError

@@ -15,7 +15,7 @@ from symgen.runtime.result.result import Result
 from symgen.runtime.result.state import Accelerations, State
 
 if TYPE_CHECKING:
-    from symgen.runtime.linearisation.record import Linearisation
+    from symgen.runtime.linearisation.record import Linearisation, Sensitivity
     from symgen.runtime.result.forces import Forces
     from symgen.runtime.result.motion import Motion
     from symgen.runtime.rods.equilibrium import Equilibrium
@@ -103,6 +103,12 @@ class PlaneModel(RodModel):
         if coordinates is None:
             return super()._linearise(self._own(state), **options)
         return self.in_space._linearise(self._whole(state), coordinates=coordinates, **options)
+
+    def _sensitivity(  # type: ignore[override]
+        self, outputs: Sequence[str], at: State | Equilibrium | float | None = None, **options: Any
+    ) -> Sensitivity:
+        begin = self._whole(at) if at is None or isinstance(at, State) else at
+        return self.in_space._sensitivity(outputs, at=begin, **options)
 
     def _mass_matrix(self, state: State | None = None, coordinates: Sequence[str] | None = None) -> Array:
         if coordinates is None:

@@ -27,7 +27,7 @@ from symgen.runtime.rods.start import Start, start
 
 if TYPE_CHECKING:
     from symgen.runtime._rhs import Rhs
-    from symgen.runtime.linearisation.record import Linearisation
+    from symgen.runtime.linearisation.record import Linearisation, Sensitivity
     from symgen.runtime.linearisation.state_space import Tangents
     from symgen.runtime.result.forces import Forces
     from symgen.runtime.rods.equilibrium import Equilibrium
@@ -138,13 +138,25 @@ class RodModel(LinkageModel):
 
         return right_hand_side(self.initial_state(), self._evaluator, len(self.redundant))
 
-    def _tangents(self, state: State | None, names: Sequence[str]) -> Tangents:
-        """Return the linearised motion at a state, with the slopes of the outputs ``names``."""
+    def _tangents(
+        self, at: State | Equilibrium | None, names: Sequence[str], kind: str = "linearisation"
+    ) -> Tangents:
+        """Return the linearised motion at a state, with the slopes of the outputs ``names``.
+
+        At an equilibrium it is at rest, with the multipliers that balance the forces.
+        """
         from symgen.runtime.linearisation.state_space import Tangents
 
-        begin = self.initial_state() if state is None else state
-        kernels, redundant = self.analysis("linearisation", outputs=tuple(names)), len(self.redundant)
-        return Tangents(self._evaluator, kernels, begin, self._solution(begin)[:-1], redundant)
+        d = self.description
+        if at is None or isinstance(at, State):
+            state = self.initial_state() if at is None else at
+            solution = self._solution(state)[:-1]
+        else:
+            state, still = at.state, np.zeros(d.coordinates)
+            solution = np.concatenate([still, [at.multipliers[name] for name in d.constraints]])
+        by = d.inputs if kind == "linearisation" else tuple(self.parameters)
+        kernels = self.analysis(kind, outputs=tuple(names))
+        return Tangents(self._evaluator, kernels, by, state, solution, len(self.redundant))
 
     def _mass_matrix(self, state: State | None = None, coordinates: Sequence[str] | None = None) -> Array:
         from symgen.runtime.linearisation.state_space import derivatives
@@ -172,13 +184,46 @@ class RodModel(LinkageModel):
         positions = [f"{p}.position.{axis}" for p in d.free for axis in d.axes]
         names = positions if coordinates is None else list(coordinates)
         wanted = dict.fromkeys([*derivatives(names), *(outputs or ())])
-        state = at if at is None or isinstance(at, State) else at.state
-        tangents = self._tangents(state, tuple(wanted))
+        tangents = self._tangents(at, tuple(wanted))
         shown = names if outputs is None else list(outputs)
         values = [self.parameters[name] for name in chosen]
         return state_space(
             tangents, names, coordinates is not None, dict(zip(chosen, values, strict=True)), shown
         )
+
+    def _sensitivity(
+        self,
+        outputs: Sequence[str],
+        parameters: Sequence[str] | None = None,
+        at: State | Equilibrium | float | None = None,
+        coordinates: Sequence[str] = (),
+    ) -> Sensitivity:
+        from symgen.runtime.linearisation.sensitivity import at_equilibrium, at_pose
+        from symgen.runtime.linearisation.state_space import derivatives
+
+        by = tuple(self.parameters if parameters is None else parameters)
+        for name in by:
+            if name not in self.parameters:
+                raise ModelError(
+                    f"{self.name} has no tunable parameter {name!r}. {nearest(name, self.parameters)}"
+                )
+        frequencies = "frequencies" in outputs
+        if frequencies and (at is None or isinstance(at, State | float | int)):
+            raise ModelError("frequencies are those of an equilibrium: give model.equilibrium() for at")
+        outputs = [name for name in outputs if name != "frequencies"]
+        names = tuple(dict.fromkeys([*derivatives(coordinates), *outputs]))
+        if at is None or isinstance(at, State):
+            return at_pose(self._tangents(at, names, "sensitivity"), outputs, by, coordinates)
+        if isinstance(at, float | int):
+            driven = self.kinematics(at=[at], over="time")
+            places, rates = (
+                {p: driven[f"{p}.{word}"].values[0] for p in self.description.free}
+                for word in ("position", "velocity")
+            )
+            state = self.state(places, rates, float(at))
+            return at_pose(self._tangents(state, names, "sensitivity"), outputs, by, coordinates)
+        vibration = self.analysis("vibration") if frequencies else None
+        return at_equilibrium(self._tangents(at, names, "sensitivity"), outputs, by, vibration)
 
     def _inverse_dynamics(
         self,

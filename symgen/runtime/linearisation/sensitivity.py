@@ -1,0 +1,133 @@
+"""Exact derivatives of outputs by parameters, at a held pose or at an equilibrium that moves with them.
+
+Parameters change the constraints, J dq + Phi_p dp = 0, and the equations of motion. A held pose keeps its
+drives and its independent coordinates with their rates; an equilibrium keeps its forces in balance.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symgen.errors import ModelError
+from symgen.runtime.kernels.evaluate import Evaluator
+from symgen.runtime.linearisation.record import Sensitivity
+from symgen.runtime.linearisation.state_space import Tangents, check_unique
+from symgen.runtime.linearisation.vibration import frequencies
+
+Array = NDArray[np.float64]
+
+#: The part of a constraint's slopes within which others agree, and of stiffness below which it is neutral.
+_EQUAL, _NEUTRAL = 1e-9, 1e-12
+
+
+def at_pose(
+    tangents: Tangents, outputs: Sequence[str], parameters: Sequence[str], coordinates: Sequence[str]
+) -> Sensitivity:
+    """Return the derivatives of outputs while drives, coordinates and their rates are held.
+
+    Raises
+    ------
+    ModelError
+        As :meth:`Tangents.independent`; for a parameter that breaks redundant constraints.
+    """
+    tangents.check_closed()
+    slopes, by = tangents.slopes, tangents.columns(parameters)
+    unit = tangents.free @ np.linalg.inv(tangents.directions(coordinates))
+    places, rates = slopes.rows(coordinates), slopes.rows([f"{name}'" for name in coordinates])
+    dq = _closing(tangents, parameters)
+    dq = dq - unit @ (places[:, tangents.by_q] @ dq + places[:, by])
+    moved = slopes.rates[:, tangents.by_q] @ dq + slopes.rates[:, by]
+    du = -tangents.bound @ (moved / tangents.scale[:, None])
+    du = du - unit @ (rates[:, tangents.by_q] @ dq + rates[:, tangents.by_u] @ du + rates[:, by])
+    residual = slopes.residual
+    dw = tangents.solved(residual[:, tangents.by_q] @ dq + residual[:, tangents.by_u] @ du + residual[:, by])
+    return _of_outputs(tangents, outputs, parameters, dq, du, dw)
+
+
+def at_equilibrium(
+    tangents: Tangents, outputs: Sequence[str], parameters: Sequence[str], vibration: Evaluator | None
+) -> Sensitivity:
+    """Return the derivatives of outputs at an equilibrium that moves with the parameters.
+
+    With the kernels of the analysis ``vibration``, those of the frequencies follow.
+
+    Raises
+    ------
+    ModelError
+        For a neutral equilibrium; for a parameter that breaks redundant constraints; for equal frequencies.
+    """
+    n, by = tangents.n, tangents.columns(parameters)
+    force = tangents.slopes.residual[:n]
+    by_q = force[:, tangents.by_q]
+    dq = _closing(tangents, parameters)
+    stiffness = tangents.free.T @ by_q @ tangents.free
+    sizes = np.linalg.svd(stiffness)[1]
+    if len(sizes) and sizes[-1] <= _NEUTRAL * max(sizes[0], float(np.max(np.abs(by_q)))):
+        raise ModelError(
+            f"the equilibrium of {tangents.description.name} is neutral: parameters do not determine how it "
+            "moves"
+        )
+    unbalanced = by_q @ dq + force[:, by]
+    dq = dq - tangents.free @ np.linalg.solve(stiffness, tangents.free.T @ unbalanced)
+    multipliers = (tangents.bound.T @ (by_q @ dq + force[:, by])) / tangents.scale[:, None]
+    still = np.zeros_like(dq)
+    found = _of_outputs(tangents, outputs, parameters, dq, still, np.vstack([still, multipliers]))
+    if vibration is None:
+        return found
+    values, derivatives = frequencies(tangents, vibration, np.vstack([dq, multipliers]), parameters)
+    names = tuple(f"frequency.{i}" for i in range(1, len(values) + 1))
+    return replace(
+        found,
+        derivatives=np.vstack([found.derivatives, derivatives]),
+        outputs=(*found.outputs, *names),
+        values=np.append(found.values, values),
+        units=found.units | dict.fromkeys(names, "Hz"),
+    )
+
+
+def _closing(tangents: Tangents, parameters: Sequence[str]) -> Array:
+    """Return the minimum-norm change of the pose that keeps the constraints, (n, parameters)."""
+    slopes, d, by = tangents.slopes, tangents.description, tangents.columns(parameters)
+    scaled = slopes.constraints / tangents.scale[:, None]
+    size = np.max(np.abs(scaled[:, tangents.by_q]), axis=1, initial=1.0)
+    other = np.abs(slopes.constraints[:, tangents.by_q] - tangents.jacobian) / tangents.scale[:, None]
+    for row in map(int, np.flatnonzero(np.max(other, axis=1, initial=0.0) > _EQUAL * size)):
+        raise ModelError(f"derivatives by parameters are not available with {d.labels[row]}")
+    dq = -tangents.bound @ scaled[:, by]
+    left = np.abs(scaled[:, tangents.by_q] @ dq + scaled[:, by])
+    allowed = _EQUAL * np.max(np.abs(scaled[:, by]), axis=0, initial=1e-300)
+    for column in map(int, np.flatnonzero(np.any(left > allowed, axis=0))):
+        row = int(np.argmax(left[:, column]))
+        raise ModelError(
+            f"a change of {parameters[column]} alone contradicts the redundant constraints: {d.labels[row]}\n"
+            "  Give parameters that keep them redundant."
+        )
+    return np.asarray(dq)
+
+
+def _of_outputs(
+    tangents: Tangents, outputs: Sequence[str], parameters: Sequence[str], dq: Array, du: Array, dw: Array
+) -> Sensitivity:
+    slopes = tangents.slopes
+    shown = [x for name in outputs for x in slopes.scalars(name)]
+    check_unique(tangents, shown)
+    rows = slopes.rows(shown)
+    derivatives = (
+        rows[:, tangents.by_q] @ dq
+        + rows[:, tangents.by_u] @ du
+        + rows[:, tangents.by_solution] @ dw
+        + rows[:, tangents.columns(parameters)]
+    )
+    infos = {p.name: p.unit for p in tangents.description.tunable}
+    return Sensitivity(
+        derivatives=derivatives,
+        outputs=tuple(shown),
+        parameters=tuple(parameters),
+        values=np.array([slopes.values[name] for name in shown]),
+        units={**{name: slopes.units[name] for name in shown}, **{name: infos[name] for name in parameters}},
+        t=tangents.state.t,
+    )

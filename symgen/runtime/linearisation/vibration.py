@@ -1,0 +1,137 @@
+"""Derivatives of the frequencies of small vibrations by parameters.
+
+A mode dq = phi exp(s t) with constraint forces J^T mu solves P phi + J^T mu = 0, J phi = 0 with
+P = s^2 M + s C + K. With the solution psi, nu of the transposed equations, its derivative is
+
+    s' = -(psi^T P' phi + psi^T J'^T mu + nu^T J' phi) / (psi^T (2 s M + C) phi),
+
+where P' and J' follow the equilibrium as it moves, at constant s.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symgen.errors import ModelError
+from symgen.runtime.kernels.evaluate import Evaluator
+from symgen.runtime.linearisation.state_space import Tangents
+
+Array = NDArray[np.float64]
+
+#: The matrices of small vibrations.
+_SYSTEM = ("mass_matrix", "stiffness", "damping")
+#: The part of their size by which frequencies must differ.
+_APART = 1e-6
+
+
+def frequencies(
+    tangents: Tangents, kernels: Evaluator, moved: Array, parameters: Sequence[str]
+) -> tuple[Array, Array]:
+    """Return the frequencies of the modes that oscillate [Hz], rising, and their derivatives.
+
+    Parameters
+    ----------
+    tangents
+        At the equilibrium.
+    kernels
+        Those of the analysis ``vibration``.
+    moved
+        Derivatives of coordinates and multipliers of the equilibrium by the parameters, a row each.
+
+    Raises
+    ------
+    ModelError
+        When two frequencies are equal: single ones have no derivatives.
+    """
+    matrices = _matrices(tangents, kernels)
+    changes = _changes(tangents, kernels, moved, parameters)
+    mass, stiffness, damping = (matrices[name] for name in _SYSTEM)
+    free = tangents.free
+    found = _oscillations(*(free.T @ matrix @ free for matrix in (mass, stiffness, damping)))
+    close = np.abs(np.diff(found)) < _APART * np.abs(found[1:])
+    if np.any(close):
+        first = int(np.argmax(close)) + 1
+        raise ModelError(
+            f"frequencies {first} and {first + 1} of {tangents.description.name} are equal, so that "
+            "they have no derivatives one by one"
+        )
+    derivatives = np.zeros((len(found), len(parameters)))
+    for i, s in enumerate(found):
+        whole = s**2 * mass + s * damping + stiffness
+        left, _, right = np.linalg.svd(free.T @ whole @ free)
+        phi, psi = free @ right[-1].conj(), free @ left[:, -1].conj()
+        mu, nu = (-(tangents.bound.T @ b) / tangents.scale for b in (whole @ phi, whole.T @ psi))
+        below = psi @ (2 * s * mass + damping) @ phi
+        for k in range(len(parameters)):
+            by_mass, by_stiffness, by_damping = (changes[name][k] for name in _SYSTEM)
+            turned = changes["constraint_slopes"][k]
+            change = psi @ (s**2 * by_mass + s * by_damping + by_stiffness) @ phi
+            change += psi @ (turned.T @ mu) + nu @ (turned @ phi)
+            derivatives[i, k] = (-change / below).imag / (2 * np.pi)
+    return found.imag / (2 * np.pi), derivatives
+
+
+def _places(tangents: Tangents) -> tuple[dict[str, int], dict[str, int]]:
+    """Return the numbers of coordinates and of constraints by the names that entries have."""
+    d = tangents.description
+    columns = {name: i for i, name in enumerate(f"{p}_{axis}" for p in d.free for axis in d.axes)}
+    return columns, {name: i for i, name in enumerate(d.constraints)}
+
+
+def _matrices(tangents: Tangents, kernels: Evaluator) -> dict[str, Array]:
+    """Return M, K and C, each (n, n)."""
+    columns, _ = _places(tangents)
+    parts = kernels.blocks("pencil", *_at(tangents, kernels))
+    matrices = {name: np.zeros((tangents.n, tangents.n)) for name in _SYSTEM}
+    for block in kernels.info("pencil").blocks:
+        if block.name in matrices:
+            for label, value in zip(block.rows, parts[block.name], strict=True):
+                row, column = label.split()
+                matrices[block.name][columns[row], columns[column]] = value
+    return matrices
+
+
+def _changes(
+    tangents: Tangents, kernels: Evaluator, moved: Array, parameters: Sequence[str]
+) -> dict[str, Array]:
+    """Return the derivatives of M, K, C and J by each parameter, (parameters, rows, columns)."""
+    columns, constraints = _places(tangents)
+    n, m = tangents.n, tangents.m
+    directions = {name: moved[i] for name, i in columns.items()}
+    directions |= {f"{name}_lambda": moved[n + i] for name, i in constraints.items()}
+    directions |= dict(zip(parameters, np.eye(len(parameters)), strict=True))
+    changes = {name: np.zeros((len(parameters), n, n)) for name in _SYSTEM}
+    changes["constraint_slopes"] = np.zeros((len(parameters), m, n))
+    if not kernels.has("slopes"):
+        return changes
+    (block,) = kernels.info("slopes").blocks
+    values = kernels("slopes", *_at(tangents, kernels))
+    for label, value in zip(block.rows, values, strict=False):
+        matrix, row, column, argument = label.split()
+        if argument in directions:  # other parameters may not be requested
+            place = constraints[row] if matrix == "constraint_slopes" else columns[row]
+            changes[matrix][:, place, columns[column]] += value * directions[argument]
+    return changes
+
+
+def _at(tangents: Tangents, kernels: Evaluator) -> tuple[float, Array, Array, Array]:
+    """Return the arguments of kernels at the equilibrium."""
+    n, state = tangents.n, tangents.state
+    work = np.zeros(kernels.work_size + n + tangents.m + 1)
+    work[: n + tangents.m] = tangents.solution
+    return state.t, state.q, np.zeros(n), work
+
+
+def _oscillations(mass: Array, stiffness: Array, damping: Array) -> NDArray[np.complex128]:
+    """Return the eigenvalues with positive imaginary part [1/s], by rising modulus."""
+    k = len(mass)
+    if not k:
+        return np.zeros(0, dtype=complex)
+    solved = np.linalg.solve(mass, np.hstack([stiffness, damping]))
+    values = np.linalg.eigvals(np.block([[np.zeros((k, k)), np.eye(k)], [-solved]])).astype(complex)
+    size = float(np.max(np.abs(values)))
+    found = values[values.imag > 1e-9 * size]
+    return np.asarray(found[np.argsort(np.abs(found))])
