@@ -17,6 +17,7 @@ from shared.controlled import (
     four_bar_with_torque,
 )  # fmt: skip
 from shared.linkages import GRAVITY, G, at, ground
+from shared.rich_scenes import SCENES
 
 import symgen
 from symgen.errors import CapabilityError, ModelError
@@ -196,6 +197,24 @@ def test_cartesian_coordinates_give_the_jacobian_of_the_right_hand_side():
     assert model.jacobian(off) == pytest.approx(np.array([[0.5, -0.9]]), rel=1e-15)
 
 
+@pytest.mark.parametrize("scene", ["loaded", "tumbling_body", "car_axis"])
+def test_loads_and_bodies_of_all_kinds_enter_the_slopes(scene):
+    """Differences of the right-hand side, at a state in motion."""
+    model = symgen.build(SCENES[scene]())
+    start, f = model.initial_state(), model.rhs
+    n, points = len(start.q), model.description.free
+    y = np.concatenate([start.q, start.u + 0.3 * np.random.default_rng(0).standard_normal(n)])
+    y = f.project(0.0, y)
+    parts = (dict(zip(points, half.reshape(len(points), -1), strict=True)) for half in np.split(y, 2))
+    found = model.linearise(model.state(*parts)).A
+    h = 1e-5 * np.max(np.abs(y))
+    columns = [
+        (8 * (f(0.0, y + e) - f(0.0, y - e)) - (f(0.0, y + 2 * e) - f(0.0, y - 2 * e))) / (12 * h)
+        for e in h * np.eye(2 * n)
+    ]
+    assert found == pytest.approx(np.array(columns).T, rel=0, abs=1e-9 * np.max(np.abs(found)))
+
+
 def test_drives_and_moving_ground_enter_the_slopes():
     """A pendulum on a driven arm, whose pivot moves: the rates of constraints depend on time and place."""
     model = symgen.build(
@@ -241,6 +260,13 @@ def test_drives_and_moving_ground_enter_the_slopes():
     check(found, acceleration, tension)
     with pytest.raises(ModelError, match=r"needs inputs(.|\n)*\[inputs\]"):
         found.state_space  # noqa: B018
+
+
+def test_the_type_of_runs_leaves_the_matrices_in_doubles():
+    coordinates = ["C.position.x", "pole.angle"]
+    plain = symgen.build(CART_POLE).linearise(coordinates=coordinates)
+    single = symgen.build(CART_POLE, precision="float32").linearise(coordinates=coordinates)
+    assert np.array_equal(single.A, plain.A) and np.array_equal(single.B, plain.B)
 
 
 ANGLES = {

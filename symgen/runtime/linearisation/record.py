@@ -68,8 +68,7 @@ class Linearisation:
     def poles(self) -> NDArray[np.complex128]:
         """Eigenvalues of A [1/s], by rising modulus; of a conjugate pair that of positive frequency first."""
         values = np.linalg.eigvals(self.A).astype(complex)
-        order = np.lexsort((-values.imag, np.round(np.abs(values), 12)))
-        return np.asarray(values[order])
+        return np.asarray(values[np.lexsort((-values.imag, np.abs(values)))])
 
     def summary(self) -> dict[str, Any]:
         """Return it in plain numbers: what ``symgen linearise --json`` prints."""

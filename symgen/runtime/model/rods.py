@@ -95,8 +95,11 @@ class RodModel(LinkageModel):
         """Constraints that follow from the others wherever the linkage goes, as messages call them."""
         return tuple(self.description.labels[i] for i in self._found().redundant)
 
-    def _solution(self, state: State) -> Array:
-        """Return accelerations and multipliers at a state; raise ModelError where it is singular."""
+    def _solution(self, state: State, typed: bool = False) -> Array:
+        """Return accelerations and multipliers at a state; raise ModelError where it is singular.
+
+        ``typed``: in the type of the model, else in doubles.
+        """
         d = self.description
         redundant = self._found().redundant
         equations = self._evaluator.equations(len(redundant))
@@ -114,13 +117,14 @@ class RodModel(LinkageModel):
                 f"determined: {name}"
             )
         work = equations.solutions(np.array([state.t]), row[None, :])[0]
-        work[:-1] = self._in_type(state.t, state.q, state.u, work[:-1])
+        if typed:
+            work[:-1] = self._in_type(state.t, state.q, state.u, work[:-1])
         return least_norm(self._evaluator, state.t, state.q, work, len(redundant)) if redundant else work
 
     def _accelerations(self, state: State | None = None) -> Accelerations:
         d = self.description
         state = self.initial_state() if state is None else state
-        work, n, redundant = self._solution(state), d.coordinates, self._found().redundant
+        work, n, redundant = self._solution(state, typed=True), d.coordinates, self._found().redundant
         of_points = self._evaluator.blocks("point_accelerations", state.t, state.q, state.u, work)
         points = dict(zip(d.points, of_points["point_accelerations"], strict=True))
         reactions = {}
