@@ -124,6 +124,7 @@ _OF_RODS = {
     "equilibrium": Command("symgen.report.analyses:print_equilibrium"),
     "modes": Command("symgen.report.analyses:print_modes"),
     "linearise": Command("symgen.report.linear:print_linearisation"),
+    "sensitivity": Command("symgen.report.linear:print_sensitivity"),
     "assemblies": Command("symgen.report.analyses:print_assemblies", _DRIVE),
 }
 _RUN_OF_ELASTIC = Command("symgen.report.elastic:print_elastic_result", _CRANK)

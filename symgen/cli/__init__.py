@@ -57,7 +57,7 @@ __all__ = [
 
 #: The commands in the order and the groups of --help.
 _GROUPS = {
-    "Analyses": "run simulate kinematics inverse_dynamics equilibrium modes linearise assemblies",
+    "Analyses": "run simulate kinematics inverse_dynamics equilibrium modes linearise sensitivity assemblies",
     "Elastic links": "periodic quasi_static large_rotation sweep",
     "Scenes": "scenes schema study",
     "Pages": "report animate",

@@ -252,6 +252,46 @@ def linearise(
     request.show("linearise", request.result("linearise", **arguments), as_json)
 
 
+@command("symgen sensitivity peaucellier --at equilibrium --output O.reaction")
+def sensitivity(
+    ctx: typer.Context,
+    scene: o.Scene,
+    outputs: Annotated[
+        list[str],
+        o.option("--output", metavar="NAME", help="An output, such as A.position.x, or frequencies."),
+    ],
+    parameters: Annotated[
+        list[str] | None,
+        o.option("--parameter", metavar="NAME", help="A tunable parameter; default: all."),
+    ] = None,
+    at: Annotated[
+        str | None,
+        o.option("--at", metavar="STATE", help='start (default), equilibrium, or a time of drives, "0.3 s".'),
+    ] = None,
+    coordinates: Annotated[
+        list[str] | None,
+        o.option("--coordinate", metavar="NAME", help="An independent coordinate that is held."),
+    ] = None,
+    set_: o.Set = None,
+    as_json: o.Json = False,
+    backend: o.Backend = "auto",
+) -> None:
+    """Compute derivatives of outputs by tunable parameters.
+
+    An equilibrium moves with the parameters. Other states keep drives and coordinates.
+    """
+    from symgen.inspection.values import of_time
+
+    request = Request(ctx)
+    about = request.options.pop("at", "start")
+    arguments = request.arguments("sensitivity")
+    if about == "equilibrium":
+        arguments["at"] = request.result("equilibrium")
+    elif about != "start":
+        arguments["at"] = of_time(about, "--at", "start, equilibrium")
+    request.show("sensitivity", request.result("sensitivity", **arguments), as_json)
+
+
 @command("symgen assemblies crank_rocker --at 60")
 def assemblies(
     ctx: typer.Context,

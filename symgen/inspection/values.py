@@ -62,6 +62,15 @@ def of_crank(_: Any, texts: Sequence[str], option: str) -> Values:
     return _read(texts, _DEGREES, {NUMBER: "input"}, expected)
 
 
+def of_time(text: str, option: str, others: str) -> float:
+    """Return a time [s]; raise ModelError for other text. ``others`` is what else may stand there."""
+    expected = f'{others} or a time after {option}, such as "0.3 s"'
+    found, _ = _read([text], (1.0, "time"), {TIME: "time"}, expected)
+    if len(found) > 1:
+        raise ModelError(f"expected {expected}, got {text!r}")
+    return found[0]
+
+
 def _read(texts: Sequence[str], bare: tuple[float, str], units: Mapping[Any, str], expected: str) -> Values:
     found, over = [], set()
     for text in (part.strip() for group in texts for part in group.split(",")):

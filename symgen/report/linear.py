@@ -1,4 +1,4 @@
-"""Terminal output of linear state-space models."""
+"""Terminal output of linear state-space models and of derivatives by parameters."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Any
 from rich.console import Console
 
 from symgen.report.tables import table
-from symgen.runtime.linearisation.record import Linearisation
+from symgen.runtime.linearisation.record import Linearisation, Sensitivity
 
 
 def print_linearisation(found: Linearisation, model: Any, console: Console) -> None:
@@ -29,3 +29,14 @@ def print_linearisation(found: Linearisation, model: Any, console: Console) -> N
             console.print(table(name, ("", *by), entries))
     poles = [f"{s.real:.6g}{s.imag:+.6g}i" for s in found.poles.tolist()]
     console.print(f"poles [1/s]: {', '.join(poles)}", soft_wrap=True)
+
+
+def print_sensitivity(found: Sensitivity, model: Any, console: Console) -> None:
+    """Print values of outputs and their derivatives by parameters."""
+    rows = [
+        (name, found.units[name], f"{value:.9g}", *(f"{x:.6g}" for x in slopes))
+        for name, value, slopes in zip(found.outputs, found.values, found.derivatives.tolist(), strict=True)
+    ]
+    by = [f"by {name} [{found.units[name]}]" for name in found.parameters]
+    title = f"{model.description.title}: derivatives at t = {found.t:g} s"
+    console.print(table(title, ("output", "unit", "value", *by), rows))

@@ -267,7 +267,6 @@ def test_every_analysis_of_a_model_is_a_command_of_that_name():
 
     assert {v.replace("_", "-") for v in VERBS} - set(COMMANDS) == {
         "accelerations", "batch", "evaluate", "in-segments", "jacobian", "mass-matrix",
-        "sensitivity",
     }  # fmt: skip
 
 

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import json
+
 import mpmath as mp
 import numpy as np
 import pytest
+from shared.commands import call
 from shared.controlled import CART_POLE, cart_pole
 from shared.linkages import GRAVITY, G, at, circles, ground
 
@@ -158,6 +161,8 @@ def test_what_cannot_be_differentiated_is_named():
         model.sensitivity(["energy"], ["d"], coordinates=["C.position.x", "pole.angle"])
     with pytest.raises(ModelError, match="expected 2 independent coordinates"):
         model.sensitivity(["energy"])
+    with pytest.raises(ModelError, match=r"no tunable parameters(.|\n)*tunable = true"):
+        symgen.build("andrews_squeezer").sensitivity(["energy"], coordinates=["K1.angle"])
     with pytest.raises(ModelError, match="neutral"):
         model.sensitivity(["energy"], at=model.equilibrium())
     with pytest.raises(CapabilityError, match="needs 2 more drives"):
@@ -257,3 +262,17 @@ def test_a_frequency_follows_the_pose_of_its_equilibrium():
     assert found.derivatives[1:] == pytest.approx(slopes(outputs, values.values()), rel=1e-9)
     with pytest.raises(ModelError, match="frequencies are those of an equilibrium"):
         model.sensitivity(["frequencies"], coordinates=["OP.angle"])
+
+
+def test_the_command_prints_what_python_returns():
+    """Reactions to weights alone are proportional to the mass per length."""
+    arguments = ["sensitivity", "peaucellier", "--at", "equilibrium", "--output", "O.reaction"]
+    printed = json.loads(call(*arguments, "--json"))
+    model = symgen.build("peaucellier")
+    found = model.sensitivity(["O.reaction"], at=model.equilibrium())
+    assert printed["parameters"] == {"rho": "kg/m"}
+    for name, entry in printed["outputs"].items():
+        assert entry["unit"] == "N" and entry["value"] == found.values[found.outputs.index(name)]
+        assert entry["by"] == {"rho": found[name, "rho"]}
+        assert entry["by"]["rho"] == pytest.approx(entry["value"] / 1.0, rel=1e-9, abs=1e-9)
+    assert "by rho [kg/m]" in call(*arguments)

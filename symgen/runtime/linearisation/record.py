@@ -115,6 +115,23 @@ class Sensitivity:
     units: dict[str, str]
     t: float
 
+    def summary(self) -> dict[str, Any]:
+        """Return it in plain numbers: what ``symgen sensitivity --json`` prints."""
+        rows = zip(self.outputs, self.values.tolist(), self.derivatives.tolist(), strict=True)
+        return {
+            "analysis": "sensitivity",
+            "t": self.t,
+            "parameters": {name: self.units[name] for name in self.parameters},
+            "outputs": {
+                name: {
+                    "unit": self.units[name],
+                    "value": value,
+                    "by": dict(zip(self.parameters, slopes, strict=True)),
+                }
+                for name, value, slopes in rows
+            },
+        }
+
     def __getitem__(self, names: tuple[str, str]) -> float:
         """Return the derivative of an output by a parameter: ``found["O.reaction.x", "stiffness"]``."""
         output, parameter = names

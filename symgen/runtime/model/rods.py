@@ -211,6 +211,11 @@ class RodModel(LinkageModel):
                 raise ModelError(
                     f"{self.name} has no tunable parameter {name!r}. {nearest(name, self.parameters)}"
                 )
+        if not by:
+            raise ModelError(
+                f"{self.name} has no tunable parameters to differentiate by\n"
+                "  Write tunable = true for some under [parameters] of the scene."
+            )
         frequencies = "frequencies" in outputs
         if frequencies and (at is None or isinstance(at, State | float | int)):
             raise ModelError("frequencies are those of an equilibrium: give model.equilibrium() for at")
