@@ -1,4 +1,4 @@
-"""An elastic motion in time: steps, doubled until they suffice, and how far off they are."""
+"""An elastic motion in time: steps, as many as a tolerance needs, and their error."""
 
 from __future__ import annotations
 
@@ -33,10 +33,12 @@ _FIRST, _MOST = 256, 1 << 18
 _FIRST_TRIED = 4096
 #: Part of the largest stress below which one is round-off.
 _NOISE = 1e-9
+#: Steps of the run that a run is compared with, over its own, and the error estimate over its error.
+_FINER, _SAFETY = 1.2, 5.0
 #: Part of an error that doubling the steps leaves: assumed where one doubling alone is known, for vibrations
 #: that are not resolved leave as much as the runs differ by; and the largest that is assumed.
 _UNSEEN, _STALLED = 0.6, 0.9
-#: Doublings in a row after which differences that grow are round-off, in types coarser than doubles.
+#: Runs in a row after which errors that grow are round-off, in types coarser than doubles.
 _ROUNDED = 2
 
 
@@ -209,7 +211,7 @@ def stepped(
     return stages.finished(found, rates) if stages else (found, rates)
 
 
-def doubled(
+def controlled(
     motion: ElasticMotion,
     equations: _beams.BeamEquations,
     task: Task,
@@ -219,7 +221,11 @@ def doubled(
     pace: Pace,
     passes: list[Found],
 ) -> Found:
-    """Take the requested steps, or double them until two runs agree; append complete runs to ``passes``.
+    """Take the requested steps, or as many as ``rtol`` needs; append complete runs to ``passes``.
+
+    The error of a run follows from another with finer steps. Where it falls as the method's order says, it
+    gives the steps that are needed; before, where steps do not resolve a vibration, they are doubled. Steps
+    after the last time with too large an error are kept.
 
     Raises
     ------
@@ -256,15 +262,24 @@ def doubled(
             return Found(fine, rates, int(np.sum(counts)), spent=spent, counts=counts)
         coarse, _ = run(halved)
         return Found(fine, rates, int(np.sum(counts)), errors.of(coarse, fine), spent=spent, counts=counts)
-    coarse, _ = run(counts)
+    order = np.argsort(times, kind="stable")
+    found = run(counts, progress)
+    more, before = 1.0, 0.0
     while np.sum(counts) < _MOST * max(1.0, task.revolutions):
-        counts = 2 * counts
-        fine, rates = run(counts, progress)
-        error = errors.of(coarse, fine)
+        finer = np.ceil(_FINER * counts - 1e-9).astype(np.intp)
+        compared = run(finer, progress)
+        parts = errors.of_steps(found[0], compared[0])[order]
+        error = float(np.max(parts))
         if error <= task.rtol:
-            return Found(fine, rates, int(np.sum(counts)), error, spent=spent)
+            return Found(*found, int(np.sum(counts)), error, spent=spent, counts=counts)
         _check_round_off(motion, task, errors)
-        coarse = fine
+        falls = error < before * more ** (-method.order / 2)
+        more = min((error / task.rtol) ** (1 / method.order), 2.0) if falls else 2.0
+        before = error
+        # Vibrations that decay need their steps only up to the last time at which they show.
+        early = np.arange(len(counts)) <= np.flatnonzero(parts > task.rtol)[-1]
+        counts = np.where(early, np.ceil(more * counts - 1e-9).astype(np.intp), counts)
+        found = compared if np.array_equal(counts, finer) else run(counts, progress)
     raise SimulationError(
         f"{motion.rigid.name}: {task.method} does not come within {task.rtol:g} of the peak stress "
         f"with {_MOST} steps per revolution\n"
@@ -285,32 +300,41 @@ def _check_round_off(motion: ElasticMotion, task: Task, errors: Errors) -> None:
 
 
 class Errors:
-    """Errors of runs whose steps are doubled, over the peak stress at a station, the largest of all stations.
-
-    The differences between runs fall as a series. Its rate is the one seen last, not better than the order of
-    the method says: vibrations that the steps do not resolve would else hide behind a high order.
-    """
+    """Errors of runs in time, over the peak stress at a station, the largest of all stations."""
 
     def __init__(
         self, motion: ElasticMotion, equations: _beams.BeamEquations, times: Array, order: int
     ) -> None:
         self._motion, self._equations, self._times = motion, equations, times
         self._best = 0.5**order
+        self._safety = _SAFETY / (1 - _FINER**-order)
         self._before: float | None = None
-        #: Differences that grew in a row, and the least error so far.
-        self.grown, self.least = 0, math.inf
+        #: Errors that grew in a row, and the least so far, by ``of_steps``.
+        self.grown, self.least, self._last = 0, math.inf, math.inf
+
+    def of_steps(self, run: Array, finer: Array) -> Array:
+        """Return the error (times,) of a run (times, unknowns) by one of at least ``_FINER`` times its steps.
+
+        Steps that do not resolve a vibration leave as much in both runs as they differ by.
+        """
+        errors = self._safety * self._differences(run, finer)
+        error = float(np.max(errors))
+        self.grown = self.grown + 1 if error > self._last else 0
+        self.least, self._last = min(self.least, error), error
+        return errors
 
     def of(self, coarse: Array, fine: Array) -> float:
-        """Return the error of the finer of two runs, each after the other (times, unknowns)."""
-        difference = self._difference(coarse, fine)
+        """Return the error of the finer of two runs, (times, unknowns), with twice the steps of the other.
+
+        The differences between runs fall as a series. Its rate is the one seen last, not better than the
+        order of the method says: vibrations that steps do not resolve would else hide behind a high order.
+        """
+        difference = float(np.max(self._differences(coarse, fine)))
         rate = _UNSEEN
         if self._before:
             rate = min(max(difference / self._before, self._best), _STALLED)
-        self.grown = self.grown + 1 if self._before and difference > self._before else 0
         self._before = difference if math.isfinite(difference) else None
-        error = difference * rate / (1 - rate)
-        self.least = min(self.least, error)
-        return error
+        return difference * rate / (1 - rate)
 
     @cached_property
     def _links(self) -> Array:
@@ -318,20 +342,19 @@ class Errors:
         links: Array = self._motion.rigid_motion(self._equations, self._times)[1]
         return links
 
-    def _difference(self, coarse: Array, fine: Array) -> float:
+    def _differences(self, coarse: Array, fine: Array) -> Array:
+        """Return the largest difference at each time, (times,)."""
+        found = np.zeros(len(self._times))
         if not (np.all(np.isfinite(coarse)) and np.all(np.isfinite(fine))):
-            return math.inf
-        before, found = (outputs(self._motion, self._links, values) for values in (coarse, fine))
-        pairs = [
-            (a.values, b.values) for a, b in zip(before, found, strict=True) if b.name.endswith(".stress")
-        ]
+            return found + math.inf
+        both = (outputs(self._motion, self._links, values) for values in (coarse, fine))
+        pairs = [(a.values, b.values) for a, b in zip(*both, strict=True) if b.name.endswith(".stress")]
         least = _NOISE * max((float(np.max(np.abs(b))) for _, b in pairs), default=0.0)
-        worst = 0.0
         for a, b in pairs:
             peak = float(np.max(np.abs(b)))
             if peak > least:
-                worst = max(worst, float(np.max(np.abs(a - b))) / peak)
-        return worst
+                found = np.maximum(found, np.abs(a - b) / peak)
+        return found
 
 
 def explicit(

@@ -1,0 +1,64 @@
+"""Error estimates of elastic runs, and their steps, against runs with much finer steps."""
+
+from __future__ import annotations
+
+import copy
+
+import numpy as np
+import pytest
+
+import symgen
+from symgen.scene.loading import read_scene
+
+SAMPLES = 91
+
+
+def stresses(result):
+    return {v.name: v.values for v in result.variables if v.name.endswith(".stress")}
+
+
+def error(found, exact):
+    """Largest error of stresses over their peak."""
+    pairs = [(stresses(found)[name], values) for name, values in stresses(exact).items()]
+    return max(np.max(np.abs(a - b)) / np.max(np.abs(b)) for a, b in pairs if np.any(b))
+
+
+@pytest.mark.parametrize(
+    ("scene", "method", "tolerances"),
+    [
+        ("elastic_four_bar", "gauss", (1e-2, 1e-5, 1e-8)),
+        ("elastic_four_bar", "gauss4", (1e-3,)),
+        ("elastic_four_bar", "newmark", (1e-1,)),
+        ("elastic_four_bar_free", "gauss", (1e-4,)),
+        ("elastic_four_bar_motor", "gauss", (1e-2, 1e-6)),
+        ("elastic_slider_crank", "gauss", (1e-3, 1e-8)),
+    ],
+)
+def test_estimate_is_a_few_times_the_true_error(scene, method, tolerances):
+    model = symgen.build(scene)
+    exact = model.simulate(steps=7200, samples=SAMPLES)
+    for rtol in tolerances:
+        run = model.simulate(method=method, rtol=rtol, samples=SAMPLES)
+        assert run.statistics["steps"] < 7200 or method != "gauss"
+        estimate, true = run.statistics["error"], error(run, exact)
+        assert estimate <= rtol
+        assert 3 * true < estimate < 30 * true
+
+
+def damped():
+    """Four-bar with a rigid crank at 150 rpm, other links of 4 elements with a damping ratio of 0.02."""
+    data = copy.deepcopy(dict(read_scene("elastic_four_bar").data))
+    data["parameters"]["speed"] = "150 rpm"
+    del data["links"]["crank"]["elastic"]
+    for link in ("coupler", "output"):
+        data["links"][link]["elastic"] |= {"elements": 4, "damping": {"ratio": 0.02}}
+    return symgen.build(symgen.Scene(**data))
+
+
+def test_vibrations_that_decay_are_resolved_while_they_last():
+    """Uniform steps need 7200 per revolution; here the first of the samples alone do."""
+    part = {"revolutions": 0.25, "samples": SAMPLES}
+    run, uniform = damped().simulate(**part), damped().simulate(steps=7200, **part)
+    assert run.statistics["steps"] < 900
+    assert uniform.statistics["steps"] == 1800
+    assert error(run, uniform) < run.statistics["error"] <= 1e-4
