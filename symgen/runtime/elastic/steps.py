@@ -35,6 +35,9 @@ _FIRST_TRIED = 4096
 _NOISE = 1e-9
 #: Steps of the run that a run is compared with, over its own, and the error estimate over its error.
 _FINER, _SAFETY = 1.2, 5.0
+#: An error of which so much is left in the last of so many parts of a run is reduced on the first, if so many
+#: times are recorded; and the least part of the steps found there that the whole run takes.
+_LASTING, _PART, _FEW, _LEAST = 0.4, 8, 64, 0.6
 #: Part of an error that doubling the steps leaves: assumed where one doubling alone is known, for vibrations
 #: that are not resolved leave as much as the runs differ by; and the largest that is assumed.
 _UNSEEN, _STALLED = 0.6, 0.9
@@ -224,8 +227,8 @@ def controlled(
     """Take the requested steps, or as many as ``rtol`` needs; append complete runs to ``passes``.
 
     The error of a run follows from another with finer steps. Where it falls as the method's order says, it
-    gives the steps that are needed; before, where steps do not resolve a vibration, they are doubled. Steps
-    after the last time with too large an error are kept.
+    gives the steps that are needed; before, where steps do not resolve a vibration, they are doubled, on the
+    first part of the run if the error lasts. Steps after the last time with too large an error are kept.
 
     Raises
     ------
@@ -273,12 +276,17 @@ def controlled(
         if error <= task.rtol:
             return Found(*found, int(np.sum(counts)), error, spent=spent, counts=counts)
         _check_round_off(motion, task, errors)
-        falls = error < before * more ** (-method.order / 2)
-        more = min((error / task.rtol) ** (1 / method.order), 2.0) if falls else 2.0
-        before = error
         # Vibrations that decay need their steps only up to the last time at which they show.
-        early = np.arange(len(counts)) <= np.flatnonzero(parts > task.rtol)[-1]
+        last = int(np.flatnonzero(parts > task.rtol)[-1])
+        falls = error < before * more ** (-method.order / 2)
+        late = parts[-len(parts) // _PART :]
+        lasts = not falls and len(times) >= _FEW and np.max(late) > max(task.rtol, _LASTING * error)
+        more = min((error / task.rtol) ** (1 / method.order), 2.0) if falls else 2.0
+        early = np.arange(len(counts)) <= last
         counts = np.where(early, np.ceil(more * counts - 1e-9).astype(np.intp), counts)
+        before = error
+        if lasts:
+            counts, before = _counts_by_part(motion, equations, task, times, counts, errors), math.inf
         found = compared if np.array_equal(counts, finer) else run(counts, progress)
     raise SimulationError(
         f"{motion.rigid.name}: {task.method} does not come within {task.rtol:g} of the peak stress "
@@ -286,6 +294,33 @@ def controlled(
         "  A turn may have too many vibrations to follow from rest: take method periodic or quasi-static, or "
         "fewer revolutions."
     )
+
+
+def _counts_by_part(
+    motion: ElasticMotion,
+    equations: _beams.BeamEquations,
+    task: Task,
+    times: Array,
+    counts: Counts,
+    errors: Errors,
+) -> Counts:
+    """Return the counts that the first part of a run needs, and the whole if its error grows evenly."""
+    method = BEAM_METHODS[task.method]
+    part = np.argsort(times, kind="stable")[: len(times) // _PART]
+    pace = Pace(0.0, float(times[part[-1]]))
+    while np.sum(counts) < _MOST:
+        own = counts[: len(part)]
+        finer = np.ceil(_FINER * own - 1e-9).astype(np.intp)
+        found, compared = (
+            stepped(motion, equations, method, times[part], c, pace=pace)[0] for c in (own, finer)
+        )
+        error = float(np.max(errors.of_steps(found, compared, part)))
+        if error <= task.rtol:
+            needed = (_PART * error / task.rtol) ** (1 / method.order)
+            return np.ceil(min(max(needed, _LEAST), 1.0) * counts - 1e-9).astype(np.intp)
+        _check_round_off(motion, task, errors)
+        counts = 2 * counts
+    return counts
 
 
 def _check_round_off(motion: ElasticMotion, task: Task, errors: Errors) -> None:
@@ -309,15 +344,16 @@ class Errors:
         self._best = 0.5**order
         self._safety = _SAFETY / (1 - _FINER**-order)
         self._before: float | None = None
+        self._peaks: list[float] = []
         #: Errors that grew in a row, and the least so far, by ``of_steps``.
         self.grown, self.least, self._last = 0, math.inf, math.inf
 
-    def of_steps(self, run: Array, finer: Array) -> Array:
+    def of_steps(self, run: Array, finer: Array, places: NDArray[np.intp] | None = None) -> Array:
         """Return the error (times,) of a run (times, unknowns) by one of at least ``_FINER`` times its steps.
 
         Steps that do not resolve a vibration leave as much in both runs as they differ by.
         """
-        errors = self._safety * self._differences(run, finer)
+        errors = self._safety * self._differences(run, finer, places)
         error = float(np.max(errors))
         self.grown = self.grown + 1 if error > self._last else 0
         self.least, self._last = min(self.least, error), error
@@ -342,16 +378,18 @@ class Errors:
         links: Array = self._motion.rigid_motion(self._equations, self._times)[1]
         return links
 
-    def _differences(self, coarse: Array, fine: Array) -> Array:
-        """Return the largest difference at each time, (times,)."""
-        found = np.zeros(len(self._times))
+    def _differences(self, coarse: Array, fine: Array, places: NDArray[np.intp] | None = None) -> Array:
+        """Return the largest difference at each time, (times,), or at some places of the times."""
+        found = np.zeros(len(fine))
         if not (np.all(np.isfinite(coarse)) and np.all(np.isfinite(fine))):
             return found + math.inf
-        both = (outputs(self._motion, self._links, values) for values in (coarse, fine))
+        links = self._links if places is None else self._links[places]
+        both = (outputs(self._motion, links, values) for values in (coarse, fine))
         pairs = [(a.values, b.values) for a, b in zip(*both, strict=True) if b.name.endswith(".stress")]
-        least = _NOISE * max((float(np.max(np.abs(b))) for _, b in pairs), default=0.0)
-        for a, b in pairs:
-            peak = float(np.max(np.abs(b)))
+        if places is None or not self._peaks:
+            self._peaks = [float(np.max(np.abs(b))) for _, b in pairs]
+        least = _NOISE * max(self._peaks, default=0.0)
+        for (a, b), peak in zip(pairs, self._peaks, strict=True):
             if peak > least:
                 found = np.maximum(found, np.abs(a - b) / peak)
         return found
