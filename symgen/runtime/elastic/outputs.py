@@ -1,13 +1,16 @@
-"""Recorded outputs of elastic links: strains, stresses, displacements, changes of length, and mean powers."""
+"""Recorded outputs of elastic links: strains, stresses, displacements, changes of length, powers; errors."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from symgen.errors import SceneError, nearest
+from symgen.runtime import _beams
 from symgen.runtime.beams.forces import Motion, modal_rates, own_motion
 from symgen.runtime.beams.frames import frames
 from symgen.runtime.beams.links import Beam
@@ -18,6 +21,13 @@ Array = NDArray[np.float64]
 
 #: Part of the larger by which both may differ without a note, and part of the largest power that is none.
 _BALANCED, _NOTHING = 0.05, 1e-9
+#: Part of the largest stress below which one is round-off.
+_NOISE = 1e-9
+#: Steps of the run that a run is compared with, over its own, and the error estimate over its error.
+FINER, _SAFETY = 1.2, 5.0
+#: Part of an error that doubling the steps leaves: assumed where one doubling alone is known, for vibrations
+#: that are not resolved leave as much as the runs differ by; and the largest that is assumed.
+_UNSEEN, _STALLED = 0.6, 0.9
 
 
 def outputs(motion: ElasticMotion, links: Array, displacements: Array) -> list[Variable]:
@@ -145,3 +155,64 @@ def of_powers(powers: tuple[float, float] | None) -> Iterator[str]:
             "joint forces are of first order in the deflections, mean power is of second order; compare with "
             "large rotation"
         )
+
+
+class Errors:
+    """Errors of runs in time, over the peak stress at a station, the largest of all stations."""
+
+    def __init__(
+        self, motion: ElasticMotion, equations: _beams.BeamEquations, times: Array, order: int
+    ) -> None:
+        self._motion, self._equations, self._times = motion, equations, times
+        self._best = 0.5**order
+        self._safety = _SAFETY / (1 - FINER**-order)
+        self._before: float | None = None
+        self._peaks: list[float] = []
+        #: Errors that grew in a row, and the least so far, by ``of_steps``.
+        self.grown, self.least, self._last = 0, math.inf, math.inf
+
+    def of_steps(self, run: Array, finer: Array, places: NDArray[np.intp] | None = None) -> Array:
+        """Return the error (times,) of a run (times, unknowns) by one of at least ``FINER`` times its steps.
+
+        Steps that do not resolve a vibration leave as much in both runs as they differ by.
+        """
+        errors = self._safety * self._differences(run, finer, places)
+        error = float(np.max(errors))
+        self.grown = self.grown + 1 if error > self._last else 0
+        self.least, self._last = min(self.least, error), error
+        return errors
+
+    def of(self, coarse: Array, fine: Array) -> float:
+        """Return the error of the finer of two runs, (times, unknowns), with twice the steps of the other.
+
+        The differences between runs fall as a series. Its rate is the one seen last, not better than the
+        order of the method says: vibrations that steps do not resolve would else hide behind a high order.
+        """
+        difference = float(np.max(self._differences(coarse, fine)))
+        rate = _UNSEEN
+        if self._before:
+            rate = min(max(difference / self._before, self._best), _STALLED)
+        self._before = difference if math.isfinite(difference) else None
+        return difference * rate / (1 - rate)
+
+    @cached_property
+    def _links(self) -> Array:
+        """Return the rigid motion of the links, which takes as long as many steps: once it is needed."""
+        links: Array = self._motion.rigid_motion(self._equations, self._times)[1]
+        return links
+
+    def _differences(self, coarse: Array, fine: Array, places: NDArray[np.intp] | None = None) -> Array:
+        """Return the largest difference at each time, (times,), or at some places of the times."""
+        found = np.zeros(len(fine))
+        if not (np.all(np.isfinite(coarse)) and np.all(np.isfinite(fine))):
+            return found + math.inf
+        links = self._links if places is None else self._links[places]
+        both = (outputs(self._motion, links, values) for values in (coarse, fine))
+        pairs = [(a.values, b.values) for a, b in zip(*both, strict=True) if b.name.endswith(".stress")]
+        if places is None or not self._peaks:
+            self._peaks = [float(np.max(np.abs(b))) for _, b in pairs]
+        least = _NOISE * max(self._peaks, default=0.0)
+        for (a, b), peak in zip(pairs, self._peaks, strict=True):
+            if peak > least:
+                found = np.maximum(found, np.abs(a - b) / peak)
+        return found

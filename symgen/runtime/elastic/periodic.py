@@ -11,9 +11,9 @@ from symgen.errors import ModelError, SimulationError
 from symgen.runtime import _beams
 from symgen.runtime.beams.methods import GAUSS
 from symgen.runtime.elastic.motion import ElasticMotion
+from symgen.runtime.elastic.outputs import Errors
 from symgen.runtime.elastic.steps import (
     Counts,
-    Errors,
     Found,
     Task,
     first_steps,

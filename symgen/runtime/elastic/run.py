@@ -21,15 +21,7 @@ from symgen.runtime.elastic.motion import ElasticMotion
 from symgen.runtime.elastic.outputs import coordinate_of, mean_powers, of_powers, outputs, selected
 from symgen.runtime.elastic.periodic import again, periodic
 from symgen.runtime.elastic.static import quasi_static
-from symgen.runtime.elastic.steps import (
-    Found,
-    Task,
-    controlled,
-    explicit,
-    recorded_times,
-    step_counts,
-    stepped,
-)
+from symgen.runtime.elastic.steps import Found, Task, adapted, explicit, recorded_times, step_counts, stepped
 from symgen.runtime.integrate.checkpoint import Keeping
 from symgen.runtime.integrate.pace import (
     OutOfTime,
@@ -95,7 +87,7 @@ def run(
         elif task.method == "periodic":
             found = periodic(motion, equations, task, times, pace, passes)
         elif task.method in BEAM_METHODS:
-            found = controlled(motion, equations, task, times, progress, keeping, pace, passes)
+            found = adapted(motion, equations, task, times, progress, keeping, pace, passes)
         else:
             found = explicit(motion, equations, task, times, progress, keeping)
     except OutOfTime as stop:

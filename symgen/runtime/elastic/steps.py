@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +15,7 @@ from symgen.runtime import _beams, _core
 from symgen.runtime.beams.methods import BEAM_METHODS, BeamMethod
 from symgen.runtime.elastic.kept import Stages
 from symgen.runtime.elastic.motion import ElasticMotion
-from symgen.runtime.elastic.outputs import outputs
+from symgen.runtime.elastic.outputs import FINER, Errors
 from symgen.runtime.integrate.checkpoint import Keeping, mark_of, mark_of_kernels
 from symgen.runtime.integrate.options import TIGHTEST, recorded_at
 from symgen.runtime.integrate.pace import OUT_OF_TIME, OutOfTime, Pace
@@ -31,16 +30,9 @@ Progress = Callable[[float], None]
 _FIRST, _MOST = 256, 1 << 18
 #: Part of a revolution that an adaptive run tries as its first step.
 _FIRST_TRIED = 4096
-#: Part of the largest stress below which one is round-off.
-_NOISE = 1e-9
-#: Steps of the run that a run is compared with, over its own, and the error estimate over its error.
-_FINER, _SAFETY = 1.2, 5.0
 #: An error of which so much is left in the last of so many parts of a run is reduced on the first, if so many
 #: times are recorded; and the least part of the steps found there that the whole run takes.
 _LASTING, _PART, _FEW, _LEAST = 0.4, 8, 64, 0.6
-#: Part of an error that doubling the steps leaves: assumed where one doubling alone is known, for vibrations
-#: that are not resolved leave as much as the runs differ by; and the largest that is assumed.
-_UNSEEN, _STALLED = 0.6, 0.9
 #: Runs in a row after which errors that grow are round-off, in types coarser than doubles.
 _ROUNDED = 2
 
@@ -214,7 +206,7 @@ def stepped(
     return stages.finished(found, rates) if stages else (found, rates)
 
 
-def controlled(
+def adapted(
     motion: ElasticMotion,
     equations: _beams.BeamEquations,
     task: Task,
@@ -269,7 +261,7 @@ def controlled(
     found = run(counts, progress)
     more, before = 1.0, 0.0
     while np.sum(counts) < _MOST * max(1.0, task.revolutions):
-        finer = np.ceil(_FINER * counts - 1e-9).astype(np.intp)
+        finer = np.ceil(FINER * counts - 1e-9).astype(np.intp)
         compared = run(finer, progress)
         parts = errors.of_steps(found[0], compared[0])[order]
         error = float(np.max(parts))
@@ -310,7 +302,7 @@ def _counts_by_part(
     pace = Pace(0.0, float(times[part[-1]]))
     while np.sum(counts) < _MOST:
         own = counts[: len(part)]
-        finer = np.ceil(_FINER * own - 1e-9).astype(np.intp)
+        finer = np.ceil(FINER * own - 1e-9).astype(np.intp)
         found, compared = (
             stepped(motion, equations, method, times[part], c, pace=pace)[0] for c in (own, finer)
         )
@@ -332,67 +324,6 @@ def _check_round_off(motion: ElasticMotion, task: Task, errors: Errors) -> None:
             f"{typed.precision.name}: shorter steps only add round-off, and {errors.least:.1e} is the best\n"
             "  Give a larger --rtol, or take float64."
         )
-
-
-class Errors:
-    """Errors of runs in time, over the peak stress at a station, the largest of all stations."""
-
-    def __init__(
-        self, motion: ElasticMotion, equations: _beams.BeamEquations, times: Array, order: int
-    ) -> None:
-        self._motion, self._equations, self._times = motion, equations, times
-        self._best = 0.5**order
-        self._safety = _SAFETY / (1 - _FINER**-order)
-        self._before: float | None = None
-        self._peaks: list[float] = []
-        #: Errors that grew in a row, and the least so far, by ``of_steps``.
-        self.grown, self.least, self._last = 0, math.inf, math.inf
-
-    def of_steps(self, run: Array, finer: Array, places: NDArray[np.intp] | None = None) -> Array:
-        """Return the error (times,) of a run (times, unknowns) by one of at least ``_FINER`` times its steps.
-
-        Steps that do not resolve a vibration leave as much in both runs as they differ by.
-        """
-        errors = self._safety * self._differences(run, finer, places)
-        error = float(np.max(errors))
-        self.grown = self.grown + 1 if error > self._last else 0
-        self.least, self._last = min(self.least, error), error
-        return errors
-
-    def of(self, coarse: Array, fine: Array) -> float:
-        """Return the error of the finer of two runs, (times, unknowns), with twice the steps of the other.
-
-        The differences between runs fall as a series. Its rate is the one seen last, not better than the
-        order of the method says: vibrations that steps do not resolve would else hide behind a high order.
-        """
-        difference = float(np.max(self._differences(coarse, fine)))
-        rate = _UNSEEN
-        if self._before:
-            rate = min(max(difference / self._before, self._best), _STALLED)
-        self._before = difference if math.isfinite(difference) else None
-        return difference * rate / (1 - rate)
-
-    @cached_property
-    def _links(self) -> Array:
-        """Return the rigid motion of the links, which takes as long as many steps: once it is needed."""
-        links: Array = self._motion.rigid_motion(self._equations, self._times)[1]
-        return links
-
-    def _differences(self, coarse: Array, fine: Array, places: NDArray[np.intp] | None = None) -> Array:
-        """Return the largest difference at each time, (times,), or at some places of the times."""
-        found = np.zeros(len(fine))
-        if not (np.all(np.isfinite(coarse)) and np.all(np.isfinite(fine))):
-            return found + math.inf
-        links = self._links if places is None else self._links[places]
-        both = (outputs(self._motion, links, values) for values in (coarse, fine))
-        pairs = [(a.values, b.values) for a, b in zip(*both, strict=True) if b.name.endswith(".stress")]
-        if places is None or not self._peaks:
-            self._peaks = [float(np.max(np.abs(b))) for _, b in pairs]
-        least = _NOISE * max(self._peaks, default=0.0)
-        for (a, b), peak in zip(pairs, self._peaks, strict=True):
-            if peak > least:
-                found = np.maximum(found, np.abs(a - b) / peak)
-        return found
 
 
 def explicit(

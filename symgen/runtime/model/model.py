@@ -120,7 +120,7 @@ class Model(LinearAnalyses, ManyRuns, ElasticAnalyses, KernelCalls, Compiled):
         step
             The fixed step [s]; adaptive methods then take fixed steps without error control.
         steps, revolutions
-            Elastic links: fixed steps per revolution, doubled until ``rtol`` is met when absent; revolutions
+            Elastic links: fixed steps per revolution, those that ``rtol`` needs when absent; revolutions
             of the crank in place of ``t_end``.
         samples
             Number of equally spaced times recorded (201; elastic links 361).
