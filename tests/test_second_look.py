@@ -2132,7 +2132,7 @@ def test_31_steps_outputs_and_cranks_are_reported(tmp_path):
         tmp_path, speed=1, head='[analysis]\noutputs = ["here.stress", "tip.position"]'
     ).quasi_static()
     assert [v.name for v in found.variables] == ["here.stress", "tip.position"]
-    with pytest.raises(ModelError, match="tip.velocity"):
+    with pytest.raises(SceneError, match="tip.velocity"):
         bar(tmp_path, speed=1, head='[analysis]\noutputs = ["tip.velocity"]').quasi_static()
     with pytest.raises(SceneError) as refused:
         bar(
