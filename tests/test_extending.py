@@ -40,6 +40,7 @@ from symgen.scene.loading import read_scene
 from symgen.scene.resolve import resolve, resolved_linkage
 from symgen.scene.rods.linkage import Linkage
 from symgen.scene.table import Name, Table, Value
+from symgen.study.accuracy.accuracy import accuracy
 
 # --- loads ----------------------------------------------------------------------------------------------------
 
@@ -696,3 +697,11 @@ def test_two_methods_cannot_add_one_table():
         patch.setitem(METHODS, "other", replace(PENDULUM_METHOD, name="other"))
         with pytest.raises(ModelError, match="the method 'other' adds the table 'pendulum'"):
             symgen.Scene(**tomllib.loads(SWING))
+
+
+def test_the_kernels_of_an_element_are_compared_with_exact_arithmetic(cantilever):
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setitem(ELEMENTS, "stretch7", STRETCH)
+        found = accuracy(cantilever.path, states=2)
+    own = [o for o in found.outputs if o.kernel.startswith("element_stretch7.")]
+    assert own and all(o.verdict != "code" for o in own)

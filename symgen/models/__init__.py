@@ -46,7 +46,8 @@ def _of_loop(name: str) -> System:
     return made
 
 
-def _element(name: str) -> System:
+def element(name: str) -> System:
+    """Return the System of a beam element by name."""
     from symgen.models.elastic.element import elastic_element_system
 
     return elastic_element_system(ELEMENTS[name])
@@ -60,7 +61,7 @@ def _elastic_derivation() -> System:
 
 #: Building blocks by name: one line each, and one for each element.
 BLOCKS: dict[str, Callable[[], System]] = {
-    **{f"element_{name}": partial(_element, name) for name in ELEMENTS},
+    **{f"element_{name}": partial(element, name) for name in ELEMENTS},
     "rod": lambda: _rod(2),
     "rod_spatial": lambda: _rod(3),
     "rigid_element": _rigid_element,

@@ -19,12 +19,13 @@ from symgen.lowering.kernel import Program
 from symgen.lowering.program import lower_system
 from symgen.lowering.tape import Tape
 from symgen.methods import method_of
-from symgen.models import BLOCKS, SHIPPED_BLOCKS
+from symgen.models import BLOCKS, SHIPPED_BLOCKS, element
 from symgen.models.analyses import elastic_systems
 from symgen.pipeline.build import build, derive, with_forces
 from symgen.precision import FLOAT64, Precision
 from symgen.precision import precision as precision_named
 from symgen.runtime import _core
+from symgen.runtime.beams import elements
 from symgen.runtime.elastic.model import ElasticModel
 from symgen.runtime.kernels.batch import Batch
 from symgen.runtime.kernels.evaluate import Evaluator
@@ -138,7 +139,7 @@ def kernels_of(
                 f"{scene} is a building block: it has no values to set, and is in {FLOAT64.name}"
             )
         system = BLOCKS[str(scene)]()
-        call = _shipped(str(scene)) if scene in SHIPPED_BLOCKS else _in_numpy(system)
+        call = _of_module(shipped_module(str(scene))) if scene in SHIPPED_BLOCKS else _in_numpy(system)
         return system.title, [Kernels("", system, call, of_block(system, count, seed))]
     model = build(scene, set=set, precision=precision)
     method = method_of(model)
@@ -209,9 +210,9 @@ def _of_elastic(
 ) -> Iterator[Kernels]:
     for kind, made in elastic_systems(resolve_linkage(load_scene(scene, set_))).items():
         yield Kernels(f"{kind}.", made, _of_evaluator(model.rigid.analysis(kind)), states)
-    for element in sorted({b.info.element for b in model.beams}):
-        name, block = f"element_{element}", BLOCKS[f"element_{element}"]()
-        yield Kernels(f"{name}.", block, _shipped(name), of_beams(model, element, block, count, seed))
+    for name, block in sorted({(b.info.element, b.info.block) for b in model.beams}):
+        system, call = element(name), _of_module(elements.kernels(block))
+        yield Kernels(f"element_{name}.", system, call, of_beams(model, name, system, count, seed))
 
 
 def _in_type(own: Kernels, model: RodModel | LoopModel, typed: Precision) -> Kernels:
@@ -290,9 +291,7 @@ def _in_numpy(block: System) -> Call:
     return call
 
 
-def _shipped(name: str) -> Call:
-    module = shipped_module(name)
-
+def _of_module(module: Any) -> Call:
     def call(kernel: str, arrays: Mapping[str, Array]) -> Array:
         found: Array = getattr(module, kernel)(**{k: arrays[k] for k in ("q", "u", "p") if k in arrays})
         return found
