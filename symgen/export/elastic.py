@@ -52,7 +52,7 @@ def elastic(
     """Return the exported data of a linkage with elastic links; ``prefixes`` of its kernels, by analysis."""
     d, motion = model.description, MeshedMotion(model.rigid)
     x = motion.layout
-    n, free = x.unknowns, x.unknowns - x.constraints
+    n = x.unknowns
     extra = int(d.work_of_loads)
     rigid = model.rigid.initial_state()
     kernels, sizes = equations_of(model.rigid, np.inf)
@@ -87,9 +87,6 @@ def elastic(
         notes=_notes(motion),
         steps=_STEPS,
         stride=number(motion.stride),
-        free=free,
-        entries=free * free if x.constraints else len(x.rows),
-        band=free - 1 if x.constraints else x.band,
         rigid_n=d.coordinates,
         rigid_m=len(d.constraints),
         rigid_dim=2 * d.coordinates + extra,
@@ -150,6 +147,7 @@ def _layout(x: Layout) -> tuple[tuple[str, str], ...]:
         damped_at=x.damped_at,
         entries=len(x.rows),
         band=x.band,
+        inner=x.inner,
         constant_count=x.constants.size,
         **{name: name.upper() for name in _INDEXED},
     )

@@ -105,9 +105,6 @@ class Exported:
     until: str = ""
     steps: int = 0
     stride: str = ""
-    free: int = 0
-    entries: int = 0
-    band: int = 0
     rigid_n: int = 0
     rigid_m: int = 0
     rigid_dim: int = 0

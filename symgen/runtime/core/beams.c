@@ -78,6 +78,11 @@ static size_t place(struct beams *b, const struct beam_layout *x, void *memory) 
     return ARENA_PLACE(arrays, memory);
 }
 
+void beams_count(struct beams *b, const struct beam_layout *layout) {
+    memset(b, 0, sizeof *b);
+    place(b, layout, NULL);
+}
+
 size_t beams_bytes(const struct beam_layout *layout) {
     const struct sizes plain = as_equations(layout);
     struct beams counted;

@@ -64,6 +64,9 @@ struct beams {
     ptrdiff_t *own_rows, *own_columns;
 };
 
+/* Set the numbers of unknowns and entries, on which the memory of steps depends. */
+void beams_count(struct beams *b, const struct beam_layout *layout);
+
 /* Bytes of memory, without the struct itself. */
 size_t beams_bytes(const struct beam_layout *layout);
 
