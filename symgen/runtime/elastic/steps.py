@@ -115,14 +115,14 @@ def first_steps(motion: ElasticMotion, task: Task, least: int) -> int:
     Raises
     ------
     ModelError
-        When both are given, or a number of steps below one.
+        When both are given, or a number of steps out of range.
     """
     if task.steps is None:
         return least if task.max_step is None else max(least, math.ceil(turn(motion) / task.max_step))
     if task.max_step is not None:
         raise ModelError("give steps (a revolution) or max_step, not both")
-    if task.steps < 1:
-        raise ModelError(f"expected 1 step a turn or more, got {task.steps!r}")
+    if not 1 <= task.steps <= 10_000_000:
+        raise ModelError(f"expected between 1 and 10 million steps a turn, got {task.steps!r}")
     return task.steps
 
 

@@ -124,7 +124,7 @@ class Result(Findings):
     def __contains__(self, name: object) -> bool:
         """Return True if an output, a component of one, or the coordinate has this name."""
         known = [v.name for v in (*self.variables, *columns(self.variables))]
-        return name in (self.coordinate.name, *known)
+        return isinstance(name, str) and name in (self.coordinate.name, *known)
 
     def __iter__(self) -> Iterator[str]:
         """Yield the names of the outputs."""
