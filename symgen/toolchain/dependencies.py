@@ -33,7 +33,7 @@ _DESCRIBING, _RUNTIME = "symgen.pipeline.describe", "symgen.runtime"
 #: Data files of a package that its modules read.
 _DATA = {"symgen.scene": ("units.txt", "units.json")}
 #: Templates of exported folders and of browser pages, which no kernel depends on.
-_EXPORTED, _OF_PAGES = "export", (".html", ".svg", ".css")
+_EXPORTED, _OF_PAGES = "export", (".html", ".svg", ".css", ".js")
 _PACKAGES = ("sympy", "mpmath", "jinja2")
 _SYMGEN = "version:symgen"
 #: The list of registered elements, which does not affect the equations of any one element.

@@ -80,13 +80,16 @@ def test_ctrl_c_ends_a_run_with_130(tmp_path):
         [sys.executable, "-m", "symgen", "simulate", "parallelogram", *options],
         stderr=subprocess.PIPE, text=True,
     )  # fmt: skip
-    for _ in range(6000):
-        if file.exists():
-            break
-        time.sleep(0.01)
-    running.send_signal(signal.SIGINT)
-    assert running.communicate(timeout=60)[1] == "symgen: interrupted\n"
-    assert running.returncode == 130
+    try:
+        for _ in range(6000):
+            if file.exists():
+                break
+            time.sleep(0.01)
+        running.send_signal(signal.SIGINT)
+        assert running.communicate(timeout=60)[1] == "symgen: interrupted\n"
+        assert running.returncode == 130
+    finally:
+        running.kill()
 
 
 def test_set_changes_tunable_and_folded_values():

@@ -172,7 +172,7 @@ def test_commands_print_tables_and_save(tmp_path):
     [
         (["kinematics", "four_bar"], "needs 1 more drive"),
         (["kinematics", "four_bar", "--branch", "2"], "needs 1 more drive"),
-        (["kinematics", "crank_rocker", "--branch", 3], "there is no branch 3: 2 assemblies"),
+        (["kinematics", "crank_rocker", "--branch", 3], "there is no branch 3: 2 assembly modes"),
         (["kinematics", "crank_rocker", "--from", 2], "start before stop"),
         (["equilibrium", "crank_rocker"], "no equilibrium while a drive is in motion"),
         (["modes", "crank_rocker"], "no equilibrium while a drive is in motion"),

@@ -48,8 +48,8 @@ def why_stopped(
             "alpha) so that its pole lies elsewhere."
         )
     why = (
-        f"the position is singular, a dead centre or the limit of assembly; {weakest} is least constrained "
-        f"(smallest singular value of the screws: {least:.1e} of the largest)"
+        "its screws lose rank there, at a dead centre or at the limit of the range in which it can be "
+        f"assembled; {weakest} is least constrained (smallest singular value: {least:.1e} of the largest)"
         if least < _WEAK
         else "no closure of the same branch was found"
     )
