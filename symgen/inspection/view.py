@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import Any
 
+from symgen.errors import ModelError
 from symgen.methods import method_of
 from symgen.report.page.drawing import Drawing, Sketch
 from symgen.report.page.page import Fact, TableView
@@ -43,11 +44,19 @@ class View:
     film_caption = ""
 
     def drawn_outputs(self, resolved: Any) -> Sequence[str]:
-        """Return the outputs from which the pose at each sample follows."""
-        raise NotImplementedError
+        """Return the outputs from which the pose at each sample follows.
+
+        Raises
+        ------
+        ModelError
+            For a method that has no moving picture.
+        """
+        raise ModelError(
+            f"{resolved.name} has no moving picture: its method draws only a page (symgen report)"
+        )
 
     def moved(self, model: Any, samples: int, **asked: Any) -> Result:
-        """Return the motion that the moving picture shows."""
+        """Return a run with the outputs that the moving picture draws."""
         found: Result = model.simulate(samples=samples, **asked)
         return found
 

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import json
 import re
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from symgen.errors import ModelError
 from symgen.inspection.film import film_of
+from symgen.inspection.view import View
 from symgen.report.page.animation import animation
 from symgen.scene.loading import override, read_scene
 
@@ -83,6 +86,11 @@ def test_a_title_cannot_end_the_script():
     assert data["title"] == "</script><b>Crank & rocker"
     assert "</script><b>" not in text and "&lt;/script&gt;&lt;b&gt;Crank &amp; rocker" in text
     assert not re.search(r"(src|href)=\"(?!data:)", text)
+
+
+def test_a_method_without_a_moving_picture_is_refused_by_name():
+    with pytest.raises(ModelError, match="toy has no moving picture"):
+        View().drawn_outputs(SimpleNamespace(name="toy"))
 
 
 def test_the_command_writes_a_page(tmp_path, monkeypatch, entry):

@@ -1,4 +1,4 @@
-"""A moving mechanism: its frames as numbers for a page that draws them without a network."""
+"""The page on which a mechanism moves: frames of a run as numbers, drawn by a script in the page."""
 
 from __future__ import annotations
 
