@@ -131,7 +131,7 @@ def lower(expression: sp.Expr) -> Node:
         return _product(expression)
     if expression.is_Pow:
         return _product(expression)
-    if expression.func is Sign:
+    if expression.func in (Sign, sp.sign):
         value = lower(expression.args[0])
         return Quotient(value, Call("fmax", (Call("fabs", (value,)), Constant(LEAST_SIGNED))))
     function = FUNCTIONS.get(expression.func)

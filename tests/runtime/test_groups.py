@@ -9,6 +9,7 @@ import pytest
 from shared.linkages import GRAVITY, at, circles, four_bar, ground, rod
 
 import symgen
+from symgen.errors import SimulationError
 from symgen.runtime.rods.following.branch import steps_of
 from symgen.runtime.rods.following.groups import groups_of
 from symgen.runtime.rods.forces import analysis
@@ -125,6 +126,25 @@ def test_forces_by_multipliers_are_those_by_elements(scene, by_elements):
         assert found[v.name].values == pytest.approx(v.values, abs=1e-12 * largest), v.name
     assert found.statistics["residual"] < 1e-12
     assert found.statistics["condition"] <= reference.statistics["condition"] * (1 + 1e-9)
+
+
+@pytest.mark.parametrize("by", ["multipliers", "elements"])
+def test_loads_that_are_not_a_number_are_named(by, monkeypatch):
+    """The force is a root of a number that falls below zero at t = 0.19 s."""
+    if by == "elements":
+        monkeypatch.setattr(analysis, "by_multipliers", lambda *arguments: None)
+    scene = four_bar(0.1, 0.35, 0.3, 0.4, 0.3).model_dump(exclude_unset=True)
+    scene["parameters"] |= {"F": "1 N", "T": "0.2 s"}
+    scene["forces"] = [{"point": "B", "force": ["F*sqrt(0.95 - t/T)", "0 N"]}]
+    model = symgen.build(symgen.Scene(**scene))
+    with pytest.raises(
+        SimulationError, match="no finite forces at crank.angle = .*: a load there is not"
+    ) as error:
+        model.inverse_dynamics(0.0, 0.3, over="time", samples=31)
+    assert error.value.time == pytest.approx(0.2, abs=1e-9)
+    assert np.isfinite(
+        model.inverse_dynamics(0.0, 0.18, over="time", samples=31)["crank.torque"].values
+    ).all()
 
 
 def test_steps_keep_the_kernels_that_they_call():

@@ -276,3 +276,17 @@ def test_the_command_prints_what_python_returns():
         assert entry["by"] == {"rho": found[name, "rho"]}
         assert entry["by"]["rho"] == pytest.approx(entry["value"] / 1.0, rel=1e-9, abs=1e-9)
     assert "by rho [kg/m]" in call(*arguments)
+
+
+def test_a_torque_by_a_length_that_is_drawn_as_a_root():
+    """The crank is sqrt(r^2) long: the gravity torque of an even crank at rest is m g r cos(theta) / 2."""
+    scene = symgen.Scene(
+        parameters={"r": {"value": "0.3 m", "tunable": True}, "w": "0 rad/s"},
+        points={"O": ground(0, 0), "A": {"at": ["r", "0 m"]}},
+        links={"crank": {"points": ["O", "A"], "mass": "2 kg"}},
+        drivers=[{"link": "crank", "angle": "w*t"}],
+        gravity=GRAVITY,
+    )
+    found = symgen.build(scene).sensitivity(["crank.torque"], ["r"], at=0.0)
+    assert found.values == pytest.approx([2 * G * 0.3 / 2], rel=1e-12)
+    assert found.derivatives == pytest.approx(np.array([[2 * G / 2]]), rel=1e-11)

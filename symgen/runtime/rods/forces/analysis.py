@@ -98,6 +98,10 @@ def analyse(bonds: Bonds, loads: Evaluator, q: Array, t: float, redundant: int, 
     poses = _poses(linkage, found, times, asked.range.at is not None)
     assembly = Assembly(bonds, loads, poses, asked.elements)
     solution = by_multipliers(bonds, loads, poses, assembly) or solve(assembly)
+    unknown = np.flatnonzero(~np.isfinite(solution.x).all(axis=1))
+    if len(unknown):
+        t = float(poses.times[unknown[0]])
+        raise SimulationError(f"no finite forces at {linkage.at(t)}: a load there is not a number", time=t)
     lost = np.flatnonzero(solution.rank < assembly.size - redundant)
     notes = [*_notes(linkage, assembly, solution, found)]
     if len(lost):
