@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from shared.variants import BASE, crank_rocker_with_lengths, pins
@@ -222,9 +224,13 @@ def test_wrong_calls_are_refused(model, given, message):
 
 
 def test_a_state_of_another_linkage_is_refused():
-    other = symgen.build("triple_pendulum").initial_state()
+    model = symgen.build("four_bar")
+    state, other = model.initial_state(), symgen.build("triple_pendulum").initial_state()
+    short = replace(state, u=state.u[:1])
+    with pytest.raises(ModelError, match="expected 4 rates of four_bar for run 1, got 1"):
+        model.simulate_many(states=[state, short])
     with pytest.raises(ModelError, match="expected 4 coordinates of four_bar for run 1, got 6"):
-        symgen.build("four_bar").simulate_many(states=[symgen.build("four_bar").initial_state(), other])
+        model.simulate_many(states=[state, other])
 
 
 def test_a_linkage_in_space_runs_in_its_plane():

@@ -68,15 +68,17 @@ def _states(model: Any, states: Any) -> Sequence[State]:
 
     if not isinstance(states, list | tuple):
         raise ModelError(f"expected a list of states, one per run, got {shown(states)}")
+    start = getattr(model, "initial_state", None)
+    begin = start() if start is not None and not hasattr(model, "in_space") and states else None
     for i, state in enumerate(states):
         if not isinstance(state, State):
             raise ModelError(f"expected a state of {model.name} for run {i}, got {shown(state)}")
         finite(state)
-        start = getattr(model, "initial_state", None)
-        if start is not None and not hasattr(model, "in_space") and len(state.q) != len(start().q):
-            raise ModelError(
-                f"expected {len(start().q)} coordinates of {model.name} for run {i}, got {len(state.q)}"
-            )
+        if begin is None:
+            continue
+        for what, given, size in (("coordinates", state.q, len(begin.q)), ("rates", state.u, len(begin.u))):
+            if len(given) != size:
+                raise ModelError(f"expected {size} {what} of {model.name} for run {i}, got {len(given)}")
     return states
 
 
@@ -128,15 +130,18 @@ def carried_out(
     if threads is not None and threads < 1:
         raise ModelError(f"expected one thread or more, got {threads}")
     kept: list[Kept] = []
-    result = None
+    result, failed = None, None
     while result is None and len(kept) < len(runs):
         try:
             result = runs.result(len(kept))
             kept.append(runs.kept(result, keep))
         except FAILURES as error:
+            failed = failed or error
             kept.append(Kept(error=str(error)))
-    if result is None:
-        runs.result(0)  # raises the error of the first run
+        if progress:
+            progress(len(kept) / len(runs))
+    if result is None and failed:
+        raise failed
     done, count, workers = len(kept), len(runs), threads or _processors()
     kept += [Kept()] * (count - done)
     compiled = compiled_runs(runs.model, result, runs.columns, runs.states, runs.arguments)
