@@ -17,7 +17,7 @@ from symgen.runtime.result.result import Result
 
 Array = NDArray[np.float64]
 
-#: Digits of a place over the size of the mechanism, and of a plotted value over its largest magnitude.
+#: Digits of a place over the size of the mechanism, and of a plotted value over its range.
 _DIGITS = 5
 #: A smaller part of the largest value of a unit is round-off.
 _ROUNDING = 1e-9
@@ -45,7 +45,7 @@ def animation(film: Film) -> str:
         "title": film.result.title,
         "along": {
             "label": label,
-            "values": _rounded(along, float(np.max(np.abs(along), initial=0.0)) or 1.0),
+            "values": _rounded(along, float(np.ptp(along)) or 1.0),
         },
         "duration": float(np.ptp(film.result.time)) if film.result.count > 1 else 0.0,
         "view": np.round(view_of_paper(first), 6).tolist(),
@@ -79,7 +79,7 @@ def _places(sketch: Sketch) -> Array:
 
 
 def _rounded(values: Array, size: float) -> list[float | None]:
-    digits = _DIGITS - int(np.floor(np.log10(size)))
+    digits = min(_DIGITS - int(np.floor(np.log10(size))), 300)
     return [float(x) if np.isfinite(x) else None for x in np.round(np.asarray(values, dtype=float), digits)]
 
 
@@ -94,7 +94,9 @@ def _curves(variables: Sequence[Variable]) -> list[dict[str, Any]]:
         if v.values.ndim == 2:
             columns = [(f"{v.name}.{c}", v.values[:, i]) for i, c in enumerate(v.components)]
         for name, values in columns:
-            size = max(float(np.nanmax(np.abs(values), initial=0.0)), _ROUNDING * largest[v.unit])
+            finite = values[np.isfinite(values)]
+            range_ = float(np.ptp(finite)) if finite.size else 0.0
+            size = max(range_, _ROUNDING * largest[v.unit])
             found.append({"name": name, "unit": v.unit, "values": _rounded(values, size or 1.0)})
     return found[:_CURVES]
 

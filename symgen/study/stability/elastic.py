@@ -115,8 +115,8 @@ _COARSE = {"newmark": 0.1, "generalized-alpha": 0.1}
 #: The same for strains that grow without vibration.
 _SMOOTH = {"newmark": 1e-3, "generalized-alpha": 1e-3}
 
-# Adaptive runs are at rtol 1e-5. gauss and gauss4 take the steps that it needs, so their errors lie not far below
-# it. dop853 errs by 3e-7 or 1.2e-6 on the slider-crank, with constraints eliminated densely or by a border.
+# Adaptive runs are at rtol 1e-5. gauss and gauss4 take the steps that it needs, so their errors lie little
+# below it. dop853 errs by 3e-7 or 1.2e-6 on the slider-crank: constraints eliminated densely, or by a border.
 
 CASES: tuple[Case, ...] = (
     Turning(
