@@ -172,6 +172,14 @@ def asked(model: RodsModel) -> list[NamedMatrix]:
     return found
 
 
+def _owners(model: RodsModel, word: str) -> list[str]:
+    """Return the points or links that have an output of this name."""
+    return [
+        *(model.points if word in OF_POINTS else ()),
+        *((k.name for k in model.parts) if word in OF_LINKS else ()),
+    ]
+
+
 def entries(model: RodsModel, name: str) -> Entries:
     """Return the scalars of an output, their unit and its description; raise SceneError if there is none."""
     owner, _, word = name.rpartition(".")
@@ -183,7 +191,11 @@ def entries(model: RodsModel, name: str) -> Entries:
     if not owner:
         if word in OF_THE_WHOLE:
             return OF_THE_WHOLE[word](model)
-        raise SceneError(f"there is no output {name!r}", hint=nearest(name, OF_THE_WHOLE))
+        owners = [f"{owner}.{word}" for owner in _owners(model, word)]
+        hint = (
+            f"It belongs to a point or link: {', '.join(owners)}." if owners else nearest(name, OF_THE_WHOLE)
+        )
+        raise SceneError(f"there is no output {name!r}", hint=hint)
     if word in OF_POINTS and owner in model.points:
         return OF_POINTS[word](model, owner)
     links = {k.name: [*k.base, *(c.name for c in k.carried)] for k in model.parts}
