@@ -11,7 +11,6 @@ from rich.console import Console
 from symgen.report.tables import table
 from symgen.runtime.linearisation.record import Linearisation, Sensitivity
 
-
 #: Letters of the names of columns that fit a terminal; wider matrices have numbers instead.
 _HEADINGS = 40
 #: A smaller part of the largest pole is round-off.
@@ -45,7 +44,7 @@ def print_linearisation(found: Linearisation, model: Any, console: Console) -> N
 
 
 def _without_round_off(poles: NDArray[np.complex128]) -> NDArray[np.complex128]:
-    """Return poles with 0 for parts at rounding: a double pole at 0 is found with the root of the rounding."""
+    """Return poles with 0 for parts at rounding, whose root is the error of a double pole at 0."""
     least = _ROUNDING * np.abs(poles).max(initial=0.0)
     real, imag = (np.where(np.abs(part) > least, part, 0.0) for part in (poles.real, poles.imag))
     return np.asarray(real + 1j * imag)
