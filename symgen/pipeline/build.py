@@ -257,7 +257,7 @@ def _typed(text: SceneText, tools: Tools, base: Described, lanes: bool) -> Libra
     """Return the kernels of a scene in the requested type, for one state per call or for batches."""
     from symgen.runtime.kernels.description import kernel_infos
 
-    made = replace(tools, compiler=None) if tools.digits else tools
+    made = replace(tools, compiler=None) if tools.digits else tools.of_lanes if lanes else tools
 
     def make(folder: Path) -> tuple[Described, Library]:
         with no_collection():

@@ -17,6 +17,7 @@ import warnings
 from collections.abc import Sequence
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass, replace
+from functools import cache
 from pathlib import Path
 
 from symgen.errors import BuildError, ModelError, SlowBackendWarning, nearest
@@ -37,6 +38,8 @@ CONTRACTIONS = {"off": "-ffp-contract=off", "fast": "-ffp-contract=fast"}
 VECTORS = {"none": (), "native": ("-march=native",)}
 #: Instead of ``-Og`` for a specific processor: there a longer compilation pays off.
 _OF_NATIVE = ("-O2", "-fno-semantic-interposition", "-finline-functions", "-finline-limit=10000")
+#: What flags that choose a processor begin with.
+_TUNED = ("-march", "-mtune", "-mcpu")
 #: Time limits [s] for compiling or linking one file, and for printing the compiler's version.
 _LIMIT, _VERSION_LIMIT = 600.0, 30.0
 _ORIGIN = "  Flags come from SYMGEN_CFLAGS, the compiler from CC"
@@ -69,9 +72,20 @@ class Compiler:
         return replace(self, flags=(*flags, *VECTORS[vector]))
 
     @property
+    def of_lanes(self) -> Compiler:
+        """The same compiler, with all instructions of this processor where these have wider vectors.
+
+        Kernels in lanes then get wider lanes. Without contraction that changes no bit.
+        """
+        ours = any(flag.startswith(_TUNED) for flag in self.flags)
+        if ours or CONTRACTIONS["off"] not in self.flags or not _has_wide_vectors():
+            return self
+        return replace(self, flags=(*self.flags, *VECTORS["native"]))
+
+    @property
     def identity(self) -> str:
         """All settings that may change the binary, including the CPU if the flags tune to it."""
-        tuned = any(flag.startswith(("-march", "-mtune", "-mcpu")) for flag in self.flags)
+        tuned = any(flag.startswith(_TUNED) for flag in self.flags)
         return "\n".join((*self.command, self.version, *self.flags, _cpu() if tuned else ""))
 
     def start(
@@ -287,10 +301,19 @@ def _cpu() -> str:
     """Return the CPU's name and features, as far as the platform provides them."""
     import platform
 
-    try:
-        text = Path("/proc/cpuinfo").read_text(encoding="utf-8")
-    except OSError:
-        text = ""
-    wanted = [line for line in text.splitlines() if line.startswith(("model name", "flags", "Features"))]
+    wanted = [line for line in _cpuinfo() if line.startswith(("model name", "flags", "Features"))]
     features = hashlib.sha256("\n".join(sorted(set(wanted))).encode()).hexdigest()
     return f"{platform.machine()} {platform.processor()} {features}"
+
+
+def _has_wide_vectors() -> bool:
+    """Return whether this is an x86 processor with AVX; False where the platform does not say."""
+    return any(line.startswith("flags") and "avx" in line.split() for line in _cpuinfo())
+
+
+@cache
+def _cpuinfo() -> list[str]:
+    try:
+        return Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
+    except OSError:
+        return []

@@ -84,6 +84,11 @@ class Tools:
         return replace(self, precision=FLOAT64, digits=0)
 
     @property
+    def of_lanes(self) -> Tools:
+        """Return the settings of kernels in lanes."""
+        return replace(self, compiler=self.compiler.of_lanes) if self.compiler else self
+
+    @property
     def provenance(self) -> dict[str, str]:
         """Return the settings that affect the last bits of a result, for reports."""
         how = {"precision": f"{self.digits} digits" if self.digits else self.precision.name}

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from shared.shipped import rigid
 
 import symgen
 from symgen.errors import ModelError
+from symgen.runtime.kernels.batch import lanes_of
+from symgen.toolchain import compiler
 from symgen.toolchain.compiler import find_compiler
 
 pytestmark = pytest.mark.skipif(find_compiler() is None, reason="no C compiler")
@@ -37,11 +41,21 @@ def test_lanes_have_the_bits_of_the_scalar_kernel(scene, vector):
                 assert np.array_equal(values[k], single[name]), (kernel, name, k)
 
 
+def avx():
+    """Whether Linux says that the processor has AVX."""
+    info = Path("/proc/cpuinfo")
+    return info.exists() and " avx " in info.read_text()
+
+
 @pytest.mark.parametrize("precision", ["float32", "float64"])
-def test_width_threads_layout_and_neighbours_change_no_bit(precision):
-    wide = symgen.build("peaucellier", precision=precision, vector="native")
+def test_width_threads_layout_and_neighbours_change_no_bit(precision, monkeypatch):
+    wide = symgen.build("peaucellier", precision=precision)
+    q, u = states(wide, 101)
+    wide.batch("accelerations", 0.0, q, u)  # builds the kernels
+    monkeypatch.setattr(compiler, "_has_wide_vectors", lambda: False)
     narrow = symgen.build("peaucellier", precision=precision)
-    q, u = states(narrow, 101)
+    ways = [lanes_of(m._typed.kernels(True), "peaucellier")[1] for m in (wide, narrow)]
+    assert ways[1] == 16 and (ways[0] > 16 or not avx())
     one = narrow.batch("accelerations", 0.0, q, u)["multipliers"]
     assert one.dtype == precision and one.shape == (101, 7)
     columns = np.asfortranarray(q.astype(precision)), np.asfortranarray(u.astype(precision))
@@ -52,6 +66,14 @@ def test_width_threads_layout_and_neighbours_change_no_bit(precision):
     ):
         assert np.array_equal(one, other["multipliers"])
     assert np.array_equal(one[40:41], wide.batch("accelerations", 0.0, q[40:41], u[40:41])["multipliers"])
+
+
+def test_lanes_are_as_wide_as_the_processor_has_them_where_that_changes_no_bit(monkeypatch):
+    monkeypatch.setattr(compiler, "_has_wide_vectors", lambda: True)
+    plain = find_compiler()
+    assert plain.of_lanes.flags == (*plain.flags, "-march=native")
+    contracted, tuned = plain.with_options("fast", "none"), plain.with_options("off", "native")
+    assert contracted.of_lanes == contracted and tuned.of_lanes == tuned
 
 
 @pytest.mark.parametrize("count", [0, 1, 2, 7, 16, 17])
