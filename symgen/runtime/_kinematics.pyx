@@ -82,6 +82,8 @@ cdef class Kinematics:
             given.balance, self.balance_p = kernel_of(forces.library.addresses, "balance"), forces.parameters
             self.libraries.append(forces.library)
             called.append(forces.info("balance"))
+            if given.balance == NULL:
+                raise ValueError("expected the kernels of forces with a kernel 'balance'")
         wanted.work = max([k.work_size for k in called] + [wanted.n])
         wanted.out = max([k.out_size for k in called] + [wanted.n])
         blocks.count, blocks.squares = len(groups.starts) - 1, groups.squares
@@ -90,10 +92,10 @@ cdef class Kinematics:
             raise ValueError(f"expected the groups of {wanted.n} coordinates, got {groups!r}")
         self.starts = _checked(groups.starts, wanted.n + 1)
         self.rows, self.columns = _checked(groups.rows, wanted.m), _checked(groups.columns, wanted.n)
-        limits = (blocks.squares + blocks.couplings, evaluator.info("closure").out_size, wanted.m)
-        self.entries = np.concatenate(
-            [np.ravel(np.stack([_checked(x, y)[:-1] for x, y in zip(zip(*groups.entries), limits)], axis=1)), [0]]
-        )
+        limits = (blocks.squares + blocks.couplings, evaluator.info("closure").out_size, wanted.m, wanted.n)
+        columns = np.array(groups.entries, dtype=np.intp).reshape(-1, 4).T
+        checked = [_checked(column, limit)[:-1] for column, limit in zip(columns, limits)]
+        self.entries = np.append(np.stack(checked, axis=1), 0)
         self.coupling_starts = _checked(groups.coupling_starts, blocks.couplings + 1)
         self.coupling_columns = _checked(groups.coupling_columns, wanted.n)
         blocks.starts, blocks.rows, blocks.columns = &self.starts[0], &self.rows[0], &self.columns[0]
@@ -135,21 +137,22 @@ cdef class Kinematics:
         Returns
         -------
         tuple
-            Multipliers, shape (done, m), zero for constraints that follow from others, and the least pivot of
-            the Jacobian over the greatest, shape (done,). Not all poses are done where one is near to singular.
+            Multipliers, shape (done, m), zero for constraints that follow from others; the least pivot of the
+            Jacobian over the greatest and the largest error of the equations [N], shape (done, 2). Not all
+            poses are done where one is near to singular.
         """
         cdef Py_ssize_t count = times.shape[0], done = 0
-        found, sound = np.zeros((count + 1, self.m)), np.zeros(count + 1)
-        cdef double[:, ::1] into = found
-        cdef double[::1] soundness = sound
+        found, sound = np.zeros(count * self.m + 1), np.zeros((count + 1, 2))
+        cdef double[::1] into = found
+        cdef double[:, ::1] quality = sound
         if states.shape[0] != count or states.shape[1] != 3 or states.shape[2] != self.n or len(self.libraries) < 2:
             raise ValueError(f"expected states of shape {(count, 3, self.n)} and kernels of forces")
         if count:
             with nogil:
                 done = self.api.multipliers(
-                    self.core, &times[0], &states[0, 0, 0], count, &into[0, 0], &soundness[0]
+                    self.core, &times[0], &states[0, 0, 0], count, &into[0], &quality[0, 0]
                 )
-        return found[:done], sound[:done]
+        return found[:done * self.m].reshape(done, self.m), sound[:done]
 
 
 cdef object _checked(numbers, Py_ssize_t limit):

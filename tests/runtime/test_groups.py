@@ -9,7 +9,7 @@ import pytest
 from shared.linkages import GRAVITY, at, circles, four_bar, ground, rod
 
 import symgen
-from symgen.errors import SimulationError
+from symgen.errors import ModelError, SimulationError
 from symgen.runtime.rods.following.branch import steps_of
 from symgen.runtime.rods.following.groups import groups_of
 from symgen.runtime.rods.forces import analysis
@@ -156,9 +156,32 @@ def test_steps_keep_the_kernels_that_they_call():
     gc.collect()
     times = np.linspace(0.0, 0.1, 3)
     states = steps.follow(0.0, start, times)
-    multipliers, soundness = steps.multipliers(times, states)
+    multipliers, quality = steps.multipliers(times, states)
     assert np.all(np.isfinite(multipliers)) and multipliers.shape == (3, 4)
-    assert np.all(soundness > 1e-3)
+    assert np.all(quality[:, 0] > 1e-3)
+
+
+def test_errors_of_multipliers_are_those_of_the_equations_at_each_pose():
+    """J^T lambda = f - M a, with the Jacobian of the dense kernel in place of the groups."""
+    model = symgen.build("crank_rocker")
+    bonds, loads, start = model._bonds(), model.analysis("forces"), model.initial_state().q
+    steps = steps_of(bonds, start, 0.0, loads)
+    times = np.linspace(0.0, 1.0, 9)
+    states = steps.follow(0.0, start, times)
+    multipliers, quality = steps.multipliers(times, states)
+    for i, (t, (q, u, a)) in enumerate(zip(times.tolist(), states, strict=True)):
+        jacobian = model.evaluator("constraint_jacobian", t, q, u)[: bonds.m * bonds.n].reshape(bonds.m, -1)
+        balance = loads("balance", t, q, u, np.append(a, np.zeros(loads.info("balance").work_size)))
+        missed = balance[: bonds.n] - jacobian.T @ multipliers[i]
+        size = np.max(np.abs(multipliers[i] * np.max(np.abs(jacobian), axis=1)))
+        assert quality[i, 1] == pytest.approx(np.max(np.abs(missed)), abs=1e-14 * size)
+        assert quality[i, 1] < 1e-13 * size
+
+
+def test_forces_without_their_kernel_are_refused():
+    model = symgen.build("crank_rocker")
+    with pytest.raises(ModelError, match="no kernel 'balance'"):
+        steps_of(model._bonds(), model.initial_state().q, 0.0, model.evaluator)
 
 
 def test_states_of_another_shape_are_refused():

@@ -101,7 +101,7 @@ static int factorise_groups(struct kinematics *k) {
     const struct kinematic_groups *g = &k->groups;
     const ptrdiff_t *entry = g->entries;
     zero(g->squares, k->values);
-    for (ptrdiff_t e = 0; e < g->filled; e++, entry += 3)
+    for (ptrdiff_t e = 0; e < g->filled; e++, entry += 4)
         k->values[entry[0]] = k->closure[entry[1]] * k->weight[entry[2]];
     real *group = k->values;
     for (ptrdiff_t c = 0; c < g->count; c++) {
@@ -176,6 +176,14 @@ static void solve_transposed(struct kinematics *k, const real *forces, real *lam
             lambda[g->rows[i]] = solved[i] * k->weight[g->rows[i]];
         }
     }
+}
+
+/* The largest error of J^T lambda = forces, which is overwritten. */
+static real unbalanced(const struct kinematics *k, const real *lambda, real *forces) {
+    const ptrdiff_t *entry = k->groups.entries;
+    for (ptrdiff_t e = 0; e < k->groups.filled; e++, entry += 4)
+        forces[entry[3]] -= k->closure[entry[1]] * lambda[entry[2]];
+    return largest_of(forces, k->sizes.n);
 }
 
 /* Close the linkage at t by Newton's method from q, in place; the constraints were then evaluated in q last. */
@@ -278,18 +286,19 @@ ptrdiff_t kinematics_follow(struct kinematics *k, real t, const real *q, const r
 }
 
 ptrdiff_t kinematics_multipliers(struct kinematics *k, const real *times, const real *rows, ptrdiff_t count,
-                                 real *multipliers, real *soundness) {
+                                 real *multipliers, real *quality) {
     const ptrdiff_t n = k->sizes.n, m = k->sizes.m;
-    for (ptrdiff_t i = 0; i < count; i++, rows += 3 * n, multipliers += m) {
+    for (ptrdiff_t i = 0; i < count; i++, rows += 3 * n, multipliers += m, quality += 2) {
         missed(k, times[i], rows);
         if (!factorise_groups(k))
             return i;
-        judge(k, soundness + i);
-        if (!(soundness[i] > SOUND))
+        judge(k, quality);
+        if (!(quality[0] > SOUND))
             return i;
         copy(rows + 2 * n, n, k->work);
         k->kernels.balance(times + i, rows, rows + n, k->balance_p, k->work, k->out);
         solve_transposed(k, k->out, multipliers);
+        quality[1] = unbalanced(k, multipliers, k->out);
     }
     return count;
 }
@@ -304,8 +313,8 @@ static ptrdiff_t follow(struct kinematics *k, double t, const void *q, const voi
 }
 
 static ptrdiff_t multipliers(struct kinematics *k, const void *times, const void *rows, ptrdiff_t count, void *into,
-                             void *soundness) {
-    return kinematics_multipliers(k, times, rows, count, into, soundness);
+                             void *quality) {
+    return kinematics_multipliers(k, times, rows, count, into, quality);
 }
 
 const struct kinematics_api symgen_kinematics = {

@@ -23,7 +23,8 @@ struct kinematic_groups {
     const ptrdiff_t *starts;           /* of each group among rows and columns, count + 1 */
     const ptrdiff_t *rows;             /* constraint of each row, n */
     const ptrdiff_t *columns;          /* coordinate of each column, n */
-    const ptrdiff_t *entries;          /* triples: place of each entry among the values, in `closure`, its constraint */
+    const ptrdiff_t *entries;          /* fours: place of each entry among the values, in `closure`, its constraint and
+                                        * coordinate */
     const ptrdiff_t *coupling_starts;  /* of each row among the couplings, n + 1 */
     const ptrdiff_t *coupling_columns; /* of each coupling */
 };
@@ -57,10 +58,11 @@ void kinematics_bind(struct kinematics *k, const struct kinematic_sizes *sizes, 
  * fewer where a step comes near a pose in which dPhi/dq is singular, or where the prediction fails. */
 ptrdiff_t kinematics_follow(struct kinematics *k, real t, const real *q, const real *times, ptrdiff_t count, real *rows);
 
-/* Leave the multipliers lambda of J^T lambda = f - M a at closed poses, rows (q, u, a), and the least pivot over the
- * greatest of each. Returns how many poses were done: fewer where dPhi/dq is near to singular. */
+/* Leave the multipliers lambda of J^T lambda = f - M a at closed poses, rows (q, u, a), and for each the least pivot over
+ * the greatest and the largest error [N] of these equations. Returns how many poses were done: fewer where dPhi/dq is near
+ * to singular. */
 ptrdiff_t kinematics_multipliers(struct kinematics *k, const real *times, const real *rows, ptrdiff_t count,
-                                 real *multipliers, real *soundness);
+                                 real *multipliers, real *quality);
 
 /* Interface of kinematics: see core.h. */
 struct kinematics_api {
@@ -70,7 +72,7 @@ struct kinematics_api {
                  const struct kinematic_groups *groups, const void *p, const void *balance_p, void *memory);
     ptrdiff_t (*follow)(struct kinematics *k, double t, const void *q, const void *times, ptrdiff_t count, void *rows);
     ptrdiff_t (*multipliers)(struct kinematics *k, const void *times, const void *rows, ptrdiff_t count,
-                             void *multipliers, void *soundness);
+                             void *multipliers, void *quality);
 };
 
 extern const struct kinematics_api symgen_kinematics;

@@ -32,7 +32,7 @@ class Forces(Result):
 
     @property
     def condition(self) -> float:
-        """Largest condition number of the equations of the joint forces over the poses."""
+        """Condition number of the equations of the joint forces at the pose nearest to a loss of rank."""
         return float(self.statistics["condition"])
 
     @property
@@ -50,4 +50,4 @@ class Forces(Result):
         elements = self.statistics["elements"]
         parts = "one element" if elements == 1 else f"{elements} elements"
         poses = "one pose" if self.count == 1 else f"{self.count} poses"
-        return f"rigid links of {parts}, {poses}; condition up to {self.condition:.3g}"
+        return f"rigid links of {parts}, {poses}; condition {self.condition:.3g}"

@@ -29,8 +29,8 @@ class Groups:
     rows, columns
         Constraints and coordinates, group by group.
     entries
-        Place among the values, place in the kernel's output, and constraint of each entry. Values are the
-        dense matrices of the groups, then the couplings.
+        Place among the values, place in the kernel's output, constraint and coordinate of each entry. Values
+        are the dense matrices of the groups, then the couplings.
     coupling_starts, coupling_columns
         Where the couplings of each row start, and where the last end; the place of each in ``columns``.
     """
@@ -38,7 +38,7 @@ class Groups:
     starts: Sequence[int]
     rows: Sequence[int]
     columns: Sequence[int]
-    entries: Sequence[tuple[int, int, int]]
+    entries: Sequence[tuple[int, int, int, int]]
     coupling_starts: Sequence[int]
     coupling_columns: Sequence[int]
 
@@ -118,7 +118,7 @@ def _filled(made: Groups, places: dict[tuple[int, int], int], order: Numbers) ->
                 if column < start:
                     value = made.squares + len(coupled)
                     coupled.append(column)
-                entries.append((value, place, made.rows[i]))
+                entries.append((value, place, made.rows[i], made.columns[column]))
             coupling_starts.append(len(coupled))
         first += width**2
     return replace(made, entries=entries, coupling_starts=coupling_starts, coupling_columns=coupled)

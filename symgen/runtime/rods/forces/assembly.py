@@ -255,9 +255,10 @@ class Solution:
     """Unknowns at all poses, (poses, unknowns), and how well they are determined.
 
     ``rank`` of the equations at each pose, ``loose`` for each unknown how much of it forces that nothing
-    balances leave open. ``worst`` is the pose nearest to a loss of rank and ``condition`` the ratio of the
-    greatest to the least singular value there, of those that are not lost; ``residual`` is the largest error
-    of the equations over the largest force.
+    balances leave open. ``worst`` is the pose nearest to a loss of rank (by the condition, or by the pivots
+    of the constraint Jacobian where multipliers give the forces) and ``condition`` the ratio of the greatest
+    to the least singular value there, of those that are not lost; ``residual`` is the largest error of the
+    equations over the largest force.
     """
 
     x: Array

@@ -17,8 +17,8 @@ Array = NDArray[np.float64]
 def by_multipliers(bonds: Bonds, loads: Evaluator, poses: Poses, assembly: Assembly) -> Solution | None:
     """Return the forces at all poses by J^T lambda = f - M a, whose J the kinematics factorises.
 
-    The equations of the elements are set up at one pose, that nearest to a loss of rank, where they tell
-    condition and residual of these forces.
+    The equations of the elements are set up at one pose, that nearest to a loss of rank: they tell the
+    condition there. The residual is the larger of theirs there and that of the multipliers over all poses.
 
     Returns
     -------
@@ -29,21 +29,22 @@ def by_multipliers(bonds: Bonds, loads: Evaluator, poses: Poses, assembly: Assem
     if bonds.m != bonds.n or not loads.has("joint_forces") or not len(poses):
         return None
     steps = steps_of(bonds, poses.q[0], float(poses.times[0]), loads)
-    multipliers, soundness = steps.multipliers(poses.times, np.ascontiguousarray(poses.states))
+    multipliers, quality = steps.multipliers(poses.times, np.ascontiguousarray(poses.states))
     if len(multipliers) < len(poses):
         return None
     motion = np.hstack([poses.accelerations, multipliers])
     forces = loads.many("joint_forces", poses.times, poses.q, poses.u, motion)
     order = {label: i for i, label in enumerate(loads.info("joint_forces").blocks[0].rows)}
     x = forces[:, [order[label] for u in assembly.unknowns for label in u.labels]]
-    worst = int(np.argmin(soundness))
+    worst = int(np.argmin(quality[:, 0]))
     there = Assembly(bonds, loads, poses[np.array([worst])], assembly.elements)
     found = solve(there)
+    size = float(np.max(np.abs(x / there.scales), initial=0.0)) or 1.0
     return Solution(
         x,
         np.full(len(poses), assembly.size),
         np.zeros((len(poses), assembly.size)),
         worst,
         found.condition,
-        there.residual(x[worst : worst + 1]),
+        max(there.residual(x[worst : worst + 1]), float(np.max(quality[:, 1])) / size),
     )
