@@ -46,6 +46,8 @@ class Method:
         Resolved scene -> Systems of analyses besides, by name; none where empty.
     describe
         Resolved scene, Program, hash of the equations -> Description without its start.
+    description
+        Class of that description.
     start
         System, Description, Library -> Description with its start.
     model
@@ -75,6 +77,7 @@ class Method:
     system: str = ""
     further: str = ""
     describe: str = ""
+    description: str = ""
     start: str = ""
     model: str = ""
     export: str = ""
@@ -107,12 +110,13 @@ class Method:
 
 
 #: The entries of a row on which kernels and descriptions depend.
-_DECIDING = ("schema", "resolve", "system", "further", "describe", "start", "momentum")
+_DECIDING = ("schema", "resolve", "system", "further", "describe", "description", "start", "momentum")
 _LINKAGE = {
     "resolve": "symgen.scene.resolve:resolved_linkage",
     "system": "symgen.pipeline.build:linkage_system_of",
     "further": "symgen.models.analyses:elastic_systems",
     "describe": "symgen.pipeline.describe:of_linkage",
+    "description": "symgen.runtime.kernels.description:Description",
     "start": "symgen.pipeline.describe:with_state",
     "momentum": "symgen.models.momentum.rows:momentum_system",
 }
@@ -155,6 +159,7 @@ METHODS = Registry[Method](
                 resolve="symgen.scene.resolve:resolved_loop",
                 system="symgen.models.loop.system:loop_system",
                 describe="symgen.pipeline.describe:of_loop",
+                description="symgen.runtime.kernels.description:LoopDescription",
                 start="symgen.pipeline.describe:with_pose",
                 model="symgen.pipeline.build:loop_model",
                 export="symgen.export.loop:loop",
@@ -191,7 +196,11 @@ METHODS = Registry[Method](
                 state="symgen.inspection.state:of_linkage",
                 commands=_OF_RODS,
             ),
-            Method("system", accuracy="symgen.study.accuracy.kernels:of_user_system"),
+            Method(
+                "system",
+                description="symgen.runtime.kernels.description:SystemDescription",
+                accuracy="symgen.study.accuracy.kernels:of_user_system",
+            ),
         )
     },
     lambda row: row.deciding,

@@ -34,7 +34,7 @@ ALLOWED = {
     "models": {"methods", "loads", "scene", "mechanics", "joints", "elements", "symbolic"},
     "lowering": {"symbolic"},
     "codegen": {"lowering", "atomic", "precision"},
-    "toolchain": {"codegen", "lowering", "precision", "runtime", "scene", "symbolic"},
+    "toolchain": {"methods", "codegen", "lowering", "precision", "runtime", "scene", "symbolic"},
     "runtime": {"atomic", "precision"},
     "pipeline": {
         "methods", "scene", "symbolic", "elements", "mechanics", "models", "lowering", "toolchain", "precision", "runtime",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import json
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass, replace
@@ -10,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from symgen.errors import BuildError, CacheError, ModelError, nearest
+from symgen.methods import METHODS
 from symgen.precision import FLOAT64, Precision
 from symgen.precision import precision as precision_named
 from symgen.toolchain import dependencies as graph
@@ -219,14 +221,26 @@ class Tools:
         entry = graph.current(store, name)
         if entry is None:
             return None
-        from symgen.runtime.kernels.description import read_description
-
         try:
-            description = read_description(entry.read_text(_DESCRIPTION))
+            description = _description(entry.read_text(_DESCRIPTION))
             return description, self.opened(entry.folder, description)
         except Exception:  # intact but unusable, for whatever reason: rebuild it
             store.remove(entry)
             return None
+
+
+def _description(text: str) -> Described:
+    """Read what ``Described.to_json`` wrote; raise ValueError for anything else."""
+    from symgen.runtime.kernels.records import record
+
+    data = json.loads(text)
+    if not isinstance(data, dict):
+        raise ValueError(f"expected an object, got {text[:100]}")
+    made: Described = record(METHODS[data.pop("method", "")].load("description"), data)
+    entries = len(getattr(made, "start", ()))
+    if entries not in (0, made.coordinates, 2 * made.coordinates):
+        raise ValueError(f"expected a start of {made.coordinates} coordinates, got {entries} numbers")
+    return made
 
 
 @contextmanager

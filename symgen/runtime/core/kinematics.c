@@ -57,15 +57,6 @@ static void zero(ptrdiff_t count, real *values) {
         values[i] = 0;
 }
 
-/* The largest magnitude; not a number where one of them is none. */
-static real largest_of(const real *values, ptrdiff_t count) {
-    real largest = 0;
-    for (ptrdiff_t i = 0; i < count; i++)
-        if (!(real_fabs(values[i]) <= largest) && largest == largest)
-            largest = real_fabs(values[i]);
-    return largest;
-}
-
 /* Evaluate the constraints: Phi over its scale goes into k->phi, 1 / scale into k->weight. Return the largest. */
 static real missed(struct kinematics *k, real t, const real *q) {
     const ptrdiff_t m = k->sizes.m;
@@ -74,7 +65,7 @@ static real missed(struct kinematics *k, real t, const real *q) {
         k->weight[i] = 1 / k->closure[m + i];
         k->phi[i] = k->closure[i] * k->weight[i];
     }
-    return largest_of(k->phi, m);
+    return largest_or_nan(k->phi, m);
 }
 
 /* LU factorisation with partial pivoting of a group of two unknowns, a dyad or a crank, as most are. */
@@ -191,7 +182,7 @@ static int closed(struct kinematics *k, real t, real *q) {
     const ptrdiff_t n = k->sizes.n;
     real before = REAL_INFINITY;
     for (int tries = 0; tries < NEWTON; tries++) {
-        const real worst = missed(k, t, q), size = real_fmax(R(k->sizes.length), largest_of(q, n));
+        const real worst = missed(k, t, q), size = real_fmax(R(k->sizes.length), largest_or_nan(q, n));
         if (worst <= 4 * REAL_EPSILON * size || (worst <= ACCEPT * size && worst > before / 4))
             return 1;
         if (!(worst < before / 2) || !factorise_groups(k))
@@ -220,7 +211,7 @@ static int moved(struct kinematics *k, real t, const real *q, real *u, real *a) 
     k->kernels.gamma(&t, q, u, k->p, k->work, k->out);
     solve(k, k->out, a);
     k->sign = sign;
-    return real_isfinite(largest_of(u, n)) && real_isfinite(largest_of(a, n));
+    return real_isfinite(largest_or_nan(u, n)) && real_isfinite(largest_or_nan(a, n));
 }
 
 /* Go to `next` in one step where the prediction holds. */
@@ -231,12 +222,12 @@ static int attempt(struct kinematics *k, real next) {
         k->change[j] = extrapolated(h, k->stride, k->q[j], k->u[j], k->a[j], past[j], past[n + j], past[2 * n + j]);
         k->next[j] = k->q[j] + k->change[j];
     }
-    const real way = largest_of(k->change, n);
+    const real way = largest_or_nan(k->change, n);
     if (!(way <= LONGEST * length) || !closed(k, next, k->next))
         return 0;
     for (ptrdiff_t j = 0; j < n; j++)
         k->change[j] -= k->next[j] - k->q[j];
-    if (!(largest_of(k->change, n) <= ASTRAY * way + R(1e-9) * length))
+    if (!(largest_or_nan(k->change, n) <= ASTRAY * way + R(1e-9) * length))
         return 0;
     copy(k->q, n, k->past);
     copy(k->u, n, k->past + n);

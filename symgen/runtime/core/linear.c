@@ -1,5 +1,13 @@
 #include "linear.h"
 
+real largest_or_nan(const real *values, ptrdiff_t count) {
+    real largest = 0;
+    for (ptrdiff_t i = 0; i < count && largest == largest; i++)
+        if (!(real_fabs(values[i]) <= largest))
+            largest = real_fabs(values[i]);
+    return largest;
+}
+
 /* -- LU factorisation ------------------------------------------------------------------------------------ */
 
 static void exchange(real *a, real *b, ptrdiff_t count) {

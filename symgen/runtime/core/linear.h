@@ -13,6 +13,9 @@
 /* A smaller pivot over the largest means that rows are dependent. */
 #define RANK_TOLERANCE real_fmax(R(1e-9), R(100) * REAL_EPSILON)
 
+/* The largest magnitude; not a number where one of them is none. */
+real largest_or_nan(const real *values, ptrdiff_t count);
+
 /* LU factorisation of a, n by n, in place, with partial pivoting; swaps (n) receives the row exchanged at each step.
  * Returns 0 where a pivot is zero or not finite, else 1. */
 int factor_dense(ptrdiff_t n, real *a, ptrdiff_t *swaps);

@@ -191,7 +191,7 @@ static inline int is_magnified(const struct run *run) {
 
 int all_finite(const real *v, long count);
 
-/* The largest magnitude, 0 of none. */
+/* The largest magnitude among numbers, 0 of none. */
 real largest_of(const real *v, long count);
 
 /* -- parts of the loop, a file each ------------------------------------------------------------------------ */

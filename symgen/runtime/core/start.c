@@ -54,15 +54,6 @@ static void call(struct start *s, kernel function, const real *q, const real *u)
     function(&t, q, u, s->p, s->work, s->out);
 }
 
-/* The largest magnitude; not a number where one of them is none. */
-static real largest_of(const real *values, ptrdiff_t count) {
-    real largest = 0;
-    for (ptrdiff_t i = 0; i < count && largest == largest; i++)
-        if (!(real_fabs(values[i]) <= largest))
-            largest = real_fabs(values[i]);
-    return largest;
-}
-
 /* The largest spread of the points along an axis. */
 static real extent(struct start *s, const real *q) {
     real widest = 0;
@@ -81,7 +72,7 @@ static real extent(struct start *s, const real *q) {
 /* Bring q onto the rows of the assembly at a part of the way, by Newton's method with corrections of least norm. */
 static int newton(struct start *s, real at, real *q) {
     const ptrdiff_t n = s->sizes.n, rows = s->sizes.rows;
-    const real wide = extent(s, q), size = real_fmax(wide, largest_of(q, n));
+    const real wide = extent(s, q), size = real_fmax(wide, largest_or_nan(q, n));
     const real tolerance = real_fmax(R(s->sizes.share) * wide, R(s->sizes.tolerance));
     real previous = REAL_INFINITY;
     if (tolerance > R(MOST_TOLERANCE) * wide)
@@ -90,7 +81,7 @@ static int newton(struct start *s, real at, real *q) {
         s->change[0] = at;
         memset(s->change + 1, 0, (size_t)n * sizeof(real));
         call(s, s->kernels.assembly, q, s->change);
-        const real worst = largest_of(s->out, rows);
+        const real worst = largest_or_nan(s->out, rows);
         if (worst <= ROUNDING * size && worst > R(0.5) * previous)
             return STARTED;
         if (!(worst < 2 * previous))
@@ -103,7 +94,7 @@ static int newton(struct start *s, real at, real *q) {
         }
         /* below the assembly error singular values are numerically zero */
         solve_least(rows, n, s->matrix, s->right, R(10) * tolerance / wide, s->change, s->order, s->beta);
-        const real moved = largest_of(s->change, n);
+        const real moved = largest_or_nan(s->change, n);
         if (!(moved <= size))
             return UNASSEMBLED;
         for (ptrdiff_t j = 0; j < n; j++)
@@ -172,7 +163,7 @@ static ptrdiff_t velocities(struct start *s, const char *dropped) {
         return -1;
     const ptrdiff_t kept = rows_of_velocities(s, dropped), rows = kept + s->sizes.prescribed;
     real *reduced = s->out, *right = s->right + rows;
-    s->fastest = largest_of(s->right, rows);
+    s->fastest = largest_or_nan(s->right, rows);
     copy(s->right, rows, right);
     for (ptrdiff_t i = 0; i < rows; i++)
         for (ptrdiff_t j = 0; j < n; j++) {

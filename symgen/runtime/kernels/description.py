@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import json
 from abc import ABC, abstractmethod
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
 from symgen.runtime.kernels.elastic_description import ElasticInfo
-from symgen.runtime.kernels.records import record
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,6 +32,12 @@ class BlockInfo:
     about: str
     rows: tuple[str, ...]
     columns: tuple[str, ...]
+
+    def places(self, rows: Sequence[str], columns: Sequence[str]) -> list[tuple[int, int, int]]:
+        """Return row, column and place in ``out`` of each entry of a matrix; its rows read ``ROW COLUMN``."""
+        number, along = ({name: i for i, name in enumerate(names)} for names in (rows, columns))
+        entries = (label.split() for label in self.rows)
+        return [(number[row], along[column], self.offset + k) for k, (row, column) in enumerate(entries)]
 
 
 @dataclass(frozen=True, slots=True)
@@ -201,6 +206,10 @@ class Description(Described):
         """Names of the axes that the scene is written in, and that results have."""
         return ("x", "y", "z") if self.plane else self.axes
 
+    def of_coordinates(self, rate: str = "") -> list[str]:
+        """Return the names of the coordinates in labels; of their rates with "v", accelerations with "a"."""
+        return [f"{point}_{rate}{axis}" for point in self.free for axis in self.axes]
+
     def unknown(self, index: int) -> str:
         """Return the name of an unknown of the equations of motion in messages."""
         axes, n = self.axes, self.coordinates
@@ -358,26 +367,6 @@ class SystemDescription(Described):
     def sizes(self) -> tuple[int, int, int, int]:
         """Number of doubles in the arrays t, q, u and p of every kernel."""
         return 1, self.size("q"), self.size("u"), self.size("p") + self.derived + 1
-
-
-#: The class of descriptions of each method.
-_KINDS: dict[str, type[Described]] = {"loop": LoopDescription, "system": SystemDescription}
-_KINDS |= dict.fromkeys(("rods", "elastic"), Description)
-
-
-def read_description(text: str) -> Described:
-    """Read what ``to_json`` wrote; raise ValueError for anything else."""
-    data = json.loads(text)
-    if not isinstance(data, dict):
-        raise ValueError(f"expected an object, got {text[:100]}")
-    kind = _KINDS.get(data.pop("method", ""))
-    if kind is None:
-        raise ValueError(f"expected the description of a method of {', '.join(_KINDS)}")
-    made = record(kind, data)
-    entries = len(getattr(made, "start", ()))
-    if entries not in (0, made.coordinates, 2 * made.coordinates):
-        raise ValueError(f"expected a start of {made.coordinates} coordinates, got {entries} numbers")
-    return made
 
 
 def kernel_infos(kernels: Iterable[Any]) -> tuple[KernelInfo, ...]:

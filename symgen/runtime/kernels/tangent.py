@@ -23,12 +23,7 @@ def places(description: Description, tangent: Description) -> NDArray[np.int_]:
     info, solution = tangent.kernel("tangent"), description.kernel("accelerations")
     if info is None or solution is None:
         return np.zeros((0, 3), dtype=np.int_)
-    rows = {name: i for i, name in enumerate(name for block in solution.blocks for name in block.rows)}
-    state = [f"{p}_{what}{axis}" for what in ("", "v") for p in description.free for axis in description.axes]
-    columns = {name: i for i, name in enumerate(state)}
-    found = []
-    for block in info.blocks:
-        for k, label in enumerate(block.rows):
-            row, column = label.split()
-            found.append((columns[column], rows[row], block.offset + k))
-    return np.array([(row, column, place) for column, row, place in sorted(found)], dtype=np.int_)
+    rows = [name for block in solution.blocks for name in block.rows]
+    columns = [*description.of_coordinates(), *description.of_coordinates("v")]
+    found = [entry for block in info.blocks for entry in block.places(rows, columns)]
+    return np.array(sorted(found, key=lambda entry: (entry[1], entry[0])), dtype=np.int_)

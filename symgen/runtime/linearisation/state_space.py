@@ -280,24 +280,20 @@ def check_unique(tangents: Tangents, outputs: Sequence[str]) -> None:
 def _slopes(kernels: Evaluator, parameters: Sequence[str], state: State, solution: Array) -> Slopes:
     """Return the slopes at a state as dense rows."""
     d = kernels.description
-    points = [(p, axis) for p in d.free for axis in d.axes]
-    unknowns = [f"{p}_a{axis}" for p, axis in points] + [f"{c}_lambda" for c in d.constraints]
-    arguments = [f"{p}_{axis}" for p, axis in points] + [f"{p}_v{axis}" for p, axis in points]
-    columns = {name: i for i, name in enumerate([*arguments, *unknowns, *parameters])}
+    bound = [f"{c}_lambda" for c in d.constraints]
+    unknowns = [*d.of_coordinates("a"), *bound]
+    columns = [*d.of_coordinates(), *d.of_coordinates("v"), *unknowns, *parameters]
     work = np.zeros(kernels.work_size + len(solution) + 1)
     work[: len(solution)] = solution
     at = state.t, state.q, state.u, work
     infos = {b.name: b for b in kernels.info("values").blocks} if kernels.has("values") else {}
     values = {infos[k].about: float(v[0]) for k, v in kernels.blocks("values", *at).items()} if infos else {}
-    bound = unknowns[len(points) :]
     rows = {"residual": unknowns, "rates": bound, "constraints": bound, "outputs": list(values)}
     found = {name: np.zeros((len(labels), len(columns))) for name, labels in rows.items()}
-    parts = kernels.blocks("slopes", *at)
+    entries = kernels("slopes", *at)
     for block in kernels.info("slopes").blocks:
-        places = {label: i for i, label in enumerate(rows[block.name])}
-        for label, value in zip(block.rows, parts[block.name], strict=True):
-            row, column = label.split()
-            found[block.name][places[row], columns[column]] = value
+        for row, column, place in block.places(rows[block.name], columns):
+            found[block.name][row, column] = entries[place]
     outputs = dict(zip(values, found["outputs"], strict=True))
     units = {b.about: b.unit for b in infos.values()}
     return Slopes(found["residual"], found["rates"], found["constraints"], outputs, values, units)

@@ -74,23 +74,15 @@ def frequencies(
     return found.imag / (2 * np.pi), derivatives
 
 
-def _places(tangents: Tangents) -> tuple[dict[str, int], dict[str, int]]:
-    """Return the numbers of coordinates and of constraints by the names that entries have."""
-    d = tangents.description
-    columns = {name: i for i, name in enumerate(f"{p}_{axis}" for p in d.free for axis in d.axes)}
-    return columns, {name: i for i, name in enumerate(d.constraints)}
-
-
 def _matrices(tangents: Tangents, kernels: Evaluator) -> dict[str, Array]:
     """Return M, K and C, each (n, n)."""
-    columns, _ = _places(tangents)
-    parts = kernels.blocks("pencil", *_at(tangents, kernels))
+    names = tangents.description.of_coordinates()
+    values = kernels("pencil", *_at(tangents, kernels))
     matrices = {name: np.zeros((tangents.n, tangents.n)) for name in _SYSTEM}
     for block in kernels.info("pencil").blocks:
         if block.name in matrices:
-            for label, value in zip(block.rows, parts[block.name], strict=True):
-                row, column = label.split()
-                matrices[block.name][columns[row], columns[column]] = value
+            for row, column, place in block.places(names, names):
+                matrices[block.name][row, column] = values[place]
     return matrices
 
 
@@ -98,7 +90,9 @@ def _changes(
     tangents: Tangents, kernels: Evaluator, moved: Array, parameters: Sequence[str]
 ) -> dict[str, Array]:
     """Return the derivatives of M, K, C and J by each parameter, (parameters, rows, columns)."""
-    columns, constraints = _places(tangents)
+    d = tangents.description
+    columns = {name: i for i, name in enumerate(d.of_coordinates())}
+    constraints = {name: i for i, name in enumerate(d.constraints)}
     n, m = tangents.n, tangents.m
     directions = {name: moved[i] for name, i in columns.items()}
     directions |= {f"{name}_lambda": moved[n + i] for name, i in constraints.items()}

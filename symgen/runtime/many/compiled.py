@@ -29,8 +29,6 @@ if TYPE_CHECKING:
     from symgen.runtime.result.state import State
 
 Array = NDArray[np.float64]
-#: Arguments of runs that look at the clock between steps.
-_CLOCKED = ("max_wall", "progress")
 #: Longer runs are carried out singly: they can be interrupted, and tell their pace.
 _MOST_STEPS = 100_000
 
@@ -116,7 +114,7 @@ def compiled_runs(
 ) -> Compiled | None:
     """Return runs with the options of a first one; None where each is to be carried out singly."""
     source = getattr(first, "__dict__", {}).get("_source")
-    if not isinstance(source, Recording) or any(arguments.get(name) is not None for name in _CLOCKED):
+    if not isinstance(source, Recording) or arguments.get("max_wall") is not None:
         return None
     evaluator, chosen, d = source.evaluator, source.chosen, source.evaluator.description
     in_c = source.equations.core_type is _core.DOUBLE and source.library.backend in ("c", "shipped")

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from itertools import product
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -39,12 +37,8 @@ class Bonds:
     def slopes(self) -> NDArray[np.intp]:
         """Constraint, coordinate and place in what ``closure`` writes, of each slope dPhi/dq: (slopes, 3)."""
         d = self.description
-        rows = {name: i for i, name in enumerate(d.constraints)}
-        columns = {f"{p}_{axis}": i for i, (p, axis) in enumerate(product(d.free, d.axes))}
         block = next(b for b in self.kinematics.info("closure").blocks if b.name == "constraint_slopes")
-        labels = (label.split() for label in block.rows)
-        found = [(rows[row], columns[x], block.offset + k) for k, (row, x) in enumerate(labels)]
-        return np.array(found, dtype=np.intp)
+        return np.array(block.places(d.constraints, d.of_coordinates()), dtype=np.intp)
 
     def residual(self, q: Array, t: float) -> Array:
         """Return Phi over its scale [m], shape (m,)."""

@@ -63,8 +63,7 @@ class Statics:
     def __init__(self, bonds: Bonds, statics: Evaluator, t: float) -> None:
         self.bonds, self.t, self._statics = bonds, t, statics
         self._rest = np.zeros(bonds.n)
-        d = bonds.description
-        self._names = [f"{point}_{axis}" for point in d.free for axis in d.axes]
+        self._names = bonds.description.of_coordinates()
 
     def force(self, q: Array) -> Array:
         """Return the applied forces on the coordinates at rest [N]."""
@@ -79,11 +78,9 @@ class Statics:
             return whole
         work = np.zeros(self._statics.work_size + n + self.bonds.m + 1)
         work[n : n + self.bonds.m] = multipliers
-        at = {q: i for i, q in enumerate(self._names)}
-        places = [tuple(at[q] for q in row.split()) for row in info.blocks[0].rows]
         entries = self._statics(name, self.t, q, self._rest, work)
-        for place, value in zip(places, entries, strict=True):
-            whole[place] = value
+        for row, column, place in info.blocks[0].places(self._names, self._names):
+            whole[row, column] = entries[place]
         return whole
 
     def at(self, q: Array) -> Linearised:
