@@ -275,7 +275,7 @@ def find_compiler() -> Compiler | None:
         if path:
             full = (path, *command[1:])
             of_user = FLAGS if flags is None else tuple(_words("SYMGEN_CFLAGS", flags))
-            return Compiler(full, _version(full), of_user)
+            return Compiler(full, _version(full, Path(path).stat().st_mtime_ns), of_user)
     if chosen:
         raise BuildError(f"CC names the compiler {chosen!r}, which is not there; unset CC or correct it")
     return None
@@ -290,7 +290,9 @@ def _words(variable: str, value: str) -> list[str]:
         ) from None
 
 
-def _version(command: tuple[str, ...]) -> str:
+@cache
+def _version(command: tuple[str, ...], changed: int) -> str:
+    """Return the first line in which a compiler, whose file last changed then, states its version."""
     with Process([*command, "--version"]) as process:
         if not process.ended(_VERSION_LIMIT):
             raise BuildError(process.over_limit(_VERSION_LIMIT))
