@@ -6,7 +6,12 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from symgen.errors import ModelError, SceneError, nearest
-from symgen.models.linearisation import linearisation_system, sensitivity_system, vibration_system
+from symgen.models.linearisation import (
+    linearisation_system,
+    sensitivity_system,
+    variation_system,
+    vibration_system,
+)
 from symgen.models.rods.linearised import kinematics_system, statics_system
 from symgen.models.tangent import tangent_system
 
@@ -38,6 +43,7 @@ ANALYSES: dict[str, Callable[[Linkage], System]] = {
     "tangent": tangent_system,
     "linearisation": linearisation_system,
     "sensitivity": sensitivity_system,
+    "variation": variation_system,
     "vibration": vibration_system,
     "forces": _forces,
     "elastic_motion": _elastic("motion_system"),

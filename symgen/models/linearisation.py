@@ -36,6 +36,8 @@ if TYPE_CHECKING:
 RATE = "'"
 
 Entry = tuple[str, sp.Expr, str]
+#: Name of a matrix of slopes, labels and expressions of its rows, and its description.
+Rows = tuple[str, list[str], Sequence[sp.Expr], str]
 
 
 def linearisation_system(linkage: Linkage) -> System:
@@ -62,6 +64,42 @@ def sensitivity_system(linkage: Linkage) -> System:
     Its kernel ``slopes`` also has the matrix ``constraints``, of Phi.
     """
     return _system(linkage, "sensitivity", _tunable(linkage))
+
+
+def variation_system(linkage: Linkage) -> System:
+    """Return the System of slopes along a run, by its state and the tunable parameters.
+
+    Its kernels: ``stage``, the matrix ``residual``, at held accelerations and multipliers; ``closing``, the
+    matrices ``constraints`` of Phi and ``rates`` of dPhi/dt; ``integrands``, the values of the linkage's
+    outputs, and ``integrand_slopes``, the matrix ``outputs``. Matrices are lists of nonzero entries, called
+    as in :func:`linearisation_system`.
+
+    Raises
+    ------
+    ModelError
+        For an output that the linkage does not have.
+    """
+    model = RodsModel(linkage)
+    entries = _outputs(model)
+    equations, work = _equations(model)
+    state = [*(x.symbol for x in model.coordinates), *(x.symbol for p in model.free for x in model.u[p])]
+    tunable = [x.symbol for x in _tunable(linkage)]
+    matrices = [
+        *_slopes(model, equations, [*state, *tunable]),
+        *_slopes(model, [_of_outputs(entries)], [*state, *work, *tunable]),
+    ]
+    values = _values(model, entries)
+    known = {m.name for m in (*matrices, *values)}
+    exports = []
+    for kernel, of in (
+        ("stage", ("residual",)),
+        ("closing", ("constraints", "rates")),
+        ("integrands", tuple(m.name for m in values)),
+        ("integrand_slopes", ("outputs",)),
+    ):
+        if known.intersection(of):
+            exports.append(Export(kernel, "slopes along a run", tuple(x for x in of if x in known)))
+    return analysis_of(model, "variation", (*matrices, *values), exports)
 
 
 def vibration_system(linkage: Linkage) -> System:
@@ -98,35 +136,52 @@ def _tunable(linkage: Linkage) -> list[Quantity]:
     return [p.quantity for p in linkage.parameters if p.quantity not in held]
 
 
-def _system(linkage: Linkage, kind: str, parameters: Sequence[Quantity]) -> System:
-    model = RodsModel(linkage)
+def _outputs(model: RodsModel) -> list[Entry]:
+    """Return the scalars of the linkage's outputs; raise ModelError for one that it does not have."""
     try:
-        entries = [entry for name in linkage.outputs or () for entry in _entries(model, name)]
+        return [entry for name in model.linkage.outputs or () for entry in _entries(model, name)]
     except SceneError as error:
         raise ModelError(str(error)) from None
-    rates = [x for p in model.free for x in model.u[p]]
+
+
+def _equations(model: RodsModel) -> tuple[list[Rows], list[sp.Symbol]]:
+    """Return the rows of the residual, of dPhi/dt and of Phi, and the unknowns of the equations of motion."""
     bound = [model.multipliers[c.name] for c in model.constraints]
     work = [*(x for p in model.free for x in model.a[p]), *bound]
-    rows = [
-        ("residual", work, residual(model), "slopes of the equations of motion"),
-        ("rates", bound, [model.constraint_rate(c) for c in model.constraints], "slopes of dPhi/dt"),
-    ]
-    if kind == "sensitivity":
-        rows.append(("constraints", bound, [c.expression for c in model.constraints], "slopes of Phi"))
-    arguments = [x.symbol for x in (*model.coordinates, *rates, *work, *parameters)]
+    names = [x.name for x in bound]
+    rates = [model.constraint_rate(c) for c in model.constraints]
+    return [
+        ("residual", [x.name for x in work], residual(model), "slopes of the equations of motion"),
+        ("rates", names, rates, "slopes of dPhi/dt"),
+        ("constraints", names, [c.expression for c in model.constraints], "slopes of Phi"),
+    ], [x.symbol for x in work]
+
+
+def _of_outputs(entries: Sequence[Entry]) -> Rows:
+    return "outputs", [name for name, *_ in entries], [e for _, e, _ in entries], "slopes of outputs"
+
+
+def _slopes(model: RodsModel, rows: Sequence[Rows], arguments: Sequence[sp.Symbol]) -> Iterator[NamedMatrix]:
+    """Yield the matrices of slopes of labelled expressions by arguments of kernels, unless all are zero."""
     slopes = slopes_by(model, arguments, definitions(model))
-    matrices = []
-    for name, labels, expressions, about in (
-        *((name, [x.name for x in of], expressions, about) for name, of, expressions, about in rows),
-        ("outputs", [name for name, *_ in entries], [e for _, e, _ in entries], "slopes of outputs"),
-    ):
+    for name, labels, expressions, about in rows:
         found = {
             f"{label} {argument.name}": slope
             for label, expression in zip(labels, expressions, strict=True)
             for argument, slope in slopes(expression.xreplace(model.held)).items()
         }
         if found:
-            matrices.append(named(model, name, list(found.values()), "SI", about, rows=list(found)))
+            yield named(model, name, list(found.values()), "SI", about, rows=list(found))
+
+
+def _system(linkage: Linkage, kind: str, parameters: Sequence[Quantity]) -> System:
+    model = RodsModel(linkage)
+    entries = _outputs(model)
+    equations, work = _equations(model)
+    rows = [*equations[: 3 if kind == "sensitivity" else 2], _of_outputs(entries)]
+    rates = [x for p in model.free for x in model.u[p]]
+    arguments = [x.symbol for x in (*model.coordinates, *rates)]
+    matrices = [*_slopes(model, rows, [*arguments, *work, *(p.symbol for p in parameters)])]
     exports = [Export("slopes", "slopes of equations and outputs", tuple(m.name for m in matrices))]
     values = _values(model, entries)
     if values:

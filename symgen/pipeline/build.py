@@ -329,8 +329,8 @@ def _analysis(
 ) -> tuple[Description, Library]:
     """Return the kernels of one kind of analysis, which are compiled on first use.
 
-    ``outputs`` are those of the analysis; the scene's own where there are none. ``linkage`` returns the
-    linkage of the scene, or one derived from it, which ``of`` names.
+    ``outputs`` are those of the analysis. ``linkage`` returns the linkage of the scene, or one derived from
+    it, which ``of`` names.
     """
     from symgen.runtime.kernels.description import kernel_infos
 
@@ -338,7 +338,7 @@ def _analysis(
         with no_collection():
             from symgen.models.analyses import analysis_system
 
-            found = replace(linkage(), outputs=outputs) if outputs else linkage()
+            found = replace(linkage(), outputs=outputs)
             program, equations, sources = tools.lowered(analysis_system(found, kind))
         with tools.written(program, sources, folder) as compilation:
             kernels = kernel_infos(program.kernels)

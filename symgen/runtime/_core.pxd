@@ -108,6 +108,9 @@ cdef extern from "core/core.h" nogil:
     cdef struct lane_api:
         pass
 
+    cdef struct variation_api:
+        pass
+
     cdef struct core_api:
         long version, real_bytes
         double epsilon
@@ -117,6 +120,7 @@ cdef extern from "core/core.h" nogil:
         const kinematics_api *kinematics
         const start_api *start
         const lane_api *lane_runs
+        const variation_api *variations
         void (*widen)(long, const double *, const double *, void *) noexcept nogil
         void (*narrow)(long, const void *, double *, double *) noexcept nogil
         void (*call_rows)(kernel_t, long, const void *, const void *, long, long, const void *, void *, long, void *, long) noexcept nogil

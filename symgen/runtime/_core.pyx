@@ -611,6 +611,35 @@ cdef class Run:
         self._look()
         return status
 
+    def advance_noting(self, double[::1] t, double[:, ::1] y, double[:, ::1] references):
+        """Take at most a step for each row; note time, state and references of angles in loads after it. Return the
+        status and the number of rows written. Runs in doubles only."""
+        cdef const sizes *of = &self.equations.core.sizes
+        cdef Py_ssize_t rows = t.shape[0], first = of.parameters - of.switches - of.windings
+        cdef long taken = 0, steps = self.steps
+        cdef int status = _MORE
+        cdef report r
+        if self.of.api.real_bytes != sizeof(double):
+            raise ValueError("expected a run in doubles")
+        for what, found in (("rows of y", y.shape[0]), ("rows of references", references.shape[0])):
+            at_least(what, found, rows)
+        if y.shape[1] != self.dim or references.shape[1] != of.windings:
+            raise ValueError(f"expected rows of {self.dim} and {of.windings} numbers")
+        with nogil:
+            while taken < rows and status == _MORE:
+                status = self.of.api.run_advance(self.core, 1)
+                self.of.api.run_report(self.core, &r)
+                if r.steps == steps:
+                    break
+                steps = r.steps
+                t[taken] = r.t
+                memcpy(&y[taken, 0], self.of.api.run_state(self.core), self.dim * sizeof(double))
+                if of.windings:
+                    memcpy(&references[taken, 0], self.equations.core.p + first, of.windings * sizeof(double))
+                taken += 1
+        self._look()
+        return status, taken
+
     cdef object _doubles(self, const void *raw, Py_ssize_t rows, Py_ssize_t columns):
         found = np.empty((rows, columns))
         cdef double[::1] to = found.reshape(-1)

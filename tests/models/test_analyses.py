@@ -34,7 +34,7 @@ REPEATED = {
 
 
 #: Kernels with the derivatives of those of others by all arguments: large ones.
-SLOPES = ("linearisation", "sensitivity", "vibration")
+SLOPES = ("linearisation", "sensitivity", "variation", "vibration")
 
 
 @pytest.mark.parametrize(
@@ -58,7 +58,7 @@ def test_kernels_of_the_analyses(scene, kind, backend):
             analysis_system(linkage, kind)
         return
     system = analysis_system(linkage, kind)
-    oracle, kernels = Oracle(system), model.analysis(kind)
+    oracle, kernels = Oracle(system), model.analysis(kind, outputs=tuple(linkage.outputs or ()))
     rng = np.random.default_rng(3)
     for _ in range(2):
         values = values_of(model, system, rng)

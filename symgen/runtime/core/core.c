@@ -155,6 +155,7 @@ const struct core_api symgen_core = {
     .kinematics = &symgen_kinematics,
     .start = &symgen_start,
     .lane_runs = &symgen_lane_runs,
+    .variations = &symgen_variations,
     .widen = widen,
     .narrow = narrow,
     .call_rows = call_rows,

@@ -14,6 +14,7 @@
 #include "loops.h"
 #include "run.h"
 #include "start.h"
+#include "variations.h"
 
 #if defined(_WIN32)
 #define SYMGEN_EXPORT __declspec(dllexport)
@@ -24,7 +25,7 @@
 #endif
 
 /* Of another number than this, a compiled core does not belong to the binding. */
-#define CORE_VERSION 11L
+#define CORE_VERSION 12L
 
 /* A run in doubles. */
 struct report {
@@ -51,6 +52,7 @@ struct core_api {
     const struct kinematics_api *kinematics;
     const struct start_api *start;
     const struct lane_api *lane_runs;
+    const struct variation_api *variations;
 
     /* Numbers to the core's type: high + low, low may be NULL; and back, low gets the rest when it is not NULL. */
     void (*widen)(long count, const double *high, const double *low, void *reals);

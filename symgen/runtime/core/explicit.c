@@ -9,24 +9,7 @@
  */
 #include "lanes.h"
 #include "run.h"
-
-struct tableau {
-    long stages, all, degree, rows, same_as_last;
-    const real *a, *b, *c, *e, *dense, *edge;
-};
-
-static struct tableau tableau_of(const struct run *run) {
-    const long *counts = run->scheme.counts;
-    struct tableau x = {.stages = counts[0], .all = counts[1], .degree = counts[2], .rows = counts[3]};
-    x.same_as_last = counts[4];
-    x.a = run->scheme.numbers;
-    x.b = x.a + x.all * x.all;
-    x.c = x.b + x.stages;
-    x.e = x.c + x.all;
-    x.dense = x.e + x.rows * (x.stages + 1);
-    x.edge = x.dense + x.all * x.degree;
-    return x;
-}
+#include "tableau.h"
 
 /* `own` holds the derivatives of all stages, a row each, and a row of scratch. */
 static size_t bytes(const struct equations *e, const long *counts) {
@@ -152,7 +135,7 @@ static real estimate(struct run *run, const struct tableau *x, real t_new, real 
 }
 
 static int step(struct run *run, real t, real h, real t_new) {
-    struct tableau x = tableau_of(run);
+    struct tableau x = tableau_of(&run->scheme);
     (void)t;
     for (long s = 1; s < x.stages; s++)
         if (fill_stage(run, &x, s, h) != DONE && run->scheme.adaptive)
@@ -195,7 +178,7 @@ static void look_for_stiffness(struct run *run, const struct tableau *x, real h,
 }
 
 static int finish(struct run *run, real h, real t_new) {
-    struct tableau x = tableau_of(run);
+    struct tableau x = tableau_of(&run->scheme);
     if (!(x.same_as_last && run->state->settled))
         run->e->of->derivative(run->e, t_new, run->y_new, run->f_new);
     if (run->scheme.adaptive && run->state->settled)
@@ -204,13 +187,13 @@ static int finish(struct run *run, real h, real t_new) {
 }
 
 static void prepare(struct run *run, real h) {
-    struct tableau x = tableau_of(run);
+    struct tableau x = tableau_of(&run->scheme);
     for (long s = x.stages + 1; s < x.all; s++)
         fill_stage(run, &x, s, h);
 }
 
 static void interpolate(struct run *run, real h, real theta, real *y) {
-    struct tableau x = tableau_of(run);
+    struct tableau x = tableau_of(&run->scheme);
     real weights[MOST_STAGES];
     for (long j = 0; j < x.all; j++) {
         real power = theta * h;

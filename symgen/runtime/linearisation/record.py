@@ -97,15 +97,15 @@ class Sensitivity:
     Attributes
     ----------
     derivatives
-        Array (outputs, parameters).
+        Array (outputs, parameters); along a run (times, outputs, parameters).
     outputs, parameters
         Names of its rows and columns.
     values
-        Values of the outputs.
+        Values of the outputs; along a run (times, outputs).
     units
         Unit of every output and parameter by name.
     t
-        Time [s].
+        Time [s]; along a run an array (times,).
     """
 
     derivatives: Array
@@ -113,14 +113,15 @@ class Sensitivity:
     parameters: tuple[str, ...]
     values: Array
     units: dict[str, str]
-    t: float
+    t: float | Array
 
     def summary(self) -> dict[str, Any]:
         """Return it in plain numbers: what ``symgen sensitivity --json`` prints."""
-        rows = zip(self.outputs, self.values.tolist(), self.derivatives.tolist(), strict=True)
+        last = np.moveaxis(self.derivatives, -2, 0)  # along a run, lists over the times
+        rows = zip(self.outputs, self.values.T.tolist(), np.moveaxis(last, -1, 1).tolist(), strict=True)
         return {
             "analysis": "sensitivity",
-            "t": self.t,
+            "t": np.asarray(self.t).tolist(),
             "parameters": {name: self.units[name] for name in self.parameters},
             "outputs": {
                 name: {
@@ -132,10 +133,14 @@ class Sensitivity:
             },
         }
 
-    def __getitem__(self, names: tuple[str, str]) -> float:
-        """Return the derivative of an output by a parameter: ``found["O.reaction.x", "stiffness"]``."""
+    def __getitem__(self, names: tuple[str, str]) -> Any:
+        """Return the derivative of an output by a parameter: ``found["O.reaction.x", "stiffness"]``.
+
+        A float; along a run an array (times,).
+        """
         output, parameter = names
         for name, known in ((output, self.outputs), (parameter, self.parameters)):
             if name not in known:
                 raise ModelError(f"there is no derivative of or by {name!r}. {nearest(name, known)}")
-        return float(self.derivatives[self.outputs.index(output), self.parameters.index(parameter)])
+        found = self.derivatives[..., self.outputs.index(output), self.parameters.index(parameter)]
+        return found if found.ndim else float(found)

@@ -35,6 +35,22 @@ def at_pose(
         As :meth:`Tangents.independent`; for a parameter that breaks redundant constraints.
     """
     tangents.check_closed()
+    dq, du = moved_pose(tangents, parameters, coordinates)
+    residual, by = tangents.slopes.residual, tangents.columns(parameters)
+    dw = tangents.solved(residual[:, tangents.by_q] @ dq + residual[:, tangents.by_u] @ du + residual[:, by])
+    return _of_outputs(tangents, outputs, parameters, dq, du, dw)
+
+
+def moved_pose(
+    tangents: Tangents, parameters: Sequence[str], coordinates: Sequence[str]
+) -> tuple[Array, Array]:
+    """Return dq and du by the parameters, each (n, parameters), while coordinates and their rates are held.
+
+    Raises
+    ------
+    ModelError
+        As :meth:`Tangents.directions`; for a parameter that breaks redundant constraints.
+    """
     slopes, by = tangents.slopes, tangents.columns(parameters)
     unit = tangents.free @ np.linalg.inv(tangents.directions(coordinates))
     places, rates = slopes.rows(coordinates), slopes.rows([f"{name}'" for name in coordinates])
@@ -43,9 +59,7 @@ def at_pose(
     moved = slopes.rates[:, tangents.by_q] @ dq + slopes.rates[:, by]
     du = -tangents.bound @ (moved / tangents.scale[:, None])
     du = du - unit @ (rates[:, tangents.by_q] @ dq + rates[:, tangents.by_u] @ du + rates[:, by])
-    residual = slopes.residual
-    dw = tangents.solved(residual[:, tangents.by_q] @ dq + residual[:, tangents.by_u] @ du + residual[:, by])
-    return _of_outputs(tangents, outputs, parameters, dq, du, dw)
+    return dq, du
 
 
 def at_equilibrium(

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from symgen.runtime.model.verbs import verb
 
@@ -93,6 +93,15 @@ class LinearAnalyses:
         *,
         at: State | Equilibrium | float | None = None,
         coordinates: Sequence[str] = (),
+        t_end: float | None = None,
+        t_eval: ArrayLike | None = None,
+        integrals: Sequence[str] = (),
+        method: str | None = None,
+        rtol: float | None = None,
+        atol: float | None = None,
+        step: float | None = None,
+        max_steps: int | None = None,
+        max_step: float | None = None,
     ) -> Sensitivity:
         """Return exact derivatives of outputs by tunable parameters: see ``docs/sensitivity.md``.
 
@@ -103,7 +112,8 @@ class LinearAnalyses:
             reactions, drive efforts, energies. At an equilibrium also ``frequencies`` [Hz] of all modes that
             oscillate, rising; they come last.
         parameters
-            Tunable parameters and inputs, all when absent.
+            Tunable parameters and inputs, all when absent. Of a run also the initial values of
+            ``coordinates`` and of their rates, called ``crank.angle`` and ``crank.angle'``.
         at
             An equilibrium, which moves with the parameters; or a state, which is held as far as drives and
             ``coordinates`` determine it, together with its time. Where drives alone move the linkage, a time
@@ -111,6 +121,14 @@ class LinearAnalyses:
         coordinates
             Independent coordinates as for :meth:`linearise` that are held at a state, with their rates: one
             for each degree of freedom that is not driven.
+        t_end, t_eval
+            With either, the derivatives are those along the run from that state: at the end [s], or at these
+            increasing times [s] after the start.
+        integrals
+            Outputs whose integrals over the time from the start are further outputs, ``integral of NAME``.
+        method, rtol, atol, step, max_steps, max_step
+            Options of the run, as for :meth:`simulate`; the method is explicit. ``max_steps`` is 1,000,000
+            when absent: the states between all steps are kept.
 
         Raises
         ------
@@ -118,6 +136,6 @@ class LinearAnalyses:
             As :meth:`linearise`; for a neutral equilibrium; for a parameter that contradicts redundant
             constraints; for equal frequencies.
         SimulationError
-            When the pose of that time cannot be reached.
+            When the pose of that time cannot be reached; as :meth:`simulate`.
         """
         raise NotImplementedError

@@ -106,7 +106,7 @@ class LinkageModel(Model):
     def analysis(self, kind: str, stepping: bool = False, outputs: tuple[str, ...] = ()) -> Evaluator:
         """Return the kernels of a kind of analysis; for ``stepping`` in the type of runs, else in doubles.
 
-        ``outputs`` are those of the analysis; the scene's own where there are none.
+        ``outputs`` are those of the analysis.
         """
         if self._analyses is None:
             raise ModelError(

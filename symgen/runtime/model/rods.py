@@ -15,11 +15,13 @@ from symgen.errors import ModelError, nearest
 from symgen.runtime import _core
 from symgen.runtime.integrate.causes import without_direction
 from symgen.runtime.integrate.checkpoint import keeping
-from symgen.runtime.integrate.options import options, sample_count
+from symgen.runtime.integrate.options import Options, options, sample_count
 from symgen.runtime.integrate.pace import limited
 from symgen.runtime.integrate.simulate import run
+from symgen.runtime.kernels.evaluate import Evaluator
 from symgen.runtime.model.compiled import degrees
 from symgen.runtime.model.linkage import LinkageModel
+from symgen.runtime.result.recording import wound
 from symgen.runtime.result.result import Result
 from symgen.runtime.result.state import Accelerations, State, finite
 from symgen.runtime.rods.redundancy import least_norm, not_unique
@@ -34,6 +36,8 @@ if TYPE_CHECKING:
     from symgen.runtime.rods.modes import Modes
 
 Array = NDArray[np.float64]
+#: Steps at most of a run with derivatives, whose states are all kept.
+MOST_STEPS = 1_000_000
 
 
 @checked
@@ -201,13 +205,29 @@ class RodModel(LinkageModel):
         parameters: Sequence[str] | None = None,
         at: State | Equilibrium | float | None = None,
         coordinates: Sequence[str] = (),
+        t_end: float | None = None,
+        t_eval: ArrayLike | None = None,
+        integrals: Sequence[str] = (),
+        method: str | None = None,
+        rtol: float | None = None,
+        atol: float | None = None,
+        step: float | None = None,
+        max_steps: int | None = None,
+        max_step: float | None = None,
     ) -> Sensitivity:
         from symgen.runtime.linearisation.sensitivity import at_equilibrium, at_pose
         from symgen.runtime.linearisation.state_space import derivatives
 
-        by = tuple(self.parameters if parameters is None else parameters)
+        along = t_end is not None or t_eval is not None
+        how = {"method": method, "rtol": rtol, "atol": atol, "step": step, "max_step": max_step}
+        of_run = {**how, "max_steps": max_steps, "integrals": integrals or None}
+        if not along and any(x is not None for x in of_run.values()):
+            given = ", ".join(name for name, x in of_run.items() if x is not None)
+            raise ModelError(f"{given} is for derivatives along a run: give t_end or t_eval, too")
+        initial = [*coordinates, *(f"{name}'" for name in coordinates)] if along else []
+        by = tuple([*self.parameters, *initial] if parameters is None else parameters)
         for name in by:
-            if name not in self.parameters:
+            if name not in self.parameters and name not in initial:
                 raise ModelError(
                     f"{self.name} has no tunable parameter {name!r}. {nearest(name, self.parameters)}"
                 )
@@ -217,22 +237,54 @@ class RodModel(LinkageModel):
                 "  Write tunable = true for some under [parameters] of the scene."
             )
         frequencies = "frequencies" in outputs
-        if frequencies and (at is None or isinstance(at, State | float | int)):
+        if frequencies and (along or at is None or isinstance(at, State | float | int)):
             raise ModelError("frequencies are those of an equilibrium: give model.equilibrium() for at")
         outputs = [name for name in outputs if name != "frequencies"]
         names = tuple(dict.fromkeys([*derivatives(coordinates), *outputs]))
-        if at is None or isinstance(at, State):
-            return at_pose(self._tangents(at, names, "sensitivity"), outputs, by, coordinates)
         if isinstance(at, float | int):
             driven = self.kinematics(at=[at], over="time")
             places, rates = (
                 {p: driven[f"{p}.{word}"].values[0] for p in self.description.free}
                 for word in ("position", "velocity")
             )
-            state = self.state(places, rates, float(at))
-            return at_pose(self._tangents(state, names, "sensitivity"), outputs, by, coordinates)
+            at = self.state(places, rates, float(at))
+        if along:
+            begin = at if at is None or isinstance(at, State) else at.state
+            start = self.initial_state() if begin is None else begin
+            times = np.atleast_1d(np.asarray(t_end if t_eval is None else t_eval, dtype=float))
+            last = float(times[-1]) if t_end is None else t_end
+            chosen = options(last, method, rtol, atol, step, 2, max_steps or MOST_STEPS, max_step=max_step)
+            return self._along_run(outputs, names, by, coordinates, start, times, integrals, chosen)
+        if at is None or isinstance(at, State):
+            return at_pose(self._tangents(at, names, "sensitivity"), outputs, by, coordinates)
         vibration = self.analysis("vibration") if frequencies else None
         return at_equilibrium(self._tangents(at, names, "sensitivity"), outputs, by, vibration)
+
+    def _along_run(
+        self,
+        outputs: Sequence[str],
+        names: tuple[str, ...],
+        by: tuple[str, ...],
+        coordinates: Sequence[str],
+        start: State,
+        times: Array,
+        integrals: Sequence[str],
+        chosen: Options,
+    ) -> Sensitivity:
+        """Return derivatives along a run; ``names`` are the outputs of the kernels ``sensitivity``."""
+        from symgen.runtime.linearisation.runs import at_run, follow
+
+        path = follow(self._evaluator, len(self.redundant), start, chosen, times)
+
+        def tangents(state: State, references: Array) -> Tangents:
+            held = self.with_parameters()
+            held._start = self._found()
+            ((given, _),) = wound(self._evaluator, references[None])
+            held._evaluator = Evaluator(self.description, self._library, given)
+            return held._tangents(state, names, "sensitivity")
+
+        kernels = self.analysis("variation", outputs=tuple(integrals))
+        return at_run(path, tangents, self._evaluator, kernels, outputs, by, coordinates, chosen)
 
     def _inverse_dynamics(
         self,

@@ -1,0 +1,29 @@
+"""Types of the binding of derivatives of runs; see ``_variations.pyx`` for what things do."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symgen.runtime._core import Equations
+from symgen.runtime.integrate.integrators import Integrator
+from symgen.runtime.kernels.evaluate import Evaluator
+
+Array = NDArray[np.float64]
+
+class Variations:
+    sums: Array
+    def __init__(
+        self,
+        equations: Equations,
+        method: Integrator,
+        evaluator: Evaluator,
+        places: Sequence[NDArray[np.int_]],
+        columns: int,
+    ) -> None: ...
+    def forward(
+        self, t: Array, y: Array, references: Array, moved: Array, summed: Array
+    ) -> tuple[int, int]: ...
+    def backward(
+        self, t: Array, y: Array, references: Array, seed: Array, weights: Array, gradient: Array
+    ) -> tuple[int, int]: ...

@@ -1,0 +1,167 @@
+# cython: language_level=3, boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
+"""The binding of derivatives of runs: tangents of explicit steps, and their transposes."""
+
+import numpy as np
+
+from libc.stdlib cimport calloc, free
+from libc.string cimport memcpy
+
+from symgen.calls import raise_failure
+from symgen.runtime._core cimport Equations, Scheme, at_least, equations, kernel_of, kernel_t, scheme as scheme_t
+
+
+cdef extern from "core/variations.h" nogil:
+    enum:
+        SLOPES_OF
+
+    cdef struct variation_kernels:
+        kernel_t stage, closing, integrands, integrand_slopes, setup
+
+    cdef struct variation_sizes:
+        Py_ssize_t columns, integrals, parameters, derived, work, out
+        Py_ssize_t entries[SLOPES_OF]
+        const long *places[SLOPES_OF]
+
+    cdef struct variations:
+        double *moved
+        double *sums
+        double *summed
+        double *seed
+        double *weights
+        double *gradient
+
+    cdef struct variation_table "variation_api":
+        size_t variations_struct
+        size_t (*bytes)(const equations *, const scheme_t *, const variation_sizes *) noexcept nogil
+        void (*bind)(variations *, equations *, const scheme_t *, const variation_sizes *, const variation_kernels *, void *) noexcept nogil
+        int (*forward)(variations *, long, const double *, const void *, const double *, long *) noexcept nogil
+        int (*backward)(variations *, long, const double *, const void *, const double *, long *) noexcept nogil
+
+
+cdef class Variations:
+    """Derivatives along explicit steps by some directions: parameters, and numbers that set the initial state.
+
+    Parameters
+    ----------
+    equations
+        The :class:`~symgen.runtime._core.Equations` of the run, in doubles, without the work of loads.
+    method
+        The explicit integrator of the run.
+    evaluator
+        The :class:`~symgen.runtime.kernels.evaluate.Evaluator` of the analysis ``variation``.
+    places
+        Row, column and place (entries, 3) of the slopes of the residual, Phi, dPhi/dt and the integrands; columns are
+        (q, u), (a, lambda), then the directions.
+    columns
+        Number of directions.
+    """
+
+    cdef Equations equations
+    cdef Scheme scheme
+    cdef object library, kept
+    cdef variation_sizes sizes
+    cdef variation_kernels given
+    cdef const variation_table *api
+    cdef variations *core
+    cdef void *memory
+
+    def __init__(self, Equations equations, method, evaluator, places, Py_ssize_t columns):
+        cdef long[:, ::1] of
+        cdef Py_ssize_t i
+        if equations.of.api.real_bytes != sizeof(double) or equations.extra:
+            raise ValueError("expected equations in double precision without the work of loads")
+        if method.kind != "explicit":
+            raise ValueError("expected an explicit method")
+        self.equations, self.scheme, self.library = equations, equations.of.scheme(method), evaluator.library
+        addresses = self.library.addresses
+        self.given.stage, self.given.closing = kernel_of(addresses, "stage"), kernel_of(addresses, "closing")
+        self.given.integrands = kernel_of(addresses, "integrands")
+        self.given.integrand_slopes = kernel_of(addresses, "integrand_slopes")
+        self.given.setup = kernel_of(addresses, "setup")
+        if equations.m and self.given.closing == NULL:
+            raise ValueError("expected the kernel 'closing' of a model with constraints")
+        self.sizes.columns = columns
+        self.sizes.parameters, self.sizes.derived = len(evaluator.given), self.library.derived
+        for info in evaluator.description.kernels:
+            self.sizes.work = max(self.sizes.work, info.work_size)
+            self.sizes.out = max(self.sizes.out, info.out_size)
+            if info.name == "integrands":
+                self.sizes.integrals = len(info.blocks)
+        whole = equations.n + equations.m
+        rows = whole, equations.m, equations.m, self.sizes.integrals
+        self.kept = [np.ascontiguousarray(each, dtype="l").reshape(-1, 3) for each in places]
+        for i in range(SLOPES_OF):
+            of = self.kept[i]
+            limits = rows[i], 2 * equations.n + whole + columns, self.sizes.out
+            if of.shape[0] and ((self.kept[i] < 0).any() or (self.kept[i] >= limits).any()):
+                raise ValueError(f"expected (row, column, place) below {limits} for each slope")
+            self.sizes.entries[i] = of.shape[0]
+            self.sizes.places[i] = &of[0, 0] if of.shape[0] else NULL
+        self.api = <const variation_table *>equations.of.api.variations
+        self.core = <variations *>calloc(1, self.api.variations_struct)
+        self.memory = calloc(1, self.api.bytes(equations.core, &self.scheme.filled, &self.sizes))
+        if self.core == NULL or self.memory == NULL:
+            raise MemoryError
+        self.api.bind(self.core, equations.core, &self.scheme.filled, &self.sizes, &self.given, self.memory)
+
+    def __dealloc__(self):
+        free(self.core)
+        free(self.memory)
+
+    cdef object array(self, double *at, shape):
+        """Return a view of memory of the core."""
+        cdef Py_ssize_t count = 1
+        for size in shape:
+            count *= size
+        if count == 0:
+            return np.zeros(shape)
+        found = np.asarray(<double[:count]>at)
+        return found.reshape(shape)
+
+    def forward(self, const double[::1] t, const double[:, ::1] y, const double[:, ::1] references, moved, summed):
+        """Carry derivatives (2n, columns) of the state and those of integrals, (integrals, columns), along the steps
+        between these times; return the status and the number of steps taken."""
+        moving = self.array(self.core.moved, (2 * self.equations.n, self.sizes.columns))
+        summing = self.array(self.core.summed, (self.sizes.integrals, self.sizes.columns))
+        moving[:], summing[:] = moved, summed
+        found = self.along(0, t, y, references)
+        moved[:], summed[:] = moving, summing
+        return found
+
+    def backward(self, const double[::1] t, const double[:, ::1] y, const double[:, ::1] references, seed, weights,
+                 gradient):
+        """Carry a seed (2n) of the last state, and weights of the integrals, back to the first; add to the gradient by
+        the directions. Return the status and the number of steps taken."""
+        seeds = self.array(self.core.seed, (2 * self.equations.n,))
+        gradients = self.array(self.core.gradient, (self.sizes.columns,))
+        seeds[:], gradients[:] = seed, gradient
+        self.array(self.core.weights, (self.sizes.integrals,))[:] = weights
+        found = self.along(1, t, y, references)
+        seed[:], gradient[:] = seeds, gradients
+        return found
+
+    cdef object along(self, bint back, const double[::1] t, const double[:, ::1] y, const double[:, ::1] references):
+        cdef long taken = 0, steps = t.shape[0] - 1
+        cdef int status
+        cdef double nothing = 0.0
+        cdef const double *held = &nothing
+        at_least("states", y.shape[0], steps + 1)
+        at_least("numbers in a state", y.shape[1], 2 * self.equations.n)
+        if y.shape[1] != 2 * self.equations.n:
+            raise ValueError(f"expected states of {2 * self.equations.n} numbers, got {y.shape[1]}")
+        if self.equations.core.sizes.windings:
+            at_least("rows of references", references.shape[0], steps)
+            at_least("references", references.shape[1], self.equations.core.sizes.windings)
+            held = &references[0, 0]
+        with nogil:
+            if back:
+                status = self.api.backward(self.core, steps, &t[0], &y[0, 0], held, &taken)
+            else:
+                status = self.api.forward(self.core, steps, &t[0], &y[0, 0], held, &taken)
+        raise_failure()
+        return status, taken
+
+    @property
+    def sums(self):
+        """The integrals along all steps taken, (integrals,)."""
+        return self.array(self.core.sums, (self.sizes.integrals,)).copy()

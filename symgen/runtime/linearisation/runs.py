@@ -1,0 +1,297 @@
+"""Exact derivatives along a run: the tangent of its steps, or their transpose.
+
+A run is cut at the times at which outputs are requested. Its states between steps are kept. Compiled code
+evaluates the stages of each step again with the slopes of the equations of motion, and carries derivatives of
+the state by all directions forward, or those of one output back to the start and the parameters, whichever
+costs less.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symgen.errors import ModelError, SimulationError
+from symgen.runtime import _core
+from symgen.runtime._variations import Variations
+from symgen.runtime.integrate.failures import problem
+from symgen.runtime.integrate.options import Options, recorded_at
+from symgen.runtime.kernels.evaluate import Evaluator
+from symgen.runtime.linearisation.record import Sensitivity
+from symgen.runtime.linearisation.sensitivity import moved_pose
+from symgen.runtime.linearisation.state_space import Tangents, check_unique
+from symgen.runtime.result.state import State
+from symgen.runtime.rods.redundancy import slack
+
+Array = NDArray[np.float64]
+
+#: Steps whose states are noted in one call.
+_CHUNK = 4096
+#: Directions at which the transposed steps of one output cost as much as the tangents of all.
+_DIRECTIONS = 6
+
+
+@dataclass(frozen=True, slots=True)
+class Path:
+    """The states between the steps of a run.
+
+    Attributes
+    ----------
+    t, y
+        Times [s] (steps + 1,) and states (steps + 1, 2n).
+    references
+        References of angles in loads, one row per step.
+    ends
+        Number of steps till each requested time.
+    """
+
+    t: Array
+    y: Array
+    references: Array
+    ends: tuple[int, ...]
+
+
+def follow(evaluator: Evaluator, redundant: int, start: State, chosen: Options, times: Array) -> Path:
+    """Carry out a run that steps exactly to the times requested, and keep its states.
+
+    Raises
+    ------
+    ModelError
+        For times that do not increase from the start to the end; for methods other than explicit ones, loads
+        that jump, and events that end the run.
+    SimulationError
+        As for :meth:`Model.simulate`.
+    """
+    d = evaluator.description
+    if chosen.method.kind != "explicit":
+        raise ModelError(
+            f"derivatives of runs are for explicit methods, and {chosen.method.name} is none\n"
+            "  Choose dop853, dopri5 or rk4."
+        )
+    if d.switches:
+        raise ModelError(f"derivatives of runs are not available for loads that jump: {d.switches[0]}")
+    for event in d.events:
+        if event.ends_run:
+            raise ModelError(
+                f"derivatives of runs are not available where an event ends the run: {event.name}"
+            )
+    if recorded_at(times, start.t, chosen.t_end)[0] <= start.t:
+        raise ModelError(f"expected times after the start at t = {start.t:g} s, got {times[0]:g} s")
+    allowed = slack(evaluator, start.q) if redundant else np.inf
+    equations = evaluator.equations(redundant, allowed, work_of_loads=False)
+    t: list[Array] = [np.array([start.t])]
+    y: list[Array] = []
+    references: list[Array] = []
+    now, state, ends, step = start.t, np.concatenate([start.q, start.u]), [], chosen.step
+    for end in times.tolist():
+        stepper = _core.Run(
+            equations, chosen.method, now, state, end, chosen.rtol, chosen.atol, step, np.zeros(0),
+            max_step=chosen.max_step,
+            directions=[e.direction for e in d.events] if d.events else (),
+            terminal=[2 * e.revolves for e in d.events] if d.events else (),
+        )  # fmt: skip
+        status = stepper.begin()
+        if not y:
+            y.append(stepper.state[None, :])
+            references.append(equations.parameters[None, len(d.tunable) : len(d.tunable) + d.windings])
+        while status == _core.MORE:
+            room = min(_CHUNK, chosen.max_steps - sum(map(len, t)) + 1)
+            if room <= 0:
+                break
+            rows = np.zeros(room), np.zeros((room, len(state))), np.zeros((room, d.windings))
+            status, taken = stepper.advance_noting(*rows)
+            for of, found in zip((t, y, references), rows, strict=True):
+                of.append(found[:taken])
+        if status != _core.DONE:
+            cause = problem(status, stepper, equations, evaluator, replace(chosen, t_end=end))
+            raise SimulationError(cause, time=stepper.t)
+        now, state = end, stepper.state
+        step = step if not chosen.rtol and not chosen.atol else 0.0
+        ends.append(sum(map(len, t)) - 1)
+    return Path(np.concatenate(t), np.concatenate(y), np.concatenate(references), tuple(ends))
+
+
+def at_run(
+    path: Path,
+    tangents: Callable[[State, Array], Tangents],
+    evaluator: Evaluator,
+    kernels: Evaluator,
+    outputs: Sequence[str],
+    by: Sequence[str],
+    coordinates: Sequence[str],
+    chosen: Options,
+) -> Sensitivity:
+    """Return the derivatives of outputs, and of the integrals that ``kernels`` have, at the ends of the path.
+
+    Parameters
+    ----------
+    path
+        The run.
+    tangents
+        Returns the linearised motion at a state, for references of angles in loads.
+    evaluator
+        The kernels of the equations of motion.
+    kernels
+        Those of the analysis ``variation``; its outputs are the integrands.
+    outputs
+        Names of outputs.
+    by
+        Tunable parameters, and coordinates and their rates, whose values at the start are meant.
+    coordinates
+        Independent coordinates, which keep their values at the start with other parameters.
+    chosen
+        The options of the run.
+
+    Raises
+    ------
+    ModelError
+        As :func:`symgen.runtime.linearisation.sensitivity.at_pose`.
+    SimulationError
+        When a derivative is not finite.
+    """
+    start = tangents(_state(path, 0), path.references[0])
+    start.check_closed()
+    parameters = [name for name in by if name in start.parameters]
+    initial = [*coordinates, *(f"{name}'" for name in coordinates)]
+    chosen_initial = [name for name in by if name not in parameters]
+    columns = [initial.index(name) for name in chosen_initial]
+    names = (*parameters, *chosen_initial)
+    of_pose, of_coordinates = moved_pose(start, parameters, coordinates), start.independent(coordinates)
+    first = np.vstack([np.hstack([p, c[:, columns]]) for p, c in zip(of_pose, of_coordinates, strict=True)])
+    ends = [tangents(_state(path, i), path.references[i]) for i in path.ends]
+    shown = [x for name in outputs for x in ends[0].slopes.scalars(name)]
+    for end in ends:
+        check_unique(end, shown)
+    slopes = [_by_state(end, shown, parameters, len(names)) for end in ends]
+    integrands = [b.about for b in kernels.info("integrands").blocks] if kernels.has("integrands") else []
+    units = {b.about: b.unit for b in kernels.info("integrands").blocks} if integrands else {}
+    equations = evaluator.equations(start.redundant, work_of_loads=False)
+
+    def along(columns: int) -> Variations:
+        entries = _places(kernels, integrands, parameters[:columns], start)
+        return Variations(equations, chosen.method, kernels, entries, columns)
+
+    rows = len(shown) + len(integrands)
+    if rows * len(ends) * _DIRECTIONS < len(names):
+        found, integrals = _backward(path, along, slopes, len(integrands), first)
+    else:
+        found, integrals = _forward(path, along(len(names)), slopes, len(integrands), first)
+    order = [names.index(name) for name in by]
+    of_outputs = [[end.slopes.values[name] for name in shown] for end in ends]
+    integral_names = tuple(f"integral of {name}" for name in integrands)
+    infos = {p.name: p.unit for p in start.description.tunable}
+    return Sensitivity(
+        derivatives=np.array(found)[..., order],
+        outputs=(*shown, *integral_names),
+        parameters=tuple(by),
+        values=np.hstack([np.reshape(of_outputs, (len(ends), len(shown))), integrals]),
+        units={
+            **{name: ends[0].slopes.units[name] for name in shown},
+            **{name: f"{units[of]}*s" for name, of in zip(integral_names, integrands, strict=True)},
+            **{name: infos[name] for name in parameters},
+            **{name: start.slopes.units[name] for name in chosen_initial},
+        },
+        t=path.t[[*path.ends]],
+    )
+
+
+def _state(path: Path, i: int) -> State:
+    q, u = np.split(path.y[i], 2)
+    return State(float(path.t[i]), q, u, {}, {})
+
+
+def _by_state(
+    end: Tangents, outputs: Sequence[str], parameters: Sequence[str], directions: int
+) -> tuple[Array, Array]:
+    """Return the slopes of outputs by the state (outputs, 2n), and by the directions at a held state."""
+    rows, residual, by = end.slopes.rows(outputs), end.slopes.residual, end.columns(parameters)
+    states = slice(0, 2 * end.n)
+    held = rows[:, end.by_solution]
+    direct = np.zeros((len(outputs), directions))
+    direct[:, : len(by)] = rows[:, by] + held @ end.solved(residual[:, by])
+    return rows[:, states] + held @ end.solved(residual[:, states]), direct
+
+
+def _places(
+    kernels: Evaluator, integrands: Sequence[str], parameters: Sequence[str], start: Tangents
+) -> list[NDArray[np.int_]]:
+    """Return row, column and place of the slopes of residual, Phi, dPhi/dt and integrands."""
+    d, n = kernels.description, start.n
+    points = [f"{p}_{{}}{axis}" for p in d.free for axis in d.axes]
+    state = [x.format(what) for what in ("", "v") for x in points]
+    unknowns = [*(x.format("a") for x in points), *(f"{c}_lambda" for c in d.constraints)]
+    columns = {name: i for i, name in enumerate([*state, *unknowns, *parameters])}
+    rows = {"residual": unknowns, "constraints": unknowns[n:], "rates": unknowns[n:], "outputs": integrands}
+    found: dict[str, list[tuple[int, int, int]]] = {name: [] for name in rows}
+    for kernel in ("stage", "closing", "integrand_slopes"):
+        for block in kernels.info(kernel).blocks if kernels.has(kernel) else ():
+            labels = {label: i for i, label in enumerate(rows[block.name])}
+            for k, label in enumerate(block.rows):
+                row, column = label.split()
+                if column in columns:  # other parameters may not be requested
+                    found[block.name].append((labels[row], columns[column], block.offset + k))
+    return [np.array(each, dtype=np.int_).reshape(-1, 3) for each in found.values()]
+
+
+def _slices(path: Path, first: int, last: int) -> tuple[Array, Array, Array]:
+    return path.t[first : last + 1], path.y[first : last + 1], path.references[first : last + 1]
+
+
+def _check(status: int, t: Array, taken: int) -> None:
+    if status != _core.DONE:
+        at = float(t[min(taken, len(t) - 1)])
+        cause = (
+            "the constraints lose rank"
+            if status == _core.SINGULAR
+            else "a number that is not finite appeared"
+        )
+        raise SimulationError(f"no derivatives of the run from t = {at:.9g} s on: {cause}", time=at)
+
+
+def _forward(
+    path: Path, along: Variations, slopes: Sequence[tuple[Array, Array]], integrals: int, first: Array
+) -> tuple[list[Array], Array]:
+    moved, summed = np.ascontiguousarray(first), np.zeros((integrals, first.shape[1]))
+    begin, found, sums = 0, [], []
+    for end, (by_state, direct) in zip(path.ends, slopes, strict=True):
+        part = _slices(path, begin, end)
+        status, taken = along.forward(*part, moved, summed)
+        _check(status, part[0], taken)
+        found.append(np.vstack([by_state @ moved + direct, summed]))
+        sums.append(along.sums)
+        begin = end
+    return found, np.array(sums)
+
+
+def _backward(
+    path: Path,
+    along: Callable[[int], Variations],
+    slopes: Sequence[tuple[Array, Array]],
+    integrals: int,
+    first: Array,
+) -> tuple[list[Array], Array]:
+    directions = first.shape[1]
+    transposed, found = along(directions), []
+    for end, (by_state, direct) in zip(path.ends, slopes, strict=True):
+        part = _slices(path, 0, end)
+        rows = []
+        for seed, weights, gradient in _seeds(by_state, direct, integrals):
+            status, taken = transposed.backward(*part, seed, weights, gradient)
+            _check(status, part[0][::-1], taken)
+            rows.append(gradient + seed @ first)
+        found.append(np.array(rows))
+    if not integrals:
+        return found, np.zeros((len(path.ends), 0))
+    _, sums = _forward(path, along(0), [(x[:0], y[:0, :0]) for x, y in slopes], integrals, first[:, :0])
+    return found, sums
+
+
+def _seeds(by_state: Array, direct: Array, integrals: int) -> Iterator[tuple[Array, Array, Array]]:
+    """Yield seed of the last state, weights of the integrals, and the gradient at a held state."""
+    for row, gradient in zip(by_state, direct, strict=True):
+        yield row.copy(), np.zeros(integrals), gradient.copy()
+    for weights in np.eye(integrals):
+        yield np.zeros(by_state.shape[1]), weights, np.zeros(direct.shape[1])

@@ -1,0 +1,152 @@
+"""Derivatives along runs against closed forms of the motion that are differentiated at 40 digits."""
+
+from __future__ import annotations
+
+import mpmath as mp
+import numpy as np
+import pytest
+from shared.linkages import GRAVITY, G, at, ground
+from shared.slopes import slopes
+
+import symgen
+from symgen.errors import CapabilityError, ModelError, SimulationError
+
+ROD = {"m": (1.3, "kg"), "l": (0.6, "m")}
+
+
+def rod(angle, torques=(), more=None, **fields):
+    """A rod on a bearing, drawn at an angle, with torques that use tunable parameters."""
+    values = {**ROD, **(more or {})}
+    return symgen.Scene(
+        parameters={
+            name: {"value": f"{value!r} {unit}", "tunable": True} for name, (value, unit) in values.items()
+        },
+        points={"O": ground(0, 0), "P": at(0.6 * np.cos(angle), 0.6 * np.sin(angle))},
+        links={"rod": {"points": ["O", "P"], "mass": "m", "length": "l"}},
+        torques=[{"link": "rod", "torque": torque} for torque in torques],
+        **fields,
+    )
+
+
+def started(model, rate):
+    """The start of the rod with a rate."""
+    p = model.initial_state().positions["P"]
+    return model.state({"P": p}, {"P": [-rate * p[1], rate * p[0]]})
+
+
+def agrees(found, expected, rel=1e-9):
+    expected = np.asarray(expected, dtype=float)
+    assert found == pytest.approx(expected, rel=rel, abs=0.1 * rel * np.max(np.abs(expected)))
+
+
+DAMPED = {"c": (0.08, "N*m*s"), "T": (0.3, "N*m")}
+
+
+def damped(t):
+    """Angle, place and reaction along the rod, and the integral of the rate, after a time, with c and T above."""
+
+    def outputs(m, l, c, T, start, rate):
+        inertia = m * l**2 / 3
+        w = T / c + (rate - T / c) * mp.exp(-c * t / inertia)
+        turned = T / c * t + (rate - T / c) * inertia / c * (1 - mp.exp(-c * t / inertia))
+        f, a = start + turned, (T - c * w) / inertia
+        ax = -m * l / 2 * (w**2 * mp.cos(f) + a * mp.sin(f))
+        return [f, l * mp.cos(f), l * mp.sin(f), ax, turned]
+
+    return outputs
+
+
+@pytest.mark.parametrize(("options", "rel"), [({"rtol": 1e-12}, 1e-9), ({"step": 1e-3}, 1e-8)])
+def test_a_driven_rotor_has_the_derivatives_of_its_closed_form(options, rel):
+    model = symgen.build(rod(0.4, ["T - c*rod.rate"], DAMPED))
+    names, times = ["rod.angle", "P.position", "O.reaction.x"], [0.7, 2.0]
+    found = model.sensitivity(
+        names,
+        at=started(model, 2.0),
+        coordinates=["rod.angle"],
+        t_eval=times,
+        integrals=["rod.angle'"],
+        **options,
+    )
+    assert found.parameters == ("m", "l", "c", "T", "rod.angle", "rod.angle'")
+    assert found.outputs[-1] == "integral of rod.angle'" and found.units[found.outputs[-1]] == "rad/s*s"
+    values = [1.3, 0.6, 0.08, 0.3, 0.4, 2.0]
+    for i, t in enumerate(times):
+        expected = slopes(damped(t), values)
+        scale = np.max(np.abs(expected), axis=1)[:, None]
+        assert np.max(np.abs(found.derivatives[i] - expected) / scale) < rel
+        agrees(found.values[i, 1:], [float(x) for x in damped(t)(*map(mp.mpf, values))][1:], rel)
+    assert found["rod.angle", "T"] == pytest.approx(found.derivatives[:, 0, 3], rel=0)
+
+
+def test_few_outputs_have_the_same_derivatives_by_many_parameters():
+    """Derivatives by so many torques are taken back along the steps: the transposed equations."""
+    many = {f"T{i}": (0.001 * (i + 1), "N*m") for i in range(28)} | {"c": (0.08, "N*m*s")}
+    torques = ["-c*rod.rate", *(f"T{i}*{1 + i % 3}" for i in range(28))]
+    model = symgen.build(rod(0.4, torques, many))
+    whole = float(sum(0.001 * (i + 1) * (1 + i % 3) for i in range(28)))
+    found = model.sensitivity(
+        ["rod.angle", "P.position.y", "O.reaction.x"],
+        at=started(model, 2.0),
+        coordinates=["rod.angle"],
+        t_end=0.9,
+        integrals=["rod.angle'"],
+        rtol=1e-12,
+    )
+    assert found.derivatives.shape == (1, 4, 33)
+    by_whole = slopes(damped(0.9), [1.3, 0.6, 0.08, whole, 0.4, 2.0])
+    for k, row in enumerate((0, 2, 3, 4)):
+        m, l, c, T, start, rate = by_whole[row]
+        agrees(found.derivatives[0, k], [m, l, *(T * (1 + i % 3) for i in range(28)), c, start, rate])
+    turned = damped(0.9)(1.3, 0.6, 0.08, whole, 0.4, 2.0)[4]
+    assert found.values[0, 3] == pytest.approx(float(turned), rel=1e-10)
+
+
+def test_a_pendulum_has_the_derivatives_of_its_elliptic_function():
+    """sin(f/2) = k cd(w t, k), f the angle from the vertical and w^2 = 3 g/(2 l), released from rest."""
+
+    def outputs(l, start):
+        k = mp.sin((start + mp.pi / 2) / 2)
+        found = k * mp.ellipfun("cd", mp.sqrt(3 * mp.mpf(G) / (2 * l)) * mp.mpf("1.5"), k=k)
+        return [2 * mp.asin(found) - mp.pi / 2]
+
+    model = symgen.build(rod(0.2, gravity=GRAVITY))
+    found = model.sensitivity(["rod.angle"], coordinates=["rod.angle"], t_end=1.5, rtol=1e-12)
+    m, *rest, _ = found.derivatives[0, 0]
+    agrees(rest, slopes(outputs, [0.6, 0.2])[0])
+    assert abs(m) < 1e-9
+
+
+def test_angles_in_loads_go_on_over_revolutions():
+    """A torsion spring that is wound up by more than a revolution: a harmonic motion of the angle."""
+
+    def outputs(m, l, k, start, rate):
+        w, t = mp.sqrt(3 * k / m) / l, mp.mpf("1.3")
+        return [start * mp.cos(w * t) + rate / w * mp.sin(w * t), -k * rate / w * mp.sin(w * t)]
+
+    model = symgen.build(rod(0.0, ["-k*rod.angle"], {"k": (0.2, "N*m")}))
+    found = model.sensitivity(
+        ["rod.angle"], at=started(model, 12.0), coordinates=["rod.angle"], t_end=1.3, rtol=1e-12
+    )
+    values = [1.3, 0.6, 0.2, 0.0, 12.0]
+    assert float(outputs(*map(mp.mpf, values))[0]) > 2 * np.pi
+    agrees(found.derivatives[0, 0], slopes(outputs, values)[0])
+
+
+def test_runs_that_have_no_derivatives_are_refused():
+    model = symgen.build(rod(0.4, ["T - c*rod.rate"], DAMPED))
+    for arguments, message in (
+        ({"t_end": 1.0, "method": "radau5"}, "explicit methods, and radau5"),
+        ({"t_end": 1.0, "coordinates": []}, "one for each degree of freedom"),
+        ({"rtol": 1e-9}, "rtol is for derivatives along a run"),
+        ({"t_eval": [0.0, 1.0]}, "after the start"),
+    ):
+        with pytest.raises(ModelError, match=message):
+            model.sensitivity(["rod.angle"], **{"coordinates": ["rod.angle"], **arguments})
+    with pytest.raises(SimulationError, match="max_steps"):
+        model.sensitivity(["rod.angle"], coordinates=["rod.angle"], t_end=1.0, step=1e-3, max_steps=10)
+    jumps = symgen.build(rod(0.4, ["-c*sign(rod.rate)"], {"c": (0.1, "N*m")}))
+    with pytest.raises(ModelError, match="loads that jump: sign"):
+        jumps.sensitivity(["rod.angle"], coordinates=["rod.angle"], t_end=1.0)
+    with pytest.raises(CapabilityError, match="does not support sensitivity"):
+        symgen.build("rssr").sensitivity  # noqa: B018
