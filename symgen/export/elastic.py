@@ -40,7 +40,7 @@ CORE = (
 #: The fraction of a revolution in the comparison run, and its number of steps.
 _PART, _STEPS = 8, 32
 _INDEXED = (
-    "sizes", "constants_at", "link_of", "ends", "places", "places_at", "slots", "slots_at",
+    "sizes", "constants_at", "link_of", "joints", "places", "places_at", "slots", "slots_at",
     "joint_places", "joint_at", "mass_slots", "damping_slots", "stiffness_slots", "loads_at", "rows",
     "columns",
 )  # fmt: skip
@@ -149,6 +149,7 @@ def _layout(x: Layout) -> tuple[tuple[str, str], ...]:
         band=x.band,
         inner=x.inner,
         constant_count=x.constants.size,
+        most_joints=x.joints.shape[1] // 2,
         **{name: name.upper() for name in _INDEXED},
     )
 

@@ -218,8 +218,9 @@ def _elastic(linkage: Linkage) -> ElasticInfo:
     from symgen.pipeline.user_model import definition_of
     from symgen.runtime.beams.data import BeamInfo
     from symgen.runtime.kernels.elastic_description import ElasticInfo
+    from symgen.scene.rods.linkage import CarriedPoint
 
-    crank = linkage.crank
+    crank, along = linkage.crank, list(loads_along(linkage))
     return ElasticInfo(
         beams=tuple(
             BeamInfo(
@@ -243,7 +244,8 @@ def _elastic(linkage: Linkage) -> ElasticInfo:
         mode=crank.mode if crank else "",
         stations=tuple((s.name, s.link) for s in linkage.stations),
         lumps=tuple(link for link, _, _ in lumps(linkage)),
-        loads=tuple(link for link, *_ in loads_along(linkage)),
+        loads=tuple(link for link, _ in along),
+        joints=tuple(x.name if isinstance(x, CarriedPoint) else "" for _, x in along),
         outputs=linkage.outputs,
         shaft_alone=_shaft_alone(linkage),
         damps_all=linkage.modal_damping is not None and linkage.modal_damping.all,

@@ -36,11 +36,11 @@ cdef extern from "core/elastic.h" nogil:
 
     cdef struct beam_layout:
         Py_ssize_t unknowns, constraints, pieces, coordinates, masses, dampings, stiffnesses
-        Py_ssize_t shaft, shaft_slot, damped, damped_at, entries, band, inner, constant_count
+        Py_ssize_t shaft, shaft_slot, damped, damped_at, entries, band, inner, constant_count, most_joints
         const Py_ssize_t *sizes
         const Py_ssize_t *constants_at
         const Py_ssize_t *link_of
-        const Py_ssize_t *ends
+        const Py_ssize_t *joints
         const Py_ssize_t *places
         const Py_ssize_t *places_at
         const Py_ssize_t *slots
@@ -273,7 +273,7 @@ cdef int _check_layout(layout, Py_ssize_t links, Py_ssize_t joined) except -1:
     """Raise ValueError if an index of a layout lies outside its arrays or the output of the joints kernel."""
     cdef Py_ssize_t n = layout.unknowns, m = layout.constraints, entries = len(layout.rows)
     sizes, pieces = np.asarray(layout.sizes), len(layout.sizes)
-    for what in ("constants_at", "link_of", "ends", "places_at", "slots_at"):
+    for what in ("constants_at", "link_of", "joints", "places_at", "slots_at"):
         at_least(what, len(getattr(layout, what)), pieces)
     at_least("loads_at", len(layout.loads_at), links + 1)
     at_least("joint_at", len(layout.joint_at), 7)
@@ -297,7 +297,7 @@ cdef int _check_layout(layout, Py_ssize_t links, Py_ssize_t joined) except -1:
     _within("shaft_slot", [layout.shaft_slot], -1, entries)
     if pieces:
         _within("link_of", layout.link_of, 0, links)
-        _within("ends", np.reshape(layout.ends, (pieces, 4)), -1, sizes[:, None])
+        _within("joints", np.reshape(layout.joints, (pieces, -1)), -1, sizes[:, None])
         _within("ends of places", layout.places_at + sizes, 0, len(layout.places) + 1)
         _within("ends of slots", layout.slots_at + sizes**2, 0, len(layout.slots) + 1)
         _within("constants_at", layout.constants_at, 0, len(layout.constants))
@@ -348,7 +348,8 @@ cdef class BeamEquations(Integrable):
         wanted.entries, wanted.band, wanted.thesis = len(layout.rows), layout.band, thesis
         wanted.inner = layout.inner
         wanted.sizes, wanted.constants_at = _kept(kept, layout.sizes), _kept(kept, layout.constants_at)
-        wanted.link_of, wanted.ends = _kept(kept, layout.link_of), _kept(kept, layout.ends)
+        wanted.link_of, wanted.joints = _kept(kept, layout.link_of), _kept(kept, layout.joints)
+        wanted.most_joints = np.shape(layout.joints)[1] // 2
         wanted.places, wanted.places_at = _kept(kept, layout.places), _kept(kept, layout.places_at)
         wanted.slots, wanted.slots_at = _kept(kept, layout.slots), _kept(kept, layout.slots_at)
         wanted.joint_places, wanted.joint_at = _kept(kept, layout.joint_places), _kept(kept, layout.joint_at)

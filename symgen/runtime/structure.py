@@ -141,14 +141,14 @@ def forces_of_modes(
     found = []
     for beam, places, motion in zip(beams, layout.of_links, links, strict=True):
         axes, own = frames(motion), padded[places]
-        for u, w in beam.ends:
+        for u, w in beam.joints:
             own[u], own[w] = axes.local(own[u].copy(), own[w].copy())
         for piece in beam.pieces:
             force = piece.stiffness @ own[list(piece.at)]
             found.append(force)
             whole = np.zeros_like(own)
             whole[list(piece.at)] = force
-            for u, w in beam.ends:
+            for u, w in beam.joints:
                 whole[u], whole[w] = axes.fixed(whole[u].copy(), whole[w].copy())
             held = places < 0
             np.subtract.at(left, places[~held], whole[~held])

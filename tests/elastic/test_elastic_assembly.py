@@ -8,20 +8,25 @@ import mpmath
 import numpy as np
 import pytest
 from mpmath import mp, mpf
+from scipy.linalg import eigh
 from shared.elastic_assembly import Case, Joints, equations, floats
 from shared.elastic_linkages import (
     DIGITS,
     FT,
     LBF,
     RPM,
+    SIX_BAR,
     SLUG,
     STEP,
     cantilever,
     four_bar,
+    six_bar,
+    six_bar_scene,
     slider_crank,
     two_loops,
 )
 from shared.elastic_linkages import two_loops_scene as scene
+from shared.full import full
 
 import symgen
 from symgen.runtime.beams.frames import MOTION
@@ -38,6 +43,8 @@ def shunt(_, rate):
     return 10 * LBF * FT * (1 - rate / (95 * RPM))
 
 
+#: Elastic links of six-bars: with joints between their ends, and between those of rigid links.
+SIX_BARS = {"six_bar": ("coupler", "rocker", "lever"), "bodies": ("rocker", "link")}
 CASES = {
     "elastic_four_bar": Case(four_bar(373 * RPM)),
     "elastic_four_bar_free": Case(four_bar(373 * RPM), "free"),
@@ -48,6 +55,7 @@ CASES = {
     "free": Case(two_loops(), "free"),
     "motor": Case(two_loops(), "motor", motor),
     "flywheel": Case(two_loops(0.02), "motor", motor),
+    "six_bar": Case(six_bar(SIX_BAR, SIX_BARS["six_bar"])),
 }
 SCENES = {
     "held": {"mode": "held"},
@@ -58,7 +66,14 @@ SCENES = {
 
 
 @cache
+def six_bar_model(name):
+    return symgen.build(symgen.Scene(**six_bar_scene(SIX_BARS[name])))
+
+
+@cache
 def motion(name, stiffened=True):
+    if name in SIX_BARS:
+        return six_bar_model(name)._motion(stiffened)
     model = symgen.build(symgen.Scene(**scene(SCENES[name])) if name in SCENES else name)
     return model._motion(stiffened)
 
@@ -211,3 +226,35 @@ def test_a_uniform_shift_of_a_link_needs_no_force(axis):
             for matrix in (damping, stiffness):
                 felt = np.abs(matrix[own] @ shift).max() / np.abs(matrix[own]).max()
                 assert (felt > 1e-9) if thesis else (felt < 1e-15)
+
+
+def random_six_bar(seed):
+    """Sizes of a six-bar that closes in every position of its crank."""
+    factors = 1 + np.random.default_rng(seed).uniform(-0.06, 0.06, len(SIX_BAR))
+    return {name: float(size * factor) for (name, size), factor in zip(SIX_BAR.items(), factors, strict=True)}
+
+
+@pytest.mark.parametrize("name", SIX_BARS)
+@pytest.mark.parametrize("seed", [1, *(full(seed) for seed in range(2, 101))])
+def test_random_six_bars(name, seed):
+    """Matrices, and with them frequencies at rest and deflections under the loads of the rigid motion."""
+    sizes = random_six_bar(seed)
+    found = six_bar_model(name).with_parameters(**sizes)._motion(True)
+    case, t = (
+        Case(six_bar(sizes, SIX_BARS[name])),
+        float(np.random.default_rng(seed).uniform(0, found.period)),
+    )
+    compare(found, found.equations(), case, t)
+    compiled = found.equations()
+    for rest in (False, True):
+        _, mass, _, stiffness, load, basis = compiled.matrices(t, rest)
+        left = None if basis is None else free_unknowns(basis)
+        exact = equations(case, found.beams, list(found.layout.names), t, rest=rest, independent=left)
+        if rest:
+            squares = [
+                np.sort(eigh(k, m, eigvals_only=True)) for k, m in ((stiffness, mass), (exact[2], exact[0]))
+            ]
+            assert np.abs(squares[0] / squares[1] - 1)[:6].max() < 1e-9
+        else:
+            bent = [np.linalg.solve(k, q) for k, q in ((stiffness, load), (exact[2], exact[3]))]
+            assert np.abs(bent[0] - bent[1]).max() < 1e-9 * np.abs(bent[1]).max()

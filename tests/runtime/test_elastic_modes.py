@@ -50,6 +50,14 @@ PINNED = {
 }
 
 
+def test_beam_on_three_supports(tmp_path):
+    """Continuous over its middle: modes of a pinned span alternate with those of a span clamped there."""
+    between = 'C = { on = "bar", fraction = 0.5 }'
+    found = bending(bars.pinned(tmp_path, ", elements = 8", between=between).modes(), 4)
+    roots = np.array([np.pi, 3.92660231204791883, 2 * np.pi, 7.06858274562873])  # of tan x = tanh x
+    assert np.abs(found / (roots / 0.5) ** 2 / BENT - 1).max() < 1e-5
+
+
 @pytest.mark.parametrize("element", PINNED)
 def test_pinned_coupler(tmp_path, element):
     numbers, expected = PINNED[element]

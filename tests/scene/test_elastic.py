@@ -131,13 +131,13 @@ CASES = {
         ["[links.rail] elastic", "cannot turn"]),
     "third point": ([with_point('X = { at = ["1 m", "1 m"] }'), ('["A", "B"]', '["A", "B", "X"]')],
         [f"{COUPLER}] points", "a rod between two points"]),
-    "end on a further point": (
-        [with_point('X = { on = "crank", fraction = 0.5 }'), ('["A", "B"]', '["X", "B"]')],
-        [f"{COUPLER}] points", "X is a further point of crank", "first or second"],
+    "joint along an inextensible link": (
+        [with_point('X = { on = "coupler", fraction = 0.5 }'), ('["B", "Q"]', '["X", "Q"]'), with_keys("axial = false")],
+        ["[points.X] fraction", "coupler, which keeps its length", "axial = false"],
     ),
-    "joint along the link": (
-        [with_point('X = { on = "coupler", fraction = 0.5 }'), ('["B", "Q"]', '["X", "Q"]')],
-        ["[links.rocker] points", "X lies along the elastic link coupler", "two elastic links"],
+    "joint along the link at its end": (
+        [with_point('X = { on = "coupler", fraction = 1 }'), ('["B", "Q"]', '["X", "Q"]')],
+        ["[points.X] fraction", "coupler at its end, B", "Name B instead"],
     ),
     "point beyond the link": ([with_point('X = { on = "coupler", fraction = 1.5 }')], ["[points.X] fraction", "0 to 1"]),
     "torque": ([behind('[[torques]]\nlink = "coupler"\ntorque = "1 N*m"')], ["[torques.0] link", "no one angle"]),

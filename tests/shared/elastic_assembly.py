@@ -59,6 +59,10 @@ class Joints:
         (ax, ay), (bx, by) = self.xy(q, a), self.xy(q, b)
         return mp.sqrt((bx - ax) ** 2 + (by - ay) ** 2)
 
+    def gap(self, q, bar, s, p, k):
+        """Distance of a joint from its place on a bar, along an axis."""
+        return self.xy(q, p)[k] - (1 - s) * self.xy(q, bar.a)[k] - s * self.xy(q, bar.b)[k]
+
     def angle(self, q, bar):
         (ax, ay), (bx, by) = self.xy(q, bar.a), self.xy(q, bar.b)
         return mp.atan2(by - ay, bx - ax)
@@ -67,6 +71,13 @@ class Joints:
         """Name, function of q, and whether the elastic motion keeps it."""
         for b in self.linkage.bars:
             yield b.name, (lambda q, b=b: self.length(q, b.a, b.b)), not (b.elastic and b.axial)
+            for s, p in b.joints:
+                for k in range(2):
+                    yield (
+                        f"{b.name} {p} {k}",
+                        (lambda q, b=b, s=s, p=p, k=k: self.gap(q, b, s, p, k)),
+                        not b.elastic,
+                    )
         for p, n in self.linkage.guided.items():
             yield p, (lambda q, p=p, n=n: sum(k * x for k, x in zip(n, self.xy(q, p), strict=True))), True
         crank = self.case.crank
@@ -164,31 +175,35 @@ def local(beam):
     return found
 
 
-def stiffening(beam, bar: Bar, pull, along, rate, e):
-    """The integral of N w' w'^T, N by the balance of what lies before x."""
+def stiffening(beam, bar: Bar, pull, along, rate, e, joints):
+    """The integral of N w' w'^T, N by the balance of what lies before x; ``joints`` are (fraction, force)."""
     length, m = beam.properties.length, bar.mass / beam.properties.length
     points, weights = leggauss(10)
     breaks = {beam.info.node(k) for k in range(beam.info.elements + 1)}
-    breaks = sorted(breaks | {s for s, _ in (*bar.lumps, *bar.forces)})
+    breaks = sorted(breaks | {s for s, _ in (*bar.lumps, *bar.forces, *joints)})
     total = np.zeros((len(beam.dofs), len(beam.dofs)))
     for left, right in pairwise(breaks):
         fractions = (left + right) / 2 + points * (right - left) / 2
         x = fractions * length
         force = pull + m * (along * x - rate**2 * x**2 / 2)
         force += sum(mass * (along - rate**2 * s * length) for s, mass in bar.lumps if s <= left)
-        force -= sum(e @ np.array(f) for s, f in bar.forces if s <= left)
+        force -= sum(e @ np.array(f) for s, f in (*bar.forces, *joints) if s <= left)
         slopes = beam.table(fractions)[2]
         total += np.einsum("k,ki,kj->ij", force * weights * (right - left) / 2 * length, slopes, slopes)
     return total
 
 
 def places(case: Case, beam):
-    """Which unknown each of a link's own is: its name, the end (0 or 1) of it, or None where it is held."""
-    ends = {dof: (p, k) for pair, p in zip(beam.ends, (beam.info.start, beam.info.end), strict=True)
-            for k, dof in enumerate(pair)}  # fmt: skip
+    """Which unknown each of a link's own is: its name, a point with its axis, or None where it is held."""
+    bar = case.linkage.bar(beam.info.link)
+    nodes = [beam.info.node(k) for k in range(beam.info.elements + 1)]
+    joints = {}
+    for s, p in bar.points:
+        node = int(np.argmin(np.abs(np.array(nodes) - s)))
+        joints |= {f"{axis}@{node}": (p, k) for k, axis in enumerate("uw")}
     for i, dof in enumerate(beam.dofs):
-        if i in ends:
-            yield ends[i]
+        if dof in joints:
+            yield joints[dof]
         elif i in beam.fixed or (beam.info.link, dof, case.mode) == (case.linkage.crank, "theta@0", "held"):
             yield None
         else:
@@ -263,7 +278,8 @@ def of_link(case: Case, beam, instant: Instant, rest: bool):
     along, lateral, pull = e @ felt, across @ felt, -e @ first
     stiffness = m["stiffness"] - rate**2 * m["centrifugal"] - second * m["gyroscopic"]
     if not rest and beam.info.geometric_stiffness:
-        stiffness = stiffness + stiffening(beam, bar, pull, along, rate, e)
+        joints = [(s, instant.forces[bar.name, p]) for s, p in bar.joints]
+        stiffness = stiffness + stiffening(beam, bar, pull, along, rate, e, joints)
     load = rate**2 * m["load_out"] - along * m["load_x"] - lateral * m["load_y"] - second * m["load_turn"]
     for s, f in bar.forces:
         rows = beam.rows(s)

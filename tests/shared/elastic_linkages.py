@@ -25,7 +25,10 @@ RPM = 2 * np.pi / 60
 
 @dataclass(frozen=True)
 class Bar:
-    """A uniform bar from a to b; ``lumps`` are (fraction, mass), ``forces`` (fraction, (fx, fy)) along it."""
+    """A uniform bar from a to b.
+
+    ``lumps`` are (fraction, mass), ``forces`` (fraction, (fx, fy)) along it, ``joints`` (fraction, point).
+    """
 
     name: str
     a: str
@@ -36,6 +39,11 @@ class Bar:
     axial: bool = True
     lumps: tuple = ()
     forces: tuple = ()
+    joints: tuple = ()
+
+    @property
+    def points(self) -> tuple[tuple[float, str], ...]:
+        return (0.0, self.a), *self.joints, (1.0, self.b)
 
 
 @dataclass(frozen=True)
@@ -112,7 +120,7 @@ class Instant:
     def forces(self) -> dict[tuple[str, str], np.ndarray]:
         """Forces of the joints on the bars, by bar and point; weights and loads along a bar are its own."""
         bars = self.linkage.bars
-        at = {(b.name, p): 2 * i for i, (b, p) in enumerate((b, p) for b in bars for p in (b.a, b.b))}
+        at = {(b.name, p): 2 * i for i, (b, p) in enumerate((b, p) for b in bars for _, p in b.points)}
         couple = 2 * len(at)
         normal = {p: couple + 1 + i for i, p in enumerate(self.linkage.guided)}
         rows, right = [], []
@@ -134,11 +142,11 @@ class Instant:
             for s, load in b.forces:
                 force = force - np.array(load)
                 moment -= (s - 0.5) * length * turned @ np.array(load)
-            i, j = at[b.name, b.a], at[b.name, b.b]
+            joined = [(s - 0.5, at[b.name, p]) for s, p in b.points]
             for k in range(2):
-                balance([(i + k, 1), (j + k, 1)], force[k])
-            lever = length / 2 * turned
-            terms = [(i + k, -lever[k]) for k in range(2)] + [(j + k, lever[k]) for k in range(2)]
+                balance([(i + k, 1) for _, i in joined], force[k])
+            lever = length * turned
+            terms = [(i + k, s * lever[k]) for s, i in joined for k in range(2)]
             balance([*terms, *([(couple, 1)] if b.name == self.linkage.crank else [])], moment)
         for p in self.points:
             own = self.linkage.particles.get(p, 0.0) * self.felt(p) - self.spring_force(p)
@@ -217,7 +225,88 @@ def cantilever() -> Linkage:
     return Linkage(places, ("O",), (bar,), "strip")
 
 
-#: Angular velocity [rad/s] of the crank of ``two_loops``.
+#: Lengths [m] of crank, coupler, first rocker, connecting link and second rocker of ``six_bar``, and the
+#: fractions of the coupler and of the second rocker at which the links between them are joined.
+SIX_BAR = {
+    "r": 0.1, "coupler_length": 0.5, "rocker_length": 0.35, "link_length": 0.4, "lever_length": 0.45,
+    "joint": 0.6, "middle": 0.5,
+}  # fmt: skip
+
+
+def six_bar(sizes: dict[str, float], elastic: Sequence[str]) -> Linkage:
+    """A coupler that goes on beyond its joint C to T, and a lever that is moved at its middle E."""
+    r, coupler, rocker, link, lever, joint, middle = sizes.values()
+
+    def places(t):
+        A, Q, R = polar(r, 1 + SPEED * t), (mpf("0.4"), mpf(0)), (mpf("0.7"), mpf("0.25"))
+        C = circles(A, Q, joint * mpf(coupler), rocker, 1)
+        T = tuple(a + (c - a) / joint for a, c in zip(A, C, strict=True))
+        E = circles(T, R, link, middle * mpf(lever), 1)
+        S = tuple(a + (c - a) / middle for a, c in zip(R, E, strict=True))
+        return ground(O=(0, 0), Q=Q, R=R) | {"A": A, "T": T, "S": S, "C": C, "E": E}
+
+    def bar(name, a, b, length, **options):
+        mass = 2700 * 0.02 * 0.004 * length
+        return Bar(name, a, b, mass, mass * length**2 / 12, elastic=name in elastic, **options)
+
+    bars = (
+        Bar("crank", "O", "A", 0.5, 0.5 * r**2 / 12),
+        bar("coupler", "A", "T", coupler, joints=((joint, "C"),), lumps=((0.3, 0.05),)),
+        bar("rocker", "Q", "C", rocker),
+        bar("link", "T", "E", link),
+        bar("lever", "R", "S", lever, joints=((middle, "E"),)),
+    )
+    spring = Spring("C", "S", 200.0, 0.3, 4.0)
+    masses = {"S": 0.1, "C": 0.04}
+    return Linkage(places, ("O", "Q", "R"), bars, "crank", masses, {}, (spring,), (0.0, -9.81))
+
+
+def six_bar_scene(elastic: Sequence[str]) -> dict:
+    """The same as a scene, with its sizes as tunable parameters."""
+    with mpmath.workdps(DIGITS):
+        drawn = six_bar(SIX_BAR, elastic).places(mpf(0))
+    points = {
+        p: {"at": [f"{float(x)!r} m" for x in xy], **({"ground": True} if p in "OQR" else {})}
+        for p, xy in drawn.items()
+        if p not in "CE"
+    }
+    points["C"] = {"on": "coupler", "fraction": "joint"}
+    points["E"] = {"on": "lever", "fraction": "middle"}
+    points["P"] = {"on": "coupler", "fraction": 0.3}
+
+    def link(name, a, b, **options):
+        bent = {"elastic": {"E": "70 GPa", "elements": 2, **options}} if name in elastic else {}
+        section = {"width": "20 mm", "thickness": "4 mm"}
+        made = {"points": [a, b], "length": f"{name}_length", "density": "2700 kg/m^3", "section": section}
+        return made | bent
+
+    links = {
+        "crank": {"points": ["O", "A"], "length": "r", "mass": "0.5 kg"},
+        "coupler": link("coupler", "A", "T", elements=3, damping={"mass": "2 1/s", "stiffness": "1e-5 s"}),
+        "rocker": link("rocker", "Q", "C", element="cubic"),
+        "link": link("link", "T", "E"),
+        "lever": link("lever", "R", "S", damping={"ratio": 0.03}),
+    }
+    units = {name: "" if name in ("joint", "middle") else " m" for name in SIX_BAR}
+    return {
+        "title": "Six-bar with joints between the ends of elastic links",
+        "parameters": {
+            name: {"value": f"{size!r}{units[name]}" if units[name] else size, "tunable": True}
+            for name, size in SIX_BAR.items()
+        },
+        "points": points,
+        "links": links,
+        "masses": [
+            {"point": "S", "mass": "0.1 kg"}, {"point": "C", "mass": "0.04 kg"},
+            {"point": "P", "mass": "0.05 kg"},
+        ],
+        "springs": [{"between": ["C", "S"], "stiffness": "200 N/m", "length": "0.3 m", "damping": "4 N*s/m"}],
+        "gravity": {"acceleration": ["0 m/s^2", "-9.81 m/s^2"]},
+        "crank": {"link": "crank", "speed": f"{SPEED!r} rad/s", "angle": "1 rad"},
+    }  # fmt: skip
+
+
+#: Angular velocity [rad/s] of the crank of ``two_loops`` and ``six_bar``.
 SPEED = 30.0
 
 

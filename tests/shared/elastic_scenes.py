@@ -36,8 +36,12 @@ speed = "{speed}"
     )
 
 
-def pinned(folder: Path, elastic: str = "", *, height: str = "20 mm"):
-    """A bar pinned to a rigid crank that stands still and to a slider that moves along the bar."""
+def pinned(folder: Path, elastic: str = "", *, height: str = "20 mm", between: str = ""):
+    """A bar pinned to a rigid crank that stands still and to a slider that moves along the bar.
+
+    ``between`` is a further point C of the bar that moves along it as well.
+    """
+    guided = '["P", "C"]' if between else '["P"]'
     return _built(
         folder,
         f"""
@@ -47,6 +51,7 @@ A = {{ at = ["0 m", "0 m"] }}
 P = {{ at = ["1 m", "0 m"] }}
 R = {{ at = ["0 m", "0 m"], ground = true }}
 S = {{ at = ["2 m", "0 m"], ground = true }}
+{between}
 
 [links]
 rail = {{ points = ["R", "S"] }}
@@ -62,7 +67,7 @@ section = {{ width = "20 mm", thickness = "{height}" }}
 elastic = {{ E = "210 GPa"{elastic} }}
 
 [[guides]]
-points = ["P"]
+points = {guided}
 along = "rail"
 
 [crank]

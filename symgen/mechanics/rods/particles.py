@@ -74,6 +74,18 @@ def end_mass(
     return EndMass(about_end / squared, between / squared, about_start / squared, mass * offset / length)
 
 
+def joint_mass(ends: EndMass, along: sp.Expr, across: sp.Expr, count: int) -> sp.Expr:
+    """Return a mass [kg] of a link that can be counted at one of ``count`` of its points instead.
+
+    The kinetic energy of the link, less that of particles at (along, across), over its length, stays positive
+    definite. With the weights w = (1 - z, z) of the ends, z = along + i across, a particle may have the mass
+    1/(w* A^-1 w), where w* A^-1 w is at most 2 (a22 |1 - z|^2 + a11 |z|^2)/det A; half of that bound is used.
+    """
+    determinant = ends.a11 * ends.a22 - ends.a12**2 - ends.cross**2
+    first, second = (1 - along) ** 2 + across**2, along**2 + across**2
+    return determinant / (4 * count * (ends.a22 * first + ends.a11 * second))
+
+
 def kinetic_energy(ends: EndMass, start: Vector, end: Vector) -> sp.Expr:
     """Return the kinetic energy [J] of a link with these velocities of its ends [m/s]."""
     straight = sp.Add(

@@ -25,7 +25,7 @@ from symgen.models.rods.linearised import analysis_of, linearised
 from symgen.models.rods.linkage import RodsModel
 from symgen.models.rods.matrix import named
 from symgen.scene.elastic.links import AREA_POWER, INERTIA_POWER, Crank, ElasticLink
-from symgen.scene.rods.linkage import Linkage, RigidLink, Vector, state_symbol
+from symgen.scene.rods.linkage import CarriedPoint, Linkage, RigidLink, Vector, state_symbol
 from symgen.symbolic.calculus import ZERO
 from symgen.symbolic.names import Names
 from symgen.symbolic.system import Export, NamedMatrix, System
@@ -42,6 +42,8 @@ MOTION = (
 )
 #: Columns of ``loads``.
 APPLIED = tuple(w.name for w in _WEIGHTS if w.applied)
+#: Those of them that load the link, and do not stiffen it.
+_LOADING = tuple(w.name for w in _WEIGHTS if w.applied and w.into == "load")
 #: Matrices of a rigid crank.
 CRANK = ("rotation", "arm")
 #: Columns of ``properties``: see :class:`symgen.runtime.beams.links.Properties`.
@@ -96,7 +98,7 @@ def motion_system(linkage: Linkage) -> System:
         ("modal_damping", [[ratio] for ratio in damping.ratios] if damping else [], "1", ("ratio",)),
         ("stations", _stations(linkage), "1, m", ("at", "fibre")),
         ("lumps", [[at, mass] for _, at, mass in lumps(linkage)], "m, kg", ("at", "mass")),
-        ("profiles", [profile.shape for _, profile in along], "m, 1, 1/m", ("at", "even", "slope")),
+        ("profiles", [_shape(linkage, *x) for x in along], "m, 1, 1/m", ("at", "even", "slope")),
     ):
         if rows:
             matrices.append(_table(model, name, rows, unit, columns))
@@ -107,10 +109,16 @@ def motion_system(linkage: Linkage) -> System:
     ]
     if along:
         loads = []
-        for link, profile in along:
+        for link, acting in along:
             cosine, sine = (moving[link][q.symbol] for q in (COSINE, SINE))
-            own = local(_on_fixed_axes(model, profile), cosine, sine)
-            loads.append(_row(APPLIED, dict(zip((PX.symbol, PY.symbol), own, strict=True))))
+            if isinstance(acting, CarriedPoint):
+                # Links joined there share its displacements: their force changes the axial force alone.
+                force, omitted = model.joint_forces.on(link, acting.name), _LOADING
+            else:
+                force, omitted = _on_fixed_axes(model, acting), ()
+            own = local(force, cosine, sine)
+            row = _row(APPLIED, dict(zip((PX.symbol, PY.symbol), own, strict=True)))
+            loads.append([ZERO if w in omitted else x for w, x in zip(APPLIED, row, strict=True)])
         matrices.append(_table(model, "loads", loads, "N or N/m", APPLIED))
         exports.append(Export("loads", "forces along elastic links", ("loads",)))
     if crank and crank.mode == "motor" and crank.link in moving:
@@ -150,23 +158,34 @@ def joints_system(linkage: Linkage) -> System:
 
 
 def lumps(linkage: Linkage) -> Iterator[tuple[str, sp.Expr, sp.Expr]]:
-    """Yield the masses along elastic links: link, distance from its first point [m], mass [kg]."""
+    """Yield the masses along elastic links, but for joints: link, distance from its first point, mass."""
     for mass in linkage.masses:
         place = _on_beam(linkage, mass.point)
         if place:
             yield (*place, mass.mass)
 
 
-def loads_along(linkage: Linkage) -> Iterator[tuple[str, Profile]]:
-    """Yield the forces along elastic links, each after its link. The links are in their order."""
+def loads_along(linkage: Linkage) -> Iterator[tuple[str, Profile | CarriedPoint]]:
+    """Yield the forces along elastic links, each after its link, and the joints between the ends of the link.
+
+    The links are in their order, and the joints of each in the order of their places.
+    """
     for beam in linkage.elastic:
         for _, _, load in linkage.placed_loads:
             yield from ((beam.link, profile) for profile in _along(linkage, beam.link, load))
+        joints = [c for c in linkage.link(beam.link).carried if c.joined]
+        yield from ((beam.link, c) for c in sorted(joints, key=lambda c: linkage.number(c.along)))
+
+
+def _shape(linkage: Linkage, link: str, acting: Profile | CarriedPoint) -> Sequence[sp.Expr]:
+    if isinstance(acting, CarriedPoint):
+        return acting.along * linkage.link(link).length, ZERO, ZERO
+    return acting.shape
 
 
 def _along(linkage: Linkage, name: str, load: Load) -> Iterator[Profile]:
     link = linkage.link(name)
-    places = {c.name: c.along * link.length for c in link.carried}
+    places = {c.name: c.along * link.length for c in link.carried if not c.joined}
     for term in load.terms(linkage.dimension):
         yield from term.on.along(name, link.length, places, term.total)
 
@@ -181,7 +200,7 @@ def _on_beam(linkage: Linkage, point: str) -> tuple[str, sp.Expr] | None:
     for beam in linkage.elastic:
         link = linkage.link(beam.link)
         for carried in link.carried:
-            if carried.name == point:
+            if carried.name == point and not carried.joined:
                 return link.name, carried.along * link.length
     return None
 
@@ -270,7 +289,7 @@ def _rigid_crank(model: RodsModel, crank: Crank) -> Iterator[NamedMatrix]:
 def _without_beams(linkage: Linkage) -> Linkage:
     """Return the linkage with its elastic links massless, and the motor on a crank that is rigid."""
     beams = {b.link for b in linkage.elastic}
-    carried = {c.name for b in beams for c in linkage.link(b).carried}
+    carried = {c.name for b in beams for c in linkage.link(b).carried if not c.joined}
     crank, loads = linkage.crank, list(linkage.loads)
     loads = [x for x in loads if not any(any(_along(linkage, b, x)) for b in beams)]
     if crank and crank.link not in beams and crank.mode == "motor":
@@ -293,7 +312,8 @@ def _bound(model: RodsModel, linkage: Linkage) -> list[Constraint]:
     beams = {b.link for b in linkage.elastic}
     crank = linkage.crank
     free = {f"{crank.link}_drive"} if crank and (crank.mode != "held" or crank.link in beams) else set()
-    return [c for c in model.constraints if c.link not in stretching and c.name not in free]
+    kept = (c for c in model.constraints if c.carrier not in beams and c.link not in stretching)
+    return [c for c in kept if c.name not in free]
 
 
 def _is_elastic(linkage: Linkage, constraint: Constraint) -> bool:

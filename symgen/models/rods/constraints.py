@@ -36,8 +36,9 @@ class Constraint:
     """One row Phi = 0.
 
     ``expression`` over ``scale`` is an error in metres; ``unit`` is the unit of the expression, ``label``
-    its name in messages, and ``link`` the rod, or the bar of a body, whose length it constrains. ``motion``
-    holds the derivatives of a row in a frame of its own; None selects those of the expression.
+    its name in messages, ``link`` the rod, or the bar of a body, whose length it constrains, and ``carrier``
+    the link that a point is joined to. ``motion`` holds the derivatives of a row in a frame of its own; None
+    selects those of the expression.
     """
 
     name: str
@@ -47,6 +48,7 @@ class Constraint:
     unit: str
     link: str = ""
     motion: Motion | None = None
+    carrier: str = ""
 
     @property
     def multiplier_unit(self) -> str:
@@ -80,7 +82,8 @@ def _shared_joints(model: Points) -> Iterator[Constraint]:
             name = f"{link.name}_{point.name}_{axis}"
             if not free & model.calculus.gradient(own - other).keys():
                 continue  # ground on ground: the row constrains no moving point
-            yield Constraint(name, f"the joint {point.name} of link {link.name}", own - other, _ONE, "m")
+            label = f"the joint {point.name} of link {link.name}"
+            yield Constraint(name, label, own - other, _ONE, "m", carrier=link.name)
 
 
 @dataclass(frozen=True, slots=True)

@@ -56,7 +56,9 @@ class JointForces:
         rows = [f"{part.name}_{p}_{axis}" for axis in model.axes]
         if any(row not in model.multipliers for row in rows):
             raise SceneError(f"{part.name} is held without {p}: the force there is not determined")
-        return tuple(model.multipliers[row].symbol for row in rows)
+        force = tuple(model.multipliers[row].symbol for row in rows)
+        own = [m for c, m in model.joint_masses(part) if c.name == p] if isinstance(part, RigidLink) else []
+        return _sum([force, *(_times(mass, model.acceleration(p)) for mass in own)])
 
     def _on_base(self, part: Part, p: str) -> Vector:
         """Return the force on a link at a base point, from its own equations."""

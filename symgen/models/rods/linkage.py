@@ -45,11 +45,15 @@ class RodsModel(ConstrainedPoints):
                 found[a, b, kind] = found.get((a, b, kind), ZERO) + mass
 
         for k in self.massive:
-            ends = end_mass(k.mass, k.length, k.centre, k.inertia, k.offset)
-            add(k.start, k.start, "dot", ends.a11)
-            add(k.start, k.end, "dot", ends.a12)
-            add(k.end, k.end, "dot", ends.a22)
-            add(k.start, k.end, "cross", -ends.cross)
+            parts = [end_mass(k.mass, k.length, k.centre, k.inertia, k.offset)]
+            for point, mass in self.joint_masses(k):
+                add(point.name, point.name, "dot", mass)
+                at = (k.length, point.along * k.length, ZERO, point.across * k.length)
+                parts.append(end_mass(-mass, *at))
+            add(k.start, k.start, "dot", sp.Add(*(x.a11 for x in parts)))
+            add(k.start, k.end, "dot", sp.Add(*(x.a12 for x in parts)))
+            add(k.end, k.end, "dot", sp.Add(*(x.a22 for x in parts)))
+            add(k.start, k.end, "cross", -sp.Add(*(x.cross for x in parts)))
         for body in self.linkage.bodies:
             for i, a in enumerate(body.base):
                 for j, b in enumerate(body.base[i:], i):

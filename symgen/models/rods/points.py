@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from functools import cached_property
 
 import sympy as sp
 
 from symgen.loads.measure import Gradient
 from symgen.mechanics.rods import loads
-from symgen.mechanics.rods.particles import Vector, cross
+from symgen.mechanics.rods.particles import Vector, cross, end_mass, joint_mass
 from symgen.mechanics.rods.topology import Tree, spanning_tree
 from symgen.scene.rods.linkage import TIME, CarriedPoint, Linkage, RigidLink, SpatialBody, WeightedPoint
 from symgen.symbolic.calculus import ZERO, Calculus
@@ -24,9 +24,9 @@ class Points:
 
     A point is *free* (it has coordinates that move), *ground* (its motion is prescribed) or *carried* (placed
     by the base points of one link: it adds no unknowns). Where a link carries a point that is already placed,
-    the link *shares* it, as a joint with rows of its own. Ground points have coordinates too during the
-    derivation, so that the reaction at a ground point is the residual of its rows; their motion is
-    substituted at the end, by ``held``.
+    or has coordinates of its own, the link *shares* it, as a joint with rows of its own. Ground points have
+    coordinates too during the derivation, so that the reaction at a ground point is the residual of its rows;
+    their motion is substituted at the end, by ``held``.
     """
 
     def __init__(self, linkage: Linkage) -> None:
@@ -147,6 +147,13 @@ class Points:
             for i in range(len(self.axes))
         )
 
+    def joint_masses(self, link: RigidLink) -> Iterator[tuple[CarriedPoint, sp.Expr]]:
+        """Yield the points of a link with coordinates of their own, and the part of its mass at each."""
+        joined = [c for c in link.carried if c.joined]
+        if link.mass != 0:
+            ends = end_mass(link.mass, link.length, link.centre, link.inertia, link.offset)
+            yield from ((c, joint_mass(ends, c.along, c.across, len(joined))) for c in joined)
+
     def velocity(self, point: str) -> Vector:
         """Return the velocity of any point [m/s]."""
         return tuple(self.calculus.rate(c) for c in self.position(point))
@@ -182,12 +189,13 @@ def bar_name(body: SpatialBody, start: str, end: str) -> str:
 def _carriers(
     parts: Sequence[Part], ground: Sequence[str]
 ) -> tuple[dict[str, tuple[Part, Place]], list[tuple[Part, Place]]]:
-    """Determine the link that places each point; a point already placed becomes a shared joint."""
+    """Determine the link that places each point; one already placed, or joined, becomes a shared joint."""
     carrier: dict[str, tuple[Part, Place]] = {}
     shared: list[tuple[Part, Place]] = []
     for part in parts:
         for point in part.carried:
-            taken = point.name in ground or point.name in carrier
+            joined = isinstance(point, CarriedPoint) and point.joined
+            taken = joined or point.name in ground or point.name in carrier
             if taken or _rests_on(part, point.name, carrier):
                 shared.append((part, point))
             else:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from symgen.runtime._beams import BeamEquations
 from symgen.runtime.beams.data import BeamInfo, Properties
-from symgen.runtime.beams.elements import SHAPES, at, names, segments
+from symgen.runtime.beams.elements import SHAPES, at, meshed, names, segments
 from symgen.runtime.beams.forces import Motion
 from symgen.runtime.beams.frames import APPLIED, frames
 from symgen.runtime.beams.links import Beam
@@ -145,8 +145,8 @@ def euler_load(motion: ElasticMotion, k: int) -> float:
     nothing else is joined to is free.
     """
     beam = motion.beams[k]
-    info = replace(beam.info, elements=_EULER, nodes=())
-    return _buckling_load(info, beam.properties, frozenset(held_alone(motion, info) - {f"u@{_EULER}"}))
+    info = meshed(replace(beam.info, elements=_EULER, nodes=()), beam.properties.length, (), ())
+    return _buckling_load(info, beam.properties, frozenset(held_alone(motion, info) - {f"u@{info.elements}"}))
 
 
 @lru_cache(maxsize=64)
@@ -170,13 +170,13 @@ def _buckling_load(info: BeamInfo, properties: Properties, held: frozenset[str])
 def held_alone(motion: ElasticMotion, info: BeamInfo) -> set[str]:
     """Return the unknowns of a link alone that its joints hold: both ends, and the shaft of a held crank.
 
-    A tip that nothing else is joined to is free.
+    A tip that nothing else is joined to is free, and joints before it hold the link instead.
     """
     clamped = info.link == motion.info.crank and motion.info.mode == "held"
     held = {"u@0", "w@0", *(("theta@0",) if clamped else ())}
-    if not (clamped and _has_a_free_tip(motion, info)):
-        held |= {f"u@{info.elements}", f"w@{info.elements}"}
-    return held
+    if not ((clamped or info.between) and _has_a_free_tip(motion, info)):
+        return held | {f"u@{info.elements}", f"w@{info.elements}"}
+    return held | {f"w@{i}" for i in info.joint_nodes[:-1]}
 
 
 def _has_a_free_tip(motion: ElasticMotion, own: BeamInfo) -> bool:

@@ -106,6 +106,8 @@ class BeamInfo:
         Where the elements meet, as fractions of the length, both ends included; evenly spaced if empty.
     definition
         Hash of the definition of an element that a program registers, empty for those of symgen.
+    between
+        Joints between the ends: name of the point, fraction of the length. There is a node at each.
     """
 
     link: str
@@ -123,6 +125,17 @@ class BeamInfo:
     moments: tuple[bool, bool] = (False, False)
     nodes: tuple[float, ...] = ()
     definition: str = ""
+    between: tuple[tuple[str, float], ...] = ()
+
+    @property
+    def points(self) -> tuple[str, ...]:
+        """The points at which it is joined, from the first to the last."""
+        return self.start, *(name for name, _ in self.between), self.end
+
+    @property
+    def joint_nodes(self) -> tuple[int, ...]:
+        """Numbers of the nodes at these points."""
+        return 0, *(self.nodes.index(fraction) for _, fraction in self.between), self.elements
 
     @property
     def block(self) -> str:

@@ -2,22 +2,27 @@
 
 from __future__ import annotations
 
+import math
+from bisect import insort
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
+from itertools import pairwise
 from math import comb
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from symgen.runtime.beams.data import BeamInfo, Properties
+from symgen.runtime.beams.data import BeamInfo, Lump, Profile, Properties
 from symgen.runtime.kernels.library import shipped_module
 
 Array = NDArray[np.float64]
 
 #: Rows that the kernels ``shape`` give, in their order.
 SHAPES = ("u", "w", "slope", "rotation", "axial_strain", "curvature")
+#: Shortest element next to a load, as a part of the length: shorter ones are stiff and change nothing.
+_SHORTEST = 0.01
 #: Results of the kernel ``point`` of ``elastic_place``.
 AT_A_PLACE = (
     "mass", "gyroscopic", "geometric0", "load_x", "load_y", "load_out", "load_turn", "force_x", "force_y",
@@ -142,6 +147,22 @@ def segments(info: BeamInfo, properties: Properties) -> tuple[Segment, ...]:
         arguments = np.array([stop - start, *moved], dtype=float)
         found.append(Segment(info.element, info.block, start, stop - start, dofs, arguments))
     return tuple(found)
+
+
+def meshed(info: BeamInfo, length: float, lumps: Sequence[Lump], profiles: Sequence[Profile]) -> BeamInfo:
+    """Return a link with a node at every joint, mass and force, and elements as requested between these."""
+    bounds = [0.0, *(fraction for _, fraction in info.between), 1.0]
+    at = [lump.at for lump in lumps] + [profile.at for profile in profiles if profile.is_point]
+    for place in sorted(at):
+        if all(abs(place / length - bound) > _SHORTEST for bound in bounds):
+            insort(bounds, place / length)
+    if len(bounds) == 2:
+        return info
+    nodes = [0.0]
+    for start, end in pairwise(bounds):
+        count = max(1, math.ceil((end - start) * info.elements - 1e-9))
+        nodes += [start + (end - start) * k / count for k in range(1, count)] + [end]
+    return replace(info, elements=len(nodes) - 1, nodes=tuple(nodes))
 
 
 def _place(info: BeamInfo, length: float, node: int) -> float:

@@ -1,4 +1,4 @@
-"""Joint forces of an elastic motion: on every elastic link at its ends, and the torque on the crank."""
+"""Joint forces of an elastic motion: on every elastic link at its joints, and the torque on the crank."""
 
 from __future__ import annotations
 
@@ -49,10 +49,10 @@ class Motion:
 
 
 def forces(motion: ElasticMotion, equations: BeamEquations, found: Motion) -> list[Variable]:
-    """Return the force on every elastic link at both ends, and the torque on the crank unless it is free.
+    """Return the force on every elastic link at its joints, and the torque on the crank unless it is free.
 
     They are of the whole motion, rigid and elastic, on fixed axes: of every link M s'' + C s' + K s - Q at
-    its end displacements, Eq. (7.27). The axial force of a link that keeps its length is of its constraint.
+    its joints, Eq. (7.27). The axial force of a link that keeps its length is of its constraint.
     """
     accelerations = _accelerations(motion, equations, found)
     bound = _bound(motion, equations, found, accelerations)
@@ -62,16 +62,16 @@ def forces(motion: ElasticMotion, equations: BeamEquations, found: Motion) -> li
     for k, beam in enumerate(motion.beams):
         axes, name = frames(found.links[:, k]), beam.info.link
         rows = _link(motion, found, accelerations, k, axes) + rates_of_modes @ by_modes[k]
-        ends = [np.column_stack(axes.fixed(rows[:, u], rows[:, w])) for u, w in beam.ends]
+        ends = [np.column_stack(axes.fixed(rows[:, u], rows[:, w])) for u, w in beam.joints]
         if name in bound:
-            places = [motion.layout.of_links[k][list(end)] for end in beam.ends]
+            places = [motion.layout.of_links[k][list(end)] for end in beam.joints]
             felt = [bound[name][:, place] if place[0] >= 0 else None for place in places]
             for end, here in enumerate(felt):
                 if here is not None:
                     ends[end] += here
                 elif (there := felt[1 - end]) is not None:  # the ground holds it
                     ends[end] -= there
-        for point, force in zip((beam.info.start, beam.info.end), ends, strict=True):
+        for point, force in zip(beam.info.points, ends, strict=True):
             about = f"force on {name} at {point}"
             made.append(Variable(f"{name}.{point}.force", "N", about, ("x", "y"), force))
         if name == crank and not free:
@@ -102,7 +102,8 @@ def _link(motion: ElasticMotion, found: Motion, accelerations: Array, k: int, ax
     beam = motion.beams[k]
     s, v, a = own_motion(motion, found, accelerations, k, axes)
     made = np.zeros_like(s)
-    wanted = {*beam.ends[0], *beam.ends[1], *(j for j, dof in enumerate(beam.dofs) if dof == "theta@0")}
+    wanted = {k for pair in beam.joints for k in pair}
+    wanted |= {j for j, dof in enumerate(beam.dofs) if dof == "theta@0"}
     own = [i for i, name in enumerate(motion.info.loads) if name == beam.info.link]
     loads = [found.loads[:, i] for i in own]
     for piece in beam.pieces:
@@ -153,7 +154,7 @@ def own_motion(
         return s, v, a
     by_rate, twice = axes.stiffness_damping_quarter, axes.damping_mass_quarter
     by_turn, ends = axes.stiffness_mass_quarter, axes.stiffness_mass_ends
-    for u, w in motion.beams[k].ends:
+    for u, w in motion.beams[k].joints:
         # Terms of the link's equation with S' and S are those of s' and s'' by mass and damping.
         su, sw, vu, vw = s[:, u], s[:, w], v[:, u].copy(), v[:, w].copy()
         v[:, u] += by_rate * sw

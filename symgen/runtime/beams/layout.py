@@ -30,7 +30,7 @@ class Layout:
     names
         What each unknown is called: ``A.x``, ``coupler.theta@0``.
     of_links
-        For each link the unknown of each of its own; -1 where it is held. Ends are on fixed axes.
+        For each link the unknown of each of its own; -1 where it is held. Joints are on fixed axes.
     inner
         Number of unknowns before those of the joints, which come last where there are constraints.
     rows, columns, band
@@ -56,7 +56,7 @@ class Layout:
     constants_at: Indices
     constants: Array
     link_of: Indices
-    ends: NDArray[np.intp]
+    joints: NDArray[np.intp]
     places: Indices
     places_at: Indices
     slots: Indices
@@ -165,15 +165,15 @@ def _unknowns(
             turn = beam.dofs.index("theta@0")
             if info.mode == "held":
                 held.add(turn)
-        ends = {
+        joints = {
             dof: (point, axis)
-            for pair, point in zip(beam.ends, (beam.info.start, beam.info.end), strict=True)
+            for pair, point in zip(beam.joints, beam.info.points, strict=True)
             for axis, dof in enumerate(pair)
         }
         places = []
         for k, dof in enumerate(beam.dofs):
-            if k in ends:
-                point, axis = ends[k]
+            if k in joints:
+                point, axis = joints[k]
                 places.append(joint[point] + axis if point in joint else -1)
             elif k in held:
                 places.append(-1)
@@ -199,7 +199,7 @@ def _of_pieces(
         "constants_at": _starts([len(c) for c in constants]),
         "constants": np.concatenate(constants),
         "link_of": np.array([k for k, _ in pieces], dtype=np.intp),
-        "ends": np.array([_ends(beams[k], piece.at) for k, piece in pieces], dtype=np.intp),
+        "joints": _joints([(beams[k], piece.at) for k, piece in pieces]),
         "places": np.concatenate([*places, np.array([-1])]).astype(np.intp),
         "places_at": _starts([len(p) for p in places]),
         "slots": np.concatenate([*slots, np.array([-1])]).astype(np.intp),
@@ -261,10 +261,11 @@ def _constants(piece: Piece) -> list[Array]:
     return [*(getattr(piece, name) for name in order), *(a for force in forces for a in force)]
 
 
-def _ends(beam: Beam, at: Sequence[int]) -> tuple[int, int, int, int]:
-    """Return where the end displacements (u, w) are in a piece; -1 where it has none of an end."""
-    found = [at.index(dof) if dof in at else -1 for pair in beam.ends for dof in pair]
-    return found[0], found[1], found[2], found[3]
+def _joints(pieces: Sequence[tuple[Beam, Sequence[int]]]) -> NDArray[np.intp]:
+    """Return where displacements (u, w) of joints are in each piece, (pieces, 2 most); rows end with -1."""
+    found = [[at.index(dof) for pair in beam.joints for dof in pair if dof in at] for beam, at in pieces]
+    most = max(map(len, found), default=0)
+    return np.array([[*row, *[-1] * (most - len(row))] for row in found], dtype=np.intp).reshape(-1, most)
 
 
 def _starts(sizes: Sequence[int]) -> Indices:

@@ -31,8 +31,8 @@ class Beam:
     dofs
         Names of its unknowns: ``w@0`` of the first node, ``w@n`` of the last of n + 1, ``mid@0.1`` inside an
         element, ``mode@1`` of a reduction.
-    ends
-        Places of (u, w) of the first and of the last node.
+    joints
+        Places of (u, w) of the nodes at its joints, the first and the last node included.
     fixed
         Unknowns that are zero: curvatures where no couple acts.
     pieces
@@ -47,7 +47,7 @@ class Beam:
     properties: Properties
     lumps: tuple[Lump, ...]
     dofs: tuple[str, ...]
-    ends: tuple[tuple[int, int], tuple[int, int]]
+    joints: tuple[tuple[int, int], ...]
     fixed: tuple[int, ...]
     pieces: tuple[Piece, ...]
     segments: tuple[Segment, ...]
@@ -114,24 +114,22 @@ def beam(
     if not info.axial:
         total = whole(found, len(dofs))
         dofs, expansion = of_one_length(info, dofs, parts, total.stiffness)
-        found = tuple(followed(piece, expansion, _end_unknowns(info, dofs)) for piece in found)
+        ends = [k for pair in _joints(info, dofs) for k in pair]
+        found = tuple(followed(piece, expansion, ends) for piece in found)
     if info.reduction:
         total = whole(found, len(dofs))
         dofs, basis = reduced(info, dofs, _fixed(info, properties, dofs), total)
         expansion = basis if expansion is None else expansion @ basis
         found = (transformed(total, basis),)
     fixed = _fixed(info, properties, dofs)
-    u0, w0, u1, w1 = _end_unknowns(info, dofs)
-    ends = (u0, w0), (u1, w1)
     damped = _damped(info, properties, dofs, fixed, found)
-    return Beam(info, properties, tuple(lumps), dofs, ends, fixed, damped, parts, expansion)
+    joints = _joints(info, dofs)
+    return Beam(info, properties, tuple(lumps), dofs, joints, fixed, damped, parts, expansion)
 
 
-def _end_unknowns(info: BeamInfo, dofs: Sequence[str]) -> tuple[int, int, int, int]:
-    """Return the places of (u, w) of the first and of the last node."""
-    last = f"@{info.elements}"
-    u0, w0, u1, w1 = (dofs.index(name) for name in ("u@0", "w@0", "u" + last, "w" + last))
-    return u0, w0, u1, w1
+def _joints(info: BeamInfo, dofs: Sequence[str]) -> tuple[tuple[int, int], ...]:
+    """Return the places of (u, w) of the nodes at joints."""
+    return tuple((dofs.index(f"u@{i}"), dofs.index(f"w@{i}")) for i in info.joint_nodes)
 
 
 def _damped(

@@ -30,6 +30,6 @@ def recovered(motion: ElasticMotion, found: Motion) -> list[Variable]:
 
 def deflection(beam: Beam, own: Array, at: float) -> Array:
     """Return the displacement across a link [m] less that of the straight line between its ends, (times,)."""
-    (_, first), (_, last) = beam.ends
+    (_, first), *_, (_, last) = beam.joints
     found: Array = own @ beam.rows(at).w - (1 - at) * own[:, first] - at * own[:, last]
     return found

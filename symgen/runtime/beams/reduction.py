@@ -51,7 +51,7 @@ def reduced(
 ) -> tuple[tuple[str, ...], Array]:
     """Return the unknowns kept by the link's reduction, and the basis, shape (all, kept).
 
-    Kept are the displacements of both ends, and the rotation of the first where it is that of a shaft. All
+    Kept are the displacements of joints, and the rotation of the first end where it is that of a shaft. All
     others follow statically (R. J. Guyan, AIAA Journal 3, 1965, 380); to that are added the lowest modes
     with the kept ones held (R. R. Craig and M. C. C. Bampton, AIAA Journal 6, 1968, 1313-1319).
 
@@ -60,7 +60,8 @@ def reduced(
     SceneError
         If the link has fewer modes than requested, or no stiffness.
     """
-    names = ["u@0", "w@0", *(["theta@0"] if info.clamped else []), f"u@{info.elements}", f"w@{info.elements}"]
+    first, *others = ([f"u@{i}", f"w@{i}"] for i in info.joint_nodes)
+    names = [*first, *(["theta@0"] if info.clamped else []), *(name for pair in others for name in pair)]
     ends = [dofs.index(name) for name in names]
     inside = [j for j in range(len(dofs)) if j not in ends and j not in fixed]
     modes = info.modes if info.reduction == "craig-bampton" else 0

@@ -120,7 +120,7 @@ def _loads(motion: ElasticMotion, kept: Motion, axial_force: AxialForce) -> Arra
         by = np.outer(np.diff(nodes), weights).ravel() * length / 2
         load = np.tensordot(forces * by[:, None], np.stack([table[name] for name in SHAPES], axis=1), axes=2)
         axes = frames(kept.links[:, k])
-        for u, w in beam.ends:
+        for u, w in beam.joints:
             load[:, u], load[:, w] = axes.fixed(load[:, u].copy(), load[:, w].copy())
         found[:, motion.layout.of_links[k]] += load
     return found[:, :-1]

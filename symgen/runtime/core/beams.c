@@ -139,7 +139,7 @@ void beams_bind(struct beams *b, struct rigid_motion *motion, const struct beam_
 
 /* -- assembly --------------------------------------------------------------------------------------------- */
 
-/* Turn the rows and columns of one end's displacements from the link's axes to fixed axes. */
+/* Turn the rows and columns of one joint's displacements from the link's axes to fixed axes. */
 static void turn_end(real *a, ptrdiff_t n, ptrdiff_t u, ptrdiff_t w, real c, real s) {
     for (ptrdiff_t i = 0; i < n; i++) {
         const real x = a[n * u + i], y = a[n * w + i];
@@ -184,18 +184,18 @@ static void in_link_axes(const struct beams *b, ptrdiff_t k, const real *w, real
     }
 }
 
-/* Add the damping and stiffness terms due to the rotation of the end displacements to d and g, by the weights w. */
+/* Add the damping and stiffness terms due to the rotation of the joints' displacements to d and g, by the weights w. */
 static void add_turning_ends(const struct beams *b, ptrdiff_t k, const real *w, real *d, real *g) {
     const struct beam_layout *x = &b->layout;
     const ptrdiff_t n = x->sizes[k], nn = n * n;
     const real *mass = b->constants + x->constants_at[k], *gyroscopic = mass + 2 * nn, *damping = mass + 4 * nn;
     const real ends = w[STIFFNESS_MASS_ENDS];
-    for (int e = 0; e < 2; e++) {
-        if (x->ends[4 * k + 2 * e] < 0)
+    for (ptrdiff_t e = k * x->most_joints; e < (k + 1) * x->most_joints; e++) {
+        if (x->joints[2 * e] < 0)
             continue;
-        /* u and w at this end rotated by -90 deg: the columns are minus the column w, and the column u. */
+        /* u and w at this joint rotated by -90 deg: the columns are minus the column w, and the column u. */
         for (int j = 0; j < 2; j++) {
-            const ptrdiff_t at = x->ends[4 * k + 2 * e + j], other = x->ends[4 * k + 2 * e + 1 - j];
+            const ptrdiff_t at = x->joints[2 * e + j], other = x->joints[2 * e + 1 - j];
             const real sign = j == 0 ? -1 : 1;
             const real mass_rate = sign * w[DAMPING_MASS_QUARTER], mass_quarter = sign * w[STIFFNESS_MASS_QUARTER];
             const real gyroscopic_quarter = sign * w[STIFFNESS_GYROSCOPIC_QUARTER];
@@ -209,7 +209,7 @@ static void add_turning_ends(const struct beams *b, ptrdiff_t k, const real *w, 
     }
 }
 
-/* Add one superelement, with the rotation of its ends to second order. */
+/* Add one superelement, with the rotation of its joints to second order. */
 static void add_piece(struct beams *b, ptrdiff_t k) {
     const struct beam_layout *x = &b->layout;
     const ptrdiff_t n = x->sizes[k], nn = n * n;
@@ -219,8 +219,8 @@ static void add_piece(struct beams *b, ptrdiff_t k) {
     in_link_axes(b, k, weights, m, d, g, q);
     if (!x->thesis && b->analysis != QUASI_STATIC)
         add_turning_ends(b, k, weights, d, g);
-    for (int e = 0; e < 2; e++) {
-        const ptrdiff_t u = x->ends[4 * k + 2 * e], w = x->ends[4 * k + 2 * e + 1];
+    for (ptrdiff_t e = k * x->most_joints; e < (k + 1) * x->most_joints; e++) {
+        const ptrdiff_t u = x->joints[2 * e], w = x->joints[2 * e + 1];
         if (u < 0)
             continue;
         turn_end(m, n, u, w, c, s);
@@ -250,8 +250,8 @@ static void add_force(const struct beams *b, ptrdiff_t k, const real *own, real 
     real *a = b->local, *rate = a + n;
     memcpy(a, own, (size_t)n * sizeof(real));
     memset(rate, 0, (size_t)n * sizeof(real));
-    for (int e = 0; e < 2; e++) {
-        const ptrdiff_t u = x->ends[4 * k + 2 * e], w = x->ends[4 * k + 2 * e + 1];
+    for (ptrdiff_t e = k * x->most_joints; e < (k + 1) * x->most_joints; e++) {
+        const ptrdiff_t u = x->joints[2 * e], w = x->joints[2 * e + 1];
         if (u < 0)
             continue;
         const real along = a[u], across = a[w];

@@ -18,7 +18,8 @@ struct beam_layout {
     const ptrdiff_t *sizes;        /* of each superelement */
     const ptrdiff_t *constants_at; /* where its matrices begin in `constants` */
     const ptrdiff_t *link_of;
-    const ptrdiff_t *ends;         /* four a superelement: its own numbers of u, w at both ends, -1 where held */
+    ptrdiff_t most_joints;         /* of a superelement */
+    const ptrdiff_t *joints;       /* so many pairs a superelement: its own numbers of u, w there, -1 without a joint */
     const ptrdiff_t *places, *places_at, *slots, *slots_at;
     ptrdiff_t coordinates;         /* unknowns of joints; their places follow */
     const ptrdiff_t *joint_places;

@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from symgen.runtime import _core
 from symgen.runtime.beams.checks import held_alone
-from symgen.runtime.beams.data import BeamInfo, Lump, Profile, Properties
-from symgen.runtime.beams.elements import SHAPES
+from symgen.runtime.beams.data import BeamInfo, Properties
+from symgen.runtime.beams.elements import SHAPES, meshed
 from symgen.runtime.beams.elements import at as value_at
 from symgen.runtime.beams.frames import APPLIED, MOTION, frames
 from symgen.runtime.beams.links import Beam, beam
@@ -37,8 +37,6 @@ _MOST, _MODES = 16, 2
 _POSES = 12
 #: Poses of a revolution at which frequencies are computed.
 _IN_A_TURN = 24
-#: Shortest element next to a load, as a part of the length: shorter ones are stiff and change nothing.
-_SHORTEST = 0.01
 
 
 class MeshedMotion(ElasticMotion):
@@ -54,6 +52,8 @@ class MeshedMotion(ElasticMotion):
         made = []
         for k, (info, row) in enumerate(zip(infos, rows, strict=True)):
             properties, lumps, profiles = _properties(row), self.lumps(info.link), self.profiles(info.link)
+            if not info.nodes:
+                info = replace(info, between=self.between(info.link))  # noqa: PLW2901
             if not info.elements:
                 info = chosen(self, k, info, properties)  # noqa: PLW2901
             elif not info.nodes:
@@ -119,23 +119,6 @@ def _properties(row: Array) -> Properties:
         ratio=x[25],
         yield_stress=x[26] or math.inf,
     )
-
-
-def meshed(info: BeamInfo, length: float, lumps: Sequence[Lump], profiles: Sequence[Profile]) -> BeamInfo:
-    """Return a link with a node at every mass and force along it, and elements as asked between these."""
-    at = [lump.at for lump in lumps] + [profile.at for profile in profiles if profile.is_point]
-    bounds = [0.0]
-    for place in sorted(at):
-        fraction = place / length
-        if bounds[-1] + _SHORTEST < fraction < 1.0 - _SHORTEST:
-            bounds.append(fraction)
-    if len(bounds) == 1:
-        return info
-    nodes = [0.0]
-    for start, end in pairwise([*bounds, 1.0]):
-        count = max(1, math.ceil((end - start) * info.elements - 1e-9))
-        nodes += [start + (end - start) * k / count for k in range(1, count)] + [end]
-    return replace(info, elements=len(nodes) - 1, nodes=tuple(nodes))
 
 
 def halved(info: BeamInfo) -> BeamInfo:

@@ -169,7 +169,7 @@ def _axes(
         rotation = np.array(axes.fixed(*np.eye(2)))
         quarter = np.array([[0.0, -1.0], [1.0, 0.0]])
         by_rate, by_turn = axes.stiffness_damping_quarter, axes.stiffness_mass_quarter
-        for end in beam.ends:
+        for end in beam.joints:
             pair = [columns.get(int(i), -1) for i in motion.layout.of_links[k][list(end)]]
             if min(pair) < 0 or done.intersection(pair):
                 continue

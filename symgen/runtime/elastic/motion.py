@@ -143,6 +143,13 @@ class ElasticMotion(ABC):
         rows = zip(self.info.loads, self._tables.get("profiles", ()), strict=True)
         return tuple(Profile(*map(float, row)) for name, row in rows if name == link)
 
+    def between(self, link: str) -> tuple[tuple[str, float], ...]:
+        """Return the joints between the ends of a link: names of their points, fractions of its length."""
+        own = [j for k, j in zip(self.info.loads, self.info.joints, strict=True) if k == link]
+        length = float(self._tables["properties"][[b.link for b in self.info.beams].index(link)][0])
+        places = [profile.at / length for profile in self.profiles(link)]
+        return tuple((joint, at) for joint, at in zip(own, places, strict=True) if joint)
+
     @cached_property
     def stations(self) -> tuple[tuple[str, int, float, float], ...]:
         """Name, number of the link, fraction of its length and fibre [m] of every station."""
@@ -266,7 +273,7 @@ class ElasticMotion(ABC):
         padded = np.column_stack([displacements, np.zeros(len(displacements))])
         found = padded[:, self.layout.of_links[k]]
         axes = frames(links[:, k])
-        for u, w in self.beams[k].ends:
+        for u, w in self.beams[k].joints:
             found[:, u], found[:, w] = axes.local(found[:, u].copy(), found[:, w].copy())
         return found
 

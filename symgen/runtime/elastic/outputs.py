@@ -112,7 +112,7 @@ def _stretch(beam: Beam, own: Array) -> Array:
     The integral of the axial strain, less half the integral of the square of the slope from the line between
     the ends. Turning the link as a whole changes nothing, however far linear displacements go.
     """
-    (u0, w0), (u1, w1) = beam.ends
+    (u0, w0), *_, (u1, w1) = beam.joints
     turned = (own[:, w1] - own[:, w0]) / beam.properties.length
     whole = own if beam.expansion is None else own @ beam.expansion.T
     shortened = -beam.properties.length * turned**2

@@ -12,7 +12,9 @@ class ElasticInfo:
     """Elastic links, the crank, and the stations of strains.
 
     ``stations`` are pairs of a name and a link, ``lumps`` and ``loads`` the links of the masses and forces
-    along links, all in the order of the rows that kernels give. ``outputs`` are those the scene selects.
+    along links, all in the order of the rows that kernels give; ``joints`` has for each of these loads the
+    point between the ends of its link whose joint force it is, or is empty for a load. ``outputs`` are those
+    the scene selects.
     ``damps_all``: the one ratio of modal damping is that of all modes.
     ``shaft_alone``: nothing but the shaft of the crank and damping of the links does work over a revolution.
     """
@@ -23,6 +25,7 @@ class ElasticInfo:
     stations: tuple[tuple[str, str], ...]
     lumps: tuple[str, ...]
     loads: tuple[str, ...]
+    joints: tuple[str, ...] = ()
     outputs: tuple[str, ...] | None = None
     shaft_alone: bool = False
     damps_all: bool = False

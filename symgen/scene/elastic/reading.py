@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import sympy as sp
@@ -14,7 +15,7 @@ from symgen.scene.elastic import sections
 from symgen.scene.elastic.links import AREA_POWER, ElasticLink, ModalDamping, Polynomial, Section, Station
 from symgen.scene.elastic.schema import Elastic, Shear
 from symgen.scene.reading import Reader
-from symgen.scene.rods.linkage import TIME, Linkage, RigidLink
+from symgen.scene.rods.linkage import TIME, CarriedPoint, Linkage, RigidLink
 from symgen.scene.units import Dimension
 
 if TYPE_CHECKING:
@@ -24,6 +25,8 @@ _ZERO = sp.Integer(0)
 _MOST_ELEMENTS = 1000
 #: By how much the outer fibre may be exceeded where both are computed.
 _ROUNDED = 1e-9
+#: Least distance of a joint from the ends of its link, over the length.
+_SHORTEST = 1e-3
 
 
 def has_rotary_inertia(elastic: Elastic | None, where: str) -> bool:
@@ -51,7 +54,6 @@ def elastic_links(read: Reader, links: Sequence[RigidLink]) -> Iterator[ElasticL
             if read.dimension != 2:
                 raise SceneError("links bend in the plane, not in space", where=f"links.{name}.elastic")
             read.moving_link(name, f"links.{name}.elastic")
-    _check_ends(read, links)
     _check_neighbours(read)
     for rigid in links:
         elastic = read.scene.links[rigid.name].elastic
@@ -213,26 +215,8 @@ def _shear_modulus(read: Reader, shear: Shear, modulus: sp.Expr, where: str) -> 
     return modulus / (2 * (1 + ratio))
 
 
-def _check_ends(read: Reader, links: Sequence[RigidLink]) -> None:
-    """Refuse ends at points that another link carries: these have no displacement of their own."""
-    carrier = {carried.name: link.name for link in links for carried in link.carried}
-    for link in links:
-        if read.scene.links[link.name].elastic is None:
-            continue
-        for point in link.base:
-            if point in carrier and not read.points[point].ground:
-                owner = carrier[point]
-                raise SceneError(
-                    f"{point} is a further point of {owner}; an elastic link can only be joined to the "
-                    "first two points of a link",
-                    where=f"links.{link.name}.points",
-                    hint=f"Name {point} first or second in links.{owner}.points, or leave the elastic of "
-                    f"{link.name} out.",
-                )
-
-
 def _check_neighbours(read: Reader) -> None:
-    """Refuse links, guides and drives that are joined to an elastic link between its ends or turn it."""
+    """Refuse points beyond the ends of an elastic link, and guides and drives that run along or turn it."""
     scene = read.scene
     elastic = {name for name, link in scene.links.items() if link.elastic is not None}
     between = {name: point.on for name, point in scene.points.items() if point.on in elastic}
@@ -244,12 +228,6 @@ def _check_neighbours(read: Reader) -> None:
                 f"a point of the elastic link {on} lies between its ends: a fraction from 0 to 1",
                 where=where,
             )
-    named = [(f"links.{name}.points", link.points) for name, link in scene.links.items()]
-    named += [(f"guides.{i}.points", guide.points) for i, guide in enumerate(scene.guides)]
-    for where, points in named:
-        for point in points:
-            if point in between:
-                raise _lies_along(point, between[point], where)
     turned = [(f"guides.{i}.along", guide.along) for i, guide in enumerate(scene.guides)]
     turned += [(f"drivers.{i}.link", driver.link) for i, driver in enumerate(scene.drivers)]
     for where, link in turned:
@@ -258,10 +236,63 @@ def _check_neighbours(read: Reader) -> None:
             raise SceneError(_NOT_ELASTIC.get(key, _NO_COUPLE).format(link), where=where, hint=_hint(where))
 
 
+def with_joints(linkage: Linkage) -> Linkage:
+    """Return the linkage with its joints between the ends of elastic links, or of these to rigid bodies.
+
+    Such points have coordinates of their own: the joint moves with the deformed link.
+
+    Raises
+    ------
+    SceneError
+        For a joint at an end, or to a link that keeps its length.
+    """
+    elastic = {beam.link: beam for beam in linkage.elastic}
+    if not elastic:
+        return linkage
+    named = {k.name: {*k.base, *(c.name for c in k.carried)} for k in linkage.links}
+    bent = {p for name in elastic for p in named[name]}
+    held = {p for guide in linkage.guides for p in guide.points}
+    for _, _, load in linkage.placed_loads:
+        terms = load.terms(linkage.dimension)
+        others = [t for t in terms if not any(_carries(linkage.link(k), t) for k in elastic)]
+        held |= {p for term in others for _, p in term.on.points}
+
+    def joined(link: RigidLink, point: CarriedPoint) -> bool:
+        others = any(point.name in named[name] for name in named if name != link.name)
+        return (others or point.name in held) if link.name in elastic else point.name in bent
+
+    links = []
+    for link in linkage.links:
+        carried = tuple(replace(c, joined=joined(link, c)) for c in link.carried)
+        if link.name in elastic:
+            _check_joints(linkage, link, elastic[link.name], [c for c in carried if c.joined])
+        links.append(replace(link, carried=carried))
+    return replace(linkage, links=tuple(links))
+
+
+def _check_joints(
+    linkage: Linkage, link: RigidLink, beam: ElasticLink, joints: Sequence[CarriedPoint]
+) -> None:
+    for joint in joints:
+        where = f"points.{joint.name}.fraction"
+        if not beam.axial:
+            raise SceneError(
+                f"{joint.name} joins a component to {link.name}, which keeps its length, between its ends",
+                where=where,
+                hint=f"Leave axial = false out of links.{link.name}.elastic.",
+            )
+        for end, place in zip(link.base, (0.0, 1.0), strict=True):
+            if abs(linkage.number(joint.along) - place) < _SHORTEST:
+                raise SceneError(
+                    f"{joint.name} joins another component to the elastic link {link.name} at its end, {end}",
+                    where=where,
+                    hint=f"Name {end} instead, or move {joint.name} away from it.",
+                )
+
+
 def check_loads(linkage: Linkage) -> None:
     """Refuse the loads that no elastic link carries: those that are no forces on its points or along it."""
     elastic = {beam.link: linkage.link(beam.link) for beam in linkage.elastic}
-    places = {c.name: link for link in elastic.values() for c in link.carried}
     for table, i, load in linkage.placed_loads if elastic else ():
         terms = list(load.terms(linkage.dimension))
         carried = [t for t in terms if any(_carries(link, t) for link in elastic.values())]
@@ -272,9 +303,6 @@ def check_loads(linkage: Linkage) -> None:
                 hint="Leave the elastic of the link out.",
             )
         for measure in (t.on for t in terms if t not in carried):
-            for key, point in measure.points:
-                if point in places:
-                    raise _lies_along(point, places[point].name, f"{table}.{i}.{key}")
             for key, name in measure.links:
                 if name in elastic:
                     where = f"{table}.{i}.{key}"
@@ -283,17 +311,8 @@ def check_loads(linkage: Linkage) -> None:
 
 def _carries(link: RigidLink, term: Term) -> bool:
     """Return whether a term is a force along an elastic link."""
-    places = {c.name: c.along * link.length for c in link.carried}
+    places = {c.name: c.along * link.length for c in link.carried if not c.joined}
     return any(term.on.along(link.name, link.length, places, term.total))
-
-
-def _lies_along(point: str, link: str, where: str) -> SceneError:
-    return SceneError(
-        f"{point} lies along the elastic link {link}: only masses and forces act there",
-        where=where,
-        hint=f"Leave the elastic of {link} out: two elastic links that meet at {point} would be hinged "
-        "there.",
-    )
 
 
 _NOT_ELASTIC = {"along": "{} is elastic, and a guide runs along a straight link"}

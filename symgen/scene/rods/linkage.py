@@ -54,11 +54,15 @@ class PlacedPoint:
 
 @dataclass(frozen=True, slots=True)
 class CarriedPoint:
-    """A further point of a body: at start + along*d + across*(d turned left), d from its start to its end."""
+    """A further point of a body: at start + along*d + across*(d turned left), d from its start to its end.
+
+    ``joined``: it has coordinates of its own, since an elastic link is joined to another component there.
+    """
 
     name: str
     along: sp.Expr
     across: sp.Expr
+    joined: bool = False
 
 
 @dataclass(frozen=True, slots=True)
