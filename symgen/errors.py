@@ -66,7 +66,7 @@ def _readable(text: str) -> str:
 def _printable(text: str) -> str:
     if text.replace("\n", "").isprintable():
         return text
-    return "".join(c if c in "\n\t" or c.isprintable() else ascii(c)[1:-1] for c in text)
+    return "".join(c if c == "\n" or c.isprintable() else ascii(c)[1:-1] for c in text)
 
 
 def shown(value: Any, longest: int = 100) -> str:

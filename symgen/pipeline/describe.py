@@ -159,7 +159,6 @@ def of_linkage(linkage: Linkage, program: Program, equations: str) -> Descriptio
     """Return the description of a linkage, still without its start."""
     from symgen.runtime.kernels.description import Description, EventInfo, PlaneInfo, kernel_infos
     from symgen.scene.rods.events import revolves
-    from symgen.scene.rods.switches import jumps
     from symgen.scene.rods.windings import turning
 
     kernels = {k.name: k for k in program.kernels}
@@ -201,7 +200,6 @@ def of_linkage(linkage: Linkage, program: Program, equations: str) -> Descriptio
         switches=tuple(s.text for s in linkage.switches),
         windings=len(linkage.windings),
         turns=turning(linkage),
-        jumps=jumps(linkage),
     )
 
 

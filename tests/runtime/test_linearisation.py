@@ -331,6 +331,12 @@ def test_wrong_requests_are_refused(arguments, text):
         model.linearise(**arguments)
 
 
+def test_equilibria_of_other_models_are_refused():
+    other = symgen.build("four_bar").equilibrium()
+    with pytest.raises(ModelError, match=r"an equilibrium of this model, got one .* constraint crank_drive"):
+        symgen.build("crank_rocker").linearise(other)
+
+
 def test_a_state_off_the_constraints_has_no_independent_coordinates():
     model = symgen.build(CART_POLE)
     state = model.state({"C": [0.0, 0.1], "P": [0.0, 0.5]})

@@ -88,6 +88,7 @@ def test_what_must_not_be_is_seen(tmp_path):
         ("[points]", f"[{'t' * 3000}]\n[points]"),
         ("[points]", '["\\u0000\\u001b[2J\\n\\u202e"]\n[points]'),
         ('title = "', 'titel = "\\u0007'),
+        ("[points]", '["\\u0009"]\n[points]'),
     ],
 )
 def test_what_a_scene_says_is_shown_readably(old, new, tmp_path):

@@ -297,7 +297,7 @@ class ElasticModel(Model):
         max_wall: float | None = None,
         progress: Callable[[float], None] | None = None,
     ) -> Sweep:
-        from symgen.runtime.elastic.sweep import sweep
+        from symgen.runtime.elastic.periodic import sweep
 
         self._refuse_types("sweeps are")
         with limited(max_wall):

@@ -61,6 +61,8 @@ class ElasticMotion(ABC):
         self._stiffened, self._with_motor = geometric_stiffness, with_motor
         self._path: Path | None = None
         self._driven: ElasticMotion | None = None
+        #: The last time before and the first after every jump of the loads [s], on which steps end.
+        self.jumps: Array = np.zeros((0, 2))
         self._motion, self._joints = rigid.analysis("elastic_motion"), rigid.analysis("elastic_joints")
         start = rigid.initial_state()
         self._start = np.concatenate([start.q, start.u])
@@ -85,6 +87,12 @@ class ElasticMotion(ABC):
         """Return the motion about a rigid motion that was integrated with the motor."""
         made = copy.copy(self)
         made._path, made._driven = path, self
+        return made
+
+    def ending_on(self, jumps: Array) -> ElasticMotion:
+        """Return the motion with steps that end on jumps of the loads (jumps, 2) [s]."""
+        made = copy.copy(self)
+        made.jumps = jumps
         return made
 
     @property

@@ -264,9 +264,10 @@ class Machine:
 
     def _check_repeats(self, path: Path) -> None:
         n = len(self._q)
-        times = np.linspace(0.0, path.end, len(path.rows))
-        states, references = path.rows[:, : 2 * n], path.references
-        gone = 2 * math.pi * np.round((references[-1] - references[0]) / (2 * math.pi))
+        # Not at the start itself, where loads may jump.
+        times = np.linspace(0.0, path.end, len(path.rows))[1:-1]
+        states, references = np.ascontiguousarray(path.rows[1:-1, : 2 * n]), path.references[1:-1]
+        gone = 2 * math.pi * np.round((path.references[-1] - path.references[0]) / (2 * math.pi))
         now = self._solutions(times, states, references)[:, :-1]
         later = self._solutions(path.end + times, states, references + gone)[:, :-1]
         size = np.max(np.abs(now), axis=0)

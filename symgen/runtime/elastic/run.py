@@ -15,13 +15,14 @@ from symgen.runtime.beams.checks import SLOPE, warnings
 from symgen.runtime.beams.forces import Motion, crank_rotation, forces
 from symgen.runtime.beams.methods import BEAM_METHODS, GAUSS
 from symgen.runtime.beams.recovery import recovered
+from symgen.runtime.elastic.jumps import explicit, jump_times
 from symgen.runtime.elastic.mesh import mesh_error
 from symgen.runtime.elastic.modes import elastic_modes
 from symgen.runtime.elastic.motion import ElasticMotion
 from symgen.runtime.elastic.outputs import coordinate_of, mean_powers, of_powers, outputs, selected
 from symgen.runtime.elastic.periodic import again, periodic
-from symgen.runtime.elastic.static import quasi_static
-from symgen.runtime.elastic.steps import Found, Task, adapted, explicit, recorded_times, step_counts, stepped
+from symgen.runtime.elastic.static import held
+from symgen.runtime.elastic.steps import Found, Task, adapted, recorded_times, step_counts, stepped, turn
 from symgen.runtime.integrate.checkpoint import Keeping
 from symgen.runtime.integrate.pace import (
     OutOfTime,
@@ -31,18 +32,16 @@ from symgen.runtime.integrate.pace import (
     limited,
     out_of_time,
     wall_left,
-)
+)  # fmt: skip
 from symgen.runtime.kernels.typed import made_with
 from symgen.runtime.result.elastic import ElasticResult, is_stable
-from symgen.runtime.result.recording import of_jumps
+from symgen.runtime.result.recording import of_switches
 from symgen.runtime.result.records import Drift
 from symgen.runtime.structure import UnstableError
 
 Array = NDArray[np.float64]
 Progress = Callable[[float], None]
 
-#: Poses of a quasi-static motion between two looks at the clock.
-_HELD = 32
 #: Steps a revolution with which explicit runs are repeated, implicitly, on finer elements.
 _EXPLICIT = 512
 #: Modes whose damping ratios are reported.
@@ -75,15 +74,20 @@ def run(
     if motion.has_motor:
         motion = _with_motor(motion, task)
         times = recorded_times(motion, task)
+    count, end = len(times), float(np.max(times))
+    if task.method != "quasi-static":
+        step = task.max_step or turn(motion) / (task.steps or 1)
+        motion = motion.ending_on(jump_times(motion, end, math.ceil(end / step)))
+        times = np.concatenate([times, motion.jumps[:, 0]])
     equations = motion.equations(task.form == "thesis", stepping=True)
     if task.form == "thesis":
         _check_thesis(motion)
     check_wall("preparing the elastic links")
-    pace = Pace(0.0, float(np.max(times)))
+    pace = Pace(0.0, end)
     passes: list[Found] = []
     try:
         if task.method == "quasi-static":
-            found = _held(motion, equations, times, pace)
+            found = held(motion, equations, times, pace)
         elif task.method == "periodic":
             found = periodic(motion, equations, task, times, pace, passes)
         elif task.method in BEAM_METHODS:
@@ -91,15 +95,15 @@ def run(
         else:
             found = explicit(motion, equations, task, times, progress, keeping)
     except OutOfTime as stop:
-        raise _out_of_time(motion, equations, task, times, stop, passes, pace) from None
+        raise _out_of_time(motion, equations, task, times[:count], stop, passes, pace) from None
     if not np.all(np.isfinite(found.displacements)):
         raise SimulationError(
             f"{motion.rigid.name}: the motion grows without bound: the step is too long for "
             f"{task.method}, or the motion is unstable\n"
             "  Take more steps, or check the Floquet multipliers (symgen periodic, model.periodic())."
         )
-    made = _result(motion, equations, task, times, found, found.spent + pace.wall)
-    made.estimate_later(partial(_mesh_error, motion, equations, task, times, found, passes, wall_left()))
+    made = _result(motion, equations, task, times[:count], found, found.spent + pace.wall)
+    made._estimate_later(partial(_mesh_error, motion, equations, task, times, found, passes, wall_left()))
     return made
 
 
@@ -135,7 +139,7 @@ def _error_of_halves(
 
     def repeated(one: ElasticMotion, of: _beams.BeamEquations) -> Array:
         if task.method == "quasi-static":
-            return _held(one, of, times, pace).displacements
+            return held(one, of, times, pace).displacements
         counts = step_counts(motion, times, _EXPLICIT) if last is None or last.counts is None else last.counts
         if task.method == "periodic":
             return again(one, of, times, counts, pace)
@@ -154,18 +158,6 @@ def _error_of_halves(
     return mesh_error(outputs(motion, links, coarse), outputs(finer, links, fine))
 
 
-def _held(motion: ElasticMotion, equations: _beams.BeamEquations, times: Array, pace: Pace) -> Found:
-    """Return the quasi-static displacements at the times, in parts so that the wall time is watched."""
-    parts = []
-    for first in range(0, len(times), _HELD):
-        parts.append(quasi_static(motion, equations, times[first : first + _HELD]))
-        done = min(first + _HELD, len(times))
-        if done < len(times) and pace.spent(float(times[done - 1])):
-            reached = np.arange(done)
-            raise OutOfTime(float(times[done - 1]), Found(np.concatenate(parts), None, done), reached)
-    return Found(np.concatenate(parts), None, len(times))
-
-
 def _out_of_time(
     motion: ElasticMotion,
     equations: _beams.BeamEquations,
@@ -177,6 +169,8 @@ def _out_of_time(
 ) -> SimulationError:
     """Return the error of a run that took all of its wall time, with the best that it found."""
     found, reached = (passes[-1], np.arange(len(times))) if passes else (stop.found, stop.reached)
+    recorded = reached < len(times)  # jumps of loads follow
+    found, reached = found.at(np.flatnonzero(recorded)), reached[recorded]
     problem = f"{motion.rigid.name}: {out_of_time(stop.t, float(np.max(times)))}"
     if passes:
         problem += (
@@ -217,7 +211,7 @@ def _result(
     found: Found,
     wall: float,
 ) -> ElasticResult:
-    d = motion.rigid.description
+    d, found = motion.rigid.description, found.at(np.arange(len(times)))
     q, links, loads = motion.rigid_motion(equations, times)
     thesis = task.form == "thesis"
     whole = Motion(times, q, links, loads, found.displacements, found.rates, thesis)
@@ -237,7 +231,7 @@ def _result(
     notes += _of_crank(motion, whole)
     notes += _of_reductions(motion)
     notes += _of_lengths(motion)
-    notes += of_jumps(d.jumps, "take steps, or max_step,")
+    notes += of_switches(d.switches, len(motion.jumps))
     notes += warnings(motion, equations, whole, _moments(motion, times))
     if task.t_eval is not None:
         notes.append("peaks, and limits of linear theory, are those at the times of t_eval only")

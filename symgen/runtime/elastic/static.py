@@ -11,8 +11,13 @@ from symgen.errors import ModelError, SimulationError
 from symgen.runtime import _beams
 from symgen.runtime.elastic.modes import stiffness_sizes
 from symgen.runtime.elastic.motion import ElasticMotion
+from symgen.runtime.elastic.steps import Found
+from symgen.runtime.integrate.pace import OutOfTime, Pace
 
 Array = NDArray[np.float64]
+
+#: Poses of a quasi-static motion between two looks at the clock.
+_HELD = 32
 
 
 def quasi_static(motion: ElasticMotion, equations: _beams.BeamEquations, times: Array) -> Array:
@@ -91,3 +96,15 @@ def _banded(matrix: Array) -> Array:
     for k in range(len(made)):
         made[k, : len(matrix) - k] = np.diagonal(matrix, -k)
     return made
+
+
+def held(motion: ElasticMotion, equations: _beams.BeamEquations, times: Array, pace: Pace) -> Found:
+    """Return the quasi-static displacements at the times, in parts so that the wall time is watched."""
+    parts = []
+    for first in range(0, len(times), _HELD):
+        parts.append(quasi_static(motion, equations, times[first : first + _HELD]))
+        done = min(first + _HELD, len(times))
+        if done < len(times) and pace.spent(float(times[done - 1])):
+            reached = np.arange(done)
+            raise OutOfTime(float(times[done - 1]), Found(np.concatenate(parts), None, done), reached)
+    return Found(np.concatenate(parts), None, len(times))

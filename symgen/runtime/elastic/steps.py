@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,9 +16,9 @@ from symgen.runtime.beams.methods import BEAM_METHODS, BeamMethod
 from symgen.runtime.elastic.kept import Stages
 from symgen.runtime.elastic.motion import ElasticMotion
 from symgen.runtime.elastic.outputs import FINER, Errors
-from symgen.runtime.integrate.checkpoint import Keeping, mark_of, mark_of_kernels
+from symgen.runtime.integrate.checkpoint import Keeping, mark_of_kernels
 from symgen.runtime.integrate.options import TIGHTEST, recorded_at
-from symgen.runtime.integrate.pace import OUT_OF_TIME, OutOfTime, Pace
+from symgen.runtime.integrate.pace import OutOfTime, Pace
 from symgen.runtime.kernels.arguments import is_real, out_of_range
 from symgen.runtime.kernels.typed import library_of_runs
 
@@ -28,8 +28,6 @@ Progress = Callable[[float], None]
 
 #: Steps per revolution that a run begins with, and the most that it is doubled to.
 _FIRST, _MOST = 256, 1 << 18
-#: Part of a revolution that an adaptive run tries as its first step.
-_FIRST_TRIED = 4096
 #: An error of which so much is left in the last of so many parts of a run is reduced on the first, if so many
 #: times are recorded; and the least part of the steps found there that the whole run takes.
 _LASTING, _PART, _FEW, _LEAST = 0.4, 8, 64, 0.6
@@ -70,6 +68,11 @@ class Found:
     floquet_error: float | None = None
     spent: float = 0.0
     counts: Counts | None = None
+
+    def at(self, places: NDArray[np.intp]) -> Found:
+        """Return what was found at some of the times."""
+        rates = None if self.rates is None else self.rates[places]
+        return replace(self, displacements=self.displacements[places], rates=rates)
 
 
 def recorded_times(motion: ElasticMotion, task: Task) -> Array:
@@ -181,10 +184,13 @@ def stepped(
     reached, taken = stages.resumed(steps, found, rates) if stages else (0, 0)
     now = float(times[order[reached - 1]]) if reached else 0.0
     cause = f", with {int(np.sum(counts))} steps"
+    jumps = motion.jumps.tolist()
+    while reached and jumps and jumps[0][0] <= now:
+        now = max(now, jumps.pop(0)[1])
     for place in range(reached, len(times)):
         k, count = order[place], int(counts[place])
         t = float(times[k])
-        while taken < count:
+        while taken < count and t > now:
             to = min(taken + pace.chunk(), count)
             status = steps.advance(now, t, count, taken, to)
             if status == _core.NOT_FINITE:
@@ -201,8 +207,12 @@ def stepped(
             if over:
                 done = np.sort(order[:place])
                 raise OutOfTime(at, Found(found[done], rates[done], int(np.sum(counts[done]))), done)
-        now, taken = t, 0
+        now, taken = max(t, now), 0
         found[k], rates[k] = steps.displacements[:, 0], steps.rates[:, 0]
+        if jumps and t == jumps[0][0]:
+            now = jumps.pop(0)[1]
+            if not method.collocated:
+                motion.check(equations, steps.start(now, steps.displacements, steps.rates), now)
     return stages.finished(found, rates) if stages else (found, rates)
 
 
@@ -324,68 +334,3 @@ def _check_round_off(motion: ElasticMotion, task: Task, errors: Errors) -> None:
             f"{typed.precision.name}: shorter steps only add round-off, and {errors.least:.1e} is the best\n"
             "  Give a larger --rtol, or take float64."
         )
-
-
-def explicit(
-    motion: ElasticMotion,
-    equations: _beams.BeamEquations,
-    task: Task,
-    times: Array,
-    progress: Progress | None,
-    keeping: Keeping | None = None,
-) -> Found:
-    """Step by an explicit method of the step loop of rods.
-
-    Raises
-    ------
-    OutOfTime
-        When the wall time is spent.
-    SimulationError
-        When the linkage cannot turn.
-    ResultError
-        When a checkpoint cannot be written, or is of another run.
-    """
-    from symgen.runtime.integrate.options import options
-    from symgen.runtime.integrate.simulate import drive
-
-    n = motion.layout.unknowns
-    end = float(np.max(times))
-    fixed = task.method == "rk4"
-    step = turn(motion) / (task.steps or 2048) if fixed else None
-    typed = motion.rigid.typed
-    kind = typed.precision if typed else FLOAT64
-    rtol = None if fixed else task.rtol
-    limits = {"precision": kind, "max_step": task.max_step}
-    chosen = options(end, task.method, rtol, None, step, 2, 1_000_000_000, **limits)
-    order = np.argsort(times, kind="stable")
-    stepper = _core.Run(
-        equations,
-        chosen.method,
-        0.0,
-        np.zeros(2 * n),
-        end,
-        chosen.rtol,
-        chosen.atol,
-        # A first step guessed from rest would look ahead to the end of the run, along the rigid motion.
-        chosen.step or turn(motion) / _FIRST_TRIED,
-        times[order],
-        max_step=chosen.max_step,
-    )
-    checkpoints = None
-    if keeping is not None:
-        told = (repr(task), times.tobytes().hex(), *motion.told)
-        library = library_of_runs(motion.rigid.evaluator.library, typed)
-        mark = mark_of(motion.rigid.evaluator, library, equations, chosen, 0.0, np.zeros(2 * n), *told)
-        checkpoints = keeping.of(stepper, mark)
-    status, _ = drive(stepper, 0.0, chosen, progress, checkpoints)
-    spent = checkpoints.spent if checkpoints else 0.0
-    if status == _core.NOT_FINITE:
-        return Found(np.full((len(times), n), np.nan), None, stepper.steps)
-    motion.check(equations, _core.DONE if status == OUT_OF_TIME else status, stepper.t)
-    reached = order[: stepper.recorded]
-    found = np.zeros((len(times), 2 * n))
-    found[reached] = stepper.result[:, : 2 * n]
-    if status == OUT_OF_TIME:
-        found, reached = found[np.sort(reached)], np.sort(reached)
-        raise OutOfTime(stepper.t, Found(found[:, :n], found[:, n:], stepper.steps, spent=spent), reached)
-    return Found(found[:, :n], found[:, n:], stepper.steps, spent=spent)

@@ -177,7 +177,6 @@ class Description(Described):
     windings: int = 0
     turns: tuple[str, ...] = ()
     switches: tuple[str, ...] = ()
-    jumps: tuple[str, ...] = ()
     remarks: tuple[str, ...] = ()
     inputs: tuple[str, ...] = ()
 

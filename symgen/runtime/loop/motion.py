@@ -158,7 +158,7 @@ def _recorded(
             *_of_passages(stepper, samples),
             *samples.notes(),
             *note(kernels, ranges, len(times)),
-            *of_switches(d.switches, stepper),
+            *of_switches(d.switches, stepper.switchings),
         ),
         units=converters(d),
     )

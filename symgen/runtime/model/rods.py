@@ -161,6 +161,11 @@ class RodModel(LinkageModel):
             solution = self._solution(state)[:-1]
         else:
             state, still = at.state, np.zeros(d.coordinates)
+            if lacking := [name for name in d.constraints if name not in at.multipliers]:
+                raise ModelError(
+                    f"{self.name}: expected an equilibrium of this model, got one without the multiplier "
+                    f"of constraint {lacking[0]}\n  Give one that equilibrium() of this model returned."
+                )
             solution = np.concatenate([still, [at.multipliers[name] for name in d.constraints]])
         by = d.inputs if kind == "linearisation" else tuple(self.parameters)
         kernels = self.analysis(kind, outputs=tuple(names))

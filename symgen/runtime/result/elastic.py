@@ -45,7 +45,7 @@ class ElasticResult(Result):
         """Whether the steady state is stable; None where its multipliers do not tell, or there are none."""
         return is_stable(abs(self.floquet[0]), self.statistics["floquet_error"]) if self.floquet else None
 
-    def estimate_later(self, estimate: Callable[[], float | None]) -> None:
+    def _estimate_later(self, estimate: Callable[[], float | None]) -> None:
         """Set how :attr:`mesh_error` is computed when it is requested."""
         self._cache["estimate"] = estimate
 

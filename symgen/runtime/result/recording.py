@@ -145,7 +145,7 @@ class Recording:
             *_of_passages(self.evaluator, self.stepper),
             *_of_stiffness(self.stepper, self.chosen),
             *_of_the_end(self.evaluator, self.stepper),
-            *of_switches(self.evaluator.description.switches, self.stepper),
+            *of_switches(self.evaluator.description.switches, self.stepper.switchings),
             *_of_blind_events(self.evaluator, self.stepper),
         )
 
@@ -282,21 +282,12 @@ def _of_the_end(evaluator: Evaluator, stepper: _core.Run) -> Iterator[str]:
         yield f"the event {name!r} ended the run at t = {stepper.t:.9g} s"
 
 
-def of_switches(switches: tuple[str, ...], stepper: _core.Run) -> Iterator[str]:
-    """Yield the note on switching points of loads that steps ended on."""
-    if stepper.switchings:
+def of_switches(switches: tuple[str, ...], passed: int) -> Iterator[str]:
+    """Yield the note on switching points of loads that steps ended on, and how many were passed."""
+    if passed:
         jumps = "; ".join(switches[:_SHOWN])
-        points = "1 switching point" if stepper.switchings == 1 else f"{stepper.switchings} switching points"
+        points = "1 switching point" if passed == 1 else f"{passed} switching points"
         yield f"steps end on {points} of the loads ({jumps})"
-
-
-def of_jumps(jumps: tuple[str, ...], remedy: str) -> Iterator[str]:
-    """Name the jumps of loads on which no step of this motion ends."""
-    if jumps:
-        yield (
-            f"loads jump, and steps do not end there ({'; '.join(jumps[:_SHOWN])}): {remedy} shorter than "
-            "the time between jumps"
-        )
 
 
 def _of_blind_events(evaluator: Evaluator, stepper: _core.Run) -> Iterator[str]:

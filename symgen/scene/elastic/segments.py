@@ -128,7 +128,7 @@ def segmented(linkage: Linkage, count: int, places: Places) -> Linkage:
 def remade(linkage: Linkage, segments: int | None, places: Places) -> Linkage:
     """Return the linkage with elastic links in so many rods; if None, with rigid links and its motor."""
     if segments is None:
-        return with_windings(with_motor(linkage, places))
+        return with_switches(with_windings(with_motor(linkage, places)))
     return with_switches(segmented(linkage, segments, places))
 
 

@@ -24,21 +24,25 @@ def with_switches(linkage: Linkage) -> Linkage:
     """Return a linkage whose loads have a branch b for each of their jumps: sign(x) as b + (1 - b^2) sign(x).
 
     At b = 0, the value of the parameter that is added, this is sign(x); runs hold b at 1 or -1 during a step.
-    Smooth pulses in the time have one in their middle, on which no load depends: a step ends there.
-    Elastic links and kinematics have no such steps, and keep their expressions.
+    Smooth pulses in the time have one in their middle, on which no load depends: a step ends there. Steps of
+    elastic links have no stage at their ends, and no use of it. Kinematics have no steps, and keep their
+    expressions. Branches that loads have are left out first.
     """
-    if linkage.elastic or linkage.kinematic:
+    if linkage.kinematic:
         return linkage
-    found = _Switches(linkage.parameters)
+    linkage = _without_switches(linkage)
+    found, crank = _Switches(linkage.parameters), linkage.crank
     changed = replace(
         linkage,
         loads=tuple(
             load.with_expressions(partial(found.held, _place(table, i), own=load.name))
             for table, i, load in linkage.placed_loads
         ),
+        crank=crank and replace(crank, torque=found.held("[crank]", crank.torque, crank.link)),
     )
-    for where, expressions, own in loads_of(linkage):
-        found.stop_at_pulses(where, expressions, own)
+    if not linkage.elastic:
+        for where, expressions, own in loads_of(linkage):
+            found.stop_at_pulses(where, expressions, own)
     if not found.switches:
         return linkage
     return replace(
@@ -78,15 +82,18 @@ def with_switches_of_loop(loop: Loop) -> Loop:
     return replace(changed, parameters=(*loop.parameters, *found.branches), switches=tuple(found.switches))
 
 
-def jumps(linkage: Linkage) -> tuple[str, ...]:
-    """Return the jumps of loads whose branches no run holds: those of scenes with elastic links."""
-    if not linkage.elastic:
-        return ()
-    found = _Switches(linkage.parameters)
-    for where, expressions, own in loads_of(linkage):
-        for expression in expressions:
-            found.held(where, expression, own)
-    return tuple(s.text for s in found.switches)
+def _without_switches(linkage: Linkage) -> Linkage:
+    """Return a linkage whose loads have no branches."""
+    old: dict[sp.Expr, sp.Expr] = {s.branch.symbol: sp.Integer(0) for s in linkage.switches}
+    if not old:
+        return linkage
+    quantities = {s.branch for s in linkage.switches}
+    return replace(
+        linkage,
+        loads=tuple(load.with_expressions(lambda x: x.xreplace(old)) for load in linkage.loads),
+        parameters=tuple(p for p in linkage.parameters if p.quantity not in quantities),
+        switches=(),
+    )
 
 
 def loads_of(linkage: Linkage) -> Iterator[tuple[str, Vector, str]]:

@@ -1,0 +1,197 @@
+"""Jumps of the loads of elastic links along the rigid motion, and explicit methods, which stop at each."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symgen.errors import ModelError
+from symgen.precision import FLOAT64
+from symgen.runtime import _beams, _core
+from symgen.runtime.elastic.motion import ElasticMotion
+from symgen.runtime.elastic.steps import Found, Progress, Task, turn
+from symgen.runtime.integrate.checkpoint import Keeping, mark_of
+from symgen.runtime.integrate.pace import OUT_OF_TIME, OutOfTime
+from symgen.runtime.kernels.typed import library_of_runs
+from symgen.runtime.result.recording import wound
+
+Array = NDArray[np.float64]
+
+#: Looks over a run, if it has no more steps, and parts of a revolution by which references of angles move.
+_LOOKS, _QUARTER = 720, np.pi / 2
+#: Half the time that is left out about a jump: so many roundings of the end of the run.
+_BLUR = 64
+#: Part of a revolution that an adaptive run tries as its first step.
+_FIRST_TRIED = 4096
+
+
+def jump_times(motion: ElasticMotion, end: float, looks: int) -> Array:
+    """Return the last time before and the first after every jump of the loads in (0, end) [s], (jumps, 2).
+
+    ``looks`` are the least number of times at which the distances from switching points are evaluated. What
+    passes zero and comes back between two looks is not seen.
+
+    Raises
+    ------
+    SimulationError
+        When the linkage cannot move.
+    """
+    if not motion.rigid.description.switches:
+        return np.zeros((0, 2))
+    typed = motion.rigid.typed
+    blur = _BLUR * (typed.precision.epsilon if typed else FLOAT64.epsilon) * end
+    count = max(_LOOKS, looks)
+    times = end * (np.arange(count + 1) + 0.4 * np.sin(np.arange(count + 1) ** 2.0)) / count
+    times[0], times[-1] = 0.0, end
+    found: set[tuple[float, float]] = set()
+    while True:
+        # Of a triangle, the corners show only where its tip is looked at.
+        new = {pair for pair in _passed(motion, times, blur) if not _known(pair, found)}
+        if not new:
+            return _merged(sorted(found), blur, end)
+        found |= new
+        times = np.union1d(times, [t for pair in new for t in pair])
+
+
+def _known(pair: tuple[float, float], found: set[tuple[float, float]]) -> bool:
+    return any(a <= pair[0] and pair[1] <= b for a, b in found)
+
+
+def _passed(motion: ElasticMotion, times: Array, blur: float) -> list[tuple[float, float]]:
+    """Return a time before and one after every point passed between two of the times, by halving."""
+    gaps = _distances(motion, times, angles := _angles(motion, times))
+    sides = np.sign(gaps)
+    for row in range(1, len(sides)):
+        sides[row] = np.where(sides[row] == 0.0, sides[row - 1], sides[row])
+    places, which = np.nonzero(sides[:-1] * sides[1:] < 0.0)
+    low, high, after = times[places], times[places + 1], sides[places + 1, which]
+    angles = angles[places]
+    while np.any(wide := high - low > blur):
+        middle = (low + high) / 2
+        order = np.argsort(middle[wide], kind="stable")
+        back = np.argsort(order)
+        rows = _distances(motion, middle[wide][order], angles[wide][order])[back]
+        beyond = rows[np.arange(len(rows)), which[wide]] * after[wide] > 0.0
+        high[wide] = np.where(beyond, middle[wide], high[wide])
+        low[wide] = np.where(beyond, low[wide], middle[wide])
+    begins = [(0.0, 0.0)] if np.any((sides[0] == 0.0) & (sides[1] != 0.0)) else []
+    return begins + list(zip(low.tolist(), high.tolist(), strict=True))
+
+
+def _states(motion: ElasticMotion, times: Array) -> tuple[Array, Array]:
+    moved = motion.moved()
+    status, states, *_ = moved.along(np.ascontiguousarray(times))
+    if status != _core.DONE:
+        motion.check(motion.equations(), status, moved.t)
+    n = motion.rigid.description.coordinates
+    return states[:, :n], states[:, n : 2 * n]
+
+
+def _angles(motion: ElasticMotion, times: Array) -> Array:
+    """Return references of the angles in loads at rising times, continuous over revolutions."""
+    if not motion.rigid.description.windings:
+        return np.zeros((len(times), 0))
+    found = motion.rigid.evaluator.many_blocks("events", times, *_states(motion, times))["windings"]
+    continuous = np.unwrap(found.reshape(len(times), -1), axis=0)
+    quarters: Array = np.round(continuous / _QUARTER) * _QUARTER
+    return quarters
+
+
+def _distances(motion: ElasticMotion, times: Array, references: Array) -> Array:
+    """Return the distances from all switching points at rising times, (times, points)."""
+    evaluator, (q, u) = motion.rigid.evaluator, _states(motion, times)
+    found = np.zeros((len(times), len(motion.rigid.description.switches)))
+    for held, rows in wound(evaluator, references):
+        of = type(evaluator)(evaluator.description, evaluator.library, held)
+        gaps = of.many_blocks("events", times[rows], q[rows], u[rows])["switches"]
+        found[rows] = gaps.reshape(len(rows), -1)
+    return found
+
+
+def _merged(found: list[tuple[float, float]], blur: float, end: float) -> Array:
+    """Return the jumps in order, each with its blur, those that overlap as one."""
+    made: list[tuple[float, float]] = []
+    for low, high in found:
+        before, after = max(low - blur, 0.0), high + blur
+        if made and before <= made[-1][1]:
+            made[-1] = made[-1][0], max(after, made[-1][1])
+        elif after < end:
+            made.append((before, after))
+    return np.array(made).reshape(-1, 2)
+
+
+def explicit(
+    motion: ElasticMotion,
+    equations: _beams.BeamEquations,
+    task: Task,
+    times: Array,
+    progress: Progress | None,
+    keeping: Keeping | None = None,
+) -> Found:
+    """Step from jump to jump of the loads, each a run of its own.
+
+    Raises
+    ------
+    OutOfTime
+        When the wall time is spent.
+    ModelError
+        For checkpoints of such runs.
+    SimulationError
+        When the linkage cannot turn.
+    ResultError
+        When a checkpoint cannot be written, or is of another run.
+    """
+    from symgen.runtime.integrate.options import options
+    from symgen.runtime.integrate.simulate import drive
+
+    n = motion.layout.unknowns
+    end = float(np.max(times))
+    fixed = task.method == "rk4"
+    step = turn(motion) / (task.steps or 2048) if fixed else None
+    typed = motion.rigid.typed
+    kind = typed.precision if typed else FLOAT64
+    rtol = None if fixed else task.rtol
+    limits = {"precision": kind, "max_step": task.max_step}
+    chosen = options(end, task.method, rtol, None, step, 2, 1_000_000_000, **limits)
+    if keeping is not None and len(motion.jumps):
+        raise ModelError(
+            f"{motion.rigid.name}: expected no checkpoint, since {task.method} stops at jumps of the loads\n"
+            "  Take the method gauss, or leave the checkpoint out."
+        )
+    order = np.argsort(times, kind="stable")
+    found, state = np.zeros((len(times), 2 * n)), np.zeros(2 * n)
+    begin, done, steps, spent = 0.0, 0, 0, 0.0
+    for until, after in [*motion.jumps.tolist(), (end, end)]:
+        last = int(np.searchsorted(times[order], until, side="right"))
+        stepper = _core.Run(
+            equations,
+            chosen.method,
+            begin,
+            state,
+            until,
+            chosen.rtol,
+            chosen.atol,
+            # A first step guessed from rest would look ahead to the end of the run, along the rigid motion.
+            chosen.step or turn(motion) / _FIRST_TRIED,
+            np.maximum(times[order[done:last]], begin),
+            max_step=chosen.max_step,
+        )
+        checkpoints = None
+        if keeping is not None:
+            told = (repr(task), times.tobytes().hex(), *motion.told)
+            library = library_of_runs(motion.rigid.evaluator.library, typed)
+            mark = mark_of(motion.rigid.evaluator, library, equations, chosen, 0.0, np.zeros(2 * n), *told)
+            checkpoints = keeping.of(stepper, mark)
+        status, _ = drive(stepper, 0.0, chosen, progress, checkpoints)
+        spent = checkpoints.spent if checkpoints else 0.0
+        steps += stepper.steps
+        if status == _core.NOT_FINITE:
+            return Found(np.full((len(times), n), np.nan), None, steps)
+        motion.check(equations, _core.DONE if status == OUT_OF_TIME else status, stepper.t)
+        reached = order[: done + stepper.recorded]
+        found[reached[done:]] = stepper.result[:, : 2 * n]
+        if status == OUT_OF_TIME:
+            found, reached = found[np.sort(reached)], np.sort(reached)
+            raise OutOfTime(stepper.t, Found(found[:, :n], found[:, n:], steps, spent=spent), reached)
+        state, begin, done = found[order[last - 1]], after, last
+    return Found(found[:, :n], found[:, n:], steps, spent=spent)

@@ -1,0 +1,181 @@
+"""Loads of elastic links that jump: steps end on the jumps, against closed forms."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from scipy.linalg import eigh
+from shared.elastic_scenes import AREA, INERTIA, LENGTH, RHO, E, cantilever
+
+import symgen
+
+#: Force [N], when it begins, and how long it lasts [s]: less than a step.
+FORCE, BEGIN, LASTS = 100.0, 0.0123, 1e-5
+RECTANGLE = "F*(sign(t - b) - sign(t - b - w))/2"
+TRIANGLE = "F*max(0, 1 - abs((t - b)/w))"
+
+
+def pushed(folder, force):
+    """A bar clamped to a shaft at rest, one cubic element long, with this force across its tip for 50 ms."""
+    return cantilever(
+        folder,
+        ', elements = 1, element = "cubic"',
+        more=f"""
+[parameters]
+F = "{FORCE} N"
+b = "{BEGIN} s"
+w = "{LASTS} s"
+[[forces]]
+point = "tip"
+force = ["0 N", "{force}"]
+[analysis]
+t_end = "0.05 s"
+""",
+    )
+
+
+def deflection(times, moments, step):
+    """Return how far the tip moves [m]: modes of Hermite's element, each driven by steps or ramps of the force."""
+    a = LENGTH
+    mass = RHO * AREA * a / 420 * np.array([[156, -22 * a], [-22 * a, 4 * a * a]])
+    stiffness = E * INERTIA / a**3 * np.array([[12, -6 * a], [-6 * a, 4 * a * a]])
+    squares, shapes = eigh(stiffness, mass)
+    found = np.zeros(len(times))
+    for begin, size in moments:
+        since = np.maximum(times - begin, 0.0)
+        for square, tip in zip(squares, shapes[0], strict=True):
+            w = math.sqrt(square)
+            grown = 1 - np.cos(w * since) if step else since - np.sin(w * since) / w
+            found += tip**2 * size / square * grown
+    return found
+
+
+@pytest.mark.parametrize(
+    ("options", "tolerance"),
+    [
+        ({}, 1e-8),
+        ({"steps": 100}, 1e-8),
+        ({"method": "gauss4", "steps": 1000}, 1e-6),
+        ({"method": "newmark", "steps": 4000}, 2e-4),
+        ({"method": "generalized-alpha", "steps": 4000}, 2e-4),
+        ({"method": "rk4", "steps": 4000}, 1e-7),
+        ({"method": "dop853", "rtol": 1e-9}, 1e-7),
+    ],
+    ids=str,
+)
+def test_pulses_shorter_than_a_step_are_not_missed(options, tolerance, tmp_path):
+    run = pushed(tmp_path, RECTANGLE).simulate(samples=21, **options)
+    expected = deflection(run.time, [(BEGIN, FORCE), (BEGIN + LASTS, -FORCE)], step=True)
+    error = run["tip.displacement"].values[:, 1] - expected
+    assert np.max(np.abs(error)) < tolerance * np.max(np.abs(expected))
+    assert any("steps end on 2 switching points" in note for note in run.notes)
+
+
+def test_corners_that_show_only_beside_another_are_found(tmp_path):
+    run = pushed(tmp_path, TRIANGLE).simulate(samples=21)
+    rate = FORCE / LASTS
+    corners = [(BEGIN - LASTS, rate), (BEGIN, -2 * rate), (BEGIN + LASTS, rate)]
+    expected = deflection(run.time, corners, step=False)
+    error = run["tip.displacement"].values[:, 1] - expected
+    assert np.max(np.abs(error)) < 1e-8 * np.max(np.abs(expected))
+
+
+def test_fixed_steps_keep_their_order_over_jumps(tmp_path):
+    """Errors of Newmark's method fall as the square of the step: as without a jump."""
+    model, errors = pushed(tmp_path, "F*(1 + sign(t - b))/2"), []
+    for steps in (2000, 4000, 8000):
+        run = model.simulate(method="newmark", steps=steps, samples=21)
+        expected = deflection(run.time, [(BEGIN, FORCE)], step=True)
+        errors.append(np.max(np.abs(run["tip.displacement"].values[:, 1] - expected)))
+    assert 3.5 < errors[0] / errors[1] < 4.5
+    assert 3.5 < errors[1] / errors[2] < 4.5
+
+
+def crank_with_motor(torque):
+    """A stiff crank with a flywheel, turned from 4 rad/s on by a torque."""
+    link = {
+        "points": ["O", "A"],
+        "density": "7850 kg/m^3",
+        "section": {"width": "20 mm", "thickness": "20 mm"},
+        "elastic": {"E": "2.06e11 Pa", "elements": 1},
+    }
+    turned = {"link": "crank", "mode": "motor", "speed": "w", "torque": torque, "flywheel": "2 kg*m^2"}
+    return symgen.Scene(
+        parameters={"w": "4 rad/s", "k": "2 N*m", "b": "0.4 s", "c": "1 N*m*s"},
+        points={"O": {"at": ["0 m", "0 m"], "ground": True}, "A": {"at": ["0.3 m", "0 m"]}},
+        links={"crank": link},
+        crank=turned,
+    )
+
+
+def test_a_motor_that_is_reversed():
+    """I theta'' = k, from 0.4 s on -k."""
+    run = symgen.build(crank_with_motor("k*sign(b - t)")).simulate(revolutions=0.5, samples=21, steps=200)
+    gained, t = 2 / (2 + 7850 * 4e-4 * 0.3 * 0.3**2 / 3), run.time
+    after = np.maximum(t - 0.4, 0.0)
+    expected = 4 * t + gained * (t**2 / 2 - after**2)
+    x, y = run["A.position"].values.T
+    assert np.unwrap(np.arctan2(y, x)) == pytest.approx(expected, abs=1e-5)
+    assert any("1 switching point of the loads (sign(0.4 - t)" in note for note in run.notes)
+
+
+def test_a_motor_whose_torque_jumps_twice_a_revolution_has_a_steady_speed():
+    """I theta'' = k + c (w - theta') over half a revolution, with -k over the other; each turns by pi."""
+    from scipy.optimize import fsolve
+
+    inertia = 2 + 7850 * 4e-4 * 0.3 * 0.3**2 / 3
+    slow = inertia / 1.0
+
+    def halves(x):
+        first, second, low, high = x
+        rest = [4.0 + 2.0, 4.0 - 2.0]
+        ends, turned = [], []
+        for begin, speed, t in ((low, rest[0], first), (high, rest[1], second)):
+            left = (begin - speed) * math.exp(-t / slow)
+            ends.append(speed + left)
+            turned.append(speed * t + (begin - speed - left) * slow)
+        return [ends[0] - high, ends[1] - low, turned[0] - math.pi, turned[1] - math.pi]
+
+    first, second, *_ = fsolve(halves, [0.8, 0.8, 3.5, 4.5], xtol=1e-13)
+    scene = crank_with_motor("k*sign(sin(this.angle)) + c*(w - this.rate)")
+    run = symgen.build(scene).periodic(samples=9, steps=32)
+    said = next(note for note in run.notes if "mean speed" in note)
+    assert float(said.split()[-2]) == pytest.approx(60 / (first + second), rel=1e-5)
+    assert any("switching point" in note for note in run.notes)
+
+
+def test_jumps_at_angles_beyond_a_revolution():
+    """A jump at 8 rad of the crank, and at the time at which it comes there."""
+    points = {
+        "O": {"at": ["0 m", "0 m"], "ground": True},
+        "C": {"at": ["0.2 m", "0 m"], "ground": True},
+        "A": {"at": ["-0.4 m", "0.3 m"]},
+        "B": {"at": ["-0.1 m", "0.5 m"]},
+    }
+    coupler = {
+        "points": ["A", "B"],
+        "density": "7850 kg/m^3",
+        "section": {"width": "20 mm", "thickness": "5 mm"},
+        "elastic": {"E": "2.06e11 Pa", "elements": 1},
+    }
+    links = {
+        "crank": {"points": ["O", "A"], "mass": "0.5 kg"},
+        "coupler": coupler,
+        "follower": {"points": ["C", "B"], "mass": "0.8 kg"},
+    }
+    runs = []
+    for gap in ("crank.angle - 8", f"t - {8 - math.atan2(0.3, -0.4)!r}/w"):
+        scene = symgen.Scene(
+            parameters={"w": "30 rad/s", "k": "0.2 N*m"},
+            points=points,
+            links=links,
+            torques=[{"link": "follower", "torque": f"k*sign({gap})"}],
+            crank={"link": "crank", "speed": "w"},
+        )
+        runs.append(symgen.build(scene).simulate(revolutions=2, steps=200, samples=41))
+    for name in ("coupler.stress", "crank.torque"):
+        by_angle, by_time = (run[name].values for run in runs)
+        assert by_angle == pytest.approx(by_time, abs=1e-9 * np.max(np.abs(by_time)))
+    assert all(any("1 switching point of" in note for note in run.notes) for run in runs)
