@@ -5,10 +5,11 @@ of freedom remains. Time to the first step, processor time and memory are those 
 cache, compilers included. Errors are those of all accelerations, against the pendulum that the row is
 equivalent to.
 
-The motion is problem A02 of the benchmark library of F. González and M. González for multibody dynamics
-(http://lim.ii.udc.es/mbsbenchmark): 40 linkages with upright cranks, whose tips start at 1 m/s, for 20 s. Its
-error is the one defined there, over positions and velocities of the first tip at 400 steps of output; the
-mechanism passes positions in which it has 41 degrees of freedom. The reference is the equivalent pendulum.
+The motion is problem A02 of M. González et al., A benchmarking system for MBS simulation software, Multibody
+Syst. Dyn. 16, 2006 (http://lim.ii.udc.es/mbsbenchmark): 40 linkages with upright cranks, whose tips start at
+1 m/s, for 20 s. Its error is the one defined there, over positions and velocities of the first tip at 400
+steps of output; the mechanism passes positions in which it has 41 degrees of freedom. The reference is the
+equivalent pendulum.
 """
 
 from __future__ import annotations

@@ -10,6 +10,7 @@ from itertools import groupby
 from typing import Any
 
 from symgen.codegen.printers import C_FUNCTIONS, Printer, printer
+from symgen.codegen.rolled import ROLLED, Rolled, is_large, rolled
 from symgen.codegen.source import SourceFile
 from symgen.codegen.target import Target
 from symgen.lowering.kernel import ARRAYS, Assignment, Block, Kernel, Program, Slot, Store
@@ -82,7 +83,8 @@ class CallView:
 class KernelView:
     """A kernel as used by the templates, with every expression as final text.
 
-    In C, ``early`` has the stores that follow each assignment, and ``late`` those behind all of them.
+    In C, ``early`` has the stores that follow each assignment, and ``late`` those behind all of them; of
+    large kernels, ``rolled`` has all statements.
     """
 
     name: str
@@ -105,6 +107,7 @@ class KernelView:
     work_size: int
     out_size: int
     after_setup: bool
+    rolled: Rolled | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -181,8 +184,14 @@ def equations_hash(program: Program, target: Target) -> str:
     digest = hashlib.sha256()
     digest.update(repr((program, target.precision, target.lanes, STATEMENTS)).encode())
     for template in sorted({*INCLUDED, *(n for files in (*TEMPLATES.values(), LANES) for n, _ in files)}):
-        digest.update(environment().loader.get_source(environment(), template)[0].encode())
+        digest.update(_source(template))
+    if any(is_large(kernel, target) for kernel in program.kernels):
+        digest.update(_source(ROLLED))
     return digest.hexdigest()
+
+
+def _source(template: str) -> bytes:
+    return str(environment().loader.get_source(environment(), template)[0]).encode()
 
 
 def emit(program: Program, target: Target, equations: str) -> tuple[SourceFile, ...]:
@@ -204,6 +213,10 @@ def emit(program: Program, target: Target, equations: str) -> tuple[SourceFile, 
         for i, part in enumerate(parts):
             text = environment().get_template(template).render(unit=part)
             files.append(SourceFile(file.format(program.name, f"_{i + 1}" if i else ""), text))
+    large = tuple(kernel for kernel in whole.kernels if kernel.rolled)
+    if large:
+        text = environment().get_template(ROLLED).render(unit=replace(whole, kernels=large))
+        files.append(SourceFile(f"{program.name}_rolled.c", text))
     return tuple(files)
 
 
@@ -211,6 +224,8 @@ def _parts(whole: UnitView) -> list[UnitView]:
     parts: list[list[KernelView]] = [[]]
     statements = 0
     for kernel in whole.kernels:
+        if kernel.rolled:
+            continue
         size = len(kernel.assignments) + len(kernel.stores)
         if parts[-1] and statements + size > STATEMENTS:
             parts.append([])
@@ -279,7 +294,12 @@ def _kernel(program: Program, kernel: Kernel, target: Target) -> KernelView:
     own = dict(kernel.inputs)
     written = {s.array for s in kernel.stores}
     sizes = kernel.reads
+    if kernel.is_sparse and not is_large(kernel, target):
+        kernel = replace(kernel, stores=_with_zeros(kernel))
     early, late = _scheduled(kernel)
+    loops = rolled(kernel, early, late, prints) if is_large(kernel, target) else None
+    if loops:
+        early, late = [], []
     return KernelView(
         name=kernel.name,
         description=kernel.description,
@@ -288,8 +308,8 @@ def _kernel(program: Program, kernel: Kernel, target: Target) -> KernelView:
         unused=() if kernel.first else tuple(a for a in ARRAYS if a not in own and a not in written),
         first=tuple(k.name for k in kernel.first),
         then=tuple(k.name for k in kernel.then),
-        assignments=tuple(_assignment(a, prints) for a in kernel.assignments),
-        stores=tuple(_stores(kernel.stores, prints, target)),
+        assignments=() if loops else tuple(_assignment(a, prints) for a in kernel.assignments),
+        stores=() if loops else tuple(_stores(kernel.stores, prints, target)),
         early=tuple(tuple(_stores(stores, prints, target)) for stores in early),
         late=tuple(_stores(late, prints, target)),
         calls=_calls(kernel, target.precision),
@@ -301,6 +321,7 @@ def _kernel(program: Program, kernel: Kernel, target: Target) -> KernelView:
         work_size=kernel.work_size,
         out_size=kernel.out_size,
         after_setup=_is_after_setup(program, kernel),
+        rolled=loops,
     )
 
 
@@ -333,6 +354,13 @@ def _scheduled(kernel: Kernel) -> tuple[list[list[Store]], list[Store]]:
         else:
             late.append(store)
     return early, late
+
+
+def _with_zeros(kernel: Kernel) -> tuple[Store, ...]:
+    """Return the stores of a kernel, and a zero for every entry of ``out`` that none of them writes."""
+    written = {s.index for s in kernel.stores if s.array == "out"}
+    zeros = (Store("out", i, _ZERO) for i in range(kernel.out_size) if i not in written)
+    return (*kernel.stores, *zeros)
 
 
 def _stores(stores: Iterable[Store], prints: Printer, target: Target) -> Iterator[TextAssignment]:

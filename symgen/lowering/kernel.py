@@ -61,6 +61,7 @@ class Kernel:
     ``inputs`` gives the size of every argument array that the kernel itself reads; the reference to an entry
     is ``array[index]``. All loads precede all stores, so the same kernel may read and write ``work`` and
     ``out``. ``first`` and ``then`` are kernels called before and after it with the same arguments.
+    Entries of ``out`` within ``blocks`` that no store writes are zero.
     ``counts`` are the operations by kind, including those of the called kernels.
     """
 
@@ -89,7 +90,13 @@ class Kernel:
     @property
     def out_size(self) -> int:
         """Number of doubles in ``out``."""
-        return max((s.index + 1 for s in self.stores if s.array == "out"), default=0)
+        written = max((s.index + 1 for s in self.stores if s.array == "out"), default=0)
+        return max(written, *(b.offset + b.shape[0] * b.shape[1] for b in self.blocks), 0)
+
+    @property
+    def is_sparse(self) -> bool:
+        """Whether entries of ``out`` are zero without a store."""
+        return sum(s.array == "out" for s in self.stores) < self.out_size
 
     @property
     def work_size(self) -> int:

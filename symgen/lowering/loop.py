@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from symgen.lowering.kernel import Kernel, Slot, Store
-from symgen.lowering.nodes import OperationCount, references
+from symgen.lowering.nodes import ZERO, OperationCount, references
 from symgen.lowering.straight_line import Shared, StraightLine
 from symgen.symbolic.system import System
 
@@ -100,7 +100,11 @@ def lower_recursion(recursion: Recursion) -> Loops:
 
 def _lower(step: System) -> Step:
     shared = Shared(step, tuple(m.name for m in step.matrices))
-    stores = [Store(m.name, i, e) for m in step.matrices for i, e in enumerate(shared.entries[m.name])]
+    stores = [
+        Store(m.name, i, entries.get(i, ZERO))
+        for m, entries in ((m, shared.entries[m.name]) for m in step.matrices)
+        for i in range(len(m.matrix))
+    ]
     assignments = StraightLine(shared.values).assignments(s.value for s in stores)
     read = references([a.value for a in assignments] + [s.value for s in stores])
     used = {r.partition("[")[0] for r in read if "[" in r}

@@ -12,6 +12,9 @@ from symgen.lowering.sparse_ldlt import Factor, factor, solve
 from symgen.lowering.straight_line import Shared, StraightLine
 from symgen.symbolic.system import Export, NamedMatrix, SaddlePoint, System
 
+#: Size of ``out`` above which zeros are no stores.
+ALL_ZEROS = 20_000
+
 
 def lower_system(system: System) -> Program:
     """Lower every export of a system, and the solution of its equations of motion, to kernels."""
@@ -74,8 +77,8 @@ class _Lowering:
         self.system, self.shared, self.pivots = system, shared, 0
 
     def export(self, export: Export) -> Kernel:
-        results = [e for name in export.matrices for e in self.shared.entries[name]]
         blocks = _blocks([self.system[name] for name in export.matrices])
+        results = {b.offset + i: e for b in blocks for i, e in self.shared.entries[b.name].items()}
         return self.kernel(
             export.kernel, export.description, StraightLine(self.shared.values), results, blocks
         )
@@ -84,19 +87,18 @@ class _Lowering:
         """Return 'factor', 'solve' (for repeated right-hand sides), and 'accelerations', which calls both."""
         n, m = self.system[point.mass].matrix.rows, self.system[point.jacobian].matrix.rows
         labels = tuple(x.name for x in self.system.group("work").quantities)
-        masses, jacobian = self.shared.entries[point.mass], self.shared.entries[point.jacobian]
-        entries = {(i, j): masses[i * n + j] for i in range(n) for j in range(i + 1)}
-        entries |= {(n + i, j): jacobian[i * n + j] for i in range(m) for j in range(n)}
-        rhs = [*self.shared.entries[point.force], *self.shared.entries[point.rhs]]
+        entries = {divmod(ij, n): e for ij, e in self.shared.entries[point.mass].items() if ij % n <= ij // n}
+        entries |= {(n + ij // n, ij % n): e for ij, e in self.shared.entries[point.jacobian].items()}
+        rhs = self.shared.entries[point.force] | {n + i: e for i, e in self.shared.entries[point.rhs].items()}
 
         line = StraightLine(self.shared.values)
-        named = {ij: line.name(value, f"k{ij[0]}_{ij[1]}") for ij, value in entries.items() if value != ZERO}
+        named = {ij: line.name(value, f"k{ij[0]}_{ij[1]}") for ij, value in entries.items()}
         tolerance = None if point.independent else Reference(RANK_TOLERANCE)
         factors = factor(line, named, point.order, n, labels, tolerance)
         stored = _stored(factors)
         health = [e for k in range(n + m) for e in (factors.pivot[k], factors.sound[k])]
         description = "factors of [M J^T; J 0] into work, for 'solve'; behind them the pivots"
-        factorise = self.kernel("factor", description, line, (), (), work=[*stored, *health])
+        factorise = self.kernel("factor", description, line, {}, (), work=[*stored, *health])
 
         line = StraightLine()
         places = {x.name: f"work[{i}]" for i, x in enumerate(stored)}
@@ -109,7 +111,7 @@ class _Lowering:
             "solve",
             "solution for the right-hand side in out, with the factors in work, in place",
             line,
-            solve(line, kept, [Reference(f"out[{i}]") for i in range(n + m)]),
+            dict(enumerate(solve(line, kept, [Reference(f"out[{i}]") for i in range(n + m)]))),
             (Block("solution", 0, (n + m, 1), "1", "right-hand side before, solution after", labels),),
             sizes={"work": len(stored), "out": n + m},
         )
@@ -132,15 +134,17 @@ class _Lowering:
         name: str,
         description: str,
         line: StraightLine,
-        results: Sequence[Node],
+        results: Mapping[int, Node],
         blocks: tuple[Block, ...],
         *,
         work: Sequence[Node] = (),
         sizes: Mapping[str, int] | None = None,
     ) -> Kernel:
-        assignments = line.assignments([*results, *work])
+        assignments = line.assignments([*results.values(), *work])
         stores = [Store("work", i, e) for i, e in enumerate(work)]
-        stores += [Store("out", i, e) for i, e in enumerate(results)]
+        size = sum(rows * columns for rows, columns in (b.shape for b in blocks))
+        stored = range(size) if size <= ALL_ZEROS else results
+        stores += [Store("out", i, results.get(i, ZERO)) for i in stored]
         read = {
             r.partition("[")[0]
             for r in references([a.value for a in assignments] + [s.value for s in stores])

@@ -9,7 +9,6 @@ from sympy.simplify.cse_main import tree_cse
 
 from symgen.lowering.kernel import Assignment
 from symgen.lowering.nodes import (
-    ZERO,
     Constant,
     Negative,
     Node,
@@ -77,19 +76,24 @@ def _definitions(system: System) -> tuple[dict[sp.Symbol, sp.Expr], dict[sp.Symb
 class Shared:
     """All matrices of a system over one set of named subexpressions.
 
-    ``values`` are the named subexpressions, ``entries[name]`` the entries of a matrix in row-major order.
+    ``values`` are the named subexpressions, ``entries[name]`` the nonzero entries of a matrix by their
+    place in row-major order.
     """
 
     def __init__(self, system: System, names: Sequence[str]) -> None:
         definitions, numbers = _definitions(system)
-        expressions = {
-            name: [e if e is sp.S.Zero else fold(e.xreplace(numbers)) for e in system[name].matrix]
-            for name in names
-        }
+        expressions: dict[str, dict[int, sp.Expr]] = {}
+        for name in names:
+            matrix = system[name].matrix
+            folded = (
+                (i * matrix.cols + j, fold(e.xreplace(numbers)))
+                for (i, j), e in sorted(matrix.todok().items())
+            )
+            expressions[name] = {place: e for place, e in folded if e != 0}
         # Whole subtrees only: searching for common parts of sums and products takes longer than the rest
         # of the lowering, and finds almost nothing if the derivation already names shared terms.
         found, shared = tree_cse(
-            [*definitions.values()] + [e for entries in expressions.values() for e in entries if e != 0],
+            [*definitions.values()] + [e for entries in expressions.values() for e in entries.values()],
             sp.numbered_symbols("c", real=True),
             order="none",
         )
@@ -111,9 +115,7 @@ class Shared:
             value = next(nodes)
             if value != Reference(symbol.name):
                 self.values[symbol.name] = value
-        self.entries = {
-            name: [next(nodes) if e != 0 else ZERO for e in entries] for name, entries in expressions.items()
-        }
+        self.entries = {name: {place: next(nodes) for place in e} for name, e in expressions.items()}
 
 
 class StraightLine:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import sympy as sp
 
 from symgen.models.rods.loads import product
-from symgen.models.rods.matrix import named
+from symgen.models.rods.matrix import named, sparse
 from symgen.scene.rods.linkage import TIME
 from symgen.symbolic.calculus import ZERO
 from symgen.symbolic.system import Export, NamedMatrix
@@ -27,9 +27,8 @@ def start_exports(model: RodsModel) -> tuple[list[NamedMatrix], list[Export]]:
     """
     matrices, exports = assembly_exports(model)
     start = model.linkage.start
-    names = [x.name for x in model.coordinates]
     if start.rates or start.velocities:
-        matrices += _velocity(model, names)
+        matrices += _velocity(model)
         about = "rows K u = k of the start's velocities"
         exports.append(Export("start_velocity", about, ("start_rates", "start_jacobian")))
     if start.rates or start.velocities or _driven(model):
@@ -47,7 +46,7 @@ def assembly_exports(model: RodsModel) -> tuple[list[NamedMatrix], list[Export]]
     start = linkage.start
     bound = linkage.guides or linkage.drivers or model.shared or not all(k.as_drawn for k in model.rods)
     if start.angles or bound or (model.constraints and _displaced(model)):
-        matrices += _assembly(model, names)
+        matrices += _assembly(model)
         about = "residual and Jacobian of the start's positions; u[0] goes from 0 (drawn) to 1 (start)"
         exports.append(Export("assembly", about, ("assembly_residual", "assembly_jacobian")))
     return matrices, exports
@@ -69,7 +68,7 @@ def _driven(model: RodsModel) -> bool:
     return moving or any(t in c.expression.free_symbols for c in model.constraints)
 
 
-def _assembly(model: RodsModel, names: list[str]) -> list[NamedMatrix]:
+def _assembly(model: RodsModel) -> list[NamedMatrix]:
     """Move every constraint from its drawn value to zero, and every angle to its value at the start."""
     s = model.u[model.free[0]][0].symbol
     _ = model.along, model.constraints  # their definitions must be known in the drawn pose
@@ -94,18 +93,10 @@ def _assembly(model: RodsModel, names: list[str]) -> list[NamedMatrix]:
             residuals.append(there - there.xreplace(drawn))
             rows.append(f"{point} drawn {axis}")
     gradients = [model.calculus.gradient(r) for r in residuals]
-    coordinates = [x.symbol for x in model.coordinates]
+    about = "derivative of the assembly residual"
     return [
         named(model, "assembly_residual", residuals, "m", "what is missing at the start", rows=rows),
-        named(
-            model,
-            "assembly_jacobian",
-            [g.get(q, ZERO) for g in gradients for q in coordinates],
-            "1",
-            "derivative of the assembly residual",
-            rows=rows,
-            columns=names,
-        ),
+        sparse(model, "assembly_jacobian", gradients, "1", about, rows=rows),
     ]
 
 
@@ -139,7 +130,7 @@ def _as_drawn(model: RodsModel) -> dict[sp.Symbol, sp.Expr]:
     return values
 
 
-def _velocity(model: RodsModel, names: list[str]) -> list[NamedMatrix]:
+def _velocity(model: RodsModel) -> list[NamedMatrix]:
     rows: list[str] = []
     wanted: list[sp.Expr] = []
     gradients: list[dict[sp.Symbol, sp.Expr]] = []
@@ -160,16 +151,8 @@ def _velocity(model: RodsModel, names: list[str]) -> list[NamedMatrix]:
         rows.extend(f"{name} velocity {axis}" for axis in model.axes)
         wanted.extend(velocity)
         gradients.extend(model.calculus.gradient(c) for c in model.position(name))
-    coordinates = [x.symbol for x in model.coordinates]
+    about = "their derivative by the velocities, K"
     return [
         named(model, "start_rates", wanted, "m/s", "velocities asked for at the start, k", rows=rows),
-        named(
-            model,
-            "start_jacobian",
-            [g.get(q, ZERO) for g in gradients for q in coordinates],
-            "1",
-            "their derivative by the velocities, K",
-            rows=rows,
-            columns=names,
-        ),
+        sparse(model, "start_jacobian", gradients, "1", about, rows=rows),
     ]

@@ -10,12 +10,11 @@ from symgen.errors import SceneError
 from symgen.models.rods import outputs
 from symgen.models.rods.elimination import is_open, order_of
 from symgen.models.rods.linkage import REFERENCE, RodsModel
-from symgen.models.rods.matrix import named
+from symgen.models.rods.matrix import named, sparse
 from symgen.models.rods.refinement import refinement
 from symgen.models.rods.start import start_exports
 from symgen.scene.rods.linkage import TIME, Linkage
 from symgen.scene.rods.windings import turning
-from symgen.symbolic.calculus import ZERO
 from symgen.symbolic.system import Definition, Export, Group, NamedMatrix, SaddlePoint, System
 
 
@@ -140,14 +139,13 @@ def _equations(model: RodsModel) -> list[NamedMatrix]:
         about = "power of the loads without potential, of drives and of the moving ground"
         energies.append(named(model, "power", [model.power], "W", about))
     return [
-        named(
+        sparse(
             model,
             "mass_matrix",
-            [model.mass_entries.get((a, b), ZERO) for a in q for b in q],
+            [model.mass_rows.get(a, {}) for a in q],
             "kg",
             "mass matrix of the free points, M",
             rows=names,
-            columns=names,
             symmetric=True,
         ),
         named(model, "force", model.applied, "N", "applied forces, f", rows=names),
@@ -158,8 +156,7 @@ def _equations(model: RodsModel) -> list[NamedMatrix]:
 
 def bonds(model: RodsModel) -> list[NamedMatrix]:
     """Return the constraints with their derivatives."""
-    q = [x.symbol for x in model.coordinates]
-    names, rows = [s.name for s in q], [c.name for c in model.constraints]
+    rows = [c.name for c in model.constraints]
     unit, rate_unit, rhs_unit = (_unit_of_constraints(model, i) for i in range(3))
     return [
         named(
@@ -178,14 +175,13 @@ def bonds(model: RodsModel) -> list[NamedMatrix]:
             "what a constraint is divided by to be an error in metres",
             rows=rows,
         ),
-        named(
+        sparse(
             model,
             "constraint_jacobian",
-            [row.get(s, ZERO) for row in model.jacobian for s in q],
+            model.jacobian,
             slope_unit(model),
             "constraint Jacobian, J",
             rows=rows,
-            columns=names,
         ),
         named(
             model,

@@ -13,6 +13,7 @@ from symgen.runtime._start import Starter
 from symgen.runtime.integrate.causes import without_direction
 from symgen.runtime.integrate.pace import check_wall
 from symgen.runtime.kernels.evaluate import Evaluator
+from symgen.runtime.rods.large_start import LARGE, least_velocities
 from symgen.runtime.rods.redundancy import (
     ASSEMBLED,
     assembly_tolerance,
@@ -209,7 +210,8 @@ def _place(evaluator: Evaluator, row: str) -> str:
 
 
 def _velocities(evaluator: Evaluator, starter: Starter, redundant: tuple[int, ...]) -> Array:
-    found = starter.velocities(redundant)
+    large = evaluator.description.coordinates > LARGE
+    found = least_velocities(evaluator, starter.q, redundant) if large else starter.velocities(redundant)
     if found is None:
         raise not_positive(evaluator)
     u, of_constraints, of_start, size = found
