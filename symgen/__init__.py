@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from symgen.errors import SymgenError as SymgenError
     from symgen.pipeline.build import build as build
     from symgen.pipeline.build import derive as derive
+    from symgen.pipeline.chain import build_chain as build_chain
     from symgen.runtime.chain.chain import Chain as Chain
     from symgen.runtime.elastic.model import ElasticModel as ElasticModel
     from symgen.runtime.loop.model import LoopModel as LoopModel
@@ -43,6 +44,7 @@ _HOME = {
     "SymgenError": "symgen.errors",
     "SystemModel": "symgen.runtime.model.system",
     "build": "symgen.pipeline.build",
+    "build_chain": "symgen.pipeline.chain",
     "derive": "symgen.pipeline.build",
     "load_result": "symgen.runtime.result.files",
     "load_scene": "symgen.scene.loading",

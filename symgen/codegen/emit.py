@@ -294,10 +294,10 @@ def _kernel(program: Program, kernel: Kernel, target: Target) -> KernelView:
     own = dict(kernel.inputs)
     written = {s.array for s in kernel.stores}
     sizes = kernel.reads
-    if kernel.is_sparse and not is_large(kernel, target):
-        kernel = replace(kernel, stores=_with_zeros(kernel))
+    large = is_large(kernel, target)
+    kernel = kernel if large else kernel.with_zeros
     early, late = _scheduled(kernel)
-    loops = rolled(kernel, early, late, prints) if is_large(kernel, target) else None
+    loops = rolled(kernel, early, late, prints) if large else None
     if loops:
         early, late = [], []
     return KernelView(
@@ -354,13 +354,6 @@ def _scheduled(kernel: Kernel) -> tuple[list[list[Store]], list[Store]]:
         else:
             late.append(store)
     return early, late
-
-
-def _with_zeros(kernel: Kernel) -> tuple[Store, ...]:
-    """Return the stores of a kernel, and a zero for every entry of ``out`` that none of them writes."""
-    written = {s.index for s in kernel.stores if s.array == "out"}
-    zeros = (Store("out", i, _ZERO) for i in range(kernel.out_size) if i not in written)
-    return (*kernel.stores, *zeros)
 
 
 def _stores(stores: Iterable[Store], prints: Printer, target: Target) -> Iterator[TextAssignment]:

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
-from symgen.lowering.nodes import Node, OperationCount, count
+from symgen.lowering.nodes import ZERO, Node, OperationCount, count
 
 #: The argument arrays of every kernel, in order.
 ARRAYS = ("t", "q", "u", "p", "work", "out")
@@ -97,6 +97,15 @@ class Kernel:
     def is_sparse(self) -> bool:
         """Whether entries of ``out`` are zero without a store."""
         return sum(s.array == "out" for s in self.stores) < self.out_size
+
+    @property
+    def with_zeros(self) -> Kernel:
+        """The kernel with a store for every entry of ``out``."""
+        if not self.is_sparse:
+            return self
+        written = {s.index for s in self.stores if s.array == "out"}
+        zeros = (Store("out", i, ZERO) for i in range(self.out_size) if i not in written)
+        return replace(self, stores=(*self.stores, *zeros))
 
     @property
     def work_size(self) -> int:

@@ -87,9 +87,11 @@ def _quantity(name: str, scene: Scene) -> str:
 def _rows(scene: Scene) -> set[str]:
     """Return the names of constraints that are not made from the name of one link alone."""
     rows = {f"{link}_drive" for link in scene.driven}
+    placed: dict[str, list[str]] = {}
+    for name, point in scene.points.items():
+        placed.setdefault(point.on or "", []).append(name)
     for name, link in scene.links.items():
-        placed = [p for p, point in scene.points.items() if point.on == name]
-        rows |= {f"{name}_{p}_{axis}" for p in (*link.points, *placed) for axis in "xyz"}
+        rows |= {f"{name}_{p}_{axis}" for p in (*link.points, *placed.get(name, ())) for axis in "xyz"}
         base = [*link.points, *(f"{name}_base{i}" for i in range(1, 4))]
         rows |= {f"{name}_{a}_{b}" for a in base for b in base}
     return rows

@@ -161,6 +161,9 @@ class Reader(Values):
             raise SceneError("no point says where it is drawn", where="points", hint="Give some of them at.")
         self.dimension = dims.pop()
         self.points: dict[str, PlacedPoint] = {}
+        self.placed_on: dict[str, list[str]] = {}  # points by the link that they are placed on
+        for name, point in scene.points.items():
+            self.placed_on.setdefault(point.on or "", []).append(name)
         self._inputs: dict[str, tuple[sp.Expr, Dimension]] = {}
         for name, written in scene.inputs.items():
             with at(f"inputs.{name}.value"):

@@ -55,8 +55,9 @@ def _place(read: Reader, name: str, waiting: tuple[str, ...]) -> None:
 
 def on_link(read: Reader, link: str) -> Iterator[tuple[str, sp.Expr]]:
     """Yield the points that are placed on a link, with their fraction of it."""
-    for name, point in read.scene.points.items():
-        if point.on == link and point.fraction is not None:
+    for name in read.placed_on.get(link, ()):
+        point = read.scene.points[name]
+        if point.fraction is not None:
             if name in read.scene.links[link].points:
                 raise SceneError(f"{name} is one of the base points of {link}", where=f"points.{name}.on")
             yield name, read.value(point.fraction, units.NUMBER, f"points.{name}.fraction")
