@@ -175,6 +175,8 @@ def _notes(motion: ElasticMotion) -> tuple[str, ...]:
         *constant,
         f"One revolution of the crank takes {motion.period:.6g} s."
         if motion.speed
+        else "The angle of the crank is a function of the time."
+        if motion.info.prescribed
         else "The crank is at rest.",
         "Strains, stresses and joint forces follow from the state: `symgen simulate` computes them.",
     )

@@ -246,5 +246,6 @@ def _elastic(linkage: Linkage) -> ElasticInfo:
         joints=tuple(x.name if isinstance(x, CarriedPoint) else "" for _, x in along),
         outputs=linkage.outputs,
         shaft_alone=_shaft_alone(linkage),
+        prescribed=crank is not None and crank.prescribed,
         damps_all=linkage.modal_damping is not None and linkage.modal_damping.all,
     )

@@ -43,8 +43,9 @@ def shunt(_, rate):
     return 10 * LBF * FT * (1 - rate / (95 * RPM))
 
 
-#: Elastic links of six-bars: with joints between their ends, and between those of rigid links.
-SIX_BARS = {"six_bar": ("coupler", "rocker", "lever"), "bodies": ("rocker", "link")}
+#: Elastic links of six-bars, with joints between their ends, and between those of rigid links with a crank whose
+#: speed is not constant: the amplitude of its departure.
+SIX_BARS = {"six_bar": (("coupler", "rocker", "lever"),), "bodies": (("rocker", "link"), 0.3)}
 CASES = {
     "elastic_four_bar": Case(four_bar(373 * RPM)),
     "elastic_four_bar_free": Case(four_bar(373 * RPM), "free"),
@@ -55,7 +56,7 @@ CASES = {
     "free": Case(two_loops(), "free"),
     "motor": Case(two_loops(), "motor", motor),
     "flywheel": Case(two_loops(0.02), "motor", motor),
-    "six_bar": Case(six_bar(SIX_BAR, SIX_BARS["six_bar"])),
+    "six_bar": Case(six_bar(SIX_BAR, *SIX_BARS["six_bar"])),
 }
 SCENES = {
     "held": {"mode": "held"},
@@ -67,7 +68,7 @@ SCENES = {
 
 @cache
 def six_bar_model(name):
-    return symgen.build(symgen.Scene(**six_bar_scene(SIX_BARS[name])))
+    return symgen.build(symgen.Scene(**six_bar_scene(*SIX_BARS[name])))
 
 
 @cache
@@ -241,8 +242,8 @@ def test_random_six_bars(name, seed):
     sizes = random_six_bar(seed)
     found = six_bar_model(name).with_parameters(**sizes)._motion(True)
     case, t = (
-        Case(six_bar(sizes, SIX_BARS[name])),
-        float(np.random.default_rng(seed).uniform(0, found.period)),
+        Case(six_bar(sizes, *SIX_BARS[name])),
+        float(np.random.default_rng(seed).uniform(0, 0.2)),
     )
     compare(found, found.equations(), case, t)
     compiled = found.equations()

@@ -53,6 +53,10 @@ def with_crank(keys):
     return ('speed = "60 rpm"', f'speed = "60 rpm"\n{keys}')
 
 
+def with_time():
+    return ("[points]", '[parameters]\none = "1 s"\n[points]')
+
+
 def behind(tables):
     return (CRANK, f"{CRANK}{tables}\n")
 
@@ -108,6 +112,10 @@ CASES = {
     "motor without torque": ([with_crank('mode = "motor"')], ["[crank] torque", "this.rate"]),
     "torque on a held crank": ([with_crank('torque = "1 N*m"')], ["[crank] torque", 'mode = "motor"']),
     "unknown mode": ([with_crank('mode = "hold"')], ["[crank] mode", "'held', 'free' or 'motor'", "'hold'"]),
+    "crank without speed": ([('speed = "60 rpm"', "")], ["[crank] speed", "needs its speed", "uses the time t"]),
+    "speed and prescribed angle": ([with_time(), with_crank('angle = "t/one"')], ["[crank] speed", "no speed in addition"]),
+    "prescribed angle of a free crank": (
+        [with_time(), ('speed = "60 rpm"', 'mode = "free"\nangle = "t/one"')], ["[crank] angle", "no prescribed angle"]),
     "negative flywheel": ([with_crank('mode = "motor"\ntorque = "1 N*m"\nflywheel = "-1 kg*m^2"')],
         ["[crank] flywheel", "at least zero"]),
     "crank driven twice": ([behind('[[drivers]]\nlink = "crank"\nangle = "0 deg"')], ["[drivers.0] link", "already"]),

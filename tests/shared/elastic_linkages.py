@@ -233,12 +233,19 @@ SIX_BAR = {
 }  # fmt: skip
 
 
-def six_bar(sizes: dict[str, float], elastic: Sequence[str]) -> Linkage:
-    """A coupler that goes on beyond its joint C to T, and a lever that is moved at its middle E."""
+def six_bar(sizes: dict[str, float], elastic: Sequence[str], swing: float = 0.0) -> Linkage:
+    """A coupler that goes on beyond its joint C to T, and a lever that is moved at its middle E.
+
+    ``swing`` is the amplitude [rad] of 40 rad/s by which the angle of the crank departs from constant speed.
+    """
     r, coupler, rocker, link, lever, joint, middle = sizes.values()
 
     def places(t):
-        A, Q, R = polar(r, 1 + SPEED * t), (mpf("0.4"), mpf(0)), (mpf("0.7"), mpf("0.25"))
+        A, Q, R = (
+            polar(r, 1 + SPEED * t + swing * mp.sin(40 * t)),
+            (mpf("0.4"), mpf(0)),
+            (mpf("0.7"), mpf("0.25")),
+        )
         C = circles(A, Q, joint * mpf(coupler), rocker, 1)
         T = tuple(a + (c - a) / joint for a, c in zip(A, C, strict=True))
         E = circles(T, R, link, middle * mpf(lever), 1)
@@ -261,7 +268,7 @@ def six_bar(sizes: dict[str, float], elastic: Sequence[str]) -> Linkage:
     return Linkage(places, ("O", "Q", "R"), bars, "crank", masses, {}, (spring,), (0.0, -9.81))
 
 
-def six_bar_scene(elastic: Sequence[str]) -> dict:
+def six_bar_scene(elastic: Sequence[str], swing: float = 0.0) -> dict:
     """The same as a scene, with its sizes as tunable parameters."""
     with mpmath.workdps(DIGITS):
         drawn = six_bar(SIX_BAR, elastic).places(mpf(0))
@@ -288,12 +295,16 @@ def six_bar_scene(elastic: Sequence[str]) -> dict:
         "lever": link("lever", "R", "S", damping={"ratio": 0.03}),
     }
     units = {name: "" if name in ("joint", "middle") else " m" for name in SIX_BAR}
+    motion = {"speed": f"{SPEED!r} rad/s", "angle": "1 rad"}
+    if swing:
+        motion = {"angle": f"1 + speed*t + {swing!r}*sin(rate*t)"}
     return {
         "title": "Six-bar with joints between the ends of elastic links",
         "parameters": {
             name: {"value": f"{size!r}{units[name]}" if units[name] else size, "tunable": True}
             for name, size in SIX_BAR.items()
-        },
+        }
+        | {"speed": f"{SPEED!r} rad/s", "rate": "40 rad/s"},
         "points": points,
         "links": links,
         "masses": [
@@ -302,7 +313,7 @@ def six_bar_scene(elastic: Sequence[str]) -> dict:
         ],
         "springs": [{"between": ["C", "S"], "stiffness": "200 N/m", "length": "0.3 m", "damping": "4 N*s/m"}],
         "gravity": {"acceleration": ["0 m/s^2", "-9.81 m/s^2"]},
-        "crank": {"link": "crank", "speed": f"{SPEED!r} rad/s", "angle": "1 rad"},
+        "crank": {"link": "crank", **motion},
     }  # fmt: skip
 
 

@@ -27,6 +27,8 @@ Array = NDArray[np.float64]
 
 #: Angle [rad] of the crank over which a pose is a good guess of the next.
 _STRIDE = 0.02
+#: Times of a run at which a prescribed angle is computed, for its largest rate.
+_LOOKS = 1000
 #: How closely the time at which a crank locks is found, over that time.
 _LOCKED = 1e-7
 #: Parts of a revolution that are searched for it.
@@ -102,14 +104,19 @@ class ElasticMotion(ABC):
             return self._path.end
         return 2 * math.pi / abs(self.speed) if self.speed else math.inf
 
+    @property
+    def without_revolutions(self) -> str:
+        """Why the crank has no revolutions, where it has no speed."""
+        if self.info.prescribed:
+            return "the angle of the crank is a function of the time"
+        return f"the crank stands still at {math.degrees(self.angle):g} degrees: it has no speed"
+
     def time_at(self, angle: float, revolutions: int = 0) -> float:
         """Return the first time [s], after so many revolutions, at which the crank has a direction [rad]."""
         if not self.speed:
             if math.isclose(math.cos(angle - self.angle), 1.0, abs_tol=1e-12):
                 return 0.0
-            raise ModelError(
-                f"the crank stands still at {math.degrees(self.angle):g} degrees: it has no speed"
-            )
+            raise ModelError(f"{self.without_revolutions}; expected its angle at the start")
         if self._path:
             return self._path.time_of(angle, revolutions)
         turned = math.fmod(angle - self.angle, 2 * math.pi) / self.speed
@@ -121,7 +128,13 @@ class ElasticMotion(ABC):
         """Return directions of the crank [rad], from its start on, at times [s]."""
         if self._path:
             return self._path.angle_at(np.asarray(t, dtype=float))
+        if self.info.prescribed:
+            return np.vectorize(self._prescribed, otypes=[float])(t)
         return self.angle + self.speed * np.asarray(t)
+
+    def _prescribed(self, t: float) -> float:
+        q, u = np.split(self._start, 2)
+        return float(self._motion.blocks("constants", t, q, u)["crank"].flat[0])
 
     @property
     @abstractmethod
@@ -210,10 +223,14 @@ class ElasticMotion(ABC):
         written = [of_motion["links"], joints, of_motion.get("shaft", 0), of_motion.get("loads", 0)]
         return [*written, self._motion.description.derived, self._joints.description.derived]
 
-    @property
+    @cached_property
     def stride(self) -> float:
         """The longest time [s] over which a pose is a good guess of the next."""
-        return _STRIDE / abs(self.speed) if self.speed else math.inf
+        fastest = abs(self.speed)
+        if self.info.prescribed:
+            times = np.linspace(0.0, self.rigid.description.t_end, _LOOKS)
+            fastest = float(np.max(np.abs(np.diff(self.angle_at(times))))) / times[1]
+        return _STRIDE / fastest if fastest else math.inf
 
     @property
     def told(self) -> tuple[str, ...]:

@@ -71,7 +71,9 @@ def periodic(
         When the linkage cannot turn, or the most steps do not suffice.
     """
     if not motion.speed:
-        raise ModelError(f"{motion.rigid.name}: the crank stands still: there is no turn to repeat")
+        raise ModelError(
+            f"{motion.rigid.name}: {motion.without_revolutions}: there is no revolution to repeat"
+        )
     _check_size(motion)
     if not motion.has_motor:
         _check_repeats(motion, equations)

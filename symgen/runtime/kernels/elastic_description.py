@@ -16,6 +16,7 @@ class ElasticInfo:
     point between the ends of its link whose joint force it is, or is empty for a load. ``outputs`` are those
     the scene selects.
     ``damps_all``: the one ratio of modal damping is that of all modes.
+    ``prescribed``: the angle of the crank is a function of the time, and its speed zero.
     ``shaft_alone``: nothing but the shaft of the crank and damping of the links does work over a revolution.
     """
 
@@ -29,3 +30,4 @@ class ElasticInfo:
     outputs: tuple[str, ...] | None = None
     shaft_alone: bool = False
     damps_all: bool = False
+    prescribed: bool = False

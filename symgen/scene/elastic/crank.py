@@ -42,9 +42,11 @@ def crank(read: Reader) -> Crank | None:
             hint="Make a link elastic, or write [[drivers]] with link and angle.",
         )
     _check_link(read, table.link)
-    speed = read.value(table.speed, units.ANGULAR_RATE, "crank.speed")
     torque, flywheel = _motor(read, table)
-    return Crank(table.link, table.mode, _angle(read, table), speed, torque, flywheel)
+    angle = _angle(read, table)
+    prescribed = TIME.symbol in angle.free_symbols
+    speed = _ZERO if prescribed else _speed(read, table)
+    return Crank(table.link, table.mode, angle, speed, torque, flywheel, prescribed)
 
 
 def driver_of(crank: Crank) -> Driver:
@@ -81,10 +83,40 @@ def _check_link(read: Reader, name: str) -> None:
 
 def _angle(read: Reader, table: Table) -> sp.Expr:
     if table.angle is not None:
-        return read.value(table.angle, units.NUMBER, "crank.angle")
+        angle = read.value(table.angle, units.NUMBER, "crank.angle", read.with_time)
+        if TIME.symbol in angle.free_symbols:
+            _check_prescribed(read, table, angle)
+        return angle
     first, second = (read.points[p] for p in read.scene.links[table.link].points[:2])
     x, y = (b - a for a, b in zip(first.at, second.at, strict=True))
     return sp.atan2(y, x)
+
+
+def _check_prescribed(read: Reader, table: Table, angle: sp.Expr) -> None:
+    """Check an angle that is a function of the time."""
+    read.moving(angle, "crank.angle")
+    if table.speed is not None:
+        raise SceneError(
+            "the angle of the crank depends on the time t: it has no speed in addition",
+            where="crank.speed",
+            hint="Leave speed out, and add it times t to the angle.",
+        )
+    if table.mode != "held":
+        raise SceneError(
+            f"a crank that is {table.mode} has no prescribed angle",
+            where="crank.angle",
+            hint='Write mode = "held", or an angle without t.',
+        )
+
+
+def _speed(read: Reader, table: Table) -> sp.Expr:
+    if table.speed is None:
+        raise SceneError(
+            "the crank needs its speed",
+            where="crank.speed",
+            hint='Write speed = "300 rpm", or an angle that uses the time t.',
+        )
+    return read.value(table.speed, units.ANGULAR_RATE, "crank.speed")
 
 
 def _motor(read: Reader, table: Table) -> tuple[sp.Expr, sp.Expr]:

@@ -85,6 +85,8 @@ class ElasticLink:
 class Crank:
     """How the input turns: the link's direction is ``angle + speed*t`` in the rigid motion.
 
+    ``prescribed``: ``angle`` is a function of the time, and ``speed`` zero.
+
     ``mode`` is ``held`` (its shaft turns exactly so), ``free`` (nothing holds it: its turning departs from
     the rigid motion) or ``motor``: driven by a torque [N m] over the time t and the states ``LINK.angle`` and
     ``LINK.angular_velocity`` of its link, which scenes write as ``this.angle`` and ``this.rate``, with the
@@ -97,6 +99,7 @@ class Crank:
     speed: sp.Expr
     torque: sp.Expr
     flywheel: sp.Expr
+    prescribed: bool
 
 
 @dataclass(frozen=True, slots=True)

@@ -88,14 +88,18 @@ class Elastic(Table):
 
 
 class Crank(Table):
-    """How the input of a linkage with elastic links turns: at constant speed, but for its elastic motion."""
+    """How the input of a linkage with elastic links turns, but for its elastic motion."""
 
     link: Name = Field(description="Its first point is on the ground.")
     mode: Literal["held", "free", "motor"] = Field(
         "held", description="Whether its shaft turns exactly so, runs freely, or is driven by a motor."
     )
-    speed: Value
-    angle: Value | None = Field(default=None, description="Its direction at t = 0; as drawn if absent.")
+    speed: Value | None = Field(
+        default=None, description="Constant; absent if the angle depends on the time."
+    )
+    angle: Value | None = Field(
+        default=None, description="Its direction at t = 0, or at the time t; as drawn at t = 0 if absent."
+    )
     torque: Value | None = Field(
         default=None,
         description="Of the motor. May use the time t, and the crank's this.angle and this.rate.",
