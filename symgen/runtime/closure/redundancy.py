@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from itertools import groupby
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,38 +38,42 @@ def undetermined(kernels: LoopKernels, times: Array, states: Array) -> dict[str,
     """
     d = kernels.description
     found: dict[str, Mask] = {}
-    if not kernels.has("inverse") or d.rank == 6 or not len(times) or d.kernel("outputs") is None:
+    outputs = d.kernel("outputs")
+    if not kernels.has("inverse") or d.rank == 6 or not len(times) or outputs is None:
         return found
-    for first in range(0, len(times), _POSES):
-        chunk = slice(first, first + _POSES)
-        for name, mask in _of_poses(kernels, times[chunk], states[chunk]).items():
-            found.setdefault(name, np.zeros((len(times), mask.shape[1]), dtype=bool))[chunk] = mask
+    chunks = (slice(first, first + _POSES) for first in range(0, len(times), _POSES))
+    whole = np.concatenate([_of_poses(kernels, times[chunk], states[chunk]) for chunk in chunks])
+    for b in outputs.blocks:
+        mask = whole[:, b.offset : b.offset + b.shape[0] * b.shape[1]]
+        if np.any(mask):
+            found[b.name] = mask
     return found
 
 
-def _of_poses(kernels: LoopKernels, times: Array, states: Array) -> dict[str, Mask]:
+def _of_poses(kernels: LoopKernels, times: Array, states: Array) -> Mask:
+    """Return the same for all numbers that the kernel of the outputs writes, (poses, numbers)."""
     d, count = kernels.description, len(times)
     n, size = d.coordinates, d.size
     rows = np.zeros((count, 2 * n + 1))
     rows[:, :n] = states[:, :n]
-    nothing = np.zeros((count, kernels.work_size + 1))
-    screws = kernels.many("position", times, rows, nothing)["closure_jacobian"].reshape(count, 6, n)
+    work = np.zeros((count, kernels.work_size + 1))
+    screws = kernels.many("position", times, rows, work)["closure_jacobian"].reshape(count, 6, n)
     across = np.concatenate([screws[:, 3:], size * screws[:, :3]], axis=1)  # of (force, moment over size)
     # A loop that closes within a tolerance has screws and wrenches that are dependent within it.
     least_value, part = max(_RANK, kernels.tolerance), max(_PART, 10 * kernels.tolerance)
     left, rank = _spaces(across, least_value)
-    base = kernels.many("outputs", times, rows, nothing)
-    found: dict[str, Mask] = {}
+    work[:] = 0.0
+    base = kernels.rows("outputs", times, rows, work)
+    least = np.maximum(part * max(1.0, size), 1e-13 * (np.abs(base) + 1.0))
+    found = np.zeros(base.shape, dtype=bool)
     for k in range(int(rank.min()), 6):
-        wrench = left[:, :, k] * np.array([1.0, 1.0, 1.0, size, size, size])
-        work = nothing.copy()
-        work[:, n : n + 6] = wrench
-        for name, values_ in kernels.many("outputs", times, rows, work).items():
-            change = np.abs(values_ - base[name])
-            least = np.maximum(part * max(1.0, size), 1e-13 * (np.abs(base[name]) + 1.0))
-            mask = (change > least) & (rank <= k)[:, None]
-            if np.any(mask):
-                found[name] = found.get(name, np.zeros_like(mask)) | mask
+        work[:] = 0.0
+        work[:, n : n + 6] = left[:, :, k] * np.array([1.0, 1.0, 1.0, size, size, size])
+        change = kernels.rows("outputs", times, rows, work)
+        change -= base
+        differs = np.abs(change, out=change) > least
+        differs[rank > k] = False
+        found |= differs
     return found
 
 
@@ -111,9 +114,8 @@ def component_names(v: Variable) -> list[str]:
 
 
 def _ranges(mask: Mask) -> list[list[int]]:
-    runs = [(k, len(list(g))) for k, g in groupby(mask.tolist())]
-    ends = np.cumsum([length for _, length in runs]).tolist()
-    return [[end - length, end - 1] for (is_open, length), end in zip(runs, ends, strict=True) if is_open]
+    edges = np.flatnonzero(np.diff(mask, prepend=False, append=False))  # begin and end of each run of True
+    return [[first, after - 1] for first, after in edges.reshape(-1, 2).tolist()]
 
 
 def note(kernels: LoopKernels, ranges: Mapping[str, Sequence[Sequence[int]]], poses: int) -> Iterator[str]:

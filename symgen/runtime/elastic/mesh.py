@@ -22,7 +22,7 @@ from symgen.runtime.beams.elements import at as value_at
 from symgen.runtime.beams.frames import APPLIED, MOTION, frames
 from symgen.runtime.beams.links import Beam, beam
 from symgen.runtime.beams.pieces import whole
-from symgen.runtime.elastic.modes import lowest
+from symgen.runtime.elastic.modes import elastic_modes, lowest
 from symgen.runtime.elastic.motion import ElasticMotion
 from symgen.runtime.result.records import Variable
 from symgen.runtime.structure import UnstableError
@@ -37,6 +37,8 @@ _MOST, _MODES = 16, 2
 _POSES = 12
 #: Poses of a revolution at which frequencies are computed.
 _IN_A_TURN = 24
+#: Modes whose damping ratios results hold.
+_DAMPED = 3
 
 
 class MeshedMotion(ElasticMotion):
@@ -84,6 +86,18 @@ class MeshedMotion(ElasticMotion):
         if not found:
             raise unstable
         return min(found)
+
+    @cached_property
+    def damping_ratios(self) -> list[float]:
+        """Damping ratios of the lowest modes at the start, where links have one of their own; else empty."""
+        if not any(made.properties.ratio for made in self.beams):
+            return []
+        try:
+            modes = elastic_modes(self, self.equations(), 0.0)
+        except UnstableError:
+            return []
+        ratios: list[float] = modes.ratios[modes.rigid : modes.rigid + _DAMPED].tolist()
+        return ratios
 
     def unreduced(self) -> MeshedMotion | None:
         """Return the same with no link reduced; None where none is."""

@@ -146,6 +146,11 @@ class ElasticMotion(ABC):
     def lowest_frequency(self) -> float:
         """The lowest frequency [Hz] of the structure at rest, over the poses of a revolution."""
 
+    @property
+    @abstractmethod
+    def damping_ratios(self) -> list[float]:
+        """Damping ratios of the lowest modes at the start, where links have one of their own; else empty."""
+
     @abstractmethod
     def unreduced(self) -> ElasticMotion | None:
         """Return the same with no link reduced; None where none is."""

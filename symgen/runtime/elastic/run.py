@@ -17,7 +17,6 @@ from symgen.runtime.beams.methods import BEAM_METHODS, GAUSS
 from symgen.runtime.beams.recovery import recovered
 from symgen.runtime.elastic.jumps import explicit, jump_times
 from symgen.runtime.elastic.mesh import mesh_error
-from symgen.runtime.elastic.modes import elastic_modes
 from symgen.runtime.elastic.motion import ElasticMotion
 from symgen.runtime.elastic.outputs import coordinate_of, mean_powers, of_powers, outputs, selected
 from symgen.runtime.elastic.periodic import again, periodic
@@ -44,8 +43,6 @@ Progress = Callable[[float], None]
 
 #: Steps a revolution with which explicit runs are repeated, implicitly, on finer elements.
 _EXPLICIT = 512
-#: Modes whose damping ratios are reported.
-_DAMPED = 3
 #: How near one a multiplier may come: double ones, of a free crank, are split by the root of round-off.
 _UNIT = 1e-4
 
@@ -251,7 +248,7 @@ def _result(
             "unknowns": motion.layout.unknowns - motion.layout.constraints,
             "steps": found.steps,
             "error": found.error,
-            "damping_ratios": _damping(motion),
+            "damping_ratios": list(motion.damping_ratios),
             "mean_powers_w": list(powers or ()),
             "wall_s": wall,
             "floquet": [[z.real, z.imag] for z in found.floquet],
@@ -340,18 +337,6 @@ def _of_lengths(motion: ElasticMotion) -> list[str]:
     if not kept:
         return []
     return [f"{', '.join(kept)}: kept at constant length, so that stress is that of bending only"]
-
-
-def _damping(motion: ElasticMotion) -> list[float]:
-    """Return the damping ratios of the lowest modes at the start, where links have one of their own."""
-    if not any(beam.properties.ratio for beam in motion.beams):
-        return []
-    try:
-        modes = elastic_modes(motion, motion.equations(), 0.0)
-    except UnstableError:
-        return []
-    ratios: list[float] = modes.ratios[modes.rigid : modes.rigid + _DAMPED].tolist()
-    return ratios
 
 
 def _of_reductions(motion: ElasticMotion) -> list[str]:

@@ -226,9 +226,11 @@ def _recorded(
         told = [_pole(kernels, p) for p in poles(kernels, equations, times, states, diagnosis)]
     made = _known(kernels, equations, times, states, out, diagnosis, told)
     blind = diagnosis[:, _loop.STATUS] == _loop.BLIND  # of those that have no limit
-    masks = {name: mask & ~blind[:, None] for name, mask in undetermined(kernels, times, states).items()}
-    ranges = ranges_of(made, masks) if forces else {}
-    if not forces:
+    ranges = {}
+    if forces:
+        masks = undetermined(kernels, times, states)
+        ranges = ranges_of(made, {name: mask & ~blind[:, None] for name, mask in masks.items()})
+    else:
         info = d.kernel("outputs")
         moved = {b.name for b in info.blocks if b.unit in OF_MOTION} if info else set()
         made = tuple(v for v in made if v.name in moved)

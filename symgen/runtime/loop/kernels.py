@@ -74,7 +74,13 @@ class LoopKernels:
         return {b.name: part(out, b) for b in info.blocks}
 
     def many(self, kernel: str, times: Array, rows: Array, work: Array) -> dict[str, Array]:
-        """Return the results of a kernel at many states by name, shape (states, entries).
+        """Return the results of a kernel at many states by name, shape (states, entries); as :meth:`rows`."""
+        out = self.rows(kernel, times, rows, work)
+        blocks = self._info(kernel).blocks
+        return {b.name: out[:, b.offset : b.offset + b.shape[0] * b.shape[1]] for b in blocks}
+
+    def rows(self, kernel: str, times: Array, rows: Array, work: Array) -> Array:
+        """Return what a kernel writes at many states, shape (states, numbers).
 
         ``rows`` hold variables and rates, and one number more; ``work`` has ``work_size`` + 1 columns.
         """
@@ -82,7 +88,7 @@ class LoopKernels:
         out, address = np.zeros((len(times), info.out_size + 1)), self.library.addresses[kernel]
         n, sizes = self.description.coordinates, (*self._sizes, info.work_size, info.out_size)
         _core.call_many(address, sizes, times, rows, n, self.parameters, work, out)
-        return {b.name: out[:, b.offset : b.offset + b.shape[0] * b.shape[1]] for b in info.blocks}
+        return out
 
     def has(self, kernel: str) -> bool:
         """Return True if the loop has this kernel."""
