@@ -11,6 +11,10 @@ from pathlib import Path
 import pytest
 from hypothesis import settings
 
+# Tests run side by side, and threads of linear algebra wait for each other by spinning: matrices of 30 rows took
+# thirteen times the processor time. Set before anything imports NumPy.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
 # What CI finds it finds again; elsewhere every run looks at other examples.
 settings.register_profile("ci", derandomize=True)
 if os.environ.get("CI"):
