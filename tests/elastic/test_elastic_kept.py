@@ -43,7 +43,7 @@ def models():
     return {name: symgen.build(name) for name in ("elastic_four_bar", "elastic_slider_crank")}
 
 
-GAUSS = {"rtol": 1e-2, "samples": 40}
+GAUSS = {"rtol": 0.1, "samples": 20}
 RUNS = [
     ("gauss", GAUSS),
     ("gauss4", {"steps": 150, "samples": 7}),
