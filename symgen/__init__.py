@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from symgen.scene.loading import load_scene as load_scene
     from symgen.scene.loading import shipped_scenes as shipped_scenes
     from symgen.scene.schema import Scene as Scene
+    from symgen.synthesis.synthesise import synthesise as synthesise
 
 _HOME = {
     "Chain": "symgen.runtime.chain.chain",
@@ -49,6 +50,7 @@ _HOME = {
     "load_result": "symgen.runtime.result.files",
     "load_scene": "symgen.scene.loading",
     "shipped_scenes": "symgen.scene.loading",
+    "synthesise": "symgen.synthesis.synthesise",
 }
 
 __all__ = ["__version__", *_HOME]  # noqa: PLE0604 - the keys are strings

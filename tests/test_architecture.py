@@ -49,6 +49,7 @@ ALLOWED = {
     "study": {
         "methods", "pipeline", "precision", "runtime", "report", "scene", "atomic", "symbolic", "models", "lowering", "codegen",
     },
+    "synthesis": {"mechanics", "scene", "runtime", "pipeline"},
     "inspection": {
         "methods", "joints", "loads", "pipeline", "study", "scene", "models", "mechanics", "lowering", "codegen", "report", "runtime", "symbolic",
     },

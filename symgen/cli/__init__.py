@@ -59,7 +59,7 @@ __all__ = [
 _GROUPS = {
     "Analyses": "run simulate kinematics inverse_dynamics equilibrium modes linearise sensitivity assemblies",
     "Elastic links": "periodic quasi_static large_rotation sweep",
-    "Scenes": "scenes schema study",
+    "Scenes": "scenes schema study synthesise",
     "Pages": "report animate",
     "Equations": "show explain diff",
     "Kernels": "build generate export",

@@ -1,4 +1,4 @@
-"""``symgen study``: the parameter studies that a scene defines."""
+"""``symgen study``: parameter studies; ``symgen synthesise``: four-bars that have asked properties."""
 
 from __future__ import annotations
 
@@ -33,3 +33,34 @@ def study(
         from symgen.study.terminal import print_report
 
         print_report(report, console())
+
+
+@command("symgen synthesise swing.toml --out four_bars")
+def synthesise(
+    task: Annotated[Path, typer.Argument(help="TOML file with a table of what is asked for.")],
+    out: Annotated[
+        Path | None, typer.Option(help="Folder for one scene for each linkage, four_bar_1.toml and so on.")
+    ] = None,
+    as_json: o.Json = False,
+) -> None:
+    """Find all planar four-bars that have asked properties.
+
+    Limit positions and transmission angles, a function of the crank's angle, poses of the coupler, or points
+    of its path. Each linkage is run, and faults of its motion are listed.
+    """
+    from symgen.study.folder import writable_folder, write
+    from symgen.synthesis.synthesise import synthesise as found
+
+    if out:
+        writable_folder(out)
+    result = found(task)
+    if out:
+        write(out, {f"four_bar_{i}.toml": d.linkage.toml().encode() for i, d in enumerate(result.designs, 1)})
+    if as_json:
+        print_json(result.summary())
+        return
+    from symgen.report.synthesis import print_synthesis
+
+    print_synthesis(result, console())
+    if out:
+        print(f"{len(result.designs)} scenes in {out}")

@@ -46,6 +46,13 @@ def _of_loop(name: str) -> System:
     return made
 
 
+def _of_synthesis(name: str) -> System:
+    from symgen.models import synthesis
+
+    made: System = getattr(synthesis, f"{name.removeprefix('synthesis_')}_system")()
+    return made
+
+
 def element(name: str) -> System:
     """Return the System of a beam element by name."""
     from symgen.models.elastic.element import elastic_element_system
@@ -59,6 +66,9 @@ def _elastic_derivation() -> System:
     return elastic_derivation_system()
 
 
+#: Conditions of the synthesis of four-bars.
+SYNTHESIS = ("synthesis_limits", "synthesis_dyad", "synthesis_function")
+
 #: Building blocks by name: one line each, and one for each element.
 BLOCKS: dict[str, Callable[[], System]] = {
     **{f"element_{name}": partial(element, name) for name in ELEMENTS},
@@ -69,11 +79,14 @@ BLOCKS: dict[str, Callable[[], System]] = {
     "loop_row": lambda: _of_loop("loop_row"),
     "loop_screws": lambda: _of_loop("loop_screws"),
     "loop_inertia": lambda: _of_loop("loop_inertia"),
+    **{name: partial(_of_synthesis, name) for name in SYNTHESIS},
 }
 
 #: Building blocks that runs call: their kernels are committed under ``generated/`` and compiled at install.
 #: The others are for inspection, and compiled nowhere.
-SHIPPED_BLOCKS = (*(f"element_{name}" for name in ELEMENTS), "rigid_element", "elastic_place", "loop_row")
+SHIPPED_BLOCKS = (
+    *(f"element_{name}" for name in ELEMENTS), "rigid_element", "elastic_place", "loop_row", *SYNTHESIS,
+)  # fmt: skip
 
 #: Steps of the derivation of a building block, for inspection, by the block's name.
 DERIVATIONS: dict[str, Callable[[], System]] = {f"element_{name}": _elastic_derivation for name in ELEMENTS}

@@ -1,0 +1,1 @@
+"""Conditions that planar four-bars of asked properties meet."""

@@ -1,0 +1,180 @@
+"""A four-bar that synthesis found: lengths, Grashof class, its scene, and what it does when it runs."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+from typing import TYPE_CHECKING, Any, cast
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from symgen.calls import checked
+
+if TYPE_CHECKING:
+    from symgen.runtime.model.kinematic import KinematicModel
+    from symgen.runtime.result.result import Result
+    from symgen.scene.schema import Scene
+
+Array = NDArray[np.float64]
+
+#: Difference of the sums of lengths that counts as none, relative to them: a change-point linkage.
+_CHANGE_POINT = 1e-9
+#: Class of a Grashof linkage by its shortest link.
+_CLASSES = ("crank-rocker", "double-rocker", "rocker-crank", "double-crank")
+
+#: The scene of every design: places are tunable, so that all designs share its kernels.
+SCENE: dict[str, Any] = {
+    "symgen": 1,
+    "title": "Planar four-bar",
+    "parameters": {"speed": "1 rad/s"},
+    "points": {},
+    "links": {
+        "crank": {"points": ["O", "A"]},
+        "coupler": {"points": ["A", "B", "P"]},
+        "rocker": {"points": ["C", "B"]},
+    },
+    "drivers": [{"link": "crank", "angle": "start + speed*t"}],
+    "analysis": {
+        "kind": "kinematics",
+        "t_end": "6.283185307179586 s",
+        "outputs": ["P.position", "crank.angle", "coupler.angle", "rocker.angle", "A.B.C.angle"],
+    },
+}  # fmt: skip
+
+
+@checked
+@dataclass(frozen=True, slots=True)
+class FourBar:
+    """A planar four-bar in one of its poses.
+
+    Attributes
+    ----------
+    O, A, B, C, P
+        Places [m] of the crank's ground point, its joint with the coupler, the joint of coupler and rocker,
+        the rocker's ground point, and the coupler's point.
+    error
+        How far what was asked for is missed [m or rad]: the root of the mean square where it is fitted.
+    """
+
+    O: Array
+    A: Array
+    B: Array
+    C: Array
+    P: Array
+    error: float = 0.0
+
+    @property
+    def lengths(self) -> dict[str, float]:
+        """Lengths [m] of crank, coupler, rocker and fixed link."""
+        links = {"crank": self.A - self.O, "coupler": self.B - self.A, "rocker": self.B - self.C}
+        links["fixed_link"] = self.C - self.O
+        return {name: float(np.hypot(*along)) for name, along in links.items()}
+
+    @property
+    def grashof(self) -> str:
+        """Grashof class by the shortest link, triple-rocker if no link turns, or change-point."""
+        lengths = np.array([*self.lengths.values()])
+        s, p, q, longest = np.sort(lengths)
+        if abs(s + longest - p - q) <= _CHANGE_POINT * lengths.sum():
+            return "change-point"
+        return _CLASSES[int(np.argmin(lengths))] if s + longest < p + q else "triple-rocker"
+
+    @property
+    def turns(self) -> bool:
+        """Whether the crank turns through whole revolutions."""
+        return self.grashof in ("crank-rocker", "double-crank")
+
+    @property
+    def parameters(self) -> dict[str, float]:
+        """Values of the tunable parameters of :attr:`scene`: places [m] and the crank's angle [rad]."""
+        crank = self.A - self.O
+        places = {
+            f"{name}{axis}": float(v)
+            for name in "OABCP"
+            for axis, v in zip("xy", getattr(self, name), strict=True)
+        }
+        return {"start": float(np.arctan2(crank[1], crank[0])), **places}
+
+    @property
+    def scene(self) -> Scene:
+        """The four-bar as a scene of kinematics, with its crank as the drive."""
+        from symgen.scene.schema import Scene
+
+        return Scene(**_tables(self))
+
+    def toml(self) -> str:
+        """Return the scene as the text of a TOML file."""
+        return _text(_tables(self))
+
+    @property
+    def model(self) -> KinematicModel:
+        """The compiled linkage; all four-bars share its kernels."""
+        return _model().with_parameters(**self.parameters)
+
+    def angles(self, at: ArrayLike) -> Result:
+        """Return the poses at directions of the crank [rad], followed from this pose on its branch."""
+        return self.model.kinematics(at=at, over="input")
+
+    def within_reach(self, directions: ArrayLike) -> Array:
+        """Return directions of the crank [rad] moved by revolutions into the range in which it swings."""
+        directions = np.asarray(directions, dtype=float)
+        a, b, c, d = self.lengths.values()
+        towards = float(np.arctan2(*(self.C - self.O)[::-1]))
+        from_link = np.mod(directions - towards, 2 * np.pi)
+        if d + a > b + c:  # the crank cannot point away from the rocker's ground point
+            from_link = np.where(from_link > np.pi, from_link - 2 * np.pi, from_link)
+        elif abs(d - a) >= abs(b - c):
+            return np.asarray(np.unwrap(directions))
+        own = self.parameters["start"]
+        return np.asarray(
+            from_link + towards + 2 * np.pi * np.round((own - from_link[0] - towards) / (2 * np.pi))
+        )
+
+
+def _tables(linkage: FourBar) -> dict[str, Any]:
+    grounds = {"O", "C"}
+    values = linkage.parameters
+    points = {n: {"at": [f"{n}x", f"{n}y"], **({"ground": True} if n in grounds else {})} for n in "OABCP"}
+    own = {
+        name: {"value": f"{value!r} {'rad' if name == 'start' else 'm'}", "tunable": True}
+        for name, value in values.items()
+    }
+    return {**SCENE, "points": points, "parameters": {**SCENE["parameters"], **own}}
+
+
+@cache
+def _model() -> KinematicModel:
+    from symgen.pipeline.build import build
+
+    places = np.array([[0.0, 0.0], [0.0, 1.0], [2.0, 2.0], [3.0, 0.0], [1.0, 2.0]])
+    return cast("KinematicModel", build(FourBar(*places).scene))
+
+
+def _text(tables: dict[str, Any]) -> str:
+    """Return tables of a scene as TOML: keys of the document, then one line for each entry of a table."""
+    lines = [
+        f"{key} = {_value(value)}" for key, value in tables.items() if not isinstance(value, dict | list)
+    ]
+    for key, value in tables.items():
+        if isinstance(value, list):
+            lines += ["", *(line for entry in value for line in (f"[[{key}]]", *_entries(entry)))]
+        elif isinstance(value, dict):
+            lines += ["", f"[{key}]", *_entries(value)]
+    return "\n".join(lines) + "\n"
+
+
+def _entries(table: dict[str, Any]) -> list[str]:
+    return [f"{key} = {_value(value)}" for key, value in table.items()]
+
+
+def _value(value: Any) -> str:
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, dict):
+        return "{ " + ", ".join(_entries(value)) + " }"
+    if isinstance(value, list):
+        return f"[{', '.join(map(_value, value))}]"
+    return (
+        '"' + value.replace("\\", "\\\\").replace('"', '\\"') + '"' if isinstance(value, str) else repr(value)
+    )

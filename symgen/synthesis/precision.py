@@ -1,0 +1,285 @@
+"""Four-bars through precision points: function, motion and path generation."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from itertools import permutations
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symgen.errors import SceneError
+from symgen.scene.units import LENGTH, NUMBER
+from symgen.synthesis.four_bar import FourBar
+from symgen.synthesis.search import Search, conditions, search
+from symgen.synthesis.tasks import DYAD, FunctionTask, MotionTask, PathTask, value, values
+
+Array = NDArray[np.float64]
+Equations = Callable[[Array], tuple[Array, Array]]
+
+_FUNCTION = ("d_over_a", "d_over_c", "third", "crank_start", "rocker_start", "input", "output")
+_DYAD = (*DYAD, "point_x", "point_y", "angle")
+#: Links whose lengths or places differ by less, relative to the size of the task, are one link.
+_ONE_LINK = 1e-6
+#: Size of random places, in that of the task.
+_SPREAD = 1.5
+
+
+class Found(NamedTuple):
+    """Four-bars with the poses asked of them: rows of the angle of the crank and what belongs to it."""
+
+    linkages: list[FourBar]
+    poses: list[Array]
+    search: Search
+
+
+def function(task: FunctionTask) -> Found:
+    """Return four-bars whose rocker turns with the crank as asked; poses are angles of both [rad].
+
+    Raises
+    ------
+    SceneError
+        When input and output differ in number, or there are too few for the unknowns.
+    """
+    x, y = values(task.input, NUMBER, "input"), values(task.output, NUMBER, "output")
+    size = value(task.fixed_link, LENGTH, "fixed_link")
+    if len(x) != len(y):
+        raise SceneError(f"expected as many outputs as inputs, {len(x)}, got {len(y)}", where="output")
+    if size <= 0:
+        raise SceneError(f"expected a length above zero, got {size:g} m", where="fixed_link")
+    starts = {n: getattr(task, n) for n in ("crank_start", "rocker_start")}
+    given = {n: value(text, NUMBER, n) for n, text in starts.items() if text is not None}
+    free = [i for i, name in enumerate(_FUNCTION[:5]) if name not in given]
+    _enough(len(x), len(free), "pairs of input and output", "crank_start or rocker_start")
+    rows = conditions("synthesis_function", 1, _FUNCTION)
+    full = np.zeros((len(x), len(_FUNCTION)))
+    full[:, 3:] = np.column_stack([np.full(len(x), given.get(n, 0.0)) for n in starts] + [x, y])
+
+    def equations(unknown: Array) -> tuple[Array, Array]:
+        full[:, free] = unknown
+        parts = [rows(row) for row in full]
+        return np.concatenate([r for r, _ in parts]), np.concatenate([s[:, free] for _, s in parts])
+
+    generator = np.random.default_rng(task.seed)
+    random = (_ratios(generator)[free] for _ in range(task.starts))
+    found = search(equations, random, fit=len(x) > len(free))
+    linkages, poses = [], []
+    for root in found.roots:
+        full[:, free] = root
+        first, second, third, crank, rocker = full[0, :5]
+        a, c = size / first, size / second
+        square = a * a + c * c + size * size - 2 * a * c * third
+        if not square > 0:
+            continue
+        # A negative length is a link that points the other way.
+        angles = np.column_stack([crank + x + (np.pi if a < 0 else 0), rocker + y + (np.pi if c < 0 else 0)])
+        a, c = abs(a), abs(c)
+        joint_a = a * np.array([np.cos(angles[0, 0]), np.sin(angles[0, 0])])
+        joint_b = np.array([size + c * np.cos(angles[0, 1]), c * np.sin(angles[0, 1])])
+        error = float(np.sqrt(np.mean(equations(root)[0] ** 2)))
+        places = (np.zeros(2), joint_a, joint_b, np.array([size, 0.0]), (joint_a + joint_b) / 2)
+        linkages.append(FourBar(*places, error=error))
+        poses.append(angles)
+    return Found(*_distinct(linkages, poses, size), found)
+
+
+def _ratios(generator: np.random.Generator) -> Array:
+    """Return random ratios of a four-bar, and start angles."""
+    a, b, c = np.exp(generator.uniform(np.log(0.2), np.log(3.0), 3)) * generator.choice([-1, 1], 3)
+    ratios = [1 / a, 1 / c, (a * a - b * b + c * c + 1) / (2 * a * c)]
+    return np.array([*ratios, *generator.uniform(-np.pi, np.pi, 2)])
+
+
+def motion(task: MotionTask) -> Found:
+    """Return four-bars whose coupler takes the asked places and rotations; poses are those.
+
+    Each of two different dyads meets the conditions by itself: two to five poses determine it if as many of
+    its five quantities are unknown (Burmester's points for five).
+
+    Raises
+    ------
+    SceneError
+        When places and rotations differ in number, or there are too few for the unknowns.
+    """
+    places, angles = task.places(), values(task.angles, NUMBER, "angles")
+    if len(places) != len(angles):
+        raise SceneError(
+            f"expected as many angles as points, {len(places)}, got {len(angles)}", where="angles"
+        )
+    given = task.given()
+    free = [i for i, name in enumerate(DYAD) if name not in given]
+    _enough(len(places), len(free), "points", ", ".join(DYAD))
+    size = _size(places)
+    rows = conditions("synthesis_dyad", 1, _DYAD)
+    generator = np.random.default_rng(task.seed)
+    searches, dyads = [], []
+    for side in (0, 1) if given else (0,):
+        full = np.column_stack([np.zeros((len(places), 5)), places, angles])
+        full[:, [DYAD.index(n) for n in given]] = [v[side] for v in given.values()]
+
+        def equations(unknown: Array, full: Array = full) -> tuple[Array, Array]:
+            full[:, free] = unknown
+            parts = [rows(row) for row in full]
+            return np.concatenate([r for r, _ in parts]), np.concatenate([s[:, free] for _, s in parts])
+
+        random = (_dyad(generator, places, angles, size)[free] for _ in range(task.starts))
+        found = search(equations, random, fit=len(places) > len(free))
+        searches.append(found)
+        dyads.append([_whole(equations, root, full) for root in found.roots])
+    dyads = [_one_of_each(side, size) for side in dyads]
+    pairs = permutations(dyads[0], 2) if len(dyads) == 1 else ((p, q) for p in dyads[0] for q in dyads[1])
+    linkages = [
+        _of_dyads(crank[0], rocker[0], places[0], angles[0], max(crank[1], rocker[1]))
+        for crank, rocker in pairs
+        if not _same(crank[0], rocker[0], size)
+    ]
+    poses = np.column_stack([places, angles])
+    total = Search(
+        (),
+        sum(s.starts for s in searches),
+        min(s.nearest for s in searches),
+        sum(s.singular for s in searches),
+    )
+    return Found(linkages, [poses] * len(linkages), total)
+
+
+def _whole(equations: Equations, root: Array, full: Array) -> tuple[Array, float]:
+    residual, _ = equations(root)
+    dyad = full[0, :5].copy()
+    dyad[4] = abs(dyad[4])
+    return dyad, float(np.sqrt(np.mean((residual / (2 * max(dyad[4], 1e-300))) ** 2)))
+
+
+def _one_of_each(dyads: list[tuple[Array, float]], size: float) -> list[tuple[Array, float]]:
+    """Return dyads without repetitions (a length and its negative), sorted by their length."""
+    kept: list[tuple[Array, float]] = []
+    for dyad in sorted(dyads, key=lambda d: (d[1], d[0][4])):
+        if dyad[0][4] > _ONE_LINK * size and not any(_same(dyad[0], other[0], size) for other in kept):
+            kept.append(dyad)
+    return sorted(kept, key=lambda d: (d[0][4], *d[0]))
+
+
+def path(task: PathTask) -> Found:
+    """Return four-bars whose coupler's point passes the points; poses are these and the coupler's rotations.
+
+    The coupler's rotation is zero at the first point, and unknown at the others. Nine points determine
+    the ten quantities of both dyads; fewer, if some are prescribed; more are fitted.
+
+    Raises
+    ------
+    SceneError
+        When there are too few points for the unknowns.
+    """
+    places, given = task.places(), task.given()
+    count, size = len(places), _size(places)
+    own = [i for i, name in enumerate(DYAD) if name not in given]
+    _enough(2 * count, 2 * len(own) + count - 1, "points, of two conditions each,", ", ".join(DYAD))
+    rows = conditions("synthesis_dyad", 1, _DYAD)
+    full = np.column_stack([np.zeros((2 * count, 5)), np.tile(places, (2, 1)), np.zeros(2 * count)])
+    sides = (slice(0, count), slice(count, 2 * count))
+    for side, part in enumerate(sides):
+        full[part, [DYAD.index(n) for n in given]] = [v[side] for v in given.values()]
+    k = len(own)
+
+    def placed(x: Array) -> None:
+        for side, part in enumerate(sides):
+            full[part, own] = x[side * k : (side + 1) * k]
+            full[part, 7] = [0.0, *x[2 * k :]]
+
+    def equations(x: Array) -> tuple[Array, Array]:
+        placed(x)
+        residual, slopes = np.empty(2 * count), np.zeros((2 * count, len(x)))
+        for i, row in enumerate(full):
+            r, s = rows(row)
+            side, point = divmod(i, count)
+            residual[i] = r[0]
+            slopes[i, side * k : (side + 1) * k] = s[0, own]
+            if point:
+                slopes[i, 2 * k + point - 1] = s[0, 7]
+        return residual, slopes
+
+    generator = np.random.default_rng(task.seed)
+    random = (_four_bar(generator, places, size, own) for _ in range(task.starts))
+    found = search(equations, random, fit=2 * count > 2 * k + count - 1)
+    linkages, poses = [], []
+    for root in found.roots:
+        residual, _ = equations(root)
+        dyads = [full[part.start, :5].copy() for part in sides]
+        for dyad in dyads:
+            dyad[4] = abs(dyad[4])
+        if _same(dyads[0], dyads[1], size) or min(d[4] for d in dyads) <= _ONE_LINK * size:
+            continue
+        if not given and dyads[0][4] > dyads[1][4]:  # a curve is the same with the links exchanged
+            dyads.reverse()
+        lengths = np.repeat([max(d[4], 1e-300) for d in dyads], count)
+        error = float(np.sqrt(np.mean((residual / (2 * lengths)) ** 2)))
+        linkages.append(_of_dyads(dyads[0], dyads[1], places[0], 0.0, error))
+        poses.append(np.column_stack([places, full[:count, 7]]))
+    return Found(*_distinct(linkages, poses, size), found)
+
+
+def _four_bar(generator: np.random.Generator, places: Array, size: float, own: list[int]) -> Array:
+    """Return the unknowns of a random linkage whose links have the mean lengths over random rotations."""
+    angles = np.array([0.0, *generator.normal(0.0, 1.0, len(places) - 1)])
+    dyads = [_dyad(generator, places, angles, size)[own] for _ in range(2)]
+    return np.concatenate([*dyads, angles[1:]])
+
+
+def _dyad(generator: np.random.Generator, places: Array, angles: Array, size: float) -> Array:
+    """Return a random dyad [m] whose length is the mean distance of its joints in the poses."""
+    ground = places.mean(axis=0) + generator.normal(0.0, _SPREAD * size, 2)
+    joint = generator.normal(0.0, _SPREAD * size, 2)
+    ends = places + _turned(joint, angles)
+    return np.array([*ground, *joint, np.linalg.norm(ends - ground, axis=1).mean()])
+
+
+def _turned(joint: Array, angles: Array) -> Array:
+    """Return the vector to a joint of the coupler (poses, 2) at its rotations."""
+    cos, sin = np.cos(angles), np.sin(angles)
+    return np.column_stack([cos * joint[0] - sin * joint[1], sin * joint[0] + cos * joint[1]])
+
+
+def _of_dyads(crank: Array, rocker: Array, place: Array, angle: float, error: float) -> FourBar:
+    joints = [place + _turned(dyad[2:4], np.array([angle]))[0] for dyad in (crank, rocker)]
+    return FourBar(crank[:2], joints[0], joints[1], rocker[:2], place, error=error)
+
+
+def _same(one: Array, other: Array, size: float) -> bool:
+    return bool(np.abs(one - other).max() <= _ONE_LINK * max(size, float(np.abs(one).max())))
+
+
+def _distinct(linkages: list[FourBar], poses: list[Array], size: float) -> tuple[list[FourBar], list[Array]]:
+    """Return linkages without repetitions, those of least error and shortest links first."""
+    kept: list[tuple[FourBar, Array]] = []
+    order = sorted(
+        zip(linkages, poses, strict=True), key=lambda x: (round(x[0].error / size, 9), *x[0].lengths.values())
+    )
+    for linkage, own in order:
+        places = np.concatenate([linkage.O, linkage.A, linkage.B, linkage.C])
+        others = (np.concatenate([k.O, k.A, k.B, k.C]) for k, _ in kept)
+        if not any(_same(places, other, size) for other in others):
+            kept.append((linkage, own))
+    return [k for k, _ in kept], [p for _, p in kept]
+
+
+def _size(places: Array) -> float:
+    """Return the size of the points; raise SceneError if they are one."""
+    size = float(np.linalg.norm(np.ptp(places, axis=0)))
+    if not size > 0:
+        raise SceneError("expected points at different places", where="points")
+    return size
+
+
+def _enough(conditions: int, unknowns: int, what: str, which: str) -> None:
+    if conditions < unknowns:
+        raise SceneError(
+            f"{conditions} conditions do not determine {unknowns} unknowns",
+            hint=f"Give more {what} or prescribe some of: {which}.",
+        )
+
+
+def crank_directions(linkage: FourBar, poses: Array) -> Array:
+    """Return the directions of the crank [rad] in poses of the coupler: place [m] and rotation [rad]."""
+    ends = poses[:, :2] + _turned(linkage.A - linkage.P, poses[:, 2] - poses[0, 2]) - linkage.O
+    return np.asarray(np.arctan2(ends[:, 1], ends[:, 0]))

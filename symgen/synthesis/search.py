@@ -1,0 +1,126 @@
+"""All roots of a small system of equations, by least squares from many starts."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symgen.runtime.kernels.library import shipped_module
+
+Array = NDArray[np.float64]
+
+#: Two roots are the same where they differ by less, relative to their size.
+_SAME = 1e-6
+#: Largest change of a root that Newton's method still makes, relative to its size: rounding.
+_SETTLED = 1e-11
+#: Least singular value of the slopes at a root, relative to the largest.
+_REGULAR = 1e-12
+
+
+class Conditions:
+    """Compiled conditions of one kind; ``names`` are their quantities."""
+
+    def __init__(self, name: str, count: int, names: tuple[str, ...]) -> None:
+        self.names = names
+        self._kernel = shipped_module(name).conditions
+        self._count = count
+
+    def __call__(self, values: Array) -> tuple[Array, Array]:
+        """Return residual (conditions,) and slopes (conditions, quantities)."""
+        out: Array = self._kernel(q=values)
+        return out[: self._count], out[self._count :].reshape(self._count, -1)
+
+
+@cache
+def conditions(name: str, count: int, names: tuple[str, ...]) -> Conditions:
+    """Return the compiled conditions of a shipped block, loaded once."""
+    return Conditions(name, count, names)
+
+
+@dataclass(frozen=True, slots=True)
+class Search:
+    """Roots, and the least residual of the starts that led to none (infinite without such a start).
+
+    ``singular`` counts roots that are not isolated: at them the conditions do not determine the unknowns.
+    """
+
+    roots: tuple[Array, ...]
+    starts: int
+    nearest: float
+    singular: int = 0
+
+
+def search(
+    equations: Callable[[Array], tuple[Array, Array]],
+    starts: Iterable[Array],
+    bounds: tuple[Array, Array] | None = None,
+    fit: bool = False,
+) -> Search:
+    """Return the distinct roots of residual(x) = 0, or, to ``fit``, the distinct least squares.
+
+    Least squares by Levenberg and Marquardt, by trust regions within ``bounds``; roots are polished by
+    Newton's method until they change by rounding alone.
+    """
+    from scipy.optimize import least_squares
+
+    found: list[Array] = []
+    nearest, count, singular = np.inf, 0, 0
+    for start in starts:
+        count += 1
+        with np.errstate(all="ignore"):
+            result = least_squares(
+                lambda x: equations(x)[0], start, jac=lambda x: equations(x)[1],
+                method="lm" if bounds is None else "trf", x_scale="jac",
+                bounds=(-np.inf, np.inf) if bounds is None else bounds, xtol=1e-12, ftol=1e-14, gtol=1e-14,
+                max_nfev=_EVALUATIONS,
+            )  # fmt: skip
+        x, size = result.x, max(1.0, float(np.abs(result.x).max()))
+        if not np.isfinite(x).all():
+            continue
+        if not fit:
+            polished, regular = _polished(equations, x)
+            if polished is None:
+                nearest = min(nearest, float(np.linalg.norm(result.fun)))
+                continue
+            if not regular:
+                singular += 1
+                continue
+            x = polished
+        elif not result.success:
+            continue
+        if all(np.abs(x - other).max() > _SAME * size for other in found):
+            found.append(x)
+    return Search(tuple(found), count, nearest, singular)
+
+
+#: Evaluations of the equations from one start.
+_EVALUATIONS = 300
+
+
+def _polished(equations: Callable[[Array], tuple[Array, Array]], x: Array) -> tuple[Array | None, bool]:
+    """Return the root next to x, None where Newton's method does not settle; and whether it is isolated."""
+    for _ in range(6):
+        residual, slopes = equations(x)
+        if not (np.isfinite(residual).all() and np.isfinite(slopes).all()):
+            return None, False
+        left, sizes, right = np.linalg.svd(slopes, full_matrices=False)
+        regular = bool(sizes[-1] > _REGULAR * sizes[0])
+        inverse = np.divide(1.0, sizes, out=np.zeros_like(sizes), where=sizes > _REGULAR * sizes[0])
+        step = right.T @ (inverse * (left.T @ residual))
+        size = max(1.0, float(np.abs(x).max()))
+        if np.abs(step).max() > _SAME * size * 1e3:
+            return None, False
+        x = x - step
+        if np.abs(step).max() <= _SETTLED * size:
+            return (x, regular) if _vanishes(residual, slopes, x) else (None, False)
+    return None, False
+
+
+def _vanishes(residual: Array, slopes: Array, x: Array) -> bool:
+    """Return whether a residual is the rounding of its arguments."""
+    rounding = np.abs(slopes) @ np.maximum(np.abs(x), 1.0)
+    return bool((np.abs(residual) <= 1e-10 * np.maximum(rounding, 1e-6)).all())

@@ -1,0 +1,206 @@
+"""Synthesis of planar four-bars, and the check of each by running it."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symgen.calls import checked
+from symgen.errors import SceneError, SimulationError
+from symgen.synthesis import limits, precision
+from symgen.synthesis.four_bar import FourBar
+from symgen.synthesis.search import Search
+from symgen.synthesis.tasks import FunctionTask, LimitTask, MotionTask, PathTask, Task, read_task
+
+Array = NDArray[np.float64]
+
+#: Difference between the conditions and the linkage's run: rounding, near dead centres its root [rad, size].
+_AGREES = 1e-7
+#: Angle by which a crank may move back before its order is wrong [rad].
+_IN_ORDER = 1e-9
+
+
+@checked
+@dataclass(frozen=True, slots=True)
+class Design:
+    """A four-bar, and what running it has shown.
+
+    Attributes
+    ----------
+    linkage
+        The four-bar.
+    quantities
+        What running it measures if the crank turns, [m] and [rad]: least and greatest transmission angle,
+        range of the rocker; the quantities of the limit positions where they are asked for.
+    faults
+        What is wrong with its motion: points on another branch, another order, points out of reach.
+    """
+
+    linkage: FourBar
+    quantities: dict[str, float]
+    faults: tuple[str, ...]
+
+
+@checked
+@dataclass(frozen=True, slots=True)
+class Synthesis:
+    """All four-bars found; ``designs`` without faults come first, those of least error before others."""
+
+    title: str
+    kind: str
+    designs: tuple[Design, ...]
+    search: Search
+
+    def summary(self) -> dict[str, Any]:
+        """Return it in plain numbers, in SI units: what ``symgen synthesise --json`` prints."""
+        return {
+            "title": self.title,
+            "kind": self.kind,
+            "starts": self.search.starts,
+            "designs": [
+                {
+                    "class": d.linkage.grashof,
+                    "lengths": d.linkage.lengths,
+                    "points": {name: getattr(d.linkage, name).tolist() for name in "OABCP"},
+                    "error": d.linkage.error,
+                    "quantities": d.quantities,
+                    "faults": list(d.faults),
+                }
+                for d in self.designs
+            ],
+        }
+
+
+@checked
+def synthesise(task: str | os.PathLike[str] | Mapping[str, Any]) -> Synthesis:
+    """Return the planar four-bars that have what a task asks for.
+
+    Parameters
+    ----------
+    task
+        Path of a TOML file with a table ``[synthesis]``, or that table: ``{"kind": "limits", ...}``.
+
+    Raises
+    ------
+    SceneError
+        For anything wrong in the task, and when no four-bar was found.
+    """
+    title, asked = read_task(task)
+    if isinstance(asked, LimitTask):
+        linkages, search = limits.crank_rockers(asked)
+        given = asked.given()
+        designs = [_checked(linkage, partial(_limits, linkage, given)) for linkage in linkages]
+    else:
+        found = _GENERATIONS[type(asked)](asked)
+        run = _function if isinstance(asked, FunctionTask) else _guidance
+        pairs = zip(found.linkages, found.poses, strict=True)
+        designs = [_checked(own, partial(run, own, poses)) for own, poses in pairs]
+        search = found.search
+    if not designs:
+        raise SceneError(_nothing(asked, search), hint="Change what is prescribed, or try more starts.")
+    return Synthesis(title, asked.kind, tuple(sorted(designs, key=lambda d: bool(d.faults))), search)
+
+
+_GENERATIONS: dict[type[Task], Callable[[Any], precision.Found]] = {
+    FunctionTask: precision.function,
+    MotionTask: precision.motion,
+    PathTask: precision.path,
+}
+
+
+def _nothing(task: Task, search: Search) -> str:
+    if search.singular:
+        return (
+            f"no four-bar was found: {search.singular} of {search.starts} starts led to degenerate linkages, "
+            "with links of no length or with quantities that remain undetermined"
+        )
+    if np.isfinite(search.nearest):
+        return f"no four-bar was found: {search.starts} starts end {search.nearest:.2g} off or more"
+    return f"no four-bar was found: lengths or angles of all roots are out of range ({search.starts} starts)"
+
+
+def _checked(linkage: FourBar, run: Callable[[], tuple[dict[str, float], list[str]]]) -> Design:
+    try:
+        quantities, faults = run()
+    except SimulationError as error:
+        stop = np.degrees(linkage.parameters["start"] + error.time)
+        quantities, faults = {}, [f"the crank comes to {stop:.6g} deg, and not through all poses"]
+    return Design(linkage, quantities, tuple(faults))
+
+
+def _limits(linkage: FourBar, given: dict[str, float]) -> tuple[dict[str, float], list[str]]:
+    quantities = dict(limits.measured(linkage)) | _over_revolution(linkage)
+    missed = {n: abs(quantities[n] - x) / max(x, 1.0) for n, x in given.items() if n in quantities}
+    return quantities, [f"{name} is missed by {x:.2g}" for name, x in missed.items() if not x <= _AGREES]
+
+
+def _over_revolution(linkage: FourBar) -> dict[str, float]:
+    """Return extremes over a revolution: transmission angles with the crank on the fixed link, and limits."""
+    if not linkage.turns:
+        return {}
+    a, b, c, d = linkage.lengths.values()
+    towards = float(np.arctan2(*(linkage.C - linkage.O)[::-1]))
+    cosines = [(d * d + side * side - c * c) / (2 * d * side) for side in (b + a, b - a)]
+    inline = [turn + np.arccos(x) for x, turn in zip(cosines, (0.0, np.pi), strict=True) if abs(x) <= 1]
+    directions = [0.0, np.pi, *inline, *(-x for x in inline)]
+    run = linkage.angles(np.array(directions) + towards)
+    transmission, rocker = np.abs(run["A.B.C.angle"].values), run["rocker.angle"].values
+    found = {
+        "transmission_minimum": float(transmission.min()),
+        "transmission_maximum": float(transmission.max()),
+    }
+    if linkage.grashof == "crank-rocker":
+        found["rocker_range"] = float(np.ptp(rocker))
+    return found
+
+
+def _function(linkage: FourBar, poses: Array) -> tuple[dict[str, float], list[str]]:
+    """Return faults of the rocker's angles at those of the crank."""
+    directions = linkage.within_reach(poses[:, 0])
+    run = linkage.angles(directions.tolist())
+    missed = _turn(run["rocker.angle"].values - poses[:, 1])
+    size = _AGREES + 10 * linkage.error
+    return _over_revolution(linkage), [*_other_branch(missed, size), *_order(linkage, directions)]
+
+
+def _guidance(linkage: FourBar, poses: Array) -> tuple[dict[str, float], list[str]]:
+    """Return faults of places and rotations of the coupler at the directions of the crank."""
+    directions = linkage.within_reach(precision.crank_directions(linkage, poses))
+    run = linkage.angles(directions.tolist())
+    size = max(linkage.lengths.values())
+    places = np.linalg.norm(run["P.position"].values - poses[:, :2], axis=1)
+    turned = _turn(
+        (run["coupler.angle"].values - run["coupler.angle"].values[0]) - (poses[:, 2] - poses[0, 2])
+    )
+    missed = np.maximum(places / size, np.abs(turned))
+    tolerance = _AGREES + 20 * linkage.error / size
+    return _over_revolution(linkage), [*_other_branch(missed, tolerance), *_order(linkage, directions)]
+
+
+def _turn(angle: Array) -> Array:
+    """Return angles less whole revolutions."""
+    return np.asarray(angle - 2 * np.pi * np.round(angle / (2 * np.pi)))
+
+
+def _other_branch(missed: Array, tolerance: float) -> Iterator[str]:
+    wrong = [str(i + 1) for i in np.flatnonzero(~(np.abs(missed) <= tolerance))]
+    if wrong:
+        yield f"another assembly branch has the precision points {', '.join(wrong)}"
+
+
+def _order(linkage: FourBar, directions: Array) -> Iterator[str]:
+    """Yield the fault of a crank that does not pass the poses in their order, in either sense of rotation."""
+    steps = np.diff(directions)
+    if linkage.turns:
+        steps = np.mod(steps, 2 * np.pi)
+        right = steps.sum() < 2 * np.pi or np.mod(-steps, 2 * np.pi).sum() < 2 * np.pi
+    else:
+        right = (steps > -_IN_ORDER).all() or (steps < _IN_ORDER).all()
+    if not right:
+        yield "the crank passes the precision points in another order"
