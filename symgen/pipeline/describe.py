@@ -235,6 +235,7 @@ def _elastic(linkage: Linkage) -> ElasticInfo:
                 modes=b.modes,
                 clamped=crank is not None and crank.link == b.link,
                 definition=definition_of(b.element),
+                welds=b.welds,
             )
             for b in linkage.elastic
         ),

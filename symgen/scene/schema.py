@@ -13,7 +13,7 @@ from symgen.calls import checked
 from symgen.errors import ModelError, SceneError
 from symgen.loads import LOADS
 from symgen.methods import METHODS, claiming
-from symgen.scene.elastic.schema import Crank, Elastic, ModalDamping, Section, Station
+from symgen.scene.elastic.schema import Crank, Elastic, ModalDamping, Section, Station, Weld
 from symgen.scene.faults import scene_error
 from symgen.scene.loop.schema import SpatialLoop
 from symgen.scene.repeated import written_out
@@ -207,6 +207,7 @@ class Scene(Table):
     drivers: list[Driver] = Field(default_factory=list)
     crank: Crank | None = None
     modal_damping: ModalDamping | None = None
+    welds: list[Weld] = Field(default_factory=list)
     stations: list[Station] = Field(default_factory=list)
     start: Start = Field(default_factory=Start)
     events: list[Event] = Field(default_factory=list)
@@ -282,7 +283,7 @@ class Scene(Table):
 TABLES: dict[str, type[Table]] = {
     "parameters": Parameter, "inputs": Input, "points": Point, "links": Link, "gravity": Gravity,
     "masses": PointMass, "guides": Guide, "drivers": Driver, "crank": Crank, "modal_damping": ModalDamping,
-    "stations": Station, "start": Start, "events": Event, "analysis": Analysis,
+    "welds": Weld,    "stations": Station, "start": Start, "events": Event, "analysis": Analysis,
     "loop": SpatialLoop, "studies": Study,
 }  # fmt: skip
 

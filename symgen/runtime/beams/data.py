@@ -108,6 +108,8 @@ class BeamInfo:
         Hash of the definition of an element that a program registers, empty for those of symgen.
     between
         Joints between the ends: name of the point, fraction of the length. There is a node at each.
+    welds
+        Joints whose rotation is that of the other links welded there, or zero on the ground.
     """
 
     link: str
@@ -126,6 +128,7 @@ class BeamInfo:
     nodes: tuple[float, ...] = ()
     definition: str = ""
     between: tuple[tuple[str, float], ...] = ()
+    welds: tuple[str, ...] = ()
 
     @property
     def points(self) -> tuple[str, ...]:
@@ -136,6 +139,12 @@ class BeamInfo:
     def joint_nodes(self) -> tuple[int, ...]:
         """Numbers of the nodes at these points."""
         return 0, *(self.nodes.index(fraction) for _, fraction in self.between), self.elements
+
+    @property
+    def welded(self) -> dict[str, str]:
+        """The points with welds by the names of the rotations there."""
+        at = zip(self.points, self.joint_nodes, strict=True)
+        return {f"theta@{node}": point for point, node in at if point in self.welds}
 
     @property
     def block(self) -> str:

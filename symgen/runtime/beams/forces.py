@@ -49,7 +49,7 @@ class Motion:
 
 
 def forces(motion: ElasticMotion, equations: BeamEquations, found: Motion) -> list[Variable]:
-    """Return the force on every elastic link at its joints, and the torque on the crank unless it is free.
+    """Return the forces and couples on elastic links at joints and welds, and the torque on a crank not free.
 
     They are of the whole motion, rigid and elastic, on fixed axes: of every link M s'' + C s' + K s - Q at
     its joints, Eq. (7.27). The axial force of a link that keeps its length is of its constraint.
@@ -74,6 +74,9 @@ def forces(motion: ElasticMotion, equations: BeamEquations, found: Motion) -> li
         for point, force in zip(beam.info.points, ends, strict=True):
             about = f"force on {name} at {point}"
             made.append(Variable(f"{name}.{point}.force", "N", about, ("x", "y"), force))
+        for dof, point in beam.info.welded.items():
+            about = f"couple on {name} at {point}, counter-clockwise"
+            made.append(Variable(f"{name}.{point}.couple", "N*m", about, (), rows[:, beam.dofs.index(dof)]))
         if name == crank and not free:
             made.append(_torque(name, rows[:, beam.dofs.index("theta@0")]))
     if f"{crank}_drive" in bound:
@@ -103,7 +106,7 @@ def _link(motion: ElasticMotion, found: Motion, accelerations: Array, k: int, ax
     s, v, a = own_motion(motion, found, accelerations, k, axes)
     made = np.zeros_like(s)
     wanted = {k for pair in beam.joints for k in pair}
-    wanted |= {j for j, dof in enumerate(beam.dofs) if dof == "theta@0"}
+    wanted |= {j for j, dof in enumerate(beam.dofs) if dof == "theta@0" or dof in beam.info.welded}
     own = [i for i, name in enumerate(motion.info.loads) if name == beam.info.link]
     loads = [found.loads[:, i] for i in own]
     for piece in beam.pieces:

@@ -170,13 +170,19 @@ def _unknowns(
             for pair, point in zip(beam.joints, beam.info.points, strict=True)
             for axis, dof in enumerate(pair)
         }
+        welded = beam.info.welded
         places = []
         for k, dof in enumerate(beam.dofs):
             if k in joints:
                 point, axis = joints[k]
                 places.append(joint[point] + axis if point in joint else -1)
-            elif k in held:
+            elif k in held or (dof in welded and welded[dof] not in joint):
                 places.append(-1)
+            elif dof in welded:
+                name = f"{welded[dof]}.theta"
+                if name not in names:
+                    names.append(name)
+                places.append(names.index(name))
             else:
                 places.append(len(names))
                 if k == turn:

@@ -152,8 +152,8 @@ def _damped(
 def _fixed(info: BeamInfo, properties: Properties, dofs: Sequence[str]) -> tuple[int, ...]:
     """Return the curvatures that are zero because the moment is, at ends that have bending stiffness."""
     ends = (
-        (0, 0.0, info.clamped or info.moments[0]),
-        (info.elements, properties.length, info.moments[1]),
+        (0, 0.0, info.clamped or info.start in info.welds or info.moments[0]),
+        (info.elements, properties.length, info.end in info.welds or info.moments[1]),
     )
     largest = max(abs(at(properties.bending, properties.length * k / 8)) for k in range(9))
     return tuple(

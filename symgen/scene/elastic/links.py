@@ -64,6 +64,8 @@ class ElasticLink:
         ``""``, ``"guyan"`` or ``"craig-bampton"``, and for the last how many modes of held ends are kept.
     yield_stress
         Stress [Pa] beyond which a result warns; None where none is given.
+    welds
+        Points at which it is welded to other elastic links or to the ground.
     """
 
     link: str
@@ -79,6 +81,7 @@ class ElasticLink:
     reduction: str
     modes: int
     yield_stress: sp.Expr | None
+    welds: tuple[str, ...]
 
 
 @dataclass(frozen=True, slots=True)

@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import sympy as sp
 
 from symgen.errors import SceneError, nearest
-from symgen.loads.measure import Term
 from symgen.scene import units
 from symgen.scene.elastic import sections
+from symgen.scene.elastic.joints import carries
 from symgen.scene.elastic.links import AREA_POWER, ElasticLink, ModalDamping, Polynomial, Section, Station
 from symgen.scene.elastic.schema import Elastic, Shear
 from symgen.scene.reading import Reader
-from symgen.scene.rods.linkage import TIME, CarriedPoint, Linkage, RigidLink
+from symgen.scene.rods.linkage import TIME, Linkage, RigidLink
 from symgen.scene.units import Dimension
 
 if TYPE_CHECKING:
@@ -25,8 +24,6 @@ _ZERO = sp.Integer(0)
 _MOST_ELEMENTS = 1000
 #: By how much the outer fibre may be exceeded where both are computed.
 _ROUNDED = 1e-9
-#: Least distance of a joint from the ends of its link, over the length.
-_SHORTEST = 1e-3
 
 
 def has_rotary_inertia(elastic: Elastic | None, where: str) -> bool:
@@ -99,6 +96,7 @@ def _elastic_link(read: Reader, rigid: RigidLink, elastic: Elastic, place: str) 
         yield_stress=None
         if elastic.yield_stress is None
         else read.positive(elastic.yield_stress, units.PRESSURE, f"{where}.yield_stress"),
+        welds=tuple(weld.point for weld in read.scene.welds if rigid.name in weld.links),
     )
 
 
@@ -236,66 +234,12 @@ def _check_neighbours(read: Reader) -> None:
             raise SceneError(_NOT_ELASTIC.get(key, _NO_COUPLE).format(link), where=where, hint=_hint(where))
 
 
-def with_joints(linkage: Linkage) -> Linkage:
-    """Return the linkage with its joints between the ends of elastic links, or of these to rigid bodies.
-
-    Such points have coordinates of their own: the joint moves with the deformed link.
-
-    Raises
-    ------
-    SceneError
-        For a joint at an end, or to a link that keeps its length.
-    """
-    elastic = {beam.link: beam for beam in linkage.elastic}
-    if not elastic:
-        return linkage
-    named = {k.name: {*k.base, *(c.name for c in k.carried)} for k in linkage.links}
-    bent = {p for name in elastic for p in named[name]}
-    held = {p for guide in linkage.guides for p in guide.points}
-    for _, _, load in linkage.placed_loads:
-        terms = load.terms(linkage.dimension)
-        others = [t for t in terms if not any(_carries(linkage.link(k), t) for k in elastic)]
-        held |= {p for term in others for _, p in term.on.points}
-
-    def joined(link: RigidLink, point: CarriedPoint) -> bool:
-        others = any(point.name in named[name] for name in named if name != link.name)
-        return (others or point.name in held) if link.name in elastic else point.name in bent
-
-    links = []
-    for link in linkage.links:
-        carried = tuple(replace(c, joined=joined(link, c)) for c in link.carried)
-        if link.name in elastic:
-            _check_joints(linkage, link, elastic[link.name], [c for c in carried if c.joined])
-        links.append(replace(link, carried=carried))
-    return replace(linkage, links=tuple(links))
-
-
-def _check_joints(
-    linkage: Linkage, link: RigidLink, beam: ElasticLink, joints: Sequence[CarriedPoint]
-) -> None:
-    for joint in joints:
-        where = f"points.{joint.name}.fraction"
-        if not beam.axial:
-            raise SceneError(
-                f"{joint.name} joins a component to {link.name}, which keeps its length, between its ends",
-                where=where,
-                hint=f"Leave axial = false out of links.{link.name}.elastic.",
-            )
-        for end, place in zip(link.base, (0.0, 1.0), strict=True):
-            if abs(linkage.number(joint.along) - place) < _SHORTEST:
-                raise SceneError(
-                    f"{joint.name} joins another component to the elastic link {link.name} at its end, {end}",
-                    where=where,
-                    hint=f"Name {end} instead, or move {joint.name} away from it.",
-                )
-
-
 def check_loads(linkage: Linkage) -> None:
     """Refuse the loads that no elastic link carries: those that are no forces on its points or along it."""
     elastic = {beam.link: linkage.link(beam.link) for beam in linkage.elastic}
     for table, i, load in linkage.placed_loads if elastic else ():
         terms = list(load.terms(linkage.dimension))
-        carried = [t for t in terms if any(_carries(link, t) for link in elastic.values())]
+        carried = [t for t in terms if any(carries(link, t) for link in elastic.values())]
         if carried and len(carried) < len(terms):
             raise SceneError(
                 f"a {load.noun} acts on an elastic link and elsewhere: these take loads of their own alone",
@@ -307,12 +251,6 @@ def check_loads(linkage: Linkage) -> None:
                 if name in elastic:
                     where = f"{table}.{i}.{key}"
                     raise SceneError(_NO_COUPLE.format(name), where=where, hint=_hint(where))
-
-
-def _carries(link: RigidLink, term: Term) -> bool:
-    """Return whether a term is a force along an elastic link."""
-    places = {c.name: c.along * link.length for c in link.carried if not c.joined}
-    return any(term.on.along(link.name, link.length, places, term.total))
 
 
 _NOT_ELASTIC = {"along": "{} is elastic, and a guide runs along a straight link"}

@@ -107,6 +107,13 @@ class Crank(Table):
     flywheel: Value | None = Field(default=None, description="Moment of inertia on its shaft.")
 
 
+class Weld(Table):
+    """Elastic links whose sections at a point have the same rotation; at a ground point they have none."""
+
+    point: Name
+    links: list[Name] = Field(description="One or more at a ground point, else two or more.")
+
+
 class ModalDamping(Table):
     """Damping of the modes of the assembled structure at rest, in the pose in which the crank starts."""
 

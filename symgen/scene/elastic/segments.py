@@ -87,6 +87,9 @@ def segmented(linkage: Linkage, count: int, places: Places) -> Linkage:
     """
     if not _FEWEST <= count <= _MOST:
         raise ModelError(f"expected from {_FEWEST} to {_MOST} segments of an elastic link, got {count}")
+    welded = [beam.link for beam in linkage.elastic if beam.welds]
+    if welded:
+        raise ModelError(f"{linkage.name}: {welded[0]} is welded, and large rotation knows hinges alone")
     parts = [_segments(linkage, beam, count) for beam in linkage.elastic]
     cut = {part.link.name for part in parts}
     crank = linkage.crank
