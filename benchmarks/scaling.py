@@ -33,7 +33,7 @@ from symgen.runtime import _core
 
 Array = NDArray[np.float64]
 
-SIZES, SHORT_SIZES = (10, 20, 40, 80, 160), (10, 20, 40)
+SIZES, SHORT_SIZES = (10, 40, 160, 1000), (10, 20, 40)
 #: Bounds: growth with N between the two largest sizes, time to the first step of 40 linkages [s], error.
 EXPONENT, FIRST_STEP, LARGEST_ERROR = 1.15, 5.0, 1e-12
 #: Mass of every link [kg], start of the cranks (1 m long) [m, rad/s], and gravity [m/s^2].

@@ -10,7 +10,7 @@ from itertools import groupby
 from typing import Any
 
 from symgen.codegen.printers import C_FUNCTIONS, Printer, printer
-from symgen.codegen.rolled import ROLLED, Rolled, is_large, rolled
+from symgen.codegen.rolled import ROLLED, Rolled, large, rolled
 from symgen.codegen.source import SourceFile
 from symgen.codegen.target import Target
 from symgen.lowering.kernel import ARRAYS, Assignment, Block, Kernel, Program, Slot, Store
@@ -185,7 +185,7 @@ def equations_hash(program: Program, target: Target) -> str:
     digest.update(repr((program, target.precision, target.lanes, STATEMENTS)).encode())
     for template in sorted({*INCLUDED, *(n for files in (*TEMPLATES.values(), LANES) for n, _ in files)}):
         digest.update(_source(template))
-    if any(is_large(kernel, target) for kernel in program.kernels):
+    if large(program, target):
         digest.update(_source(ROLLED))
     return digest.hexdigest()
 
@@ -213,9 +213,9 @@ def emit(program: Program, target: Target, equations: str) -> tuple[SourceFile, 
         for i, part in enumerate(parts):
             text = environment().get_template(template).render(unit=part)
             files.append(SourceFile(file.format(program.name, f"_{i + 1}" if i else ""), text))
-    large = tuple(kernel for kernel in whole.kernels if kernel.rolled)
-    if large:
-        text = environment().get_template(ROLLED).render(unit=replace(whole, kernels=large))
+    loops = tuple(kernel for kernel in whole.kernels if kernel.rolled)
+    if loops:
+        text = environment().get_template(ROLLED).render(unit=replace(whole, kernels=loops))
         files.append(SourceFile(f"{program.name}_rolled.c", text))
     return tuple(files)
 
@@ -237,7 +237,7 @@ def _parts(whole: UnitView) -> list[UnitView]:
 
 def unit_view(program: Program, target: Target, equations: str) -> UnitView:
     """Return the template data of a program: names, sizes and final text of every kernel."""
-    setup = program.setup
+    setup, loops = program.setup, large(program, target)
     behind = {array: setup.out_size for array, _ in setup.inputs} if setup else {}
     return UnitView(
         name=program.name,
@@ -259,7 +259,7 @@ def unit_view(program: Program, target: Target, equations: str) -> UnitView:
             if slots or _on_tolerance(program, name)
         ),
         references=program.references,
-        kernels=tuple(_kernel(program, kernel, target) for kernel in program.kernels),
+        kernels=tuple(_kernel(program, k, target, k.name in loops) for k in program.kernels),
     )
 
 
@@ -289,15 +289,14 @@ def plain(slots: tuple[Slot, ...]) -> tuple[Slot, ...]:
     return tuple(Slot(s.name, s.unit, _comment(s.description)) for s in slots)
 
 
-def _kernel(program: Program, kernel: Kernel, target: Target) -> KernelView:
+def _kernel(program: Program, kernel: Kernel, target: Target, rolls: bool) -> KernelView:
     prints = printer(target)
     own = dict(kernel.inputs)
     written = {s.array for s in kernel.stores}
     sizes = kernel.reads
-    large = is_large(kernel, target)
-    kernel = kernel if large else kernel.with_zeros
+    kernel = kernel if rolls else kernel.with_zeros
     early, late = _scheduled(kernel)
-    loops = rolled(kernel, early, late, prints) if large else None
+    loops = rolled(kernel, early, late, prints) if rolls else None
     if loops:
         early, late = [], []
     return KernelView(

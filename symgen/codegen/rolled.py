@@ -9,12 +9,13 @@ those of the straight-line code, to the last bit.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 from symgen.codegen.printers import Printer
 from symgen.codegen.target import Target
-from symgen.lowering.kernel import Kernel, Store
+from symgen.lowering.kernel import Kernel, Program, Store
 from symgen.lowering.nodes import (
     Call,
     Constant,
@@ -26,9 +27,9 @@ from symgen.lowering.nodes import (
     Sum,
 )
 
-#: Number of statements above which a kernel becomes loops. Straight-line code is faster, and takes a second
-#: of compilation for every ten thousand statements.
-STRAIGHT = 5_000
+#: Statements of a program above which its kernels become loops, and the least number of statements of such a
+#: kernel. Straight-line code is faster, but its compilation takes seconds for every ten thousand statements.
+STRAIGHT, LEAST = 15_000, 500
 #: The template of such kernels.
 ROLLED = "c/rolled.c.j2"
 #: Constants that are printed in the loops; all others are in a table.
@@ -158,10 +159,13 @@ def _general(node: Node, at: int) -> tuple[Node, int]:
     raise TypeError(f"not a node: {node!r}")
 
 
-def is_large(kernel: Kernel, target: Target) -> bool:
-    """Return whether a kernel becomes loops over tables; kernels in lanes remain straight-line code."""
-    statements = len(kernel.assignments) + len(kernel.stores)
-    return target.language == "c" and not target.lanes and (statements > STRAIGHT or kernel.is_sparse)
+def large(program: Program, target: Target) -> frozenset[str]:
+    """Return the kernels that become loops over tables; kernels in lanes remain straight-line code."""
+    if target.language != "c" or target.lanes:
+        return frozenset()
+    statements = {k.name: len(k.assignments) + len(k.stores) for k in program.kernels}
+    least = LEAST if sum(statements.values()) > STRAIGHT else math.inf
+    return frozenset(k.name for k in program.kernels if k.is_sparse or statements[k.name] > least)
 
 
 def rolled(

@@ -24,6 +24,7 @@ def test_loops_give_the_bits_of_straight_line_code(name, tmp_path, monkeypatch):
     """Of a linkage that starts near lost rank, and of one with a redundant constraint, found by its pivot."""
     plain, *expected = runs(name, tmp_path / "plain", monkeypatch)
     monkeypatch.setattr(rolled, "STRAIGHT", 0)
+    monkeypatch.setattr(rolled, "LEAST", 0)
     monkeypatch.setattr(program, "ALL_ZEROS", 0)
     model, *found = runs(name, tmp_path / "rolled", monkeypatch)
     source = next((tmp_path / "rolled").rglob("*_rolled.c")).read_text()
