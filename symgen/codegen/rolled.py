@@ -17,6 +17,7 @@ from symgen.codegen.printers import Printer
 from symgen.codegen.target import Target
 from symgen.lowering.kernel import Kernel, Program, Store
 from symgen.lowering.nodes import (
+    ZERO,
     Call,
     Constant,
     Negative,
@@ -27,8 +28,9 @@ from symgen.lowering.nodes import (
     Sum,
 )
 
-#: Statements of a program above which its kernels become loops, and the least number of statements of such a
-#: kernel. Straight-line code is faster, but its compilation takes seconds for every ten thousand statements.
+#: Statements of a program, without stores of zeros, above which its kernels become loops, and the least
+#: number of statements of such a kernel. Straight-line code is faster, but its compilation takes seconds for
+#: every ten thousand statements.
 STRAIGHT, LEAST = 15_000, 500
 #: The template of such kernels.
 ROLLED = "c/rolled.c.j2"
@@ -163,7 +165,9 @@ def large(program: Program, target: Target) -> frozenset[str]:
     """Return the kernels that become loops over tables; kernels in lanes remain straight-line code."""
     if target.language != "c" or target.lanes:
         return frozenset()
-    statements = {k.name: len(k.assignments) + len(k.stores) for k in program.kernels}
+    statements = {
+        k.name: len(k.assignments) + sum(s.value != ZERO for s in k.stores) for k in program.kernels
+    }
     least = LEAST if sum(statements.values()) > STRAIGHT else math.inf
     return frozenset(k.name for k in program.kernels if k.is_sparse or statements[k.name] > least)
 
