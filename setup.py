@@ -37,7 +37,16 @@ extensions = [
             depends=["symgen/runtime/_core.pxd", *(str(path) for path in sorted(CORE.glob("*.h")))],
             extra_compile_args=flags(1),
         )
-        for name in ("_loop", "_beams", "_kinematics", "_start", "_many", "_rhs", "_variations")
+        for name in (
+            "_loop",
+            "_beams",
+            "_kinematics",
+            "_kinematic_lanes",
+            "_start",
+            "_many",
+            "_rhs",
+            "_variations",
+        )
     ),
     *(
         Extension(

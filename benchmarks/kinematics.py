@@ -19,8 +19,11 @@ from linkages import LINKAGES
 from numpy.typing import NDArray
 
 import symgen
+from symgen.runtime._kinematic_lanes import KinematicLanes
+from symgen.runtime.kernels.batch import lanes_of
 from symgen.runtime.rods import kinematics
 from symgen.runtime.rods.following.branch import steps_of
+from symgen.runtime.rods.following.groups import groups_of
 from symgen.runtime.rods.poses import Poses
 
 Array = NDArray[np.float64]
@@ -31,6 +34,9 @@ POSES, SLOW_POSES, ROUNDS = 3601, 361, 20
 FASTER, LARGEST_ERROR = 30.0, 1e-13
 COMPILED, WHOLE, CURVE, PEER = "compiled steps", "model.kinematics", "by arc length", "pylinkage, Numba"
 FORCES = "model.inverse_dynamics"
+LANES, LANES_FORCES = "in lanes", "in lanes, with all joint forces"
+#: Blocks of runs in lanes, runs of a block, poses of a revolution, and the least poses per second of a core.
+BLOCKS, RUNS, OF_A_RUN, IN_LANES, IN_LANES_WITH_FORCES = 3, 16, 361, 8e6, 3e6
 #: Most that a pose of any of the linkages may cost, in those of the four-bar linkage.
 DEAREST = 6.0
 
@@ -64,6 +70,8 @@ def measured() -> Measurement:
     cases[FORCES] = Case(lambda: model.inverse_dynamics(samples=POSES, sections=()), POSES)
     places[FORCES] = np.array(model.inverse_dynamics(samples=POSES, sections=()).final["B"]["position"])
     missed = {}
+    for how, with_forces in ((LANES, False), (LANES_FORCES, True)):
+        cases[how], places[how] = _in_lanes(model, with_forces)
     for name, scene in LINKAGES.items():
         cases[name], missed[name] = _steps(symgen.build(scene()))
     peer = _pylinkage()
@@ -92,6 +100,11 @@ def measured() -> Measurement:
         Required(
             "a pose of the dearest linkage for one of the four-bar", dearest, DEAREST, False, timed=True
         ),
+        *(
+            Required(f"{how}: poses per second and core", 1 / timings[how].best, least, True, timed=True)
+            for how, least in ((LANES, IN_LANES), (LANES_FORCES, IN_LANES_WITH_FORCES))
+        ),
+        Required("in lanes: error [m]", max(errors[LANES], errors[LANES_FORCES]), LARGEST_ERROR, False),
         Required("residual of the linkages [m]", max(missed.values()), LARGEST_ERROR, False),
     ]
     if PEER in timings:
@@ -112,6 +125,29 @@ def _steps(model: symgen.Model) -> tuple[Case, float]:
     return Case(lambda: steps.follow(0.0, start, times), POSES), float(
         np.max(np.abs(bonds.missed(Poses(times, states))[0]))
     )
+
+
+def _in_lanes(model: symgen.Model, with_forces: bool) -> tuple[Case, Array]:
+    """Return the steps in lanes over a revolution, and where the last run has B in the end."""
+    bonds, start = model._bonds(), model.initial_state().q
+    motion, forces = (model.in_lanes(kind) for kind in ("kinematics", "forces"))
+    groups = groups_of(bonds.slopes, range(bonds.n), bonds.n)
+    lanes = KinematicLanes(
+        motion, lanes_of(motion[1], motion[0].name)[0], groups, forces if with_forces else None
+    )
+    given = (
+        np.tile(model.evaluator.given, (RUNS, 1)),
+        np.tile(start, (RUNS, 1)),
+        np.full(RUNS, bonds.length(start)),
+    )
+    times = np.linspace(0.0, 1.0, OF_A_RUN)
+    places = lanes.follow(0.0, *given, times)[0][-1, -1, 0, 2:]
+
+    def blocks() -> None:
+        for _ in range(BLOCKS):
+            lanes.follow(0.0, *given, times)
+
+    return Case(blocks, BLOCKS * RUNS * OF_A_RUN), places
 
 
 def _closed(angle: float) -> Array:

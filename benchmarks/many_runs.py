@@ -30,6 +30,8 @@ OFFSETS, ANGLES = 200, 361
 CRANK, COUPLERS, ROCKER, BASE = 0.1, np.linspace(0.33, 0.37, VARIANTS), 0.3, 0.4
 #: Processor time of all variants [s], and how much faster they are than one by one.
 MOST_TIME, FASTER, LARGEST_ERROR = 6.0, 2.0, 1e-9
+#: Wall time of all variants with the torque, in lanes [s].
+MOST_WALL = 2.0
 #: Steps of a core per second, with vectors of AVX-512.
 STEPS_A_SECOND = 4e6
 #: How much faster two threads are than one.
@@ -95,6 +97,20 @@ def _variants(rows: list[dict[str, Any]], slack: float) -> list[Required]:
             lambda threads=threads: model.simulate_many({"b": COUPLERS}, samples=POSES, threads=threads),
             rows,
         )
+    walls = []
+    for threads in (1, 2):
+        torques, _ = _timed(
+            f"inverse_dynamics_many, {threads} thread{'s' if threads > 1 else ''}",
+            "variant",
+            VARIANTS,
+            lambda threads=threads: model.inverse_dynamics_many(
+                {"b": COUPLERS}, outputs=["crank.torque"], samples=POSES, threads=threads
+            ),
+            rows,
+            calls=3,
+        )
+        walls.append(rows[-1]["wall [s]"])
+    apart = np.max(np.abs(torques["crank.torque"].values - found["crank.torque"].values))
     some = np.arange(0, VARIANTS, VARIANTS // SINGLE)
 
     def one_by_one() -> list[symgen.Result]:
@@ -114,6 +130,15 @@ def _variants(rows: list[dict[str, Any]], slack: float) -> list[Required]:
     truth = _rocker(COUPLERS[:, None], 2 * np.pi * found["time"].values)
     error = float(np.max(np.abs(found["B.position"].values - truth)))
     return [
+        Required(
+            f"{VARIANTS} variants with torque: wall time [s]", min(walls), MOST_WALL * slack, False, True
+        ),
+        Required(
+            "variants: torque in lanes less that of runs, over the largest",
+            float(apart / np.max(np.abs(found["crank.torque"].values))),
+            LARGEST_ERROR,
+            False,
+        ),
         Required(
             f"{VARIANTS} variants: processor time of two threads [s]",
             each * VARIANTS,

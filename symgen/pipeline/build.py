@@ -236,11 +236,13 @@ def linkage_model(made: Made) -> RodModel | KinematicModel:
         return KinematicModel(*parts, typed=typed)
     base = tools.in_float64
 
-    def analysis(kind: str, stepping: bool, outputs: tuple[str, ...]) -> tuple[Description, Library]:
+    def analysis(
+        kind: str, stepping: bool, outputs: tuple[str, ...], lanes: bool = False
+    ) -> tuple[Description, Library]:
         # Kernels of runs are in the type of the model; all others are in double precision.
         in_type = stepping and not tools.digits and tools.precision != FLOAT64
         chosen, of = (tools, tools.precision.name) if in_type else (base, "")
-        return _analysis(text, chosen, description, kind, outputs, lambda: _linkage(text), of)
+        return _analysis(text, chosen, description, kind, outputs, lambda: _linkage(text), of, lanes)
 
     analyses = cache(analysis)
     if description.plane is None:
@@ -326,27 +328,30 @@ def _analysis(
     outputs: tuple[str, ...],
     linkage: Callable[[], Linkage],
     of: str = "",
+    lanes: bool = False,
 ) -> tuple[Description, Library]:
     """Return the kernels of one kind of analysis, which are compiled on first use.
 
     ``outputs`` are those of the analysis. ``linkage`` returns the linkage of the scene, or one derived from
-    it, which ``of`` names.
+    it, which ``of`` names. In ``lanes`` kernels take vectors.
     """
     from symgen.runtime.kernels.description import kernel_infos
+
+    made = tools.of_lanes if lanes else tools
 
     def make(folder: Path) -> tuple[Description, Library]:
         with no_collection():
             from symgen.models.analyses import analysis_system
 
             found = replace(linkage(), outputs=outputs)
-            program, equations, sources = tools.lowered(analysis_system(found, kind))
-        with tools.written(program, sources, folder) as compilation:
+            program, equations, sources = made.lowered(analysis_system(found, kind), lanes)
+        with made.written(program, sources, folder, lanes) as compilation:
             kernels = kernel_infos(program.kernels)
             description = replace(base, name=program.name, equations=equations, kernels=kernels)
-            return description, tools.opened(folder, description, compilation)
+            return description, made.opened(folder, description, compilation)
 
-    name = "-".join(part for part in (of, kind, key(*outputs)[:12] if outputs else "") if part)
-    return tools.cached(text, name, make, base=base)
+    parts = of, kind, key(*outputs)[:12] if outputs else "", "lanes" if lanes else ""
+    return made.cached(text, "-".join(part for part in parts if part), make, base=base)
 
 
 def _remade(text: SceneText, tools: Tools, base: Description, segments: int | None) -> RodModel:
@@ -369,7 +374,9 @@ def _made_of(
     from symgen.runtime.model.rods import RodModel
 
     description, library = tools.cached(text, name, lambda f: _of_resolved(linkage(), tools, f), base=base)
-    analyses = cache(lambda kind, _, of: _analysis(text, tools, description, kind, of, linkage, name))
+    analyses = cache(
+        lambda kind, _, of, lanes=False: _analysis(text, tools, description, kind, of, linkage, name, lanes)
+    )
     return RodModel(description, library, lambda: system_of(linkage()).by_name(), analyses=analyses)
 
 

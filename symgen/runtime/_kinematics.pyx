@@ -6,36 +6,32 @@ import numpy as np
 from libc.stdint cimport uintptr_t
 from libc.stdlib cimport calloc, free
 
-from symgen.runtime._core cimport Core, at_least, kernel_of, kernel_t, kinematics_api
+from symgen.runtime._core cimport Core, at_least, kernel_of
 
 from symgen.runtime._core import DOUBLE
 
-cdef extern from "core/kinematics.h" nogil:
-    cdef struct kinematics:
-        pass
+cdef class Blocks:
+    """Groups of a linkage with n coordinates and m constraints, as C takes them.
 
-    cdef struct kinematic_kernels:
-        kernel_t closure, gamma, balance
+    ``out`` is how many numbers the kernel ``closure`` writes.
+    """
 
-    cdef struct kinematic_groups:
-        Py_ssize_t count, squares, filled, couplings
-        const Py_ssize_t *starts
-        const Py_ssize_t *rows
-        const Py_ssize_t *columns
-        const Py_ssize_t *entries
-        const Py_ssize_t *coupling_starts
-        const Py_ssize_t *coupling_columns
-
-    cdef struct kinematic_sizes:
-        Py_ssize_t n, m, work, out
-        double length
-
-    cdef struct kinematics_table "kinematics_api":
-        size_t kinematics_struct
-        size_t (*bytes)(const kinematic_sizes *, const kinematic_groups *) noexcept nogil
-        void (*bind)(kinematics *, const kinematic_sizes *, const kinematic_kernels *, const kinematic_groups *, const void *, const void *, void *) noexcept nogil
-        Py_ssize_t (*follow)(kinematics *, double, const void *, const void *, Py_ssize_t, void *) noexcept nogil
-        Py_ssize_t (*multipliers)(kinematics *, const void *, const void *, Py_ssize_t, void *, void *) noexcept nogil
+    def __init__(self, groups, Py_ssize_t n, Py_ssize_t m, Py_ssize_t out):
+        self.of.count, self.of.squares = len(groups.starts) - 1, groups.squares
+        self.of.filled, self.of.couplings = len(groups.entries), len(groups.coupling_columns)
+        if self.of.count < 0 or len(groups.rows) != n or len(groups.columns) != n:
+            raise ValueError(f"expected the groups of {n} coordinates, got {groups!r}")
+        self.starts = _checked(groups.starts, n + 1)
+        self.rows, self.columns = _checked(groups.rows, m), _checked(groups.columns, n)
+        limits = (self.of.squares + self.of.couplings, out, m, n)
+        columns = np.array(groups.entries, dtype=np.intp).reshape(-1, 4).T
+        checked = [_checked(column, limit)[:-1] for column, limit in zip(columns, limits)]
+        self.entries = np.append(np.stack(checked, axis=1), 0)
+        self.coupling_starts = _checked(groups.coupling_starts, self.of.couplings + 1)
+        self.coupling_columns = _checked(groups.coupling_columns, n)
+        self.of.starts, self.of.rows, self.of.columns = &self.starts[0], &self.rows[0], &self.columns[0]
+        self.of.entries = &self.entries[0]
+        self.of.coupling_starts, self.of.coupling_columns = &self.coupling_starts[0], &self.coupling_columns[0]
 
 
 cdef class Kinematics:
@@ -61,11 +57,10 @@ cdef class Kinematics:
     cdef readonly Py_ssize_t n, m
     cdef object libraries
     cdef const double[::1] p, balance_p
-    cdef const Py_ssize_t[::1] starts, rows, columns, entries, coupling_starts, coupling_columns
+    cdef Blocks blocks
 
     def __init__(self, evaluator, groups, double length, forces=None):
         cdef kinematic_kernels given
-        cdef kinematic_groups blocks
         cdef kinematic_sizes wanted
         cdef Core core = DOUBLE
         d = evaluator.description
@@ -86,27 +81,13 @@ cdef class Kinematics:
                 raise ValueError("expected the kernels of forces with a kernel 'balance'")
         wanted.work = max([k.work_size for k in called] + [wanted.n])
         wanted.out = max([k.out_size for k in called] + [wanted.n])
-        blocks.count, blocks.squares = len(groups.starts) - 1, groups.squares
-        blocks.filled, blocks.couplings = len(groups.entries), len(groups.coupling_columns)
-        if blocks.count < 0 or len(groups.rows) != wanted.n or len(groups.columns) != wanted.n:
-            raise ValueError(f"expected the groups of {wanted.n} coordinates, got {groups!r}")
-        self.starts = _checked(groups.starts, wanted.n + 1)
-        self.rows, self.columns = _checked(groups.rows, wanted.m), _checked(groups.columns, wanted.n)
-        limits = (blocks.squares + blocks.couplings, evaluator.info("closure").out_size, wanted.m, wanted.n)
-        columns = np.array(groups.entries, dtype=np.intp).reshape(-1, 4).T
-        checked = [_checked(column, limit)[:-1] for column, limit in zip(columns, limits)]
-        self.entries = np.append(np.stack(checked, axis=1), 0)
-        self.coupling_starts = _checked(groups.coupling_starts, blocks.couplings + 1)
-        self.coupling_columns = _checked(groups.coupling_columns, wanted.n)
-        blocks.starts, blocks.rows, blocks.columns = &self.starts[0], &self.rows[0], &self.columns[0]
-        blocks.entries = &self.entries[0]
-        blocks.coupling_starts, blocks.coupling_columns = &self.coupling_starts[0], &self.coupling_columns[0]
+        self.blocks = Blocks(groups, wanted.n, wanted.m, evaluator.info("closure").out_size)
         self.api = <const kinematics_table *>core.api.kinematics
         self.core = <kinematics *>calloc(1, self.api.kinematics_struct)
-        self.memory = calloc(1, self.api.bytes(&wanted, &blocks))
+        self.memory = calloc(1, self.api.bytes(&wanted, &self.blocks.of))
         if self.core == NULL or self.memory == NULL:
             raise MemoryError
-        self.api.bind(self.core, &wanted, &given, &blocks, &self.p[0], &self.balance_p[0], self.memory)
+        self.api.bind(self.core, &wanted, &given, &self.blocks.of, &self.p[0], &self.balance_p[0], self.memory)
 
     def __dealloc__(self):
         free(self.core)

@@ -11,16 +11,35 @@ from symgen.runtime.kernels.library import Library
 
 Array = NDArray[np.float64]
 
+def over_variants(evaluator: Evaluator, kernel: str, given: Array, times: Array, states: Array) -> Array: ...
+
 class Lanes:
     lanes: int
     def __init__(self, library: Library, equations: Equations, lanes: int) -> None: ...
 
-class Runs:
+class Starts:
     def __init__(
         self,
         evaluator: Evaluator,
         equations: Equations,
         starter: Starter,
+        ends: NDArray[np.intp],
+        rounding: float,
+        consistent: float,
+        near: float,
+    ) -> None: ...
+    def poses(self, given: Array) -> tuple[NDArray[np.bool_], Array, Array]: ...
+
+class Runs(Starts):
+    def __init__(
+        self,
+        evaluator: Evaluator,
+        equations: Equations,
+        starter: Starter,
+        ends: NDArray[np.intp],
+        rounding: float,
+        consistent: float,
+        near: float,
         method: Integrator,
         t0: float,
         t_end: float,
@@ -34,10 +53,6 @@ class Runs:
         max_step: float,
         places_only: bool,
         most: int,
-        ends: NDArray[np.intp],
-        rounding: float,
-        consistent: float,
-        near: float,
         lanes: Lanes | None = None,
     ) -> None: ...
     def carry_out(

@@ -16,6 +16,8 @@ from symgen.runtime._start cimport (
 )
 
 
+from symgen.runtime._core import DOUBLE
+
 cdef extern from "core/lane_runs.h" nogil:
     cdef struct lane_sizes:
         Py_ssize_t lanes, n, m, extra, parameters, derived, work, first_pivot
@@ -32,6 +34,49 @@ cdef extern from "core/lane_runs.h" nogil:
 
 # Alignment of vectors.
 cdef size_t LINE = 64
+
+
+def over_variants(evaluator, str kernel, const double[:, ::1] given, const double[::1] times, rows):
+    """Return what a kernel gives for variants of a linkage at many times: (runs, times, entries).
+
+    Parameters
+    ----------
+    evaluator
+        The :class:`~symgen.runtime.kernels.evaluate.Evaluator` of any variant.
+    given
+        Parameters of each run, (runs, parameters).
+    rows
+        States: coordinates, their rates and second rates, (runs, times, 3, n); of these, kernels that need the motion find the
+        accelerations in their work memory.
+    """
+    cdef const core_api *api = (<Core>DOUBLE).api
+    cdef const double[:, :, :, ::1] states = np.ascontiguousarray(rows)
+    cdef kernel_t function = kernel_of(evaluator.library.addresses, kernel)
+    cdef kernel_t setup = kernel_of(evaluator.library.addresses, "setup")
+    cdef Py_ssize_t runs = given.shape[0], count = times.shape[0], parameters = given.shape[1], i, n
+    info, n = evaluator.info(kernel), evaluator.description.coordinates
+    cdef Py_ssize_t size = info.out_size, work_size = info.work_size
+    if parameters != len(evaluator.given) or states.shape[0] != runs or states.shape[1] != count or states.shape[2] != 3 \
+            or states.shape[3] != n:
+        raise ValueError(f"expected {runs} rows of {len(evaluator.given)} parameters and states of {n} coordinates")
+    found = np.zeros((runs, count, size))
+    if not runs or not count or not size:
+        return found
+    cdef double[::1] p = np.array(evaluator.parameters)
+    cdef double[:, ::1] work = np.zeros((count, work_size + 1))
+    cdef double[:, :, ::1] out = found
+    cdef Py_ssize_t held = min(n, work_size), k
+    with nogil:
+        for i in range(runs):
+            if parameters:
+                memcpy(&p[0], &given[i, 0], parameters * sizeof(double))
+            if setup != NULL:
+                setup(NULL, NULL, NULL, &p[0], NULL, &p[parameters])
+            for k in range(count):
+                memcpy(&work[k, 0], &states[i, k, 2, 0], held * sizeof(double))
+            api.call_rows(function, count, &times[0], &states[i, 0, 0, 0], 3 * n, n, &p[0], &work[0, 0], work_size + 1,
+                          &out[i, 0, 0], size)
+    return found
 
 
 cdef class Lanes:
@@ -93,10 +138,8 @@ cdef class Lanes:
         return 0
 
 
-cdef class Runs:
-    """Runs of one linkage from its starts; one per thread of work.
-
-    A run whose start is not regular, or that does not come to its end, is left to the caller, who finds out why.
+cdef class Starts:
+    """Starts of one linkage with other parameters each; one per thread of work.
 
     Parameters
     ----------
@@ -106,26 +149,18 @@ cdef class Runs:
         Its :class:`~symgen.runtime._core.Equations`, without redundant constraints, events and held parameters.
     starter
         Its :class:`~symgen.runtime._start.Starter`.
-    method, t0, t_end, rtol, atol, step, times, stabilisation, max_drift, max_step, places_only
-        As of :class:`~symgen.runtime._core.Run`.
-    most
-        A run that needs more steps is left to the caller.
     ends
         Numbers of the two points of every link, shape (links, 2).
     rounding
         Round-off of drawn positions over the size of the linkage.
     consistent
         Round-off of the start's velocities over the largest of their right-hand sides.
-    lanes
-        The :class:`Lanes` that runs are carried out in, if the method has fixed explicit steps.
     near
         Springs shorter than this part of the coordinates have no direction.
     """
 
     cdef Equations equations
     cdef Starter starter
-    cdef Scheme scheme
-    cdef scheme_t filled
     cdef const core_api *api
     cdef equations *e
     cdef start *s
@@ -133,82 +168,66 @@ cdef class Runs:
     cdef start_sizes sizes
     cdef start_kernels kernels
     cdef size_t bytes
-    cdef task asked
-    cdef run *core
-    cdef void *memory
     cdef void *fresh
     cdef void *state
-    cdef kernel_t drawn, lines, outputs
-    cdef Py_ssize_t n, m, springs, out, work, turns
+    cdef kernel_t drawn, lines
+    cdef Py_ssize_t n, m, springs
     cdef const Py_ssize_t[:, ::1] ends
-    cdef const double[::1] times
     cdef double rounding, consistent, near
-    cdef long most
-    cdef double[::1] solutions, row, result
+    cdef double[::1] row, result
     cdef char[::1] none_dropped
     cdef object evaluator
-    cdef Lanes lanes
-    cdef Py_ssize_t width
-    cdef const lane_table *of_lanes
-    cdef lane_runs *in_lanes
-    cdef double[::1] lane_given, lane_states, lane_samples, lane_drifts
-    cdef char[::1] failed, found
 
-    def __init__(self, evaluator, Equations equations, Starter starter, method, double t0, double t_end, double rtol,
-                 double atol, double step, const double[::1] times, *, long stabilisation, double max_drift,
-                 double max_step, bint places_only, long most, const Py_ssize_t[:, ::1] ends, double rounding, double consistent,
-                 double near, Lanes lanes=None):
+    def __init__(self, evaluator, Equations equations, Starter starter, const Py_ssize_t[:, ::1] ends, double rounding,
+                 double consistent, double near):
         d, addresses = evaluator.description, evaluator.library.addresses
         self.evaluator, self.equations, self.starter = evaluator, equations, starter
         self.api, self.e, self.state, self.bytes = equations.of.api, equations.core, equations.memory, equations.bytes
         self.s, self.of_start, self.sizes, self.kernels = starter.core, starter.api, starter.sizes, starter.given
-        self.n, self.m, self.turns = equations.n, equations.m, len(d.turns)
-        self.times, self.ends, self.most = times, ends, most
+        self.n, self.m, self.ends = equations.n, equations.m, ends
         self.rounding, self.consistent, self.near = rounding, consistent, near
         if self.api.real_bytes != sizeof(double) or self.n < 1 or d.events or d.held or equations.redundant:
             raise ValueError("many runs are for linkages in doubles, without events and redundant constraints")
         self.drawn, self.lines = kernel_of(addresses, "drawn"), kernel_of(addresses, "line_lengths")
-        self.outputs = kernel_of(addresses, "outputs")
-        if self.drawn == NULL or times.shape[0] == 0:
-            raise ValueError("expected a kernel 'drawn' and a time to record")
-        lines, outputs = evaluator.find("line_lengths"), evaluator.find("outputs")
+        if self.drawn == NULL:
+            raise ValueError("expected a kernel 'drawn'")
+        lines = evaluator.find("line_lengths")
         self.springs = lines.out_size if lines else 0
-        self.out = outputs.out_size if outputs else 0
-        self.work = self.n + self.m + 1 if outputs and outputs.work_size else 0
-        if outputs and outputs.work_size > self.work:
-            raise ValueError("the outputs need more than accelerations and multipliers")
         if any([k.work_size for k in d.kernels if k.name in ("drawn", "line_lengths")]):
             raise ValueError("the kernels of a start need work memory")
-        self.scheme = equations.of.scheme(method)
-        self.filled = self.scheme.filled
-        self.asked.t0, self.asked.t_end, self.asked.rtol, self.asked.atol = t0, t_end, rtol, atol
-        self.asked.step, self.asked.max_drift, self.asked.stabilisation = step, max_drift, stabilisation
-        self.asked.max_step, self.asked.places_only = max_step, places_only
-        self.asked.samples = times.shape[0]
-        self.solutions = np.zeros(times.shape[0] * self.work + 1)
         self.row, self.result = np.zeros(2 * self.n + 2), np.zeros(self.springs + 1)
         self.none_dropped = np.zeros(self.m + 1, dtype=np.int8)
-        if lanes is not None:
-            if self.turns or self.filled.kind != self.api.find_kind(b"explicit") or self.filled.counts[4] or rtol or atol \
-                    or stabilisation or not step > 0.0:
-                raise ValueError("lanes are for fixed explicit steps with projection")
-            lanes.bound(&self.filled, &self.asked)
-            self.lanes, self.width, self.of_lanes, self.in_lanes = lanes, lanes.lanes, lanes.api, lanes.core
-            self.lane_given, self.lane_states, self.lane_samples = lanes.rows, lanes.states, lanes.samples
-            self.lane_drifts, self.failed, self.found = lanes.drifts, lanes.failed, lanes.found
-        self.core = <run *>calloc(1, self.api.run_struct)
-        self.memory = calloc(1, self.api.run_bytes(equations.core, &self.scheme.filled, &self.asked))
         self.fresh = calloc(1, equations.bytes)
-        if self.core == NULL or self.memory == NULL or self.fresh == NULL:
+        if self.fresh == NULL:
             raise MemoryError
-        self.api.run_bind(self.core, equations.core, &self.scheme.filled, &self.asked, self.memory)
         memcpy(self.fresh, equations.memory, equations.bytes)
         starter.api.bind(starter.core, &starter.sizes, &starter.given, equations.core.p, starter.memory)
 
     def __dealloc__(self):
-        free(self.core)
-        free(self.memory)
         free(self.fresh)
+
+    def poses(self, const double[:, ::1] given):
+        """Assemble the linkage for every row of parameters.
+
+        Returns
+        -------
+        tuple
+            Which starts are regular, their coordinates (runs, n), and the sizes of the linkages there [m].
+        """
+        cdef Py_ssize_t i, runs = given.shape[0]
+        at_least("parameters", given.shape[1], self.e.sizes.parameters)
+        found, q, lengths = np.zeros(runs, dtype=np.uint8), np.zeros((runs, self.n)), np.zeros(runs)
+        cdef unsigned char[::1] regular = found
+        cdef double[:, ::1] to_q = q
+        cdef double[::1] to_lengths = lengths
+        with nogil:
+            for i in range(runs):
+                self.renew(&given[i, 0])
+                if self.started():
+                    regular[i] = 1
+                    memcpy(&to_q[i, 0], self.s.q, self.n * sizeof(double))
+                    to_lengths[i] = self.extent()
+        return found.astype(bool), q, lengths
 
     cdef void renew(self, const double *given) noexcept nogil:
         """Set parameters of equations in the state in which they were bound."""
@@ -301,6 +320,81 @@ cdef class Runs:
                 if self.result[i] <= self.near * size:
                     return False
         return True
+
+
+cdef class Runs(Starts):
+    """Runs of one linkage from its starts; one per thread of work.
+
+    A run whose start is not regular, or that does not come to its end, is left to the caller, who finds out why.
+
+    Parameters
+    ----------
+    evaluator, equations, starter, ends, rounding, consistent, near
+        As of :class:`Starts`.
+    method, t0, t_end, rtol, atol, step, times, stabilisation, max_drift, max_step, places_only
+        As of :class:`~symgen.runtime._core.Run`.
+    most
+        A run that needs more steps is left to the caller.
+    lanes
+        The :class:`Lanes` that runs are carried out in, if the method has fixed explicit steps.
+    """
+
+    cdef Scheme scheme
+    cdef scheme_t filled
+    cdef task asked
+    cdef run *core
+    cdef void *memory
+    cdef kernel_t outputs
+    cdef Py_ssize_t out, work, turns
+    cdef const double[::1] times
+    cdef long most
+    cdef double[::1] solutions
+    cdef Lanes lanes
+    cdef Py_ssize_t width
+    cdef const lane_table *of_lanes
+    cdef lane_runs *in_lanes
+    cdef double[::1] lane_given, lane_states, lane_samples, lane_drifts
+    cdef char[::1] failed, found
+
+    def __init__(self, evaluator, Equations equations, Starter starter, const Py_ssize_t[:, ::1] ends, double rounding,
+                 double consistent, double near, method, double t0, double t_end, double rtol, double atol, double step,
+                 const double[::1] times, *, long stabilisation, double max_drift, double max_step, bint places_only,
+                 long most, Lanes lanes=None):
+        d, addresses = evaluator.description, evaluator.library.addresses
+        Starts.__init__(self, evaluator, equations, starter, ends, rounding, consistent, near)
+        self.turns, self.times, self.most = len(d.turns), times, most
+        self.outputs = kernel_of(addresses, "outputs")
+        if times.shape[0] == 0:
+            raise ValueError("expected a time to record")
+        outputs = evaluator.find("outputs")
+        self.out = outputs.out_size if outputs else 0
+        self.work = self.n + self.m + 1 if outputs and outputs.work_size else 0
+        if outputs and outputs.work_size > self.work:
+            raise ValueError("the outputs need more than accelerations and multipliers")
+        self.scheme = equations.of.scheme(method)
+        self.filled = self.scheme.filled
+        self.asked.t0, self.asked.t_end, self.asked.rtol, self.asked.atol = t0, t_end, rtol, atol
+        self.asked.step, self.asked.max_drift, self.asked.stabilisation = step, max_drift, stabilisation
+        self.asked.max_step, self.asked.places_only = max_step, places_only
+        self.asked.samples = times.shape[0]
+        self.solutions = np.zeros(times.shape[0] * self.work + 1)
+        if lanes is not None:
+            if self.turns or self.filled.kind != self.api.find_kind(b"explicit") or self.filled.counts[4] or rtol or atol \
+                    or stabilisation or not step > 0.0:
+                raise ValueError("lanes are for fixed explicit steps with projection")
+            lanes.bound(&self.filled, &self.asked)
+            self.lanes, self.width, self.of_lanes, self.in_lanes = lanes, lanes.lanes, lanes.api, lanes.core
+            self.lane_given, self.lane_states, self.lane_samples = lanes.rows, lanes.states, lanes.samples
+            self.lane_drifts, self.failed, self.found = lanes.drifts, lanes.failed, lanes.found
+        self.core = <run *>calloc(1, self.api.run_struct)
+        self.memory = calloc(1, self.api.run_bytes(equations.core, &self.scheme.filled, &self.asked))
+        if self.core == NULL or self.memory == NULL:
+            raise MemoryError
+        self.api.run_bind(self.core, equations.core, &self.scheme.filled, &self.asked, self.memory)
+
+    def __dealloc__(self):
+        free(self.core)
+        free(self.memory)
 
     cdef bint ran(self, const double *given, const double *state, double *out, double *turns, double *drift) noexcept nogil:
         """Carry out one run; return whether it came regularly to its end."""

@@ -6,7 +6,7 @@ import gc
 
 import numpy as np
 import pytest
-from shared.linkages import GRAVITY, at, circles, four_bar, ground, rod
+from shared.linkages import GRAVITY, at, circles, four_bar, ground, rod, stephenson
 
 import symgen
 from symgen.errors import ModelError, SimulationError
@@ -19,26 +19,6 @@ def groups(model):
     bonds = model._bonds()
     assert bonds.m == bonds.n
     return bonds, groups_of(bonds.slopes, range(bonds.m), bonds.n)
-
-
-def stephenson():
-    """A crank FE, and a triad: the ternary link ABP on three links."""
-    return symgen.Scene(
-        parameters={"w": "1 rad/s"},
-        points={
-            "O": ground(0, 0), "C": ground(0.4, 0), "F": ground(0.9, 0.3),
-            "A": at(0.02, 0.35), "B": at(0.42, 0.4), "P": at(0.25, 0.65), "E": at(0.93, 0.33),
-        },
-        links={
-            "FE": rod("F", "E", 0.4), "PE": rod("P", "E", 2.0), "OA": rod("O", "A"), "CB": rod("C", "B", 0.7),
-            "ternary": {"points": ["A", "B", "P"], "mass": "1.5 kg", "inertia": "0.02 kg*m^2",
-                        "centre": ["0.2 m", "0.45 m"]},
-        },
-        springs=[{"between": ["P", "C"], "stiffness": "300 N/m", "length": "0.2 m", "damping": "4 N*s/m"}],
-        drivers=[{"link": "FE", "angle": "pi/4 + w*t"}],
-        gravity=GRAVITY,
-        analysis={"t_end": "6 s"},
-    )  # fmt: skip
 
 
 @pytest.mark.parametrize(

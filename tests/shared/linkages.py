@@ -59,3 +59,23 @@ def chain(places, masses=None, fixed=(0,), **more):
     masses = [1.0] * (len(places) - 1) if masses is None else masses
     links = {f"L{i}": rod(f"P{i}", f"P{i + 1}", m) for i, m in enumerate(masses)}
     return symgen.Scene(points=points, links=links, **{"gravity": GRAVITY, **more})
+
+
+def stephenson():
+    """A crank FE, and a triad: the ternary link ABP on three links."""
+    return symgen.Scene(
+        parameters={"w": "1 rad/s"},
+        points={
+            "O": ground(0, 0), "C": ground(0.4, 0), "F": ground(0.9, 0.3),
+            "A": at(0.02, 0.35), "B": at(0.42, 0.4), "P": at(0.25, 0.65), "E": at(0.93, 0.33),
+        },
+        links={
+            "FE": rod("F", "E", 0.4), "PE": rod("P", "E", 2.0), "OA": rod("O", "A"), "CB": rod("C", "B", 0.7),
+            "ternary": {"points": ["A", "B", "P"], "mass": "1.5 kg", "inertia": "0.02 kg*m^2",
+                        "centre": ["0.2 m", "0.45 m"]},
+        },
+        springs=[{"between": ["P", "C"], "stiffness": "300 N/m", "length": "0.2 m", "damping": "4 N*s/m"}],
+        drivers=[{"link": "FE", "angle": "pi/4 + w*t"}],
+        gravity=GRAVITY,
+        analysis={"t_end": "6 s"},
+    )  # fmt: skip

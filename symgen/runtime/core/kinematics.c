@@ -2,18 +2,10 @@
 
 #include "arena.h"
 #include "extrapolate.h"
+#include "kinematic_lanes.h"
+#include "kinematic_limits.h"
 #include "lanes.h"
 #include "linear.h"
-
-/* Largest part of a predicted motion by which the solution may differ from the prediction. */
-#define ASTRAY R(0.1)
-/* Longest step over the size of the linkage. */
-#define LONGEST R(0.1)
-/* A least pivot below this part of the greatest is left to those who look for singular poses. */
-#define SOUND R(1e-4)
-/* Round-off of a residual over the coordinates. */
-#define ACCEPT (256 * REAL_EPSILON)
-enum { NEWTON = 12, HALVINGS = 12 };
 
 static size_t place(struct kinematics *k, const struct kinematic_sizes *s, const struct kinematic_groups *g, void *memory) {
     const struct arena_array arrays[] = {
@@ -314,4 +306,5 @@ const struct kinematics_api symgen_kinematics = {
     .bind = bind,
     .follow = follow,
     .multipliers = multipliers,
+    .lanes = kinematic_lanes_of,
 };

@@ -64,6 +64,8 @@ ptrdiff_t kinematics_follow(struct kinematics *k, real t, const real *q, const r
 ptrdiff_t kinematics_multipliers(struct kinematics *k, const real *times, const real *rows, ptrdiff_t count,
                                  real *multipliers, real *quality);
 
+struct kinematic_lanes_api;
+
 /* Interface of kinematics: see core.h. */
 struct kinematics_api {
     size_t kinematics_struct;
@@ -73,6 +75,7 @@ struct kinematics_api {
     ptrdiff_t (*follow)(struct kinematics *k, double t, const void *q, const void *times, ptrdiff_t count, void *rows);
     ptrdiff_t (*multipliers)(struct kinematics *k, const void *times, const void *rows, ptrdiff_t count,
                              void *multipliers, void *quality);
+    const struct kinematic_lanes_api *(*lanes)(ptrdiff_t width);
 };
 
 extern const struct kinematics_api symgen_kinematics;

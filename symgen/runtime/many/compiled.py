@@ -11,8 +11,6 @@ from numpy.typing import NDArray
 
 from symgen.runtime import _core
 from symgen.runtime._many import Lanes, Runs
-from symgen.runtime._start import Starter
-from symgen.runtime.integrate.causes import NEAR
 from symgen.runtime.integrate.options import Options
 from symgen.runtime.integrate.simulate import sample_times
 from symgen.runtime.kernels.batch import lanes_of
@@ -20,10 +18,10 @@ from symgen.runtime.kernels.evaluate import Evaluator
 from symgen.runtime.kernels.library import Library
 from symgen.runtime.kernels.typed import Typed
 from symgen.runtime.many.dataset import Keep, Kept
+from symgen.runtime.many.driven import Driven, driven_runs
+from symgen.runtime.many.starts import given_of, is_stored, start_of
 from symgen.runtime.result.recording import Recording, continued, shaped
 from symgen.runtime.result.records import over_time
-from symgen.runtime.rods.redundancy import ASSEMBLED
-from symgen.runtime.rods.start import CONSISTENT, ROUNDING
 
 if TYPE_CHECKING:
     from symgen.runtime.result.state import State
@@ -74,17 +72,9 @@ class Compiled:
         return kept
 
     def _runs(self) -> Runs:
-        d, chosen = self.evaluator.description, self.chosen
-        number = {name: i for i, name in enumerate(d.points)}
-        ends = [[number[p] for p in points[:2]] for points in d.links.values()]
-        equations = self.evaluator.equations(stabilisation=chosen.rate)
-        lanes = None
-        if self.batched is not None:
-            lanes = Lanes(self.batched, equations, self.grain)
+        chosen, start = self.chosen, start_of(self.evaluator, self.chosen.rate)
         return Runs(
-            self.evaluator,
-            equations,
-            Starter(self.evaluator, ASSEMBLED, np.zeros(d.coordinates)),
+            *start,
             chosen.method,
             self.t0,
             chosen.t_end,
@@ -97,11 +87,7 @@ class Compiled:
             max_step=chosen.max_step,
             places_only=self.evaluator.outputs_by_places,
             most=min(chosen.max_steps, _MOST_STEPS),
-            ends=np.array(ends, dtype=np.intp).reshape(-1, 2),
-            rounding=ROUNDING,
-            consistent=CONSISTENT,
-            near=NEAR,
-            lanes=lanes,
+            lanes=Lanes(self.batched, start[1], self.grain) if self.batched else None,
         )
 
 
@@ -111,8 +97,11 @@ def compiled_runs(
     columns: Mapping[str, Array],
     states: Sequence[State] | None,
     arguments: Mapping[str, Any],
-) -> Compiled | None:
+) -> Compiled | Driven | None:
     """Return runs with the options of a first one; None where each is to be carried out singly."""
+    kind = getattr(first, "KIND", "")
+    if kind in ("kinematics", "forces"):
+        return driven_runs(model, kind == "forces", columns, states, arguments)
     source = getattr(first, "__dict__", {}).get("_source")
     if not isinstance(source, Recording) or arguments.get("max_wall") is not None:
         return None
@@ -125,12 +114,8 @@ def compiled_runs(
         return None
     own = getattr(model, "_own", lambda state: state)
     rows = None if states is None else np.array([np.concatenate((s.q, s.u)) for s in map(own, states)])
-    count = len(next(iter(columns.values()))) if rows is None else len(rows)
-    names = [p.name for p in d.tunable]
-    given = np.tile(evaluator.given, (count, 1))
-    for name, values in columns.items():
-        given[:, names.index(name)] = values
-    single = np.all(given == np.array([p.default for p in d.tunable]), axis=1) & (states is None)
+    given = given_of(evaluator, columns, states)
+    single = is_stored(evaluator, given, states)
     t0 = starts.pop()
     times = np.ascontiguousarray(sample_times(t0, chosen, arguments.get("t_eval")))
     batched = None

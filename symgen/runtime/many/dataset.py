@@ -184,7 +184,7 @@ def _places(of_run: Coordinate | None, along: Coordinate | None) -> Any:
 
 def _agree(of_run: Coordinate | None, along: Coordinate | None, places: Any) -> bool:
     """Return whether a run has the coordinate of the longest run; a loss of rank moves samples a little."""
-    if of_run is None or along is None or of_run.values is along.values:
+    if of_run is None or along is None or np.array_equal(of_run.values, along.values):
         return True
     near = 1e-6 * np.ptp(along.values)
     return bool(np.allclose(of_run.values, along.values[places], rtol=0.0, atol=near))

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 #: Returns the kernels of one kind of analysis of some outputs, built on first use.
-Analyses = Callable[[str, bool, tuple[str, ...]], tuple[Description, Library]]
+Analyses = Callable[..., tuple[Description, Library]]
 
 
 @checked
@@ -116,6 +116,13 @@ class LinkageModel(Model):
             raise ModelError(f"there is no analysis {kind!r}")
         with uncounted():
             return Evaluator(*self._analyses(kind, stepping, outputs), self._evaluator.given)
+
+    def in_lanes(self, kind: str) -> tuple[Description, Library]:
+        """Return the kernels of a kind of analysis that take vectors, in doubles; see :meth:`analysis`."""
+        if self._analyses is None:
+            raise ModelError(f"{self.name} was made without the kernels of {kind}")
+        with uncounted():
+            return self._analyses(kind, False, (), True)
 
     def _bonds(self) -> Bonds:
         from symgen.runtime.rods.constraints import Bonds

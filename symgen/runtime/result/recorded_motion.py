@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from symgen.errors import ModelError, nearest
+from symgen.runtime.kernels.description import Description
 from symgen.runtime.result.findings import SingularPose
 from symgen.runtime.result.motion import Motion, Range
 from symgen.runtime.result.recording import nearest_turn
@@ -20,24 +20,28 @@ from symgen.runtime.rods.poses import Poses
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True)
+#: Gives the angles of a link at the samples [rad] over its revolutions.
+Counted = Callable[[str, Array], Array]
+
+
+@dataclass(frozen=True, slots=True)
 class Along:
-    """Poses along the curve that was followed, and the number of the one next to each sample."""
+    """Positions of all points along the curve that was followed; the number of that next to each sample.
 
-    bonds: Bonds
-    path: Poses
+    Positions have the shape (..., poses, points, axes).
+    """
+
+    description: Description
+    places: Array
     near: NDArray[np.intp]
-
-    @cached_property
-    def _places(self) -> Array:
-        return self.bonds.moving(self.path)[0]
 
     def counted(self, link: str, angles: Array) -> Array:
         """Return the angles of a link at the samples over its revolutions along the curve [rad]."""
-        points = self.bonds.description.points
-        i, j = (points.index(p) for p in self.bonds.description.links[link][:2])
-        lines = self._places[:, j] - self._places[:, i]
-        return nearest_turn(angles, np.unwrap(np.arctan2(lines[:, 1], lines[:, 0]))[self.near])
+        points = self.description.points
+        i, j = (points.index(p) for p in self.description.links[link][:2])
+        lines = self.places[..., j, :] - self.places[..., i, :]
+        whole = np.unwrap(np.arctan2(lines[..., 1], lines[..., 0]))
+        return nearest_turn(angles, whole[..., self.near])
 
 
 def chosen_names(bonds: Bonds, of: Sequence[str] | None) -> list[str]:
@@ -83,15 +87,7 @@ def recorded(
     taken = {x.name for x in variables}
     if not chosen and d.kinematic:
         variables += [x for x in _asked(bonds, samples, along) if x.name not in taken]
-    for name in chosen:
-        made = (
-            _of_point(d.points.index(name), name, d.axes, r, v, a)
-            if name in d.points
-            else _of_link(along, name, r, v, a)
-            if name in d.links
-            else _of_corner([d.points.index(p) for p in name.split(".")], name, r)
-        )
-        variables += [x for x in made if x.name not in taken]
+    variables += [x for x in of_names(d, chosen, along.counted, r, v, a) if x.name not in taken]
     coordinate, variables = coordinate_of(
         samples.times, variables, next(iter(units), "") if over == "input" else ""
     )
@@ -147,6 +143,19 @@ def _asked(bonds: Bonds, samples: Poses, along: Along) -> list[Variable]:
     ]
 
 
+def of_names(
+    d: Description, chosen: Sequence[str], counted: Counted, r: Array, v: Array, a: Array
+) -> Iterator[Variable]:
+    """Yield the records of points, links and corners, from what all points do: (samples, points, axes)."""
+    for name in chosen:
+        if name in d.points:
+            yield from _of_point(d.points.index(name), name, d.axes, r, v, a)
+        elif name in d.links:
+            yield from _of_link(d, counted, name, r, v, a)
+        else:
+            yield from _of_corner([d.points.index(p) for p in name.split(".")], name, r)
+
+
 def _of_point(i: int, name: str, axes: tuple[str, ...], r: Array, v: Array, a: Array) -> list[Variable]:
     words = (("position", "m", r), ("velocity", "m/s", v), ("acceleration", "m/s^2", a))
     return [Variable(f"{name}.{w}", unit, f"{w} of {name}", axes, x[:, i]) for w, unit, x in words]
@@ -161,14 +170,13 @@ def _of_corner(points: list[int], name: str, r: Array) -> list[Variable]:
     return [Variable(f"{name}.angle", "rad", about, (), np.arctan2(area, np.sum(a * b, axis=1)))]
 
 
-def _of_link(along: Along, name: str, r: Array, v: Array, a: Array) -> list[Variable]:
+def _of_link(d: Description, counted: Counted, name: str, r: Array, v: Array, a: Array) -> list[Variable]:
     """Return direction, angular velocity and angular acceleration of a link in the plane."""
-    known = along.bonds.description
-    i, j = (known.points.index(p) for p in known.links[name][:2])
-    d, e, f = (x[:, j] - x[:, i] for x in (r, v, a))
-    squared = np.sum(d * d, axis=1)
-    rate = (d[:, 0] * e[:, 1] - d[:, 1] * e[:, 0]) / squared
-    second = (d[:, 0] * f[:, 1] - d[:, 1] * f[:, 0] - 2 * rate * np.sum(d * e, axis=1)) / squared
-    angle = along.counted(name, np.arctan2(d[:, 1], d[:, 0]))
+    i, j = (d.points.index(p) for p in d.links[name][:2])
+    c, e, f = (x[:, j] - x[:, i] for x in (r, v, a))
+    squared = np.sum(c * c, axis=1)
+    rate = (c[:, 0] * e[:, 1] - c[:, 1] * e[:, 0]) / squared
+    second = (c[:, 0] * f[:, 1] - c[:, 1] * f[:, 0] - 2 * rate * np.sum(c * e, axis=1)) / squared
+    angle = counted(name, np.arctan2(c[:, 1], c[:, 0]))
     words = (("angle", "rad", angle), ("rate", "rad/s", rate), ("acceleration", "rad/s^2", second))
     return [Variable(f"{name}.{w}", unit, f"{w} of {name}", (), x) for w, unit, x in words]

@@ -112,7 +112,7 @@ def analyse(
     return recorded(
         bonds,
         samples,
-        Along(bonds, found.path, near),
+        Along(bonds.description, bonds.moving(found.path)[0], near),
         found.poses,
         found.unassemblable,
         found.out_of_reach,

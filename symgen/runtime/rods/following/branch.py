@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symgen.runtime._kinematics import Kinematics
+from symgen.runtime.kernels.description import Description
 from symgen.runtime.kernels.evaluate import Evaluator
 from symgen.runtime.rods.constraints import Bonds
 from symgen.runtime.rods.following.groups import groups_of
@@ -18,7 +19,7 @@ Array = NDArray[np.float64]
 #: Parts of the range at first, and the most of them.
 _PARTS, _MOST = 8, 1_000_000
 #: Most that a link may turn from one pose to the next [rad]: half of what would hide a revolution.
-_TURN = 1.5
+TURN = 1.5
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,7 +49,7 @@ def along_branch(bonds: Bonds, q: Array, t: float, low: float, high: float, time
     kinematics = steps_of(bonds, q, t)
     parts = _PARTS
     while parts <= _MOST:
-        nodes = np.union1d(np.linspace(low, high, parts + 1), times)
+        nodes = nodes_of(low, high, times, parts)
         before, after = nodes[nodes < t][::-1].copy(), nodes[nodes >= t]
         forward = kinematics.follow(t, q, after)
         if len(forward) < len(after):
@@ -57,11 +58,17 @@ def along_branch(bonds: Bonds, q: Array, t: float, low: float, high: float, time
         if len(back) < len(before):
             return None
         poses = Poses(nodes, np.concatenate([back[::-1], forward]))
-        turned = _turned(bonds, poses)
-        if turned <= _TURN:
+        most = float(turned(bonds.description, nodes, *bonds.moving(poses)))
+        if most <= TURN:
             return Branch(poses, np.searchsorted(nodes, times))
-        parts *= int(np.ceil(min(turned / _TURN, _MOST)) + 1)
+        parts *= int(np.ceil(min(most / TURN, _MOST)) + 1)
     return None
+
+
+def nodes_of(low: float, high: float, times: Array, parts: int = _PARTS) -> Array:
+    """Return the times of poses along a branch: those requested, and ends of parts of the range."""
+    found: Array = np.union1d(np.linspace(low, high, parts + 1), times)
+    return found
 
 
 def steps_of(bonds: Bonds, q: Array, t: float, forces: Evaluator | None = None) -> Kinematics:
@@ -72,26 +79,27 @@ def steps_of(bonds: Bonds, q: Array, t: float, forces: Evaluator | None = None) 
     from scipy.linalg import qr
 
     rows = qr(bonds.jacobian(q, t).T, mode="r", pivoting=True)[1][: bonds.n]
-    groups = groups_of(bonds.slopes, rows.tolist(), bonds.n)
+    groups = groups_of(bonds.slopes, sorted(rows.tolist()), bonds.n)
     return Kinematics(bonds.kinematics, groups, bonds.length(q), forces)
 
 
-def _turned(bonds: Bonds, poses: Poses) -> float:
-    """Return the largest rotation of a link between consecutive poses [rad]; infinite if it is unknown."""
-    if len(bonds.description.axes) != 2 or len(poses) < 2:
-        return 0.0
-    places, velocities = bonds.moving(poses)
-    worst, steps = 0.0, np.diff(poses.times)
-    for points in bonds.description.links.values():
-        i, j = (bonds.description.points.index(p) for p in points[:2])
-        d, v = places[:, j] - places[:, i], velocities[:, j] - velocities[:, i]
-        squared = np.sum(d * d, axis=1)
-        if not np.all(squared > 0.0):
-            return np.inf
-        rate = (d[:, 0] * v[:, 1] - d[:, 1] * v[:, 0]) / squared
-        by_rate = steps * (rate[1:] + rate[:-1]) / 2
-        change = np.diff(np.arctan2(d[:, 1], d[:, 0]))
-        other = np.abs((change - by_rate + np.pi) % (2 * np.pi) - np.pi)
-        fastest = steps * np.maximum(np.abs(rate[1:]), np.abs(rate[:-1]))
-        worst = max(worst, float(np.max(fastest + other, initial=0.0)))
-    return worst if np.isfinite(worst) else np.inf
+def turned(d: Description, times: Array, places: Array, velocities: Array) -> Array:
+    """Return the largest rotation of a link between consecutive poses [rad]; infinite if it is unknown.
+
+    Positions and velocities of points have the shape (..., poses, points, axes).
+    """
+    worst, steps = np.zeros(places.shape[:-3]), np.diff(times)
+    if len(d.axes) != 2 or len(times) < 2:
+        return worst
+    for points in d.links.values():
+        i, j = (d.points.index(p) for p in points[:2])
+        (x, y), (v, w) = (np.moveaxis(a[..., j, :] - a[..., i, :], -1, 0) for a in (places, velocities))
+        squared = x * x + y * y
+        with np.errstate(divide="ignore", invalid="ignore"):
+            rate = (x * w - y * v) / squared
+        by_rate = steps * (rate[..., 1:] + rate[..., :-1]) / 2
+        other = np.abs((np.diff(np.arctan2(y, x)) - by_rate + np.pi) % (2 * np.pi) - np.pi)
+        fastest = steps * np.maximum(np.abs(rate[..., 1:]), np.abs(rate[..., :-1]))
+        most = np.max(fastest + other, axis=-1)
+        worst = np.maximum(worst, np.where(np.isfinite(most), most, np.inf))
+    return worst

@@ -19,7 +19,7 @@ from symgen.runtime.result.forces import Forces
 from symgen.runtime.result.recorded_motion import coordinate_of
 from symgen.runtime.result.records import Drift, Variable
 from symgen.runtime.rods.constraints import Bonds
-from symgen.runtime.rods.forces.assembly import Assembly, Solution, solve
+from symgen.runtime.rods.forces.assembly import Assembly, Solution, Unknown, solve
 from symgen.runtime.rods.forces.multipliers import by_multipliers
 from symgen.runtime.rods.instants import Instants
 from symgen.runtime.rods.kinematics import Followed, Task, driven, follow
@@ -64,17 +64,22 @@ class _Linkage:
 
     def driving(self, times: Array) -> dict[str, Array]:
         """Return the same at many times."""
-        if not self.loads.has("driven_angles"):
-            return {}
-        still = np.zeros((len(times), self.bonds.n))
-        values = self.loads.many("driven_angles", times, still, still)
-        rows = self.loads.info("driven_angles").blocks[0].rows
-        return {f"{row.split(' ')[0]}.angle": column for row, column in zip(rows, values.T, strict=True)}
+        return driving(self.loads, times)
 
     def at(self, t: float) -> str:
         """Return a time in words, with the directions of the driven links."""
         directions = [f"{name} = {math.degrees(v):.9g} deg" for name, v in self.drives(t).items()]
         return ", ".join([*directions, f"t = {t:.9g} s"])
+
+
+def driving(loads: Evaluator, times: Array) -> dict[str, Array]:
+    """Return the direction of every driven link [rad] at many times, by the name of its output."""
+    if not loads.has("driven_angles"):
+        return {}
+    still = np.zeros((len(times), loads.description.coordinates))
+    values = loads.many("driven_angles", times, still, still)
+    rows = loads.info("driven_angles").blocks[0].rows
+    return {f"{row.split(' ')[0]}.angle": column for row, column in zip(rows, values.T, strict=True)}
 
 
 def analyse(bonds: Bonds, loads: Evaluator, q: Array, t: float, redundant: int, asked: ForceTask) -> Forces:
@@ -209,24 +214,14 @@ def _variables(
 ) -> Iterator[Variable]:
     axes, x = assembly.description.axes, solution.x
     for name, values in linkage.driving(np.array(assembly.times)).items():
-        yield Variable(name, "rad", f"drive {name}", (), values)
-    for u in assembly.unknowns:
-        values = x[:, u.column : u.column + u.width]
-        if u.kind == "torque":
-            about = f"torque of the drive on {u.link}, counter-clockwise"
-            yield Variable(f"{u.link}.torque", "N*m", about, (), values[:, 0])
+        yield of_drive(name, values)
+    known = [of_unknown(u, axes, x[:, u.column : u.column + u.width]) for u in assembly.unknowns]
+    yield from (v for v, u in zip(known, assembly.unknowns, strict=True) if u.kind == "torque")
     for point, force in assembly.reactions(x).items():
         yield Variable(
             f"{point}.reaction", "N", f"force of the ground on the linkage at {point}", axes, force
         )
-    for u in assembly.unknowns:
-        values = x[:, u.column : u.column + u.width]
-        if u.kind == "force":
-            about = f"force on {u.link} at {u.point} by what it meets there"
-            yield Variable(f"{u.link}.{u.point}.force", "N", about, axes, values)
-        elif u.kind == "guide":
-            about = f"force of the guide along {u.link} on {u.point}, to the left of {u.link}"
-            yield Variable(f"{u.link}.{u.point}.guide_force", "N", about, (), values[:, 0])
+    yield from (v for v, u in zip(known, assembly.unknowns, strict=True) if u.kind != "torque")
     for chain in assembly.chains:
         if chain.distribution is None or not asked.sections:
             continue
@@ -254,6 +249,23 @@ def _variables(
                 yield Variable(
                     f"{where}.{word}", unit, f"{about}, of {chain.name} at {share:.6g} of it", (), values
                 )
+
+
+def of_drive(name: str, values: Array) -> Variable:
+    """Return the direction of a driven link over the poses."""
+    return Variable(name, "rad", f"drive {name}", (), values)
+
+
+def of_unknown(u: Unknown, axes: tuple[str, ...], values: Array) -> Variable:
+    """Return a force, guide force or torque over the poses, (..., components)."""
+    if u.kind == "torque":
+        about = f"torque of the drive on {u.link}, counter-clockwise"
+        return Variable(f"{u.link}.torque", "N*m", about, (), values[..., 0])
+    if u.kind == "force":
+        about = f"force on {u.link} at {u.point} by what it meets there"
+        return Variable(f"{u.link}.{u.point}.force", "N", about, axes, values)
+    about = f"force of the guide along {u.link} on {u.point}, to the left of {u.link}"
+    return Variable(f"{u.link}.{u.point}.guide_force", "N", about, (), values[..., 0])
 
 
 def _recorded(

@@ -1,0 +1,23 @@
+"""Types of the binding of driven linkages in lanes; see ``_kinematic_lanes.pyx`` for what things do."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symgen.runtime.kernels.description import Description
+from symgen.runtime.kernels.library import Library
+from symgen.runtime.rods.following.groups import Groups
+
+Array = NDArray[np.float64]
+
+class KinematicLanes:
+    lanes: int
+    def __init__(
+        self,
+        motion: tuple[Description, Library],
+        lanes: int,
+        groups: Groups,
+        forces: tuple[Description, Library] | None = None,
+    ) -> None: ...
+    def follow(
+        self, t: float, parameters: Array, q: Array, lengths: Array, times: Array
+    ) -> tuple[Array, Array, NDArray[np.intp]]: ...

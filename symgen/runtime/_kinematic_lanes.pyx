@@ -1,0 +1,156 @@
+# cython: language_level=3, boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
+"""The binding of driven linkages that are followed in the lanes of vectors."""
+
+import numpy as np
+
+from libc.stdlib cimport calloc, free
+
+from symgen.runtime._core cimport Core, kernel_of, kernel_t
+from symgen.runtime._kinematics cimport Blocks, kinematic_groups, kinematics_table
+
+from symgen.runtime._core import DOUBLE
+
+cdef extern from "core/kinematic_lanes.h" nogil:
+    cdef struct kinematic_lanes:
+        pass
+
+    cdef struct kinematic_lane_kernels:
+        kernel_t closure, gamma, setup, balance, joints, setup_forces
+
+    cdef struct kinematic_lane_sizes:
+        Py_ssize_t n, m, work, out, parameters, derived, derived_forces, joint_forces
+        double rank_tolerance
+
+    cdef struct kinematic_lane_task:
+        double t
+        const double *parameters
+        const double *q
+        const double *lengths
+        const double *times
+        Py_ssize_t count
+        double *rows
+        double *forces
+        Py_ssize_t *reached
+
+    cdef struct lanes_table "kinematic_lanes_api":
+        Py_ssize_t width
+        size_t lanes_struct
+        size_t (*bytes)(const kinematic_lane_sizes *, const kinematic_groups *) noexcept nogil
+        void (*bind)(kinematic_lanes *, const kinematic_lane_sizes *, const kinematic_lane_kernels *, const kinematic_groups *, void *) noexcept nogil
+        void (*follow)(kinematic_lanes *, const kinematic_lane_task *) noexcept nogil
+
+# Alignment of vectors.
+cdef size_t LINE = 64
+
+
+cdef class KinematicLanes:
+    """Variants of one driven linkage, followed side by side; one object per thread of work.
+
+    Parameters
+    ----------
+    motion
+        Description and kernels, which take vectors, of ``closure`` and ``acceleration_rhs``.
+    lanes
+        Numbers of a vector.
+    groups
+        The constraint Jacobian of independent rows in block triangular form: a
+        :class:`~symgen.runtime.rods.following.groups.Groups`.
+    forces
+        Description and kernels of ``balance`` and ``joint_forces``; None if no forces are asked.
+    """
+
+    cdef kinematic_lanes *core
+    cdef void *memory
+    cdef const lanes_table *api
+    cdef kinematic_lane_sizes sizes
+    cdef readonly Py_ssize_t lanes
+    cdef object libraries
+    cdef Blocks blocks
+
+    def __init__(self, motion, Py_ssize_t lanes, groups, forces=None):
+        cdef kinematic_lane_kernels given
+        cdef Core core = DOUBLE
+        cdef Py_ssize_t n, m
+        d, library = motion
+        n, m = d.coordinates, len(d.constraints)
+        self.sizes.n, self.sizes.m, self.sizes.parameters = n, m, len(d.tunable)
+        self.sizes.derived, self.sizes.rank_tolerance = library.derived, d.rank_tolerance
+        self.lanes, self.libraries = lanes, [library]
+        self.api = <const lanes_table *>(<const kinematics_table *>core.api.kinematics).lanes(lanes)
+        if self.api == NULL:
+            raise ValueError(f"expected vectors of 2, 4 or 8 numbers, got {lanes}")
+        own = library.addresses
+        given.closure, given.gamma = kernel_of(own, "closure"), kernel_of(own, "acceleration_rhs")
+        given.setup = kernel_of(own, "setup")
+        given.balance = given.joints = given.setup_forces = NULL
+        called = [d.kernel("closure"), d.kernel("acceleration_rhs")]
+        if forces is not None:
+            f, loads = forces
+            given.balance, given.joints = kernel_of(loads.addresses, "balance"), kernel_of(loads.addresses, "joint_forces")
+            given.setup_forces, self.sizes.derived_forces = kernel_of(loads.addresses, "setup"), loads.derived
+            if given.balance == NULL or given.joints == NULL:
+                raise ValueError("expected kernels of forces, 'balance' and 'joint_forces'")
+            called += [f.kernel("balance"), f.kernel("joint_forces")]
+            self.sizes.joint_forces = f.kernel("joint_forces").out_size
+            self.libraries.append(loads)
+        if given.closure == NULL or given.gamma == NULL or n < 1:
+            raise ValueError("a model without constraints cannot be followed")
+        self.sizes.work = max([k.work_size for k in called] + [n + m])
+        self.sizes.out = max([k.out_size for k in called] + [n])
+        self.blocks = Blocks(groups, n, m, called[0].out_size)
+        self.core = <kinematic_lanes *>calloc(1, self.api.lanes_struct + LINE)
+        self.memory = calloc(1, self.api.bytes(&self.sizes, &self.blocks.of) + LINE)
+        if self.core == NULL or self.memory == NULL:
+            raise MemoryError
+        self.api.bind(self.aligned(), &self.sizes, &given, &self.blocks.of,
+                      <void *>((<size_t>self.memory + LINE - 1) // LINE * LINE))
+
+    def __dealloc__(self):
+        free(self.core)
+        free(self.memory)
+
+    cdef kinematic_lanes *aligned(self) noexcept nogil:
+        return <kinematic_lanes *>((<size_t>self.core + LINE - 1) // LINE * LINE)
+
+    def follow(self, double t, const double[:, ::1] parameters, const double[:, ::1] q, const double[::1] lengths,
+               const double[::1] times):
+        """Follow a linkage for each row of parameters from its pose, a row of q, at t through monotone times.
+
+        ``lengths`` are the sizes of the linkages [m].
+
+        Returns
+        -------
+        tuple
+            Coordinates, their rates and second rates at each time, shape (runs, times, 3, n); the joint forces
+            there (runs, times, forces); and how many times were reached (runs,), fewer where the
+            single :class:`~symgen.runtime._kinematics.Kinematics` ends as well: beyond these, rows are undefined.
+        """
+        cdef Py_ssize_t runs = parameters.shape[0], count = times.shape[0], n = self.sizes.n, w = self.lanes
+        cdef Py_ssize_t forces = self.sizes.joint_forces, first, lane, run, given = self.sizes.parameters
+        cdef kinematic_lane_task task
+        if count < 1 or parameters.shape[1] != given or q.shape[0] != runs or q.shape[1] != n or lengths.shape[0] != runs:
+            raise ValueError(f"expected times, and {runs} rows of {given} parameters and of {n} coordinates")
+        cdef Py_ssize_t padded = (runs + w - 1) // w * w
+        states, joints = np.empty((padded * count * 3 * n + 1)), np.empty(padded * count * forces + 1)
+        reached = np.zeros(padded + 1, dtype=np.intp)
+        own = np.minimum(np.arange(padded), runs - 1)  # idle lanes repeat another
+        cdef double[::1] to_states = states, to_joints = joints
+        cdef Py_ssize_t[::1] to_reached = reached
+        cdef const double[:, ::1] all_q = np.ascontiguousarray(np.asarray(q)[own])
+        cdef const double[:, ::1] all_parameters = np.ascontiguousarray(np.asarray(parameters)[own]).reshape(padded, given)
+        cdef const double[::1] all_lengths = np.asarray(lengths)[own]
+        cdef double none = 0.0
+        task.t, task.times, task.count = t, &times[0], count
+        with nogil:
+            first = 0
+            while first < padded:
+                task.parameters = &all_parameters[first, 0] if given else &none
+                task.q, task.lengths = &all_q[first, 0], &all_lengths[first]
+                task.rows, task.forces = &to_states[first * count * 3 * n], &to_joints[first * count * forces]
+                task.reached = &to_reached[first]
+                self.api.follow(self.aligned(), &task)
+                first += w
+        return (
+            states[:runs * count * 3 * n].reshape(runs, count, 3, n), joints[:runs * count * forces].reshape(runs, count, forces),
+            reached[:runs],
+        )

@@ -1,0 +1,57 @@
+/* Driven linkages followed in the lanes of vectors: one linkage with other parameters and starts in each lane.
+ *
+ * Kernels take one vector where those of a single linkage take a number. Every lane has its own time and step and sees
+ * the operations of kinematics.c in their order, so its bits are the same. A lane that comes near a pose in which dPhi/dq
+ * is singular, or whose prediction fails, ends there: the rest of its times is left to the caller. */
+#ifndef SYMGEN_KINEMATIC_LANES_H
+#define SYMGEN_KINEMATIC_LANES_H
+
+#include "kinematics.h"
+
+/* `balance`, `joints` and `setup_forces` are NULL where no forces are asked, setups where they derive nothing. */
+struct kinematic_lane_kernels {
+    kernel closure, gamma, setup;
+    kernel balance, joints, setup_forces;
+};
+
+struct kinematic_lane_sizes {
+    ptrdiff_t n, m, work, out;             /* as in struct kinematic_sizes; of the kernels of forces, too */
+    ptrdiff_t parameters, derived;         /* of the kernels of motion; behind them the rank tolerance */
+    ptrdiff_t derived_forces, joint_forces; /* of those of forces; numbers that `joints` writes, 0 without it */
+    double rank_tolerance;
+};
+
+struct kinematic_lane_task {
+    double t;              /* of the starts */
+    const real *parameters; /* a row for each lane, like all below */
+    const real *q, *lengths; /* starts; size of the linkage [m] */
+    const real *times;     /* monotone, the same for all lanes */
+    ptrdiff_t count;
+    real *rows;            /* q, u, a at each time reached */
+    real *forces;          /* of joints */
+    ptrdiff_t *reached;    /* how many times were */
+};
+
+/* Vectors of doubles are those of GCC and Clang. */
+#if defined(__GNUC__) && !defined(SYMGEN_REAL_FLOAT32) && !defined(SYMGEN_REAL_LONGDOUBLE) && !defined(SYMGEN_REAL_FLOAT128)
+#define KINEMATIC_VECTORS
+#endif
+
+struct kinematic_lanes;
+
+struct kinematic_lanes_api {
+    ptrdiff_t width; /* numbers of a vector */
+    size_t lanes_struct;
+    size_t (*bytes)(const struct kinematic_lane_sizes *sizes, const struct kinematic_groups *groups);
+    /* The memory starts at a multiple of 64 bytes. */
+    void (*bind)(struct kinematic_lanes *k, const struct kinematic_lane_sizes *sizes,
+                 const struct kinematic_lane_kernels *kernels, const struct kinematic_groups *groups, void *memory);
+    void (*follow)(struct kinematic_lanes *k, const struct kinematic_lane_task *task);
+};
+
+/* The functions for vectors of so many doubles, NULL where there are none. */
+const struct kinematic_lanes_api *kinematic_lanes_of(ptrdiff_t width);
+
+extern const struct kinematic_lanes_api symgen_kinematic_lanes_2, symgen_kinematic_lanes_4, symgen_kinematic_lanes_8;
+
+#endif

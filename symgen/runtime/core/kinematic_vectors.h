@@ -1,0 +1,461 @@
+/* The functions of kinematic_lanes.h for vectors of WIDTH doubles, a constant that the including file defines. */
+#include <string.h>
+
+#include "arena.h"
+#include "extrapolate.h"
+#include "kinematic_lanes.h"
+#include "kinematic_limits.h"
+
+#pragma GCC diagnostic ignored "-Wpsabi" /* no vector is passed to another file */
+
+typedef real wide __attribute__((vector_size(WIDTH * sizeof(real)), may_alias));
+typedef long long mask __attribute__((vector_size(WIDTH * sizeof(long long)), may_alias));
+
+struct kinematic_lanes {
+    struct kinematic_lane_kernels kernels;
+    struct kinematic_lane_sizes sizes;
+    struct kinematic_groups groups;
+    wide *p, *p_forces;
+    wide t, stride, length;
+    mask sign;                /* of the determinant of dPhi/dq: all bits where it is negative */
+    wide *q, *past, *next;    /* coordinates, rates and second rates: here, a stride before, after the next step */
+    wide *change, *still, *phi, *weight, *solved, *work, *closure, *out, *values, *inverse;
+    mask *swaps;
+};
+
+static size_t place(struct kinematic_lanes *k, const struct kinematic_lane_sizes *s, const struct kinematic_groups *g,
+                    void *memory) {
+    const struct arena_array arrays[] = {
+        ARENA_ARRAY(k->p, s->parameters + s->derived + 1),
+        ARENA_ARRAY(k->p_forces, s->parameters + s->derived_forces + 1),
+        ARENA_ARRAY(k->q, 3 * s->n),
+        ARENA_ARRAY(k->past, 3 * s->n),
+        ARENA_ARRAY(k->next, 3 * s->n),
+        ARENA_ARRAY(k->change, s->n),
+        ARENA_ARRAY(k->still, s->n),
+        ARENA_ARRAY(k->phi, s->m),
+        ARENA_ARRAY(k->weight, s->m),
+        ARENA_ARRAY(k->solved, s->n),
+        ARENA_ARRAY(k->work, s->work),
+        ARENA_ARRAY(k->closure, s->out),
+        ARENA_ARRAY(k->out, s->out),
+        ARENA_ARRAY(k->values, g->squares + g->couplings),
+        ARENA_ARRAY(k->inverse, s->n),
+        ARENA_ARRAY(k->swaps, s->n),
+    };
+    return ARENA_PLACE(arrays, memory);
+}
+
+static size_t bytes(const struct kinematic_lane_sizes *sizes, const struct kinematic_groups *groups) {
+    struct kinematic_lanes counted;
+    return place(&counted, sizes, groups, NULL);
+}
+
+static void bind(struct kinematic_lanes *k, const struct kinematic_lane_sizes *sizes,
+                 const struct kinematic_lane_kernels *kernels, const struct kinematic_groups *groups, void *memory) {
+    place(k, sizes, groups, memory);
+    k->sizes = *sizes, k->kernels = *kernels, k->groups = *groups;
+}
+
+/* -- vectors --------------------------------------------------------------------------------------------- */
+
+static inline wide all(real x) {
+    return (wide){0} + x;
+}
+
+static inline wide chosen(mask which, wide yes, wide no) {
+    return (wide)((which & (mask)yes) | (~which & (mask)no));
+}
+
+static inline wide magnitude(wide x) {
+    return (wide)((mask)x & ((mask){0} + 0x7fffffffffffffffLL));
+}
+
+static inline mask finite(wide x) {
+    return magnitude(x) < all(REAL_INFINITY);
+}
+
+static inline int any(mask which) {
+    long long found = 0;
+    for (int lane = 0; lane < WIDTH; lane++)
+        found |= which[lane];
+    return found != 0;
+}
+
+static inline void exchange(mask which, wide *a, wide *b, ptrdiff_t count) {
+    for (ptrdiff_t i = 0; i < count; i++) {
+        const wide kept = a[i];
+        a[i] = chosen(which, b[i], kept);
+        b[i] = chosen(which, kept, b[i]);
+    }
+}
+
+/* The largest magnitude of each lane; not a number where one of them is none. */
+static inline wide largest_of(const wide *values, ptrdiff_t count) {
+    wide largest = all(0);
+    for (ptrdiff_t i = 0; i < count; i++) {
+        const wide size = magnitude(values[i]);
+        largest = chosen((size <= largest) | (largest != largest), largest, size);
+    }
+    return largest;
+}
+
+static inline wide larger(wide a, wide b) {
+    return chosen(b > a, b, a);
+}
+
+static inline wide smaller(wide a, wide b) {
+    return chosen(b < a, b, a);
+}
+
+static void call(kernel function, const wide *t, const wide *q, const wide *u, const wide *p, wide *work, wide *out) {
+    function((const real *)t, (const real *)q, (const real *)u, (const real *)p, (real *)work, (real *)out);
+}
+
+/* -- systems of equations: as in kinematics.c and linear.c ----------------------------------------------- */
+
+static wide missed(struct kinematic_lanes *k, wide t, const wide *q) {
+    const ptrdiff_t m = k->sizes.m;
+    call(k->kernels.closure, &t, q, k->still, k->p, k->work, k->closure);
+    for (ptrdiff_t i = 0; i < m; i++) {
+        k->weight[i] = 1 / k->closure[m + i];
+        k->phi[i] = k->closure[i] * k->weight[i];
+    }
+    return largest_of(k->phi, m);
+}
+
+static inline mask factor_pair(wide *a, mask *swaps, wide *inverse) {
+    const mask exchanged = magnitude(a[2]) > magnitude(a[0]);
+    exchange(exchanged, a, a + 2, 2);
+    inverse[0] = 1 / a[0];
+    a[2] *= inverse[0];
+    a[3] -= a[2] * a[1];
+    inverse[1] = 1 / a[3];
+    swaps[0] = exchanged & 1, swaps[1] = (mask){0} + 1;
+    return (a[0] != 0) & (a[3] != 0) & finite(a[0]) & finite(a[3]);
+}
+
+static inline void solve_pair(const wide *a, const mask *swaps, const wide *inverse, wide *b) {
+    exchange(swaps[0] != 0, b, b + 1, 1);
+    b[1] = (b[1] - a[2] * b[0]) * inverse[1];
+    b[0] = (b[0] - a[1] * b[1]) * inverse[0];
+}
+
+static mask factor_dense(ptrdiff_t n, wide *a, mask *swaps) {
+    mask regular = ~(mask){0};
+    for (ptrdiff_t k = 0; k < n; k++) {
+        mask best = (mask){0} + k;
+        wide pivot = a[k * n + k];
+        for (ptrdiff_t i = k + 1; i < n; i++) {
+            const mask greater = magnitude(a[i * n + k]) > magnitude(pivot);
+            pivot = chosen(greater, a[i * n + k], pivot);
+            best = (best & ~greater) | (greater & i);
+        }
+        swaps[k] = best;
+        regular &= (pivot != 0) & finite(pivot);
+        for (ptrdiff_t i = k + 1; i < n; i++)
+            exchange(best == i, a + i * n, a + k * n, n);
+        for (ptrdiff_t i = k + 1; i < n; i++) {
+            const wide factor = a[i * n + k] /= pivot;
+            for (ptrdiff_t j = k + 1; j < n; j++)
+                a[i * n + j] -= factor * a[k * n + j];
+        }
+    }
+    return regular;
+}
+
+static void solve_dense(ptrdiff_t n, const wide *a, const mask *swaps, wide *b) {
+    for (ptrdiff_t k = 0; k < n; k++)
+        for (ptrdiff_t i = k + 1; i < n; i++)
+            exchange(swaps[k] == i, b + k, b + i, 1);
+    for (ptrdiff_t i = 1; i < n; i++)
+        for (ptrdiff_t j = 0; j < i; j++)
+            b[i] -= a[i * n + j] * b[j];
+    for (ptrdiff_t i = n - 1; i >= 0; i--) {
+        for (ptrdiff_t j = i + 1; j < n; j++)
+            b[i] -= a[i * n + j] * b[j];
+        b[i] /= a[i * n + i];
+    }
+}
+
+static void solve_dense_transposed(ptrdiff_t n, const wide *a, const mask *swaps, wide *b) {
+    for (ptrdiff_t i = 0; i < n; i++) {
+        for (ptrdiff_t j = 0; j < i; j++)
+            b[i] -= a[j * n + i] * b[j];
+        b[i] /= a[i * n + i];
+    }
+    for (ptrdiff_t i = n - 1; i >= 0; i--)
+        for (ptrdiff_t j = i + 1; j < n; j++)
+            b[i] -= a[j * n + i] * b[j];
+    for (ptrdiff_t k = n - 1; k >= 0; k--)
+        for (ptrdiff_t i = k + 1; i < n; i++)
+            exchange(swaps[k] == i, b + k, b + i, 1);
+}
+
+/* Factorise dPhi/dq where the constraints were evaluated last; returns where it is regular. */
+static mask factorise_groups(struct kinematic_lanes *k) {
+    const struct kinematic_groups *g = &k->groups;
+    const ptrdiff_t *entry = g->entries;
+    memset(k->values, 0, (size_t)g->squares * sizeof(wide));
+    for (ptrdiff_t e = 0; e < g->filled; e++, entry += 4)
+        k->values[entry[0]] = k->closure[entry[1]] * k->weight[entry[2]];
+    wide *group = k->values;
+    mask regular = ~(mask){0};
+    for (ptrdiff_t c = 0; c < g->count; c++) {
+        const ptrdiff_t start = g->starts[c], width = g->starts[c + 1] - start;
+        regular &= width == 2 ? factor_pair(group, k->swaps + start, k->inverse + start)
+                              : factor_dense(width, group, k->swaps + start);
+        group += width * width;
+    }
+    return regular;
+}
+
+/* Where the determinant is negative, and the least pivot over the greatest. */
+static mask judge(const struct kinematic_lanes *k, wide *soundness) {
+    const struct kinematic_groups *g = &k->groups;
+    const wide *group = k->values;
+    wide least = all(REAL_INFINITY), greatest = all(0);
+    mask negative = {0};
+    for (ptrdiff_t c = 0; c < g->count; c++) {
+        const ptrdiff_t start = g->starts[c], width = g->starts[c + 1] - start;
+        for (ptrdiff_t i = 0; i < width; i++) {
+            const wide pivot = group[i * width + i];
+            least = smaller(least, magnitude(pivot));
+            greatest = larger(greatest, magnitude(pivot));
+            negative ^= (pivot < 0) ^ (k->swaps[start + i] != i);
+        }
+        group += width * width;
+    }
+    *soundness = least / greatest;
+    return negative;
+}
+
+static void solve(struct kinematic_lanes *k, const wide *rows, wide *x) {
+    const struct kinematic_groups *g = &k->groups;
+    const wide *group = k->values, *coupling = k->values + g->squares;
+    wide *solved = k->solved;
+    for (ptrdiff_t c = 0; c < g->count; c++) {
+        const ptrdiff_t start = g->starts[c], end = g->starts[c + 1], width = end - start;
+        for (ptrdiff_t i = start; i < end; i++) {
+            wide value = rows[g->rows[i]] * k->weight[g->rows[i]];
+            for (ptrdiff_t e = g->coupling_starts[i]; e < g->coupling_starts[i + 1]; e++)
+                value -= coupling[e] * solved[g->coupling_columns[e]];
+            solved[i] = value;
+        }
+        if (width == 2)
+            solve_pair(group, k->swaps + start, k->inverse + start, solved + start);
+        else
+            solve_dense(width, group, k->swaps + start, solved + start);
+        group += width * width;
+        for (ptrdiff_t i = start; i < end; i++)
+            x[g->columns[i]] = solved[i];
+    }
+}
+
+static void solve_transposed(struct kinematic_lanes *k, const wide *forces, wide *lambda) {
+    const struct kinematic_groups *g = &k->groups;
+    const wide *group = k->values + g->squares, *coupling = group;
+    wide *solved = k->solved;
+    for (ptrdiff_t j = 0; j < k->sizes.n; j++)
+        solved[j] = forces[g->columns[j]];
+    memset(lambda, 0, (size_t)k->sizes.m * sizeof(wide));
+    for (ptrdiff_t c = g->count - 1; c >= 0; c--) {
+        const ptrdiff_t start = g->starts[c], end = g->starts[c + 1], width = end - start;
+        group -= width * width;
+        solve_dense_transposed(width, group, k->swaps + start, solved + start);
+        for (ptrdiff_t i = start; i < end; i++) {
+            for (ptrdiff_t e = g->coupling_starts[i]; e < g->coupling_starts[i + 1]; e++)
+                solved[g->coupling_columns[e]] -= coupling[e] * solved[i];
+            lambda[g->rows[i]] = solved[i] * k->weight[g->rows[i]];
+        }
+    }
+}
+
+/* -- steps ----------------------------------------------------------------------------------------------- */
+
+/* Close some lanes at t by Newton's method from q, in place; returns where it ended. The constraints were then evaluated
+ * in q last. */
+static mask closed(struct kinematic_lanes *k, mask open, wide t, wide *q) {
+    const ptrdiff_t n = k->sizes.n;
+    wide before = all(REAL_INFINITY);
+    mask found = {0};
+    for (int tries = 0; tries < NEWTON; tries++) {
+        const wide worst = missed(k, t, q), size = larger(k->length, largest_of(q, n));
+        const mask done = (worst <= 4 * REAL_EPSILON * size) | ((worst <= ACCEPT * size) & (worst > before / 4));
+        found |= open & done;
+        open &= ~done & (worst < before / 2);
+        if (!any(open))
+            break;
+        open &= factorise_groups(k);
+        before = worst;
+        solve(k, k->closure, k->out);
+        for (ptrdiff_t j = 0; j < n; j++)
+            q[j] = chosen(open, q[j] - k->out[j], q[j]);
+    }
+    return found;
+}
+
+/* Leave velocities and accelerations at a pose that was closed last; returns where it is not too near a singular one,
+ * and has not passed one. */
+static mask moved(struct kinematic_lanes *k, const wide *t, const wide *q, wide *u, wide *a, mask *sign) {
+    const ptrdiff_t n = k->sizes.n, m = k->sizes.m;
+    wide soundness;
+    mask good = factorise_groups(k);
+    *sign = judge(k, &soundness);
+    solve(k, k->closure + 2 * m, u);
+    for (ptrdiff_t j = 0; j < n; j++)
+        u[j] = -u[j];
+    call(k->kernels.gamma, t, q, u, k->p, k->work, k->out);
+    solve(k, k->out, a);
+    return good & (soundness > SOUND) & finite(largest_of(u, n)) & finite(largest_of(a, n));
+}
+
+static inline wide predicted(wide h, wide g, wide q, wide u, wide a, wide q0, wide u0, wide a0) {
+    const wide change = h * (u + R(0.5) * h * a);
+    const wide e0 = q0 - q + g * (u - R(0.5) * g * a);
+    const wide e1 = g * (u0 - u + g * a), e2 = g * g * (a0 - a);
+    const wide c3 = R(-0.5) * (e2 + 20 * e0 + 8 * e1), c5 = e1 + 4 * e0 + c3, c4 = e0 + c3 + c5;
+    const wide s = h / g;
+    const mask near = (g * h > 0) & (magnitude(h) <= STRIDES * magnitude(g));
+    return chosen(near, change + s * s * s * (c3 + s * (c4 + s * c5)), change);
+}
+
+static void move_to(mask which, const wide *from, ptrdiff_t count, wide *to) {
+    for (ptrdiff_t i = 0; i < count; i++)
+        to[i] = chosen(which, from[i], to[i]);
+}
+
+/* Go to `next` in one step in some lanes; returns in which the prediction held. Those near a singular pose are taken out of
+ * `alive`. */
+static mask attempt(struct kinematic_lanes *k, mask which, wide next, mask *alive) {
+    const ptrdiff_t n = k->sizes.n;
+    const wide h = next - k->t, *q = k->q, *past = k->past;
+    for (ptrdiff_t j = 0; j < n; j++) {
+        k->change[j] = predicted(h, k->stride, q[j], q[n + j], q[2 * n + j], past[j], past[n + j], past[2 * n + j]);
+        k->next[j] = k->q[j] + k->change[j];
+    }
+    const wide way = largest_of(k->change, n);
+    which = closed(k, which & (way <= LONGEST * k->length), next, k->next);
+    for (ptrdiff_t j = 0; j < n; j++)
+        k->change[j] -= k->next[j] - k->q[j];
+    which &= largest_of(k->change, n) <= ASTRAY * way + R(1e-9) * k->length;
+    if (!any(which))
+        return which;
+    mask sign;
+    const mask sound = moved(k, &next, k->next, k->next + n, k->next + 2 * n, &sign) & ~(sign ^ k->sign);
+    *alive &= ~which | sound;
+    move_to(which, k->q, 3 * n, k->past);
+    move_to(which, k->next, 3 * n, k->q);
+    k->stride = chosen(which, h, k->stride);
+    k->t = chosen(which, next, k->t);
+    return which;
+}
+
+/* -- a run in each lane ---------------------------------------------------------------------------------- */
+
+static void load(const real *rows, ptrdiff_t count, wide *to) {
+    for (ptrdiff_t i = 0; i < count; i++)
+        for (int lane = 0; lane < WIDTH; lane++)
+            to[i][lane] = rows[lane * count + i];
+}
+
+static void take_parameters(struct kinematic_lanes *k, const real *rows, kernel setup, ptrdiff_t derived, wide *p) {
+    const ptrdiff_t parameters = k->sizes.parameters;
+    load(rows, parameters, p);
+    p[parameters + derived] = all(R(k->sizes.rank_tolerance));
+    if (setup != NULL)
+        call(setup, NULL, NULL, NULL, p, NULL, p + parameters);
+}
+
+/* Write a number of each lane that has arrived to the place of its next time. */
+static void store(const struct kinematic_lane_task *task, mask arrived, const wide *values, ptrdiff_t count, real *rows) {
+    for (int lane = 0; lane < WIDTH; lane++)
+        if (arrived[lane]) {
+            real *row = rows + (lane * task->count + task->reached[lane]) * count;
+            for (ptrdiff_t i = 0; i < count; i++)
+                row[i] = ((const real *)values)[i * WIDTH + lane];
+        }
+}
+
+/* Record the pose in lanes that have just come to a time, where dPhi/dq is factorised, with its forces. */
+static void record(struct kinematic_lanes *k, const struct kinematic_lane_task *task, mask arrived) {
+    const ptrdiff_t n = k->sizes.n;
+    store(task, arrived, k->q, 3 * n, task->rows);
+    if (k->kernels.joints != NULL) { /* they take the accelerations, and the multipliers behind them, as `work` */
+        memcpy(k->work, k->q + 2 * n, (size_t)n * sizeof(wide));
+        call(k->kernels.balance, &k->t, k->q, k->q + n, k->p_forces, k->work, k->out);
+        memcpy(k->work, k->q + 2 * n, (size_t)n * sizeof(wide));
+        solve_transposed(k, k->out, k->work + n);
+        call(k->kernels.joints, &k->t, k->q, k->q + n, k->p_forces, k->work, k->out);
+        store(task, arrived, k->out, k->sizes.joint_forces, task->forces);
+    }
+    for (int lane = 0; lane < WIDTH; lane++)
+        task->reached[lane] += arrived[lane] != 0;
+}
+
+/* Begin at the starts; returns the lanes whose start is regular. */
+static mask begin(struct kinematic_lanes *k, const struct kinematic_lane_task *task) {
+    const ptrdiff_t n = k->sizes.n;
+    take_parameters(k, task->parameters, k->kernels.setup, k->sizes.derived, k->p);
+    if (k->kernels.joints != NULL)
+        take_parameters(k, task->parameters, k->kernels.setup_forces, k->sizes.derived_forces, k->p_forces);
+    load(task->q, n, k->q);
+    load(task->lengths, 1, &k->length);
+    memset(k->still, 0, (size_t)n * sizeof(wide));
+    memset(k->past, 0, 3 * (size_t)n * sizeof(wide));
+    k->t = all(R(task->t)), k->stride = all(0);
+    for (int lane = 0; lane < WIDTH; lane++)
+        task->reached[lane] = 0;
+    const mask alive = closed(k, ~(mask){0}, k->t, k->q);
+    return alive & moved(k, &k->t, k->q, k->q + n, k->q + 2 * n, &k->sign);
+}
+
+/* Give lanes that have just come to a time their next one; those without one end. */
+static wide renewed(const struct kinematic_lane_task *task, mask fresh, wide target, mask *alive) {
+    const ptrdiff_t first = task->reached[0];
+    int together = first < task->count;
+    for (int lane = 0; lane < WIDTH; lane++)
+        together &= fresh[lane] && task->reached[lane] == first;
+    if (together)
+        return all(task->times[first]);
+    for (int lane = 0; lane < WIDTH; lane++)
+        if (fresh[lane]) {
+            if (task->reached[lane] == task->count)
+                (*alive)[lane] = 0;
+            else
+                target[lane] = task->times[task->reached[lane]];
+        }
+    return target;
+}
+
+static void follow(struct kinematic_lanes *k, const struct kinematic_lane_task *task) {
+    mask alive = begin(k, task), arrived = alive & (k->t == task->times[0]), fresh = alive;
+    wide target = k->t, h = all(0), shortest = h;
+    while (any(alive)) {
+        if (any(arrived))
+            record(k, task, arrived);
+        if (any(fresh)) {
+            target = renewed(task, fresh, target, &alive);
+            h = chosen(fresh, target - k->t, h);
+            shortest = chosen(fresh, magnitude(h) / (1 << HALVINGS), shortest);
+        }
+        const wide next = chosen(magnitude(target - k->t - h) < R(1e-9) * magnitude(h), target, k->t + h);
+        alive &= next != k->t;
+        const mask held = attempt(k, alive, next, &alive);
+        const wide left = target - next, twice = 2 * h;
+        h = chosen(held, chosen(magnitude(twice) < magnitude(left), twice, left), h / 2);
+        alive &= held | ~(magnitude(h) < shortest);
+        arrived = fresh = alive & held & (k->t == target);
+    }
+}
+
+#define JOINED(name, width) name##width
+#define TABLE(width) JOINED(symgen_kinematic_lanes_, width)
+
+const struct kinematic_lanes_api TABLE(WIDTH) = {
+    .width = WIDTH,
+    .lanes_struct = sizeof(struct kinematic_lanes),
+    .bytes = bytes,
+    .bind = bind,
+    .follow = follow,
+};

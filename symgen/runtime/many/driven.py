@@ -1,0 +1,218 @@
+"""Many variants of a driven linkage, followed in SIMD lanes, with Python once for each block of them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from inspect import signature
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symgen.runtime._kinematic_lanes import KinematicLanes
+from symgen.runtime._many import Starts, over_variants
+from symgen.runtime.kernels.batch import lanes_of
+from symgen.runtime.kernels.evaluate import Evaluator
+from symgen.runtime.many.dataset import Keep, Kept
+from symgen.runtime.many.starts import given_of, is_stored, start_of
+from symgen.runtime.result.recorded_motion import Along, chosen_names, coordinate_of, of_names
+from symgen.runtime.result.records import Variable
+from symgen.runtime.rods.following.branch import TURN, nodes_of, turned
+from symgen.runtime.rods.following.groups import groups_of
+from symgen.runtime.rods.forces.analysis import driving, of_drive, of_unknown
+from symgen.runtime.rods.forces.assembly import Assembly, Unknown
+from symgen.runtime.rods.instants import instants
+from symgen.runtime.rods.poses import Poses
+from symgen.runtime.rods.redundancy import extent
+
+if TYPE_CHECKING:
+    from symgen.runtime.kernels.description import Description
+    from symgen.runtime.kernels.library import Library
+    from symgen.runtime.result.state import State
+
+Array = NDArray[np.float64]
+Kernels = tuple["Description", "Library"]
+
+
+@dataclass(frozen=True, slots=True)
+class Driven:
+    """Variants with parameters ``given`` (runs, parameters), followed from their starts or from ``states``.
+
+    Attributes
+    ----------
+    motion, forces
+        Kernels that take vectors; those of ``forces`` where joint forces are asked.
+    unknowns
+        The joint forces, guide forces and torques that ``forces`` gives, each with its columns.
+    chosen
+        Points and links to record, where no forces are asked.
+    drive
+        The driven link whose direction is the coordinate; empty where that is the time.
+    t, nodes, asked
+        Time of the starts, times to pass through, and the numbers of those that are recorded.
+    """
+
+    model: Any
+    given: Array
+    states: Array | None
+    motion: Kernels
+    forces: Kernels | None
+    unknowns: Sequence[tuple[Unknown, list[int]]]
+    chosen: Sequence[str]
+    drive: str
+    t: float
+    nodes: Array
+    asked: NDArray[np.intp]
+
+    @property
+    def grain(self) -> int:
+        """Number of runs that fill all lanes."""
+        return lanes_of(self.motion[1], self.motion[0].name)[0]
+
+    def __call__(self, first: int, last: int, keep: Keep) -> list[Kept | None]:
+        """Carry out some runs; None stands for those that are to be carried out singly."""
+        kept: list[Kept | None] = [None] * (last - first)
+        if self.forces and not {*(keep.outputs or ("",))} <= {
+            v.name for v in self._of_forces(*self._nothing)
+        }:
+            return kept  # reactions and section forces take the balance of every element
+        d, evaluator, given = self.model.description, self.model.evaluator, self.given[first:last]
+        regular, q, lengths = Starts(*start_of(evaluator)).poses(given)
+        if self.states is not None:
+            q = self.states[first:last]
+            variants = (Evaluator(d, evaluator.library, p) for p in given)
+            lengths = np.array([extent(v, own) for v, own in zip(variants, q, strict=True)])
+        runs = np.flatnonzero(regular & ~is_stored(evaluator, given, self.states))
+        states, joints, done = self._followed(given[runs], q[runs], lengths[runs])
+        moving = over_variants(evaluator, "points", given[runs], self.nodes, states)
+        shape = (len(runs), len(self.nodes), 2, len(d.points), len(d.axes))
+        places, velocities = np.moveaxis(moving.reshape(shape), 2, 0)
+        with np.errstate(all="ignore"):  # of runs that ended before
+            done &= turned(d, self.nodes, places, velocities) <= TURN
+        runs, which = runs[done], np.ix_(np.flatnonzero(done), self.asked)
+        states, times = states[which], self.nodes[self.asked]
+        closed = over_variants(evaluator, "constraints", given[runs], times, states)
+        m = len(d.constraints)
+        missed = np.max(np.abs(closed[..., :m] / closed[..., m : 2 * m]), axis=(1, 2))
+        if self.forces:
+            made = self._of_forces(given[runs], states, joints[which])
+        else:
+            made = self._of_motion(given[runs], states, places[done], velocities[done])
+        if keep.outputs is not None and {*keep.outputs} <= {v.name for v in made}:
+            made = [v for v in made if v.name in (*keep.outputs, self.drive)]
+        for i, run in enumerate(runs.tolist()):
+            along, own = coordinate_of(times, [replace(v, values=v.values[i]) for v in made], self.drive)
+            of_time = None if along.name == "time" else times
+            kept[run] = keep(tuple(own), along, of_time, {"constraint": float(missed[i])}, d.axes)
+        return kept
+
+    def _followed(self, given: Array, q: Array, lengths: Array) -> tuple[Array, Array, NDArray[np.bool_]]:
+        """Return states and joint forces at all nodes, and which runs reached all."""
+        bonds = self.model._bonds()
+        groups = groups_of(bonds.slopes, range(bonds.n), bonds.n)
+        lanes = KinematicLanes(self.motion, self.grain, groups, self.forces)
+        begin, given, q = int(np.searchsorted(self.nodes, self.t)), *map(np.ascontiguousarray, (given, q))
+        states, joints, reached = lanes.follow(self.t, given, q, lengths, self.nodes[begin:])
+        done = reached == len(self.nodes) - begin
+        if begin:
+            back = lanes.follow(self.t, given, q, lengths, self.nodes[:begin][::-1].copy())
+            states, joints = (
+                np.hstack([a[:, ::-1], b]) for a, b in zip(back, (states, joints), strict=False)
+            )
+            done &= back[2] == begin
+        return states, joints, done
+
+    @property
+    def _nothing(self) -> tuple[Array, Array, Array]:
+        """No run."""
+        count, n = len(self.asked), self.model.description.coordinates
+        return self.given[:0], np.zeros((0, count, 3, n)), np.zeros((0, count, self._width))
+
+    @property
+    def _width(self) -> int:
+        info = self.forces[0].kernel("joint_forces") if self.forces else None
+        return info.out_size if info else 0
+
+    def _of_forces(self, given: Array, states: Array, joints: Array) -> list[Variable]:
+        """Return the outputs of all runs, values of shape (runs, samples, ...)."""
+        loads, axes, made = self.model.analysis("forces"), self.model.description.axes, []
+        if loads.has("driven_angles"):
+            angles = over_variants(loads, "driven_angles", given, self.nodes[self.asked], states)
+            rows = loads.info("driven_angles").blocks[0].rows
+            made = [of_drive(f"{row.split(' ')[0]}.angle", angles[..., i]) for i, row in enumerate(rows)]
+        return made + [of_unknown(u, axes, joints[..., columns]) for u, columns in self.unknowns]
+
+    def _of_motion(self, given: Array, states: Array, places: Array, velocities: Array) -> list[Variable]:
+        """Return the records of all runs, values of shape (runs, samples, ...)."""
+        d, times, kinematics = (
+            self.model.description,
+            self.nodes[self.asked],
+            self.model.analysis("kinematics"),
+        )
+        second = over_variants(self.model.evaluator, "point_accelerations", given, times, states)
+        shape = (-1, len(d.points), len(d.axes))
+        moving = [x.reshape(shape) for x in (places[:, self.asked], velocities[:, self.asked], second)]
+        along, made = Along(d, places, self.asked), []
+        info = kinematics.find("drives")
+        if info:
+            values = over_variants(kinematics, "drives", given, times, states)
+            made = [
+                Variable(b.name, b.unit, f"drive {b.name}", (), values[..., b.offset]) for b in info.blocks
+            ]
+        taken, size = {v.name for v in made}, (len(given), len(times))
+
+        def counted(link: str, angles: Array) -> Array:
+            return along.counted(link, angles.reshape(size)).ravel()
+
+        stacked = [v for v in of_names(d, self.chosen, counted, *moving) if v.name not in taken]
+        return made + [replace(v, values=v.values.reshape(*size, *v.values.shape[1:])) for v in stacked]
+
+
+def driven_runs(
+    model: Any,
+    with_forces: bool,
+    columns: Mapping[str, Array],
+    states: Sequence[State] | None,
+    arguments: Mapping[str, Any],
+) -> Driven | None:
+    """Return the runs of kinematics, or of inverse dynamics; None where each is to be carried out singly."""
+    d = model.description
+    if not hasattr(model, "in_lanes") or d.kinematic or d.plane or d.events or d.held or d.redundant:
+        return None
+    starts = {s.t for s in states} if states is not None else {0.0}
+    if len(starts) > 1 or d.coordinates != len(d.constraints):
+        return None
+    if arguments.get("at") is not None or arguments.get("over") is not None:
+        return None
+    loads = model.analysis("forces") if with_forces else None
+    if loads and (not loads.has("joint_forces") or model.evaluator.has("line_lengths")):
+        return None
+    motion, forces = model.in_lanes("kinematics"), model.in_lanes("forces") if loads else None
+    if motion[1].backend != "c" or lanes_of(motion[1], motion[0].name)[0] < 2:
+        return None
+    t, bonds = starts.pop(), model._bonds()
+    analysis = model._inverse_dynamics if loads else model._kinematics
+    samples = arguments.get("samples", signature(analysis).parameters["samples"].default)
+    asked = instants(arguments.get("start"), arguments.get("stop"), None, None, samples, d.t_end)
+    times = asked.times(d.name, bonds.driving)
+    nodes = nodes_of(min(asked.start, t), max(asked.stop, t), np.unique(times))
+    unknowns: list[tuple[Unknown, list[int]]] = []
+    if loads:
+        order = {label: i for i, label in enumerate(loads.info("joint_forces").blocks[0].rows)}
+        found = Assembly(bonds, loads, Poses(np.zeros(0), np.zeros((0, 3, bonds.n))), 1).unknowns
+        unknowns = [(u, [order[label] for label in u.labels]) for u in found]
+    drives = driving(loads, times[:1]) if loads else {}
+    return Driven(
+        model,
+        given_of(model.evaluator, columns, states),
+        None if states is None else np.array([s.q for s in states]),
+        motion,
+        forces,
+        unknowns,
+        chosen_names(bonds, arguments.get("of")),
+        next(iter(drives), ""),
+        t,
+        nodes,
+        np.searchsorted(nodes, times),
+    )

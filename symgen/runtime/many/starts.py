@@ -1,0 +1,58 @@
+"""Arguments of the compiled starts of many variants of a linkage."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symgen.runtime import _core
+from symgen.runtime._start import Starter
+from symgen.runtime.integrate.causes import NEAR
+from symgen.runtime.kernels.evaluate import Evaluator
+from symgen.runtime.rods.redundancy import ASSEMBLED
+from symgen.runtime.rods.start import CONSISTENT, ROUNDING
+
+if TYPE_CHECKING:
+    from symgen.runtime.result.state import State
+
+Array = NDArray[np.float64]
+
+
+def given_of(evaluator: Evaluator, columns: Mapping[str, Array], states: Sequence[State] | None) -> Array:
+    """Return the parameters of each run, (runs, parameters)."""
+    count = len(next(iter(columns.values()))) if states is None else len(states)
+    given = np.tile(evaluator.given, (count, 1))
+    names = [p.name for p in evaluator.description.tunable]
+    for name, values in columns.items():
+        given[:, names.index(name)] = values
+    return given
+
+
+def is_stored(evaluator: Evaluator, given: Array, states: object) -> NDArray[np.bool_]:
+    """Return a flag for each run: true with the parameters of the scene, whose start is stored."""
+    found: NDArray[np.bool_] = np.all(given == [p.default for p in evaluator.description.tunable], axis=1)
+    return found & (states is None)
+
+
+def start_of(
+    evaluator: Evaluator, rate: float = 0.0
+) -> tuple[Evaluator, _core.Equations, Starter, NDArray[np.intp], float, float, float]:
+    """Return the arguments of :class:`~symgen.runtime._many.Starts`, for equations with a stabilisation rate.
+
+    Each thread of work needs its own.
+    """
+    d = evaluator.description
+    number = {name: i for i, name in enumerate(d.points)}
+    ends = [[number[p] for p in points[:2]] for points in d.links.values()]
+    return (
+        evaluator,
+        evaluator.equations(stabilisation=rate),
+        Starter(evaluator, ASSEMBLED, np.zeros(d.coordinates)),
+        np.array(ends, dtype=np.intp).reshape(-1, 2),
+        ROUNDING,
+        CONSISTENT,
+        NEAR,
+    )

@@ -1,0 +1,164 @@
+"""Driven linkages in SIMD lanes: bits of single ones, two circles, dead centres, and what they may not change."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from shared.linkages import stephenson
+from shared.variants import crank_rocker_with_lengths, pins
+
+import symgen
+from symgen.runtime._kinematic_lanes import KinematicLanes
+from symgen.runtime.kernels.batch import lanes_of
+from symgen.runtime.kernels.evaluate import Evaluator
+from symgen.runtime.many.compiled import compiled_runs
+from symgen.runtime.many.dataset import Keep
+from symgen.runtime.rods.following.branch import steps_of
+from symgen.runtime.rods.following.groups import groups_of
+from symgen.toolchain import compiler
+
+pytestmark = pytest.mark.skipif(compiler.find_compiler() is None, reason="no C compiler")
+
+TIMES = np.linspace(0.0, 1.0, 41)
+
+
+@pytest.fixture(scope="module")
+def tuned(tmp_path_factory):
+    return symgen.build(crank_rocker_with_lengths(tmp_path_factory.mktemp("lanes")), backend="c")
+
+
+def lanes(model):
+    bonds = model._bonds()
+    motion = model.in_lanes("kinematics")
+    width = lanes_of(motion[1], motion[0].name)[0]
+    groups = groups_of(bonds.slopes, range(bonds.n), bonds.n)
+    return width, KinematicLanes(motion, width, groups, model.in_lanes("forces"))
+
+
+def singly(model, times):
+    """Return states and joint forces of one linkage, as far as it gets, without lanes."""
+    bonds, loads, q = model._bonds(), model.analysis("forces"), model.initial_state().q
+    steps = steps_of(bonds, q, 0.0, loads)
+    states = steps.follow(0.0, q, times)
+    times = times[: len(states)]
+    motion = np.hstack([states[:, 2], steps.multipliers(times, states)[0]])
+    return states, loads.many("joint_forces", times, states[:, 0], states[:, 1], motion)
+
+
+@pytest.mark.parametrize("flags", [None, (), ("-mavx2",)], ids=["native", "baseline", "avx2"])
+@pytest.mark.parametrize("scene", [stephenson, lambda: "crank_rocker"], ids=["triad", "dyad"])
+def test_lanes_of_any_width_have_the_bits_of_a_single_linkage(scene, flags, monkeypatch):
+    if flags is not None and not compiler._has_wide_vectors():
+        pytest.skip("the processor has vectors of one width")
+    if flags is not None:
+        monkeypatch.setitem(compiler.VECTORS, "native", flags)
+    model = symgen.build(scene())
+    width, found = lanes(model)
+    assert width == {None: width, (): 2, ("-mavx2",): 4}[flags]
+    q = model.initial_state().q
+    runs = width + 1
+    states, forces, reached = found.follow(
+        0.0,
+        np.tile(model.evaluator.given, (runs, 1)),
+        np.tile(q, (runs, 1)),
+        np.full(runs, model._bonds().length(q)),
+        TIMES,
+    )
+    alone, loads = singly(model, TIMES)
+    for run in range(runs):
+        assert reached[run] == len(alone) == len(TIMES)
+        assert np.array_equal(states[run], alone) and np.array_equal(forces[run], loads)
+
+
+def test_a_lane_at_a_dead_centre_ends_where_a_single_linkage_does_and_changes_no_other(tuned):
+    """A crank of 0.3 m would carry A to 0.7 m from C, farther than coupler and rocker reach together."""
+    lengths = [(0.1, 0.35, 0.3), (0.3, 0.3, 0.25), (0.12, 0.35, 0.3), (0.1, 0.36, 0.31), (0.3, 0.3, 0.22)]
+    models = [tuned.with_parameters(a=a, b=b, c=c) for a, b, c in lengths]
+    start = [m.initial_state().q for m in models]
+    given = np.array([m.evaluator.given for m in models])
+    sizes = np.array([m._bonds().length(q) for m, q in zip(models, start, strict=True)])
+    states, _, reached = lanes(tuned)[1].follow(0.0, given, np.array(start), sizes, TIMES)
+    for i, model in enumerate(models):
+        alone, _ = singly(model, TIMES)
+        assert reached[i] == len(alone)
+        assert (len(alone) < len(TIMES)) == (i in (1, 4))
+        assert np.array_equal(states[i, : len(alone)], alone)
+
+
+def test_random_variants_with_and_without_dead_centres_are_those_of_single_runs(tuned):
+    random = np.random.default_rng(17)
+    a, b, c = random.uniform([[0.05], [0.25], [0.25]], [[0.2], [0.4], [0.4]], (3, 10))
+    options = {"samples": 31, "of": ["A", "B", "rocker"]}
+    found = tuned.kinematics_many({"a": a, "b": b, "c": c}, **options)
+    turning = 0
+    for i in range(10):
+        one = tuned.with_parameters(a=a[i], b=b[i], c=c[i])
+        if found["error"].values[i]:
+            with pytest.raises(symgen.SymgenError):
+                one.kinematics(**options)
+            continue
+        alone = one.kinematics(**options)
+        for v in alone.variables:
+            values = found[v.name].values[i]
+            assert np.array_equal(values[: len(v.values)], v.values), (i, v.name)
+            assert np.all(np.isnan(values[len(v.values) :]))
+        assert found["constraint_drift"].values[i] == alone.drift.constraint
+        if alone.statistics["singular_poses"]:
+            continue
+        turning += 1
+        _, place = pins(a[i], b[i], c[i], 2 * np.pi * found["time"].values)
+        assert found["B.position"].values[i] == pytest.approx(place, abs=1e-13)
+    assert turning == 8
+
+
+def test_torque_in_lanes_does_no_work_over_a_revolution_and_has_the_bits_of_single_runs(tuned):
+    """Weight and inertia alone load the linkage: the work of its drive over a revolution is zero."""
+    couplers = np.linspace(0.33, 0.37, 9)
+    found = tuned.inverse_dynamics_many(
+        {"b": couplers}, samples=361, outputs=["crank.torque", "coupler.A.force"]
+    )
+    torque = found["crank.torque"].values
+    assert np.max(np.abs(np.mean(torque[:, :-1], axis=1))) < 1e-12 * np.max(np.abs(torque))
+    for i in (0, 4, 8):
+        alone = tuned.with_parameters(b=couplers[i]).inverse_dynamics(samples=361)
+        for name in ("crank.torque", "coupler.A.force"):
+            assert np.array_equal(found[name].values[i], alone[name].values), (i, name)
+        assert found["crank.angle"].values == pytest.approx(alone.coordinate.values, abs=0)
+        assert found["constraint_drift"].values[i] == alone.drift.constraint
+
+
+def test_regular_variants_go_through_lanes_and_outputs_of_elements_do_not(tuned):
+    columns = {"b": np.linspace(0.34, 0.36, 5)}
+    for analysis, outputs, in_lanes in (
+        ("kinematics", None, True),
+        ("inverse_dynamics", ["crank.torque"], True),
+        ("inverse_dynamics", ["O.reaction"], False),
+    ):
+        first = getattr(tuned.with_parameters(b=0.34), analysis)(samples=5)
+        runs = compiled_runs(tuned, first, columns, None, {"samples": 5})
+        kept = runs(0, 5, Keep(outputs, None))
+        assert [k is not None for k in kept] == [in_lanes and b != 0.35 for b in columns["b"]]
+
+
+def test_runs_from_states_before_and_behind_the_range_have_the_bits_of_single_ones(tuned):
+    begin = tuned.kinematics(at=[0.3], over="time", of=["A", "B"])
+    state = tuned.state({p: begin[f"{p}.position"].values[0] for p in ("A", "B")}, t=0.3)
+    options = {"start": 0.1, "stop": 0.9, "samples": 17, "of": ["B", "coupler"]}
+    found = tuned.kinematics_many(states=[state] * 3, **options)
+    alone = tuned.kinematics(state=state, **options)
+    for v in alone.variables:
+        assert all(np.array_equal(values, v.values) for values in found[v.name].values), v.name
+
+
+def test_shapes_and_widths_that_do_not_fit_are_refused(tuned):
+    motion, q = tuned.in_lanes("kinematics"), np.zeros((1, 4))
+    bonds = tuned._bonds()
+    groups = groups_of(bonds.slopes, range(bonds.n), bonds.n)
+    with pytest.raises(ValueError, match="expected vectors of 2, 4 or 8 numbers, got 3"):
+        KinematicLanes(motion, 3, groups)
+    with pytest.raises(ValueError, match="expected kernels of forces"):
+        KinematicLanes(motion, 2, groups, motion)
+    given = Evaluator(tuned.description, tuned.evaluator.library, tuned.evaluator.given).given[None]
+    for rows in ((given[:, 1:], q, np.ones(1)), (given, q[:, 1:], np.ones(1)), (given, q, np.ones(2))):
+        with pytest.raises(ValueError, match="rows of 3 parameters and of 4 coordinates"):
+            lanes(tuned)[1].follow(0.0, *(np.ascontiguousarray(x) for x in rows), TIMES)
