@@ -69,8 +69,8 @@ class Evaluator:
         """Return the ``out`` arrays of a kernel at many states, (states, entries), given ``work`` of each."""
         info, address, count = self.info(kernel), self.library.addresses[kernel], len(times)
         n = self.description.coordinates
-        rows = np.zeros((count, 2 * n + 1))
-        rows[:, :n], rows[:, n:-1] = q, u
+        rows = np.empty((count, 2 * n + 1))
+        rows[:, :n], rows[:, n:-1], rows[:, -1] = q, u, 0.0
         memory = np.zeros((count, info.work_size + 1))
         if work is not None:
             width = min(work.shape[1], info.work_size)

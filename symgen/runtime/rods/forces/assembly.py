@@ -8,6 +8,7 @@ is not ground, which carries its point mass and its loads.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -168,12 +169,12 @@ class Assembly:
 
     def _at(self, link: str, point: str) -> tuple[Array, Array]:
         """Return where a point is, and at which share of the length of a link."""
-        start, end = (self.places[:, self.index(p)] for p in self.points_of(link)[:2])
-        at, d = self.places[:, self.index(point)], end - start
-        share = np.einsum("ki,ki->k", at - start, d) / np.einsum("ki,ki->k", d, d)
-        if point in self.points_of(link)[:2]:
-            share = np.full(len(at), float(self.points_of(link).index(point)))
-        return at, share
+        ends, at = self.points_of(link)[:2], self.places[:, self.index(point)]
+        if point in ends:
+            return at, np.full(len(at), float(ends.index(point)))
+        start, end = (self.places[:, self.index(p)] for p in ends)
+        d = end - start
+        return at, np.einsum("ki,ki->k", at - start, d) / np.einsum("ki,ki->k", d, d)
 
     @cached_property
     def _on_points(self) -> Array:
@@ -183,17 +184,14 @@ class Assembly:
         on_points: Array = self._values("point_loads") - masses[:, :, None] * (self.accelerations - free_fall)
         return on_points
 
-    def _from_points(self, point: str) -> Array:
-        """Return how much of the unknowns a point gives away, (poses, 2, unknowns)."""
-        found = np.zeros((len(self._poses), 2, self.size))
+    def _given_away(self, point: str) -> Iterator[tuple[Unknown, Array]]:
+        """Yield the unknowns that a point gives away, with their directions (poses, 2, components)."""
         guides = self._labels("guides")
         for u in self.unknowns:
             if u.point == point and u.kind == "force":
-                found[:, :, u.column : u.column + 2] += np.eye(2)
+                yield u, np.broadcast_to(np.eye(2), (len(self._poses), 2, 2))
             elif u.point == point and u.kind == "guide":
-                normal = self._values("guides")[:, guides.index((u.link, point))]
-                found[:, :, u.column] -= normal
-        return found
+                yield u, -self._values("guides")[:, guides.index((u.link, point)), :, None]
 
     @cached_property
     def scales(self) -> Array:
@@ -212,9 +210,12 @@ class Assembly:
             left.append(section / size[:, None])
             right.append(-constant / size)
         for point in self.description.points:
-            given = self._from_points(point)
-            if point not in self.description.ground and np.any(given):
-                left.append(given)
+            given = list(self._given_away(point))
+            if point not in self.description.ground and given:
+                row = np.zeros((len(self._poses), 2, self.size))
+                for u, along in given:
+                    row[:, :, u.column : u.column + u.width] += along
+                left.append(row)
                 right.append(self._on_points[:, self.index(point)])
         return np.concatenate(left, axis=1) * self.scales, np.concatenate(right, axis=1)
 
@@ -237,9 +238,12 @@ class Assembly:
             found[point] = found.get(point, np.zeros_like(force)) + force
 
         for point in self.description.ground:
-            given, on_point = self._from_points(point), self._on_points[:, self.index(point)]
-            if np.any(given) or np.any(on_point):
-                add(point, np.einsum("kij,kj->ki", given, x) - on_point)
+            given, on_point = list(self._given_away(point)), self._on_points[:, self.index(point)]
+            if given or np.any(on_point):
+                add(point, -on_point)
+            for u, along in given:
+                own = x[:, u.column : u.column + u.width]
+                add(point, own if u.kind == "force" else along[:, :, 0] * own)
         for i, (link, point) in enumerate(self._labels("guides")):
             if link not in self.names:
                 u = next(u for u in self.unknowns if (u.kind, u.link, u.point) == ("guide", link, point))

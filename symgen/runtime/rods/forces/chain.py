@@ -125,6 +125,8 @@ class Chain:
         for a in self.attached:
             inside = ((a.share >= low) & (a.share < high)) | ((high == 1.0) & (a.share >= 1.0))
             inside |= (low == 0.0) & (a.share < 0.0)
+            if not np.any(inside):
+                continue
             if a.is_couple:
                 acting = np.zeros((len(nodes), 3, 1))
                 acting[inside, 2, 0] = 1.0
@@ -169,7 +171,8 @@ class Chain:
                 if low < share < high:
                     found[share] = known.onward(low, share, none, at_node)[1]
             found[low] = at_node
-            at_node = known.onward(low, high, none, at_node)[1]
+            if high <= max(shares):
+                at_node = known.onward(low, high, none, at_node)[1]
         return np.stack([found[s] for s in shares], axis=1)
 
     def with_unknowns(self, x: Array) -> Chain:
