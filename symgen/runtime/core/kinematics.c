@@ -166,7 +166,7 @@ static real unbalanced(const struct kinematics *k, const real *lambda, real *for
     const ptrdiff_t *entry = k->groups.entries;
     for (ptrdiff_t e = 0; e < k->groups.filled; e++, entry += 4)
         forces[entry[3]] -= k->closure[entry[1]] * lambda[entry[2]];
-    return largest_of(forces, k->sizes.n);
+    return largest_or_nan(forces, k->sizes.n);
 }
 
 /* Close the linkage at t by Newton's method from q, in place; the constraints were then evaluated in q last. */
