@@ -10,8 +10,9 @@
 
 #include "real.h"
 
-/* Bands from which on LAPACK works in blocks and is faster. */
-enum { WIDE = 64 };
+/* Bands from which on LAPACK works in blocks and is faster in one thread. In several threads, which it starts by itself,
+ * it takes many times longer where other programs use the processors. */
+enum { WIDE = 96 };
 
 /* Where a band matrix keeps its entries: (i, j) at `first` + i + j * `lead`, `size` numbers in all. */
 struct band_store {
