@@ -177,3 +177,11 @@ def test_modes_on_the_command_line():
     assert "in motion" in shown and "growth" in shown
     refused = call("four_bar", "--moving")
     assert refused.exit_code != 0 and isinstance(refused.exception, ModelError | SystemExit)
+
+
+def test_frequencies_are_found_in_the_first_run_alone(monkeypatch):
+    model = symgen.build("elastic_slider_crank")
+    model.simulate(steps=90, samples=3)
+    for name in ("lowest", "elastic_modes"):  # further calls fail
+        monkeypatch.setattr(f"symgen.runtime.elastic.mesh.{name}", None)
+    assert model.simulate(steps=90, samples=3).statistics["damping_ratios"]

@@ -93,6 +93,8 @@ class ElasticMotion(ABC):
 
     def ending_on(self, jumps: Array) -> ElasticMotion:
         """Return the motion with steps that end on jumps of the loads (jumps, 2) [s]."""
+        if not len(jumps):
+            return self  # which keeps its frequencies from run to run
         made = copy.copy(self)
         made.jumps = jumps
         return made
