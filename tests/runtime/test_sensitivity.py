@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import mpmath as mp
 import numpy as np
@@ -18,7 +19,7 @@ from symgen.errors import CapabilityError, ModelError
 g = mp.mpf(G)
 
 
-def driven_four_bar(**values):
+def driven_four_bar(drivers=({"link": "crank", "angle": "1 + w*t"},), **values):
     """A four-bar linkage with all its sizes tunable, the crank driven at w from 1 rad."""
     a = np.array([values["a"] * np.cos(1.0), values["a"] * np.sin(1.0)])
     b = circles(a, [values["d"], 0.0], values["b"], values["c"])
@@ -32,7 +33,7 @@ def driven_four_bar(**values):
             name: {"points": [start, end], "mass": f"rho*{size}", "length": size}
             for name, (start, end, size) in ends.items()
         },
-        drivers=[{"link": "crank", "angle": "1 + w*t"}],
+        drivers=list(drivers),
         gravity=GRAVITY,
     )
 
@@ -278,3 +279,10 @@ def test_a_torque_by_a_length_that_is_drawn_as_a_root():
     found = symgen.build(scene).sensitivity(["crank.torque"], ["r"], at=0.0)
     assert found.values == pytest.approx([2 * G * 0.3 / 2], rel=1e-12)
     assert found.derivatives == pytest.approx(np.array([[2 * G / 2]]), rel=1e-11)
+
+
+def test_a_dead_centre_has_no_derivatives():
+    model = symgen.build(driven_four_bar((), a=0.3, b=0.8, c=0.6, d=0.9, w=2.5, rho=1.7))
+    in_line = model.state({"A": [0.3, 0.0], "B": [1.1, 0.0]})
+    with pytest.raises(ModelError, match="lose rank at this state, at t = 0 s: it is at a dead centre"):
+        model.sensitivity(["B.position"], at=replace(model.equilibrium(), state=in_line))

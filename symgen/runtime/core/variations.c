@@ -20,6 +20,8 @@ static size_t place(struct variations *v, const struct equations *e, void *memor
         ARENA_ARRAY(v->by_stage, 2 * n * k),
         ARENA_ARRAY(v->turned, stages * 2 * n * k),
         ARENA_ARRAY(v->right, whole * k),
+        ARENA_ARRAY(v->solved, whole * k),
+        ARENA_ARRAY(v->inverse, whole * whole),
         ARENA_ARRAY(v->sums, s->integrals + 1),
         ARENA_ARRAY(v->summed, s->integrals * k + 1),
         ARENA_ARRAY(v->seed, 2 * n),
@@ -105,27 +107,60 @@ static void add_transposed(const struct variations *v, enum slopes_of of, real f
     }
 }
 
-/* Solve [M J^T; J 0] x = b in place for all columns, with a factorisation. */
-static void solve_columns(struct variations *v, real t, const real *y, real *factors) {
+/* Where there are fewer rows of solutions than columns: write these rows of the inverse of [M J^T; J 0], which is
+ * symmetric, from a factorisation. */
+static void invert(struct variations *v, real t, const real *y, real *factors, ptrdiff_t rows) {
+    struct equations *e = v->e;
+    const ptrdiff_t whole = e->n + e->m;
+    if (rows >= v->sizes.columns)
+        return;
+    memset(v->inverse, 0, (size_t)(rows * whole) * sizeof(real));
+    for (ptrdiff_t i = 0; i < rows; i++) {
+        v->inverse[i * whole + i] = 1;
+        e->kernels.solve(&t, y, y + e->n, e->p, factors, v->inverse + i * whole);
+    }
+}
+
+/* Leave in v->solved these rows of the inverse times v->right, whose rows before `first` are zero. */
+LANES static void multiply(struct variations *v, ptrdiff_t rows, ptrdiff_t first) {
+    const ptrdiff_t k = v->sizes.columns, whole = v->e->n + v->e->m;
+    for (ptrdiff_t i = 0; i < rows; i++) {
+        real *restrict to = v->solved + i * k;
+        for (ptrdiff_t j = 0; j < k; j++)
+            to[j] = 0;
+        for (ptrdiff_t r = first; r < whole; r++) {
+            const real factor = v->inverse[i * whole + r];
+            const real *restrict from = v->right + r * k;
+            for (ptrdiff_t j = 0; j < k; j++)
+                to[j] += factor * from[j];
+        }
+    }
+}
+
+/* Leave in v->solved the first rows of the solutions of [M J^T; J 0] x = v->right, whose rows before `first` are zero,
+ * after `invert` for the same. */
+static void solve_columns(struct variations *v, real t, const real *y, real *factors, ptrdiff_t rows, ptrdiff_t first) {
     struct equations *e = v->e;
     const ptrdiff_t k = v->sizes.columns, whole = e->n + e->m;
+    if (rows < k) {
+        multiply(v, rows, first);
+        return;
+    }
     for (ptrdiff_t j = 0; j < k; j++) {
         for (ptrdiff_t i = 0; i < whole; i++)
             e->rhs[i] = v->right[i * k + j];
         e->kernels.solve(&t, y, y + e->n, e->p, factors, e->rhs);
-        for (ptrdiff_t i = 0; i < whole; i++)
-            v->right[i * k + j] = e->rhs[i];
+        for (ptrdiff_t i = 0; i < rows; i++)
+            v->solved[i * k + j] = e->rhs[i];
     }
 }
 
-/* Write the state of stage s. */
-static void state_of_stage(const struct variations *v, const struct tableau *x, long s, real h, const real *y,
-                           real *state) {
-    const ptrdiff_t states = 2 * v->e->n;
-    memcpy(state, y, (size_t)states * sizeof(real));
+/* out = base + h times the rows of the stages before s by their coefficients, many of which are zero. */
+static void add_stages(const struct tableau *x, long s, real h, const real *base, const real *rows, long dim, real *out) {
+    memcpy(out, base, (size_t)dim * sizeof(real));
     for (long j = 0; j < s; j++)
         if (x->a[s * x->all + j] != 0)
-            add(states, h * x->a[s * x->all + j], v->rates + j * states, state);
+            add(dim, h * x->a[s * x->all + j], rows + j * dim, out);
 }
 
 /* Evaluate a stage: leave its dy/dt in v->rates, w in e->out and the factorisation in e->work. */
@@ -145,11 +180,12 @@ static int close_tangents(struct variations *v, real t, const real *y) {
     if (status != DONE)
         return status;
     call(v, v->kernels.closing, t, y, v->still);
+    invert(v, t, y, e->factors, n);
     for (int rates = 0; rates < 2; rates++) {
         memset(v->right, 0, (size_t)((n + e->m) * k) * sizeof(real));
         add_slopes(v, rates ? OF_RATES : OF_PLACES, R(-1), v->moved, NULL, v->right + n * k);
-        solve_columns(v, t, y, e->factors);
-        add(n * k, R(1), v->right, v->moved + (rates ? n * k : 0));
+        solve_columns(v, t, y, e->factors, n, n);
+        add(n * k, R(1), v->solved, v->moved + (rates ? n * k : 0));
     }
     return DONE;
 }
@@ -157,30 +193,29 @@ static int close_tangents(struct variations *v, real t, const real *y) {
 static int forward_step(struct variations *v, real t, real h, const real *y, const real *y_new) {
     struct equations *e = v->e;
     const struct tableau x = tableau_of(&v->scheme);
-    const ptrdiff_t n = e->n, k = v->sizes.columns, row = 2 * n * k;
+    const ptrdiff_t n = e->n, k = v->sizes.columns, row = 2 * n * k, rows = v->sizes.integrals ? n + e->m : n;
+    memset(v->solved, 0, (size_t)((n + e->m) * k) * sizeof(real));
     for (long s = 0; s < x.stages; s++) {
         const real t_s = t + x.c[s] * h;
         real *turned = v->turned + s * row;
-        state_of_stage(v, &x, s, h, y, v->state);
-        memcpy(v->by_stage, v->moved, (size_t)row * sizeof(real));
-        for (long j = 0; j < s; j++)
-            if (x.a[s * x.all + j] != 0)
-                add(row, h * x.a[s * x.all + j], v->turned + j * row, v->by_stage);
+        add_stages(&x, s, h, y, v->rates, 2 * n, v->state);
+        add_stages(&x, s, h, v->moved, v->turned, row, v->by_stage);
         evaluate(v, s, t_s, v->state);
-        memset(v->right, 0, (size_t)((n + e->m) * k) * sizeof(real));
         if (v->kernels.stage != NULL) {
+            memset(v->right, 0, (size_t)((n + e->m) * k) * sizeof(real));
             call(v, v->kernels.stage, t_s, v->state, e->out);
             add_slopes(v, OF_RESIDUAL, R(1), v->by_stage, NULL, v->right);
-            solve_columns(v, t_s, v->state, e->work);
+            invert(v, t_s, v->state, e->work, rows);
+            solve_columns(v, t_s, v->state, e->work, rows, 0);
         }
         memcpy(turned, v->by_stage + n * k, (size_t)(n * k) * sizeof(real));
-        memcpy(turned + n * k, v->right, (size_t)(n * k) * sizeof(real));
+        memcpy(turned + n * k, v->solved, (size_t)(n * k) * sizeof(real));
         if (v->sizes.integrals && x.b[s] != 0) {
             call(v, v->kernels.integrands, t_s, v->state, e->out);
             add(v->sizes.integrals, h * x.b[s], v->out, v->sums);
             if (v->kernels.integrand_slopes != NULL) {
                 call(v, v->kernels.integrand_slopes, t_s, v->state, e->out);
-                add_slopes(v, OF_INTEGRANDS, h * x.b[s], v->by_stage, v->right, v->summed);
+                add_slopes(v, OF_INTEGRANDS, h * x.b[s], v->by_stage, v->solved, v->summed);
             }
         }
     }
@@ -216,7 +251,7 @@ static int backward_step(struct variations *v, real t, real h, const real *y, co
     if (status != DONE)
         return status;
     for (long s = 0; s < x.stages; s++) {
-        state_of_stage(v, &x, s, h, y, v->states + s * states);
+        add_stages(&x, s, h, y, v->rates, states, v->states + s * states);
         evaluate(v, s, t + x.c[s] * h, v->states + s * states);
         memcpy(v->solutions + s * whole, e->out, (size_t)whole * sizeof(real));
         memcpy(v->factors + s * (work + 1), e->work, (size_t)work * sizeof(real));

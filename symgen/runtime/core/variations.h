@@ -48,7 +48,8 @@ struct variations {
     /* forward: rows of so many columns */
     real *moved;             /* d(q, u), 2n rows */
     real *by_stage, *turned; /* of a stage; d(dy/dt) of all stages */
-    real *right;             /* right-hand sides, then dw, n + m rows */
+    real *right, *solved;    /* right-hand sides, and dw, n + m rows */
+    real *inverse;           /* rows of the inverse of [M J^T; J 0] */
     real *sums, *summed;     /* integrals; their derivatives, a row each */
     /* transposed */
     real *seed;              /* of (q, u) */

@@ -23,6 +23,8 @@ Array = NDArray[np.float64]
 
 #: Coordinates whose directions are closer to dependent than this do not determine the motion.
 _DEPENDENT = 1e-9
+#: The part of its largest singular value at which the constraint Jacobian has lost rank.
+_LOST = 1e-12
 #: The part of the linkage's size, and of the speeds, by which a state may violate the constraints.
 _CLOSED = 1e-6
 
@@ -72,6 +74,11 @@ class Tangents:
         Its accelerations and multipliers.
     redundant
         Number of constraints that follow from the others.
+
+    Raises
+    ------
+    ModelError
+        Where the constraints lose rank.
     """
 
     def __init__(
@@ -101,6 +108,11 @@ class Tangents:
         )
         rank = self.m - redundant
         left, values, right = np.linalg.svd(self.jacobian / self.scale[:, None])
+        if rank and not values[rank - 1] > _LOST * values[0]:
+            raise ModelError(
+                f"the constraints of {d.name} lose rank at this state, at t = {state.t:g} s: it is at a dead "
+                "centre, where motions and forces have no derivatives\n  Choose a state away from it."
+            )
         #: Minimum-norm motions of unit constraint errors, and a basis of the motions without any.
         self.bound = (right[:rank].T / values[:rank]) @ left[:, :rank].T
         self.free = right[rank:].T

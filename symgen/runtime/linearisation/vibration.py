@@ -30,7 +30,9 @@ _APART = 1e-6
 def frequencies(
     tangents: Tangents, kernels: Evaluator, moved: Array, parameters: Sequence[str]
 ) -> tuple[Array, Array]:
-    """Return the frequencies of the modes that oscillate [Hz], rising, and their derivatives.
+    """Return the frequencies of the modes that oscillate [Hz] and their derivatives.
+
+    They are sorted by the modulus of their eigenvalues, which without damping is the circular frequency.
 
     Parameters
     ----------
@@ -120,7 +122,7 @@ def _at(tangents: Tangents, kernels: Evaluator) -> tuple[float, Array, Array, Ar
 
 
 def _oscillations(mass: Array, stiffness: Array, damping: Array) -> NDArray[np.complex128]:
-    """Return the eigenvalues with positive imaginary part [1/s], by rising modulus."""
+    """Return the eigenvalues with positive imaginary part [1/s], sorted by modulus."""
     k = len(mass)
     if not k:
         return np.zeros(0, dtype=complex)

@@ -110,7 +110,7 @@ class LinearAnalyses:
         outputs
             Scalars that a scene can record, as for :meth:`linearise`: poses, velocities, accelerations,
             reactions, drive efforts, energies. At an equilibrium also ``frequencies`` [Hz] of all modes that
-            oscillate, rising; they come last.
+            oscillate, sorted by the modulus of their eigenvalues; they come last.
         parameters
             Tunable parameters and inputs, all when absent. Of a run also the initial values of
             ``coordinates`` and of their rates, called ``crank.angle`` and ``crank.angle'``.
