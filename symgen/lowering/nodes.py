@@ -164,8 +164,9 @@ def _product(expression: sp.Expr) -> Node:
     if coefficient != 1:
         above.append(constant(coefficient))
     for factor in sp.Mul.make_args(rest):
-        base, exponent = factor.as_base_exp()
-        (below if exponent.is_negative else above).extend(_power(base, abs(exponent)))
+        base, exponent = factor.as_base_exp() if factor.is_Pow else (factor, sp.Integer(1))
+        inverse = exponent.is_Rational and exponent.is_negative
+        (below if inverse else above).extend(_power(base, -exponent if inverse else exponent))
     numerator = _join(above)
     return Quotient(numerator, _join(below)) if below else numerator
 

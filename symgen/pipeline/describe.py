@@ -198,6 +198,7 @@ def of_linkage(linkage: Linkage, program: Program, equations: str) -> Descriptio
             if not linkage.kinematic
         ),
         switches=tuple(s.text for s in linkage.switches),
+        pulses=tuple(k for k, s in enumerate(linkage.switches) if s.smooth),
         windings=len(linkage.windings),
         turns=turning(linkage),
     )

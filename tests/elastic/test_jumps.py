@@ -103,7 +103,7 @@ def crank_with_motor(torque):
     }
     turned = {"link": "crank", "mode": "motor", "speed": "w", "torque": torque, "flywheel": "2 kg*m^2"}
     return symgen.Scene(
-        parameters={"w": "4 rad/s", "k": "2 N*m", "b": "0.4 s", "c": "1 N*m*s"},
+        parameters={"w": "4 rad/s", "k": "2 N*m", "b": "0.4 s", "c": "1 N*m*s", "h": "1e-3 s"},
         points={"O": {"at": ["0 m", "0 m"], "ground": True}, "A": {"at": ["0.3 m", "0 m"]}},
         links={"crank": link},
         crank=turned,
@@ -179,3 +179,27 @@ def test_jumps_at_angles_beyond_a_revolution():
         by_angle, by_time = (run[name].values for run in runs)
         assert by_angle == pytest.approx(by_time, abs=1e-9 * np.max(np.abs(by_time)))
     assert all(any("1 switching point of" in note for note in run.notes) for run in runs)
+
+
+@pytest.mark.parametrize(
+    ("force", "area"),
+    [("F*exp(-((t - b)/w)**2)", math.sqrt(math.pi)), ("F/(1 + ((t - b)/w)**2)**2", math.pi / 2)],
+)
+def test_smooth_pulses_shorter_than_a_step_are_not_missed(force, area, tmp_path):
+    """The tip moves as after an impulse, but for terms of the second order of its length."""
+    model = pushed(tmp_path, force)
+    run = model.simulate(t_eval=[0.02, 0.03, 0.05], rtol=1e-6)
+    impulse = FORCE * LASTS * area
+    expected = deflection(run.time, [(BEGIN - 1e-9, impulse / 2e-9), (BEGIN + 1e-9, -impulse / 2e-9)], True)
+    error = run["tip.displacement"].values[:, 1] - expected
+    assert np.max(np.abs(error)) < 1e-3 * np.max(np.abs(expected))
+
+
+def test_pulses_in_the_torque_of_a_motor():
+    """I theta'' = k exp(-((t - b)/h)^2) with h = 1 ms: the speed rises by k h sqrt(pi)/I."""
+    model = symgen.build(crank_with_motor("k*exp(-((t - b)/h)**2)"))
+    run = model.simulate(revolutions=0.5, samples=21, steps=200)
+    gained = 2 * 1e-3 * math.sqrt(math.pi) / (2 + 7850 * 4e-4 * 0.3 * 0.3**2 / 3)
+    x, y = run["A.position"].values.T
+    expected = 4 * run.time + gained * np.maximum(run.time - 0.4, 0.0)
+    assert np.unwrap(np.arctan2(y, x)) == pytest.approx(expected, abs=2e-6)

@@ -50,12 +50,23 @@ def text(expression):
         (x - (y - z), "x + z - y"),
         (sp.pi * x, "3.141592653589793*x"),
         (-2 * x * (-y), "2.0*x*y"),
+        (y * sp.exp(-x), "y*exp(-x)"),
+        (2 * sp.exp(-((x - y) ** 2)), "2.0*exp(-(x - y)*(x - y))"),
+        (z * 2**-x, "z*pow(2.0, -x)"),
+        (z * 3 ** (y - x), "z*pow(3.0, y - x)"),
     ],
 )
 def test_printing(expression, printed):
     assert text(fold(expression)) == printed
     values = {x: 1.7, y: 0.6, z: 2.3}
-    known = {"sqrt": np.sqrt, "atan2": np.arctan2, "fabs": abs, **{s.name: v for s, v in values.items()}}
+    known = {
+        "sqrt": np.sqrt,
+        "exp": np.exp,
+        "pow": pow,
+        "atan2": np.arctan2,
+        "fabs": abs,
+        **{s.name: v for s, v in values.items()},
+    }
     assert eval(printed, known) == pytest.approx(float(expression.subs(values)), rel=1e-14)
 
 

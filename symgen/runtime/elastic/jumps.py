@@ -21,15 +21,18 @@ Array = NDArray[np.float64]
 _LOOKS, _QUARTER = 720, np.pi / 2
 #: Half the time that is left out about a jump: so many roundings of the end of the run.
 _BLUR = 64
+#: Halvings of the time from the end of a run to the middle of a smooth pulse, at each of which a step ends.
+_GRADED = 40
 #: Part of a revolution that an adaptive run tries as its first step.
 _FIRST_TRIED = 4096
 
 
-def jump_times(motion: ElasticMotion, end: float, looks: int) -> Array:
+def jump_times(motion: ElasticMotion, end: float, looks: float) -> Array:
     """Return the last time before and the first after every jump of the loads in (0, end) [s], (jumps, 2).
 
-    ``looks`` are the least number of times at which the distances from switching points are evaluated. What
-    passes zero and comes back between two looks is not seen.
+    Smooth pulses in the time have many, ever nearer to their middle, so that steps resolve any width.
+    ``looks`` are the least number of times, up to a million, at which distances from switching points are
+    evaluated. What passes zero and comes back between two looks is not seen.
 
     Raises
     ------
@@ -40,24 +43,35 @@ def jump_times(motion: ElasticMotion, end: float, looks: int) -> Array:
         return np.zeros((0, 2))
     typed = motion.rigid.typed
     blur = _BLUR * (typed.precision.epsilon if typed else FLOAT64.epsilon) * end
-    count = max(_LOOKS, looks)
+    count = int(min(max(_LOOKS, looks), 1e6))
     times = end * (np.arange(count + 1) + 0.4 * np.sin(np.arange(count + 1) ** 2.0)) / count
     times[0], times[-1] = 0.0, end
     found: set[tuple[float, float]] = set()
+    middles: list[float] = []
     while True:
         # Of a triangle, the corners show only where its tip is looked at.
-        new = {pair for pair in _passed(motion, times, blur) if not _known(pair, found)}
-        if not new:
-            return _merged(sorted(found), blur, end)
-        found |= new
-        times = np.union1d(times, [t for pair in new for t in pair])
+        passed = {p: k for p, k in _passed(motion, times, blur) if not _known(p, found)}
+        if not passed:
+            break
+        found |= set(passed)
+        middles += [low for (low, _), k in passed.items() if k in motion.rigid.description.pulses]
+        times = np.union1d(times, [t for pair in passed for t in pair])
+    jumps = _merged(sorted(found), blur, end)
+    if not middles:
+        return jumps
+    steps = end * 0.5 ** np.arange(1, _GRADED)
+    graded = np.unique([m + side * steps for m in middles for side in (-1, 1)])
+    graded = graded[(graded > 0.0) & (graded < end)]
+    apart = [t for t in graded if not np.any((jumps[:, 0] <= t) & (t <= jumps[:, 1]))]
+    both: Array = np.concatenate([jumps, np.column_stack([apart, apart])])
+    return both[np.argsort(both[:, 0], kind="stable")]
 
 
 def _known(pair: tuple[float, float], found: set[tuple[float, float]]) -> bool:
     return any(a <= pair[0] and pair[1] <= b for a, b in found)
 
 
-def _passed(motion: ElasticMotion, times: Array, blur: float) -> list[tuple[float, float]]:
+def _passed(motion: ElasticMotion, times: Array, blur: float) -> list[tuple[tuple[float, float], int]]:
     """Return a time before and one after every point passed between two of the times, by halving."""
     gaps = _distances(motion, times, angles := _angles(motion, times))
     sides = np.sign(gaps)
@@ -74,8 +88,9 @@ def _passed(motion: ElasticMotion, times: Array, blur: float) -> list[tuple[floa
         beyond = rows[np.arange(len(rows)), which[wide]] * after[wide] > 0.0
         high[wide] = np.where(beyond, middle[wide], high[wide])
         low[wide] = np.where(beyond, low[wide], middle[wide])
-    begins = [(0.0, 0.0)] if np.any((sides[0] == 0.0) & (sides[1] != 0.0)) else []
-    return begins + list(zip(low.tolist(), high.tolist(), strict=True))
+    begins = np.flatnonzero((sides[0] == 0.0) & (sides[1] != 0.0)).tolist()
+    pairs = zip(low.tolist(), high.tolist(), strict=True)
+    return [((0.0, 0.0), k) for k in begins] + list(zip(pairs, which.tolist(), strict=True))
 
 
 def _states(motion: ElasticMotion, times: Array) -> tuple[Array, Array]:

@@ -74,7 +74,7 @@ def run(
     count, end = len(times), float(np.max(times))
     if task.method != "quasi-static":
         step = task.max_step or turn(motion) / (task.steps or 1)
-        motion = motion.ending_on(jump_times(motion, end, math.ceil(end / step)))
+        motion = motion.ending_on(jump_times(motion, end, end / step))
         times = np.concatenate([times, motion.jumps[:, 0]])
     equations = motion.equations(task.form == "thesis", stepping=True)
     if task.form == "thesis":
@@ -228,7 +228,7 @@ def _result(
     notes += _of_crank(motion, whole)
     notes += _of_reductions(motion)
     notes += _of_lengths(motion)
-    notes += of_switches(d.switches, len(motion.jumps))
+    notes += of_switches(d.switches, int(np.sum(motion.jumps[:, 1] > motion.jumps[:, 0])))
     notes += warnings(motion, equations, whole, _moments(motion, times))
     if task.t_eval is not None:
         notes.append("peaks, and limits of linear theory, are those at the times of t_eval only")

@@ -28,6 +28,8 @@ Progress = Callable[[float], None]
 
 #: Steps per revolution that a run begins with, and the most that it is doubled to.
 _FIRST, _MOST = 256, 1 << 18
+#: The most steps a revolution that may be asked for.
+_MOST_A_TURN = 10_000_000
 #: An error of which so much is left in the last of so many parts of a run is reduced on the first, if so many
 #: times are recorded; and the least part of the steps found there that the whole run takes.
 _LASTING, _PART, _FEW, _LEAST = 0.4, 8, 64, 0.6
@@ -91,6 +93,10 @@ def recorded_times(motion: ElasticMotion, task: Task) -> Array:
         raise ModelError(f"expected rtol above zero and below one, got {task.rtol!r}")
     if task.max_step is not None and not (is_real(task.max_step) and task.max_step > 0):
         raise out_of_range("max_step", task.max_step)
+    if task.max_step is not None and not turn(motion) / task.max_step <= _MOST_A_TURN:
+        raise ModelError(
+            f"expected max_step of at least {turn(motion) / _MOST_A_TURN:.2g} s, got {task.max_step!r}"
+        )
     if task.rtol < TIGHTEST * FLOAT64.epsilon:
         raise ModelError(f"expected rtol of at least {TIGHTEST * FLOAT64.epsilon:.2g}, got {task.rtol!r}")
     if task.at is not None:
@@ -124,7 +130,7 @@ def first_steps(motion: ElasticMotion, task: Task, least: int) -> int:
         return least if task.max_step is None else max(least, math.ceil(turn(motion) / task.max_step))
     if task.max_step is not None:
         raise ModelError("give steps (a revolution) or max_step, not both")
-    if not 1 <= task.steps <= 10_000_000:
+    if not 1 <= task.steps <= _MOST_A_TURN:
         raise ModelError(f"expected between 1 and 10 million steps a turn, got {task.steps!r}")
     return task.steps
 

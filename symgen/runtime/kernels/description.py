@@ -177,6 +177,7 @@ class Description(Described):
     windings: int = 0
     turns: tuple[str, ...] = ()
     switches: tuple[str, ...] = ()
+    pulses: tuple[int, ...] = ()
     remarks: tuple[str, ...] = ()
     inputs: tuple[str, ...] = ()
 

@@ -13,12 +13,14 @@ from symgen.symbolic.quantity import Quantity
 class Switch:
     """A jump or a kink of a load where ``gap``, of the time t and the state, passes zero.
 
-    ``branch`` is held by a run during a step; ``text`` is the jump as written, with its location.
+    ``branch`` is held by a run during a step; ``text`` is the jump as written, with its location. A
+    ``smooth`` one is the middle of a pulse, where the load neither jumps nor has a kink.
     """
 
     gap: sp.Expr
     branch: Quantity
     text: str
+    smooth: bool = False
 
 
 @dataclass(frozen=True, slots=True)

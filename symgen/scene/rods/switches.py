@@ -24,9 +24,8 @@ def with_switches(linkage: Linkage) -> Linkage:
     """Return a linkage whose loads have a branch b for each of their jumps: sign(x) as b + (1 - b^2) sign(x).
 
     At b = 0, the value of the parameter that is added, this is sign(x); runs hold b at 1 or -1 during a step.
-    Smooth pulses in the time have one in their middle, on which no load depends: a step ends there. Steps of
-    elastic links have no stage at their ends, and no use of it. Kinematics have no steps, and keep their
-    expressions. Branches that loads have are left out first.
+    Smooth pulses in the time have one in their middle, on which no load depends: a step ends there.
+    Kinematics have no steps, and keep their expressions. Branches that loads have are left out first.
     """
     if linkage.kinematic:
         return linkage
@@ -40,9 +39,10 @@ def with_switches(linkage: Linkage) -> Linkage:
         ),
         crank=crank and replace(crank, torque=found.held("[crank]", crank.torque, crank.link)),
     )
-    if not linkage.elastic:
-        for where, expressions, own in loads_of(linkage):
-            found.stop_at_pulses(where, expressions, own)
+    for where, expressions, own in loads_of(linkage):
+        found.stop_at_pulses(where, expressions, own)
+    if crank:
+        found.stop_at_pulses("[crank]", (crank.torque,), crank.link)
     if not found.switches:
         return linkage
     return replace(
@@ -140,7 +140,7 @@ class _Switches:
         for node in (n for e in expressions for n in sp.preorder_traversal(e)):
             gap = _middle(node, self._constant)
             if gap is not None:
-                self._branch(where, gap, node)
+                self._branch(where, gap, node, smooth=True)
 
     def _of(self, where: str, expression: sp.Expr) -> sp.Expr:
         if not expression.has(sp.Abs, Sign):
@@ -152,7 +152,7 @@ class _Switches:
         sign = self._branch(where, gap, expression)
         return gap * sign if rebuilt.func is sp.Abs else sign
 
-    def _branch(self, where: str, gap: sp.Expr, written: sp.Expr) -> sp.Expr:
+    def _branch(self, where: str, gap: sp.Expr, written: sp.Expr, smooth: bool = False) -> sp.Expr:
         """Return the sign of a gap with its branch; gaps that differ by a sign have one branch."""
         if -gap in self._branches:
             return -self._branches[-gap]
@@ -161,7 +161,7 @@ class _Switches:
             self._taken.add(name)
             text = f"{_written(written.xreplace(self._words), self._own)} in {where}"
             b = quantity(name, "1", f"branch of {text}: 0, or 1 and -1 while a run holds it")
-            self.switches.append(Switch(gap, b, text))
+            self.switches.append(Switch(gap, b, text, smooth))
             self._branches[gap] = b.symbol + (1 - b.symbol**2) * Sign(gap)
         return self._branches[gap]
 
