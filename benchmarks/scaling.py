@@ -9,7 +9,8 @@ The motion is problem A02 of M. González et al., A benchmarking system for MBS 
 Syst. Dyn. 16, 2006 (http://lim.ii.udc.es/mbsbenchmark): 40 linkages with upright cranks, whose tips start at
 1 m/s, for 20 s. Its error is the one defined there, over positions and velocities of the first tip at 400
 steps of output; the mechanism passes positions in which it has 41 degrees of freedom. The reference is the
-equivalent pendulum.
+equivalent pendulum. MuJoCo, where it is installed, runs it with halved steps until it is in the class of low
+precision, or stops at the last of them.
 """
 
 from __future__ import annotations
@@ -27,6 +28,7 @@ import scipy.integrate
 from harness import Case, Measurement, Required, arguments, measure, report_repeats
 from numpy.typing import NDArray
 from regeneration import IMPORT, best, cold
+from scaling_peers import MuJoCo
 
 import symgen
 from symgen.runtime import _core
@@ -39,10 +41,13 @@ EXPONENT, FIRST_STEP, LARGEST_ERROR = 1.15, 5.0, 1e-12
 #: Mass of every link [kg], start of the cranks (1 m long) [m, rad/s], and gravity [m/s^2].
 MASS, ACROSS, UP, RATE, GRAVITY = 1.0, 0.6, 0.8, -2.0, 9.81
 TIMES = 2000
-#: The benchmark motion: linkages, duration [s], steps of output, magnitude below which errors are absolute
+#: The benchmark motion: duration [s], steps of output, magnitude below which errors are absolute
 #: [m, m/s], and the largest error of its class of high precision. Its cranks start upright.
-MOTION, DURATION, SAMPLES, THRESHOLD, OF_MOTION = 40, 20.0, 400, 1e-3, 1e-3
+DURATION, SAMPLES, THRESHOLD, OF_MOTION = 20.0, 400, 1e-3, 1e-3
 UPRIGHT = (0.0, 1.0, -1.0)
+#: Linkages of the comparison with a peer, its steps [s], its largest error (of the class of low precision),
+#: and how much faster symgen must be.
+COMPARED, PEER_STEPS, OF_PEER, FASTER = (10, 40), (2e-3, 1e-3, 5e-4, 2.5e-4), 1e-1, 5.0
 #: Columns whose growth is bounded, and whether they are times.
 GROWING = {
     "operations": False,
@@ -65,7 +70,7 @@ def measured(sizes: tuple[int, ...]) -> Measurement:
     with tempfile.TemporaryDirectory() as folder:
         sympy = best(["-c", "import sympy"], Path(folder), 3)
         rows = [size(n, Path(folder)) for n in sizes]
-        wrong, seconds = motion(Path(folder))
+        motions = {n: motion(n, Path(folder)) for n in COMPARED}
     earlier, last = rows[-2:]
     required = [
         Required(
@@ -85,11 +90,21 @@ def measured(sizes: tuple[int, ...]) -> Measurement:
         ),
         Required("relative error", max(row["relative error"] for row in rows), LARGEST_ERROR, at_least=False),
     ]
-    required.append(Required(f"error of the motion, N = {MOTION}", wrong, OF_MOTION, at_least=False))
-    notes = [
-        f"Seconds required: where SymPy is imported in {IMPORT:g} s; on a slower machine in proportion.",
-        f"The benchmark motion of {MOTION} linkages, {DURATION:g} s by default options: {seconds:.3g} s.",
-    ]
+    notes = [f"Seconds required: where SymPy is imported in {IMPORT:g} s; on a slower machine in proportion."]
+    for n, (wrong, seconds) in motions.items():
+        required.append(Required(f"error of the motion, N = {n}", wrong, OF_MOTION, at_least=False))
+        notes.append(f"The motion of {n} linkages by default options: {seconds:.3g} s, error {wrong:.1e}.")
+        try:
+            step, of_peer, peer = peer_motion(n)
+        except ImportError:
+            notes.append("MuJoCo is not installed: pip install 'symgen[peers]'.")
+            continue
+        notes.append(f"MuJoCo, {n} linkages, steps of {step:g} s: {peer:.3g} s, error {of_peer:.1e}.")
+        required.append(
+            Required(
+                f"MuJoCo's time over symgen's, N = {n}", peer / seconds, FASTER, at_least=True, timed=True
+            )
+        )
     return Measurement("N four-bar linkages in a row", rows, required, notes)
 
 
@@ -127,24 +142,42 @@ def size(n: int, folder: Path) -> dict[str, Any]:
     }
 
 
-def motion(folder: Path) -> tuple[float, float]:
-    """Return the error of the benchmark motion, and the seconds of its run."""
-    file, times = folder / "motion.toml", np.linspace(0.0, DURATION, SAMPLES + 1)
-    file.write_text(scene(MOTION, UPRIGHT, ("B0.position", "B0.velocity")), encoding="utf-8")
+def motion(n: int, folder: Path) -> tuple[float, float]:
+    """Return the error of the benchmark motion of n linkages, and the seconds of its run."""
+    file, times = folder / f"motion_of_{n}.toml", np.linspace(0.0, DURATION, SAMPLES + 1)
+    file.write_text(scene(n, UPRIGHT, ("B0.position", "B0.velocity")), encoding="utf-8")
     model = symgen.build(file)
     began = time.perf_counter()
     result = model.simulate(t_end=DURATION, samples=SAMPLES + 1)
     seconds = time.perf_counter() - began
     found = np.concatenate([np.asarray(result[f"B0.{which}"]) for which in ("position", "velocity")], axis=1)
-    expected = swing(times)
+    return error_of(found, swing(n, times)), seconds
+
+
+def peer_motion(n: int) -> tuple[float, float, float]:
+    """Return the step [s] with which MuJoCo is in the class of low precision, its error, and the seconds."""
+    times = np.linspace(0.0, DURATION, SAMPLES + 1)
+    for step in PEER_STEPS:
+        peer = MuJoCo(n, step, UPRIGHT[2], GRAVITY)
+        began = time.perf_counter()
+        found = peer.run(times)
+        seconds = time.perf_counter() - began
+        wrong = error_of(found, swing(n, times))
+        if wrong <= OF_PEER:
+            break
+    return step, wrong, seconds
+
+
+def error_of(found: Array, expected: Array) -> float:
+    """Return the error of a motion in the measure of the benchmark."""
     wrong = (found - expected) / np.maximum(np.abs(expected), THRESHOLD)
-    return float(np.sqrt(np.mean(wrong**2))), seconds
+    return float(np.sqrt(np.mean(wrong**2)))
 
 
-def swing(times: Array) -> Array:
+def swing(n: int, times: Array) -> Array:
     """Return position and velocity of the first tip in the benchmark motion (times, 4) [m, m/s]."""
     across, up, rate = UPRIGHT
-    inertia, moment = pendulum(MOTION)
+    inertia, moment = pendulum(n)
     found = scipy.integrate.solve_ivp(
         lambda _, y: (y[1], -moment * GRAVITY * math.cos(y[0]) / inertia),
         (0.0, DURATION),
