@@ -231,31 +231,24 @@ def test_a_uniform_shift_of_a_link_needs_no_force(axis):
 
 def random_six_bar(seed):
     """Sizes of a six-bar that closes in every position of its crank."""
-    factors = 1 + np.random.default_rng(seed).uniform(-0.06, 0.06, len(SIX_BAR))
+    factors = 1 + np.random.default_rng(seed).uniform(-0.04, 0.04, len(SIX_BAR))
     return {name: float(size * factor) for (name, size), factor in zip(SIX_BAR.items(), factors, strict=True)}
 
 
 @pytest.mark.parametrize("name", SIX_BARS)
 @pytest.mark.parametrize("seed", [1, *(full(seed) for seed in range(2, 101))])
 def test_random_six_bars(name, seed):
-    """Matrices, and with them frequencies at rest and deflections under the loads of the rigid motion."""
+    """Matrices; frequencies at rest, and deflections of the structure at rest under the loads of the motion."""
     sizes = random_six_bar(seed)
     found = six_bar_model(name).with_parameters(**sizes)._motion(True)
-    case, t = (
-        Case(six_bar(sizes, *SIX_BARS[name])),
-        float(np.random.default_rng(seed).uniform(0, 0.2)),
-    )
-    compare(found, found.equations(), case, t)
+    case, t = Case(six_bar(sizes, *SIX_BARS[name])), float(np.random.default_rng(seed).uniform(0, 0.2))
     compiled = found.equations()
-    for rest in (False, True):
-        _, mass, _, stiffness, load, basis = compiled.matrices(t, rest)
-        left = None if basis is None else free_unknowns(basis)
-        exact = equations(case, found.beams, list(found.layout.names), t, rest=rest, independent=left)
-        if rest:
-            squares = [
-                np.sort(eigh(k, m, eigvals_only=True)) for k, m in ((stiffness, mass), (exact[2], exact[0]))
-            ]
-            assert np.abs(squares[0] / squares[1] - 1)[:6].max() < 1e-9
-        else:
-            bent = [np.linalg.solve(k, q) for k, q in ((stiffness, load), (exact[2], exact[3]))]
-            assert np.abs(bent[0] - bent[1]).max() < 1e-9 * np.abs(bent[1]).max()
+    compare(found, compiled, case, t)
+    load = compiled.matrices(t)[4]
+    _, mass, _, stiffness, _, basis = compiled.matrices(t, True)
+    left = None if basis is None else free_unknowns(basis)
+    exact = equations(case, found.beams, list(found.layout.names), t, rest=True, independent=left)
+    squares = [eigh(k, m, eigvals_only=True) for k, m in ((stiffness, mass), (exact[2], exact[0]))]
+    assert np.abs(squares[0] / squares[1] - 1)[:6].max() < 1e-9
+    bent = [np.linalg.solve(k, load) for k in (stiffness, exact[2])]
+    assert np.abs(bent[0] - bent[1]).max() < 1e-9 * np.abs(bent[1]).max()
