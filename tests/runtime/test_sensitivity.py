@@ -83,6 +83,8 @@ def test_a_driven_four_bar_has_the_derivatives_of_its_closed_form():
     assert found.parameters == tuple(values) and found.outputs[0] == "B.position.x"
     expected = slopes(of_driven_four_bar(0.3), values.values())
     assert found.derivatives == pytest.approx(expected, rel=1e-9, abs=1e-10 * np.max(np.abs(expected)))
+    along = model.sensitivity(outputs, t_eval=[0.1, 0.3], rtol=1e-12)
+    assert along.derivatives[1] == pytest.approx(expected, rel=1e-9, abs=1e-10 * np.max(np.abs(expected)))
     two = model.sensitivity(["crank.torque"], ["rho", "b"], at=0.3)
     assert two["crank.torque", "b"] == found["crank.torque", "b"] and two.units["rho"] == "kg/m"
     # The torque is proportional to the masses.
