@@ -13,7 +13,9 @@ MODELS = json.loads(Path("generated/manifest.json").read_text(encoding="utf-8"))
 
 def flags(optimisation):
     """Return the compiler flags: no contraction, so that all processors give the same bits."""
-    return [] if os.name == "nt" else [f"-O{optimisation}", "-std=c11", "-ffp-contract=off"]
+    if os.name == "nt":
+        return []
+    return [f"-O{optimisation}", "-std=c11", "-ffp-contract=off", "-Werror=implicit-function-declaration"]
 
 
 # What Cython's arrays need, compiled once instead of into each module: most of what there is to compile.
