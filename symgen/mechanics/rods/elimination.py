@@ -49,9 +49,7 @@ def cost(order: Iterable[int], varies: Mapping[tuple[int, int], bool], enough: f
     return total
 
 
-def minimum_degree(
-    entries: Iterable[tuple[int, int]], coordinates: int, count: int, delay: float = 0.0
-) -> tuple[int, ...]:
+def minimum_degree(entries: Iterable[tuple[int, int]], coordinates: int, count: int) -> tuple[int, ...]:
     """Return the order in which each next unknown has the fewest neighbours among those left.
 
     A multiplier follows every coordinate of its row. The leading blocks are then those of a positive definite
@@ -66,10 +64,6 @@ def minimum_degree(
         Number of coordinates, which are numbered first; multipliers follow.
     count
         Number of all unknowns.
-    delay
-        Neighbours that count as much as one more elimination on which an unknown waits. With a delay, the
-        longest sequence of eliminations that wait for each other grows with the logarithm of the number of
-        loops in a row, not with their number, at the expense of some fill-in.
     """
     near: dict[int, set[int]] = {k: {k} for k in range(count)}
     for i, j in entries:
@@ -78,10 +72,8 @@ def minimum_degree(
     missing = {k: {i for i in near[k] if i < coordinates} for k in range(coordinates, count)}
     rows = {k: [i for i in near[k] if i in missing] for k in range(coordinates)}
 
-    waits = dict.fromkeys(near, 0)
-
-    def rank(k: int) -> tuple[float, bool, int]:
-        return len(near[k]) + delay * waits[k], k < coordinates, k
+    def rank(k: int) -> tuple[int, bool, int]:
+        return len(near[k]), k < coordinates, k
 
     waiting = [rank(k) for k in near if not missing.get(k)]
     heapify(waiting)
@@ -98,7 +90,6 @@ def minimum_degree(
         for i in around:
             near[i] |= around
             near[i].discard(k)
-            waits[i] = max(waits[i], waits[k] + 1)
         for i in (*around, *rows.get(k, ())):
             if not missing.get(i):
                 heappush(waiting, rank(i))

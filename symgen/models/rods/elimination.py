@@ -13,9 +13,6 @@ from symgen.models.rods.linkage import RodsModel
 _MOST_CONDITION = 100
 #: Part of the cost along the tree that minimum degree may have: below that, results keep their last digits.
 _WORTH = 0.75
-#: Number of unknowns above which loops over tables eliminate (:mod:`symgen.codegen.rolled`): they are faster
-#: with a delay, by which many unknowns are eliminated in one loop.
-_LARGE, _DELAY = 600, 0.25
 
 
 def is_open(model: RodsModel) -> bool:
@@ -45,8 +42,7 @@ def order_of(model: RodsModel, masses: sp.MatrixBase, jacobian: sp.MatrixBase) -
     varies = {ij: not x.is_number for ij, x in masses.todok().items()}
     varies |= {(n + i, j): not x.is_number for (i, j), x in jacobian.todok().items()}
     if not is_open(model):
-        count = n + jacobian.rows
-        other, worth = minimum_degree(varies, n, count, _DELAY if count > _LARGE else 0.0), _WORTH
+        other, worth = minimum_degree(varies, n, n + jacobian.rows), _WORTH
     elif _is_even(masses):
         other, worth = (*(k for k in outward if k < n), *(k for k in outward if k >= n)), 1.0
     else:
