@@ -21,14 +21,25 @@ def print_synthesis(found: Any, console: Console) -> None:
                 design.linkage.grashof,
                 *(f"{length:.6g}" for length in design.linkage.lengths.values()),
                 *("" if math.isnan(angle) else f"{math.degrees(angle):.2f}" for angle in angles),
-                "yes" if design.faults else "",
+                f"{design.linkage.error:.1e}",
             )
         )
     count = len(found.designs)
     good = sum(not design.faults for design in found.designs)
     title = f"{found.title or 'Synthesis'}: {count} four-bar{'s' * (count != 1)}, {good} without a fault"
-    heads = ("", "class", "crank", "coupler", "rocker", "fixed link", "least mu", "greatest", "fault")
-    console.print(table(title, heads, rows, texts=(1, 8)))
+    heads = (
+        "",
+        "class",
+        "crank",
+        "coupler",
+        "rocker",
+        "fixed link",
+        "least mu",
+        "greatest",
+        "error",
+        "fault",
+    )
+    console.print(table(title, heads, rows, texts=(1,)))
     console.print("lengths in m; mu: transmission angle in deg, over a revolution of the crank")
     for i, design in enumerate(found.designs, start=1):
         for fault in design.faults:

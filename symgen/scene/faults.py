@@ -56,6 +56,8 @@ def scene_error(scene: type[Table], error: ValidationError) -> SceneError:
                 f"unknown key {place[-1]!r}",
                 nearest(place[-1], table_at(scene, place).model_fields),
             )
+            if where == "synthesis":
+                hint = "'symgen synthesise' reads files with this table."
             if _LOOPS.fullmatch(where) or (place[0] == "loop" and _is_a_loop(fault["input"])):
                 hint = ONE_LOOP
         case "missing":

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from typing import TYPE_CHECKING, Any, cast
 
@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from symgen.calls import checked
+from symgen.errors import ModelError
 
 if TYPE_CHECKING:
     from symgen.runtime.model.kinematic import KinematicModel
@@ -54,7 +55,13 @@ class FourBar:
         Places [m] of the crank's ground point, its joint with the coupler, the joint of coupler and rocker,
         the rocker's ground point, and the coupler's point.
     error
-        How far what was asked for is missed [m or rad]: the root of the mean square where it is fitted.
+        Root of the mean square by which the conditions are missed: distances from precision points [m],
+        or Freudenstein's equation (no unit); rounding where they are not fitted.
+
+    Raises
+    ------
+    ModelError
+        When joints of a link coincide.
     """
 
     O: Array
@@ -63,6 +70,18 @@ class FourBar:
     C: Array
     P: Array
     error: float = 0.0
+
+    def __post_init__(self) -> None:
+        for name in "OABCP":
+            object.__setattr__(self, name, np.asarray(getattr(self, name), dtype=float))
+        for name, length in self.lengths.items():
+            if not length > 0:
+                raise ModelError(f"expected a {name.replace('_', ' ')} longer than zero, got {length:g} m")
+
+    def scaled(self, factor: float) -> FourBar:
+        """Return the four-bar with all places, and its error, multiplied by a factor."""
+        places = {name: factor * getattr(self, name) for name in "OABCP"}
+        return replace(self, **places, error=factor * self.error)
 
     @property
     def lengths(self) -> dict[str, float]:
@@ -118,7 +137,9 @@ class FourBar:
 
     def within_reach(self, directions: ArrayLike) -> Array:
         """Return directions of the crank [rad] moved by revolutions into the range in which it swings."""
-        directions = np.asarray(directions, dtype=float)
+        directions = np.atleast_1d(np.asarray(directions, dtype=float))
+        if not directions.size:
+            return directions
         a, b, c, d = self.lengths.values()
         towards = float(np.arctan2(*(self.C - self.O)[::-1]))
         from_link = np.mod(directions - towards, 2 * np.pi)

@@ -12,6 +12,7 @@ from symgen.mechanics.synthesis.limits import QUANTITIES
 from symgen.synthesis.four_bar import FourBar
 from symgen.synthesis.search import Conditions, Search, conditions, search
 from symgen.synthesis.tasks import LimitTask
+from symgen.synthesis.triangle import angle
 
 Array = NDArray[np.float64]
 
@@ -35,6 +36,8 @@ def crank_rockers(task: LimitTask) -> tuple[list[FourBar], Search]:
     """
     given = task.given()
     _check(given)
+    scale = next(value for name, value in given.items() if name in _LENGTHS)
+    given = {name: value / scale if name in _LENGTHS else value for name, value in given.items()}
     equations = conditions("synthesis_limits", CONDITIONS, NAMES)
     fixed = np.array([name in given for name in NAMES])
     values = np.array([given.get(name, 0.0) for name in NAMES])
@@ -55,7 +58,8 @@ def crank_rockers(task: LimitTask) -> tuple[list[FourBar], Search]:
         full[~fixed] = x
         if _is_one(dict(zip(NAMES, full.tolist(), strict=True))):
             linkages.append(_drawn(dict(zip(NAMES, full.tolist(), strict=True)), full, equations))
-    return sorted(linkages, key=lambda linkage: [*linkage.lengths.values()]), found
+    linkages.sort(key=lambda linkage: [*linkage.lengths.values()])
+    return [linkage.scaled(scale) for linkage in linkages], found
 
 
 def _check(given: dict[str, float]) -> None:
@@ -87,9 +91,6 @@ def _sample(generator: np.random.Generator, given: dict[str, float]) -> Array:
     scale = given[name] / named[name]
     a, b, c, d = (scale * x for x in (a, b, c, d))
 
-    def angle(opposite: float, p: float, q: float) -> float:
-        return float(np.arccos(np.clip((p * p + q * q - opposite * opposite) / (2 * p * q), -1.0, 1.0)))
-
     out: dict[str, float] = {"crank": a, "coupler": b, "rocker": c, "fixed_link": d}
     for pose, side in (("extended", a + b), ("folded", b - a)):
         out[f"crank_{pose}"] = angle(c, side, d)
@@ -120,15 +121,15 @@ def _is_one(x: dict[str, float]) -> bool:
     angles = [v for name, v in x.items() if name not in _LENGTHS]
     return (
         all(x[name] > 0 for name in _LENGTHS)
-        and all(0 < angle < np.pi for angle in angles)
+        and all(0 < value < np.pi for value in angles)
         and x["coupler"] > x["crank"]
     )
 
 
 def _drawn(x: dict[str, float], full: Array, equations: Conditions) -> FourBar:
     """Return the linkage in its extended limit position, the ground points on the axis."""
-    a, b, d, angle = (x[name] for name in ("crank", "coupler", "fixed_link", "crank_extended"))
-    direction = np.array([np.cos(angle), np.sin(angle)])
+    a, b, d, theta = (x[name] for name in ("crank", "coupler", "fixed_link", "crank_extended"))
+    direction = np.array([np.cos(theta), np.sin(theta)])
     residual = equations(full)[0]
     places = (np.zeros(2), a * direction, (a + b) * direction, np.array([d, 0.0]), (a + b / 2) * direction)
     return FourBar(*places, error=float(np.abs(residual).max()))
@@ -140,7 +141,7 @@ def measured(linkage: FourBar) -> Iterator[tuple[str, float]]:
     yield from lengths.items()
     extended = float(np.arctan2(*(linkage.A - linkage.O)[::-1]))
     a, b, c, d = lengths.values()
-    folded = float(np.arccos((d * d + (b - a) ** 2 - c * c) / (2 * d * (b - a))))
+    folded = angle(c, d, b - a)
     run = linkage.angles([extended, extended + np.pi, folded + np.pi, 0.0, np.pi])
     rocker, transmission = run["rocker.angle"].values, np.abs(run["A.B.C.angle"].values)
     yield "swing", float(abs(rocker[2] - rocker[0]))

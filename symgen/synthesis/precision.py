@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from itertools import permutations
 from typing import NamedTuple
 
@@ -68,20 +69,21 @@ def function(task: FunctionTask) -> Found:
     for root in found.roots:
         full[:, free] = root
         first, second, third, crank, rocker = full[0, :5]
-        a, c = size / first, size / second
-        square = a * a + c * c + size * size - 2 * a * c * third
-        if not square > 0:
+        if min(abs(first), abs(second)) < _ONE_LINK:
+            continue  # a crank or rocker without end, against the fixed link
+        a, c = 1 / first, 1 / second
+        if not a * a + c * c + 1 - 2 * a * c * third > _ONE_LINK**2:
             continue
         # A negative length is a link that points the other way.
         angles = np.column_stack([crank + x + (np.pi if a < 0 else 0), rocker + y + (np.pi if c < 0 else 0)])
         a, c = abs(a), abs(c)
         joint_a = a * np.array([np.cos(angles[0, 0]), np.sin(angles[0, 0])])
-        joint_b = np.array([size + c * np.cos(angles[0, 1]), c * np.sin(angles[0, 1])])
+        joint_b = np.array([1 + c * np.cos(angles[0, 1]), c * np.sin(angles[0, 1])])
         error = float(np.sqrt(np.mean(equations(root)[0] ** 2)))
-        places = (np.zeros(2), joint_a, joint_b, np.array([size, 0.0]), (joint_a + joint_b) / 2)
-        linkages.append(FourBar(*places, error=error))
+        places = (np.zeros(2), joint_a, joint_b, np.array([1.0, 0.0]), (joint_a + joint_b) / 2)
+        linkages.append(replace(FourBar(*places).scaled(size), error=error))
         poses.append(angles)
-    return Found(*_distinct(linkages, poses, size), found)
+    return Found(*_distinct(linkages, poses, size, 1.0), found)
 
 
 def _ratios(generator: np.random.Generator) -> Array:
@@ -107,10 +109,10 @@ def motion(task: MotionTask) -> Found:
         raise SceneError(
             f"expected as many angles as points, {len(places)}, got {len(angles)}", where="angles"
         )
-    given = task.given()
+    size = _size(places)
+    places, given = places / size, _over(task.given(), size)
     free = [i for i, name in enumerate(DYAD) if name not in given]
     _enough(len(places), len(free), "points", ", ".join(DYAD))
-    size = _size(places)
     rows = conditions("synthesis_dyad", 1, _DYAD)
     generator = np.random.default_rng(task.seed)
     searches, dyads = [], []
@@ -123,20 +125,20 @@ def motion(task: MotionTask) -> Found:
             parts = [rows(row) for row in full]
             return np.concatenate([r for r, _ in parts]), np.concatenate([s[:, free] for _, s in parts])
 
-        random = (_dyad(generator, places, angles, size)[free] for _ in range(task.starts))
+        random = (_dyad(generator, places, angles)[free] for _ in range(task.starts))
         found = search(equations, random, fit=len(places) > len(free))
         searches.append(found)
         dyads.append([_whole(equations, root, full) for root in found.roots])
-    dyads = [_one_of_each(side, size) for side in dyads]
+    dyads = [_one_of_each(side) for side in dyads]
     pairs = permutations(dyads[0], 2) if len(dyads) == 1 else ((p, q) for p in dyads[0] for q in dyads[1])
     linkages = [
-        _of_dyads(crank[0], rocker[0], places[0], angles[0], max(crank[1], rocker[1]))
+        _of_dyads(crank[0], rocker[0], places[0], angles[0], max(crank[1], rocker[1])).scaled(size)
         for crank, rocker in pairs
-        if not _same(crank[0], rocker[0], size)
+        if _apart(crank[0], rocker[0])
     ]
-    poses = np.column_stack([places, angles])
+    poses = np.column_stack([size * places, angles])
     total = Search(
-        (),
+        tuple(root for s in searches for root in s.roots),
         sum(s.starts for s in searches),
         min(s.nearest for s in searches),
         sum(s.singular for s in searches),
@@ -151,11 +153,11 @@ def _whole(equations: Equations, root: Array, full: Array) -> tuple[Array, float
     return dyad, float(np.sqrt(np.mean((residual / (2 * max(dyad[4], 1e-300))) ** 2)))
 
 
-def _one_of_each(dyads: list[tuple[Array, float]], size: float) -> list[tuple[Array, float]]:
+def _one_of_each(dyads: list[tuple[Array, float]]) -> list[tuple[Array, float]]:
     """Return dyads without repetitions (a length and its negative), sorted by their length."""
     kept: list[tuple[Array, float]] = []
     for dyad in sorted(dyads, key=lambda d: (d[1], d[0][4])):
-        if dyad[0][4] > _ONE_LINK * size and not any(_same(dyad[0], other[0], size) for other in kept):
+        if dyad[0][4] > _ONE_LINK and not any(_same(dyad[0], other[0], 1.0) for other in kept):
             kept.append(dyad)
     return sorted(kept, key=lambda d: (d[0][4], *d[0]))
 
@@ -171,8 +173,9 @@ def path(task: PathTask) -> Found:
     SceneError
         When there are too few points for the unknowns.
     """
-    places, given = task.places(), task.given()
+    places = task.places()
     count, size = len(places), _size(places)
+    places, given = places / size, _over(task.given(), size)
     own = [i for i, name in enumerate(DYAD) if name not in given]
     _enough(2 * count, 2 * len(own) + count - 1, "points, of two conditions each,", ", ".join(DYAD))
     rows = conditions("synthesis_dyad", 1, _DYAD)
@@ -200,7 +203,7 @@ def path(task: PathTask) -> Found:
         return residual, slopes
 
     generator = np.random.default_rng(task.seed)
-    random = (_four_bar(generator, places, size, own) for _ in range(task.starts))
+    random = (_four_bar(generator, places, own) for _ in range(task.starts))
     found = search(equations, random, fit=2 * count > 2 * k + count - 1)
     linkages, poses = [], []
     for root in found.roots:
@@ -208,28 +211,28 @@ def path(task: PathTask) -> Found:
         dyads = [full[part.start, :5].copy() for part in sides]
         for dyad in dyads:
             dyad[4] = abs(dyad[4])
-        if _same(dyads[0], dyads[1], size) or min(d[4] for d in dyads) <= _ONE_LINK * size:
+        if not _apart(*dyads):
             continue
         if not given and dyads[0][4] > dyads[1][4]:  # a curve is the same with the links exchanged
             dyads.reverse()
         lengths = np.repeat([max(d[4], 1e-300) for d in dyads], count)
         error = float(np.sqrt(np.mean((residual / (2 * lengths)) ** 2)))
-        linkages.append(_of_dyads(dyads[0], dyads[1], places[0], 0.0, error))
-        poses.append(np.column_stack([places, full[:count, 7]]))
-    return Found(*_distinct(linkages, poses, size), found)
+        linkages.append(_of_dyads(dyads[0], dyads[1], places[0], 0.0, error).scaled(size))
+        poses.append(np.column_stack([size * places, full[:count, 7]]))
+    return Found(*_distinct(linkages, poses, size, size), found)
 
 
-def _four_bar(generator: np.random.Generator, places: Array, size: float, own: list[int]) -> Array:
+def _four_bar(generator: np.random.Generator, places: Array, own: list[int]) -> Array:
     """Return the unknowns of a random linkage whose links have the mean lengths over random rotations."""
     angles = np.array([0.0, *generator.normal(0.0, 1.0, len(places) - 1)])
-    dyads = [_dyad(generator, places, angles, size)[own] for _ in range(2)]
+    dyads = [_dyad(generator, places, angles)[own] for _ in range(2)]
     return np.concatenate([*dyads, angles[1:]])
 
 
-def _dyad(generator: np.random.Generator, places: Array, angles: Array, size: float) -> Array:
+def _dyad(generator: np.random.Generator, places: Array, angles: Array) -> Array:
     """Return a random dyad [m] whose length is the mean distance of its joints in the poses."""
-    ground = places.mean(axis=0) + generator.normal(0.0, _SPREAD * size, 2)
-    joint = generator.normal(0.0, _SPREAD * size, 2)
+    ground = places.mean(axis=0) + generator.normal(0.0, _SPREAD, 2)
+    joint = generator.normal(0.0, _SPREAD, 2)
     ends = places + _turned(joint, angles)
     return np.array([*ground, *joint, np.linalg.norm(ends - ground, axis=1).mean()])
 
@@ -245,15 +248,23 @@ def _of_dyads(crank: Array, rocker: Array, place: Array, angle: float, error: fl
     return FourBar(crank[:2], joints[0], joints[1], rocker[:2], place, error=error)
 
 
+def _apart(one: Array, other: Array) -> bool:
+    """Return whether two dyads make a four-bar, of links longer than the least."""
+    grounds, joints = np.linalg.norm(one[:2] - other[:2]), np.linalg.norm(one[2:4] - other[2:4])
+    return bool(min(one[4], other[4], grounds, joints) > _ONE_LINK)
+
+
 def _same(one: Array, other: Array, size: float) -> bool:
     return bool(np.abs(one - other).max() <= _ONE_LINK * max(size, float(np.abs(one).max())))
 
 
-def _distinct(linkages: list[FourBar], poses: list[Array], size: float) -> tuple[list[FourBar], list[Array]]:
-    """Return linkages without repetitions, those of least error and shortest links first."""
+def _distinct(
+    linkages: list[FourBar], poses: list[Array], size: float, unit: float
+) -> tuple[list[FourBar], list[Array]]:
+    """Return linkages without repetitions: those of least error, in its unit, and shortest links first."""
     kept: list[tuple[FourBar, Array]] = []
     order = sorted(
-        zip(linkages, poses, strict=True), key=lambda x: (round(x[0].error / size, 9), *x[0].lengths.values())
+        zip(linkages, poses, strict=True), key=lambda x: (round(x[0].error / unit, 9), *x[0].lengths.values())
     )
     for linkage, own in order:
         places = np.concatenate([linkage.O, linkage.A, linkage.B, linkage.C])
@@ -271,7 +282,13 @@ def _size(places: Array) -> float:
     return size
 
 
+def _over(given: dict[str, tuple[float, float]], size: float) -> dict[str, tuple[float, float]]:
+    return {name: (one / size, other / size) for name, (one, other) in given.items()}
+
+
 def _enough(conditions: int, unknowns: int, what: str, which: str) -> None:
+    if not unknowns:
+        raise SceneError("nothing is left to be found", hint=f"Prescribe fewer of: {which}.")
     if conditions < unknowns:
         raise SceneError(
             f"{conditions} conditions do not determine {unknowns} unknowns",

@@ -19,6 +19,8 @@ _SAME = 1e-6
 _SETTLED = 1e-11
 #: Least singular value of the slopes at a root, relative to the largest.
 _REGULAR = 1e-12
+#: The same at a least square, which is not polished.
+_DETERMINED = 1e-8
 
 
 class Conditions:
@@ -81,16 +83,18 @@ def search(
         x, size = result.x, max(1.0, float(np.abs(result.x).max()))
         if not np.isfinite(x).all():
             continue
-        if not fit:
+        if fit:
+            sizes = np.linalg.svd(equations(x)[1], compute_uv=False)
+            settled, regular = result.success, bool(sizes[-1] > _DETERMINED * sizes[0])
+        else:
             polished, regular = _polished(equations, x)
-            if polished is None:
-                nearest = min(nearest, float(np.linalg.norm(result.fun)))
-                continue
-            if not regular:
-                singular += 1
-                continue
-            x = polished
-        elif not result.success:
+            settled = polished is not None
+            x = x if polished is None else polished
+        if not settled:
+            nearest = min(nearest, float(np.linalg.norm(result.fun)))
+            continue
+        if not regular:
+            singular += 1
             continue
         if all(np.abs(x - other).max() > _SAME * size for other in found):
             found.append(x)

@@ -17,11 +17,14 @@ from symgen.synthesis import limits, precision
 from symgen.synthesis.four_bar import FourBar
 from symgen.synthesis.search import Search
 from symgen.synthesis.tasks import FunctionTask, LimitTask, MotionTask, PathTask, Task, read_task
+from symgen.synthesis.triangle import angle
 
 Array = NDArray[np.float64]
 
 #: Difference between the conditions and the linkage's run: rounding, near dead centres its root [rad, size].
 _AGREES = 1e-7
+#: Larger error of a fit that is a fault [rad, size].
+_FITS = 0.05
 #: Angle by which a crank may move back before its order is wrong [rad].
 _IN_ORDER = 1e-9
 
@@ -129,14 +132,21 @@ def _checked(linkage: FourBar, run: Callable[[], tuple[dict[str, float], list[st
     try:
         quantities, faults = run()
     except SimulationError as error:
-        stop = np.degrees(linkage.parameters["start"] + error.time)
-        quantities, faults = {}, [f"the crank comes to {stop:.6g} deg, and not through all poses"]
+        quantities, faults = {}, [_stopped(linkage, error.time)]
     return Design(linkage, quantities, tuple(faults))
+
+
+def _stopped(linkage: FourBar, time: float) -> str:
+    if linkage.grashof == "change-point":
+        return "a change-point linkage: its branches meet where all links are in line"
+    stop = np.degrees(linkage.parameters["start"] + time)
+    return f"the crank stops at {stop:.6g} deg, before it has passed all poses"
 
 
 def _limits(linkage: FourBar, given: dict[str, float]) -> tuple[dict[str, float], list[str]]:
     quantities = dict(limits.measured(linkage)) | _over_revolution(linkage)
-    missed = {n: abs(quantities[n] - x) / max(x, 1.0) for n, x in given.items() if n in quantities}
+    sizes = {n: x if n in linkage.lengths else 1.0 for n, x in given.items() if n in quantities}
+    missed = {n: abs(quantities[n] - given[n]) / size for n, size in sizes.items()}
     return quantities, [f"{name} is missed by {x:.2g}" for name, x in missed.items() if not x <= _AGREES]
 
 
@@ -146,9 +156,10 @@ def _over_revolution(linkage: FourBar) -> dict[str, float]:
         return {}
     a, b, c, d = linkage.lengths.values()
     towards = float(np.arctan2(*(linkage.C - linkage.O)[::-1]))
-    cosines = [(d * d + side * side - c * c) / (2 * d * side) for side in (b + a, b - a)]
-    inline = [turn + np.arccos(x) for x, turn in zip(cosines, (0.0, np.pi), strict=True) if abs(x) <= 1]
-    directions = [0.0, np.pi, *inline, *(-x for x in inline)]
+    directions = [0.0, np.pi]
+    if linkage.grashof == "crank-rocker":
+        inline = [angle(c, d, b + a), np.pi + angle(c, d, b - a)]
+        directions += [*inline, *(-x for x in inline)]
     run = linkage.angles(np.array(directions) + towards)
     transmission, rocker = np.abs(run["A.B.C.angle"].values), run["rocker.angle"].values
     found = {
@@ -165,33 +176,42 @@ def _function(linkage: FourBar, poses: Array) -> tuple[dict[str, float], list[st
     directions = linkage.within_reach(poses[:, 0])
     run = linkage.angles(directions.tolist())
     missed = _turn(run["rocker.angle"].values - poses[:, 1])
-    size = _AGREES + 10 * linkage.error
-    return _over_revolution(linkage), [*_other_branch(missed, size), *_order(linkage, directions)]
+    return _passed(linkage, missed, directions, linkage.error, "rad")
 
 
 def _guidance(linkage: FourBar, poses: Array) -> tuple[dict[str, float], list[str]]:
     """Return faults of places and rotations of the coupler at the directions of the crank."""
     directions = linkage.within_reach(precision.crank_directions(linkage, poses))
     run = linkage.angles(directions.tolist())
-    size = max(linkage.lengths.values())
+    exact = linkage.error <= _AGREES * float(np.ptp(poses[:, :2], axis=0).max())
+    size = max(linkage.lengths.values()) if exact else float(np.ptp(poses[:, :2], axis=0).max())
     places = np.linalg.norm(run["P.position"].values - poses[:, :2], axis=1)
     turned = _turn(
         (run["coupler.angle"].values - run["coupler.angle"].values[0]) - (poses[:, 2] - poses[0, 2])
     )
     missed = np.maximum(places / size, np.abs(turned))
-    tolerance = _AGREES + 20 * linkage.error / size
-    return _over_revolution(linkage), [*_other_branch(missed, tolerance), *_order(linkage, directions)]
+    return _passed(linkage, missed, directions, linkage.error / size, "of the points' extent, or rad")
 
 
-def _turn(angle: Array) -> Array:
+def _passed(
+    linkage: FourBar, missed: Array, directions: Array, error: float, unit: str
+) -> tuple[dict[str, float], list[str]]:
+    """Return measures and faults of a run through the poses, of which ``missed`` is the error in its unit."""
+    fitted = error > _AGREES
+    least = _FITS if fitted else _AGREES
+    wrong = [str(i + 1) for i in np.flatnonzero(~(np.abs(missed) <= least))]
+    faults = [*_order(linkage, directions)]
+    if wrong and fitted:
+        most = f"{np.abs(missed).max():.2g} {unit}"
+        faults.insert(0, f"precision points {', '.join(wrong)} are missed by up to {most}")
+    elif wrong:
+        faults.insert(0, f"precision points {', '.join(wrong)} are on another assembly branch")
+    return _over_revolution(linkage), faults
+
+
+def _turn(x: Array) -> Array:
     """Return angles less whole revolutions."""
-    return np.asarray(angle - 2 * np.pi * np.round(angle / (2 * np.pi)))
-
-
-def _other_branch(missed: Array, tolerance: float) -> Iterator[str]:
-    wrong = [str(i + 1) for i in np.flatnonzero(~(np.abs(missed) <= tolerance))]
-    if wrong:
-        yield f"another assembly branch has the precision points {', '.join(wrong)}"
+    return np.asarray(x - 2 * np.pi * np.round(x / (2 * np.pi)))
 
 
 def _order(linkage: FourBar, directions: Array) -> Iterator[str]:

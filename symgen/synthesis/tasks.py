@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
@@ -80,9 +81,10 @@ class _Dyads(Table):
 
     def given(self) -> dict[str, tuple[float, float]]:
         """Return the prescribed quantities of both dyads [m]."""
-        return {
-            n: (v[0], v[1]) for n in DYAD if getattr(self, n) for v in [values(getattr(self, n), LENGTH, n)]
-        }
+        read = {n: values(getattr(self, n), LENGTH, n) for n in DYAD if getattr(self, n)}
+        if "length" in read and not (read["length"] > 0).all():
+            raise SceneError(f"expected lengths above zero, got {read['length'].min():g} m", where="length")
+        return {n: (float(v[0]), float(v[1])) for n, v in read.items()}
 
     def places(self) -> Array:
         """Return the precision points (n, 2) [m]."""
@@ -130,6 +132,8 @@ def read_task(source: str | os.PathLike[str] | Mapping[str, Any]) -> tuple[str, 
     """
     if isinstance(source, Mapping):
         return "", _task(dict(source), "")
+    if not Path(source).is_file():
+        raise SceneError(f"there is no file called {os.fspath(source)!r}", hint="See docs/synthesis.md.")
     text = read_scene(source)
     try:
         document = Document(**text.data)
@@ -142,7 +146,7 @@ def read_task(source: str | os.PathLike[str] | Mapping[str, Any]) -> tuple[str, 
 
 def _task(table: dict[str, Any], where: str) -> Task:
     kind = table.get("kind")
-    if kind not in _KINDS:
+    if not isinstance(kind, str) or kind not in _KINDS:
         raise SceneError(
             f"expected a kind of synthesis, got {kind!r}",
             where=f"{where}.kind".strip("."),

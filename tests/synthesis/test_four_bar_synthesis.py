@@ -266,3 +266,75 @@ def test_the_scene_of_a_design_runs_and_passes_the_point(tmp_path):
     assert tomllib.loads(file.read_text())["symgen"] == 1
     run = symgen.build(file).kinematics(at=[0.9, 1.6], over="input")
     assert np.allclose(run["P.position"].values, places[1:], atol=1e-12)
+
+
+@pytest.mark.parametrize("size", [1e-5, 1.0, 1e4])
+def test_the_size_of_a_linkage_is_free(size):
+    a, b, c = (size * x for x in CASE_2[60, 30, 50])
+    found = symgen.synthesise(
+        {"kind": "limits", "fixed_link": f"{size} m", "swing": "60 deg", "crank_extended": "30 deg", "crank_folded": "50 deg"}
+    )  # fmt: skip
+    assert lengths(found)[0] == pytest.approx((a, b, c, size), rel=1e-9) and not found.designs[0].faults
+    poses = [drawn(x) for x in (0.3, 0.9, 1.6)]
+    found = symgen.synthesise(
+        {"kind": "motion", "points": in_metres(size * p for _, _, p in poses), "angles": [float(t) for _, t, _ in poses],
+         "ground_x": ["0 m", f"{size} m"], "ground_y": ["0 m", "0 m"]}
+    )  # fmt: skip
+    assert lengths(found)[0] == pytest.approx([size * x for x in (A, B, C, D)], rel=1e-9)
+    assert not found.designs[0].faults
+
+
+@pytest.mark.parametrize(
+    ("task", "message"),
+    [
+        ({"kind": []}, "expected a kind of synthesis"),
+        (  # cranks and rockers that turn alike: parallelograms of any proportions
+            {"kind": "function", "input": [0, 0.3, 0.7, 1.1], "output": [0, 0.3, 0.7, 1.1], "crank_start": 0, "rocker_start": 0},
+            "no four-bar was found",
+        ),
+        (  # a rotation of both about one point: the crank would have no end
+            {"kind": "function", "input": [0, 0.5, 1], "output": [0, 0.5, 1], "crank_start": "10 deg", "rocker_start": "40 deg"},
+            "no four-bar was found",
+        ),
+        (
+            {"kind": "motion", "points": [["0 m", "0 m"], ["1 m", "0 m"]], "angles": [0, 1],
+             "ground_x": ["0.5 m", "0.5 m"], "ground_y": ["1 m", "1 m"], "joint_x": ["0 m", "1 m"]},
+            "no four-bar was found",
+        ),
+        (
+            {"kind": "motion", "points": [["0 m", "0 m"], ["1 m", "0 m"]], "angles": [0, 1],
+             "joint_x": ["0 m", "0 m"], "joint_y": ["1 m", "1 m"], "ground_x": ["0 m", "1 m"]},
+            "no four-bar was found",
+        ),
+        (
+            {"kind": "motion", "points": [["0 m", "0 m"], ["1 m", "0 m"]], "angles": [0, 1],
+             **{n: ["1 m", "2 m"] for n in ("ground_x", "ground_y", "joint_x", "joint_y", "length")}},
+            "nothing is left to be found",
+        ),
+        (
+            {"kind": "motion", "points": [["0 m", "0 m"], ["1 m", "0 m"]], "angles": [0, 1], "length": ["-1 m", "1 m"]},
+            "expected lengths above zero, got -1 m",
+        ),
+    ],
+)  # fmt: skip
+def test_degenerate_tasks_are_refused(task, message):
+    with pytest.raises(SceneError, match=message):
+        symgen.synthesise(task)
+
+
+def test_a_file_that_is_not_there_and_a_scene_in_its_place(tmp_path):
+    with pytest.raises(SceneError, match="there is no file called 'none.toml'"):
+        symgen.synthesise("none.toml")
+    file = tmp_path / "task.toml"
+    file.write_text('symgen = 1\n[synthesis]\nkind = "limits"\n')
+    with pytest.raises(SceneError, match="'symgen synthesise' reads files with this table"):
+        symgen.build(file)
+
+
+def test_a_function_that_is_missed_by_far_is_a_fault():
+    """The rocker would jump to and fro, which it cannot while the crank turns by a third of a revolution."""
+    jumps = [0.5 * (i % 2) for i in range(9)]
+    found = symgen.synthesise({"kind": "function", "input": [0.2 * i for i in range(9)], "output": jumps})
+    for design in found.designs:
+        assert design.faults and design.linkage.error > 1e-3
+    assert any("are missed by up to" in fault for d in found.designs for fault in d.faults)
