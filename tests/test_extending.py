@@ -309,8 +309,11 @@ speed = "SPEED"
     drag = '[[drags]]\npoint = "X"\ncoefficient = "0.8 kg/m"\n'
     assert tip(drag, "120 rpm") == pytest.approx(tip(air, "120 rpm"), rel=1e-12)
     assert np.linalg.norm(tip(drag, "120 rpm") - tip("", "120 rpm")) > 1e-4
-    with pytest.raises(SceneError, match=r"dipoles.0.*X lies along the elastic link strip"):
-        tip(magnet.replace("T", "X"))
+    # At the middle of the cantilever: stiffness 3 E I/a^3 there, and the tip moves 5/2 times as far.
+    middle = 3 * 0.1 / 0.5**4 / (8 * stiffness - 12 * 0.1 / 0.5**5)
+    below = magnet.replace('"T"', '"X"').replace('"G"', '"H"')
+    below += '[points.H]\nat = ["0.65 m", "-0.5 m"]\nground = true\n'
+    assert tip(below)[1] == pytest.approx(-2.5 * middle, rel=1e-9)
     with pytest.raises(SceneError, match=r"ties. 0: a tie acts on an elastic link and elsewhere"):
         tip('[[ties]]\nbetween = ["T", "X"]\n')
 
