@@ -259,3 +259,9 @@ def test_no_test_imports_another():
             names += [node.module] if isinstance(node, ast.ImportFrom) and node.module else []
             found += [f"{path.relative_to(TESTS)} imports {n}" for n in names if n.split(".")[-1] in modules]
     assert not found
+
+
+def test_no_two_files_of_tests_have_one_name():
+    """Pytest imports them by their name alone."""
+    names = sorted(p.name for p in TESTS.rglob("test_*.py"))
+    assert sorted(set(names)) == names
