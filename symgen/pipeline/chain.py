@@ -75,7 +75,8 @@ def build_chain(
 def _chain(linkage: Linkage) -> ChainOfScene:
     for key in _foreign(linkage):
         raise SceneError(
-            "a chain has links of two points, masses, gravity and a start, and nothing else",
+            "a chain has links of two points with their drawn lengths, masses, gravity and a start, "
+            "and nothing else",
             where=key,
             hint="symgen.build derives the equations of this scene.",
         )
@@ -115,7 +116,9 @@ def _foreign(linkage: Linkage) -> Iterator[str]:
     if linkage.start.angles:
         yield "start.angles"
     for link in linkage.links:
-        if link.carried or link.offset != 0 or not link.as_drawn or TIME.symbol in link.length.free_symbols:
+        if not link.as_drawn or TIME.symbol in link.length.free_symbols:
+            yield f"links.{link.name}.length"
+        if link.carried or link.offset != 0:
             yield f"links.{link.name}"
     moving = (p for p in linkage.points if p.ground and p.motion != p.at)
     yield from (f"points.{p.name}.motion" for p in moving)
@@ -170,15 +173,26 @@ def _velocities(
     for k, (inner, link) in enumerate(rods, 1):
         i = places[inner]
         along = positions[k] - positions[i]
+        turned = None
+        if link.name in of_links:
+            rate = of_links[link.name]
+            spun = rate[0] * np.array((-along[1], along[0])) if len(rate) == 1 else np.cross(rate, along)
+            turned = velocities[i] + spun
         if order[k] in of_points:
             velocities[k] = of_points[order[k]]
             slip = abs(np.dot(velocities[k] - velocities[i], along))
             if slip > _ALONG * np.linalg.norm(along) * (np.linalg.norm(velocities[k]) + 1e-300):
                 raise SceneError(f"this velocity lengthens {link.name}", where=f"start.velocities.{order[k]}")
-        elif link.name in of_links:
-            rate = of_links[link.name]
-            spun = rate[0] * np.array((-along[1], along[0])) if len(rate) == 1 else np.cross(rate, along)
-            velocities[k] = velocities[i] + spun
+            if turned is not None and np.linalg.norm(turned - velocities[k]) > _ALONG * np.max(
+                np.abs([turned, velocities[k]])
+            ):
+                raise SceneError(
+                    f"this rate contradicts the velocity of {order[k]}",
+                    where=f"start.rates.{link.name}",
+                    hint="Give one of them.",
+                )
+        elif turned is not None:
+            velocities[k] = turned
         else:
             raise SceneError(
                 "expected the rates of all links at the start, or of none", where=f"start.rates.{link.name}"

@@ -99,6 +99,8 @@ cdef class Starter:
         the mass matrix is not positive definite."""
         cdef char[::1] dropped = np.zeros(self.sizes.m + 1, dtype=np.int8)
         cdef Py_ssize_t kept
+        if self.given.mass == NULL or (self.sizes.m and (self.given.jacobian == NULL or self.given.drift == NULL)):
+            raise ValueError("expected a model with the kernels of velocities at the start")
         for row in redundant:
             dropped[row] = 1
         kept = self.api.velocities(self.core, &dropped[0])

@@ -5,6 +5,7 @@ import pytest
 
 import symgen
 from symgen.codegen import rolled
+from symgen.errors import InitialStateError
 from symgen.lowering import program
 from symgen.runtime.rods import start
 from symgen.runtime.rods.redundancy import redundant_constraints
@@ -47,3 +48,49 @@ def test_sparse_velocities_are_those_of_the_dense_start(name):
     np.testing.assert_allclose(found[0], expected[0], rtol=0, atol=1e-12 * expected[3])
     assert max(np.max(missed, initial=0.0) for missed in found[1:3]) <= 1e-13 * expected[3]
     assert found[3] == expected[3]
+
+
+@pytest.mark.parametrize("mass", [1.0, 1e-6, 1e-9, 1e-12])
+def test_sparse_velocities_have_the_least_energy(mass, monkeypatch):
+    """Of a chain of which the rate of the first rod is given: the other rates balance their momentum.
+
+    With equal masses of the other rods, both rates are those of least energy of these rods alone, for any mass.
+    """
+    places = np.array([[0.0, 0.0], [1.0, 0.0], [2.0, 0.5], [3.0, 0.0]])
+    names = ["O", "A", "B", "C"]
+    scene = symgen.Scene(
+        points={n: {"at": [f"{x!r} m" for x in at.tolist()]} for n, at in zip(names, places, strict=True)}
+        | {"O": {"at": ["0 m", "0 m"], "ground": True}},
+        parameters={"x": {"value": "1 kg", "tunable": True}},
+        links={a + b: {"points": [a, b], "mass": "x"} for a, b in ("AB", "BC")}
+        | {"OA": {"points": ["O", "A"], "mass": "1 kg"}},
+        start={"rates": {"OA": "1 rad/s"}},
+    )
+    monkeypatch.setattr(start, "LARGE", 0)
+    model = symgen.build(scene).with_parameters(x=mass)
+    across = np.stack([-np.diff(places, axis=0)[:, 1], np.diff(places, axis=0)[:, 0]], axis=1)
+    # Velocities of A, B, C by the three rates, and the energy of a uniform rod: (a.a + a.b + b.b) m / 6.
+    a = np.array([[1, 0, 0], [1, 1, 0], [1, 1, 1]])[:, :, None] * across
+    energy = sum(
+        np.einsum("ik,jk->ij", x, x) + np.einsum("ik,jk->ij", y, y) + np.einsum("ik,jk->ij", x, y)
+        for x, y in ((a[0], a[1]), (a[1], a[2]))
+    )
+    energy = energy + energy.T
+    rates = np.append(1.0, np.linalg.solve(energy[1:, 1:], -energy[1:, 0]))
+    expected = np.einsum("ijk,j->ik", a, rates)
+    velocities = model.initial_state().velocities
+    found = [velocities[name] for name in "ABC"]
+    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-13)
+
+
+def test_a_large_start_without_mass_is_refused(monkeypatch):
+    scene = symgen.Scene(
+        points={"O": {"at": ["0 m", "0 m"], "ground": True}, "A": {"at": ["1 m", "0 m"]}},
+        parameters={"x": {"value": "1 kg", "tunable": True}},
+        links={"a": {"points": ["O", "A"], "mass": "x"}},
+        start={"rates": {"a": "1 rad/s"}},
+    )
+    monkeypatch.setattr(start, "LARGE", 0)
+    for mass in (0.0, -1.0):
+        with pytest.raises(InitialStateError, match=f"not positive definite with x = {mass:g} kg"):
+            symgen.build(scene).with_parameters(x=mass).initial_state()

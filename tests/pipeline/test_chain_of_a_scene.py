@@ -77,6 +77,12 @@ def test_the_recursion_gives_the_motion_of_the_derived_equations(tmp_path):
             "springs",
         ),
         ('second = "-2 rad/s"\n', "", "second: expected the rates of all links"),
+        (
+            "[start.rates]",
+            '[start.velocities]\nP1 = ["1 m/s", "2 m/s"]\n[start.rates]',
+            r"rates\] first: .*velocity of P1",
+        ),
+        ('mass = "2 kg" }', 'mass = "2 kg", length = "0.7 m" }', r"links.second\] length: .*drawn lengths"),
     ],
 )
 def test_what_a_chain_has_not_is_refused_by_its_key(tmp_path, old, new, where):

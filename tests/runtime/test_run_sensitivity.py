@@ -21,10 +21,9 @@ def rod(angle, torques=(), more=None, **fields):
         parameters={
             name: {"value": f"{value!r} {unit}", "tunable": True} for name, (value, unit) in values.items()
         },
-        points={"O": ground(0, 0), "P": at(0.6 * np.cos(angle), 0.6 * np.sin(angle))},
-        links={"rod": {"points": ["O", "P"], "mass": "m", "length": "l"}},
         torques=[{"link": "rod", "torque": torque} for torque in torques],
-        **fields,
+        links={"rod": {"points": ["O", "P"], "mass": "m", "length": "l"}},
+        **{"points": {"O": ground(0, 0), "P": at(0.6 * np.cos(angle), 0.6 * np.sin(angle))}} | fields,
     )
 
 
@@ -140,9 +139,16 @@ def test_runs_that_have_no_derivatives_are_refused():
         ({"t_end": 1.0, "coordinates": []}, "one for each degree of freedom"),
         ({"rtol": 1e-9}, "rtol is for derivatives along a run"),
         ({"t_eval": [0.0, 1.0]}, "after the start"),
+        ({"t_eval": []}, "t_eval, at least one"),
+        ({"t_eval": [[[0.1]], [[0.1]]]}, "t_eval"),
+        ({"t_end": 1.0, "max_steps": 0}, "max_steps of at least 1"),
+        ({"t_end": 1.0, "outputs": []}, "expected outputs or integrals"),
+        ({"t_end": 1.0, "at": symgen.build("four_bar").initial_state()}, "a state of 2 coordinates for at"),
+        ({"t_end": 1e-2, "integrals": ["rod.angle"] * 2}, "integral of rod.angle is asked for twice"),
+        ({"t_end": 1e-2, "integrals": ["P.position", "P.position.x"]}, "integral of P.position.x is asked"),
     ):
         with pytest.raises(ModelError, match=message):
-            model.sensitivity(["rod.angle"], **{"coordinates": ["rod.angle"], **arguments})
+            model.sensitivity(**{"outputs": ["rod.angle"], "coordinates": ["rod.angle"], **arguments})
     with pytest.raises(SimulationError, match="max_steps"):
         model.sensitivity(["rod.angle"], coordinates=["rod.angle"], t_end=1.0, step=1e-3, max_steps=10)
     jumps = symgen.build(rod(0.4, ["-c*sign(rod.rate)"], {"c": (0.1, "N*m")}))
@@ -150,3 +156,10 @@ def test_runs_that_have_no_derivatives_are_refused():
         jumps.sensitivity(["rod.angle"], coordinates=["rod.angle"], t_end=1.0)
     with pytest.raises(CapabilityError, match="does not support sensitivity"):
         symgen.build("rssr").sensitivity  # noqa: B018
+
+
+def test_integrals_that_are_not_finite_are_refused():
+    """Of the angle between a rod and a length of zero."""
+    model = symgen.build(rod(0.0, points={"O": ground(0, 0), "P": at(0.6, 0), "G": ground(0.6, 0)}))
+    with pytest.raises(SimulationError, match="not finite"):
+        model.sensitivity([], ["l"], coordinates=["rod.angle"], t_end=0.1, integrals=["O.P.G.angle"])

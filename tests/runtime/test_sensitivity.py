@@ -14,7 +14,7 @@ from shared.linkages import GRAVITY, G, at, circles, ground
 from shared.slopes import slopes
 
 import symgen
-from symgen.errors import CapabilityError, ModelError
+from symgen.errors import CapabilityError, ModelError, SimulationError
 
 g = mp.mpf(G)
 
@@ -288,3 +288,20 @@ def test_a_dead_centre_has_no_derivatives():
     in_line = model.state({"A": [0.3, 0.0], "B": [1.1, 0.0]})
     with pytest.raises(ModelError, match="lose rank at this state, at t = 0 s: it is at a dead centre"):
         model.sensitivity(["B.position"], at=replace(model.equilibrium(), state=in_line))
+
+
+def test_a_derivative_that_is_not_finite_is_named():
+    """The slope of a root at zero."""
+    values = {"s": "1 N*m", "T": "0 N*m"}
+    model = symgen.build(
+        symgen.Scene(
+            parameters={k: {"value": v, "tunable": True} for k, v in values.items()},
+            points={"O": ground(0, 0), "P": at(1, 0)},
+            links={"rod": {"points": ["O", "P"], "mass": "1 kg"}},
+            torques=[{"link": "rod", "torque": "s*sqrt(T/s)"}],
+        )
+    )
+    with pytest.raises(
+        SimulationError, match=r"derivative of P\.acceleration\.. by T is not finite at t = 0 s"
+    ):
+        model.sensitivity(["P.acceleration"], ["T"], coordinates=["rod.angle"])

@@ -223,7 +223,12 @@ static int forward_step(struct variations *v, real t, real h, const real *y, con
         if (x.b[s] != 0)
             add(row, h * x.b[s], v->turned + s * row, v->moved);
     int status = e->m ? close_tangents(v, t + h, y_new) : DONE;
-    return status != DONE ? status : all_finite(v->moved, row) ? DONE : NOT_FINITE;
+    if (status != DONE)
+        return status;
+    const ptrdiff_t integrals = v->sizes.integrals;
+    return all_finite(v->moved, row) && all_finite(v->sums, integrals) && all_finite(v->summed, integrals * k)
+               ? DONE
+               : NOT_FINITE;
 }
 
 /* The transpose of close_tangents. */

@@ -21,7 +21,7 @@ from symgen.runtime.integrate.failures import problem
 from symgen.runtime.integrate.options import Options, recorded_at
 from symgen.runtime.kernels.evaluate import Evaluator
 from symgen.runtime.linearisation.record import Sensitivity
-from symgen.runtime.linearisation.sensitivity import moved_pose
+from symgen.runtime.linearisation.sensitivity import finite, moved_pose
 from symgen.runtime.linearisation.state_space import Tangents, check_unique
 from symgen.runtime.result.state import State
 from symgen.runtime.rods.redundancy import slack
@@ -43,7 +43,7 @@ class Path:
     t, y
         Times [s] (steps + 1,) and states (steps + 1, 2n).
     references
-        References of angles in loads, one row per step.
+        References of angles in loads, steps + 1 rows.
     ends
         Number of steps till each requested time.
     """
@@ -72,7 +72,8 @@ def follow(evaluator: Evaluator, redundant: int, start: State, chosen: Options, 
             "  Choose dop853, dopri5 or rk4."
         )
     if d.switches:
-        raise ModelError(f"derivatives of runs are not available for loads that jump: {d.switches[0]}")
+        what = "smooth pulses in the time" if 0 in d.pulses else "loads that jump"
+        raise ModelError(f"derivatives of runs are not available for {what}: {d.switches[0]}")
     for event in d.events:
         if event.ends_run:
             raise ModelError(
@@ -148,7 +149,7 @@ def at_run(
     Raises
     ------
     ModelError
-        As :func:`symgen.runtime.linearisation.sensitivity.at_pose`.
+        As :func:`symgen.runtime.linearisation.sensitivity.at_pose`; for a repeated integral.
     SimulationError
         When a derivative is not finite.
     """
@@ -167,6 +168,9 @@ def at_run(
         check_unique(end, shown)
     slopes = [_by_state(end, shown, parameters, len(names)) for end in ends]
     integrands = [b.about for b in kernels.info("integrands").blocks] if kernels.has("integrands") else []
+    repeated = next((name for name in integrands if integrands.count(name) > 1), None)
+    if repeated:
+        raise ModelError(f"the integral of {repeated} is asked for twice\n  Name each integrand once.")
     units = {b.about: b.unit for b in kernels.info("integrands").blocks} if integrands else {}
     equations = evaluator.equations(start.redundant, work_of_loads=False)
 
@@ -183,7 +187,7 @@ def at_run(
     of_outputs = [[end.slopes.values[name] for name in shown] for end in ends]
     integral_names = tuple(f"integral of {name}" for name in integrands)
     infos = {p.name: p.unit for p in start.description.tunable}
-    return Sensitivity(
+    derived = Sensitivity(
         derivatives=np.array(found)[..., order],
         outputs=(*shown, *integral_names),
         parameters=tuple(by),
@@ -196,6 +200,7 @@ def at_run(
         },
         t=path.t[[*path.ends]],
     )
+    return finite(derived)
 
 
 def _state(path: Path, i: int) -> State:

@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from symgen.errors import ModelError
+from symgen.errors import ModelError, SimulationError
 from symgen.runtime.kernels.evaluate import Evaluator
 from symgen.runtime.linearisation.record import Sensitivity
 from symgen.runtime.linearisation.state_space import Tangents, check_unique
@@ -33,6 +33,8 @@ def at_pose(
     ------
     ModelError
         As :meth:`Tangents.independent`; for a parameter that breaks redundant constraints.
+    SimulationError
+        When a derivative is not finite.
     """
     tangents.check_closed()
     dq, du = moved_pose(tangents, parameters, coordinates)
@@ -94,13 +96,27 @@ def at_equilibrium(
         return found
     values, derivatives = frequencies(tangents, vibration, np.vstack([dq, multipliers]), parameters)
     names = tuple(f"frequency.{i}" for i in range(1, len(values) + 1))
-    return replace(
-        found,
-        derivatives=np.vstack([found.derivatives, derivatives]),
-        outputs=(*found.outputs, *names),
-        values=np.append(found.values, values),
-        units=found.units | dict.fromkeys(names, "Hz"),
+    return finite(
+        replace(
+            found,
+            derivatives=np.vstack([found.derivatives, derivatives]),
+            outputs=(*found.outputs, *names),
+            values=np.append(found.values, values),
+            units=found.units | dict.fromkeys(names, "Hz"),
+        )
     )
+
+
+def finite(found: Sensitivity) -> Sensitivity:
+    """Return finite derivatives; raise SimulationError with output and parameter of another."""
+    for *i, row, column in np.argwhere(~np.isfinite(found.derivatives)).tolist():
+        t = float(np.asarray(found.t)[tuple(i)])
+        raise SimulationError(
+            f"the derivative of {found.outputs[row]} by {found.parameters[column]} is not finite at "
+            f"t = {t:.9g} s",
+            time=t,
+        )
+    return found
 
 
 def _closing(tangents: Tangents, parameters: Sequence[str]) -> Array:
@@ -137,11 +153,13 @@ def _of_outputs(
         + rows[:, tangents.columns(parameters)]
     )
     infos = {p.name: p.unit for p in tangents.description.tunable}
-    return Sensitivity(
-        derivatives=derivatives,
-        outputs=tuple(shown),
-        parameters=tuple(parameters),
-        values=np.array([slopes.values[name] for name in shown]),
-        units={**{name: slopes.units[name] for name in shown}, **{name: infos[name] for name in parameters}},
-        t=tangents.state.t,
+    return finite(
+        Sensitivity(
+            derivatives=derivatives,
+            outputs=tuple(shown),
+            parameters=tuple(parameters),
+            values=np.array([slopes.values[name] for name in shown]),
+            units={name: slopes.units[name] for name in shown} | {name: infos[name] for name in parameters},
+            t=tangents.state.t,
+        )
     )

@@ -18,6 +18,7 @@ from symgen.runtime.integrate.checkpoint import keeping
 from symgen.runtime.integrate.options import Options, options, sample_count
 from symgen.runtime.integrate.pace import limited
 from symgen.runtime.integrate.simulate import run
+from symgen.runtime.kernels.arguments import reals
 from symgen.runtime.kernels.evaluate import Evaluator
 from symgen.runtime.model.compiled import degrees
 from symgen.runtime.model.linkage import LinkageModel
@@ -256,9 +257,19 @@ class RodModel(LinkageModel):
         if along:
             begin = at if at is None or isinstance(at, State) else at.state
             start = self.initial_state() if begin is None else begin
-            times = np.atleast_1d(np.asarray(t_end if t_eval is None else t_eval, dtype=float))
+            if not outputs and not integrals:
+                raise ModelError("expected outputs or integrals to differentiate along a run, got none")
+            if len(start.q) != self.description.coordinates:
+                raise ModelError(
+                    f"{self.name}: expected a state of {self.description.coordinates} coordinates for at, "
+                    f"got one of {len(start.q)}\n  Give one of this model."
+                )
+            times = reals(t_end, "t_end") if t_eval is None else reals(t_eval, "t_eval")
+            if not len(times):
+                raise ModelError("expected increasing times for t_eval, at least one, got none")
             last = float(times[-1]) if t_end is None else t_end
-            chosen = options(last, method, rtol, atol, step, 2, max_steps or MOST_STEPS, max_step=max_step)
+            most = MOST_STEPS if max_steps is None else max_steps
+            chosen = options(last, method, rtol, atol, step, 2, most, max_step=max_step)
             return self._along_run(outputs, names, by, coordinates, start, times, integrals, chosen)
         if at is None or isinstance(at, State):
             return at_pose(self._tangents(at, names, "sensitivity"), outputs, by, coordinates)

@@ -2,35 +2,42 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 from numpy.typing import NDArray
 
 from symgen.runtime.kernels.evaluate import Evaluator
 
+if TYPE_CHECKING:
+    from scipy.sparse import csc_matrix
+
 Array = NDArray[np.float64]
 
 #: Number of coordinates above which dense matrices of the start take longer than sparse ones.
 LARGE = 400
-#: Weight of the conditions over the masses, and the largest number of corrections.
-_WEIGHT, _CORRECTIONS = 1e8, 30
+#: Compliance of the conditions, over which masses and conditions are scaled to one; the most corrections.
+_COMPLIANCE, _CORRECTIONS = 1e-8, 30
 
 
 def least_velocities(
     evaluator: Evaluator, q: Array, redundant: tuple[int, ...]
-) -> tuple[Array, Array, Array, float]:
+) -> tuple[Array, Array, Array, float] | None:
     """Return the velocities of least kinetic energy that meet the constraints and the prescribed start.
 
-    The method of multipliers: with R the rows of both, r their right-hand sides and w a weight, the minimum
-    of the kinetic energy + w |R u - r|^2 / 2 + multipliers . (R u - r) is corrected until R u - r vanishes.
-    Rows may depend on each other, as prescribed velocities do that the constraints imply.
+    With R the rows of both and r their right-hand sides, M u + R^T multipliers = 0 and R u = r. Each velocity
+    is scaled by the root of its mass and each row to a norm of one, so that neither ratios of masses nor
+    of lengths worsen the matrix. Rows may depend on each other, as prescribed velocities do that the
+    constraints imply: the conditions yield by a small compliance, and corrections remove what they yielded.
 
     Returns
     -------
     The velocities [m/s], by how much the constraints but the redundant ones and the prescribed velocities are
-    missed [m/s], and the largest right-hand side [m/s]: those of ``Starter.velocities``.
+    missed [m/s], and the largest right-hand side [m/s]: those of ``Starter.velocities``. None where the mass
+    matrix is not positive definite.
     """
-    from scipy.sparse import csc_matrix, vstack
-    from scipy.sparse.linalg import splu
+    from scipy.sparse import block_array, csc_matrix, diags_array, eye_array, vstack
+    from scipy.sparse.linalg import norm, splu
 
     still = np.zeros_like(q)
 
@@ -50,16 +57,40 @@ def least_velocities(
         rows.append(matrix("start_velocity", "start_jacobian"))
         right.append(evaluator.blocks("start_velocity", 0.0, q, still)["start_rates"])
     masses = matrix("mass_matrix", "mass_matrix")
+    if not np.all(masses.diagonal() > 0.0):
+        return None
+    root = diags_array(1 / np.sqrt(masses.diagonal()))
+    masses = (root @ masses @ root).tocsc()
+    if not _is_positive(masses):
+        return None
     conditions, wanted = vstack(rows, format="csc"), np.concatenate(right)
-    weight = _WEIGHT * float(np.max(masses.diagonal()))
-    factors = splu((masses + weight * (conditions.T @ conditions)).tocsc())
-    multipliers, miss, u = np.zeros_like(wanted), wanted, still
+    scaled = conditions @ root
+    sizes = norm(scaled, axis=1)
+    weights = 1 / np.where(sizes > 0.0, sizes, 1.0)
+    scaled = diags_array(weights) @ scaled
+    compliance = -_COMPLIANCE * eye_array(len(wanted))
+    factors = splu(block_array([[masses, scaled.T], [scaled, compliance]], format="csc"))
+    moved, multipliers, miss, u = np.zeros_like(q), np.zeros_like(wanted), -wanted, still
     for _ in range(_CORRECTIONS):
-        moved = factors.solve(conditions.T @ (weight * wanted - multipliers))
-        left = conditions @ moved - wanted
+        unbalanced = masses @ moved + scaled.T @ multipliers
+        change = factors.solve(-np.concatenate([unbalanced, weights * miss]))
+        moved, multipliers = moved + change[: len(q)], multipliers + change[len(q) :]
+        left = conditions @ (root @ moved) - wanted
         if not np.max(np.abs(left)) < np.max(np.abs(miss)):
             break
-        multipliers, miss, u = multipliers + weight * left, left, moved
+        miss, u = left, root @ moved
     size = float(np.max(np.abs(wanted), initial=0.0))
     missed = np.abs(miss)
     return u, missed[:constraints], missed[constraints:], size
+
+
+def _is_positive(matrix: csc_matrix) -> bool:
+    """Return True where elimination on the diagonal of a symmetric matrix has pivots above zero only."""
+    from scipy.sparse.linalg import splu
+
+    try:
+        factors = splu(matrix, "MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
+    except RuntimeError:  # exactly singular
+        return False
+    on_diagonal = np.array_equal(factors.perm_r, factors.perm_c)
+    return on_diagonal and bool(np.all(factors.U.diagonal() > 0.0))
