@@ -6,7 +6,7 @@ Each docstring states the remedy.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 #: Maximum number of characters of one part of a message; texts in a scene may be of any length.
@@ -54,6 +54,52 @@ class SceneError(SymgenError):
         head = " ".join(part for part in (f"{self.file}:" if self.file else "", place) if part)
         text = f"{head}: {self.problem}" if place else f"{head} {self.problem}".strip()
         return f"{text}\n  {self.hint}" if self.hint else text
+
+
+#: Least distance of joints of an elastic link from its ends and from each other, over its length.
+_APART = 1e-3
+
+
+def check_joints(link: str, ends: Sequence[str], joints: Iterable[tuple[str, float]]) -> None:
+    """Check fractions of the length at which components are joined to an elastic link between its ends.
+
+    Parameters
+    ----------
+    link, ends
+        Its name, and those of its end points.
+    joints
+        Name of the point and fraction of each joint.
+
+    Raises
+    ------
+    SceneError
+        For a fraction off the link, and for joints at or next to an end or each other.
+    """
+    before: list[tuple[str, float]] = []
+    for name, fraction in joints:
+        where = f"points.{name}.fraction"
+        if not 0.0 <= fraction <= 1.0:
+            raise SceneError(
+                f"a point of the elastic link {link} lies between its ends: a fraction from 0 to 1, "
+                f"got {fraction:g}",
+                where=where,
+            )
+        for end, place in zip(ends, (0.0, 1.0), strict=True):
+            if abs(fraction - place) < _APART:
+                raise SceneError(
+                    f"{name} joins another component to the elastic link {link} at its end, {end}",
+                    where=where,
+                    hint=f"Name {end} instead, or move {name} away from it.",
+                )
+        for other, place in before:
+            if abs(fraction - place) < _APART:
+                raise SceneError(
+                    f"{name} and {other} are joints of the elastic link {link} at the same place, or nearer "
+                    f"than {_APART:g} of its length",
+                    where=where,
+                    hint=f"Name {other} in place of {name}, or move them apart.",
+                )
+        before.append((name, fraction))
 
 
 def _readable(text: str) -> str:

@@ -283,7 +283,7 @@ class Scene(Table):
 TABLES: dict[str, type[Table]] = {
     "parameters": Parameter, "inputs": Input, "points": Point, "links": Link, "gravity": Gravity,
     "masses": PointMass, "guides": Guide, "drivers": Driver, "crank": Crank, "modal_damping": ModalDamping,
-    "welds": Weld,    "stations": Station, "start": Start, "events": Event, "analysis": Analysis,
+    "welds": Weld, "stations": Station, "start": Start, "events": Event, "analysis": Analysis,
     "loop": SpatialLoop, "studies": Study,
 }  # fmt: skip
 

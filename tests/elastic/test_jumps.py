@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import cache
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ from scipy.linalg import eigh
 from shared.elastic_scenes import AREA, INERTIA, LENGTH, RHO, E, cantilever
 
 import symgen
+from symgen.errors import ModelError
 
 #: Force [N], when it begins, and how long it lasts [s]: less than a step.
 FORCE, BEGIN, LASTS = 100.0, 0.0123, 1e-5
@@ -146,8 +148,9 @@ def test_a_motor_whose_torque_jumps_twice_a_revolution_has_a_steady_speed():
     assert any("switching point" in note for note in run.notes)
 
 
-def test_jumps_at_angles_beyond_a_revolution():
-    """A jump at 8 rad of the crank, and at the time at which it comes there."""
+@cache
+def four_bar(torque):
+    """A four-bar with an elastic coupler, its crank at 30 rad/s from 2.498 rad on, and a torque on its follower."""
     points = {
         "O": {"at": ["0 m", "0 m"], "ground": True},
         "C": {"at": ["0.2 m", "0 m"], "ground": True},
@@ -165,16 +168,77 @@ def test_jumps_at_angles_beyond_a_revolution():
         "coupler": coupler,
         "follower": {"points": ["C", "B"], "mass": "0.8 kg"},
     }
+    scene = symgen.Scene(
+        parameters={"w": "30 rad/s", "k": "0.2 N*m"},
+        points=points,
+        links=links,
+        torques=[{"link": "follower", "torque": torque}],
+        crank={"link": "crank", "speed": "w"},
+    )
+    return symgen.build(scene)
+
+
+#: A torque that acts while the crank is within 0.8 degrees of the direction of 1 rad.
+WINDOW = "k*(1 + sign(cos(crank.angle - 1) - cos(0.8*pi/180)))"
+
+
+def times_of_window(revolutions):
+    """Return when the torque begins and ends, the crank turning evenly."""
+    ahead = np.array([1 - math.radians(0.8), 1 + math.radians(0.8)]) - math.atan2(0.3, -0.4) + 2 * math.pi
+    return (ahead + 2 * math.pi * np.arange(revolutions)[:, None]).ravel() / 30
+
+
+def test_short_windows_of_every_revolution_are_found():
+    from symgen.runtime.elastic.jumps import jump_times
+
+    motion = four_bar(WINDOW)._motion(True)
+    found = jump_times(motion, 10 * motion.period, 1)
+    assert found.mean(axis=1) == pytest.approx(times_of_window(10), abs=1e-9)
+    assert np.array_equal(motion.ending_on(found).refined().jumps, found)
+
+
+def test_jumps_after_the_last_angle_asked_of_a_steady_state():
+    model = four_bar(WINDOW)
+    at = np.array([2.6, 2.7])
+    few, whole = model.periodic(at=at, steps=64), model.periodic(at=[*at, 0.9, 2.49], steps=64)
+    assert any("2 switching points" in note for note in few.notes)
+    expected = whole["coupler.stress"].values[:2]
+    assert few["coupler.stress"].values == pytest.approx(expected, rel=1e-3)
+
+
+@pytest.mark.parametrize("options", [{"steps": 10**12}, {"max_step": 1e-13}])
+@pytest.mark.parametrize("method", ["gauss", "rk4", "dop853"])
+def test_too_many_steps_are_refused_before_jumps_are_looked_for(method, options, tmp_path):
+    with pytest.raises(ModelError, match="expected"):
+        pushed(tmp_path, RECTANGLE).simulate(method=method, **options)
+
+
+def test_steps_to_a_time_limit_are_counted_in_the_order_in_which_they_are_taken():
+    from symgen.runtime.beams.methods import GAUSS
+    from symgen.runtime.elastic.steps import stepped
+    from symgen.runtime.integrate.pace import OutOfTime, Pace
+
+    class Short(Pace):
+        def chunk(self):
+            return 1 << 20
+
+        def spent(self, t, why=""):
+            return t > 0.025
+
+    motion = four_bar(WINDOW)._motion(True)
+    times, counts = np.array([0.01, 0.04, 0.02, 0.03]), np.array([1, 2, 4, 8])
+    with pytest.raises(OutOfTime) as stop:
+        stepped(motion, motion.equations(), GAUSS, times, counts, pace=Short(0.0, 0.04))
+    assert stop.value.reached.tolist() == [0, 2]
+    assert stop.value.found.steps == 1 + 2
+
+
+def test_jumps_at_angles_beyond_a_revolution():
+    """A jump at 8 rad of the crank, and at the time at which it comes there."""
     runs = []
     for gap in ("crank.angle - 8", f"t - {8 - math.atan2(0.3, -0.4)!r}/w"):
-        scene = symgen.Scene(
-            parameters={"w": "30 rad/s", "k": "0.2 N*m"},
-            points=points,
-            links=links,
-            torques=[{"link": "follower", "torque": f"k*sign({gap})"}],
-            crank={"link": "crank", "speed": "w"},
-        )
-        runs.append(symgen.build(scene).simulate(revolutions=2, steps=200, samples=41))
+        model = four_bar(f"k*sign({gap})")
+        runs.append(model.simulate(revolutions=2, steps=200, samples=41))
     for name in ("coupler.stress", "crank.torque"):
         by_angle, by_time = (run[name].values for run in runs)
         assert by_angle == pytest.approx(by_time, abs=1e-9 * np.max(np.abs(by_time)))

@@ -8,6 +8,7 @@ from scipy.integrate import solve_ivp
 from scipy.linalg import eigh
 
 import symgen
+from symgen.errors import ModelError
 
 #: The beam of T. R. Kane, R. R. Ryan and A. K. Banerjee, J. Guidance 10 (1987), 139, as published for programs with
 #: stretching: E A, E I, mass per length, length, time of the spin-up, and speed after it.
@@ -63,6 +64,22 @@ def spun_up(times, count=12, modes=6):
 
     run = solve_ivp(rate, (0, UNTIL), np.zeros(2 * modes), "DOP853", times, rtol=1e-7, atol=1e-9)
     return found[-2] @ run.y[:modes]
+
+
+@pytest.mark.parametrize("analysis", ["simulate", "quasi_static", "large_rotation"])
+def test_revolutions_of_a_prescribed_crank_are_refused(analysis):
+    model = symgen.build(symgen.Scene(title="spin-up", **SCENE))
+    with pytest.raises(ModelError, match=r"function of the time; expected no revolutions, got 2.*\n  Leave"):
+        getattr(model, analysis)(revolutions=2)
+
+
+def test_directions_and_frequencies_of_a_prescribed_crank():
+    """At rest the beam has no stiffening: 1.8751^2 sqrt(E I/mu L^4)/2 pi."""
+    model = symgen.build(symgen.Scene(title="spin-up", **SCENE))
+    with pytest.raises(ModelError, match="give t_eval"):
+        model.simulate(at=[0.1])
+    expected = 1.875104069**2 * np.sqrt(EI / (MU * LENGTH**4)) / (2 * np.pi)
+    assert model.lowest_frequency == pytest.approx(expected, rel=1e-3)
 
 
 def test_spin_up():

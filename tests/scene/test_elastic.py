@@ -147,6 +147,18 @@ CASES = {
         [with_point('X = { on = "coupler", fraction = 1 }'), ('["B", "Q"]', '["X", "Q"]')],
         ["[points.X] fraction", "coupler at its end, B", "Name B instead"],
     ),
+    "joints along the link at one place": (
+        [
+            with_point('X = { on = "coupler", fraction = 0.5 }\nY = { on = "coupler", fraction = 0.5005 }'),
+            ('["B", "Q"]', '["X", "Q"]'),
+            behind('[links.other]\npoints = ["Y", "Q"]\nmass = "1 kg"'),
+        ],
+        ["[points.Y] fraction", "Y and X", "coupler at the same place", "move them apart"],
+    ),
+    "link welded to itself": (
+        [behind('[[welds]]\npoint = "B"\nlinks = ["coupler", "coupler"]')],
+        ["[welds.0] links", "named twice", "Name each link once"],
+    ),
     "point beyond the link": ([with_point('X = { on = "coupler", fraction = 1.5 }')], ["[points.X] fraction", "0 to 1"]),
     "torque": ([behind('[[torques]]\nlink = "coupler"\ntorque = "1 N*m"')], ["[torques.0] link", "no one angle"]),
     "torsion spring": ([behind('[[torsion_springs]]\nlink = "rocker"\nagainst = "coupler"\nstiffness = "1 N*m"')],
@@ -192,6 +204,27 @@ def changed(changes, text=GOOD):
 def written(text, folder):
     (folder / "bad.toml").write_text(text, encoding="utf-8")
     return folder / "bad.toml"
+
+
+@pytest.mark.parametrize(
+    ("fraction", "told"),
+    [
+        (0.0, "coupler at its end, A"),
+        (1e-9, "coupler at its end, A"),
+        (1.0, "coupler at its end, B"),
+        (1.5, "a fraction from 0 to 1, got 1.5"),
+        (-0.3, "a fraction from 0 to 1, got -0.3"),
+    ],
+)
+def test_joints_are_not_tuned_to_an_end_or_off_their_link(fraction, told, tmp_path):
+    hung = [
+        ("[points]", "[parameters]\nplace = { value = 0.5, tunable = true }\n[points]"),
+        with_point('X = { on = "coupler", fraction = "place" }\nZ = { at = ["0.25 m", "-0.2 m"] }'),
+        behind('[links.hung]\npoints = ["X", "Z"]\nmass = "1 kg"'),
+    ]
+    model = symgen.build(written(changed(hung), tmp_path)).with_parameters(place=fraction)
+    with pytest.raises(SceneError, match=rf"\[points.X\] fraction.*{told}"):
+        model.beams  # noqa: B018
 
 
 @pytest.mark.parametrize("case", CASES)

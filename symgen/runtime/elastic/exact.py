@@ -14,11 +14,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from symgen.errors import ModelError, SimulationError
+from symgen.errors import SimulationError
 from symgen.runtime.beams.elements import at as value_at
 from symgen.runtime.beams.links import Beam
 from symgen.runtime.elastic.motion import ElasticMotion
 from symgen.runtime.elastic.outputs import coordinate_of, displacement, length_change, selected, strains
+from symgen.runtime.elastic.steps import check_revolutions
 from symgen.runtime.model.rods import RodModel
 from symgen.runtime.result.elastic import ElasticResult
 from symgen.runtime.result.records import Variable
@@ -104,8 +105,7 @@ def exact_run(
     SimulationError
         If the run cannot continue.
     """
-    if not (task.revolutions > 0 and math.isfinite(task.revolutions)):
-        raise ModelError(f"expected revolutions above zero, got {task.revolutions!r}")
+    check_revolutions(motion, task.revolutions)
     turn = motion.period if motion.speed else motion.rigid.description.t_end
     cuts = _cuts(motion, rods)
     state = _state(motion.rigid, rods, cuts)

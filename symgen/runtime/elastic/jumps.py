@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import math
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -11,14 +14,16 @@ from symgen.runtime import _beams, _core
 from symgen.runtime.elastic.motion import ElasticMotion
 from symgen.runtime.elastic.steps import Found, Progress, Task, turn
 from symgen.runtime.integrate.checkpoint import Keeping, mark_of
-from symgen.runtime.integrate.pace import OUT_OF_TIME, OutOfTime
+from symgen.runtime.integrate.pace import OUT_OF_TIME, OutOfTime, check_wall
 from symgen.runtime.kernels.typed import library_of_runs
 from symgen.runtime.result.recording import wound
 
 Array = NDArray[np.float64]
 
-#: Looks over a run, if it has no more steps, and parts of a revolution by which references of angles move.
+#: Looks a revolution, if it has no more steps, and parts of a revolution by which references of angles move.
 _LOOKS, _QUARTER = 720, np.pi / 2
+#: The most looks that are held in memory together.
+_BLOCK = 4096
 #: Half the time that is left out about a jump: so many roundings of the end of the run.
 _BLUR = 64
 #: Halvings of the time from the end of a run to the middle of a smooth pulse, at each of which a step ends.
@@ -27,35 +32,54 @@ _GRADED = 40
 _FIRST_TRIED = 4096
 
 
-def jump_times(motion: ElasticMotion, end: float, looks: float) -> Array:
+@dataclass(slots=True)
+class _Before:
+    """Continuous angles, and sides of the switching points, at the last look of the block before."""
+
+    angles: Array
+    sides: Array
+
+
+def jump_times(motion: ElasticMotion, end: float, per_turn: int) -> Array:
     """Return the last time before and the first after every jump of the loads in (0, end) [s], (jumps, 2).
 
     Smooth pulses in the time have many, ever nearer to their middle, so that steps resolve any width.
-    ``looks`` are the least number of times, up to a million, at which distances from switching points are
+    ``per_turn`` is the least number of times a revolution at which distances from switching points are
     evaluated. What passes zero and comes back between two looks is not seen.
 
     Raises
     ------
     SimulationError
-        When the linkage cannot move.
+        When the linkage cannot move, or the wall time is spent.
     """
     if not motion.rigid.description.switches:
         return np.zeros((0, 2))
     typed = motion.rigid.typed
     blur = _BLUR * (typed.precision.epsilon if typed else FLOAT64.epsilon) * end
-    count = int(min(max(_LOOKS, looks), 1e6))
-    times = end * (np.arange(count + 1) + 0.4 * np.sin(np.arange(count + 1) ** 2.0)) / count
-    times[0], times[-1] = 0.0, end
-    found: set[tuple[float, float]] = set()
+    count = math.ceil(max(_LOOKS, per_turn) * max(1.0, end / turn(motion)))
+    found: list[tuple[float, float]] = []
     middles: list[float] = []
-    while True:
-        # Of a triangle, the corners show only where its tip is looked at.
-        passed = {p: k for p, k in _passed(motion, times, blur) if not _known(p, found)}
-        if not passed:
-            break
-        found |= set(passed)
-        middles += [low for (low, _), k in passed.items() if k in motion.rigid.description.pulses]
-        times = np.union1d(times, [t for pair in passed for t in pair])
+    before: _Before | None = None
+    for first in range(0, count, _BLOCK):
+        check_wall("looking for jumps of the loads")
+        looks = np.arange(first, min(first + _BLOCK, count) + 1)
+        times = end * (looks + 0.4 * np.sin(looks**2.0)) / count
+        if first == 0:
+            times[0] = 0.0
+        if looks[-1] == count:
+            times[-1] = end
+        here: set[tuple[float, float]] = set()
+        while True:
+            # Of a triangle, the corners show only where its tip is looked at.
+            pairs, last = _passed(motion, times, blur, before)
+            passed = {p: k for p, k in pairs if not _known(p, here)}
+            if not passed:
+                break
+            here |= set(passed)
+            middles += [low for (low, _), k in passed.items() if k in motion.rigid.description.pulses]
+            times = np.union1d(times, [t for pair in passed for t in pair])
+        found += here
+        before = last
     jumps = _merged(sorted(found), blur, end)
     if not middles:
         return jumps
@@ -71,10 +95,15 @@ def _known(pair: tuple[float, float], found: set[tuple[float, float]]) -> bool:
     return any(a <= pair[0] and pair[1] <= b for a, b in found)
 
 
-def _passed(motion: ElasticMotion, times: Array, blur: float) -> list[tuple[tuple[float, float], int]]:
+def _passed(
+    motion: ElasticMotion, times: Array, blur: float, before: _Before | None
+) -> tuple[list[tuple[tuple[float, float], int]], _Before]:
     """Return a time before and one after every point passed between two of the times, by halving."""
-    gaps = _distances(motion, times, angles := _angles(motion, times))
-    sides = np.sign(gaps)
+    continuous = _angles(motion, times, before)
+    angles = np.round(continuous / _QUARTER) * _QUARTER
+    sides = np.sign(_distances(motion, times, angles))
+    if before is not None:
+        sides[0] = np.where(sides[0] == 0.0, before.sides, sides[0])
     for row in range(1, len(sides)):
         sides[row] = np.where(sides[row] == 0.0, sides[row - 1], sides[row])
     places, which = np.nonzero(sides[:-1] * sides[1:] < 0.0)
@@ -88,9 +117,10 @@ def _passed(motion: ElasticMotion, times: Array, blur: float) -> list[tuple[tupl
         beyond = rows[np.arange(len(rows)), which[wide]] * after[wide] > 0.0
         high[wide] = np.where(beyond, middle[wide], high[wide])
         low[wide] = np.where(beyond, low[wide], middle[wide])
-    begins = np.flatnonzero((sides[0] == 0.0) & (sides[1] != 0.0)).tolist()
+    begins = np.flatnonzero((sides[0] == 0.0) & (sides[1] != 0.0)).tolist() if before is None else []
     pairs = zip(low.tolist(), high.tolist(), strict=True)
-    return [((0.0, 0.0), k) for k in begins] + list(zip(pairs, which.tolist(), strict=True))
+    found = [((0.0, 0.0), k) for k in begins] + list(zip(pairs, which.tolist(), strict=True))
+    return found, _Before(continuous[-1], sides[-1])
 
 
 def _states(motion: ElasticMotion, times: Array) -> tuple[Array, Array]:
@@ -102,14 +132,16 @@ def _states(motion: ElasticMotion, times: Array) -> tuple[Array, Array]:
     return states[:, :n], states[:, n : 2 * n]
 
 
-def _angles(motion: ElasticMotion, times: Array) -> Array:
-    """Return references of the angles in loads at rising times, continuous over revolutions."""
+def _angles(motion: ElasticMotion, times: Array, before: _Before | None) -> Array:
+    """Return the angles in loads at rising times, continuous over revolutions."""
     if not motion.rigid.description.windings:
         return np.zeros((len(times), 0))
     found = motion.rigid.evaluator.many_blocks("events", times, *_states(motion, times))["windings"]
-    continuous = np.unwrap(found.reshape(len(times), -1), axis=0)
-    quarters: Array = np.round(continuous / _QUARTER) * _QUARTER
-    return quarters
+    found = found.reshape(len(times), -1)
+    if before is not None:
+        found[0] = before.angles
+    continuous: Array = np.unwrap(found, axis=0)
+    return continuous
 
 
 def _distances(motion: ElasticMotion, times: Array, references: Array) -> Array:

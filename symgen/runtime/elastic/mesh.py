@@ -24,6 +24,7 @@ from symgen.runtime.beams.links import Beam, beam
 from symgen.runtime.beams.pieces import whole
 from symgen.runtime.elastic.modes import elastic_modes, lowest
 from symgen.runtime.elastic.motion import ElasticMotion
+from symgen.runtime.elastic.steps import turn
 from symgen.runtime.result.records import Variable
 from symgen.runtime.structure import UnstableError
 
@@ -76,7 +77,9 @@ class MeshedMotion(ElasticMotion):
             return self._driven.lowest_frequency
         self.check_determined()
         equations = self.equations()
-        poses = np.linspace(0.0, self.period, _IN_A_TURN, endpoint=False).tolist()
+        # A crank that stands still has one pose.
+        count = _IN_A_TURN if self.speed or self.info.prescribed else 1
+        poses = np.linspace(0.0, turn(self), count, endpoint=False).tolist()
         found = []
         for t in poses:
             try:
@@ -112,7 +115,7 @@ class MeshedMotion(ElasticMotion):
     def _with(self, beams: tuple[BeamInfo, ...]) -> MeshedMotion:
         made = MeshedMotion(self.rigid, self._stiffened, self._with_motor)
         made.info = replace(self.info, beams=beams)
-        made._path, made._driven = self._path, self._driven
+        made._path, made._driven, made.jumps = self._path, self._driven, self.jumps
         return made
 
 

@@ -11,7 +11,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from symgen.errors import ModelError, SimulationError
+from symgen.errors import ModelError, SimulationError, check_joints
 from symgen.runtime import _beams, _core
 from symgen.runtime._beams import RigidMotion
 from symgen.runtime.beams.data import Lump, Profile
@@ -118,7 +118,10 @@ class ElasticMotion(ABC):
         if not self.speed:
             if math.isclose(math.cos(angle - self.angle), 1.0, abs_tol=1e-12):
                 return 0.0
-            raise ModelError(f"{self.without_revolutions}; expected its angle at the start")
+            raise ModelError(
+                f"{self.without_revolutions}; expected its angle at the start\n"
+                "  Leave the angle out; give t_eval, times [s], to simulate."
+            )
         if self._path:
             return self._path.time_of(angle, revolutions)
         turned = math.fmod(angle - self.angle, 2 * math.pi) / self.speed
@@ -172,11 +175,17 @@ class ElasticMotion(ABC):
         return tuple(Profile(*map(float, row)) for name, row in rows if name == link)
 
     def between(self, link: str) -> tuple[tuple[str, float], ...]:
-        """Return the joints between the ends of a link: names of their points, fractions of its length."""
+        """Return the joints between the ends of a link, checked: names of points, fractions of its length."""
         own = [j for k, j in zip(self.info.loads, self.info.joints, strict=True) if k == link]
         length = float(self._tables["properties"][[b.link for b in self.info.beams].index(link)][0])
         places = [profile.at / length for profile in self.profiles(link)]
-        return tuple((joint, at) for joint, at in zip(own, places, strict=True) if joint)
+        found = [(joint, at) for joint, at in zip(own, places, strict=True) if joint]
+        info = next(b for b in self.info.beams if b.link == link)
+        check_joints(link, (info.start, info.end), found)
+        if found != sorted(found, key=lambda pair: pair[1]):
+            names = ", ".join(joint for joint, _ in found)
+            raise ModelError(f"joints change their order along {link}: {names}\n  Build the scene again.")
+        return tuple(found)
 
     @cached_property
     def stations(self) -> tuple[tuple[str, int, float, float], ...]:

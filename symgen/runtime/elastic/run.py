@@ -21,7 +21,15 @@ from symgen.runtime.elastic.motion import ElasticMotion
 from symgen.runtime.elastic.outputs import coordinate_of, mean_powers, of_powers, outputs, selected
 from symgen.runtime.elastic.periodic import again, periodic
 from symgen.runtime.elastic.static import held
-from symgen.runtime.elastic.steps import Found, Task, adapted, recorded_times, step_counts, stepped, turn
+from symgen.runtime.elastic.steps import (
+    Found,
+    Task,
+    adapted,
+    first_steps,
+    recorded_times,
+    step_counts,
+    stepped,
+)
 from symgen.runtime.integrate.checkpoint import Keeping
 from symgen.runtime.integrate.pace import (
     OutOfTime,
@@ -73,8 +81,9 @@ def run(
         times = recorded_times(motion, task)
     count, end = len(times), float(np.max(times))
     if task.method != "quasi-static":
-        step = task.max_step or turn(motion) / (task.steps or 1)
-        motion = motion.ending_on(jump_times(motion, end, end / step))
+        # Shooting steps over the whole revolution, whatever angles are asked for.
+        until = max(end, motion.period) if task.method == "periodic" and motion.speed else end
+        motion = motion.ending_on(jump_times(motion, until, first_steps(motion, task, 1)))
         times = np.concatenate([times, motion.jumps[:, 0]])
     equations = motion.equations(task.form == "thesis", stepping=True)
     if task.form == "thesis":

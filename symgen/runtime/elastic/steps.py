@@ -85,8 +85,7 @@ def recorded_times(motion: ElasticMotion, task: Task) -> Array:
     ModelError
         For options out of range.
     """
-    if not task.revolutions > 0 or not math.isfinite(task.revolutions):
-        raise ModelError(f"expected revolutions above zero, got {task.revolutions!r}")
+    check_revolutions(motion, task.revolutions)
     if not 2 <= task.samples <= 10_000_000:
         raise ModelError(f"expected between 2 and 10 million samples, got {task.samples!r}")
     if not 0.0 < task.rtol < 1.0:
@@ -111,6 +110,17 @@ def recorded_times(motion: ElasticMotion, task: Task) -> Array:
     at_rest = motion.rigid.description.t_end if task.t_end is None else task.t_end
     end = motion.period * task.revolutions if motion.speed else at_rest
     return np.linspace(0.0, end, task.samples) if task.t_eval is None else recorded_at(task.t_eval, 0.0, end)
+
+
+def check_revolutions(motion: ElasticMotion, revolutions: float) -> None:
+    """Raise ModelError for a number of revolutions out of range, or of a crank that has none."""
+    if not (revolutions > 0 and math.isfinite(revolutions)):
+        raise ModelError(f"expected revolutions above zero, got {revolutions!r}")
+    if not motion.speed and revolutions != 1.0:
+        raise ModelError(
+            f"{motion.without_revolutions}; expected no revolutions, got {revolutions!r}\n"
+            "  Leave revolutions out; t_end under [analysis] is the end of the run."
+        )
 
 
 def turn(motion: ElasticMotion) -> float:
@@ -212,7 +222,7 @@ def stepped(
                 progress(at / float(times[order[-1]]))
             if over:
                 done = np.sort(order[:place])
-                raise OutOfTime(at, Found(found[done], rates[done], int(np.sum(counts[done]))), done)
+                raise OutOfTime(at, Found(found[done], rates[done], int(np.sum(counts[:place]))), done)
         now, taken = max(t, now), 0
         found[k], rates[k] = steps.displacements[:, 0], steps.rates[:, 0]
         if jumps and t == jumps[0][0]:

@@ -5,14 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from symgen.errors import SceneError
+from symgen.errors import SceneError, check_joints
 from symgen.loads.measure import Term
 from symgen.scene.elastic.links import ElasticLink
 from symgen.scene.reading import Reader
 from symgen.scene.rods.linkage import TIME, CarriedPoint, Linkage, RigidLink
 
-#: Least distance of a joint from the ends of its link, over the length.
-_SHORTEST = 1e-3
 _STIFF = "Give it elastic with a large E, or leave it out of the weld."
 
 
@@ -54,20 +52,13 @@ def _check_joints(
     linkage: Linkage, link: RigidLink, beam: ElasticLink, joints: Sequence[CarriedPoint]
 ) -> None:
     for joint in joints:
-        where = f"points.{joint.name}.fraction"
         if not beam.axial:
             raise SceneError(
                 f"{joint.name} joins a component to {link.name}, which keeps its length, between its ends",
-                where=where,
+                where=f"points.{joint.name}.fraction",
                 hint=f"Leave axial = false out of links.{link.name}.elastic.",
             )
-        for end, place in zip(link.base, (0.0, 1.0), strict=True):
-            if abs(linkage.number(joint.along) - place) < _SHORTEST:
-                raise SceneError(
-                    f"{joint.name} joins another component to the elastic link {link.name} at its end, {end}",
-                    where=where,
-                    hint=f"Name {end} instead, or move {joint.name} away from it.",
-                )
+    check_joints(link.name, link.base, [(c.name, linkage.number(c.along)) for c in joints])
 
 
 def check_welds(read: Reader, linkage: Linkage) -> None:
@@ -82,6 +73,12 @@ def check_welds(read: Reader, linkage: Linkage) -> None:
             raise SceneError(
                 f"expected two links or more to be welded at {weld.point}, got {len(weld.links)}",
                 where=f"{where}.links",
+            )
+        if len(set(weld.links)) < len(weld.links):
+            raise SceneError(
+                f"a link is named twice among those welded at {weld.point}: {', '.join(weld.links)}",
+                where=f"{where}.links",
+                hint="Name each link once.",
             )
         for name in weld.links:
             read.known_link(name, f"{where}.links")

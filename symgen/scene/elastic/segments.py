@@ -89,7 +89,7 @@ def segmented(linkage: Linkage, count: int, places: Places) -> Linkage:
         raise ModelError(f"expected from {_FEWEST} to {_MOST} segments of an elastic link, got {count}")
     welded = [beam.link for beam in linkage.elastic if beam.welds]
     if welded:
-        raise ModelError(f"{linkage.name}: {welded[0]} is welded, and large rotation knows hinges alone")
+        raise ModelError(f"{linkage.name}: {welded[0]} is welded, and segments are joined by hinges alone")
     parts = [_segments(linkage, beam, count) for beam in linkage.elastic]
     cut = {part.link.name for part in parts}
     crank = linkage.crank
