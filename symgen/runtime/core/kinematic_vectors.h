@@ -230,46 +230,9 @@ static mask judge(const struct kinematic_lanes *k, wide *soundness) {
     return negative;
 }
 
-static void solve(struct kinematic_lanes *k, const wide *rows, wide *x) {
-    const struct kinematic_groups *g = &k->groups;
-    const wide *group = k->values, *coupling = k->values + g->squares;
-    wide *solved = k->solved;
-    for (ptrdiff_t c = 0; c < g->count; c++) {
-        const ptrdiff_t start = g->starts[c], end = g->starts[c + 1], width = end - start;
-        for (ptrdiff_t i = start; i < end; i++) {
-            wide value = rows[g->rows[i]] * k->weight[g->rows[i]];
-            for (ptrdiff_t e = g->coupling_starts[i]; e < g->coupling_starts[i + 1]; e++)
-                value -= coupling[e] * solved[g->coupling_columns[e]];
-            solved[i] = value;
-        }
-        if (width == 2)
-            solve_pair(group, k->swaps + start, k->inverse + start, solved + start);
-        else
-            solve_dense(width, group, k->swaps + start, solved + start);
-        group += width * width;
-        for (ptrdiff_t i = start; i < end; i++)
-            x[g->columns[i]] = solved[i];
-    }
-}
-
-static void solve_transposed(struct kinematic_lanes *k, const wide *forces, wide *lambda) {
-    const struct kinematic_groups *g = &k->groups;
-    const wide *group = k->values + g->squares, *coupling = group;
-    wide *solved = k->solved;
-    for (ptrdiff_t j = 0; j < k->sizes.n; j++)
-        solved[j] = forces[g->columns[j]];
-    memset(lambda, 0, (size_t)k->sizes.m * sizeof(wide));
-    for (ptrdiff_t c = g->count - 1; c >= 0; c--) {
-        const ptrdiff_t start = g->starts[c], end = g->starts[c + 1], width = end - start;
-        group -= width * width;
-        solve_dense_transposed(width, group, k->swaps + start, solved + start);
-        for (ptrdiff_t i = start; i < end; i++) {
-            for (ptrdiff_t e = g->coupling_starts[i]; e < g->coupling_starts[i + 1]; e++)
-                solved[g->coupling_columns[e]] -= coupling[e] * solved[i];
-            lambda[g->rows[i]] = solved[i] * k->weight[g->rows[i]];
-        }
-    }
-}
+#define NUMBER wide
+#define LINKAGE struct kinematic_lanes
+#include "groups.h"
 
 /* -- steps ----------------------------------------------------------------------------------------------- */
 
@@ -310,14 +273,12 @@ static mask moved(struct kinematic_lanes *k, const wide *t, const wide *q, wide 
     return good & (soundness > SOUND) & finite(largest_of(u, n)) & finite(largest_of(a, n));
 }
 
+EXTRAPOLATION(wide, wide_parabola, wide_quintic)
+
 static inline wide predicted(wide h, wide g, wide q, wide u, wide a, wide q0, wide u0, wide a0) {
-    const wide change = h * (u + R(0.5) * h * a);
-    const wide e0 = q0 - q + g * (u - R(0.5) * g * a);
-    const wide e1 = g * (u0 - u + g * a), e2 = g * g * (a0 - a);
-    const wide c3 = R(-0.5) * (e2 + 20 * e0 + 8 * e1), c5 = e1 + 4 * e0 + c3, c4 = e0 + c3 + c5;
-    const wide s = h / g;
+    const wide change = wide_parabola(h, u, a);
     const mask near = (g * h > 0) & (magnitude(h) <= STRIDES * magnitude(g));
-    return chosen(near, change + s * s * s * (c3 + s * (c4 + s * c5)), change);
+    return chosen(near, change + wide_quintic(h, g, q, u, a, q0, u0, a0), change);
 }
 
 static void move_to(mask which, const wide *from, ptrdiff_t count, wide *to) {

@@ -118,48 +118,9 @@ static int judge(struct kinematics *k, real *soundness) {
     return sign;
 }
 
-/* Solve dPhi/dq x = rows over their scales, for what a kernel wrote for all constraints. */
-static void solve(struct kinematics *k, const real *rows, real *x) {
-    const struct kinematic_groups *g = &k->groups;
-    const real *group = k->values, *coupling = k->values + g->squares;
-    real *solved = k->solved;
-    for (ptrdiff_t c = 0; c < g->count; c++) {
-        const ptrdiff_t start = g->starts[c], end = g->starts[c + 1], width = end - start;
-        for (ptrdiff_t i = start; i < end; i++) {
-            real value = rows[g->rows[i]] * k->weight[g->rows[i]];
-            for (ptrdiff_t e = g->coupling_starts[i]; e < g->coupling_starts[i + 1]; e++)
-                value -= coupling[e] * solved[g->coupling_columns[e]];
-            solved[i] = value;
-        }
-        if (width == 2)
-            solve_pair(group, k->swaps + start, k->inverse + start, solved + start);
-        else
-            solve_dense(width, group, k->swaps + start, solved + start);
-        group += width * width;
-        for (ptrdiff_t i = start; i < end; i++)
-            x[g->columns[i]] = solved[i];
-    }
-}
-
-/* Solve J^T lambda = forces; lambda of the constraints that are not among the rows is zero. */
-static void solve_transposed(struct kinematics *k, const real *forces, real *lambda) {
-    const struct kinematic_groups *g = &k->groups;
-    const real *group = k->values + g->squares, *coupling = group;
-    real *solved = k->solved;
-    for (ptrdiff_t j = 0; j < k->sizes.n; j++)
-        solved[j] = forces[g->columns[j]];
-    zero(k->sizes.m, lambda);
-    for (ptrdiff_t c = g->count - 1; c >= 0; c--) {
-        const ptrdiff_t start = g->starts[c], end = g->starts[c + 1], width = end - start;
-        group -= width * width;
-        solve_dense_transposed(width, group, k->swaps + start, solved + start);
-        for (ptrdiff_t i = start; i < end; i++) {
-            for (ptrdiff_t e = g->coupling_starts[i]; e < g->coupling_starts[i + 1]; e++)
-                solved[g->coupling_columns[e]] -= coupling[e] * solved[i];
-            lambda[g->rows[i]] = solved[i] * k->weight[g->rows[i]];
-        }
-    }
-}
+#define NUMBER real
+#define LINKAGE struct kinematics
+#include "groups.h"
 
 /* The largest error of J^T lambda = forces, which is overwritten. */
 static real unbalanced(const struct kinematics *k, const real *lambda, real *forces) {
