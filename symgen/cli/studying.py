@@ -1,4 +1,4 @@
-"""``symgen study``: parameter studies; ``symgen synthesise``: four-bars that have asked properties."""
+"""``symgen study``: parameter studies; ``symgen synthesise``: four-bars with prescribed properties."""
 
 from __future__ import annotations
 
@@ -37,13 +37,15 @@ def study(
 
 @command("symgen synthesise swing.toml --out four_bars")
 def synthesise(
-    task: Annotated[Path, typer.Argument(help="TOML file with a table of what is asked for.")],
+    task: Annotated[
+        Path, typer.Argument(help="TOML file whose table \\[synthesis] has the prescribed properties.")
+    ],
     out: Annotated[
         Path | None, typer.Option(help="Folder for one scene for each linkage, four_bar_1.toml and so on.")
     ] = None,
     as_json: o.Json = False,
 ) -> None:
-    """Find all planar four-bars that have asked properties.
+    """Find all planar four-bars with prescribed properties.
 
     Limit positions and transmission angles, a function of the crank's angle, poses of the coupler, or points
     of its path. Each linkage is run, and faults of its motion are listed.

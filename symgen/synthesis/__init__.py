@@ -1,1 +1,1 @@
-"""Synthesis of planar four-bars: from asked properties to all linkages that have them."""
+"""Synthesis of planar four-bars: from prescribed properties to all linkages that have them."""

@@ -1,4 +1,4 @@
-"""A four-bar that synthesis found: lengths, Grashof class, its scene, and what it does when it runs."""
+"""A planar four-bar in one pose: its lengths, Grashof class, scene and compiled model."""
 
 from __future__ import annotations
 

@@ -28,7 +28,7 @@ _SPREAD = 1.5
 
 
 class Found(NamedTuple):
-    """Four-bars with the poses asked of them: rows of the angle of the crank and what belongs to it."""
+    """Four-bars and their prescribed poses: angles of crank and rocker, or poses of the coupler."""
 
     linkages: list[FourBar]
     poses: list[Array]
@@ -36,7 +36,7 @@ class Found(NamedTuple):
 
 
 def function(task: FunctionTask) -> Found:
-    """Return four-bars whose rocker turns with the crank as asked; poses are angles of both [rad].
+    """Return four-bars whose rocker follows the crank as prescribed; poses are the angles of both [rad].
 
     Raises
     ------
@@ -94,7 +94,7 @@ def _ratios(generator: np.random.Generator) -> Array:
 
 
 def motion(task: MotionTask) -> Found:
-    """Return four-bars whose coupler takes the asked places and rotations; poses are those.
+    """Return four-bars whose coupler passes the prescribed poses: places [m] and rotations [rad].
 
     Each of two different dyads meets the conditions by itself: two to five poses determine it if as many of
     its five quantities are unknown (Burmester's points for five).

@@ -15,6 +15,8 @@ Array = NDArray[np.float64]
 
 #: Two roots are the same where they differ by less, relative to their size.
 _SAME = 1e-6
+#: Evaluations of the equations from one start.
+_EVALUATIONS = 300
 #: Largest change of a root that Newton's method still makes, relative to its size: rounding.
 _SETTLED = 1e-11
 #: Least singular value of the slopes at a root, relative to the largest.
@@ -99,10 +101,6 @@ def search(
         if all(np.abs(x - other).max() > _SAME * size for other in found):
             found.append(x)
     return Search(tuple(found), count, nearest, singular)
-
-
-#: Evaluations of the equations from one start.
-_EVALUATIONS = 300
 
 
 def _polished(equations: Callable[[Array], tuple[Array, Array]], x: Array) -> tuple[Array | None, bool]:

@@ -32,17 +32,17 @@ _IN_ORDER = 1e-9
 @checked
 @dataclass(frozen=True, slots=True)
 class Design:
-    """A four-bar, and what running it has shown.
+    """A four-bar, with measures and faults of its motion.
 
     Attributes
     ----------
     linkage
         The four-bar.
     quantities
-        What running it measures if the crank turns, [m] and [rad]: least and greatest transmission angle,
-        range of the rocker; the quantities of the limit positions where they are asked for.
+        Lengths [m] and angles [rad] measured in a run, if the crank turns: least and greatest transmission
+        angle, range of the rocker, and those of the limit positions if the task prescribes some.
     faults
-        What is wrong with its motion: points on another branch, another order, points out of reach.
+        Faults of the motion: precision points on another branch, in another order, or out of reach.
     """
 
     linkage: FourBar
@@ -82,7 +82,7 @@ class Synthesis:
 
 @checked
 def synthesise(task: str | os.PathLike[str] | Mapping[str, Any]) -> Synthesis:
-    """Return the planar four-bars that have what a task asks for.
+    """Return the planar four-bars with the properties that a task prescribes.
 
     Parameters
     ----------
@@ -106,7 +106,7 @@ def synthesise(task: str | os.PathLike[str] | Mapping[str, Any]) -> Synthesis:
         designs = [_checked(own, partial(run, own, poses)) for own, poses in pairs]
         search = found.search
     if not designs:
-        raise SceneError(_nothing(asked, search), hint="Change what is prescribed, or try more starts.")
+        raise SceneError(_nothing(asked, search), hint="Change the prescribed values, or try more starts.")
     return Synthesis(title, asked.kind, tuple(sorted(designs, key=lambda d: bool(d.faults))), search)
 
 
@@ -121,7 +121,7 @@ def _nothing(task: Task, search: Search) -> str:
     if search.singular:
         return (
             f"no four-bar was found: {search.singular} of {search.starts} starts led to degenerate linkages, "
-            "with links of no length or with quantities that remain undetermined"
+            "with links of zero length or with undetermined quantities"
         )
     if np.isfinite(search.nearest):
         return f"no four-bar was found: {search.starts} starts end {search.nearest:.2g} off or more"

@@ -1,4 +1,4 @@
-"""The table [synthesis] of a file: what is asked of a four-bar, in SI values."""
+"""The table [synthesis] of a file: prescribed properties of a four-bar, in SI units."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""Conditions that planar four-bars of asked properties meet."""
+"""Closure conditions of planar four-bars with prescribed properties."""

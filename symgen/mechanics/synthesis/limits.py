@@ -40,12 +40,12 @@ def _triangle(side: sp.Expr, c: sp.Expr, d: sp.Expr, angles: tuple[sp.Expr, ...]
 
 
 def _cosine_rule(side: sp.Expr, b: sp.Expr, c: sp.Expr, angle: sp.Expr) -> sp.Expr:
-    """Return how far the side opposite to the angle between b and c misses its length, in squares."""
+    """Return the error of the cosine rule [m^2] for the side opposite to the angle between b and c."""
     return b**2 + c**2 - 2 * b * c * sp.cos(angle) - side**2
 
 
 def conditions(x: dict[str, sp.Symbol]) -> list[sp.Expr]:
-    """Return the nine expressions that vanish for the thirteen quantities of a crank-rocker."""
+    """Return the nine closure errors of the thirteen quantities, which are zero for a crank-rocker."""
     a, b, c, d = (x[name] for name in ("crank", "coupler", "rocker", "fixed_link"))
     extended, folded = (
         tuple(x[f"{part}_{pose}"] for part in ("crank", "rocker", "transmission"))

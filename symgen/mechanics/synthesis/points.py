@@ -8,7 +8,7 @@ Point = tuple[sp.Expr, sp.Expr]
 
 
 def dyad(ground: Point, joint: Point, length: sp.Expr, point: Point, angle: sp.Expr) -> sp.Expr:
-    """Return what vanishes [m^2] where a link holds a joint of the coupler at its length from the ground.
+    """Return the closure error [m^2] of a link between a ground point and a joint of the coupler.
 
     ``joint`` is its place on the coupler [m], from the coupler's point and in axes that turn with it;
     ``point`` and ``angle`` are the place of that point [m] and the rotation of the coupler [rad].
@@ -20,7 +20,7 @@ def dyad(ground: Point, joint: Point, length: sp.Expr, point: Point, angle: sp.E
 
 
 def freudenstein(ratios: tuple[sp.Expr, sp.Expr, sp.Expr], crank: sp.Expr, rocker: sp.Expr) -> sp.Expr:
-    """Return what vanishes in a closed loop, by Freudenstein: crank and rocker have these angles [rad].
+    """Return the closure error of Freudenstein's equation for the angles of crank and rocker [rad].
 
     The ratios are d/a, d/c and (a^2 - b^2 + c^2 + d^2)/(2 a c): the thesis on kineto-elastodynamics, Ch. II.
     """
