@@ -72,15 +72,15 @@ def elastic(
             doubles("CONSTANTS", x.constants),
             Table("double", "RIGID_START", braces([*rigid.q, *rigid.u, *np.zeros(extra)], 1)),
             Table("double", "RIGID_PARAMETERS", braces(model.rigid.given)),
-            Table("long", "MOTION_SIZES", braces(motion.kernel_sizes)),
-            doubles("GAUSS_NUMBERS", _gauss()),
+            doubles("GAUSS_NUMBERS", GAUSS.numbers),
             *method_tables(),
         ),
         records=(
             Record("kernels", "RIGID_KERNELS", kernels),
             Record("sizes", "RIGID_SIZES", sizes),
+            Record("motion_sizes", "MOTION_SIZES", members(**motion.kernel_sizes)),
             Record("motion_kernels", "MOTION_KERNELS", members(**_motion_kernels(motion, prefixes))),
-            Record("beam_layout", "LAYOUT", _layout(x)),
+            Record("beam_layout", "LAYOUT", members(**x.counts, **{n: n.upper() for n in _INDEXED})),
             Record("beam_scheme", "GAUSS", members(stages=len(GAUSS.c), numbers="GAUSS_NUMBERS")),
         ),
         expected=_expected(motion),
@@ -116,11 +116,6 @@ def _state(x: Layout) -> tuple[Slot, ...]:
     return (*found, *rates)
 
 
-def _gauss() -> np.ndarray:
-    a, b, c = np.array(GAUSS.a), np.array(GAUSS.b), np.array(GAUSS.c)
-    return np.array([*a.ravel(), *(a @ a).ravel(), *b, *(b @ a), *c])
-
-
 def _motion_kernels(motion: ElasticMotion, prefixes: dict[str, str]) -> dict[str, str]:
     there, of_joints = (
         [k.name for k in known] for known in (motion.kernels_of_motion, motion.kernels_of_joints)
@@ -130,28 +125,6 @@ def _motion_kernels(motion: ElasticMotion, prefixes: dict[str, str]) -> dict[str
         **functions(prefixes["elastic_motion"], ("links", "shaft", "loads", "setup"), there),
         **{"joints_setup" if name == "setup" else name: text for name, text in joints.items()},
     }
-
-
-def _layout(x: Layout) -> tuple[tuple[str, str], ...]:
-    return members(
-        unknowns=x.unknowns,
-        constraints=x.constraints,
-        pieces=len(x.sizes),
-        coordinates=len(x.joint_places) - 1,
-        masses=len(x.mass_slots) - 1,
-        dampings=len(x.damping_slots) - 1,
-        stiffnesses=len(x.stiffness_slots) - 1,
-        shaft=x.shaft,
-        shaft_slot=x.shaft_slot,
-        damped=len(x.damped),
-        damped_at=x.damped_at,
-        entries=len(x.rows),
-        band=x.band,
-        inner=x.inner,
-        constant_count=x.constants.size,
-        most_joints=x.joints.shape[1] // 2,
-        **{name: name.upper() for name in _INDEXED},
-    )
 
 
 def _expected(motion: ElasticMotion) -> tuple[Table, ...]:

@@ -22,8 +22,7 @@ from symgen.codegen.manifest import Shipped, differences, write
 from symgen.codegen.source import SourceFile
 from symgen.errors import GenerationError
 from symgen.regeneration.shipped import (
-    UNITS,
-    UNITS_FILE,
+    TABLES,
     Made,
     generated_folder,
     make,
@@ -92,7 +91,7 @@ def up_to_date(
     store: Cache, progress: Progress | None = None
 ) -> tuple[dict[str, Made], dict[str, tuple[str, ...]]]:
     """Return all current models, and for each one that was derived again the dependencies that changed."""
-    entries = {name: graph.current(store, _entry(name)) for name in (*names(), UNITS)}
+    entries = {name: graph.current(store, _entry(name)) for name in (*names(), *TABLES)}
     missing = [name for name, entry in entries.items() if entry is None]
     derived = {name: _because(store, name) for name in missing}
     made = derive_all(missing, progress)
@@ -103,7 +102,7 @@ def up_to_date(
 
 def not_current(progress: Progress | None = None) -> list[str]:
     """Derive all models, ignoring the cache; return a difference for every outdated committed file."""
-    made = derive_all([*names(), UNITS], progress)
+    made = derive_all([*names(), *TABLES], progress)
     return differences(generated_folder(), _files({name: m.shipped for name, m in made.items()}))
 
 
@@ -232,8 +231,12 @@ def _because(store: Cache, name: str) -> tuple[str, ...]:
 
 def _files(shipped: Mapping[str, Shipped]) -> list[SourceFile]:
     models = {name: shipped[name] for name in names()}
-    place = Path(os.path.relpath(UNITS_FILE, generated_folder())).as_posix()
-    return [*sources(models), *(replace(file, name=place) for file in shipped[UNITS].files)]
+    tables = [
+        replace(file, name=Path(os.path.relpath(path, generated_folder())).as_posix())
+        for name, path in TABLES.items()
+        for file in shipped[name].files
+    ]
+    return [*sources(models), *tables]
 
 
 def _written(

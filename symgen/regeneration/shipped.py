@@ -15,9 +15,14 @@ if TYPE_CHECKING:
     from symgen.symbolic.record import Record
     from symgen.symbolic.system import System
 
-#: The generated item that is not a model: Pint's conversion factors for the units of most scenes.
-UNITS = "units"
-UNITS_FILE = Path(__file__).resolve().parent.parent / "scene" / "units.json"
+#: The generated items that are not models, and their files: Pint's conversion factors for the units of most
+#: scenes, and the order of the numbers that elastic kernels write.
+UNITS, COLUMNS = "units", "columns"
+_PACKAGE = Path(__file__).resolve().parent.parent
+TABLES = {
+    UNITS: _PACKAGE / "scene" / "units.json",
+    COLUMNS: _PACKAGE / "runtime" / "core" / "elastic_columns.h",
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,14 +44,18 @@ def record_name(model: str) -> str:
 
 
 def make(name: str) -> Made:
-    """Derive one model, or evaluate the units with Pint, and write the files."""
+    """Derive one model, evaluate the units with Pint, or list columns, and write the files."""
     if name == UNITS:
         from symgen.scene.units import answers
 
-        units = SourceFile(UNITS_FILE.name, answers())
+        units = SourceFile(TABLES[UNITS].name, answers())
         depends = {**graph.needs(), **graph.of_package("version", "pint")}
         del depends["symgen.scene:units.json"]  # the output itself
         return Made(Shipped("", (units,)), depends)
+    if name == COLUMNS:
+        from symgen.models.elastic.columns import header
+
+        return Made(Shipped("", (SourceFile(TABLES[COLUMNS].name, header()),)), graph.needs())
     if name in RECURSIONS:
         return Made(_of_recursion(name), graph.needs())
     scene = graph.of_package("symgen", f"scenes/{name}.toml") if name in SHIPPED_SCENES else {}

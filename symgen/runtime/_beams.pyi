@@ -1,6 +1,6 @@
 """Types of the binding of elastic links; see ``_beams.pyx`` for what things do."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -14,6 +14,12 @@ from symgen.runtime.kernels.library import Library
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
+MOTION: tuple[str, ...]
+APPLIED: tuple[str, ...]
+BLOCKS: tuple[str, ...]
+MATRICES: tuple[str, ...]
+VECTORS: tuple[str, ...]
+SPREAD: tuple[str, ...]
 IN_MOTION: int
 AT_REST: int
 QUASI_STATIC: int
@@ -27,7 +33,7 @@ class RigidMotion:
         equations: Integrable,
         motion: Library,
         joints: Library,
-        sizes: Sequence[int],
+        sizes: Mapping[str, int],
         t: float,
         y: ArrayLike,
         stride: float,

@@ -14,17 +14,27 @@ from symgen.runtime._core cimport Core, Integrable, Reals, _DONE, at_least, equa
 
 cdef extern from "core/elastic.h" nogil:
     enum:
-        MOTION
-        WRITTEN
+        _MOTION "MOTION"
+        _BLOCKS "BLOCKS"
         _IN_MOTION "IN_MOTION"
         _AT_REST "AT_REST"
         _QUASI_STATIC "QUASI_STATIC"
+
+    const char *MOTION_NAMES
+    const char *APPLIED_NAMES
+    const char *BLOCKS_NAMES
+    const char *MATRICES_NAMES
+    const char *VECTORS_NAMES
+    const char *SPREAD_NAMES
 
     cdef struct rigid_motion:
         pass
 
     cdef struct motion_kernels:
         kernel_t links, joints, shaft, loads, setup, joints_setup
+
+    cdef struct motion_sizes:
+        long links, joints, shaft, loads, setup, joints_setup
 
     cdef struct motion_view:
         double t
@@ -92,8 +102,8 @@ cdef extern from "core/elastic.h" nogil:
 
     cdef struct elastic_table "elastic_api":
         size_t motion_struct, beams_struct, steps_struct
-        size_t (*motion_bytes)(const equations *, const long *) noexcept nogil
-        void (*motion_bind)(rigid_motion *, equations *, const motion_kernels *, const long *, double, void *) noexcept nogil
+        size_t (*motion_bytes)(const equations *, const motion_sizes *) noexcept nogil
+        void (*motion_bind)(rigid_motion *, equations *, const motion_kernels *, const motion_sizes *, double, void *) noexcept nogil
         void (*motion_start)(rigid_motion *, double, const void *) noexcept nogil
         void (*motion_follow)(rigid_motion *, const void *, const void *, long, double, long) noexcept nogil
         int (*motion_at)(rigid_motion *, double) noexcept nogil
@@ -118,6 +128,15 @@ cdef void *_address(str name) except NULL:
     return PyCapsule_GetPointer(capsule, PyCapsule_GetName(capsule))
 
 
+cdef tuple _names(const char *listed):
+    return tuple(listed.decode().split())
+
+
+#: Columns of the kernels ``links`` and ``loads``: see :mod:`symgen.mechanics.elastic.weights`.
+MOTION, APPLIED = _names(MOTION_NAMES), _names(APPLIED_NAMES)
+#: Blocks of the kernel ``joints``; matrices and vectors of a superelement, and those of a force along it.
+BLOCKS, MATRICES = _names(BLOCKS_NAMES), _names(MATRICES_NAMES)
+VECTORS, SPREAD = _names(VECTORS_NAMES), _names(SPREAD_NAMES)
 #: Which terms of the equations are assembled: see ``beams.h``.
 IN_MOTION, AT_REST, QUASI_STATIC = _IN_MOTION, _AT_REST, _QUASI_STATIC
 
@@ -161,7 +180,7 @@ cdef class RigidMotion:
     motion, joints
         The kernels of ``elastic_motion`` and of ``elastic_joints``, which live as long as this.
     sizes
-        Output sizes of the kernels links, joints, shaft and loads, then of the set-up kernels of both.
+        Numbers that the kernels write: links, joints, shaft, loads, setup and joints_setup.
     t, y
         A time and the state there.
     stride
@@ -175,32 +194,30 @@ cdef class RigidMotion:
     cdef rigid_motion *core
     cdef void *memory
     cdef size_t bytes
-    cdef tuple sizes, libraries
+    cdef motion_sizes sizes
+    cdef tuple libraries
     cdef Reals rows, references
 
     def __init__(self, Integrable equations, motion, joints, sizes, double t, y, double stride, path=None):
         cdef motion_kernels given
-        cdef long[WRITTEN] counts
         cdef Reals state = Reals(equations.of, [*y, *np.zeros(equations.extra)])
         if state.count != equations.dim:
             raise ValueError(f"expected a state of {2 * equations.n} numbers, got {len(y)}")
-        self.equations, self.sizes = equations, tuple(sizes)
+        if min(sizes.values()) < 0:
+            raise ValueError(f"expected sizes of what kernels write, got {sizes!r}")
+        self.equations, self.sizes = equations, sizes
         self.api = <const elastic_table *>equations.of.api.elastic
         self.libraries = (motion, joints)
         moving, joining = motion.addresses, joints.addresses
         given.links, given.joints = kernel_of(moving, "links"), kernel_of(joining, "joints")
         given.shaft, given.loads = kernel_of(moving, "shaft"), kernel_of(moving, "loads")
         given.setup, given.joints_setup = kernel_of(moving, "setup"), kernel_of(joining, "setup")
-        if len(sizes) != WRITTEN or min(sizes) < 0:
-            raise ValueError(f"expected {WRITTEN} sizes of what kernels write, got {sizes!r}")
-        for i in range(WRITTEN):
-            counts[i] = sizes[i]
         self.core = <rigid_motion *>calloc(1, self.api.motion_struct)
-        self.bytes = self.api.motion_bytes(equations.core, counts)
+        self.bytes = self.api.motion_bytes(equations.core, &self.sizes)
         self.memory = calloc(1, self.bytes)
         if self.core == NULL or self.memory == NULL:
             raise MemoryError
-        self.api.motion_bind(self.core, equations.core, &given, counts, stride, self.memory)
+        self.api.motion_bind(self.core, equations.core, &given, &self.sizes, stride, self.memory)
         self.api.motion_start(self.core, t, state.at)
         if path is not None:
             self.rows = Reals(equations.of, path.rows)
@@ -239,15 +256,15 @@ cdef class RigidMotion:
         cdef int status = self.api.motion_at(self.core, t)
         cdef Core of = self.equations.of
         self.api.motion_view(self.core, &seen)
-        links, joints, shaft, loads = self.sizes[:4]
-        return (status, _doubles(of, seen.y, 2 * self.equations.n), _doubles(of, seen.motion, links),
-                _doubles(of, seen.joined, joints), _doubles(of, seen.shaft, shaft), _doubles(of, seen.loads, loads))
+        return (status, _doubles(of, seen.y, 2 * self.equations.n), _doubles(of, seen.motion, self.sizes.links),
+                _doubles(of, seen.joined, self.sizes.joints), _doubles(of, seen.shaft, self.sizes.shaft),
+                _doubles(of, seen.loads, self.sizes.loads))
 
     def along(self, times):
         """Return a status, and states, motion of links and point loads at rising times, a row each."""
         cdef Core of = self.equations.of
         cdef Py_ssize_t count = len(times)
-        states, rows, forces = (np.zeros((count, k)) for k in (self.equations.dim, self.sizes[0], self.sizes[3]))
+        states, rows, forces = (np.zeros((count, k)) for k in (self.equations.dim, self.sizes.links, self.sizes.loads))
         cdef Reals when = Reals(of, times), y = Reals(of, states), x = Reals(of, rows), f = Reals(of, forces)
         cdef int status
         with nogil:
@@ -276,7 +293,7 @@ cdef int _check_layout(layout, Py_ssize_t links, Py_ssize_t joined) except -1:
     for what in ("constants_at", "link_of", "joints", "places_at", "slots_at"):
         at_least(what, len(getattr(layout, what)), pieces)
     at_least("loads_at", len(layout.loads_at), links + 1)
-    at_least("joint_at", len(layout.joint_at), 7)
+    at_least("joint_at", len(layout.joint_at), _BLOCKS)
     at_least("columns", len(layout.columns), entries)
     if not 0 <= m <= n:
         raise ValueError(f"expected at most {n} constraints, got {m}")
@@ -336,20 +353,20 @@ cdef class BeamEquations(Integrable):
     def __init__(self, RigidMotion motion, layout, bint thesis):
         cdef beam_layout wanted
         cdef dict kept = {}
-        _check_layout(layout, motion.sizes[0] // MOTION, motion.sizes[1])
+        _check_layout(layout, motion.sizes.links // _MOTION, motion.sizes.joints)
         self.motion, self.kept, self.thesis = motion, kept, thesis
         self.of, self.api = motion.equations.of, motion.api
-        wanted.unknowns, wanted.constraints = layout.unknowns, layout.constraints
-        wanted.pieces, wanted.coordinates = len(layout.sizes), len(layout.joint_places) - 1
-        wanted.masses, wanted.dampings = len(layout.mass_slots) - 1, len(layout.damping_slots) - 1
-        wanted.stiffnesses = len(layout.stiffness_slots) - 1
-        wanted.shaft, wanted.shaft_slot = layout.shaft, layout.shaft_slot
-        wanted.damped, wanted.damped_at = len(layout.damped), layout.damped_at
-        wanted.entries, wanted.band, wanted.thesis = len(layout.rows), layout.band, thesis
-        wanted.inner = layout.inner
+        counts = layout.counts
+        wanted.unknowns, wanted.constraints = counts["unknowns"], counts["constraints"]
+        wanted.pieces, wanted.coordinates = counts["pieces"], counts["coordinates"]
+        wanted.masses, wanted.dampings = counts["masses"], counts["dampings"]
+        wanted.stiffnesses, wanted.most_joints = counts["stiffnesses"], counts["most_joints"]
+        wanted.shaft, wanted.shaft_slot = counts["shaft"], counts["shaft_slot"]
+        wanted.damped, wanted.damped_at = counts["damped"], counts["damped_at"]
+        wanted.entries, wanted.band, wanted.inner = counts["entries"], counts["band"], counts["inner"]
+        wanted.constant_count, wanted.thesis = counts["constant_count"], thesis
         wanted.sizes, wanted.constants_at = _kept(kept, layout.sizes), _kept(kept, layout.constants_at)
         wanted.link_of, wanted.joints = _kept(kept, layout.link_of), _kept(kept, layout.joints)
-        wanted.most_joints = np.shape(layout.joints)[1] // 2
         wanted.places, wanted.places_at = _kept(kept, layout.places), _kept(kept, layout.places_at)
         wanted.slots, wanted.slots_at = _kept(kept, layout.slots), _kept(kept, layout.slots_at)
         wanted.joint_places, wanted.joint_at = _kept(kept, layout.joint_places), _kept(kept, layout.joint_at)
@@ -358,7 +375,6 @@ cdef class BeamEquations(Integrable):
         wanted.loads_at = _kept(kept, layout.loads_at)
         wanted.rows, wanted.columns = _kept(kept, layout.rows), _kept(kept, layout.columns)
         cdef const double[::1] constants = np.ascontiguousarray([*np.ravel(layout.constants), 0.0])
-        wanted.constant_count = constants.shape[0] - 1
         self.core = <equations *>calloc(1, self.api.beams_struct)
         self.bytes = self.api.beams_bytes(&wanted)
         self.memory = calloc(1, self.bytes)
@@ -473,12 +489,11 @@ cdef class BeamSteps:
 
     def __init__(self, BeamEquations equations, method, Py_ssize_t columns):
         cdef beam_scheme scheme
-        a, b, c = np.array(method.a), np.array(method.b), np.array(method.c)
-        cdef const double[::1] numbers = np.array([*a.ravel(), *(a @ a).ravel(), *b, *(b @ a), *c, 0.0])
+        cdef const double[::1] numbers = np.array([*method.numbers, 0.0])
         if columns < 1:
             raise ValueError(f"expected at least one column of states, got {columns}")
         self.equations, self.columns, self.steps = equations, columns, 0
-        scheme.stages = len(c) if method.collocated else 0
+        scheme.stages = len(method.c) if method.collocated else 0
         scheme.at, scheme.gamma, scheme.beta = method.at, method.gamma, method.beta
         for i in range(2):
             scheme.inertia[i], scheme.rate[i], scheme.place[i] = method.inertia[i], method.rate[i], method.place[i]

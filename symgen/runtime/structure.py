@@ -9,8 +9,9 @@ from numpy.typing import NDArray
 
 from symgen.errors import ModelError, SceneError
 from symgen.runtime import _beams
+from symgen.runtime._beams import MOTION
 from symgen.runtime.beams.damping import modal_forces
-from symgen.runtime.beams.frames import MOTION, frames
+from symgen.runtime.beams.frames import frames
 from symgen.runtime.beams.layout import Layout
 from symgen.runtime.beams.links import Beam
 

@@ -2,37 +2,31 @@
 
 from __future__ import annotations
 
-import re
-from pathlib import Path
+from dataclasses import fields
 
 import mpmath
 import pytest
 import sympy as sp
 
-import symgen
 from symgen.mechanics.elastic import hamilton
 from symgen.mechanics.elastic.moving_frame import moving_frame
 from symgen.mechanics.elastic.places import AT_A_PLACE, RIGID_FORCE, SHAPES, at_a_place, second_order
 from symgen.mechanics.elastic.shaft import rigid_crank, shaft
 from symgen.mechanics.elastic.turning_axes import COSINE, SINE
 from symgen.mechanics.elastic.weights import rates_of_turn, turning_ends, weights
-from symgen.models.elastic import links
+from symgen.models.elastic import columns, links
+from symgen.runtime import _beams
 from symgen.runtime.beams import elements, frames
+from symgen.runtime.beams.data import Piece
 from symgen.symbolic.names import Names
 
-CORE = Path(symgen.__file__).parent / "runtime" / "core"
 
-
-def enumerated(first: str) -> tuple[str, ...]:
-    """The names of a C enumeration by its first one, but for its last, which counts them."""
-    text = (CORE / "rigid_motion.h").read_text()
-    inside = re.search(rf"enum {{\s*({first}[^}}]*)}}", text)[1]
-    return tuple(name.strip().lower() for name in inside.split(","))[:-1]
-
-
-def test_columns_are_the_same_in_the_model_in_c_and_in_numpy():
-    assert links.MOTION == frames.MOTION == enumerated("COSINE")
-    assert links.APPLIED == frames.APPLIED == enumerated("LOAD_FORCE_X")
+def test_columns_are_those_of_the_compiled_core():
+    """The core is compiled with the header that ``symgen generate`` wrote."""
+    for name in ("MOTION", "APPLIED", "BLOCKS", "MATRICES", "VECTORS", "SPREAD"):
+        assert columns.COLUMNS[name][2] == getattr(_beams, name)
+    assert {f.name for f in fields(frames.Frames)} == set(links.MOTION)
+    assert {f.name for f in fields(Piece)} == {"at", *_beams.MATRICES, *_beams.VECTORS, *_beams.SPREAD}
     assert tuple(SHAPES) == elements.SHAPES
     assert AT_A_PLACE == elements.AT_A_PLACE
 

@@ -155,7 +155,7 @@ def checkout(tmp_path, made, made_in, monkeypatch):
     """A checkout of its own, with the cache as it is after its kernels were made."""
     monkeypatch.setenv("SYMGEN_CACHE", str(made_in))
     root = tmp_path / "checkout"
-    left_out = shutil.ignore_patterns("*.so", "__pycache__", "core")
+    left_out = shutil.ignore_patterns("*.so", "__pycache__")
     shutil.copytree(PACKAGE, root / "symgen", ignore=left_out)
     shutil.copytree(generated_folder(), root / "symgen" / "generated", ignore=left_out)
     shutil.copytree(graph._folder("symgen.templates"), root / "symgen" / "templates", ignore=left_out)

@@ -32,8 +32,7 @@ from symgen.symbolic.system import Export, NamedMatrix, System
 
 #: Weights of the constants of a link, in its own axes and for ends on fixed axes, but for those that are one.
 _WEIGHTS = tuple(sorted((w for w in (*weights(), *turning_ends()) if w.value != 1), key=lambda w: w.name))
-#: Columns of ``links``: the direction, the weights of the inertia of the elastic motion, and the others. They
-#: are repeated in ``rigid_motion.h`` and :mod:`symgen.runtime.beams.frames` too.
+#: Columns of ``links``: the direction, the weights of the inertia of the elastic motion, and the others.
 MOTION = (
     "cosine",
     "sine",

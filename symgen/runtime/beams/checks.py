@@ -10,11 +10,11 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from symgen.runtime._beams import BeamEquations
+from symgen.runtime._beams import APPLIED, BeamEquations
 from symgen.runtime.beams.data import BeamInfo, Properties
 from symgen.runtime.beams.elements import SHAPES, at, meshed, names, segments
 from symgen.runtime.beams.forces import Motion
-from symgen.runtime.beams.frames import APPLIED, frames
+from symgen.runtime.beams.frames import frames
 from symgen.runtime.beams.links import Beam
 from symgen.runtime.beams.second_order import SECOND_ORDER, omitted
 from symgen.runtime.elastic.motion import ElasticMotion

@@ -210,20 +210,6 @@ class Piece:
     force_axial: Array
 
 
-#: Fields of a piece that are matrices, and those that are vectors.
-MATRICES = (
-    "mass",
-    "centrifugal",
-    "gyroscopic",
-    "stiffness",
-    "damping",
-    "axial0",
-    "axial1",
-    "axial2",
-)
-VECTORS = ("load_x", "load_y", "load_out", "load_turn")
-
-
 @dataclass(frozen=True, slots=True)
 class StationRows:
     """Rows over the unknowns of a link, each (n,): a row times the unknowns is the quantity of its name.

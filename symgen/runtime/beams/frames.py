@@ -7,21 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from symgen.runtime._beams import MOTION
 from symgen.runtime.beams.elements import integral
 from symgen.runtime.beams.links import Beam
 
 Array = NDArray[np.float64]
-
-#: Columns of the kernel ``links``, as in ``rigid_motion.h``: see :mod:`symgen.mechanics.elastic.weights`.
-MOTION = (
-    "cosine", "sine",
-    "damping_gyroscopic", "damping_mass_quarter", "stiffness_centrifugal", "stiffness_damping_quarter",
-    "stiffness_gyroscopic", "stiffness_gyroscopic_quarter", "stiffness_mass_ends", "stiffness_mass_quarter",
-    "load_out", "load_turn", "load_x", "load_y", "stiffness_geometric0", "stiffness_geometric1",
-    "stiffness_geometric2",
-)  # fmt: skip
-#: Columns of the kernel ``loads``.
-APPLIED = ("load_force_x", "load_force_y", "stiffness_geometric_force")
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,4 +72,4 @@ class Frames:
 
 def frames(motion: Array) -> Frames:
     """Return the columns of a link's rows of the kernel ``links``, (times, columns), by name."""
-    return Frames(*motion.T)
+    return Frames(**dict(zip(MOTION, motion.T, strict=True)))

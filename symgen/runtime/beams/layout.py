@@ -9,14 +9,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from symgen.runtime._beams import BLOCKS, MATRICES, SPREAD, VECTORS
 from symgen.runtime.beams.links import Beam, Piece
 from symgen.runtime.kernels.description import BlockInfo, Description
 from symgen.runtime.kernels.elastic_description import ElasticInfo
 
 Indices = NDArray[np.intp]
 Array = NDArray[np.float64]
-
-_BLOCKS = ("load", "mass_matrix", "damping", "stiffness", "jacobian", "jacobian_rate", "jacobian_second_rate")
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,6 +70,28 @@ class Layout:
     shaft_slot: int
     damped: Array
     damped_at: int
+
+    @property
+    def counts(self) -> dict[str, int]:
+        """Numbers of ``struct beam_layout`` of the core, by the names of its members."""
+        return {
+            "unknowns": self.unknowns,
+            "constraints": self.constraints,
+            "pieces": len(self.sizes),
+            "coordinates": len(self.joint_places) - 1,
+            "masses": len(self.mass_slots) - 1,
+            "dampings": len(self.damping_slots) - 1,
+            "stiffnesses": len(self.stiffness_slots) - 1,
+            "shaft": self.shaft,
+            "shaft_slot": self.shaft_slot,
+            "damped": len(self.damped),
+            "damped_at": self.damped_at,
+            "entries": len(self.rows),
+            "band": self.band,
+            "inner": self.inner,
+            "constant_count": self.constants.size,
+            "most_joints": self.joints.shape[1] // 2,
+        }
 
 
 def layout(
@@ -138,7 +159,7 @@ def layout(
         damped=forces,
         damped_at=len(of_pieces["constants"]),
         joint_places=_spare(new[: len(description.free) * len(description.axes)].tolist()),
-        joint_at=np.array([joints[b].offset if b in joints else 0 for b in _BLOCKS], dtype=np.intp),
+        joint_at=np.array([joints[b].offset if b in joints else 0 for b in BLOCKS], dtype=np.intp),
         mass_slots=entries["mass_matrix"],
         damping_slots=entries["damping"],
         stiffness_slots=entries["stiffness"],
@@ -261,10 +282,9 @@ def _by_least_band(n: int, pairs: NDArray[np.intp]) -> Indices:
 
 def _constants(piece: Piece) -> list[Array]:
     """Return the matrices and load vectors of a piece, in the order that the assembly reads them."""
-    order = ("mass", "centrifugal", "gyroscopic", "stiffness", "damping", "axial0", "axial1", "axial2",
-             "load_x", "load_y", "load_out", "load_turn")  # fmt: skip
-    forces = zip(piece.force_x, piece.force_y, piece.force_axial, strict=True)
-    return [*(getattr(piece, name) for name in order), *(a for force in forces for a in force)]
+    forces = zip(*(getattr(piece, name) for name in SPREAD), strict=True)
+    own = (getattr(piece, name) for name in (*MATRICES, *VECTORS))
+    return [*own, *(a for force in forces for a in force)]
 
 
 def _joints(pieces: Sequence[tuple[Beam, Sequence[int]]]) -> NDArray[np.intp]:

@@ -39,6 +39,12 @@ class BeamMethod:
     gamma: float = 0.5
     beta: float = 0.25
 
+    @property
+    def numbers(self) -> Array:
+        """The coefficients of a collocated method, as ``struct beam_scheme`` of the core lists them."""
+        a, b = self.a, self.b
+        return np.concatenate([a.ravel(), (a @ a).ravel(), b, b @ a, self.c])
+
 
 def _generalized_alpha(radius: float) -> BeamMethod:
     """Return the method with a spectral radius at infinite frequency (Chung, Hulbert 1993, Eqs. 17 to 25)."""

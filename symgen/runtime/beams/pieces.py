@@ -9,15 +9,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from symgen.runtime.beams.data import MATRICES, VECTORS, Lump, Piece, Profile, Properties
+from symgen.runtime._beams import MATRICES, SPREAD, VECTORS
+from symgen.runtime.beams.data import Lump, Piece, Profile, Properties
 from symgen.runtime.beams.elements import Segment, integral, point, segment_at
 
 Array = NDArray[np.float64]
 
 #: Points of the Gauss rule for slopes squared: exact to degree 15, and they have 8 at most.
 GAUSS = 8
-#: Fields of a piece with a row for every force along the link.
-SPREAD = ("force_x", "force_y", "force_axial")
 
 
 def pieces(

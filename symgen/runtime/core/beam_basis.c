@@ -110,13 +110,13 @@ int beams_reduce(struct beams *b, int choose) {
     const int turns = !x->thesis && b->analysis != QUASI_STATIC;
     real *found = b->motion->joined;
     if (b->analysis == AT_REST)
-        memset(found + x->joint_at[5], 0, (size_t)(2 * m * x->coordinates) * sizeof(real));
+        memset(found + x->joint_at[BLOCK_JACOBIAN_RATE], 0, (size_t)(2 * m * x->coordinates) * sizeof(real));
     memset(b->bound, 0, (size_t)(3 * m * joints) * sizeof(real));
     for (int k = 0; k < 3; k++)
         for (ptrdiff_t i = 0; i < m; i++)
             for (ptrdiff_t j = 0; j < x->coordinates; j++)
                 if (x->joint_places[j] >= 0)
-                    b->bound[joints * (k * m + i) + x->joint_places[j] - n] = found[x->joint_at[4 + k] + i * x->coordinates + j];
+                    b->bound[joints * (k * m + i) + x->joint_places[j] - n] = found[x->joint_at[BLOCK_JACOBIAN + k] + i * x->coordinates + j];
     const int status = choose ? beams_choose(b) : DONE;
     if (status != DONE)
         return status;

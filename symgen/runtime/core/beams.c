@@ -4,9 +4,6 @@
 
 #include "arena.h"
 
-/* Matrices of a superelement, each n x n, and behind them its load vectors; then of each force two and a matrix. */
-enum { MATRICES = 8, LOADS = 4 };
-
 /* -- memory ----------------------------------------------------------------------------------------------- */
 
 static struct sizes as_equations(const struct beam_layout *x) {
@@ -158,9 +155,11 @@ static void turn_end(real *a, ptrdiff_t n, ptrdiff_t u, ptrdiff_t w, real c, rea
 static void in_link_axes(const struct beams *b, ptrdiff_t k, const real *w, real *m, real *d, real *g, real *q) {
     const struct beam_layout *x = &b->layout;
     const ptrdiff_t n = x->sizes[k], nn = n * n, link = x->link_of[k];
-    const real *mass = b->constants + x->constants_at[k], *centrifugal = mass + nn, *gyroscopic = centrifugal + nn;
-    const real *stiffness = gyroscopic + nn, *damping = stiffness + nn, *geometric = damping + nn;
-    const real *loads = mass + MATRICES * nn, *force = loads + LOADS * n;
+    const real *matrices = b->constants + x->constants_at[k], *mass = matrices + OF_MASS * nn;
+    const real *centrifugal = matrices + OF_CENTRIFUGAL * nn, *gyroscopic = matrices + OF_GYROSCOPIC * nn;
+    const real *stiffness = matrices + OF_STIFFNESS * nn, *damping = matrices + OF_DAMPING * nn;
+    const real *axial0 = matrices + OF_AXIAL0 * nn, *axial1 = matrices + OF_AXIAL1 * nn;
+    const real *axial2 = matrices + OF_AXIAL2 * nn, *vectors = matrices + MATRICES * nn, *force = vectors + VECTORS * n;
     const int inertial = b->analysis != QUASI_STATIC;
     const real by_rate = w[DAMPING_GYROSCOPIC];
     const real outward = inertial ? w[STIFFNESS_CENTRIFUGAL] : 0, turned = inertial ? w[STIFFNESS_GYROSCOPIC] : 0;
@@ -169,18 +168,19 @@ static void in_link_axes(const struct beams *b, ptrdiff_t k, const real *w, real
     memcpy(m, mass, (size_t)nn * sizeof(real));
     for (ptrdiff_t i = 0; i < nn; i++) {
         d[i] = damping[i] + by_rate * gyroscopic[i];
-        g[i] = stiffness[i] + outward * centrifugal[i] + turned * gyroscopic[i] + pull0 * geometric[i] +
-               pull1 * geometric[nn + i] + pull2 * geometric[2 * nn + i];
+        g[i] = stiffness[i] + outward * centrifugal[i] + turned * gyroscopic[i] + pull0 * axial0[i] +
+               pull1 * axial1[i] + pull2 * axial2[i];
     }
     for (ptrdiff_t i = 0; i < n; i++)
-        q[i] = load_x * loads[i] + load_y * loads[n + i] + load_out * loads[2 * n + i] + load_turn * loads[3 * n + i];
-    for (ptrdiff_t e = x->loads_at[link]; e < x->loads_at[link + 1]; e++, force += 2 * n + nn) {
+        q[i] = load_x * vectors[OF_LOAD_X * n + i] + load_y * vectors[OF_LOAD_Y * n + i] +
+               load_out * vectors[OF_LOAD_OUT * n + i] + load_turn * vectors[OF_LOAD_TURN * n + i];
+    for (ptrdiff_t e = x->loads_at[link]; e < x->loads_at[link + 1]; e++, force += OF_FORCE_AXIAL * n + nn) {
         const real *f = b->motion->loads + APPLIED * e;
         const real force_x = f[LOAD_FORCE_X], force_y = f[LOAD_FORCE_Y], pull = f[STIFFNESS_GEOMETRIC_FORCE];
         for (ptrdiff_t i = 0; i < n; i++)
-            q[i] += force_x * force[i] + force_y * force[n + i];
+            q[i] += force_x * force[OF_FORCE_X * n + i] + force_y * force[OF_FORCE_Y * n + i];
         for (ptrdiff_t i = 0; i < nn; i++)
-            g[i] += pull * force[2 * n + i];
+            g[i] += pull * force[OF_FORCE_AXIAL * n + i];
     }
 }
 
@@ -188,7 +188,8 @@ static void in_link_axes(const struct beams *b, ptrdiff_t k, const real *w, real
 static void add_turning_ends(const struct beams *b, ptrdiff_t k, const real *w, real *d, real *g) {
     const struct beam_layout *x = &b->layout;
     const ptrdiff_t n = x->sizes[k], nn = n * n;
-    const real *mass = b->constants + x->constants_at[k], *gyroscopic = mass + 2 * nn, *damping = mass + 4 * nn;
+    const real *matrices = b->constants + x->constants_at[k], *mass = matrices + OF_MASS * nn;
+    const real *gyroscopic = matrices + OF_GYROSCOPIC * nn, *damping = matrices + OF_DAMPING * nn;
     const real ends = w[STIFFNESS_MASS_ENDS];
     for (ptrdiff_t e = k * x->most_joints; e < (k + 1) * x->most_joints; e++) {
         if (x->joints[2 * e] < 0)
@@ -301,10 +302,10 @@ static void add_joints(struct beams *b) {
     const real *found = b->motion->joined, *shaft = b->motion->shaft;
     for (ptrdiff_t i = 0; i < x->coordinates; i++)
         if (x->joint_places[i] >= 0)
-            b->full_load[x->joint_places[i]] += found[x->joint_at[0] + i];
-    add_block(b->full_mass, x->mass_slots, x->masses, found + x->joint_at[1]);
-    add_block(b->full_damping, x->damping_slots, x->dampings, found + x->joint_at[2]);
-    add_block(b->full_stiffness, x->stiffness_slots, x->stiffnesses, found + x->joint_at[3]);
+            b->full_load[x->joint_places[i]] += found[x->joint_at[BLOCK_LOAD] + i];
+    add_block(b->full_mass, x->mass_slots, x->masses, found + x->joint_at[BLOCK_MASS_MATRIX]);
+    add_block(b->full_damping, x->damping_slots, x->dampings, found + x->joint_at[BLOCK_DAMPING]);
+    add_block(b->full_stiffness, x->stiffness_slots, x->stiffnesses, found + x->joint_at[BLOCK_STIFFNESS]);
     if (x->shaft >= 0 && b->motion->kernels.shaft) {
         b->full_mass[x->shaft_slot] += shaft[SHAFT_MASS];
         b->full_damping[x->shaft_slot] += shaft[SHAFT_DAMPING];

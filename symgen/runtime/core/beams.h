@@ -23,7 +23,7 @@ struct beam_layout {
     const ptrdiff_t *places, *places_at, *slots, *slots_at;
     ptrdiff_t coordinates;         /* unknowns of joints; their places follow */
     const ptrdiff_t *joint_places;
-    const ptrdiff_t *joint_at;     /* blocks of the kernel `joints`: load, M, C, K, J, J', J'' */
+    const ptrdiff_t *joint_at;     /* of each of BLOCKS, where the kernel `joints` writes it */
     ptrdiff_t masses, dampings, stiffnesses;
     const ptrdiff_t *mass_slots, *damping_slots, *stiffness_slots;
     const ptrdiff_t *loads_at;     /* forces of link k: from loads_at[k] to loads_at[k + 1] */

@@ -16,7 +16,7 @@ static void view_motion(const struct rigid_motion *m, struct motion_view *view) 
 
 static int along(struct rigid_motion *m, const void *times, long count, void *y, void *motion, void *loads) {
     const size_t state = (size_t)m->e->dim;
-    const size_t sizes[] = {state * sizeof(real), (size_t)m->sizes[OF_LINKS] * sizeof(real), (size_t)m->sizes[OF_LOADS] * sizeof(real)};
+    const size_t sizes[] = {state * sizeof(real), (size_t)m->sizes.links * sizeof(real), (size_t)m->sizes.loads * sizeof(real)};
     for (long k = 0; k < count; k++) {
         const int status = motion_at(m, ((const real *)times)[k]);
         if (status != DONE)

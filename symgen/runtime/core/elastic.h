@@ -22,9 +22,9 @@ struct matrices_view {
 struct elastic_api {
     size_t motion_struct, beams_struct, steps_struct;
 
-    size_t (*motion_bytes)(const struct equations *e, const long *sizes);
+    size_t (*motion_bytes)(const struct equations *e, const struct motion_sizes *sizes);
     void (*motion_bind)(struct rigid_motion *m, struct equations *e, const struct motion_kernels *kernels,
-                        const long *sizes, double stride, void *memory);
+                        const struct motion_sizes *sizes, double stride, void *memory);
     void (*motion_start)(struct rigid_motion *m, double t, const void *y);
     void (*motion_follow)(struct rigid_motion *m, const void *rows, const void *references, long count, double spacing,
                           long absent);

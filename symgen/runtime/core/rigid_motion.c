@@ -9,7 +9,7 @@
 #define FARTHEST R(1e7)
 
 /* Point all arrays into memory, or only count their bytes. */
-static size_t place(struct rigid_motion *m, const struct equations *e, const long *sizes, void *memory) {
+static size_t place(struct rigid_motion *m, const struct equations *e, const struct motion_sizes *sizes, void *memory) {
     const ptrdiff_t parameters = e->sizes.parameters, dim = e->dim, out = e->n + e->m + 2;
     const struct arena_array arrays[] = {
         ARENA_ARRAY(m->solved, 1),
@@ -18,17 +18,17 @@ static size_t place(struct rigid_motion *m, const struct equations *e, const lon
         ARENA_ARRAY(m->began, dim + 1),
         ARENA_ARRAY(m->still, dim + out),
         ARENA_ARRAY(m->out, out),
-        ARENA_ARRAY(m->motion, sizes[OF_LINKS] + 1),
-        ARENA_ARRAY(m->joined, sizes[OF_JOINTS] + 1),
-        ARENA_ARRAY(m->shaft, sizes[OF_SHAFT] + 1),
-        ARENA_ARRAY(m->loads, sizes[OF_LOADS] + 1),
-        ARENA_ARRAY(m->p, parameters + sizes[OF_SETUP] + 1),
-        ARENA_ARRAY(m->joints_p, parameters + sizes[OF_JOINTS_SETUP] + 1),
+        ARENA_ARRAY(m->motion, sizes->links + 1),
+        ARENA_ARRAY(m->joined, sizes->joints + 1),
+        ARENA_ARRAY(m->shaft, sizes->shaft + 1),
+        ARENA_ARRAY(m->loads, sizes->loads + 1),
+        ARENA_ARRAY(m->p, parameters + sizes->setup + 1),
+        ARENA_ARRAY(m->joints_p, parameters + sizes->joints_setup + 1),
     };
     return ARENA_PLACE(arrays, memory);
 }
 
-size_t motion_bytes(const struct equations *e, const long *sizes) {
+size_t motion_bytes(const struct equations *e, const struct motion_sizes *sizes) {
     struct rigid_motion counted;
     return place(&counted, e, sizes, NULL);
 }
@@ -43,12 +43,12 @@ static void take_references(struct rigid_motion *m) {
     set_up_with(m->kernels.joints_setup, parameters, m->joints_p);
 }
 
-void motion_bind(struct rigid_motion *m, struct equations *e, const struct motion_kernels *kernels, const long *sizes,
+void motion_bind(struct rigid_motion *m, struct equations *e, const struct motion_kernels *kernels, const struct motion_sizes *sizes,
                  double stride, void *memory) {
     place(m, e, sizes, memory);
     m->e = e;
     m->kernels = *kernels;
-    memcpy(m->sizes, sizes, sizeof m->sizes);
+    m->sizes = *sizes;
     m->stride = R(stride);
     take_references(m);
 }
@@ -218,10 +218,10 @@ int motion_at_rest(struct rigid_motion *m, real t) {
     const int status = motion_at(m, t);
     if (status != DONE)
         return status;
-    for (long k = 0; k < m->sizes[OF_LINKS] / MOTION; k++)
+    for (long k = 0; k < m->sizes.links / MOTION; k++)
         for (int i = 2; i < MOTION; i++)
             m->motion[MOTION * k + i] = 0;
-    memset(m->loads, 0, (size_t)m->sizes[OF_LOADS] * sizeof(real));
+    memset(m->loads, 0, (size_t)m->sizes.loads * sizeof(real));
     /* The torque of a motor that turns the crank holds no pose: its change with the angle is no stiffness at rest. */
     for (ptrdiff_t i = 0; i < m->e->n; i++)
         if (m->kernels.shaft && m->y[m->e->n + i] != 0)

@@ -3,23 +3,8 @@
 #ifndef SYMGEN_RIGID_MOTION_H
 #define SYMGEN_RIGID_MOTION_H
 
+#include "elastic_columns.h"
 #include "equations.h"
-
-/* Numbers that the kernel `links` writes of each link: its direction, and the weights of its constant matrices and
- * load vectors: first those of the inertia of the elastic motion, then those of the rigid motion alone. */
-enum {
-    COSINE, SINE,
-    DAMPING_GYROSCOPIC, DAMPING_MASS_QUARTER, STIFFNESS_CENTRIFUGAL, STIFFNESS_DAMPING_QUARTER, STIFFNESS_GYROSCOPIC,
-    STIFFNESS_GYROSCOPIC_QUARTER, STIFFNESS_MASS_ENDS, STIFFNESS_MASS_QUARTER,
-    LOAD_OUT, LOAD_TURN, LOAD_X, LOAD_Y, STIFFNESS_GEOMETRIC0, STIFFNESS_GEOMETRIC1, STIFFNESS_GEOMETRIC2,
-    MOTION
-};
-
-/* Numbers that the kernel `loads` writes of each force along a link: weights. */
-enum { LOAD_FORCE_X, LOAD_FORCE_Y, STIFFNESS_GEOMETRIC_FORCE, APPLIED };
-
-/* Numbers that the kernel `shaft` writes: terms of the rotation of an elastic crank with a motor. */
-enum { SHAFT_MASS, SHAFT_DAMPING, SHAFT_STIFFNESS, SHAFT_LOAD };
 
 /* Kernels of the motion and of the joints; those absent are NULL. */
 struct motion_kernels {
@@ -27,8 +12,10 @@ struct motion_kernels {
     kernel setup, joints_setup; /* what depends on parameters alone: of all but `joints`, and of `joints` */
 };
 
-/* What these write. */
-enum { OF_LINKS, OF_JOINTS, OF_SHAFT, OF_LOADS, OF_SETUP, OF_JOINTS_SETUP, WRITTEN };
+/* Numbers that these write. */
+struct motion_sizes {
+    long links, joints, shaft, loads, setup, joints_setup;
+};
 
 /* A motion that was integrated: rows of q, q' and q'' at equal spacing from time zero on. Its linkage has all constraints
  * that the kernels know but one, number `absent`, whose multiplier is zero. */
@@ -43,7 +30,7 @@ struct rigid_motion {
     struct equations *e;
     struct motion_path path; /* no rows: the drives determine the motion */
     struct motion_kernels kernels;
-    long sizes[WRITTEN];
+    struct motion_sizes sizes;
     real stride;   /* the longest time over which a state is a good guess of the next [s] */
     real began_at;
     /* where it is */
@@ -55,10 +42,10 @@ struct rigid_motion {
 };
 
 /* Bytes of memory, without the struct itself. */
-size_t motion_bytes(const struct equations *e, const long *sizes);
+size_t motion_bytes(const struct equations *e, const struct motion_sizes *sizes);
 
 /* Fill in over zeroed memory of that size, with the parameters that the equations have. */
-void motion_bind(struct rigid_motion *m, struct equations *e, const struct motion_kernels *kernels, const long *sizes,
+void motion_bind(struct rigid_motion *m, struct equations *e, const struct motion_kernels *kernels, const struct motion_sizes *sizes,
                  double stride, void *memory);
 
 /* Set a time and the state (q, u, ...) there. */

@@ -15,11 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symgen.runtime import _core
+from symgen.runtime._beams import APPLIED, MOTION
 from symgen.runtime.beams.checks import held_alone
 from symgen.runtime.beams.data import BeamInfo, Properties
 from symgen.runtime.beams.elements import SHAPES, meshed
 from symgen.runtime.beams.elements import at as value_at
-from symgen.runtime.beams.frames import APPLIED, MOTION, frames
+from symgen.runtime.beams.frames import frames
 from symgen.runtime.beams.links import Beam, beam
 from symgen.runtime.beams.pieces import whole
 from symgen.runtime.elastic.modes import elastic_modes, lowest

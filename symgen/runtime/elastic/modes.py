@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from symgen.errors import ModelError
 from symgen.runtime import _beams
-from symgen.runtime.beams.frames import MOTION, frames
+from symgen.runtime._beams import MOTION
+from symgen.runtime.beams.frames import frames
 from symgen.runtime.elastic.motion import ElasticMotion
 from symgen.runtime.result.modes import ElasticModes
 from symgen.runtime.structure import ROUND_OFF, modes_at_rest, stiffness_sizes

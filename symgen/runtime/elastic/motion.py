@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 
 from symgen.errors import ModelError, SimulationError, check_joints
 from symgen.runtime import _beams, _core
-from symgen.runtime._beams import RigidMotion
+from symgen.runtime._beams import APPLIED, MOTION, RigidMotion
 from symgen.runtime.beams.data import Lump, Profile
-from symgen.runtime.beams.frames import APPLIED, MOTION, frames
+from symgen.runtime.beams.frames import frames
 from symgen.runtime.beams.layout import Layout, layout
 from symgen.runtime.beams.links import Beam
 from symgen.runtime.elastic.path import Machine, Path
@@ -229,15 +229,15 @@ class ElasticMotion(ABC):
         return self._joints.description.kernels
 
     @property
-    def kernel_sizes(self) -> list[int]:
-        """Output sizes of the kernels of the motion; 0 for absent ones.
-
-        They are links, joints, shaft and loads, then the set-up of these and that of joints.
-        """
+    def kernel_sizes(self) -> dict[str, int]:
+        """Output sizes of the kernels of the motion by name; 0 for absent ones."""
         of_motion = {k.name: k.out_size for k in self.kernels_of_motion}
-        joints = self._joints.info("joints").out_size
-        written = [of_motion["links"], joints, of_motion.get("shaft", 0), of_motion.get("loads", 0)]
-        return [*written, self._motion.description.derived, self._joints.description.derived]
+        return {
+            **{name: of_motion.get(name, 0) for name in ("links", "shaft", "loads")},
+            "joints": self._joints.info("joints").out_size,
+            "setup": self._motion.description.derived,
+            "joints_setup": self._joints.description.derived,
+        }
 
     @cached_property
     def stride(self) -> float:
