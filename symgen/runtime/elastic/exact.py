@@ -6,10 +6,8 @@ See ``symgen.scene.elastic.segments`` for the rods. A run starts undeformed, mov
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +18,7 @@ from symgen.runtime.beams.links import Beam
 from symgen.runtime.elastic.motion import ElasticMotion
 from symgen.runtime.elastic.outputs import coordinate_of, displacement, length_change, selected, strains
 from symgen.runtime.elastic.steps import check_revolutions
+from symgen.runtime.model.arguments import LargeRotation
 from symgen.runtime.model.rods import RodModel
 from symgen.runtime.result.elastic import ElasticResult
 from symgen.runtime.result.records import Variable
@@ -29,20 +28,9 @@ from symgen.runtime.result.state import State
 Array = NDArray[np.float64]
 #: Largest axial strain of rods that keep their length: what depends on lengths is off by that part.
 STRETCH = 0.01
-Progress = Callable[[float], None]
 
 #: Relative tolerance of a rigid motion with free coordinates.
 _RIGID_RTOL = 1e-10
-
-
-@dataclass(frozen=True, slots=True)
-class ExactTask:
-    """Task of a run: see :meth:`symgen.Model.large_rotation`."""
-
-    segments: int
-    revolutions: float
-    rtol: float
-    samples: int
 
 
 @dataclass(frozen=True)
@@ -91,12 +79,8 @@ class Cut:
         return found
 
 
-def exact_run(
-    motion: ElasticMotion, rods: RodModel, task: ExactTask, progress: Progress | None, kept: Mapping[str, Any]
-) -> ElasticResult:
+def exact_run(motion: ElasticMotion, rods: RodModel, task: LargeRotation) -> ElasticResult:
     """Return strains and displacements of a linkage whose elastic links are the rods of another model.
-
-    ``kept`` are the options of checkpoints and limits of :meth:`symgen.Model.simulate`.
 
     Raises
     ------
@@ -109,10 +93,18 @@ def exact_run(
     turn = motion.period if motion.speed else motion.rigid.description.t_end
     cuts = _cuts(motion, rods)
     state = _state(motion.rigid, rods, cuts)
-    end = turn * task.revolutions
-    asked: dict[str, Any] = {"rtol": task.rtol, "samples": task.samples, "state": state, "progress": progress}
     try:
-        result = rods.simulate(end, **asked, **kept)
+        result = rods.simulate(
+            turn * task.revolutions,
+            rtol=task.rtol,
+            samples=task.samples,
+            state=state,
+            max_step=task.max_step,
+            checkpoint=task.checkpoint,
+            checkpoint_every=task.checkpoint_every,
+            resume=task.resume,
+            progress=task.progress,
+        )
     except SimulationError as error:
         if error.partial is not None:
             error.partial = _result(motion, cuts, error.partial, task)
@@ -146,7 +138,9 @@ def _state(rigid: RodModel, rods: RodModel, cuts: tuple[Cut, ...]) -> State:
     return rods.state({p: places[p] for p in free}, {p: velocities[p] for p in free})
 
 
-def _result(motion: ElasticMotion, cuts: tuple[Cut, ...], result: Result, task: ExactTask) -> ElasticResult:
+def _result(
+    motion: ElasticMotion, cuts: tuple[Cut, ...], result: Result, task: LargeRotation
+) -> ElasticResult:
     d, times = motion.rigid.description, result.time
 
     def of_rods(cut: Cut, word: str) -> Array:

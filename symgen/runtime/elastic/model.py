@@ -3,23 +3,22 @@
 from __future__ import annotations
 
 import math
-import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import cache, cached_property
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from symgen.calls import checked
 from symgen.errors import ModelError, nearest
-from symgen.runtime.integrate.checkpoint import Keeping, keeping
+from symgen.runtime.integrate.checkpoint import Keeping
 from symgen.runtime.integrate.options import sample_count
 from symgen.runtime.integrate.pace import limited, uncounted
 from symgen.runtime.kernels.arguments import count as whole
 from symgen.runtime.kernels.arguments import real, reals
 from symgen.runtime.kernels.description import Description
+from symgen.runtime.model.arguments import Elastic, ElasticRun, LargeRotation, Periodic, QuasiStatic, takes
 from symgen.runtime.model.model import Model
 
 if TYPE_CHECKING:
@@ -192,25 +191,9 @@ class ElasticModel(Model):
         angle = motion.angle if at is None else real(at, "the direction of the crank")
         return modes_with_errors(motion, motion.time_at(angle), moving)
 
-    def _simulate(
-        self,
-        t_end: float | None = None,
-        method: str = "gauss",
-        rtol: float = 1e-4,
-        steps: int | None = None,
-        revolutions: float | None = None,
-        samples: int | None = None,
-        t_eval: ArrayLike | None = None,
-        at: ArrayLike | None = None,
-        form: str = "exact",
-        geometric_stiffness: bool = True,
-        max_step: float | None = None,
-        max_wall: float | None = None,
-        checkpoint: str | os.PathLike[str] | None = None,
-        checkpoint_every: float = 10.0,
-        resume: str | os.PathLike[str] | None = None,
-        progress: Callable[[float], None] | None = None,
-    ) -> ElasticResult:
+    @takes(ElasticRun)
+    def _simulate(self, asked: ElasticRun) -> ElasticResult:
+        method, t_end, revolutions = asked.method, asked.t_end, asked.revolutions
         if method not in METHODS:
             own = {"quasi-static": "quasi_static", "periodic": "periodic", "exact": "large_rotation"}
             hint = nearest(method, METHODS)
@@ -223,71 +206,43 @@ class ElasticModel(Model):
                 raise ModelError("give t_end or revolutions, not both")
             if not t_end > 0.0:
                 raise ModelError(f"expected t_end above zero, got {t_end!r}")
-            period = self._motion(geometric_stiffness).period
+            period = self._motion(asked.geometric_stiffness).period
             revolutions = t_end / period if math.isfinite(period) else None
-        if at is not None and t_eval is not None:
+        if asked.at is not None and asked.t_eval is not None:
             raise ModelError("give at or t_eval, not both")
-        kept_in = keeping(checkpoint, checkpoint_every, resume)
-        turns = 1.0 if revolutions is None else revolutions
-        count = sample_count(samples, t_eval, 361)
-        task = (turns, steps, rtol, count, at, form, max_step, max_wall)
-        return self._run(method, geometric_stiffness, *task, progress, kept_in, t_end, t_eval)
+        times = None if asked.t_eval is None else tuple(reals(asked.t_eval, "t_eval").tolist())
+        return self._run(
+            asked,
+            method,
+            asked.keeping(),
+            revolutions=1.0 if revolutions is None else revolutions,
+            steps=asked.steps,
+            rtol=asked.rtol,
+            samples=sample_count(asked.samples, asked.t_eval, 361),
+            max_step=asked.max_step,
+            t_end=t_end,
+            t_eval=times,
+        )
 
-    def _periodic(
-        self,
-        steps: int | None = None,
-        rtol: float = 1e-4,
-        samples: int = 361,
-        at: ArrayLike | None = None,
-        form: str = "exact",
-        geometric_stiffness: bool = True,
-        max_step: float | None = None,
-        max_wall: float | None = None,
-        progress: Callable[[float], None] | None = None,
-    ) -> ElasticResult:
-        task = (1.0, steps, rtol, samples, at, form, max_step, max_wall)
-        return self._run("periodic", geometric_stiffness, *task, progress)
+    @takes(Periodic)
+    def _periodic(self, asked: Periodic) -> ElasticResult:
+        own: dict[str, Any] = {"steps": asked.steps, "rtol": asked.rtol, "max_step": asked.max_step}
+        return self._run(asked, "periodic", samples=asked.samples, **own)
 
-    def _quasi_static(
-        self,
-        revolutions: float = 1.0,
-        samples: int = 361,
-        at: ArrayLike | None = None,
-        form: str = "exact",
-        geometric_stiffness: bool = True,
-        max_wall: float | None = None,
-        progress: Callable[[float], None] | None = None,
-    ) -> ElasticResult:
-        task = (revolutions, None, 1e-4, samples, at, form, None, max_wall)
-        return self._run("quasi-static", geometric_stiffness, *task, progress)
+    @takes(QuasiStatic)
+    def _quasi_static(self, asked: QuasiStatic) -> ElasticResult:
+        return self._run(asked, "quasi-static", samples=asked.samples, revolutions=asked.revolutions)
 
-    def _run(
-        self,
-        method: str,
-        geometric_stiffness: bool,
-        revolutions: float,
-        steps: int | None,
-        rtol: float,
-        samples: int,
-        at: ArrayLike | None,
-        form: str,
-        max_step: float | None,
-        max_wall: float | None,
-        progress: Callable[[float], None] | None,
-        kept_in: Keeping | None = None,
-        t_end: float | None = None,
-        t_eval: ArrayLike | None = None,
-    ) -> ElasticResult:
+    def _run(self, asked: Elastic, method: str, kept_in: Keeping | None = None, **own: Any) -> ElasticResult:
         from symgen.runtime.elastic.run import Task, run
 
         self._refuse_types("runs of elastic links are", but="types of C")
-        if form not in FORMS:
-            raise ModelError(f"there is no form {form!r}. {nearest(form, FORMS)}")
-        angles = None if at is None else tuple(np.ravel(np.asarray(at, dtype=float)).tolist())
-        times = None if t_eval is None else tuple(reals(t_eval, "t_eval").tolist())
-        task = Task(method, revolutions, steps, rtol, samples, angles, form, max_step, t_end, times)
-        with limited(max_wall):
-            return run(self._motion(geometric_stiffness), task, progress, kept_in)
+        if asked.form not in FORMS:
+            raise ModelError(f"there is no form {asked.form!r}. {nearest(asked.form, FORMS)}")
+        angles = None if asked.at is None else tuple(np.ravel(np.asarray(asked.at, dtype=float)).tolist())
+        task = Task(method, at=angles, form=asked.form, **own)
+        with limited(asked.max_wall):
+            return run(self._motion(asked.geometric_stiffness), task, asked.progress, kept_in)
 
     def _sweep(
         self,
@@ -309,24 +264,10 @@ class ElasticModel(Model):
     def _equilibrium(self, segments: int = 12, t: float | None = None, stable: bool = True) -> Equilibrium:
         return self._in_segments(segments)._equilibrium(t=t, stable=stable)
 
-    def _large_rotation(
-        self,
-        segments: int = 12,
-        revolutions: float = 1.0,
-        rtol: float = 1e-7,
-        samples: int = 361,
-        max_step: float | None = None,
-        max_wall: float | None = None,
-        checkpoint: str | os.PathLike[str] | None = None,
-        checkpoint_every: float = 10.0,
-        resume: str | os.PathLike[str] | None = None,
-        progress: Callable[[float], None] | None = None,
-    ) -> ElasticResult:
-        from symgen.runtime.elastic.exact import ExactTask, exact_run
+    @takes(LargeRotation)
+    def _large_rotation(self, asked: LargeRotation) -> ElasticResult:
+        from symgen.runtime.elastic.exact import exact_run
 
         self._refuse_types("runs in rods with springs are")
-        task = ExactTask(segments, revolutions, rtol, samples)
-        kept = {"checkpoint": checkpoint, "checkpoint_every": checkpoint_every, "resume": resume}
-        with limited(max_wall):
-            rods, kept["max_step"] = self._in_segments(segments), max_step
-            return exact_run(self._motion(True), rods, task, progress, kept)
+        with limited(asked.max_wall):
+            return exact_run(self._motion(True), self._in_segments(asked.segments), asked)

@@ -42,12 +42,12 @@ class Task:
     """Options of a run; see :meth:`symgen.Model.simulate`. ``t_end`` applies to cranks at rest."""
 
     method: str
-    revolutions: float
-    steps: int | None
-    rtol: float
     samples: int
-    at: tuple[float, ...] | None
-    form: str
+    revolutions: float = 1.0
+    steps: int | None = None
+    rtol: float = 1e-4
+    at: tuple[float, ...] | None = None
+    form: str = "exact"
     max_step: float | None = None
     t_end: float | None = None
     t_eval: tuple[float, ...] | None = None

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from symgen.calls import checked
 from symgen.errors import InitialStateError, ModelError
@@ -15,8 +14,6 @@ from symgen.runtime import _core
 from symgen.runtime.closure.assemblies import assemblies
 from symgen.runtime.closure.later import closed_later
 from symgen.runtime.closure.start import Closed, close_near, counted
-from symgen.runtime.integrate.checkpoint import keeping
-from symgen.runtime.integrate.options import options, sample_count
 from symgen.runtime.integrate.pace import limited
 from symgen.runtime.kernels.arguments import reals
 from symgen.runtime.kernels.description import LoopDescription
@@ -24,6 +21,7 @@ from symgen.runtime.kernels.library import Library
 from symgen.runtime.kernels.typed import Typed
 from symgen.runtime.loop.driven import driven, follow, follow_through, followed
 from symgen.runtime.loop.kernels import LoopKernels
+from symgen.runtime.model.arguments import Poses, Run, takes
 from symgen.runtime.model.compiled import degrees
 from symgen.runtime.model.model import Model
 from symgen.runtime.result.turn import Turn
@@ -150,54 +148,32 @@ class LoopModel(Model):
             return "it has no input: nothing moves. Give one under loop.inputs"
         return super()._refused(name)
 
-    def _kinematics(
-        self,
-        start: float | None = None,
-        stop: float | None = None,
-        at: ArrayLike | None = None,
-        over: str | None = None,
-        samples: int | None = None,
-        through: bool = False,
-    ) -> Turn:
-        return self._evaluated(start, stop, at, over, samples, through, False)
+    @takes(Poses)
+    def _kinematics(self, asked: Poses) -> Turn:
+        return self._evaluated(asked, forces=False)
 
-    def _inverse_dynamics(
-        self,
-        start: float | None = None,
-        stop: float | None = None,
-        at: ArrayLike | None = None,
-        over: str | None = None,
-        samples: int | None = None,
-        through: bool = False,
-    ) -> Turn:
-        return self._evaluated(start, stop, at, over, samples, through, True)
+    @takes(Poses)
+    def _inverse_dynamics(self, asked: Poses) -> Turn:
+        return self._evaluated(asked, forces=True)
 
-    def _evaluated(
-        self,
-        start: float | None,
-        stop: float | None,
-        at: ArrayLike | None,
-        over: str | None,
-        samples: int | None,
-        through: bool,
-        forces: bool,
-    ) -> Turn:
+    def _evaluated(self, asked: Poses, forces: bool) -> Turn:
+        at, over, start, stop = asked.at, asked.over, asked.start, asked.stop
         if over not in (None, "input", "time"):
             raise ModelError(f"expected over to be 'input' or 'time', got {over!r}")
         in_time = over == "time"
         if at is not None:
-            if through or not (start is stop is samples is None):
+            if asked.through or not (start is stop is asked.samples is None):
                 raise ModelError("give values at which to evaluate the loop, or a range of them, not both")
             values = reals(at, "times" if in_time else "values of the input")
         else:
             ends = (0.0, self.description.t_end) if in_time else self.description.span
             low, high = ends[0] if start is None else start, ends[1] if stop is None else stop
-            number = 361 if samples is None else samples
+            number = 361 if asked.samples is None else asked.samples
             if not 2 <= number <= 10_000_000:
                 raise ModelError(f"expected between 2 and 10 million samples, got {number}")
             if not low < high:
                 raise ModelError(f"expected a range with start before stop, got {low:g} to {high:g}")
-            if through:
+            if asked.through:
                 if in_time:
                     raise ModelError("through is for a range of the input, not of the time")
                 begin = followed(self._kernels, self.closed_start(), low)
@@ -215,38 +191,17 @@ class LoopModel(Model):
         names = [v.name for v in self.description.variables]
         return tuple(dict(zip(names, q.tolist(), strict=True)) for q in assemblies(self._kernels, t, begin.q))
 
-    def _simulate(
-        self,
-        t_end: float | None = None,
-        method: str | None = None,
-        rtol: float | None = None,
-        atol: float | None = None,
-        step: float | None = None,
-        samples: int | None = None,
-        t_eval: ArrayLike | None = None,
-        max_steps: int = 1_000_000_000,
-        stabilisation: str = "projection",
-        max_drift: float | None = None,
-        max_step: float | None = None,
-        max_wall: float | None = None,
-        checkpoint: str | os.PathLike[str] | None = None,
-        checkpoint_every: float = 10.0,
-        resume: str | os.PathLike[str] | None = None,
-        progress: Callable[[float], None] | None = None,
-    ) -> Result:
+    @takes(Run)
+    def _simulate(self, asked: Run) -> Result:
         from symgen.runtime.loop.motion import run
 
-        d = self.description
-        end = d.t_end if t_end is None else t_end
-        kept = (stabilisation, None, max_drift, self._type)
-        count = sample_count(samples, t_eval, 201)
-        chosen = options(end, method, rtol, atol, step, count, max_steps, *kept, max_step=max_step)
+        chosen = asked.options(self.description.t_end, self._type)
         if chosen.stabilisation == "baumgarte":
             raise ModelError("baumgarte is for linkages of points and links: loops take projection, or raw")
         if chosen.method.kind != "explicit":
             raise ModelError(
                 f"{chosen.method.name} is for linkages of points and links, not for loops of joints"
             )
-        kept_in = keeping(checkpoint, checkpoint_every, resume)
-        with limited(max_wall):
-            return run(self._kernels, self.closed_start(), chosen, progress, kept_in, t_eval)
+        kept_in = asked.keeping()
+        with limited(asked.max_wall):
+            return run(self._kernels, self.closed_start(), chosen, asked.progress, kept_in, asked.t_eval)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from inspect import signature
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -16,13 +15,13 @@ from symgen.runtime.kernels.batch import lanes_of
 from symgen.runtime.kernels.evaluate import Evaluator
 from symgen.runtime.many.dataset import Keep, Kept
 from symgen.runtime.many.starts import given_of, is_stored, start_of
+from symgen.runtime.model.arguments import LinkageForces, LinkageMotion
 from symgen.runtime.result.recorded_motion import Along, chosen_names, coordinate_of, of_names
 from symgen.runtime.result.records import Variable
 from symgen.runtime.rods.following.branch import TURN, nodes_of, turned
 from symgen.runtime.rods.following.groups import groups_of
 from symgen.runtime.rods.forces.analysis import driving, of_drive, of_unknown
 from symgen.runtime.rods.forces.assembly import Assembly, Unknown
-from symgen.runtime.rods.instants import instants
 from symgen.runtime.rods.poses import Poses
 from symgen.runtime.rods.redundancy import extent
 
@@ -192,9 +191,8 @@ def driven_runs(
     if motion[1].backend != "c" or lanes_of(motion[1], motion[0].name)[0] < 2:
         return None
     t, bonds = starts.pop(), model._bonds()
-    analysis = model._inverse_dynamics if loads else model._kinematics
-    samples = arguments.get("samples", signature(analysis).parameters["samples"].default)
-    asked = instants(arguments.get("start"), arguments.get("stop"), None, None, samples, d.t_end)
+    given = {name: value for name, value in arguments.items() if value is not None}
+    asked = (LinkageForces if loads else LinkageMotion)(**given).instants(d.t_end)
     times = asked.times(d.name, bonds.driving)
     nodes = nodes_of(min(asked.start, t), max(asked.stop, t), np.unique(times))
     unknowns: list[tuple[Unknown, list[int]]] = []

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -16,6 +16,7 @@ from symgen.runtime.kernels.description import Description
 from symgen.runtime.kernels.evaluate import Evaluator
 from symgen.runtime.kernels.library import Library
 from symgen.runtime.kernels.typed import Typed
+from symgen.runtime.model.arguments import LinkageMotion, takes
 from symgen.runtime.model.model import Model
 from symgen.runtime.result.state import State, coordinates
 from symgen.runtime.rods.start import Start
@@ -152,20 +153,10 @@ class LinkageModel(Model):
         found = assemblies(bonds, q, t)
         return tuple(self._state(t, pose, np.zeros_like(pose)) for pose in found)
 
-    def _kinematics(
-        self,
-        start: float | None = None,
-        stop: float | None = None,
-        at: ArrayLike | None = None,
-        over: str | None = None,
-        samples: int = 181,
-        of: Sequence[str] | None = None,
-        state: State | None = None,
-        through: bool = False,
-    ) -> Motion:
-        from symgen.runtime.rods.instants import instants
+    @takes(LinkageMotion)
+    def _kinematics(self, asked: LinkageMotion) -> Motion:
         from symgen.runtime.rods.kinematics import analyse
 
-        begin = self.initial_state() if state is None else state
-        asked = instants(start, stop, at, over, samples, self.description.t_end)
-        return analyse(self._bonds(), begin.q, begin.t, asked, through, of)
+        begin = self.initial_state() if asked.state is None else asked.state
+        poses = asked.instants(self.description.t_end)
+        return analyse(self._bonds(), begin.q, begin.t, poses, asked.through, asked.of)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -10,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symgen.calls import checked
+from symgen.runtime.model.arguments import LinkageForces, LinkageMotion, LinkageRun, takes
 from symgen.runtime.model.rods import RodModel
 from symgen.runtime.result.result import Result
 from symgen.runtime.result.state import Accelerations, State
@@ -70,23 +72,20 @@ class PlaneModel(RodModel):
     def _accelerations(self, state: State | None = None) -> Accelerations:
         return super()._accelerations(self._own(state))
 
-    def _simulate(  # type: ignore[override]  # the other options pass through
-        self, t_end: float | None = None, state: State | None = None, **options: Any
-    ) -> Result:
-        return super()._simulate(t_end, state=self._own(state), **options)
+    @takes(LinkageRun)
+    def _simulate(self, asked: LinkageRun) -> Result:
+        return super()._simulate(replace(asked, state=self._own(asked.state)))
 
     def _assemblies(self, at: float | None = None, over: str | None = None) -> tuple[State, ...]:
         return self.in_space._assemblies(at, over)
 
-    def _kinematics(  # type: ignore[override]
-        self, state: State | None = None, **options: Any
-    ) -> Motion:
-        return self.in_space._kinematics(state=self._whole(state), **options)
+    @takes(LinkageMotion)
+    def _kinematics(self, asked: LinkageMotion) -> Motion:
+        return self.in_space._kinematics(replace(asked, state=self._whole(asked.state)))
 
-    def _inverse_dynamics(  # type: ignore[override]
-        self, state: State | None = None, **options: Any
-    ) -> Forces:
-        return self.in_space._inverse_dynamics(state=self._whole(state), **options)
+    @takes(LinkageForces)
+    def _inverse_dynamics(self, asked: LinkageForces) -> Forces:
+        return self.in_space._inverse_dynamics(replace(asked, state=self._whole(asked.state)))
 
     def _equilibrium(
         self, state: State | None = None, t: float | None = None, stable: bool = True

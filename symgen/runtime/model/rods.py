@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING, ClassVar
 
@@ -14,12 +13,12 @@ from symgen.calls import checked
 from symgen.errors import ModelError, nearest
 from symgen.runtime import _core
 from symgen.runtime.integrate.causes import without_direction
-from symgen.runtime.integrate.checkpoint import keeping
-from symgen.runtime.integrate.options import Options, options, sample_count
+from symgen.runtime.integrate.options import Options, options
 from symgen.runtime.integrate.pace import limited
 from symgen.runtime.integrate.simulate import run
 from symgen.runtime.kernels.arguments import reals
 from symgen.runtime.kernels.evaluate import Evaluator
+from symgen.runtime.model.arguments import LinkageForces, LinkageRun, takes
 from symgen.runtime.model.compiled import degrees
 from symgen.runtime.model.linkage import LinkageModel
 from symgen.runtime.result.recording import wound
@@ -302,23 +301,12 @@ class RodModel(LinkageModel):
         kernels = self.analysis("variation", outputs=tuple(integrals))
         return at_run(path, tangents, self._evaluator, kernels, outputs, by, coordinates, chosen)
 
-    def _inverse_dynamics(
-        self,
-        start: float | None = None,
-        stop: float | None = None,
-        at: ArrayLike | None = None,
-        over: str | None = None,
-        samples: int = 361,
-        elements: int = 1,
-        sections: Sequence[float] = (0.5,),
-        state: State | None = None,
-    ) -> Forces:
+    @takes(LinkageForces)
+    def _inverse_dynamics(self, asked: LinkageForces) -> Forces:
         from symgen.runtime.rods.forces.analysis import ForceTask, analyse
-        from symgen.runtime.rods.instants import instants
 
-        begin = self.initial_state() if state is None else state
-        asked = instants(start, stop, at, over, samples, self.description.t_end)
-        task = ForceTask(asked, elements, sections)
+        begin = self.initial_state() if asked.state is None else asked.state
+        task = ForceTask(asked.instants(self.description.t_end), asked.elements, asked.sections)
         redundant = len(self._found().redundant)
         return analyse(self._bonds(), self.analysis("forces"), begin.q, begin.t, redundant, task)
 
@@ -344,35 +332,13 @@ class RodModel(LinkageModel):
             raise ModelError(f"expected an Equilibrium of {self.name} for at, got {at!r}")
         return analyse(self._evaluator, about)
 
-    def _simulate(
-        self,
-        t_end: float | None = None,
-        method: str | None = None,
-        rtol: float | None = None,
-        atol: float | None = None,
-        step: float | None = None,
-        samples: int | None = None,
-        t_eval: ArrayLike | None = None,
-        max_steps: int = 1_000_000_000,
-        stabilisation: str = "projection",
-        stabilisation_rate: float | None = None,
-        max_drift: float | None = None,
-        max_step: float | None = None,
-        max_wall: float | None = None,
-        checkpoint: str | os.PathLike[str] | None = None,
-        checkpoint_every: float = 10.0,
-        resume: str | os.PathLike[str] | None = None,
-        state: State | None = None,
-        progress: Callable[[float], None] | None = None,
-    ) -> Result:
-        end = self.description.t_end if t_end is None else t_end
-        kept = (stabilisation, stabilisation_rate, max_drift, self._type)
-        count = sample_count(samples, t_eval, 201)
-        chosen = options(end, method, rtol, atol, step, count, max_steps, *kept, max_step=max_step)
-        kept_in = keeping(checkpoint, checkpoint_every, resume)
-        with limited(max_wall):
+    @takes(LinkageRun)
+    def _simulate(self, asked: LinkageRun) -> Result:
+        chosen = asked.options(self.description.t_end, self._type, asked.stabilisation_rate)
+        kept_in = asked.keeping()
+        with limited(asked.max_wall):
             tangent = self.analysis("tangent", stepping=True) if chosen.method.needs_tangent else None
             found = self._found()
-            t, y = (0.0, found.y) if state is None else finite(state)
-            how = (chosen, progress, self._typed, kept_in, tangent, t_eval)
+            t, y = (0.0, found.y) if asked.state is None else finite(asked.state)
+            how = (chosen, asked.progress, self._typed, kept_in, tangent, asked.t_eval)
             return run(self._evaluator, t, y, found.redundant, *how)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from copy import deepcopy
+from dataclasses import fields
 from functools import cache, partial, wraps
 from inspect import Parameter, signature
 from types import MethodType
@@ -19,7 +20,8 @@ class Verb:
     """An analysis that :class:`~symgen.runtime.model.model.Model` declares, with signature and description.
 
     A model carries out the analysis NAME by its method ``_NAME``, which receives the arguments that differ
-    from the declared defaults. Arguments that ``_NAME`` does not accept are refused by name.
+    from the declared defaults, by name or as the record that it :func:`takes
+    <symgen.runtime.model.arguments.takes>`. Arguments that it does not accept are refused by name.
     """
 
     def __init__(self, declared: Callable[..., Any]) -> None:
@@ -66,7 +68,7 @@ def _carry_out(
             f"  It accepts {', '.join(sorted(known)) or 'no arguments'}."
         )
     carried_out: Callable[..., Any] = getattr(model._carrier(name), f"_{name}")
-    made = carried_out(**given)
+    made = _call(carried_out, given)
     if name == "simulate":
         if given.get("state") is not None:  # the caller may change it
             given["state"] = deepcopy(given["state"])
@@ -80,7 +82,12 @@ _OF_ONE_RUN = frozenset(("samples", "t_eval", "at", "checkpoint", "checkpoint_ev
 
 def _at_times(simulate: Callable[..., Any], given: dict[str, Any], times: Any) -> Any:
     """Return the run with the same arguments at other times [s]."""
-    return simulate(**{n: v for n, v in given.items() if n not in _OF_ONE_RUN}, t_eval=times)
+    return _call(simulate, {n: v for n, v in given.items() if n not in _OF_ONE_RUN} | {"t_eval": times})
+
+
+def _call(carried_out: Callable[..., Any], given: dict[str, Any]) -> Any:
+    record = getattr(carried_out, "record", None)
+    return carried_out(record(**given)) if record else carried_out(**given)
 
 
 def accepted(model: Any, name: str) -> frozenset[str]:
@@ -103,6 +110,8 @@ def _accepted(of: type, name: str) -> frozenset[str]:
         method = vars(base).get(f"_{name}")
         if method is None:
             continue
+        if hasattr(method, "record"):
+            return frozenset(found | {f.name for f in fields(method.record)})
         parameters = [*signature(method).parameters.values()][1:]
         found |= {p.name for p in parameters if p.kind is not Parameter.VAR_KEYWORD}
         if all(p.kind is not Parameter.VAR_KEYWORD for p in parameters):

@@ -1,0 +1,193 @@
+"""Arguments of analyses, one record for each kind: see :class:`~symgen.runtime.model.model.Model`."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, TypeVar
+
+from numpy.typing import ArrayLike
+
+from symgen.precision import Precision
+from symgen.runtime.integrate.checkpoint import Keeping, keeping
+from symgen.runtime.integrate.options import Options, options, sample_count
+
+if TYPE_CHECKING:
+    from symgen.runtime.result.state import State
+    from symgen.runtime.rods.instants import Instants
+
+F = TypeVar("F", bound=Callable[..., Any])
+Path = str | os.PathLike[str]
+Progress = Callable[[float], None]
+
+
+def takes(record: type) -> Callable[[F], F]:
+    """Declare that a method ``_NAME`` of a model receives the arguments of its analysis as one record."""
+
+    def declared(method: F) -> F:
+        vars(method)["record"] = record
+        return method
+
+    return declared
+
+
+@dataclass(frozen=True, kw_only=True)
+class Kept:
+    """Checkpoints, wall time and progress of a run."""
+
+    max_wall: float | None = None
+    checkpoint: Path | None = None
+    checkpoint_every: float = 10.0
+    resume: Path | None = None
+    progress: Progress | None = None
+
+    def keeping(self) -> Keeping | None:
+        """Return the checked options of checkpoints; None if none are requested."""
+        return keeping(self.checkpoint, self.checkpoint_every, self.resume)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Run(Kept):
+    """A run of a loop."""
+
+    t_end: float | None = None
+    method: str | None = None
+    rtol: float | None = None
+    atol: float | None = None
+    step: float | None = None
+    samples: int | None = None
+    t_eval: ArrayLike | None = None
+    max_steps: int = 1_000_000_000
+    stabilisation: str = "projection"
+    max_drift: float | None = None
+    max_step: float | None = None
+
+    def options(self, end: float, precision: Precision, rate: float | None = None) -> Options:
+        """Return the checked options of a run of a scene that ends at a time [s]."""
+        return options(
+            end if self.t_end is None else self.t_end,
+            self.method,
+            self.rtol,
+            self.atol,
+            self.step,
+            sample_count(self.samples, self.t_eval, 201),
+            self.max_steps,
+            self.stabilisation,
+            rate,
+            self.max_drift,
+            precision,
+            max_step=self.max_step,
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class LinkageRun(Run):
+    """A run of a linkage of points and links."""
+
+    stabilisation_rate: float | None = None
+    state: State | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Range:
+    """Values or a range of the input or the time."""
+
+    start: float | None = None
+    stop: float | None = None
+    at: ArrayLike | None = None
+    over: str | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Poses(Range):
+    """Poses of a loop."""
+
+    samples: int | None = None
+    through: bool = False
+
+
+@dataclass(frozen=True, kw_only=True)
+class LinkageRange(Range):
+    """Poses of a linkage from a state."""
+
+    samples: int = 361
+    state: State | None = None
+
+    def instants(self, end: float) -> Instants:
+        """Return where a linkage whose scene ends at a time [s] is evaluated."""
+        from symgen.runtime.rods.instants import instants
+
+        return instants(self.start, self.stop, self.at, self.over, self.samples, end)
+
+
+@dataclass(frozen=True, kw_only=True)
+class LinkageMotion(LinkageRange):
+    """Motion of a linkage."""
+
+    samples: int = 181
+    of: Sequence[str] | None = None
+    through: bool = False
+
+
+@dataclass(frozen=True, kw_only=True)
+class LinkageForces(LinkageRange):
+    """Forces in a linkage."""
+
+    elements: int = 1
+    sections: Sequence[float] = (0.5,)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Elastic:
+    """Elastic motion along the revolution of a crank."""
+
+    at: ArrayLike | None = None
+    form: str = "exact"
+    geometric_stiffness: bool = True
+    max_wall: float | None = None
+    progress: Progress | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class QuasiStatic(Elastic):
+    """Elastic motion without its own inertia."""
+
+    samples: int = 361
+    revolutions: float = 1.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class _InSteps(Elastic):
+    steps: int | None = None
+    rtol: float = 1e-4
+    max_step: float | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Periodic(_InSteps):
+    """Steady state."""
+
+    samples: int = 361
+
+
+@dataclass(frozen=True, kw_only=True)
+class ElasticRun(Kept, _InSteps):
+    """Elastic motion in time."""
+
+    method: str = "gauss"
+    t_end: float | None = None
+    samples: int | None = None
+    t_eval: ArrayLike | None = None
+    revolutions: float | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class LargeRotation(Kept):
+    """Elastic links in rods with springs."""
+
+    segments: int = 12
+    revolutions: float = 1.0
+    rtol: float = 1e-7
+    samples: int = 361
+    max_step: float | None = None
