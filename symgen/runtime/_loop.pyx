@@ -55,6 +55,7 @@ cdef extern from "core/loops.h" nogil:
         void (*in_table)(const loop *, const void *, void *, void *, void *) noexcept nogil
         int (*turn)(loop *, void *) noexcept nogil
         int (*follow)(loop *, double *, void *, const void *, long, double, void *, long, void *, long, double *, long *) noexcept nogil
+        void (*undetermined)(loop *, const void *, const void *, long, long, double, double, unsigned char *) noexcept nogil
 
 #: Status of closing and moving a loop, in addition to the core's own.
 OPEN, INCONSISTENT, POLE, BLIND = _OPEN, _INCONSISTENT, _POLE, _BLIND
@@ -265,3 +266,29 @@ cdef class LoopEquations(Integrable):
         rows.back()
         told.back()
         return status, count, at
+
+    def undetermined(self, times, double[:, ::1] states, double least, double part):
+        """Return which numbers of the kernel 'outputs' a wrench changes that does no work on any screw, (poses, numbers).
+
+        All variables must be solved for.
+
+        Parameters
+        ----------
+        times
+            Times of the poses [s].
+        states
+            Rows that start with the variables.
+        least
+            Least pivot of independent screws, over the first one.
+        part
+            Least effect that counts, over that of a unit wrench.
+        """
+        cdef Reals when = Reals(self.of, times), rows = Reals(self.of, states)
+        cdef unsigned char[:, ::1] found = np.zeros((when.count, self.told), dtype=np.uint8)
+        at_least("rows", states.shape[0], when.count)
+        at_least("columns of states", states.shape[1], self.n)
+        if when.count and self.told:
+            with nogil:
+                self.api.undetermined(<loop *>self.core, when.at, rows.at, states.shape[1], when.count, least, part,
+                                      &found[0, 0])
+        return np.asarray(found).view(bool)

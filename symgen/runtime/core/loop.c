@@ -347,3 +347,41 @@ int loop_force(struct loop *l, real t, const real *q, const real *u, real *work)
     loop_hold(l, b, work + n);
     return DONE;
 }
+
+void loop_undetermined(struct loop *l, const real *times, const real *states, long row, long count, real least,
+                       real part, unsigned char *found) {
+    const real weights[ROWS] = {1, real_sqrt(R(2)), real_sqrt(R(3)), real_sqrt(R(5)), real_sqrt(R(7)), real_sqrt(R(11))};
+    const long n = l->sizes.n, told = l->sizes.told, room = l->sizes.work;
+    const real effect = part * real_fmax(1, l->size);
+    real *u = l->u, *p = l->base.p, *work = l->base.work, *plain = l->base.out, *moved = l->loads, wrench[ROWS];
+    memset(u, 0, (size_t)n * sizeof(real));
+    for (long i = 0; i < count; i++, found += told) {
+        const real *q = states + row * i;
+        long rank = 0;
+        real norm = 0;
+        loop_look(l, times[i], q);
+        while (rank < l->factor.steps
+               && real_fabs(l->factor.r[(ROWS + 1) * rank]) > least * real_fabs(l->factor.r[0]))
+            rank++;
+        memset(found, 0, (size_t)told);
+        if (rank == ROWS)
+            continue;
+        for (long k = 0; k < ROWS; k++) {
+            wrench[k] = k < rank ? 0 : weights[k - rank];
+            norm += wrench[k] * wrench[k];
+        }
+        norm = real_sqrt(norm);
+        for (long k = rank - 1; k >= 0; k--)
+            qr_turn(&l->factor, k, wrench);
+        memset(work, 0, (size_t)room * sizeof(real));
+        l->kernels.outputs(&times[i], q, u, p, work, plain);
+        memset(work, 0, (size_t)room * sizeof(real));
+        for (int k = 0; k < 3; k++) {
+            work[n + k] = wrench[3 + k] / norm;
+            work[n + 3 + k] = wrench[k] / norm * l->size;
+        }
+        l->kernels.outputs(&times[i], q, u, p, work, moved);
+        for (long j = 0; j < told; j++)
+            found[j] = real_fabs(moved[j] - plain[j]) > real_fmax(effect, R(1e-13) * (real_fabs(plain[j]) + 1));
+    }
+}

@@ -123,6 +123,15 @@ enum { CLOSURE, RATES, SOUNDNESS, HOLD, STATUS, DIAGNOSES };
 int loop_follow(struct loop *l, real *t, real *q, const real *times, long count, real longest, real *states,
                 long row, real *out, long width, double *diagnosis, long *reached);
 
+/* Mark in `found`, one byte for each number of each pose, what the kernel `outputs` writes differently when a wrench
+ * that does no work on any screw is added to the closing wrench. All variables must be solved for.
+ *
+ * A pose has one such wrench for each rank lost. Their effects are linear, so one sum of all, with weights that no
+ * effect in use cancels, shows what any of them changes. `least` is the least pivot of independent screws over the
+ * first one, `part` the least effect that counts, over that of a unit wrench. */
+void loop_undetermined(struct loop *l, const real *times, const real *states, long row, long count, real least,
+                       real part, unsigned char *found);
+
 /* See struct behaviour. */
 int loop_rewrite(struct equations *e, const real *seen, real *y, int back);
 void loop_as_usual(const struct equations *e, real *y);

@@ -36,6 +36,11 @@ static int follow(struct loop *l, double *t, void *q, const void *times, long co
     return status;
 }
 
+static void undetermined(struct loop *l, const void *times, const void *states, long row, long count, double least,
+                         double part, unsigned char *found) {
+    loop_undetermined(l, times, states, row, count, R(least), R(part), found);
+}
+
 const struct loops_api symgen_loops = {
     .loop_struct = sizeof(struct loop),
     .bytes = loop_bytes,
@@ -47,4 +52,5 @@ const struct loops_api symgen_loops = {
     .in_table = in_table,
     .turn = turn,
     .follow = follow,
+    .undetermined = undetermined,
 };

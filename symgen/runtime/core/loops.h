@@ -19,6 +19,9 @@ struct loops_api {
     int (*turn)(struct loop *l, void *y);
     int (*follow)(struct loop *l, double *t, void *q, const void *times, long count, double longest, void *states,
                   long row, void *out, long width, double *diagnosis, long *reached);
+    /* Mark the outputs that wrenches without work on any screw change; see loop.h. */
+    void (*undetermined)(struct loop *l, const void *times, const void *states, long row, long count, double least,
+                         double part, unsigned char *found);
 };
 
 extern const struct loops_api symgen_loops;

@@ -229,7 +229,9 @@ def _recorded(
     ranges = {}
     if forces:
         masks = undetermined(kernels, times, states)
-        ranges = ranges_of(made, {name: mask & ~blind[:, None] for name, mask in masks.items()})
+        for mask in masks.values():
+            mask[blind] = False
+        ranges = ranges_of(made, masks)
     else:
         info = d.kernel("outputs")
         moved = {b.name for b in info.blocks if b.unit in OF_MOTION} if info else set()

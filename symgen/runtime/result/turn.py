@@ -126,7 +126,7 @@ def variables(description: LoopDescription, out: Array) -> list[Variable]:
     made = []
     for b in info.blocks if info else ():
         count = b.shape[0] * b.shape[1]
-        values = out[:, b.offset : b.offset + count].copy()
+        values = out[:, b.offset : b.offset + count]
         made.append(
             Variable(
                 b.name, b.unit, b.about, b.rows if count > 1 else (), values if count > 1 else values[:, 0]
