@@ -1,14 +1,22 @@
 """Kernels as loops over tables, and the sparse start of large linkages."""
 
+import ctypes
+
 import numpy as np
 import pytest
 
 import symgen
 from symgen.codegen import rolled
+from symgen.codegen.emit import emit
+from symgen.codegen.target import Target
 from symgen.errors import InitialStateError
 from symgen.lowering import program
+from symgen.lowering.kernel import Assignment, Block, Kernel, Program, Store
+from symgen.lowering.nodes import Constant, Negative, Product, Quotient, Reference, Sum
+from symgen.precision import FLOAT64
 from symgen.runtime.rods import start
 from symgen.runtime.rods.redundancy import redundant_constraints
+from symgen.toolchain.compiler import find_compiler
 
 
 def runs(name, folder, monkeypatch):
@@ -36,6 +44,42 @@ def test_loops_give_the_bits_of_straight_line_code(name, tmp_path, monkeypatch):
     for of_loops, straight in zip(found, expected, strict=True):
         for a, b in zip(of_loops, straight, strict=True):
             np.testing.assert_array_equal(np.asarray(a), np.asarray(b))
+
+
+def test_statements_that_repeat_are_a_loop_of_their_own(tmp_path, monkeypatch):
+    """Pivots of a tridiagonal matrix of n rows, each from the one before, and the sum of their reciprocals."""
+    n, half = 100, Constant("0.5")
+    named, stores = [], []
+    for i in range(n):
+        q, before = Reference(f"q[{i}]"), Reference(f"r{i - 1}")
+        pivot = Sum((q, Negative(Product((before, Reference(f"u[{i}]"), Reference(f"u[{i}]")))))) if i else q
+        named += [
+            Assignment(f"d{i}", pivot),
+            Assignment(f"r{i}", Quotient(Constant("1"), Reference(f"d{i}"))),
+        ]
+        stores.append(Store("out", i, Reference(f"d{i}")))
+    stores.append(Store("out", n, Sum(tuple(Product((half, Reference(f"r{i}"))) for i in range(n)))))
+    out = (Block("pivots", 0, (n + 1, 1), "1", "pivots, and half the trace of their inverse"),)
+    kernel = Kernel("pivots", "pivots", (("q", n), ("u", n)), tuple(named), tuple(stores), out)
+    made = Program("tridiagonal", "", (), (kernel,), 0, "0", (), ())
+    q, u = np.random.default_rng(1).uniform((3.0,), (4.0,), (2, n))
+    expected = np.zeros(n + 1)
+    for i in range(n):
+        expected[i] = q[i] - (1.0 / expected[i - 1] * u[i] * u[i] if i else 0.0)
+        expected[n] = expected[n] + 0.5 * (1.0 / expected[i])
+    monkeypatch.setattr(rolled, "STRAIGHT", 0)
+    monkeypatch.setattr(rolled, "LEAST", 50)
+    for source in emit(made, Target("c", FLOAT64, False), ""):
+        (tmp_path / source.name).write_text(source.text)
+    loops = tmp_path / "tridiagonal_rolled.c"
+    assert loops.read_text().count("double w") == 1  # the pivot is local, its reciprocal read by the next row
+    find_compiler().start([loops], tmp_path / "kernels.so").finish()
+    found = np.full(n + 1, np.nan)
+    to_c = [
+        ctypes.c_void_p(a.ctypes.data if a is not None else None) for a in (None, q, u, None, None, found)
+    ]
+    ctypes.CDLL(str(tmp_path / "kernels.so")).tridiagonal_pivots(*to_c)
+    np.testing.assert_array_equal(found, expected)
 
 
 @pytest.mark.parametrize("name", ["two_four_bars", "parallelogram", "four_bar"])
