@@ -372,7 +372,8 @@ def _assignment(assignment: Assignment, prints: Printer) -> TextAssignment:
 
 
 def _calls(kernel: Kernel, precision: Precision) -> tuple[CallView, ...]:
-    found = calls([a.value for a in kernel.assignments] + [s.value for s in kernel.stores])
+    values = [a.value for a in kernel.assignments] + [s.value for s in kernel.stores]
+    found = calls(values if kernel.counts.call else ())
     one = Printer(C_FUNCTIONS, precision)
     return tuple(CallView(name, one.name(name), arguments) for name, arguments in sorted(found.items()))
 

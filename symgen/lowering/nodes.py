@@ -309,18 +309,17 @@ class OperationCount:
 
 def children(node: Node) -> tuple[Node, ...]:
     """Return the operands of a node in printing order."""
-    match node:
-        case Sum((first, *others)):
-            return (first, *(term.value if isinstance(term, Negative) else term for term in others))
-        case Product(factors):
-            return factors
-        case Quotient(numerator, denominator):
-            return numerator, denominator
-        case Negative(value):
-            return (value,)
-        case Call(_, arguments):
-            return arguments
-    return ()
+    # Patterns of `match` take three times as long, and programs have hundreds of thousands of nodes.
+    if isinstance(node, Product):
+        return node.factors
+    if isinstance(node, Sum):
+        first, *others = node.terms
+        return (first, *[term.value if isinstance(term, Negative) else term for term in others])
+    if isinstance(node, Negative):
+        return (node.value,)
+    if isinstance(node, Quotient):
+        return node.numerator, node.denominator
+    return node.arguments if isinstance(node, Call) else ()
 
 
 def rename(node: Node, names: Mapping[str, str]) -> Node:
@@ -355,24 +354,19 @@ def _mapped(node: Node, read: Callable[[str], Node]) -> Node:
 
 def count(nodes: Iterable[Node]) -> OperationCount:
     """Count the operations of expressions."""
-    total: Counter[str] = Counter()
+    own: Counter[type] = Counter()
+    operands: Counter[type] = Counter()
     waiting = list(nodes)
     while waiting:
         node = waiting.pop()
+        if isinstance(node, Reference | Constant):
+            continue
         parts = children(node)
         waiting.extend(parts)
-        match node:
-            case Sum():
-                total["add"] += len(parts) - 1
-            case Product():
-                total["mul"] += len(parts) - 1
-            case Quotient():
-                total["div"] += 1
-            case Negative():
-                total["neg"] += 1
-            case Call():
-                total["call"] += 1
-    return OperationCount(**total)
+        own[type(node)] += 1
+        operands[type(node)] += len(parts)
+    add, mul = (operands[kind] - own[kind] for kind in (Sum, Product))
+    return OperationCount(add, mul, own[Quotient], own[Negative], own[Call])
 
 
 def calls(nodes: Iterable[Node]) -> dict[str, int]:
@@ -395,6 +389,6 @@ def references(nodes: Iterable[Node]) -> list[str]:
         node = waiting.pop()
         if isinstance(node, Reference):
             found[node.name] = None
-        else:
+        elif not isinstance(node, Constant):
             waiting.extend(children(node)[::-1])
     return list(found)

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from symgen.lowering.binding_times import with_setup
 from symgen.lowering.kernel import RANK_TOLERANCE, SETUP, Block, Kernel, Program, Slot, Store
-from symgen.lowering.nodes import ZERO, Node, Reference, references, rename
+from symgen.lowering.nodes import ZERO, Call, Node, Reference, references, rename
 from symgen.lowering.sparse_ldlt import Factor, factor, solve
 from symgen.lowering.straight_line import Shared, StraightLine
 from symgen.symbolic.system import Export, NamedMatrix, SaddlePoint, System
@@ -47,10 +47,15 @@ def lower_system(system: System) -> Program:
 
 
 def _with_tolerance(kernels: Sequence[Kernel], place: int) -> tuple[Kernel, ...]:
-    """Return kernels that read the rank tolerance from ``p[place]``, behind all other entries."""
+    """Return kernels that read the rank tolerance from ``p[place]``, behind all other entries.
+
+    Calls alone read it: those of the guarded reciprocals, each an assignment of its own.
+    """
     made: dict[str, Kernel] = {}
 
     def read(kernel: Kernel) -> Kernel:
+        if not kernel.counts.call:
+            return kernel
         if kernel.name not in made:
             first, then = (tuple(map(read, called)) for called in (kernel.first, kernel.then))
             made[kernel.name] = replace(_placed(kernel, place), first=first, then=then)
@@ -60,15 +65,16 @@ def _with_tolerance(kernels: Sequence[Kernel], place: int) -> tuple[Kernel, ...]
 
 
 def _placed(kernel: Kernel, place: int) -> Kernel:
-    values = [a.value for a in kernel.assignments] + [s.value for s in kernel.stores]
-    if RANK_TOLERANCE not in references(values):
+    if RANK_TOLERANCE not in references(a.value for a in kernel.assignments if isinstance(a.value, Call)):
         return kernel
     names = {RANK_TOLERANCE: f"p[{place}]"}
     return replace(
         kernel,
         inputs=tuple((array, place + 1 if array == "p" else size) for array, size in kernel.inputs),
-        assignments=tuple(replace(a, value=rename(a.value, names)) for a in kernel.assignments),
-        stores=tuple(replace(s, value=rename(s.value, names)) for s in kernel.stores),
+        assignments=tuple(
+            replace(a, value=rename(a.value, names)) if isinstance(a.value, Call) else a
+            for a in kernel.assignments
+        ),
     )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import operator
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
@@ -10,6 +11,7 @@ import numpy as np
 import sympy as sp
 
 from symgen.errors import DerivationError
+from symgen.symbolic.switch import Sign
 from symgen.symbolic.system import System
 
 DIGITS = 40
@@ -26,8 +28,6 @@ class Exact:
 
     def __init__(self, system: System) -> None:
         self.system = system
-        self.symbols = [x.symbol for g in system.groups for x in g.quantities]
-        self._functions: dict[tuple[str, ...], Any] = {}
 
     def matrix(self, name: str, values: Mapping[str, Any]) -> mpmath.matrix:
         """Return a matrix at the arrays of each group, exact in the given numbers."""
@@ -35,18 +35,22 @@ class Exact:
 
     def matrices(self, names: Sequence[str], values: Mapping[str, Any]) -> list[mpmath.matrix]:
         """Return several matrices; their shared subexpressions are evaluated once."""
-        key = tuple(names)
-        if key not in self._functions:
-            matrices = [sp.Matrix(self.system[name].matrix) for name in names]
-            shared = self._used(matrices)
-            self._functions[key] = sp.lambdify(
-                self.symbols, matrices, modules=[{"Sign": mpmath.sign}, "mpmath"], cse=lambda e: (shared, e)
-            )
+        matrices = [self.system[name].matrix for name in names]
         with mpmath.workdps(DIGITS):
-            arguments = [number(x) for g in self.system.groups for x in values[g.name]]
-            return [mpmath.matrix(m) for m in self._functions[key](*arguments)]
+            known: dict[sp.Basic, Any] = {
+                x.symbol: number(value)
+                for g in self.system.groups
+                for x, value in zip(g.quantities, values[g.name], strict=True)
+            }
+            for symbol, expression in self._used(matrices):
+                known[symbol] = _value(expression, known)
+            found = [mpmath.zeros(*m.shape) for m in matrices]
+            for made, m in zip(found, matrices, strict=True):
+                for place, entry in m.todok().items():
+                    made[place] = _value(entry, known)
+            return found
 
-    def _used(self, matrices: Iterable[sp.Matrix]) -> list[tuple[sp.Symbol, sp.Expr]]:
+    def _used(self, matrices: Iterable[sp.MatrixBase]) -> list[tuple[sp.Symbol, sp.Expr]]:
         """Return the definitions that matrices need, in their derived form."""
         needed = set[sp.Basic]().union(*(m.free_symbols for m in matrices))
         found = []
@@ -81,6 +85,43 @@ class Exact:
         coordinates = whole.rows - self.system[self.system.saddle_point.jacobian].matrix.rows  # type: ignore[union-attr]
         left_out = {coordinates + i for i in redundant}
         return solve(whole, own if rhs is None else rhs, left_out)
+
+
+#: Functions whose names in mpmath differ.
+_FUNCTIONS: dict[type, Any] = {
+    sp.Abs: abs, Sign: mpmath.sign, sp.Min: min, sp.Max: max, sp.Gt: operator.gt, sp.Ge: operator.ge,
+    sp.Lt: operator.lt, sp.Le: operator.le, sp.And: lambda *parts: all(parts),
+}  # fmt: skip
+
+
+def _value(expression: sp.Basic, known: dict[sp.Basic, Any]) -> Any:
+    """Return the value of an expression of known symbols, and add those of its parts to ``known``."""
+    if expression in known:
+        return known[expression]
+    parts = expression.args
+    if expression.is_Rational:
+        value = mpmath.mpf(expression.p) / expression.q
+    elif isinstance(expression, sp.Symbol):
+        raise DerivationError(f"{expression} has no value")
+    elif not parts:
+        value = (
+            bool(expression) if expression.is_Boolean else mpmath.mpf(str(sp.N(expression, DIGITS + _GUARD)))
+        )
+    elif isinstance(expression, sp.Piecewise):
+        value = next(_value(e, known) for e, condition in parts if _value(condition, known))
+    else:
+        of_parts = [_value(part, known) for part in parts]
+        if expression.is_Add:
+            value = mpmath.fsum(of_parts)
+        elif expression.is_Mul:
+            value = mpmath.fprod(of_parts)
+        elif expression.is_Pow:
+            value = mpmath.power(*of_parts)
+        else:
+            function = _FUNCTIONS.get(expression.func) or getattr(mpmath, expression.func.__name__)
+            value = function(*of_parts)
+    known[expression] = value
+    return value
 
 
 def solve(matrix: mpmath.matrix, rhs: mpmath.matrix, left_out: Iterable[int] = ()) -> mpmath.matrix:
