@@ -138,7 +138,7 @@ _OF_ELASTIC = _OF_RODS | {
     "periodic": _RUN_OF_ELASTIC,
     "quasi_static": _RUN_OF_ELASTIC,
     "large_rotation": _RUN_OF_ELASTIC,
-    "sweep": Command("symgen.report.elastic:print_sweep"),
+    "speed_response": Command("symgen.report.elastic:print_speed_response"),
 }
 _POSES_OF_LOOP = Command("symgen.report.loops:print_turn", _INPUT)
 _OF_LOOP = {

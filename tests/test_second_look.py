@@ -1368,7 +1368,7 @@ def test_20_max_wall_counts_assembling_and_ends_sweeps_and_chains(own_cache):
     speeds = (np.linspace(900, 1000, 400) * np.pi / 30).tolist()
     calls = {
         "rods": lambda limit: model.large_rotation(3, revolutions=50.0, max_wall=limit),
-        "sweep": lambda limit: model.sweep(speeds, samples=8, rtol=0.5, max_wall=limit),
+        "speed_response": lambda limit: model.speed_response(speeds, samples=8, rtol=0.5, max_wall=limit),
         "chain": lambda limit: symgen.Chain([1.0, 1.0], [1.0, 1.0]).simulate(
             1e4, 1e-3, [[0.0, 0.0], [1.0, 0.0], [2.0, 0.0]], max_wall=limit
         ),
@@ -1390,7 +1390,7 @@ def test_20_max_wall_counts_assembling_and_ends_sweeps_and_chains(own_cache):
         pace._LIMIT.get().begun -= 600.0
 
     with pytest.raises(SimulationError, match=r"after max_wall = 600 s(.*\n)*  1 of 400 speeds") as caught:
-        model.sweep(speeds, samples=8, rtol=0.5, max_wall=600.0, progress=expire)
+        model.speed_response(speeds, samples=8, rtol=0.5, max_wall=600.0, progress=expire)
     assert caught.value.partial.speeds == pytest.approx([900.0 * math.pi / 30])
     chain = partial["chain"]
     assert 0.1 < chain.times[-1] < 1e4
@@ -1626,11 +1626,11 @@ def test_21_pulses_shorter_than_a_step_are_not_missed(tmp_path):
 
 
 @pytest.mark.parametrize("option", ["--out", "--plot"])
-@pytest.mark.parametrize("command", ["run", "kinematics", "inverse-dynamics", "sweep", "bench"])
+@pytest.mark.parametrize("command", ["run", "kinematics", "inverse-dynamics", "speed-response", "bench"])
 def test_18_files_are_checked_before_anything_else(tmp_path, command, option):
     """Before the scene is even looked for."""
     endings = {"--out": ".json" if command == "bench" else ".nc", "--plot": ".png"}
-    arguments = [command, "no_such_scene", *(["--speeds", "60"] if command == "sweep" else [])]
+    arguments = [command, "no_such_scene", *(["--speeds", "60"] if command == "speed-response" else [])]
     file = tmp_path / "nowhere" / f"result{endings[option]}"
     done = CliRunner().invoke(app, [*arguments, option, str(file)])
     assert "there is no folder" in str(done.exception)
@@ -1689,8 +1689,10 @@ def test_22_the_argument_is_named(own_cache, call, words):
 
 def test_22_sweeps_and_methods_of_elastic_links(own_cache):
     model = symgen.build("elastic_four_bar", backend="numpy")
-    with pytest.raises(ModelError, match=r"Model\.sweep: expected a list of numbers for speeds, got 'x'"):
-        model.sweep("x")
+    with pytest.raises(
+        ModelError, match=r"Model\.speed_response: expected a list of numbers for speeds, got 'x'"
+    ):
+        model.speed_response("x")
     with pytest.raises(ModelError, match=r"Model\.simulate: expected text for method, got 3"):
         model.simulate(method=3)
     with pytest.raises(

@@ -58,7 +58,7 @@ __all__ = [
 #: The commands in the order and the groups of --help.
 _GROUPS = {
     "Analyses": "run simulate kinematics inverse_dynamics equilibrium modes linearise sensitivity assemblies",
-    "Elastic links": "periodic quasi_static large_rotation sweep",
+    "Elastic links": "periodic quasi_static large_rotation speed_response",
     "Scenes": "scenes schema study synthesise",
     "Pages": "report animate",
     "Equations": "show explain diff",
@@ -98,6 +98,7 @@ _FORMER = {
     ("run", "--study"): "study SCENE FOLDER",
     ("run", "--through"): "inverse-dynamics SCENE --through",
     ("--every",): "simulate SCENE --checkpoint-every SECONDS",
+    ("sweep", "--speeds"): "speed-response SCENE --speeds FROM:TO:COUNT",
     ("run",): "simulate SCENE",
 }
 

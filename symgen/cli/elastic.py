@@ -87,8 +87,8 @@ def large_rotation(
     Request(ctx).carry_out("large_rotation")
 
 
-@command("symgen sweep elastic_four_bar --speeds 60:400:18")
-def sweep(
+@command("symgen speed-response elastic_four_bar --speeds 60:400:18")
+def speed_response(
     ctx: typer.Context,
     scene: o.Scene,
     speeds: Annotated[
@@ -117,4 +117,4 @@ def sweep(
     wanted = crank_speeds(speeds)
     request = Request(ctx)
     request.options["speeds"] = wanted
-    request.carry_out("sweep")
+    request.carry_out("speed_response")

@@ -13,7 +13,7 @@ from symgen.report.extremes import Components
 from symgen.report.tables import MODES, table
 from symgen.runtime.result.elastic import ElasticResult
 from symgen.runtime.result.modes import ElasticModes
-from symgen.runtime.result.sweep import Sweep
+from symgen.runtime.result.speed_response import SpeedResponse
 
 #: Maximum number of times for which every value is printed; otherwise the range.
 _FEW = 6
@@ -50,7 +50,7 @@ def _rpm(speed: float, digits: int) -> str:
     return f"{speed * 30 / math.pi:.{digits}g}"
 
 
-def print_sweep(result: Sweep, _: Any, console: Console) -> None:
+def print_speed_response(result: SpeedResponse, _: Any, console: Console) -> None:
     """Print peak values and stability at every speed, and the critical speeds."""
     shown = [v for v in result.variables if v.name.endswith(".bending_strain")]
     head = ("speed [rpm]", *(f"{v.name} [{v.unit}]" for v in shown), "largest multiplier")

@@ -186,8 +186,8 @@ def test_the_example_of_the_page(tmp_path):
 
 
 def test_what_needs_a_scene_says_so(model):
-    for command in ("run", "explain", "modes", "kinematics", "sweep"):
-        more = ["--speeds", "60:120:2"] if command == "sweep" else []
+    for command in ("run", "explain", "modes", "kinematics", "speed-response"):
+        more = ["--speeds", "60:120:2"] if command == "speed-response" else []
         with pytest.raises(SceneError, match="expected a scene, got the Python file"):
             run(command, model, *more)
 

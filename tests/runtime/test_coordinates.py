@@ -12,7 +12,7 @@ from rich.console import Console
 
 import symgen
 from symgen.errors import ResultError
-from symgen.report.elastic import print_elastic_result, print_sweep
+from symgen.report.elastic import print_elastic_result, print_speed_response
 
 RPM = math.pi / 30
 
@@ -31,7 +31,7 @@ def results():
         "forces": crank.inverse_dynamics(at=[0.5, 1.0, 2.0]),
         "forces at times": crank.inverse_dynamics(at=[0.1, 0.2], over="time"),
         "elastic": elastic.quasi_static(samples=5),
-        "sweep": elastic.sweep([20 * RPM, 30 * RPM], rtol=1e-1, samples=5),
+        "speed_response": elastic.speed_response([20 * RPM, 30 * RPM], rtol=1e-1, samples=5),
     }
 
 
@@ -45,7 +45,7 @@ COORDINATES = {
     "forces": ("crank.angle", "rad"),
     "forces at times": ("time", "s"),
     "elastic": ("angle", "rad"),
-    "sweep": ("speed", "rad/s"),
+    "speed_response": ("speed", "rad/s"),
 }
 
 
@@ -58,7 +58,7 @@ def test_the_dimension_is_the_coordinate_with_its_unit(results, kind):
     for output in result:
         assert result[output].dims[0] == name and result[output].attrs["units"]
     assert set(result.dataset.dims) <= {name, "axis"}
-    assert set(result.dataset.coords) <= {name, "axis", *(["time"] if kind != "sweep" else [])}
+    assert set(result.dataset.coords) <= {name, "axis", *(["time"] if kind != "speed_response" else [])}
 
 
 @pytest.mark.parametrize("ending", [".nc", ".npz"])
@@ -88,21 +88,21 @@ def test_values_of_the_coordinates(results):
     assert elastic.coordinate.values == pytest.approx(
         elastic.coordinate.values[0] + speed * elastic.time, abs=1e-12
     )
-    assert results["sweep"].coordinate.values == pytest.approx([20 * RPM, 30 * RPM], rel=1e-15)
+    assert results["speed_response"].coordinate.values == pytest.approx([20 * RPM, 30 * RPM], rel=1e-15)
     with pytest.raises(ResultError, match="over crank speed and has no times"):
-        _ = results["sweep"].time
+        _ = results["speed_response"].time
 
 
 def test_plots_are_labelled_in_degrees_and_rpm(results):
     values, label = results["elastic"].over
     assert label == "crank angle [deg]"
     assert values == pytest.approx(np.degrees(results["elastic"].coordinate.values))
-    assert results["sweep"].over[0] == pytest.approx([20.0, 30.0])
-    assert results["sweep"].over[1] == "crank speed [rpm]"
+    assert results["speed_response"].over[0] == pytest.approx([20.0, 30.0])
+    assert results["speed_response"].over[1] == "crank speed [rpm]"
     assert results["loop"].over[1] == "theta1 [deg]" and results["run"].over[1] == "time [s]"
 
 
-@pytest.mark.parametrize("kind", ["elastic", "sweep"])
+@pytest.mark.parametrize("kind", ["elastic", "speed_response"])
 def test_a_drift_that_was_not_measured_is_nowhere(results, kind):
     result = results[kind]
     assert result.drift.measured == {} and math.isnan(result.drift.relative_energy)
@@ -110,7 +110,7 @@ def test_a_drift_that_was_not_measured_is_nowhere(results, kind):
     assert result.summary()["drift"] == {}
     assert not json.loads(result.meta())["drift"]
     console = Console(width=100, record=True, file=io.StringIO())
-    (print_sweep if kind == "sweep" else print_elastic_result)(result, None, console)
+    (print_speed_response if kind == "speed_response" else print_elastic_result)(result, None, console)
     assert "drift" not in console.export_text()
     if kind == "elastic":
         assert not any("drift" in name for name, _ in result.facts)
@@ -164,7 +164,7 @@ KINDS = {
     "forces": "forces",
     "forces at times": "forces",
     "elastic": "elastic",
-    "sweep": "sweep",
+    "speed_response": "speed_response",
 }
 
 

@@ -125,7 +125,7 @@ def test_a_checkpoint_belongs_to_its_times(pendulum, tmp_path):
         pendulum.simulate(t_eval=TIMES + 0.01, step=1e-4, resume=file)
 
 
-@pytest.mark.parametrize("kind", ["run", "loop", "sweep"])
+@pytest.mark.parametrize("kind", ["run", "loop", "speed_response"])
 def test_csv_has_every_number_with_its_unit(kind, tmp_path):
     if kind == "run":
         result = symgen.build("four_bar").simulate(0.1, samples=5)
@@ -133,13 +133,13 @@ def test_csv_has_every_number_with_its_unit(kind, tmp_path):
         result = symgen.build("slider_crank", set={"loop.drives.theta1": "100 lbf*in", "loop.drives.S4": "?"})
         result = result.inverse_dynamics(at=[0.5, math.pi / 2])
     else:
-        result = symgen.build("elastic_four_bar").sweep([2.0, 3.0], rtol=0.1, samples=5)
+        result = symgen.build("elastic_four_bar").speed_response([2.0, 3.0], rtol=0.1, samples=5)
     with result.save(tmp_path / "a.csv").open(newline="") as stream:
         head, *rows = csv.reader(stream)
     columns = dict(zip(head, np.array(rows, dtype=float).T, strict=True))
     along = result.coordinate
     assert head[0] == f"{along.name} [{along.unit}]" and columns[head[0]].tolist() == along.values.tolist()
-    assert ("time [s]" in head) == (kind != "sweep")
+    assert ("time [s]" in head) == (kind != "speed_response")
     for v in result.variables:
         for i, component in enumerate(v.components or ("",)):
             name = f"{v.name}.{component}" if component else v.name

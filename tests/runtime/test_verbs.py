@@ -15,7 +15,7 @@ LINEAR = {"linearise", "mass_matrix", "jacobian", "sensitivity"}
 RODS = {"simulate", "equilibrium", "modes", "accelerations", "batch"} | LINEAR
 DRIVEN = {"kinematics", "inverse_dynamics", "assemblies"}
 AT_REST = {"equilibrium", "modes"}
-ELASTIC = {"periodic", "quasi_static", "large_rotation", "sweep", "in_segments"}
+ELASTIC = {"periodic", "quasi_static", "large_rotation", "speed_response", "in_segments"}
 SUPPORTED = {
     "four_bar": RODS,
     "crank_rocker": (RODS | DRIVEN) - AT_REST,
@@ -187,11 +187,11 @@ def test_elastic_links_run_to_a_time_or_over_revolutions():
     [
         lambda: symgen.build("crank_rocker").kinematics(samples=4),
         lambda: symgen.build("crank_rocker").inverse_dynamics(samples=4),
-        lambda: symgen.build("elastic_four_bar").sweep([5.0, 6.0]),
+        lambda: symgen.build("elastic_four_bar").speed_response([5.0, 6.0]),
         lambda: symgen.build("slider_crank").kinematics(at=[0.5]),
         lambda: symgen.build("four_bar").simulate(0.1, samples=2),
     ],
-    ids=["kinematics", "inverse_dynamics", "sweep", "loop", "simulate"],
+    ids=["kinematics", "inverse_dynamics", "speed_response", "loop", "simulate"],
 )
 def test_every_result_has_facts_and_a_page_in_a_notebook(result):
     found = result()

@@ -227,7 +227,7 @@ def test_accelerations_in_every_type():
 def test_what_is_computed_in_doubles_only_says_so():
     model = symgen.build("elastic_four_bar", precision="float128")
     with pytest.raises(ModelError, match=r"computed in float64 only, and .* was built for float128\n.*batch"):
-        model.sweep([1.0, 2.0])
+        model.speed_response([1.0, 2.0])
     model = symgen.build("elastic_four_bar", backend="mpmath", digits=30)
     with pytest.raises(ModelError, match=r"computed in types of C only, and .* was built for 30 digits\n"):
         model.simulate()

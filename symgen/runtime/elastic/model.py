@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from symgen.runtime.model.rods import RodModel
     from symgen.runtime.result.elastic import ElasticResult
     from symgen.runtime.result.modes import ElasticModes
-    from symgen.runtime.result.sweep import Sweep
+    from symgen.runtime.result.speed_response import SpeedResponse
     from symgen.runtime.rods.equilibrium import Equilibrium
 
 #: Integration methods of elastic motions.
@@ -244,19 +244,19 @@ class ElasticModel(Model):
         with limited(asked.max_wall):
             return run(self._motion(asked.geometric_stiffness), task, asked.progress, kept_in)
 
-    def _sweep(
+    def _speed_response(
         self,
         speeds: Sequence[float],
         rtol: float = 1e-4,
         samples: int = 361,
         max_wall: float | None = None,
         progress: Callable[[float], None] | None = None,
-    ) -> Sweep:
-        from symgen.runtime.elastic.periodic import sweep
+    ) -> SpeedResponse:
+        from symgen.runtime.elastic.periodic import speed_response
 
-        self._refuse_types("sweeps are")
+        self._refuse_types("speed responses are")
         with limited(max_wall):
-            return sweep(self, speeds, rtol, samples, progress)
+            return speed_response(self, speeds, rtol, samples, progress)
 
     def _in_segments(self, count: int = 12) -> RodModel:
         return self._of_scene(whole(count, "segments"))

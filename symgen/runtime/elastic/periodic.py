@@ -27,7 +27,7 @@ from symgen.runtime.elastic.steps import (
 from symgen.runtime.integrate.pace import OutOfTime, Pace, is_spent
 from symgen.runtime.result.elastic import FLOQUET_SETTLED, ElasticResult
 from symgen.runtime.result.records import Coordinate, Drift, Variable
-from symgen.runtime.result.sweep import Sweep
+from symgen.runtime.result.speed_response import SpeedResponse
 
 Array = NDArray[np.float64]
 Progress = Callable[[float], None]
@@ -281,7 +281,7 @@ def _turn(
 
 
 class Swept(Protocol):
-    """The part of an :class:`~symgen.runtime.elastic.model.ElasticModel` that sweeps need."""
+    """The part of an :class:`~symgen.runtime.elastic.model.ElasticModel` that a speed response needs."""
 
     description: Any
 
@@ -308,10 +308,10 @@ class Swept(Protocol):
         """Return the steady state."""
 
 
-def sweep(
+def speed_response(
     model: Swept, speeds: Sequence[float], rtol: float, samples: int, progress: Progress | None
-) -> Sweep:
-    """Return the steady states at crank speeds [rad/s]; see :meth:`symgen.Model.sweep`."""
+) -> SpeedResponse:
+    """Return the steady states at crank speeds [rad/s]; see :meth:`symgen.Model.speed_response`."""
     if len(speeds) < 1 or not all(math.isfinite(s) and s != 0.0 for s in speeds):
         raise ModelError(f"expected crank speeds, finite and not zero, got {list(speeds)!r}")
     begun = time.perf_counter()
@@ -352,7 +352,9 @@ def _parameter(model: Swept) -> tuple[str, float]:
     )
 
 
-def _swept(model: Swept, speeds: Sequence[float], runs: Sequence[ElasticResult], wall: float) -> Sweep:
+def _swept(
+    model: Swept, speeds: Sequence[float], runs: Sequence[ElasticResult], wall: float
+) -> SpeedResponse:
     first = runs[0]
     peaks = [
         Variable(
@@ -363,7 +365,7 @@ def _swept(model: Swept, speeds: Sequence[float], runs: Sequence[ElasticResult],
     ]
     largest = np.array([abs(r.floquet[0]) for r in runs])
     peaks.append(Variable("floquet", "1", "largest Floquet multiplier of a turn", (), largest))
-    return Sweep(
+    return SpeedResponse(
         name=model.name,
         title=model.description.title,
         axes=first.axes,
@@ -377,7 +379,7 @@ def _swept(model: Swept, speeds: Sequence[float], runs: Sequence[ElasticResult],
             "error": max(r.statistics["error"] for r in runs),
             "wall_s": wall,
         },
-        provenance={**first.provenance, "method": "sweep", "parameters": dict(model.parameters)},
+        provenance={**first.provenance, "method": "speed-response", "parameters": dict(model.parameters)},
         notes=_notes(runs),
     )
 

@@ -12,7 +12,7 @@ from symgen.runtime.model.verbs import verb
 
 if TYPE_CHECKING:
     from symgen.runtime.result.elastic import ElasticResult
-    from symgen.runtime.result.sweep import Sweep
+    from symgen.runtime.result.speed_response import SpeedResponse
 
 
 class ElasticAnalyses:
@@ -84,7 +84,7 @@ class ElasticAnalyses:
         raise NotImplementedError
 
     @verb
-    def sweep(
+    def speed_response(
         self,
         speeds: Sequence[float],
         *,
@@ -92,7 +92,7 @@ class ElasticAnalyses:
         samples: int = 361,
         max_wall: float | None = None,
         progress: Callable[[float], None] | None = None,
-    ) -> Sweep:
+    ) -> SpeedResponse:
         """Return the steady states at many crank speeds: peaks, Floquet multipliers, critical speeds.
 
         Parameters
@@ -104,7 +104,7 @@ class ElasticAnalyses:
         samples
             Number of equally spaced times of a revolution at which peaks are evaluated.
         max_wall
-            Wall time [s] after which the sweep ends with an error that carries the speeds so far.
+            Wall time [s] after which the analysis ends with an error that carries the speeds so far.
 
         Raises
         ------

@@ -17,13 +17,13 @@ from symgen.runtime.result.forces import Forces
 from symgen.runtime.result.motion import Motion
 from symgen.runtime.result.records import Coordinate, Drift, Event, Variable
 from symgen.runtime.result.result import FORMAT, Result
-from symgen.runtime.result.sweep import Sweep
+from symgen.runtime.result.speed_response import SpeedResponse
 from symgen.runtime.result.turn import Turn
 
 Array = NDArray[np.float64]
 
 #: Classes of results by their kind in files.
-_KINDS = {made.KIND: made for made in (Result, Motion, Sweep, ElasticResult, Turn, Forces)}
+_KINDS = {made.KIND: made for made in (Result, Motion, SpeedResponse, ElasticResult, Turn, Forces)}
 #: Endings of files that are read back.
 _READ = (".nc", ".npz")
 

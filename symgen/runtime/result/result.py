@@ -105,7 +105,7 @@ class Result(Findings):
 
     @property
     def time(self) -> Array:
-        """Times of the samples [s]; raise ResultError for results that have none, such as sweeps."""
+        """Times of the samples [s]; raise ResultError for results that have none, such as speed responses."""
         if self.coordinate.name == "time":
             return self.coordinate.values
         if self.times is None:

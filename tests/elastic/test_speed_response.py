@@ -1,4 +1,4 @@
-"""Sweeps of the crank speed: results, files and errors."""
+"""Steady states over the crank speed: results, files and errors."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def model():
 
 @pytest.fixture(scope="module")
 def swept(model):
-    return model.sweep([s * RPM for s in (120, 150, 160, 170, 200)], samples=91)
+    return model.speed_response([s * RPM for s in (120, 150, 160, 170, 200)], samples=91)
 
 
 def test_each_speed_is_the_periodic_run_there(model, swept):
@@ -53,14 +53,16 @@ def test_saved_and_read_back(swept, tmp_path):
 
 
 def test_command_line(tmp_path):
-    done = CliRunner().invoke(app, ["sweep", "elastic_slider_crank", "--speeds", "60:90:2", "--json"])
+    done = CliRunner().invoke(
+        app, ["speed-response", "elastic_slider_crank", "--speeds", "60:90:2", "--json"]
+    )
     assert done.exit_code == 0, done.output
     found = json.loads(done.stdout)
     ends = {"first": 60 * RPM, "last": 90 * RPM}
     assert found["coordinate"] == pytest.approx({"name": "speed", "unit": "rad/s", "count": 2, **ends})
     assert all(np.isfinite(v["maximum"]) for v in found["outputs"].values())
     assert found["statistics"]["error"] <= 1e-4
-    shown = CliRunner().invoke(app, ["sweep", "elastic_slider_crank", "--speeds", "60,90"])
+    shown = CliRunner().invoke(app, ["speed-response", "elastic_slider_crank", "--speeds", "60,90"])
     assert "first critical speed" in shown.output
 
 
@@ -68,7 +70,7 @@ def test_speed_that_no_parameter_sets():
     data = read_scene("rotating_cantilever").data
     data["parameters"]["speed"]["tunable"] = False
     with pytest.raises(ModelError, match="no tunable parameter that the speed of the crank"):
-        symgen.build(symgen.Scene(**data)).sweep([60 * RPM])
+        symgen.build(symgen.Scene(**data)).speed_response([60 * RPM])
 
 
 @pytest.mark.parametrize(
@@ -82,7 +84,7 @@ def test_speed_that_no_parameter_sets():
     ],
 )
 def test_refused(scene, speeds, said):
-    done = CliRunner().invoke(app, ["sweep", scene, "--speeds", speeds])
+    done = CliRunner().invoke(app, ["speed-response", scene, "--speeds", speeds])
     assert isinstance(done.exception, SymgenError), done.output
     assert said in str(done.exception)
 

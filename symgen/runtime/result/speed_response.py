@@ -1,4 +1,4 @@
-"""Result of a sweep of crank speeds: steady states over the speed, and dangerous speeds."""
+"""Steady states over the crank speed, and dangerous speeds."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ Array = NDArray[np.float64]
 
 
 @checked
-class Sweep(Result):
-    """Steady states over crank speeds [rad/s]; ``sweep["coupler.stress"]`` has the peaks of a revolution.
+class SpeedResponse(Result):
+    """Steady states over crank speeds [rad/s]; ``response["coupler.stress"]`` has the peaks of a revolution.
 
     The output ``floquet`` is the largest Floquet multiplier.
     """
 
-    KIND = "sweep"
+    KIND = "speed_response"
 
     def __repr__(self) -> str:
-        return f"<Sweep {self.name!r}: {self.count} speeds, {len(self.resonances)} resonances>"
+        return f"<SpeedResponse {self.name!r}: {self.count} speeds, {len(self.resonances)} resonances>"
 
     @property
     def speeds(self) -> Array:
@@ -43,7 +43,7 @@ class Sweep(Result):
 
     @property
     def resonances(self) -> tuple[float, ...]:
-        """Speeds [rad/s] of the sweep at which the largest stress is larger than at both neighbours."""
+        """Speeds [rad/s] at which the largest stress is larger than at both neighbours."""
         stress = np.max([v.values for v in self.variables if v.name.endswith(".stress")], axis=0)
         inside = (stress[1:-1] > stress[:-2]) & (stress[1:-1] > stress[2:])
         return tuple(self.speeds[1:-1][inside].tolist())
@@ -56,7 +56,7 @@ class Sweep(Result):
 
     @property
     def unstable(self) -> tuple[float, ...]:
-        """Speeds [rad/s] of the sweep whose steady state grows away from itself."""
+        """Speeds [rad/s] whose steady state grows away from itself."""
         return tuple(
             s for s, stable in zip(self.speeds.tolist(), self.verdicts, strict=True) if stable is False
         )
