@@ -26,7 +26,7 @@ class ManyCall(Protocol):
         *,
         states: Sequence[State] | None = None,
         outputs: Sequence[str] | None = None,
-        reduce: Callable[..., Any] | None = None,
+        reduce: Callable[..., Any] | str | Sequence[str] | None = None,
         threads: int | None = None,
         progress: Callable[[float], None] | None = None,
         **arguments: Any,
@@ -46,7 +46,7 @@ class Many:
             *,
             states: Any = None,
             outputs: Sequence[str] | None = None,
-            reduce: Callable[..., Any] | None = None,
+            reduce: Callable[..., Any] | str | Sequence[str] | None = None,
             threads: int | None = None,
             progress: Callable[[float], None] | None = None,
             **arguments: Any,
@@ -92,7 +92,9 @@ class ManyRuns:
         Names of the outputs to keep; all when absent.
     reduce
         Called as ``reduce(values, axis=0)`` with the samples of each output, such as ``np.max`` or
-        ``np.ptp``; its results are kept in place of the samples.
+        ``np.ptp``; its results are kept in place of the samples. Or names of reductions, each of which gives
+        an output ``OUTPUT.NAME``: ``peak`` (largest magnitude, of a vector that of the vector), ``greatest``,
+        ``least``, ``range``, ``mean``, ``rms`` (of the magnitude), ``final``; ``history`` keeps the samples.
     threads
         Number of threads; as many as processors when absent. It changes no bit of the results.
     progress

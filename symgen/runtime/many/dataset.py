@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symgen.errors import ModelError, nearest
+from symgen.runtime.many.reductions import HISTORY, reduced, reductions
 from symgen.runtime.result.records import Coordinate, Variable
 
 if TYPE_CHECKING:
@@ -47,10 +48,10 @@ class Kept:
 
 @dataclass(frozen=True, slots=True)
 class Keep:
-    """Selection of outputs, and their reduction where requested."""
+    """Selection of outputs, and their reduction where requested: a function, or names of reductions."""
 
     outputs: Sequence[str] | None
-    reduce: Callable[..., Any] | None
+    reduce: Callable[..., Any] | str | Sequence[str] | None
 
     def __call__(
         self,
@@ -69,8 +70,14 @@ class Keep:
         )
         if self.reduce is None:
             return Kept(along, times, samples, strayed, axes)
-        reduced = tuple(replace(v, values=_reduced(self.reduce, v)) for v in samples)
-        return Kept(single=(*reduced, *strayed), axes=axes)
+        if callable(self.reduce):
+            single = tuple(replace(v, values=_reduced(self.reduce, v)) for v in samples)
+            return Kept(single=(*single, *strayed), axes=axes)
+        names = reductions(self.reduce)
+        single = tuple(reduced(v, name) for name in names if name != HISTORY for v in samples)
+        if HISTORY in names:
+            return Kept(along, times, samples, (*single, *strayed), axes)
+        return Kept(single=(*single, *strayed), axes=axes)
 
 
 def at_one_pose(found: Equilibrium, axes: tuple[str, ...], outputs: Sequence[str] | None) -> Kept:

@@ -117,9 +117,14 @@ class Runs:
 
 
 def carried_out(
-    runs: Runs, keep: Keep, threads: int | None, progress: Callable[[float], None] | None
+    runs: Runs,
+    keep: Keep,
+    threads: int | None,
+    progress: Callable[[float], None] | None,
+    *,
+    some: bool = True,
 ) -> list[Kept]:
-    """Return the samples of all runs.
+    """Return the samples of all runs; where ``some`` must succeed and none does, raise the first error.
 
     The runs up to the first that succeeds are carried out one after the other: it may compile kernels for all
     others, and wrong arguments are refused there.
@@ -140,8 +145,10 @@ def carried_out(
             kept.append(Kept(error=str(error)))
         if progress:
             progress(len(kept) / len(runs))
-    if result is None and failed:
-        raise failed
+    if failed and result is None:
+        if some:
+            raise failed
+        return kept
     done, count, workers = len(kept), len(runs), threads or _processors()
     kept += [Kept()] * (count - done)
     compiled = compiled_runs(runs.model, result, runs.columns, runs.states, runs.arguments)

@@ -16,6 +16,7 @@ from symgen.runtime.model.elastic_analyses import ElasticAnalyses
 from symgen.runtime.model.kernel_calls import KernelCalls
 from symgen.runtime.model.linear_analyses import LinearAnalyses
 from symgen.runtime.model.verbs import Verb, verb
+from symgen.runtime.sweeps.calls import Sweeps
 
 if TYPE_CHECKING:
     from symgen.runtime._rhs import Rhs
@@ -29,7 +30,7 @@ if TYPE_CHECKING:
 _INSTEAD = {"evaluate": "it calls kernels of user-defined systems; batch calls those of scenes"}
 
 
-class Model(LinearAnalyses, ManyRuns, ElasticAnalyses, KernelCalls, Compiled):
+class Model(LinearAnalyses, ManyRuns, Sweeps, ElasticAnalyses, KernelCalls, Compiled):
     """A compiled mechanism. :func:`symgen.build` returns one.
 
     Every model has the analyses below, with the same arguments. An analysis that a mechanism does not support

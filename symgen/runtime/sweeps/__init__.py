@@ -1,0 +1,1 @@
+"""Sweeps of parameters: designs, stores of results, execution in chunks."""

@@ -1,0 +1,92 @@
+"""Sweeps as a method of models."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+from symgen.calls import checked
+
+if TYPE_CHECKING:
+    import xarray
+
+
+class Sweeps:
+    """Sweeps of tunable parameters, for every model."""
+
+    @checked
+    def sweep(
+        self,
+        vary: Mapping[str, Any],
+        analysis: str | None = None,
+        *,
+        sampling: str | None = None,
+        count: int | None = None,
+        seed: int = 0,
+        outputs: Sequence[str] | None = None,
+        reduce: str | Sequence[str] = "peak",
+        file: str | os.PathLike[str] | None = None,
+        chunk: int | None = None,
+        part: Sequence[int] = (1, 1),
+        threads: int | None = None,
+        progress: Callable[[float], None] | None = None,
+        **arguments: Any,
+    ) -> xarray.Dataset:
+        """Carry out an analysis over a design of parameters: see ``docs/sweeps.md``.
+
+        Parameters
+        ----------
+        vary
+            Tunable parameters by name: values in SI units, or a distribution, ``Uniform(low, high)`` or
+            ``Normal(mean, deviation)`` of :mod:`symgen.runtime.sweeps.designs`.
+        analysis
+            ``simulate``, ``kinematics``, ``inverse_dynamics``, ``equilibrium``, ``periodic`` or
+            ``quasi_static``; inverse dynamics when absent, where a model supports it, else the simulation.
+        sampling
+            ``grid`` (every combination, those of the last parameter change fastest) or ``list`` (one
+            value per run) of values; ``sobol``, ``latin-hypercube`` or ``random`` of distributions.
+        count, seed
+            Number of samples of distributions, and the seed of their random numbers.
+        outputs
+            Names of the outputs to keep; all when absent.
+        reduce
+            Names of reductions: see :class:`~symgen.runtime.many.calls.ManyRuns`.
+        file
+            A Zarr store, a name that ends in ``.zarr``. It is written chunk by chunk and can be read at any
+            time; where it is there, the sweep continues with the missing chunks. In memory when absent.
+        chunk
+            Runs of a chunk of a new store; by default 1/64 of all runs, 1024 at most.
+        part
+            ``(i, n)``: carry out every n-th chunk from the i-th, counted from 1.
+        threads
+            Number of threads; as many as processors when absent. It changes no bit of the results.
+        progress
+            Called now and then with the completed part.
+        arguments
+            Further arguments of the analysis, common to all runs.
+
+        Returns
+        -------
+        xarray.Dataset
+            ``OUTPUT.REDUCTION`` over the dimension ``run``, histories over ``run`` and ``sample``; parameters
+            are coordinates. ``error`` is the message of a failed run, whose outputs are nan.
+
+        Raises
+        ------
+        ModelError, CapabilityError
+            For values, names and arguments that do not fit the model.
+        ResultError
+            When the store cannot be written, or has the results of another sweep.
+        SimulationError, InitialStateError
+            When none of the first runs succeeds: the error of the first.
+        """
+        from symgen.errors import ModelError
+        from symgen.runtime.sweeps.designs import design_of
+        from symgen.runtime.sweeps.sweep import carry_out, sweep_of
+
+        if len(part) != 2:
+            raise ModelError(f"expected part as two numbers (i, n), got {tuple(part)!r}")
+        design = design_of(vary, sampling, count, seed)
+        sweep = sweep_of(self, analysis, design, outputs, reduce, arguments, threads)
+        return carry_out(sweep, file, chunk, (part[0], part[1]), progress)

@@ -1,0 +1,182 @@
+"""Stores of the results of a sweep: in memory, or in a Zarr group that is written chunk by chunk."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import tempfile
+from collections.abc import Iterable, Mapping
+from contextlib import suppress
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symgen.errors import ModelError, ResultError
+from symgen.runtime.sweeps.layout import Layout
+
+if TYPE_CHECKING:
+    import xarray
+
+Array = NDArray[Any]
+#: The array that marks finished runs; its chunks are written last.
+DONE = "done"
+#: Ending of the folders of a store.
+ENDING = ".zarr"
+
+
+class Store(Protocol):
+    """Results of a sweep, in chunks of runs."""
+
+    chunk: int
+
+    def is_done(self, first: int) -> bool:
+        """Return whether the chunk that begins with a run is there."""
+
+    def write(self, first: int, arrays: Mapping[str, Array]) -> None:
+        """Write the chunk that begins with a run."""
+
+    def dataset(self) -> xarray.Dataset:
+        """Return the results of all runs; those of missing ones are nan."""
+
+
+class Memory:
+    """Results of a sweep in memory."""
+
+    def __init__(self, layout: Layout, count: int, chunk: int, title: str) -> None:
+        self.layout, self.count, self.chunk, self.title = layout, count, chunk, title
+        self.arrays = {entry.name: entry.empty(count) for entry in layout.entries}
+
+    def is_done(self, first: int) -> bool:
+        """Return false: nothing is there before it is computed."""
+        return False
+
+    def write(self, first: int, arrays: Mapping[str, Array]) -> None:
+        """Write the chunk that begins with a run."""
+        for name, values in arrays.items():
+            self.arrays[name][first : first + len(values)] = values
+
+    def dataset(self) -> xarray.Dataset:
+        """Return the results of all runs."""
+        import xarray
+
+        entries = self.layout.entries
+        made = {e.name: (("run", *e.dims), self.arrays[e.name], dict(e.attributes)) for e in entries}
+        coordinates: dict[str, Any] = {e.name: made.pop(e.name) for e in entries if e.coordinate}
+        if self.layout.axes:
+            coordinates["axis"] = list(self.layout.axes)
+        return xarray.Dataset(made, coordinates, {"title": self.title})
+
+
+class Zarr:
+    """Results of a sweep in a Zarr group, which xarray reads: also while others write to it.
+
+    Every chunk of every array is a file. A chunk counts once its part of the array ``done`` is written, which
+    is last; files appear whole. Several processes may write chunks of one store.
+    """
+
+    def __init__(self, path: Path) -> None:
+        import zarr
+
+        try:
+            self.group: Any = zarr.open_group(path, mode="r+", zarr_format=2)
+            about: Any = self.group.attrs["sweep"]
+            self.identity, self.chunk = str(about["identity"]), int(about["chunk"])
+        except (OSError, KeyError, ValueError, TypeError) as error:
+            raise ResultError(f"{path} is not the store of a sweep: {error}") from None
+        self.path = path
+
+    @classmethod
+    def created(cls, path: Path, layout: Layout, count: int, chunk: int, title: str, identity: str) -> Zarr:
+        """Create an empty store, which appears complete; another process may be faster."""
+        import zarr
+        from numcodecs import Zstd
+
+        aside = Path(tempfile.mkdtemp(prefix=f".{path.name}.", dir=path.absolute().parent))
+        try:
+            aside.chmod(0o755)
+            group = zarr.open_group(aside, mode="w", zarr_format=2)
+            coordinates = " ".join(e.name for e in layout.entries if e.coordinate and " " not in e.name)
+            group.attrs.update({"title": title, "sweep": {"identity": identity, "chunk": chunk}})
+            for entry in layout.entries:
+                shape = (count, *entry.sizes)
+                group.create_array(
+                    entry.name,
+                    shape=shape,
+                    chunks=(chunk, *entry.sizes),
+                    dtype=str if entry.text else "<f8",
+                    fill_value=None if entry.text else np.nan,
+                    compressors=Zstd(level=1),  # Blosc orders its blocks by its threads
+                    attributes={**entry.attributes, "_ARRAY_DIMENSIONS": ["run", *entry.dims]},
+                )
+            about = {"long_name": "1 where the run is finished", "coordinates": coordinates}
+            group.create_array(
+                DONE,
+                shape=(count,),
+                chunks=(chunk,),
+                dtype="u1",
+                fill_value=None,
+                compressors=Zstd(level=1),
+                attributes={**about, "_ARRAY_DIMENSIONS": ["run"]},
+            )
+            if layout.axes:
+                axes = group.create_array(
+                    "axis", shape=(len(layout.axes),), dtype=str, attributes={"_ARRAY_DIMENSIONS": ["axis"]}
+                )
+                axes[:] = np.array(layout.axes, dtype=object)
+            with suppress(FileExistsError):
+                _renamed(aside, path)
+        except OSError as error:
+            raise ResultError(f"cannot write {path}: {error.strerror or error}") from None
+        finally:
+            shutil.rmtree(aside, ignore_errors=True)
+        return cls(path)
+
+    def is_done(self, first: int) -> bool:
+        """Return whether the chunk that begins with a run is there."""
+        return bool(self.group[DONE][first])
+
+    def write(self, first: int, arrays: Mapping[str, Array]) -> None:
+        """Write the chunk that begins with a run."""
+        count = 0
+        try:
+            for name, values in arrays.items():
+                count = len(values)
+                self.group[name][first : first + count] = values
+            self.group[DONE][first : first + count] = 1
+        except OSError as error:
+            raise ResultError(f"cannot write {self.path}: {error.strerror or error}") from None
+
+    def dataset(self) -> xarray.Dataset:
+        """Return the results of all runs, read when they are used."""
+        return opened(self.path)
+
+
+def _renamed(source: Path, target: Path) -> None:
+    """Rename a folder; raise FileExistsError where the target is there."""
+    if target.exists():
+        raise FileExistsError(target)
+    try:
+        source.rename(target)
+    except OSError:
+        if target.exists():
+            raise FileExistsError(target) from None
+        raise
+
+
+def opened(path: str | os.PathLike[str]) -> xarray.Dataset:
+    """Return the results in a Zarr store, read when they are used."""
+    import xarray
+
+    needed("zarr")
+    return xarray.open_zarr(path, consolidated=False, chunks=None)
+
+
+def needed(*packages: str, extra: str = "sweep") -> None:
+    """Raise ModelError with the remedy unless packages of an extra are installed."""
+    from importlib.util import find_spec
+
+    missing: Iterable[str] = [name for name in packages if find_spec(name) is None]
+    if missing:
+        raise ModelError(f"this needs {' and '.join(missing)}: pip install 'symgen[{extra}]'")

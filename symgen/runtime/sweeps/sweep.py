@@ -1,0 +1,213 @@
+"""Sweeps: runs of a design in chunks, from the first missing one on."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symgen.errors import CapabilityError, ModelError, ResultError, nearest
+from symgen.runtime.many.dataset import Keep, dataset_of
+from symgen.runtime.many.reductions import reductions
+from symgen.runtime.many.runs import FAILURES, Runs, carried_out, variants
+from symgen.runtime.sweeps.designs import Design
+from symgen.runtime.sweeps.layout import Layout, layout_of
+from symgen.runtime.sweeps.stores import ENDING, Memory, Store, Zarr, needed
+from symgen.version import __version__
+
+if TYPE_CHECKING:
+    import xarray
+
+Array = NDArray[Any]
+#: Analyses that a sweep carries out.
+ANALYSES = ("simulate", "kinematics", "inverse_dynamics", "equilibrium", "periodic", "quasi_static")
+#: Largest size of a chunk: runs, and bytes of results.
+_RUNS, _BYTES = 1024, 2**26
+#: Least number of chunks of a sweep, and the multiple of runs that fills SIMD lanes.
+_CHUNKS, _LANES = 64, 8
+#: Runs that are tried for the layout of the results where the model's own parameters fail.
+_TRIED = 64
+
+
+@dataclass(frozen=True, slots=True)
+class Sweep:
+    """A design of runs of one analysis, with the outputs and reductions of each.
+
+    Attributes
+    ----------
+    keep
+        Selected outputs and their reductions.
+    arguments
+        Arguments of the analysis, common to all runs.
+    threads
+        Number of threads; all processors when absent.
+    """
+
+    model: Any
+    analysis: str
+    design: Design
+    keep: Keep
+    arguments: Mapping[str, Any]
+    threads: int | None = None
+
+    @property
+    def title(self) -> str:
+        """Title of the dataset."""
+        return f"{self.model.description.title}: sweep of {self.analysis}, {self.design.count} runs"
+
+    @property
+    def identity(self) -> str:
+        """Hash of everything that decides the results: equations, parameters, analysis, design."""
+        parts = {
+            "version": __version__,
+            "equations": self.model.description.equations,
+            "parameters": dict(self.model.parameters),
+            "analysis": [self.analysis, {k: _plain(v) for k, v in sorted(self.arguments.items())}],
+            "keep": [self.keep.outputs, self.keep.reduce],
+            "design": self.design.identity,
+        }
+        return hashlib.sha256(json.dumps(parts, sort_keys=True, default=str).encode()).hexdigest()
+
+    def layout(self) -> Layout:
+        """Return the layout of the results: with the model's parameters, or of the first run that succeeds.
+
+        Raises
+        ------
+        ModelError
+            For parameters, outputs and arguments that the analysis refuses.
+        SimulationError, InitialStateError
+            When none of the first runs succeeds: the error of the first.
+        """
+        values = self.model.parameters
+        for name in self.design.names:
+            if name not in values:
+                raise ModelError(
+                    f"{self.model.name} has no tunable parameter {name!r}. {nearest(name, values)}"
+                )
+        names = self.design.names
+        rows = self.design.values(0, min(_TRIED, self.design.count))
+        tried = np.vstack([[values[name] for name in names], rows])
+        failure: Exception | None = None
+        for row in tried:
+            columns = {name: row[i : i + 1] for i, name in enumerate(names)}
+            try:
+                found = carried_out(self._runs(columns), self.keep, 1, None)
+            except FAILURES as error:
+                failure = failure or error
+                continue
+            return layout_of(dataset_of(self.model.description, self.analysis, columns, found), names)
+        assert failure is not None  # noqa: S101 - there is one run at least
+        raise failure
+
+    def _runs(self, columns: Mapping[str, Array]) -> Runs:
+        return Runs(self.model, self.analysis, *variants(self.model, columns, None), self.arguments)
+
+    def arrays(
+        self, layout: Layout, first: int, last: int, progress: Callable[[float], None] | None = None
+    ) -> dict[str, Array]:
+        """Return the results of the runs first to last - 1."""
+        rows = self.design.values(first, last)
+        columns = {name: rows[:, i] for i, name in enumerate(self.design.names)}
+        kept = carried_out(self._runs(columns), self.keep, self.threads, progress, some=False)
+        if all(k.error for k in kept):
+            return layout.filled(columns, [k.error for k in kept])
+        return layout.taken(dataset_of(self.model.description, self.analysis, columns, kept))
+
+    def chunk(self, layout: Layout) -> int:
+        """Return the number of runs of a chunk."""
+        share = -(-self.design.count // _CHUNKS)
+        size = min(_RUNS, max(1, _BYTES // layout.row), max(share, _LANES))
+        return size if size < _LANES else size // _LANES * _LANES
+
+
+def _plain(value: Any) -> Any:
+    return np.asarray(value).tolist() if isinstance(value, np.ndarray | np.generic | tuple) else value
+
+
+def sweep_of(
+    model: Any,
+    analysis: str | None,
+    design: Design,
+    outputs: Sequence[str] | None,
+    reduce: str | Sequence[str],
+    arguments: Mapping[str, Any],
+    threads: int | None,
+) -> Sweep:
+    """Return a sweep; raise CapabilityError or ModelError for an analysis that cannot be carried out."""
+    supported = [name for name in ANALYSES if name in model.capabilities]
+    preferred = ("inverse_dynamics", "simulate", "kinematics")
+    verb = analysis or next((name for name in preferred if name in supported), "simulate")
+    if verb not in ANALYSES:
+        raise ModelError(f"there are no sweeps of {verb!r}. {nearest(verb, supported or ANALYSES)}")
+    getattr(model, f"{verb}_many")  # raises the reason where the model does not support it
+    if not hasattr(model.description, "equations"):
+        raise CapabilityError(f"{model.name} does not support sweeps")
+    names = None if verb == "equilibrium" else reductions(reduce)
+    return Sweep(model, verb, design, Keep(outputs, names), dict(arguments), threads)
+
+
+def carry_out(
+    sweep: Sweep,
+    file: str | os.PathLike[str] | None,
+    chunk: int | None,
+    part: tuple[int, int],
+    progress: Callable[[float], None] | None,
+) -> xarray.Dataset:
+    """Carry out the missing chunks of a sweep, or of one part of them; see :meth:`symgen.Model.sweep`."""
+    number, parts = part
+    if not 1 <= number <= parts:
+        raise ModelError(f"expected a part from 1 to {parts}, got {number}")
+    if parts > 1 and file is None:
+        raise ModelError("parts of a sweep are written to one store: give its file")
+    if chunk is not None and chunk < 1:
+        raise ModelError(f"expected a chunk of one run or more, got {chunk}")
+    store, layout = _store(sweep, file, chunk)
+    count = sweep.design.count
+    own = [(first, min(first + store.chunk, count)) for first in range(0, count, store.chunk)]
+    own = own[number - 1 :: parts]
+    missing = [span for span in own if not store.is_done(span[0])]
+    finished = len(own) - len(missing)
+    for first, last in missing:
+        within = _within(progress, finished / len(own), 1.0 / len(own))
+        store.write(first, sweep.arrays(layout, first, last, within))
+        finished += 1
+    if progress:
+        progress(1.0)
+    return store.dataset()
+
+
+def _within(
+    progress: Callable[[float], None] | None, start: float, share: float
+) -> Callable[[float], None] | None:
+    return None if progress is None else lambda part: progress(start + share * part)
+
+
+def _store(sweep: Sweep, file: str | os.PathLike[str] | None, chunk: int | None) -> tuple[Store, Layout]:
+    if file is None:
+        layout = sweep.layout()
+        return Memory(layout, sweep.design.count, chunk or sweep.chunk(layout), sweep.title), layout
+    needed("zarr")
+    path = Path(file)
+    if path.suffix != ENDING:
+        raise ResultError(f"expected a name that ends in {ENDING} for the results, got {path.name!r}")
+    if not path.absolute().parent.is_dir():
+        raise ResultError(f"cannot write {path}: there is no folder {path.parent}")
+    layout = sweep.layout()
+    if path.exists():
+        store = Zarr(path)
+    else:
+        size = chunk or sweep.chunk(layout)
+        store = Zarr.created(path, layout, sweep.design.count, size, sweep.title, sweep.identity)
+    if store.identity != sweep.identity:
+        raise ResultError(
+            f"{path} has the results of another sweep: other parameters, analysis, outputs or samples\n"
+            "  Give another name, or remove it."
+        )
+    return store, layout

@@ -1,0 +1,212 @@
+"""Sweeps: designs, closed forms over them, stores that continue after an interruption, wrong calls refused."""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray
+from shared.variants import crank_rocker_with_lengths, pins
+
+import symgen
+from symgen.errors import CapabilityError, ModelError, ResultError
+from symgen.runtime.sweeps.designs import Normal, Uniform, design_of
+from symgen.runtime.sweeps.stores import Zarr
+
+LENGTHS = {"a": [0.09, 0.1, 0.11], "b": [0.34, 0.36]}
+OPTIONS = {"analysis": "kinematics", "outputs": ["A.position", "B.position"], "samples": 21, "of": ["A", "B"]}
+
+
+@pytest.fixture(scope="module")
+def model(tmp_path_factory):
+    return symgen.build(crank_rocker_with_lengths(tmp_path_factory.mktemp("sweeps")), backend="c")
+
+
+def files(folder: Path) -> dict[str, bytes]:
+    return {str(p.relative_to(folder)): p.read_bytes() for p in sorted(folder.rglob("*")) if p.is_file()}
+
+
+def test_a_grid_agrees_with_the_pose_by_two_circles(model):
+    names = ["peak", "rms", "least", "greatest", "range", "mean", "final", "history"]
+    runs = model.sweep(LENGTHS, reduce=names, **OPTIONS)
+    grid = [(a, b) for a in LENGTHS["a"] for b in LENGTHS["b"]]
+    assert list(zip(runs["a"].values, runs["b"].values, strict=True)) == grid
+    assert not any(runs["error"].values)
+    angles = np.linspace(0.0, 2 * math.pi, 21)
+    for i, (a, b) in enumerate(grid):
+        crank, rocker = pins(a, b, 0.3, angles)
+        run = runs.isel(run=i)
+        assert run["B.position"].values == pytest.approx(rocker, abs=1e-12)
+        assert run["A.position.peak"].item() == pytest.approx(a, rel=1e-12)
+        assert run["A.position.rms"].item() == pytest.approx(a, rel=1e-12)
+        assert run["B.position.greatest"].values == pytest.approx(rocker.max(axis=0), abs=1e-12)
+        assert run["B.position.least"].values == pytest.approx(rocker.min(axis=0), abs=1e-12)
+        assert run["B.position.range"].values == pytest.approx(np.ptp(rocker, axis=0), abs=1e-12)
+        assert run["A.position.mean"].values == pytest.approx(crank.mean(axis=0), abs=1e-12)
+        assert run["A.position.final"].values == pytest.approx([a, 0.0], abs=1e-12)
+    assert runs["B.position"].dims == ("run", "sample", "axis")
+    assert runs["B.position.range"].attrs["units"] == runs["a"].attrs["units"] == "m"
+
+
+def test_many_runs_take_names_of_reductions(model):
+    runs = model.kinematics_many({"a": LENGTHS["a"]}, reduce="peak", outputs=["A.position"], samples=9)
+    assert runs["A.position.peak"].values == pytest.approx(LENGTHS["a"], rel=1e-12)
+    with pytest.raises(ModelError, match="no reduction 'peek'. Did you mean 'peak'"):
+        model.kinematics_many({"a": LENGTHS["a"]}, reduce=["peek"])
+
+
+@pytest.mark.parametrize("chunk", [1, 2, 4])
+def test_runs_that_fail_are_entries_with_their_error(model, chunk):
+    runs = model.sweep({"a": [2.0, 0.1, 3.0, 4.0]}, chunk=chunk, **OPTIONS)
+    assert [bool(error) for error in runs["error"].values] == [True, False, True, True]
+    assert "assemble" in runs["error"].values[3]
+    assert runs["A.position.peak"].values == pytest.approx([math.nan, 0.1, math.nan, math.nan], nan_ok=True)
+    assert runs["a"].values.tolist() == [2.0, 0.1, 3.0, 4.0]
+
+
+def test_stores_have_the_same_bytes_for_any_threads_and_parts(model, tmp_path):
+    of = {
+        "a": Uniform(0.09, 0.11),
+        "b": Normal(0.35, 0.003),
+        "c": Uniform(0.02, 0.31),
+    }  # some cannot be assembled
+    wanted = {"count": 8, "chunk": 2, "seed": 3, **OPTIONS}
+    one = model.sweep(of, file=tmp_path / "one.zarr", threads=1, **wanted)
+    model.sweep(of, file=tmp_path / "two.zarr", threads=2, **wanted)
+    for part in ((2, 2), (1, 2)):
+        model.sweep(of, file=tmp_path / "parts.zarr", part=part, **wanted)
+    assert files(tmp_path / "one.zarr") == files(tmp_path / "two.zarr") == files(tmp_path / "parts.zarr")
+    assert 0 < sum(map(bool, one["error"].values)) < 8
+    held = model.sweep(of, **wanted)
+    for name, variable in held.variables.items():
+        if name != "axis":
+            np.testing.assert_array_equal(one[name].values, variable.values)
+
+
+def test_an_interrupted_sweep_continues_with_the_missing_chunks(model, tmp_path, monkeypatch):
+    wanted = {"file": tmp_path / "cut.zarr", "chunk": 2, **OPTIONS}
+    model.sweep(LENGTHS, **{**wanted, "file": tmp_path / "whole.zarr"})
+    write, written = Zarr.write, []
+
+    def cut(self, first, arrays):
+        """End within the second chunk: its arrays are there in part, and are not marked as done."""
+        if written:
+            self.group["A.position.peak"][first : first + 2] = -1.0
+            raise KeyboardInterrupt
+        written.append(first)
+        write(self, first, arrays)
+
+    monkeypatch.setattr(Zarr, "write", cut)
+    with pytest.raises(KeyboardInterrupt):
+        model.sweep(LENGTHS, **wanted)
+    read = xarray.open_zarr(tmp_path / "cut.zarr", consolidated=False, chunks=None)
+    assert read["done"].values.tolist() == [1, 1, 0, 0, 0, 0]
+    assert read["A.position.peak"].values[:2] == pytest.approx([0.09, 0.09], rel=1e-12)
+    monkeypatch.setattr(Zarr, "write", lambda self, first, a: (written.append(first), write(self, first, a)))
+    model.sweep(LENGTHS, **wanted)
+    assert written == [0, 2, 4]
+    assert files(tmp_path / "cut.zarr") == files(tmp_path / "whole.zarr")
+
+
+def test_a_store_of_another_sweep_is_refused(model, tmp_path):
+    file = tmp_path / "one.zarr"
+    model.sweep(LENGTHS, file=file, **OPTIONS)
+    for change in ({"samples": 22}, {"outputs": ["A.position"]}, {"reduce": "range"}):
+        with pytest.raises(ResultError, match="results of another sweep"):
+            model.sweep(LENGTHS, file=file, **{**OPTIONS, **change})
+    with pytest.raises(ResultError, match="results of another sweep"):
+        model.with_parameters(c=0.31).sweep(LENGTHS, file=file, **OPTIONS)
+    (tmp_path / "other.zarr").mkdir()
+    with pytest.raises(ResultError, match="is not the store of a sweep"):
+        model.sweep(LENGTHS, file=tmp_path / "other.zarr", **OPTIONS)
+
+
+@pytest.mark.parametrize("sampling", ["sobol", "latin-hypercube", "random"])
+def test_samples_depend_on_the_number_of_the_run_and_the_seed_alone(sampling):
+    of = {"a": Uniform(2.0, 4.0), "b": Normal(1.0, 0.5)}
+    design = design_of(of, sampling, 4096, 7)
+    values = design.values(0, 4096)
+    assert np.array_equal(design.values(1000, 1500), values[1000:1500])
+    assert np.array_equal(design.values(10, 20), values[10:20])
+    assert not np.array_equal(design_of(of, sampling, 4096, 8).values(0, 4096), values)
+    assert np.all((values[:, 0] >= 2.0) & (values[:, 0] < 4.0))
+    near = 4.0 / math.sqrt(4096)
+    assert values.mean(axis=0) == pytest.approx([3.0, 1.0], abs=near)
+    assert values.std(axis=0) == pytest.approx([2.0 / math.sqrt(12.0), 0.5], abs=near)
+
+
+def test_a_latin_hypercube_and_a_sobol_sequence_have_one_sample_in_each_interval():
+    for sampling in ("latin-hypercube", "sobol"):
+        values = design_of({"a": Uniform(0.0, 1.0), "b": Uniform(0.0, 1.0)}, sampling, 64, 0).values(0, 64)
+        for column in values.T:
+            assert sorted((column * 64).astype(int)) == list(range(64))
+
+
+@pytest.mark.parametrize(
+    ("vary", "more", "words"),
+    [
+        ({}, {}, "expected parameters to vary"),
+        ({"a": "x"}, {}, "expected finite values of a in SI units, or a distribution"),
+        ({"a": [0.1, math.nan]}, {}, "expected finite values of a"),
+        ({"d": [0.1]}, {}, "no tunable parameter 'd'"),
+        ({"a": [0.1]}, {"count": 3}, "omit the count of 3"),
+        ({"a": Uniform(0.1, 0.2)}, {}, "expected a number of runs of sobol samples"),
+        ({"a": Uniform(0.1, 0.2)}, {"sampling": "grid"}, "a grid needs values of a, got a distribution"),
+        ({"a": [0.1, 0.2]}, {"sampling": "random"}, "random samples need a distribution of a"),
+        ({"a": [0.1, 0.2], "b": [1, 2, 3]}, {"sampling": "list"}, "expected 3 values of a, one per run"),
+        ({"a": [0.1]}, {"sampling": "halton"}, "no sampling 'halton'"),
+        ({"a": [0.1]}, {"part": (3, 2), "file": "x.zarr"}, "expected a part from 1 to 2, got 3"),
+        ({"a": [0.1]}, {"part": (1, 2)}, "parts of a sweep are written to one store"),
+        ({"a": [0.1]}, {"chunk": 0}, "expected a chunk of one run or more"),
+        ({"a": [0.1]}, {"analysis": "modes"}, "there are no sweeps of 'modes'"),
+        ({"a": [0.1]}, {"outputs": ["D.position"]}, "no output 'D.position'"),
+        ({"a": [0.1]}, {"no_such": 1}, "no argument 'no_such'"),
+    ],
+)
+def test_wrong_sweeps_are_refused(model, vary, more, words):
+    with pytest.raises(ModelError, match=words):
+        model.sweep(vary, **{**OPTIONS, **more})
+
+
+def test_wrong_names_of_stores_and_unsupported_analyses_are_refused(model, tmp_path):
+    with pytest.raises(ResultError, match=r"expected a name that ends in \.zarr"):
+        model.sweep(LENGTHS, file=tmp_path / "x.nc", **OPTIONS)
+    with pytest.raises(ResultError, match="there is no folder"):
+        model.sweep(LENGTHS, file=tmp_path / "no" / "x.zarr", **OPTIONS)
+    with pytest.raises(CapabilityError, match="does not support periodic_many"):
+        model.sweep(LENGTHS, "periodic")
+    for wrong in ((1.0, 1.0), (math.nan, 1.0), ("x", 1.0)):
+        with pytest.raises(ModelError, match="expected a uniform distribution"):
+            Uniform(*wrong)
+    with pytest.raises(ModelError, match="standard deviation above zero"):
+        Normal(1.0, 0.0)
+
+
+def test_equilibria_are_swept(tmp_path):
+    """A pendulum of tunable length under gravity hangs straight down."""
+    scene = {
+        "parameters": {"length": {"value": "1 m", "tunable": True}},
+        "points": {"O": {"at": ["0 m", "0 m"], "ground": True}, "P": {"at": ["0.6 m", "-0.8 m"]}},
+        "links": {"rod": {"points": ["O", "P"], "length": "length", "mass": "1 kg"}},
+        "gravity": {"acceleration": ["0 m/s^2", "-9.81 m/s^2"]},
+    }
+    model = symgen.build(symgen.Scene(**scene), backend="c")
+    runs = model.sweep({"length": [0.5, 2.0]}, "equilibrium", file=tmp_path / "hanging.zarr")
+    assert runs["P.position"].values == pytest.approx(np.array([[0.0, -0.5], [0.0, -2.0]]), abs=1e-9)
+    assert runs["stability"].values.tolist() == ["stable", "stable"]
+    assert json.loads((tmp_path / "hanging.zarr" / ".zgroup").read_text()) == {"zarr_format": 2}
+
+
+def test_the_example_of_the_page_runs():
+    page = (Path(__file__).parents[2] / "docs" / "sweeps.md").read_text(encoding="utf-8")
+    names: dict[str, object] = {}
+    exec(re.search(r"```python\n(.*?)```", page, re.S)[1], names)
+    runs, samples = names["runs"], names["samples"]
+    assert isinstance(runs, xarray.Dataset) and isinstance(samples, xarray.Dataset)
+    assert not any(runs["error"].values) and not any(samples["error"].values)
+    drive, span = runs["theta1.drive.peak"].values, runs["theta1.drive.range"].values
+    assert np.all((drive > 0.0) & (drive <= span) & (span <= 2 * drive))
