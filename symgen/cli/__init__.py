@@ -25,6 +25,7 @@ from symgen.cli import (
     reporting,
     stability,
     studying,
+    sweeping,
 )
 from symgen.cli.common import FAULT, INTERRUPTED, RUN, SCENE, USAGE, app
 from symgen.errors import (
@@ -53,13 +54,14 @@ __all__ = [
     "reporting",
     "stability",
     "studying",
+    "sweeping",
 ]
 
 #: The commands in the order and the groups of --help.
 _GROUPS = {
     "Analyses": "run simulate kinematics inverse_dynamics equilibrium modes linearise sensitivity assemblies",
     "Elastic links": "periodic quasi_static large_rotation speed_response",
-    "Scenes": "scenes schema study synthesise",
+    "Scenes": "scenes schema study sweep synthesise",
     "Pages": "report animate",
     "Equations": "show explain diff",
     "Kernels": "build generate export",

@@ -1,8 +1,8 @@
-"""User-defined ``studies`` of a scene: varied parameters, plots and limits."""
+"""User-defined ``studies`` of a scene, and its ``sweep``: varied parameters, plots, limits, samples."""
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Literal
 
 from pydantic import Field
 
@@ -31,3 +31,21 @@ class Study(Table):
     )
     plots: list[str] = Field(default_factory=list, description="Outputs to draw over the input.")
     limits: list[Limit] = Field(default_factory=list)
+
+
+class Sweep(Table):
+    """A sweep of parameters, which ``symgen sweep`` carries out."""
+
+    vary: dict[str, Value | Values] = Field(
+        description="By parameter or dotted key: START:STOP:COUNT, a list of values, LOW:HIGH to sample, or "
+        "normal(MEAN, DEVIATION)."
+    )
+    sampling: Literal["grid", "list", "sobol", "latin-hypercube", "random"] | None = None
+    count: int | None = Field(None, description="Number of samples of ranges and distributions.")
+    seed: int = 0
+    analysis: str | None = Field(None, description="Such as simulate; that which suits the scene if absent.")
+    outputs: list[str] | None = Field(None, description="Outputs to keep; all if absent.")
+    reduce: list[str] = Field(["peak"], description="Reductions of the outputs of a run, or history.")
+    samples: int | None = Field(None, description="Number of samples of a run.")
+    t_end: float | None = Field(None, description="End of simulated runs [s].")
+    chunk: int | None = Field(None, description="Runs that are written at a time.")

@@ -54,11 +54,12 @@ def plot(result: Result, *names: str, file: str | os.PathLike[str] | None = None
     panels[-1].set_xlabel(label)
     figure.suptitle(f"{result.title}\n{result.headline}", fontsize="medium")
     if file is not None:
-        _save(figure, file)
+        save(figure, file)
     return figure
 
 
-def _save(figure: Any, file: str | os.PathLike[str]) -> None:
+def save(figure: Any, file: str | os.PathLike[str]) -> None:
+    """Save a figure; raise ResultError where it cannot be."""
     from symgen.atomic import replacing, writable
 
     path = writable(file, DRAWN_AS, "plot")

@@ -1,0 +1,156 @@
+"""Tables and plots of sweeps."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from symgen.errors import ResultError, nearest
+from symgen.report.page.plots import save
+from symgen.report.tables import table
+
+if TYPE_CHECKING:
+    import xarray
+    from matplotlib.figure import Figure
+    from rich.console import Console
+
+#: Runs that are read at a time.
+_READ = 2**20
+#: Most different values of a parameter for which a map is drawn cell by cell.
+_CELLS = 512
+
+
+def parameters_of(runs: xarray.Dataset) -> list[str]:
+    """Return the names of the varied parameters."""
+    return [str(name) for name, values in runs.coords.items() if values.dims == ("run",) and name != "run"]
+
+
+def outputs_of(runs: xarray.Dataset) -> list[str]:
+    """Return the names of all values that runs have one of, or one for each axis."""
+    inner = {name: set(v.dims) - {"run", "axis"} for name, v in runs.data_vars.items() if v.dtype.kind == "f"}
+    return sorted(str(name) for name, dims in inner.items() if not dims and name != "done")
+
+
+def summary(runs: xarray.Dataset) -> dict[str, Any]:
+    """Return the numbers of runs and failures, and the extremes of all outputs with their parameters."""
+    count, failed, first = runs.sizes["run"], 0, ""
+    for part in _parts(runs):
+        errors = [e for e in part["error"].values if e]
+        failed += len(errors)
+        first = first or (str(errors[0]) if errors else "")
+    found: dict[str, Any] = {"runs": count, "failed": failed, "first_error": first, "outputs": {}}
+    for name in outputs_of(runs):
+        variable = runs[name]
+        labels = [str(a) for a in runs["axis"].values] if "axis" in variable.dims else [""]
+        for i, label in enumerate(labels):
+            found["outputs"][f"{name}.{label}" if label else name] = {
+                "unit": variable.attrs.get("units", ""),
+                **_extremes(runs, name, i if label else None),
+            }
+    return found
+
+
+def _parts(runs: xarray.Dataset) -> Iterator[xarray.Dataset]:
+    for first in range(0, runs.sizes["run"], _READ):
+        yield runs.isel(run=slice(first, first + _READ))
+
+
+def _extremes(runs: xarray.Dataset, name: str, component: int | None) -> dict[str, Any]:
+    """Return the least and greatest value of an output, each with its parameters; None where all failed."""
+    found: dict[str, Any] = {"least": None, "greatest": None}
+    for part in _parts(runs):
+        values = np.asarray(part[name].values, dtype=float)
+        values = values if component is None else values[:, component]
+        if np.all(np.isnan(values)):
+            continue
+        for key, sign, at in (("least", 1.0, np.nanargmin(values)), ("greatest", -1.0, np.nanargmax(values))):
+            if found[key] is None or sign * values[at] < sign * found[key]["value"]:
+                place = {p: float(part[p].values[at]) for p in parameters_of(runs)}
+                found[key] = {"value": float(values[at]), "parameters": place}
+    return found
+
+
+def print_sweep(runs: xarray.Dataset, console: Console) -> None:
+    """Print the extremes of all outputs, where they occur, and the number of failed runs."""
+    about = summary(runs)
+    rows = []
+    for name, extremes in about["outputs"].items():
+        for key in ("least", "greatest"):
+            if extremes[key]:
+                place = ", ".join(f"{p} = {v:.6g}" for p, v in extremes[key]["parameters"].items())
+                rows.append(
+                    (name if key == "least" else "", key, extremes[key]["value"], extremes["unit"], place)
+                )
+    console.print(
+        table(str(runs.attrs["title"]), ("output", "", "value", "unit", "at (SI)"), rows, (0, 1, 3, 4))
+    )
+    if about["failed"]:
+        console.print(f"{about['failed']} of {about['runs']} runs failed, the first: {about['first_error']}")
+
+
+def plot(runs: xarray.Dataset, *names: str, file: str | os.PathLike[str] | None = None) -> Figure:
+    """Plot outputs of a sweep over its first parameter, or as maps over its first two.
+
+    A grid of two parameters is drawn cell by cell, samples of distributions as points.
+
+    Parameters
+    ----------
+    runs
+        The result of :meth:`symgen.Model.sweep`.
+    names
+        Outputs, such as ``theta1.drive.peak``; all but drifts when absent.
+    file
+        Output file; its extension selects the format.
+
+    Raises
+    ------
+    ResultError
+        If there is no such output, or the file cannot be written.
+    """
+    from matplotlib.figure import Figure
+
+    known = outputs_of(runs)
+    for name in names:
+        if name not in known:
+            raise ResultError(f"the sweep has no output {name!r}. {nearest(name, known)}")
+    chosen = list(names) or [name for name in known if not name.endswith("_drift")]
+    varied = [p for p in parameters_of(runs) if len(np.unique(runs[p].values)) > 1] or parameters_of(runs)
+    x = varied[0]
+    figure = Figure(figsize=(8, 1.0 + 3.0 * len(chosen)), layout="constrained")
+    for panel, name in zip(figure.subplots(len(chosen), 1, squeeze=False)[:, 0], chosen, strict=True):
+        values = np.asarray(runs[name].values, dtype=float)
+        label = _label(runs, name)
+        panel.set_xlabel(_label(runs, x))
+        if len(varied) == 1:
+            order = np.argsort(runs[x].values, kind="stable")
+            panel.plot(runs[x].values[order], values[order], marker=".")
+            panel.set_ylabel(label)
+            panel.grid(alpha=0.3)
+            continue
+        size = values if values.ndim == 1 else np.sqrt(np.sum(values**2, axis=1))
+        drawn = _map(panel, runs[x].values, runs[varied[1]].values, size, len(varied) == 2)
+        panel.set_ylabel(_label(runs, varied[1]))
+        figure.colorbar(drawn, ax=panel, label=label)
+    figure.suptitle(str(runs.attrs["title"]), fontsize="medium")
+    if file is not None:
+        save(figure, file)
+    return figure
+
+
+def _label(runs: xarray.Dataset, name: str) -> str:
+    unit = runs[name].attrs.get("units", "")
+    return f"{name} [{unit}]" if unit not in ("", "1") else name
+
+
+def _map(panel: Any, x: Any, y: Any, values: Any, alone: bool) -> Any:
+    """Draw values over two parameters: cells of a grid, else points."""
+    (columns, i), (rows, k) = (np.unique(along, return_inverse=True) for along in (x, y))
+    whole = alone and columns.size * rows.size == values.size and max(columns.size, rows.size) <= _CELLS
+    if not whole or min(columns.size, rows.size) < 2:
+        return panel.scatter(x, y, c=values, s=12)
+    cells = np.full((rows.size, columns.size), np.nan)
+    cells[k, i] = values
+    return panel.pcolormesh(columns, rows, cells, shading="nearest")

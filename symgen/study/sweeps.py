@@ -1,0 +1,156 @@
+"""Sweeps of a scene: the parameters that vary, as text with units, made tunable where they are not."""
+
+from __future__ import annotations
+
+import csv
+import os
+import re
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symgen.errors import ModelError, SceneError
+from symgen.pipeline.build import build_asked
+from symgen.runtime.sweeps.designs import Normal, Uniform
+from symgen.scene.loading import SceneText, check_scene, override, read_scene
+from symgen.scene.reading import Values
+
+_NORMAL = re.compile(r"normal\((.*),(.*)\)$")
+_FORMS = '"START:STOP:COUNT", a list "V1,V2", a range "LOW:HIGH" to sample, or "normal(MEAN, DEVIATION)"'
+
+
+class Column(NamedTuple):
+    """Values of a parameter, and their unit; empty for numbers."""
+
+    values: NDArray[np.float64]
+    unit: str
+
+
+def varied(
+    source: str | os.PathLike[str],
+    vary: Mapping[str, Any],
+    *,
+    set: Mapping[str, Any] | None = None,
+    backend: str = "auto",
+) -> tuple[Any, dict[str, Any]]:
+    """Return the model of a scene, and the values or distributions of its varied parameters in SI units.
+
+    Parameters
+    ----------
+    source
+        A shipped name, or the path of a scene file.
+    vary
+        By parameter, or by dotted key such as ``links.crank.mass``: ``START:STOP:COUNT``, values ``V1,V2`` or
+        a list of them, ``LOW:HIGH``, or ``normal(MEAN, DEVIATION)``, with units. The parameter of a key is
+        called like the key, with ``_`` for every dot.
+    set, backend
+        As of :func:`symgen.build`.
+
+    Raises
+    ------
+    SceneError, ModelError
+        For keys that have no single value, and values of wrong units or form.
+    """
+    text = override(read_scene(source), set or {})
+    names = {}
+    for key in vary:
+        text, names[key] = _tunable(text, key)
+    read = Values(check_scene(text))
+    found = {names[key]: _values(read, names[key], given) for key, given in vary.items()}
+    return build_asked(text, backend=backend), found
+
+
+def _tunable(text: SceneText, key: str) -> tuple[SceneText, str]:
+    """Return the scene with a tunable parameter for a key, and its name."""
+    parameters = text.data.get("parameters", {})
+    if key in parameters:
+        given = parameters[key]
+        if isinstance(given, dict) and given.get("tunable"):
+            return text, key
+        entry = {**given, "tunable": True} if isinstance(given, dict) else {"value": given, "tunable": True}
+        return _with(text, {**parameters, key: entry}), key
+    value: Any = text.data
+    for part in key.split("."):
+        value = value.get(part) if isinstance(value, dict) else _at(value, part)
+    if not isinstance(value, str | int | float) or isinstance(value, bool):
+        raise SceneError(
+            f"there is no parameter {key!r}, and no key of that path with one value",
+            where=key,
+            file=text.file,
+            hint="Write the value in the scene, or name a parameter of [parameters].",
+        )
+    name = re.sub(r"\W+", "_", key)
+    with_parameter = _with(text, {**parameters, name: {"value": value, "tunable": True, "about": key}})
+    return override(with_parameter, {key: name}), name
+
+
+def _at(value: Any, part: str) -> Any:
+    inside = isinstance(value, list) and part.isdecimal() and int(part) < len(value)
+    return value[int(part)] if inside else None
+
+
+def _with(text: SceneText, parameters: Mapping[str, Any]) -> SceneText:
+    return SceneText(text.name, text.file, {**text.data, "parameters": dict(parameters)})
+
+
+def _values(read: Values, name: str, given: Any) -> Any:
+    """Return values or a distribution of a parameter in SI units."""
+
+    def number(text: Any) -> float:
+        return read.number(
+            read.value(text.strip() if isinstance(text, str) else text, size, f"sweep.vary.{name}")
+        )
+
+    size = read.names[name][1]
+    if isinstance(given, Column):
+        return given.values * number(f"1 {given.unit}" if given.unit else 1)
+    if not isinstance(given, str):
+        return np.array([number(one) for one in (given if isinstance(given, list) else [given])])
+    normal = _NORMAL.fullmatch(given.strip())
+    if normal:
+        return Normal(number(normal[1]), number(normal[2]))
+    parts = given.split(":")
+    if len(parts) == 2:
+        return Uniform(*map(number, parts))
+    if len(parts) == 3:
+        if not parts[2].strip().isdecimal() or not 1 <= int(parts[2]) <= 10**9:
+            raise ModelError(f"expected a whole number of values after {name}=START:STOP:, got {parts[2]!r}")
+        return np.linspace(number(parts[0]), number(parts[1]), int(parts[2]))
+    if len(parts) > 3:
+        raise ModelError(f"expected {_FORMS} after {name}=, got {given!r}")
+    return np.array([number(one) for one in given.split(",")])
+
+
+def of_options(options: Sequence[str]) -> dict[str, str]:
+    """Return the texts of ``--vary KEY=VALUES`` by key."""
+    found = {}
+    for option in options:
+        key, equals, values = option.partition("=")
+        if not equals or not key.strip() or not values.strip():
+            raise ModelError(f"expected --vary KEY={_FORMS}, got {option!r}")
+        found[key.strip()] = values.strip()
+    return found
+
+
+def of_file(file: str | os.PathLike[str]) -> dict[str, Column]:
+    """Return the columns of a CSV file: one parameter each, named in the first row, as KEY or KEY [UNIT]."""
+    try:
+        with Path(file).open(newline="", encoding="utf-8-sig") as stream:
+            head, *rows = [row for row in csv.reader(stream) if row]
+    except (OSError, UnicodeDecodeError, csv.Error, ValueError) as error:
+        raise ModelError(f"cannot read the list of parameters {os.fspath(file)!r}: {error}") from None
+    wrong = next((i for i, row in enumerate(rows, 2) if len(row) != len(head)), None)
+    if wrong is not None or not rows:
+        place = f"row {wrong}" if wrong else "no row"
+        raise ModelError(f"expected {len(head)} values in every row of {os.fspath(file)!r}, got {place}")
+    found = {}
+    for i, column in enumerate(head):
+        key, _, unit = column.strip().removesuffix("]").partition("[")
+        try:
+            found[key.strip()] = Column(np.array([float(row[i]) for row in rows]), unit.strip())
+        except ValueError as error:
+            raise ModelError(f"expected numbers of {key.strip()} in {os.fspath(file)!r}: {error}") from None
+    return found

@@ -1,0 +1,165 @@
+"""``symgen sweep`` and the table [sweep]: values with units, keys made tunable, tables, JSON, plots, stores."""
+
+from __future__ import annotations
+
+import json
+import math
+
+import numpy as np
+import pytest
+import xarray
+from typer.testing import CliRunner
+
+import symgen
+from symgen.cli import app
+from symgen.errors import ModelError, SceneError
+from symgen.report.sweeps import plot, summary
+from symgen.runtime.sweeps.designs import Normal, Uniform
+from symgen.study.sweeps import of_file, of_options, varied
+
+#: A pendulum that is driven around; the moment of gravity at the crank is mass*g*length/2*cos(angle).
+SCENE = """
+symgen = 1
+
+[parameters]
+length = "50 cm"
+speed = "1 rad/s"
+
+[points]
+O = { at = ["0 m", "0 m"], ground = true }
+P = { at = ["0.5 m", "0 m"] }
+
+[links]
+rod = { points = ["O", "P"], length = "length", mass = "2 kg" }
+
+[gravity]
+acceleration = ["0 m/s^2", "-9.81 m/s^2"]
+
+[[drivers]]
+link = "rod"
+angle = "speed*t"
+
+[analysis]
+t_end = "6.283185307179586 s"
+
+[sweep]
+vary = { length = "20 cm:40 cm:3", "links.rod.mass" = ["1 kg", "3 kg"] }
+outputs = ["rod.torque"]
+samples = 5
+"""
+
+
+@pytest.fixture(scope="module")
+def scene(tmp_path_factory):
+    path = tmp_path_factory.mktemp("scene") / "driven.toml"
+    path.write_text(SCENE, encoding="utf-8")
+    return str(path)
+
+
+def command(*arguments):
+    done = CliRunner().invoke(app, ["sweep", *map(str, arguments)])
+    if done.exception and not isinstance(done.exception, SystemExit):
+        raise done.exception
+    return done.stdout
+
+
+def test_the_table_of_a_scene_is_carried_out(scene, tmp_path):
+    out, picture = tmp_path / "runs.zarr", tmp_path / "map.png"
+    shown = command(scene, "--out", out, "--plot", picture)
+    runs = xarray.open_zarr(out, consolidated=False, chunks=None)
+    grid = [(length, mass) for length in (0.2, 0.3, 0.4) for mass in (1.0, 3.0)]
+    found = zip(runs["length"].values, runs["links_rod_mass"].values, strict=True)
+    assert [*found] == [pytest.approx(pair) for pair in grid]
+    expected = [mass * 9.81 * length / 2 for length, mass in grid]
+    assert runs["rod.torque.peak"].values == pytest.approx(expected, rel=1e-12)
+    assert "rod.torque.peak" in shown and f"wrote {out}" in shown and picture.stat().st_size > 1000
+    extremes = summary(runs)["outputs"]["rod.torque.peak"]
+    assert extremes["greatest"]["value"] == pytest.approx(max(expected))
+    assert extremes["greatest"]["parameters"] == pytest.approx({"length": 0.4, "links_rod_mass": 3.0})
+    assert extremes["least"]["value"] == pytest.approx(min(expected))
+
+
+def test_options_replace_the_table(scene):
+    found = json.loads(command(scene, "--vary", "length=1 m,2 m", "--reduce", "least", "--json"))
+    assert found["kind"] == "sweep" and found["runs"] == 2 and found["failed"] == 0
+    extremes = found["outputs"]["rod.torque.least"]
+    assert extremes["least"]["value"] == pytest.approx(-2 * 9.81, rel=1e-12)
+    assert extremes["unit"] == "N*m"
+    sampled = json.loads(command(scene, "--vary", "length=1 m:2 m", "--sobol", "4", "--seed", "1", "--json"))
+    assert sampled["runs"] == 4
+
+
+def test_a_list_of_parameters_is_read_from_a_file(scene, tmp_path):
+    listed = tmp_path / "list.csv"
+    listed.write_text("length [cm],links.rod.mass [g]\n10,500\n20,1000\n", encoding="utf-8")
+    found = json.loads(command(scene, "--list", listed, "--json"))["outputs"]["rod.torque.peak"]
+    assert found["least"]["value"] == pytest.approx(0.5 * 9.81 * 0.05, rel=1e-12)
+    assert found["greatest"]["parameters"] == pytest.approx({"length": 0.2, "links_rod_mass": 1.0})
+    for wrong, words in (
+        ("length\n1,2\n", "row 2"),
+        ("length\n", "no row"),
+        ("length\nx\n", "numbers of length"),
+    ):
+        listed.write_text(wrong, encoding="utf-8")
+        with pytest.raises(ModelError, match=words):
+            of_file(listed)
+    with pytest.raises(ModelError, match="cannot read the list"):
+        of_file(tmp_path / "none.csv")
+
+
+def test_values_are_read_in_their_units(scene):
+    vary = {"length": "20 cm:40 cm", "links.rod.mass": "normal(2 kg, 100 g)"}
+    model, found = varied(scene, vary)
+    assert found == {"length": Uniform(0.2, 0.4), "links_rod_mass": Normal(2.0, 0.1)}
+    assert dict(model.parameters) == pytest.approx({"length": 0.5, "links_rod_mass": 2.0})
+
+
+@pytest.mark.parametrize(
+    ("vary", "words"),
+    [
+        ({"length": "1 kg:2 kg:3"}, "length"),
+        ({"length": "1 m:2 m:x"}, "whole number of values"),
+        ({"length": "1 m:2 m:3:4"}, "START:STOP:COUNT"),
+        ({"links.rod.points": "1 m:2 m:3"}, "no parameter 'links.rod.points'"),
+        ({"nothing": "1 m:2 m:3"}, "no parameter 'nothing'"),
+        ({"length": "2 m:1 m"}, "from a lower to a higher"),
+    ],
+)
+def test_wrong_values_are_refused(scene, vary, words):
+    with pytest.raises((ModelError, SceneError), match=words):
+        varied(scene, vary)
+
+
+def test_wrong_options_are_refused(scene):
+    for option in ("length", "=1", "length="):
+        with pytest.raises(ModelError, match="expected --vary KEY="):
+            of_options([option])
+    for more, words in (
+        (["--sobol", "4", "--random", "4"], "or --list alone"),
+        (["--part", "2"], "expected --part I/N"),
+        (["--vary", "length=1 m:2 m:3", "--list", "x.csv"], "or --list alone"),
+    ):
+        with pytest.raises(ModelError, match=words):
+            command(scene, *more)
+    with pytest.raises(ModelError, match="expected parameters to vary"):
+        command("four_bar")
+
+
+def test_plots_of_one_parameter_of_samples_and_of_failures():
+    def runs(x, y, values):
+        of = {"x": ("run", x, {"units": "m"}), "y": ("run", y)}
+        data = {
+            "F.peak": ("run", values, {"units": "N"}),
+            "error": ("run", np.full(len(x), "", dtype=object)),
+        }
+        return xarray.Dataset(data, of, {"title": "title"})
+
+    line = plot(runs([2.0, 1.0, 3.0], [0.0, 0.0, 0.0], [4.0, math.nan, 6.0])).axes[0]
+    assert line.lines[0].get_xdata().tolist() == [1.0, 2.0, 3.0]
+    assert line.get_xlabel() == "x [m]" and line.get_ylabel() == "F.peak [N]"
+    cells = plot(runs([1.0, 1.0, 2.0, 2.0], [3.0, 4.0, 3.0, 4.0], [5.0, 6.0, 7.0, 8.0])).axes[0]
+    assert cells.collections[0].get_array().tolist() == [[5.0, 7.0], [6.0, 8.0]]
+    points = plot(runs([1.0, 1.5, 2.0], [3.0, 3.5, 4.0], [5.0, 6.0, 7.0])).axes[0]
+    assert points.collections[0].get_offsets().tolist() == [[1.0, 3.0], [1.5, 3.5], [2.0, 4.0]]
+    with pytest.raises(symgen.SymgenError, match="no output 'G.peak'"):
+        plot(runs([1.0], [1.0], [1.0]), "G.peak")
