@@ -5,8 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated, Any
 
-import typer
-
 from symgen.cli import options as o
 from symgen.cli.common import changes, command, console, print_json, progress_bar
 from symgen.errors import ModelError
