@@ -63,11 +63,7 @@ class Keep:
     ) -> Kept:
         """Return the selected outputs of one run, or their reductions, and its drift."""
         samples = chosen(variables, self.outputs)
-        strayed = tuple(
-            Variable(f"{name}_drift", unit, f"largest drift of the {name}", (), np.array(drift[name]))
-            for name, unit in (("constraint", "m"), ("energy", "J"))
-            if name in drift
-        )
+        strayed = _drifts(drift)
         if self.reduce is None:
             return Kept(along, times, samples, strayed, axes)
         if callable(self.reduce):
@@ -78,6 +74,33 @@ class Keep:
         if HISTORY in names:
             return Kept(along, times, samples, (*single, *strayed), axes)
         return Kept(single=(*single, *strayed), axes=axes)
+
+    def of_block(
+        self,
+        variables: Sequence[Variable],
+        drift: Mapping[str, Array],
+        axes: tuple[str, ...],
+    ) -> list[Kept] | None:
+        """Return the reductions of runs with values (runs, samples, ...), or None where samples are kept."""
+        if self.reduce is None or callable(self.reduce) or HISTORY in (names := reductions(self.reduce)):
+            return None
+        samples = chosen(tuple(variables), self.outputs)
+        made = (*(reduced(v, name, 1) for name in names for v in samples), *_drifts(drift))
+        return [
+            Kept(
+                single=tuple(Variable(v.name, v.unit, v.about, v.components, v.values[i]) for v in made),
+                axes=axes,
+            )
+            for i in range(len(next(iter(drift.values()))))
+        ]
+
+
+def _drifts(drift: Mapping[str, float | Array]) -> tuple[Variable, ...]:
+    return tuple(
+        Variable(f"{name}_drift", unit, f"largest drift of the {name}", (), np.array(drift[name]))
+        for name, unit in (("constraint", "m"), ("energy", "J"))
+        if name in drift
+    )
 
 
 def at_one_pose(found: Equilibrium, axes: tuple[str, ...], outputs: Sequence[str] | None) -> Kept:

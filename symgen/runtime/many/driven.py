@@ -100,7 +100,11 @@ class Driven:
             made = self._of_motion(given[runs], states, places[done], velocities[done])
         if keep.outputs is not None and {*keep.outputs} <= {v.name for v in made}:
             made = [v for v in made if v.name in (*keep.outputs, self.drive)]
+        reduced = keep.of_block([v for v in made if v.name != self.drive], {"constraint": missed}, d.axes)
         for i, run in enumerate(runs.tolist()):
+            if reduced is not None:
+                kept[run] = reduced[i]
+                continue
             along, own = coordinate_of(times, [replace(v, values=v.values[i]) for v in made], self.drive)
             of_time = None if along.name == "time" else times
             kept[run] = keep(tuple(own), along, of_time, {"constraint": float(missed[i])}, d.axes)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -17,21 +16,23 @@ Array = NDArray[np.float64]
 HISTORY = "history"
 
 
-def _magnitudes(values: Array) -> Any:
+def _magnitudes(values: Array, vector: bool) -> Array:
     """Return the magnitude of each sample: of a vector that of the vector."""
-    return np.abs(values) if values.ndim == 1 else np.sqrt(np.sum(values**2, axis=1))
+    found: Array = np.sqrt(np.sum(values**2, axis=-1)) if vector else np.abs(values)
+    return found
 
 
-#: Reductions of samples (samples,) or (samples, components) by name.
-REDUCTIONS: dict[str, Callable[[Array], Any]] = {
-    "peak": lambda values: np.max(_magnitudes(values)),
-    "greatest": lambda values: np.max(values, axis=0),
-    "least": lambda values: np.min(values, axis=0),
-    "range": lambda values: np.max(values, axis=0) - np.min(values, axis=0),
-    "mean": lambda values: np.mean(values, axis=0),
-    "rms": lambda values: np.sqrt(np.mean(_magnitudes(values) ** 2)),
-    "final": lambda values: values[-1],
+#: Reductions over the axis of the samples by name: of values, axis, and whether the last axis is of vectors.
+REDUCTIONS: dict[str, Callable[[Array, int, bool], Any]] = {
+    "peak": lambda values, axis, vector: np.max(_magnitudes(values, vector), axis=axis),
+    "greatest": lambda values, axis, _: np.max(values, axis=axis),
+    "least": lambda values, axis, _: np.min(values, axis=axis),
+    "range": lambda values, axis, _: np.max(values, axis=axis) - np.min(values, axis=axis),
+    "mean": lambda values, axis, _: np.mean(values, axis=axis),
+    "rms": lambda values, axis, vector: np.sqrt(np.mean(_magnitudes(values, vector) ** 2, axis=axis)),
+    "final": lambda values, axis, _: np.take(values, -1, axis=axis),
 }
+_OF_MAGNITUDE = ("peak", "rms")
 
 
 def reductions(names: str | Sequence[str]) -> tuple[str, ...]:
@@ -45,11 +46,14 @@ def reductions(names: str | Sequence[str]) -> tuple[str, ...]:
     return wanted
 
 
-def reduced(variable: Variable, name: str) -> Variable:
-    """Return the reduction ``OUTPUT.NAME`` of an output; peak and rms of a vector are of its magnitude."""
-    values = np.asarray(REDUCTIONS[name](variable.values), dtype=float)
-    components = variable.components if values.ndim else ()
-    about = f"{name} of {variable.about}"
-    return replace(
-        variable, name=f"{variable.name}.{name}", about=about, components=components, values=values
+def reduced(variable: Variable, name: str, axis: int = 0) -> Variable:
+    """Return the reduction ``OUTPUT.NAME`` of an output over the axis of its samples.
+
+    Peak and rms of a vector are of its magnitude.
+    """
+    vector = bool(variable.components)
+    values = np.asarray(REDUCTIONS[name](np.ascontiguousarray(variable.values), axis, vector), dtype=float)
+    components = () if name in _OF_MAGNITUDE else variable.components
+    return Variable(
+        f"{variable.name}.{name}", variable.unit, f"{name} of {variable.about}", components, values
     )

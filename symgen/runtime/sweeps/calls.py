@@ -1,4 +1,4 @@
-"""Sweeps as a method of models."""
+"""Sweeps and tolerances as methods of models."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 class Sweeps:
-    """Sweeps of tunable parameters, for every model."""
+    """Sweeps of tunable parameters, and effects of their tolerances, for every model."""
 
     @checked
     def sweep(
@@ -90,3 +90,56 @@ class Sweeps:
         design = design_of(vary, sampling, count, seed)
         sweep = sweep_of(self, analysis, design, outputs, reduce, arguments, threads)
         return carry_out(sweep, file, chunk, (part[0], part[1]), progress)
+
+    @checked
+    def tolerances(
+        self,
+        of: Mapping[str, Any],
+        analysis: str | None = None,
+        *,
+        method: str = "monte-carlo",
+        count: int = 1024,
+        seed: int = 0,
+        outputs: Sequence[str] | None = None,
+        reduce: str | Sequence[str] = "peak",
+        threads: int | None = None,
+        progress: Callable[[float], None] | None = None,
+        **arguments: Any,
+    ) -> xarray.Dataset:
+        """Return the effect of uncertain parameters on outputs: see ``docs/sweeps.md``.
+
+        Parameters
+        ----------
+        of
+            Distributions of tunable parameters, as for :meth:`sweep`.
+        method
+            ``worst-case``: all combinations of the bounds, three standard deviations of normal
+            distributions; ``monte-carlo``: statistics of random samples; ``sobol``: shares of the variance by
+            parameter, from Saltelli's samples (Saltelli et al., Comput. Phys. Commun. 181, 2010).
+        count, seed
+            Samples, and the seed of the random numbers. Sobol indices take ``count * (parameters + 2)`` runs;
+            the count is a power of two.
+        analysis, outputs, reduce, threads, progress, arguments
+            As for :meth:`sweep`.
+
+        Returns
+        -------
+        xarray.Dataset
+            Over ``output``, such as ``theta1.drive.peak``, with its ``unit``, and ``parameter``. Worst case:
+            ``least``, ``greatest`` and the corners ``least_at``, ``greatest_at``. Monte Carlo: ``mean``,
+            ``deviation``, ``error`` of the mean, ``least``, ``greatest``, ``quantile``. Sobol indices:
+            ``first`` and ``total``, each with half of its 95 % interval (``first_error``, ``total_error``);
+            nan for outputs that do not vary.
+
+        Raises
+        ------
+        ModelError, CapabilityError
+            As :meth:`sweep`; when a parameter has no distribution.
+        SimulationError
+            When a run fails: statistics of the others would be biased.
+        """
+        from symgen.runtime.sweeps.tolerances import tolerances_of
+
+        return tolerances_of(
+            self, of, analysis, method, count, seed, outputs, reduce, threads, progress, arguments
+        )
