@@ -25,7 +25,6 @@ from symgen.cli import (
     reporting,
     stability,
     studying,
-    sweeping,
 )
 from symgen.cli.common import FAULT, INTERRUPTED, RUN, SCENE, USAGE, app
 from symgen.errors import (
@@ -54,7 +53,6 @@ __all__ = [
     "reporting",
     "stability",
     "studying",
-    "sweeping",
 ]
 
 #: The commands in the order and the groups of --help.
