@@ -204,9 +204,12 @@ def test_equilibria_are_swept(tmp_path):
 def test_the_example_of_the_page_runs():
     page = (Path(__file__).parents[2] / "docs" / "sweeps.md").read_text(encoding="utf-8")
     names: dict[str, object] = {}
-    exec(re.search(r"```python\n(.*?)```", page, re.S)[1], names)
+    for block in re.findall(r"```python\n(.*?)```", page, re.S):
+        exec(block, names)
     runs, samples = names["runs"], names["samples"]
     assert isinstance(runs, xarray.Dataset) and isinstance(samples, xarray.Dataset)
     assert not any(runs["error"].values) and not any(samples["error"].values)
     drive, span = runs["theta1.drive.peak"].values, runs["theta1.drive.range"].values
+    worst, scatter = (names[n].sel(output="theta1.drive.peak") for n in ("worst", "scatter"))
+    assert worst["least"] < scatter["least"] < scatter["mean"] < scatter["greatest"] < worst["greatest"]
     assert np.all((drive > 0.0) & (drive <= span) & (span <= 2 * drive))
