@@ -192,3 +192,42 @@ def _part(text: str | None) -> tuple[int, int]:
     if not slash or not first.isdecimal() or not last.isdecimal():
         raise ModelError(f"expected --part I/N such as 2/8, got {text!r}")
     return int(first), int(last)
+
+
+@command("symgen optimise barrier.toml --method differential-evolution")
+def optimise(
+    scene: o.Scene,
+    method: Annotated[
+        str | None,
+        o.option("--method", metavar="NAME", help="SLSQP (default), trust-constr, differential-evolution."),
+    ] = None,
+    seed: Annotated[
+        int | None, o.option("--seed", metavar="N", help="Seed of differential evolution (0).")
+    ] = None,
+    set_: o.Set = None,
+    as_json: o.Json = False,
+    backend: o.Backend = "auto",
+) -> None:
+    r"""Find the parameters that minimise an output.
+
+    The table \[optimise] of the scene has the variables with their bounds, the objective and the constraints.
+    """
+    from symgen.scene.loading import load_scene
+    from symgen.study.sweeps import varied
+
+    plan: Any = load_scene(scene, set=changes(set_)).optimise
+    if plan is None:
+        raise ModelError(
+            "there is no optimisation in this scene\n  Write [optimise] with variables and objective."
+        )
+    own = plan.model_dump(exclude_unset=True)
+    own["constraints"] = {name: (b.least, b.greatest) for name, b in plan.constraints.items()}
+    own |= {name: value for name, value in (("method", method), ("seed", seed)) if value is not None}
+    model, own["variables"] = varied(scene, own["variables"], set=changes(set_), backend=backend)
+    found = model.optimise(**own)
+    if as_json:
+        print_json({"scene": model.name, "kind": "optimum", **found.summary()})
+        return
+    from symgen.report.sweeps import print_optimum
+
+    print_optimum(found, own["objective"], console())

@@ -17,6 +17,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from rich.console import Console
 
+    from symgen.runtime.sweeps.optimisation import Optimum
+
 #: Runs that are read at a time.
 _READ = 2**20
 #: Most different values of a parameter for which a map is drawn cell by cell.
@@ -89,6 +91,20 @@ def print_sweep(runs: xarray.Dataset, console: Console) -> None:
     )
     if about["failed"]:
         console.print(f"{about['failed']} of {about['runs']} runs failed, the first: {about['first_error']}")
+
+
+def print_optimum(found: Optimum, objective: str, console: Console) -> None:
+    """Print the variables, the objective and the constrained quantities."""
+    units = {p.name: p.unit for p in found.model.description.tunable}
+    rows = [(name, value, units[name]) for name, value in found.parameters.items()]
+    quantities = {objective: found.objective, **found.constraints}
+    rows += [(name, value, "SI") for name, value in quantities.items()]
+    console.print(
+        table(f"{found.model.description.title}: least {objective}", ("", "value", "unit"), rows, (0, 2))
+    )
+    console.print(f"{found.message} ({found.runs} runs, gradients: {found.gradients})")
+    if not found.converged:
+        console.print("The method did not meet its tolerance.")
 
 
 def plot(runs: xarray.Dataset, *names: str, file: str | os.PathLike[str] | None = None) -> Figure:

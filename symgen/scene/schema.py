@@ -17,13 +17,13 @@ from symgen.scene.elastic.schema import Crank, Elastic, ModalDamping, Section, S
 from symgen.scene.faults import scene_error
 from symgen.scene.loop.schema import SpatialLoop
 from symgen.scene.repeated import written_out
-from symgen.scene.study_schema import Study, Sweep
+from symgen.scene.study_schema import Optimise, Study, Sweep
 from symgen.scene.table import Moments, Name, Table, Text, Value, Vector
 
 FORMAT_VERSION = 1
 
 #: Tables that every scene may have; all others are of points and links, or of a loop.
-_SHARED = {"symgen", "title", "about", "parameters", "gravity", "analysis", "studies", "sweep"}
+_SHARED = {"symgen", "title", "about", "parameters", "gravity", "analysis", "studies", "sweep", "optimise"}
 
 
 def _for_editors(schema: dict[str, Any]) -> None:
@@ -214,6 +214,7 @@ class Scene(Table):
     analysis: Analysis = Field(default=Analysis())
     studies: list[Study] = Field(default_factory=list)
     sweep: Sweep | None = None
+    optimise: Optimise | None = None
 
     _name: str = PrivateAttr("scene")
     _file: str = PrivateAttr("")
@@ -285,7 +286,7 @@ TABLES: dict[str, type[Table]] = {
     "parameters": Parameter, "inputs": Input, "points": Point, "links": Link, "gravity": Gravity,
     "masses": PointMass, "guides": Guide, "drivers": Driver, "crank": Crank, "modal_damping": ModalDamping,
     "welds": Weld, "stations": Station, "start": Start, "events": Event, "analysis": Analysis,
-    "loop": SpatialLoop, "studies": Study, "sweep": Sweep,
+    "loop": SpatialLoop, "studies": Study, "sweep": Sweep, "optimise": Optimise,
 }  # fmt: skip
 
 

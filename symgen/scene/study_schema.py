@@ -49,3 +49,25 @@ class Sweep(Table):
     samples: int | None = Field(None, description="Number of samples of a run.")
     t_end: float | None = Field(None, description="End of simulated runs [s].")
     chunk: int | None = Field(None, description="Runs that are written at a time.")
+
+
+class Bounds(Table):
+    """Bounds of an output in SI units."""
+
+    least: float | None = None
+    greatest: float | None = None
+
+
+class Optimise(Table):
+    """An optimisation of parameters, which ``symgen optimise`` carries out."""
+
+    variables: dict[str, Annotated[list[Value], Field(min_length=2, max_length=2)]] = Field(
+        description="Lower and upper bound by parameter or dotted key."
+    )
+    objective: str = Field(description="The quantity to minimise, such as crank.torque.peak.")
+    constraints: dict[str, Bounds] = Field(default_factory=dict, description="Bounds of further quantities.")
+    analysis: str | None = Field(None, description="Such as simulate; that which suits the scene if absent.")
+    method: Literal["SLSQP", "trust-constr", "differential-evolution"] = "SLSQP"
+    seed: int = 0
+    samples: int | None = Field(None, description="Number of samples of a run.")
+    t_end: float | None = Field(None, description="End of simulated runs [s].")

@@ -201,7 +201,8 @@ def test_equilibria_are_swept(tmp_path):
     assert json.loads((tmp_path / "hanging.zarr" / ".zgroup").read_text()) == {"zarr_format": 2}
 
 
-def test_the_example_of_the_page_runs():
+def test_the_examples_of_the_page_run(monkeypatch):
+    monkeypatch.chdir(Path(__file__).parents[2])
     page = (Path(__file__).parents[2] / "docs" / "sweeps.md").read_text(encoding="utf-8")
     names: dict[str, object] = {}
     for block in re.findall(r"```python\n(.*?)```", page, re.S):
@@ -210,6 +211,7 @@ def test_the_example_of_the_page_runs():
     assert isinstance(runs, xarray.Dataset) and isinstance(samples, xarray.Dataset)
     assert not any(runs["error"].values) and not any(samples["error"].values)
     drive, span = runs["theta1.drive.peak"].values, runs["theta1.drive.range"].values
+    assert -1.001 < names["found"].constraints["arm.torque.least"] < -0.999
     worst, scatter = (names[n].sel(output="theta1.drive.peak") for n in ("worst", "scatter"))
     assert worst["least"] < scatter["least"] < scatter["mean"] < scatter["greatest"] < worst["greatest"]
     assert np.all((drive > 0.0) & (drive <= span) & (span <= 2 * drive))

@@ -1,4 +1,4 @@
-"""Sweeps and tolerances as methods of models."""
+"""Sweeps, tolerances and optimisation as methods of models."""
 
 from __future__ import annotations
 
@@ -11,9 +11,11 @@ from symgen.calls import checked
 if TYPE_CHECKING:
     import xarray
 
+    from symgen.runtime.sweeps.optimisation import Optimum
+
 
 class Sweeps:
-    """Sweeps of tunable parameters, and effects of their tolerances, for every model."""
+    """Sweeps of tunable parameters, effects of their tolerances, and their optimum, for every model."""
 
     @checked
     def sweep(
@@ -56,7 +58,7 @@ class Sweeps:
             A Zarr store, a name that ends in ``.zarr``. It is written chunk by chunk and can be read at any
             time; where it is there, the sweep continues with the missing chunks. In memory when absent.
         chunk
-            Runs of a chunk of a new store; by default 1/64 of all runs, 1024 at most.
+            Runs of a chunk of a new store; by default 1/64 of all runs, but 64 to 1024.
         part
             ``(i, n)``: carry out every n-th chunk from the i-th, counted from 1.
         threads
@@ -142,4 +144,68 @@ class Sweeps:
 
         return tolerances_of(
             self, of, analysis, method, count, seed, outputs, reduce, threads, progress, arguments
+        )
+
+    @checked
+    def optimise(
+        self,
+        variables: Mapping[str, Any],
+        objective: str,
+        constraints: Mapping[str, Any] | None = None,
+        analysis: str | None = None,
+        *,
+        method: str = "SLSQP",
+        start: Mapping[str, float] | None = None,
+        tolerance: float = 1e-8,
+        iterations: int = 200,
+        seed: int = 0,
+        threads: int | None = None,
+        **arguments: Any,
+    ) -> Optimum:
+        """Return the values of tunable parameters that minimise an output: see ``docs/sweeps.md``.
+
+        A least peak, or a bound on one, is a bound on every sample: a smooth problem. Gradients are exact, by
+        :meth:`sensitivity`, where drives prescribe the motion and it has the outputs; else differences.
+
+        Parameters
+        ----------
+        variables
+            Lower and upper bound of each parameter, in SI units.
+        objective
+            The quantity to minimise: ``OUTPUT.REDUCTION`` as of :meth:`sweep`, such as ``crank.torque.peak``,
+            with a component where it has several, such as ``C.position.range.x``.
+        constraints
+            Lower and upper bound of further quantities, None for one without.
+        analysis, threads, arguments
+            As for :meth:`sweep`.
+        method
+            ``SLSQP`` or ``trust-constr`` from a start, to a local minimum; ``differential-evolution`` over
+            the whole range, with one call for all runs of a generation.
+        start
+            Values to start from; those of the model, within the bounds, when absent.
+        tolerance, iterations, seed
+            Tolerance and most iterations of the method; seed of differential evolution.
+
+        Raises
+        ------
+        ModelError, CapabilityError
+            For names, bounds and arguments that do not fit the model.
+        SimulationError, InitialStateError
+            When a run fails; differential evolution takes that point as the worst.
+        """
+        from symgen.runtime.sweeps.optimisation import optimum_of
+
+        return optimum_of(
+            self,
+            variables,
+            objective,
+            constraints or {},
+            analysis,
+            method,
+            start or {},
+            tolerance,
+            iterations,
+            seed,
+            threads,
+            arguments,
         )

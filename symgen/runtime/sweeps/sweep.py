@@ -30,8 +30,8 @@ Array = NDArray[Any]
 ANALYSES = ("simulate", "kinematics", "inverse_dynamics", "equilibrium", "periodic", "quasi_static")
 #: Largest size of a chunk: runs, and bytes of results.
 _RUNS, _BYTES = 1024, 2**26
-#: Least number of chunks of a sweep, and the multiple of runs that fills SIMD lanes.
-_CHUNKS, _LANES = 64, 8
+#: Chunks of a sweep of any size, runs of a chunk at least, and the multiple of runs that fills SIMD lanes.
+_CHUNKS, _LEAST, _LANES = 64, 64, 8
 #: Runs that are tried for the layout of the results where the model's own parameters fail.
 _TRIED = 64
 
@@ -120,10 +120,16 @@ class Sweep:
             return layout.filled(columns, [k.error for k in kept])
         return layout.taken(dataset_of(self.model.description, self.analysis, columns, kept))
 
+    def dataset(self) -> xarray.Dataset:
+        """Return the results of all runs, of which one succeeds at least, with equal lengths of histories."""
+        columns = dict(zip(self.design.names, self.design.values(0, self.design.count).T, strict=True))
+        kept = carried_out(self._runs(columns), self.keep, self.threads, None)
+        return dataset_of(self.model.description, self.analysis, columns, kept)
+
     def chunk(self, layout: Layout) -> int:
         """Return the number of runs of a chunk."""
         share = -(-self.design.count // _CHUNKS)
-        size = min(_RUNS, max(1, _BYTES // layout.row), max(share, _LANES))
+        size = min(_RUNS, max(1, _BYTES // layout.row), max(share, _LEAST))
         return size if size < _LANES else size // _LANES * _LANES
 
 

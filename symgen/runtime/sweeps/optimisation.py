@@ -1,0 +1,236 @@
+"""Optimisation of tunable parameters by SciPy, with exact gradients of driven linkages."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symgen.errors import ModelError, nearest, shown
+from symgen.runtime.sweeps.problem import Problem, Quantity
+
+Array = NDArray[np.float64]
+METHODS = ("SLSQP", "trust-constr", "differential-evolution")
+#: Reductions of which an upper bound is one bound per sample: smooth, where the largest sample changes.
+_LARGEST = ("peak", "greatest")
+
+
+@dataclass(frozen=True, slots=True)
+class Optimum:
+    """Result of an optimisation.
+
+    Attributes
+    ----------
+    parameters
+        Values of the variables in SI units.
+    objective, constraints
+        Values of the objective and of the constrained quantities there.
+    converged, message
+        Whether the method met its tolerance, and its own message.
+    gradients
+        ``exact``, or ``differences``.
+    runs
+        Number of runs.
+    model
+        The model with these parameters.
+    """
+
+    parameters: dict[str, float]
+    objective: float
+    constraints: dict[str, float]
+    converged: bool
+    message: str
+    gradients: str
+    runs: int
+    model: Any
+
+    def summary(self) -> dict[str, Any]:
+        """Return all but the model as plain data."""
+        return {name: getattr(self, name) for name in self.__slots__ if name != "model"}
+
+
+def optimum_of(
+    model: Any,
+    variables: Mapping[str, Any],
+    objective: str,
+    constraints: Mapping[str, Any],
+    analysis: str | None,
+    method: str,
+    start: Mapping[str, float],
+    tolerance: float,
+    iterations: int,
+    seed: int,
+    threads: int | None,
+    arguments: Mapping[str, Any],
+) -> Optimum:
+    """Return the parameters of least objective; see :meth:`symgen.Model.optimise`."""
+    if method not in METHODS:
+        raise ModelError(f"there is no method {method!r}. {nearest(method, METHODS)}")
+    bounds = {name: _pair(name, pair, open_ended=False) for name, pair in variables.items()}
+    if not bounds:
+        raise ModelError("expected variables with their bounds, got none")
+    limits = {name: _pair(name, pair, open_ended=True) for name, pair in constraints.items()}
+    for name in {*bounds, *start} - set(model.parameters):
+        raise ModelError(f"{model.name} has no tunable parameter {name!r}. {nearest(name, model.parameters)}")
+    for name in start.keys() - bounds.keys():
+        raise ModelError(f"the start has {name}, which is not among the variables {', '.join(bounds)}")
+    if tolerance <= 0.0 or iterations < 1:
+        raise ModelError(
+            f"expected a tolerance above 0 and 1 iteration or more, got {tolerance:g}, {iterations}"
+        )
+    goal, kept = Quantity.named(objective), {name: Quantity.named(name) for name in limits}
+    problem = Problem(model, bounds, [goal, *kept.values()], analysis, arguments, threads)
+    begin = np.array([start.get(name, model.parameters[name]) for name in bounds])
+    x = np.clip((begin - problem.low) / (problem.high - problem.low), 0.0, 1.0)
+    pairs = [(kept[name], *limits[name]) for name in limits]
+    if method == "differential-evolution":
+        found = _evolved(problem, goal, pairs, tolerance, iterations, seed)
+    else:
+        found = _descended(problem, goal, pairs, x, method, tolerance, iterations)
+    x = np.clip(found.x[: len(bounds)], 0.0, 1.0)
+    values = dict(zip(bounds, problem.parameters(x).tolist(), strict=True))
+    return Optimum(
+        values,
+        problem.value(goal, x),
+        {name: problem.value(quantity, x) for name, quantity in kept.items()},
+        bool(found.success),
+        str(found.message),
+        "exact" if problem.exact else "differences",
+        problem.runs,
+        model.with_parameters(**values),
+    )
+
+
+def _pair(name: str, pair: Any, *, open_ended: bool) -> tuple[float, float]:
+    """Return a lower and an upper bound; where they may be open, None stands for none."""
+    try:
+        low, high = pair
+        ends = (-math.inf if low is None else float(low), math.inf if high is None else float(high))
+    except (TypeError, ValueError):
+        ends = (math.nan, math.nan)
+    finite = all(map(math.isfinite, ends)) if not open_ended else any(map(math.isfinite, ends))
+    if not finite or not (ends[0] < ends[1] or (open_ended and ends[0] == ends[1])):
+        none = ", None for one without a bound" if open_ended else ""
+        raise ModelError(f"expected a lower and an upper bound of {name}{none}, got {shown(pair)}")
+    return ends
+
+
+_Limits = Sequence[tuple[Quantity, float, float]]
+
+
+def _descended(
+    problem: Problem,
+    goal: Quantity,
+    limits: _Limits,
+    x: Array,
+    method: str,
+    tolerance: float,
+    iterations: int,
+) -> Any:
+    """Minimise by gradients. The largest sample becomes a further variable, an upper bound of all samples."""
+    from scipy.optimize import NonlinearConstraint, minimize
+
+    problem.choose_gradients(x)
+    count = len(x)
+    first = problem.value(goal, x)
+    size = abs(first) or 1.0
+    bounded = goal.reduction in _LARGEST
+    begin = np.append(x, first / size) if bounded else x
+
+    def value(y: Array) -> float:
+        return float(y[count]) if bounded else problem.value(goal, y) / size
+
+    def slope(y: Array) -> Array:
+        if bounded:
+            return np.append(np.zeros(count), 1.0)
+        return np.asarray(goal.value(*problem.quantity(goal, y[:count]))[1]) / size
+
+    rules = []
+    if bounded:
+        rules.append(_below_variable(problem, goal, count, size))
+    for quantity, low, high in limits:
+        rules.append(_between(problem, quantity, low, high, count, len(begin)))
+    made = [NonlinearConstraint(f, a, b, jac=j) for f, j, a, b in rules]
+    options = {"ftol": tolerance} if method == "SLSQP" else {"gtol": tolerance, "xtol": tolerance}
+    return minimize(
+        value,
+        begin,
+        jac=slope,
+        method=method,
+        bounds=[(0.0, 1.0)] * count + [(None, None)] * bounded,
+        constraints=made,
+        options={"maxiter": iterations, **options},
+    )
+
+
+_Rule = tuple[Callable[[Array], Array], Callable[[Array], Array], Any, Any]
+
+
+def _below_variable(problem: Problem, goal: Quantity, count: int, size: float) -> _Rule:
+    """Return the constraint that no sample exceeds the last variable."""
+
+    def rows(y: Array) -> Array:
+        return y[count] - problem.of(goal, problem.at(y[:count])[goal.output]) / size
+
+    def slopes(y: Array) -> Array:
+        each = problem.quantity(goal, y[:count])[1].T / size
+        return np.hstack([-each, np.ones((len(each), 1))])
+
+    return rows, slopes, 0.0, np.inf
+
+
+def _between(problem: Problem, quantity: Quantity, low: float, high: float, count: int, width: int) -> _Rule:
+    """Return the constraint on a quantity: of each sample, where it bounds the largest from above."""
+    size = max(abs(b) for b in (low, high) if math.isfinite(b)) or 1.0
+    each = quantity.reduction in _LARGEST and not math.isfinite(low)
+
+    def value(y: Array) -> Array:
+        x = y[:count]
+        if each:
+            return problem.of(quantity, problem.at(x)[quantity.output]) / size
+        return np.array([problem.value(quantity, x) / size])
+
+    def slope(y: Array) -> Array:
+        samples, slopes = problem.quantity(quantity, y[:count])
+        rows = slopes.T if each else np.asarray(quantity.value(samples, slopes)[1])[None]
+        return np.hstack([rows / size, np.zeros((len(rows), width - count))])
+
+    return value, slope, low / size, high / size
+
+
+def _evolved(
+    problem: Problem, goal: Quantity, limits: _Limits, tolerance: float, iterations: int, seed: int
+) -> Any:
+    """Minimise by differential evolution: all points of a generation are runs of one call."""
+    from scipy.optimize import NonlinearConstraint, differential_evolution
+
+    def value(points: Array) -> Array:
+        found = problem.many(goal, np.atleast_2d(points.T))
+        return np.where(np.isnan(found), np.inf, found)
+
+    def bounded(quantity: Quantity, low: float) -> Callable[[Array], Array]:
+        outside = -1e300 if math.isfinite(low) else 1e300  # of runs that fail
+
+        def kept(points: Array) -> Array:
+            found = problem.many(quantity, np.atleast_2d(points.T))
+            found = np.where(np.isnan(found), outside, found)
+            return found if points.ndim == 1 else found[None]
+
+        return kept
+
+    made = tuple(NonlinearConstraint(bounded(q, low), low, high) for q, low, high in limits)
+    return differential_evolution(
+        value,
+        [(0.0, 1.0)] * len(problem.names),
+        constraints=made,
+        seed=np.random.default_rng(seed),
+        tol=tolerance,
+        maxiter=iterations,
+        vectorized=True,
+        updating="deferred",
+        polish=False,
+    )

@@ -1,0 +1,240 @@
+"""Problem of an optimisation: reduced outputs of runs and their derivatives by the variables."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symgen.errors import ModelError, SimulationError, nearest
+from symgen.runtime.many.reductions import REDUCTIONS
+from symgen.runtime.many.runs import FAILURES
+from symgen.runtime.sweeps.designs import Listed
+from symgen.runtime.sweeps.sweep import sweep_of
+
+if TYPE_CHECKING:
+    import xarray
+
+Array = NDArray[np.float64]
+#: Part of a parameter's range over which differences are taken, to either side.
+_STEP = 1e-5
+#: Agreement of exact derivatives with differences at the start, over the largest.
+_AGREE = 1e-4
+
+
+@dataclass(frozen=True, slots=True)
+class Quantity:
+    """A reduction of an output, or of a component: ``OUTPUT.REDUCTION`` or ``OUTPUT.REDUCTION.COMPONENT``."""
+
+    output: str
+    reduction: str
+    component: str
+
+    @classmethod
+    def named(cls, name: str) -> Quantity:
+        """Return the quantity of a name; raise ModelError for one without a reduction."""
+        head, _, last = name.rpartition(".")
+        if last in REDUCTIONS and head:
+            return cls(head, last, "")
+        output, _, reduction = head.rpartition(".")
+        if reduction in REDUCTIONS and output:
+            return cls(output, reduction, last)
+        raise ModelError(
+            f"expected OUTPUT.REDUCTION such as 'A.torque.peak', got {name!r}. {nearest(last, REDUCTIONS)}"
+        )
+
+    @property
+    def of_magnitude(self) -> bool:
+        """Whether it is of the magnitude of its samples."""
+        return self.reduction in ("peak", "rms")
+
+    def value(self, samples: Array, slopes: Array) -> tuple[Array, Array]:
+        """Return the quantity of samples (..., samples), and its slopes from those (variables, samples)."""
+        if self.reduction == "rms":
+            value = np.sqrt(np.mean(samples**2, axis=-1))
+            return value, (slopes @ samples) / max(samples.size * float(np.max(value)), 1e-300)
+        if self.reduction == "mean":
+            return np.mean(samples, axis=-1), np.mean(slopes, axis=-1)
+        if self.reduction == "final":
+            return samples[..., -1], slopes[..., -1]
+        high, low = int(np.argmax(samples)), int(np.argmin(samples))
+        if self.reduction == "range":
+            return np.ptp(samples, axis=-1), slopes[..., high] - slopes[..., low]
+        at = low if self.reduction == "least" else high
+        return samples[..., at], slopes[..., at]
+
+
+class Problem:
+    """Samples of outputs, and their derivatives, at values of the variables over their ranges, 0 to 1."""
+
+    def __init__(
+        self,
+        model: Any,
+        bounds: Mapping[str, tuple[float, float]],
+        quantities: Sequence[Quantity],
+        analysis: str | None,
+        arguments: Mapping[str, Any],
+        threads: int | None,
+    ) -> None:
+        self.model, self.names = model, tuple(bounds)
+        self.low, self.high = np.array([*bounds.values()]).T
+        self.outputs = list(dict.fromkeys(q.output for q in quantities))
+        self.analysis, self.arguments, self.threads = analysis, arguments, threads
+        self.runs, self.exact = 0, False
+        self._held: dict[bytes, dict[str, Array]] = {}
+        self._slopes: dict[bytes, dict[str, Array]] = {}
+        self._components: dict[str, tuple[str, ...]] = {}
+        self._times: Array | None = None
+
+    def parameters(self, x: Array) -> Array:
+        """Return the values of the variables in SI units."""
+        return self.low + (self.high - self.low) * x
+
+    def at(self, x: Array) -> dict[str, Array]:
+        """Return the samples of all outputs (samples, components).
+
+        Raises
+        ------
+        SimulationError
+            When the run fails.
+        """
+        key = np.ascontiguousarray(x).tobytes()
+        if key not in self._held:
+            self._held = {key: {name: v[0] for name, v in self.samples(x[None], whole=True).items()}}
+        return self._held[key]
+
+    def samples(self, points: Array, whole: bool = False) -> dict[str, Array]:
+        """Return the samples of all outputs, (points, samples, components); nan where a run fails.
+
+        Raises
+        ------
+        SimulationError
+            When a run fails, and all are needed as a ``whole``.
+        """
+        design = Listed(self.names, self.parameters(points))
+        sweep = sweep_of(
+            self.model, self.analysis, design, self.outputs, "history", self.arguments, self.threads
+        )
+        self.runs += len(points)
+        try:
+            arrays = sweep.dataset()
+        except FAILURES as error:
+            if whole or not self._components:
+                raise self._stopped(design.rows[0], str(error)) from None
+            return {n: np.full((len(points), 1, len(c) or 1), np.nan) for n, c in self._components.items()}
+        failed = [(i, str(e)) for i, e in enumerate(arrays["error"].values) if e]
+        if failed and whole:
+            raise self._stopped(design.rows[failed[0][0]], failed[0][1])
+        if self._times is None and not failed:
+            self._times = _times(arrays)
+        found = {}
+        for name in self.outputs:
+            values = np.asarray(arrays[name].values, dtype=float)
+            vector = "axis" in arrays[name].dims
+            self._components[name] = tuple(map(str, arrays["axis"].values)) if vector else ()
+            found[name] = values if vector else values[..., None]
+        return found
+
+    def _stopped(self, row: Array, error: str) -> SimulationError:
+        """Return the error of an optimisation that comes to parameters with which the run fails."""
+        place = ", ".join(f"{n} = {v:.6g}" for n, v in zip(self.names, row, strict=True))
+        return SimulationError(f"the optimisation came to {place}: {error}", time=0.0)
+
+    def slopes(self, x: Array) -> dict[str, Array]:
+        """Return the derivatives of all samples (variables, samples, components) by variables from 0 to 1."""
+        key = np.ascontiguousarray(x).tobytes()
+        if key not in self._slopes:
+            self._slopes = {key: self._exact(x) if self.exact else self._differences(x)}
+        return self._slopes[key]
+
+    def _differences(self, x: Array) -> dict[str, Array]:
+        """Take differences between two runs for each variable, to one side at the ends of its range."""
+        steps = _STEP * np.eye(len(x))
+        above, below = np.minimum(x + steps, 1.0), np.maximum(x - steps, 0.0)
+        apart = np.sum(above - below, axis=1)[:, None, None]
+        found = self.samples(np.vstack([above, below]), whole=True)
+        return {name: (v[: len(x)] - v[len(x) :]) / apart for name, v in found.items()}
+
+    def _exact(self, x: Array) -> dict[str, Array]:
+        """Return exact derivatives at the poses of all samples, where drives prescribe these by the time."""
+        values = dict(zip(self.names, self.parameters(x).tolist(), strict=True))
+        changed = self.model.with_parameters(**values)
+        labels = {n: [f"{n}.{c}" if c else n for c in self._components[n] or ("",)] for n in self.outputs}
+        flat = [label for of_one in labels.values() for label in of_one]
+        assert self._times is not None  # noqa: S101 - there was a run
+        each = [changed.sensitivity(flat, list(self.names), at=float(t)).derivatives for t in self._times]
+        stacked = np.stack(each) * (self.high - self.low)  # (samples, outputs, variables)
+        place = {label: i for i, label in enumerate(flat)}
+        return {n: stacked[:, [place[label] for label in labels[n]]].transpose(2, 0, 1) for n in self.outputs}
+
+    def choose_gradients(self, x: Array) -> None:
+        """Take exact derivatives where the model has them and they agree with differences at the start."""
+        self.at(x)
+        if self._times is None or "sensitivity" not in self.model.capabilities:
+            return
+        rough = self._differences(x)
+        try:
+            exact = self._exact(x)
+        except (ModelError, SimulationError):
+            return
+        self.exact = all(
+            np.allclose(exact[n], rough[n], rtol=0.0, atol=_AGREE * max(np.max(np.abs(rough[n])), 1e-300))
+            for n in self.outputs
+        )
+
+    def of(self, quantity: Quantity, values: Array) -> Array:
+        """Return the samples (..., samples) from which a quantity is reduced, of those with components."""
+        components = self._components[quantity.output]
+        if quantity.component:
+            if quantity.component not in components:
+                known = ", ".join(components) or "none"
+                raise ModelError(
+                    f"{quantity.output} has no component {quantity.component!r}. Known: {known}."
+                )
+            found: Array = values[..., components.index(quantity.component)]
+            return np.abs(found) if quantity.of_magnitude else found
+        if not components:
+            return np.abs(values[..., 0]) if quantity.of_magnitude else values[..., 0]
+        if not quantity.of_magnitude:
+            axes = ", ".join(components)
+            raise ModelError(
+                f"{quantity.reduction} of the vector {quantity.output} needs a component: {axes}"
+            )
+        return np.sqrt(np.sum(values**2, axis=-1))
+
+    def slopes_of(self, quantity: Quantity, values: Array, slopes: Array) -> Array:
+        """Return the derivatives (variables, samples) of the samples from which a quantity is reduced."""
+        components = self._components[quantity.output]
+        if components and not quantity.component:
+            size = np.maximum(np.sqrt(np.sum(values**2, axis=-1)), 1e-300)
+            found: Array = np.sum(slopes * values, axis=-1) / size
+            return found
+        i = components.index(quantity.component) if quantity.component else 0
+        return slopes[..., i] * (np.sign(values[..., i]) if quantity.of_magnitude else 1.0)
+
+    def quantity(self, quantity: Quantity, x: Array) -> tuple[Array, Array]:
+        """Return the samples and their derivatives (variables, samples) of a quantity at a point."""
+        values, slopes = self.at(x)[quantity.output], self.slopes(x)[quantity.output]
+        return self.of(quantity, values), self.slopes_of(quantity, values, slopes)
+
+    def value(self, quantity: Quantity, x: Array) -> float:
+        """Return a quantity at a point."""
+        samples = self.of(quantity, self.at(x)[quantity.output])
+        return float(quantity.value(samples, np.zeros((0, samples.size)))[0])
+
+    def many(self, quantity: Quantity, points: Array) -> Array:
+        """Return a quantity at some points; nan where a run fails."""
+        samples = self.of(quantity, self.samples(points)[quantity.output])
+        return np.array([quantity.value(s, np.zeros((0, s.size)))[0] for s in samples])
+
+
+def _times(runs: xarray.Dataset) -> Array | None:
+    """Return the times of the samples of a run, if they are the same for all."""
+    if "time" not in runs.variables:
+        return None
+    times = np.asarray(runs["time"].values)
+    rows = times if times.ndim == 2 else times[None]
+    return rows[0] if np.array_equal(rows, np.broadcast_to(rows[0], rows.shape)) else None

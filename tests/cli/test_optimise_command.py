@@ -1,0 +1,35 @@
+"""``symgen optimise``: the shipped example, against the closed form at its result."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from symgen.cli import app
+from symgen.errors import ModelError
+
+EXAMPLE = str(Path(__file__).parents[2] / "docs" / "barrier.toml")
+
+
+def test_the_example_is_carried_out():
+    arguments = ["optimise", EXAMPLE, "--set", "optimise.samples=10"]
+    found = json.loads(CliRunner().invoke(app, [*arguments, "--json"]).stdout)
+    k, h = found["parameters"]["stiffness"], found["parameters"]["height"]
+    angles = np.linspace(0.0, math.pi / 2, 10)
+    length = np.sqrt(0.09 + h**2 - 0.6 * h * np.sin(angles))
+    torque = (8 * 9.81 * 1.5 - k * (length - 0.2) / length * 0.3 * h) * np.cos(angles)
+    assert found["kind"] == "optimum" and found["converged"] and found["gradients"] == "exact"
+    assert found["objective"] == pytest.approx(np.max(np.abs(torque)), rel=1e-9)
+    shown = CliRunner().invoke(app, [*arguments, "--set", 'optimise.objective="arm.torque.rms"']).stdout
+    assert "least arm.torque.rms" in shown and "stiffness" in shown and "gradients: exact" in shown
+
+
+def test_a_scene_without_optimisation_is_refused():
+    with pytest.raises(ModelError, match="no optimisation in this scene"):
+        done = CliRunner().invoke(app, ["optimise", "four_bar"])
+        raise done.exception
