@@ -11,6 +11,7 @@ import numpy as np
 from symgen.errors import ResultError, nearest
 from symgen.report.page.plots import save
 from symgen.report.tables import table
+from symgen.runtime.many.dataset import RECORDED
 
 if TYPE_CHECKING:
     import xarray
@@ -33,17 +34,22 @@ def parameters_of(runs: xarray.Dataset) -> list[str]:
 def outputs_of(runs: xarray.Dataset) -> list[str]:
     """Return the names of all values that runs have one of, or one for each axis."""
     inner = {name: set(v.dims) - {"run", "axis"} for name, v in runs.data_vars.items() if v.dtype.kind == "f"}
-    return sorted(str(name) for name, dims in inner.items() if not dims and name != "done")
+    return sorted(str(name) for name, dims in inner.items() if not dims and name not in ("done", RECORDED))
 
 
 def summary(runs: xarray.Dataset) -> dict[str, Any]:
     """Return the numbers of runs and failures, and the extremes of all outputs with their parameters."""
     count, failed, first = runs.sizes["run"], 0, ""
+    recorded: list[Any] = []
     for part in _parts(runs):
+        if RECORDED in runs:
+            recorded.append(np.unique(part[RECORDED].values, return_counts=True))
         errors = [e for e in part["error"].values if e]
         failed += len(errors)
         first = first or (str(errors[0]) if errors else "")
     found: dict[str, Any] = {"runs": count, "failed": failed, "first_error": first, "outputs": {}}
+    longest = max((np.nanmax(sizes) for sizes, _ in recorded if not np.all(np.isnan(sizes))), default=0.0)
+    found["ended_early"] = int(sum(np.sum(counts[sizes < longest]) for sizes, counts in recorded))
     for name in outputs_of(runs):
         variable = runs[name]
         labels = [str(a) for a in runs["axis"].values] if "axis" in variable.dims else [""]
@@ -91,6 +97,11 @@ def print_sweep(runs: xarray.Dataset, console: Console) -> None:
     )
     if about["failed"]:
         console.print(f"{about['failed']} of {about['runs']} runs failed, the first: {about['first_error']}")
+    if about["ended_early"]:
+        console.print(
+            f"{about['ended_early']} of {about['runs']} runs ended early, at dead centres or events: their "
+            "values are of the part before"
+        )
 
 
 def print_optimum(found: Optimum, objective: str, console: Console) -> None:

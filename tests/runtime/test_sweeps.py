@@ -13,7 +13,8 @@ import xarray
 from shared.variants import crank_rocker_with_lengths, pins
 
 import symgen
-from symgen.errors import CapabilityError, ModelError, ResultError
+from symgen.errors import CapabilityError, ModelError, ResultError, SimulationError
+from symgen.report.sweeps import summary
 from symgen.runtime.sweeps.designs import Normal, Uniform, design_of
 from symgen.runtime.sweeps.stores import Zarr
 
@@ -66,6 +67,22 @@ def test_runs_that_fail_are_entries_with_their_error(model, chunk):
     assert "assemble" in runs["error"].values[3]
     assert runs["A.position.peak"].values == pytest.approx([math.nan, 0.1, math.nan, math.nan], nan_ok=True)
     assert runs["a"].values.tolist() == [2.0, 0.1, 3.0, 4.0]
+
+
+def test_runs_that_end_at_a_dead_centre_are_counted(model):
+    """A crank of 30 cm passes 0.3 m + 0.35 m from C, its farthest, at the angle of the cosine law; the first does not."""
+    runs = model.sweep({"a": [0.1, 0.3]}, **OPTIONS)
+    angles = np.linspace(0.0, 2 * math.pi, 21)
+    reach = 0.3**2 + 0.4**2 - 2 * 0.3 * 0.4 * np.cos(angles) < 0.65**2
+    assert runs["recorded"].values.tolist() == [21.0, float(np.argmin(reach))]
+    assert summary(runs)["ended_early"] == 1 and summary(runs)["failed"] == 0
+    of = {"a": Uniform(0.1, 0.3)}
+    with pytest.raises(SimulationError, match="1 of 2 runs ended early"):
+        model.tolerances(of, method="worst-case", **OPTIONS)
+    with pytest.raises(SimulationError, match="the optimisation came to a = 0.3: the run ended early"):
+        model.optimise(
+            {"a": (0.1, 0.3)}, "A.position.peak", {}, "kinematics", start={"a": 0.3}, samples=21, of=["A"]
+        )
 
 
 def test_stores_have_the_same_bytes_for_any_threads_and_parts(model, tmp_path):

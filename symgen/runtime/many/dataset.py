@@ -20,6 +20,8 @@ if TYPE_CHECKING:
     from symgen.runtime.rods.equilibrium import Equilibrium
 
 Array = NDArray[np.float64]
+#: Name of the number of samples of each run, next to reductions.
+RECORDED = "recorded"
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,6 +73,7 @@ class Keep:
             return Kept(single=(*single, *strayed), axes=axes)
         names = reductions(self.reduce)
         single = tuple(reduced(v, name) for name in names if name != HISTORY for v in samples)
+        strayed = (*strayed, _recorded(np.array(float(along.values.size))))
         if HISTORY in names:
             return Kept(along, times, samples, (*single, *strayed), axes)
         return Kept(single=(*single, *strayed), axes=axes)
@@ -85,13 +88,15 @@ class Keep:
         if self.reduce is None or callable(self.reduce) or HISTORY in (names := reductions(self.reduce)):
             return None
         samples = chosen(tuple(variables), self.outputs)
-        made = (*(reduced(v, name, 1) for name in names for v in samples), *_drifts(drift))
+        runs = len(next(iter(drift.values())))
+        size = np.full(runs, float(samples[0].values.shape[1]) if samples else np.nan)
+        made = (*(reduced(v, name, 1) for name in names for v in samples), *_drifts(drift), _recorded(size))
         return [
             Kept(
                 single=tuple(Variable(v.name, v.unit, v.about, v.components, v.values[i]) for v in made),
                 axes=axes,
             )
-            for i in range(len(next(iter(drift.values()))))
+            for i in range(runs)
         ]
 
 
@@ -101,6 +106,11 @@ def _drifts(drift: Mapping[str, float | Array]) -> tuple[Variable, ...]:
         for name, unit in (("constraint", "m"), ("energy", "J"))
         if name in drift
     )
+
+
+def _recorded(size: Array) -> Variable:
+    """Return the number of samples, which is smaller for runs that end at a dead centre or an event."""
+    return Variable(RECORDED, "1", "number of samples that the run recorded", (), size)
 
 
 def at_one_pose(found: Equilibrium, axes: tuple[str, ...], outputs: Sequence[str] | None) -> Kept:

@@ -96,7 +96,7 @@ class Sweeps:
     @checked
     def tolerances(
         self,
-        of: Mapping[str, Any],
+        vary: Mapping[str, Any],
         analysis: str | None = None,
         *,
         method: str = "monte-carlo",
@@ -112,7 +112,7 @@ class Sweeps:
 
         Parameters
         ----------
-        of
+        vary
             Distributions of tunable parameters, as for :meth:`sweep`.
         method
             ``worst-case``: all combinations of the bounds, three standard deviations of normal
@@ -143,7 +143,7 @@ class Sweeps:
         from symgen.runtime.sweeps.tolerances import tolerances_of
 
         return tolerances_of(
-            self, of, analysis, method, count, seed, outputs, reduce, threads, progress, arguments
+            self, vary, analysis, method, count, seed, outputs, reduce, threads, progress, arguments
         )
 
     @checked

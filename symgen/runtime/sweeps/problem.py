@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symgen.errors import ModelError, SimulationError, nearest
+from symgen.runtime.many.dataset import RECORDED
 from symgen.runtime.many.reductions import REDUCTIONS
 from symgen.runtime.many.runs import FAILURES
 from symgen.runtime.sweeps.designs import Listed
@@ -88,6 +89,7 @@ class Problem:
         self._slopes: dict[bytes, dict[str, Array]] = {}
         self._components: dict[str, tuple[str, ...]] = {}
         self._times: Array | None = None
+        self._size = 0.0
 
     def parameters(self, x: Array) -> Array:
         """Return the values of the variables in SI units."""
@@ -126,13 +128,18 @@ class Problem:
                 raise self._stopped(design.rows[0], str(error)) from None
             return {n: np.full((len(points), 1, len(c) or 1), np.nan) for n, c in self._components.items()}
         failed = [(i, str(e)) for i, e in enumerate(arrays["error"].values) if e]
+        sizes = arrays[RECORDED].values
+        self._size = self._size or float(self.arguments.get("samples", np.nanmax(sizes)))
+        short = np.flatnonzero(np.isfinite(sizes) & (sizes != self._size)).tolist()
+        failed += [(i, f"the run ended early: {sizes[i]:g} of {self._size:g} samples") for i in short]
         if failed and whole:
             raise self._stopped(design.rows[failed[0][0]], failed[0][1])
         if self._times is None and not failed:
             self._times = _times(arrays)
         found = {}
         for name in self.outputs:
-            values = np.asarray(arrays[name].values, dtype=float)
+            values = np.array(arrays[name].values, dtype=float)
+            values[[i for i, _ in failed]] = np.nan
             vector = "axis" in arrays[name].dims
             self._components[name] = tuple(map(str, arrays["axis"].values)) if vector else ()
             found[name] = values if vector else values[..., None]

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symgen.errors import ModelError, SimulationError, nearest, shown
+from symgen.runtime.many.dataset import RECORDED
 from symgen.runtime.sweeps.designs import Distribution, Grid, Listed, design_of
 from symgen.runtime.sweeps.stores import needed
 from symgen.runtime.sweeps.sweep import carry_out, sweep_of
@@ -62,6 +63,12 @@ def tolerances_of(
     if failed:
         count = sum(map(bool, runs["error"].values))
         raise SimulationError(f"{count} of {design.count} runs failed, the first: {failed}", time=0.0)
+    recorded = runs[RECORDED].values if RECORDED in runs else np.zeros(1)
+    if sweep.analysis != "simulate" and np.ptp(recorded):
+        raise SimulationError(
+            f"{np.sum(recorded < np.max(recorded))} of {design.count} runs ended early, at a dead centre",
+            time=0.0,
+        )
     values, units = _columns(runs)
     made = {"worst-case": _worst_case, "monte-carlo": _monte_carlo, "sobol": _sobol}[method](
         design, np.stack([*values.values()], axis=1), of, seed
@@ -95,7 +102,7 @@ def _columns(runs: xarray.Dataset) -> tuple[dict[str, Array], list[str]]:
     """Return the values (runs,) of every reduced output by name, components apart, and their units."""
     found, units = {}, []
     for name, variable in runs.data_vars.items():
-        if variable.dtype.kind != "f" or str(name).endswith("_drift"):
+        if variable.dtype.kind != "f" or str(name).endswith("_drift") or name == RECORDED:
             continue
         values = variable.values.reshape(runs.sizes["run"], -1)
         labels = [f"{name}.{a}" for a in runs["axis"].values] if "axis" in variable.dims else [str(name)]
