@@ -28,6 +28,8 @@ if TYPE_CHECKING:
     from symgen.runtime.model.system import SystemModel as SystemModel
     from symgen.runtime.result.files import load_result as load_result
     from symgen.runtime.result.result import Result as Result
+    from symgen.runtime.sweeps.designs import Normal as Normal
+    from symgen.runtime.sweeps.designs import Uniform as Uniform
     from symgen.scene.loading import load_scene as load_scene
     from symgen.scene.loading import shipped_scenes as shipped_scenes
     from symgen.scene.schema import Scene as Scene
@@ -39,11 +41,13 @@ _HOME = {
     "KinematicModel": "symgen.runtime.model.kinematic",
     "LoopModel": "symgen.runtime.loop.model",
     "Model": "symgen.runtime.model.model",
+    "Normal": "symgen.runtime.sweeps.designs",
     "Result": "symgen.runtime.result.result",
     "RodModel": "symgen.runtime.model.rods",
     "Scene": "symgen.scene.schema",
     "SymgenError": "symgen.errors",
     "SystemModel": "symgen.runtime.model.system",
+    "Uniform": "symgen.runtime.sweeps.designs",
     "build": "symgen.pipeline.build",
     "build_chain": "symgen.pipeline.chain",
     "derive": "symgen.pipeline.build",

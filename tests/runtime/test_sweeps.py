@@ -178,6 +178,7 @@ def test_a_latin_hypercube_and_a_sobol_sequence_have_one_sample_in_each_interval
         ({"a": [0.1]}, {"analysis": "modes"}, "there are no sweeps of 'modes'"),
         ({"a": [0.1]}, {"outputs": ["D.position"]}, "no output 'D.position'"),
         ({"a": [0.1]}, {"no_such": 1}, "no argument 'no_such'"),
+        ({"a": [0.1]}, {"chunk": "x"}, "Model.sweep: expected a whole number for chunk"),
     ],
 )
 def test_wrong_sweeps_are_refused(model, vary, more, words):

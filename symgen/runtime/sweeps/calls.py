@@ -41,7 +41,7 @@ class Sweeps:
         ----------
         vary
             Tunable parameters by name: values in SI units, or a distribution, ``Uniform(low, high)`` or
-            ``Normal(mean, deviation)`` of :mod:`symgen.runtime.sweeps.designs`.
+            ``Normal(mean, deviation)``.
         analysis
             ``simulate``, ``kinematics``, ``inverse_dynamics``, ``equilibrium``, ``periodic`` or
             ``quasi_static``; inverse dynamics when absent, where a model supports it, else the simulation.
@@ -209,3 +209,7 @@ class Sweeps:
             threads,
             arguments,
         )
+
+
+for _call in (Sweeps.sweep, Sweeps.tolerances, Sweeps.optimise):  # messages name the model, not the mixin
+    _call.__wrapped__.__qualname__ = f"Model.{_call.__name__}"  # type: ignore[union-attr]
