@@ -245,8 +245,9 @@ def design_of(vary: Mapping[str, Any], sampling: str | None, count: int | None, 
             f"{chosen} samples need a distribution of {fixed[0]}, such as Uniform(low, high), "
             f"got {shown(vary[fixed[0]])}"
         )
-    if count is None or count < 1:
-        raise ModelError(f"expected a number of runs of {chosen} samples, 1 or more, got {count}")
+    most = 10**8 if chosen == "latin-hypercube" else 10**12
+    if count is None or not 1 <= count <= most:
+        raise ModelError(f"expected a number of runs of {chosen} samples, 1 to {most:g}, got {count}")
     if seed < 0:
         raise ModelError(f"expected a seed of 0 or more, got {seed}")
     return Sampled(vary, chosen, count, seed)

@@ -14,6 +14,8 @@ from symgen.errors import ModelError, nearest, shown
 from symgen.runtime.sweeps.problem import Problem, Quantity
 
 Array = NDArray[np.float64]
+#: Most iterations.
+_MOST = 10**6
 METHODS = ("SLSQP", "trust-constr", "differential-evolution")
 #: Reductions of which an upper bound is one bound per sample: smooth, where the largest sample changes.
 _LARGEST = ("peak", "greatest")
@@ -78,9 +80,9 @@ def optimum_of(
         raise ModelError(f"{model.name} has no tunable parameter {name!r}. {nearest(name, model.parameters)}")
     for name in start.keys() - bounds.keys():
         raise ModelError(f"the start has {name}, which is not among the variables {', '.join(bounds)}")
-    if tolerance <= 0.0 or iterations < 1:
+    if tolerance <= 0.0 or not 1 <= iterations <= _MOST:
         raise ModelError(
-            f"expected a tolerance above 0 and 1 iteration or more, got {tolerance:g}, {iterations}"
+            f"expected a tolerance above 0 and 1 to {_MOST} iterations, got {tolerance:g}, {iterations}"
         )
     goal, kept = Quantity.named(objective), {name: Quantity.named(name) for name in limits}
     problem = Problem(model, bounds, [goal, *kept.values()], analysis, arguments, threads)

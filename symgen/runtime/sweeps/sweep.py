@@ -30,6 +30,8 @@ Array = NDArray[Any]
 ANALYSES = ("simulate", "kinematics", "inverse_dynamics", "equilibrium", "periodic", "quasi_static")
 #: Largest size of a chunk: runs, and bytes of results.
 _RUNS, _BYTES = 1024, 2**26
+#: Largest size of results in memory [bytes].
+_HELD = 2**32
 #: Chunks of a sweep of any size, runs of a chunk at least, and the multiple of runs that fills SIMD lanes.
 _CHUNKS, _LEAST, _LANES = 64, 64, 8
 #: Runs that are tried for the layout of the results where the model's own parameters fail.
@@ -198,6 +200,10 @@ def _within(
 def _store(sweep: Sweep, file: str | os.PathLike[str] | None, chunk: int | None) -> tuple[Store, Layout]:
     if file is None:
         layout = sweep.layout()
+        if sweep.design.count * layout.row > _HELD:
+            raise ModelError(
+                f"the results of {sweep.design.count} runs are too large for memory: take fewer, or give a sweep a file"
+            )
         return Memory(layout, sweep.design.count, chunk or sweep.chunk(layout), sweep.title), layout
     needed("zarr")
     path = Path(file)

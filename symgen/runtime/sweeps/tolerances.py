@@ -47,6 +47,8 @@ def tolerances_of(
         raise ModelError(
             f"expected a distribution of {wrong or 'a parameter'}, such as Uniform(low, high), got {got}"
         )
+    if outputs is not None and not outputs:
+        raise ModelError("expected an output to measure, got none")
     if "history" in ((reduce,) if isinstance(reduce, str) else reduce):
         raise ModelError("tolerances are of reductions such as 'peak', got 'history'")
     if method == "worst-case":
