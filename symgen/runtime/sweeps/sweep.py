@@ -202,7 +202,8 @@ def _store(sweep: Sweep, file: str | os.PathLike[str] | None, chunk: int | None)
         layout = sweep.layout()
         if sweep.design.count * layout.row > _HELD:
             raise ModelError(
-                f"the results of {sweep.design.count} runs are too large for memory: take fewer, or give a sweep a file"
+                f"the results of {sweep.design.count} runs are too large for memory: take fewer, or give a "
+                "sweep a file"
             )
         return Memory(layout, sweep.design.count, chunk or sweep.chunk(layout), sweep.title), layout
     needed("zarr")
