@@ -104,11 +104,13 @@ static int fill_stage(struct run *run, const struct tableau *x, long s, real h) 
     return status == SINGULAR ? SINGULAR : DONE;
 }
 
-/* Root mean square of the local error over the tolerance; two rows are blended as in DOP853. */
+/* Root mean square of the local error over the tolerance; two rows are blended as in DOP853. Near a loss of rank the
+ * work of loads and drives is not judged: the power of a drive has the rounding errors of its multiplier, magnified
+ * without bound, and no step is short enough for them. The motion does not depend on the work. */
 static real estimate(struct run *run, const struct tableau *x, real t_new, real h) {
     struct equations *e = run->e;
-    long dim = run->dim;
-    real atol = R(run->task.atol), rtol = R(run->task.rtol), totals[MOST_ESTIMATES] = {0}, rounding[3];
+    long dim = run->dim, judged = is_magnified(run) ? 2 * e->n : dim;
+    real atol = R(run->task.atol), rtol = R(run->task.rtol), totals[MOST_ESTIMATES] = {0}, rounding[2];
     real *errors[MOST_ESTIMATES] = {run->error, (real *)run->own + x->all * dim};
     if (is_magnified(run))
         e->of->factorise(e, t_new, run->y_new);
@@ -120,16 +122,16 @@ static real estimate(struct run *run, const struct tableau *x, real t_new, real 
         }
     }
     rounding_of(run, h, rounding);
-    for (long i = 0; i < dim; i++) {
-        real least = atol + rounding[i / e->n];
+    for (long i = 0; i < judged; i++) {
+        real least = atol + (i < 2 * e->n ? rounding[i / e->n] : 0);
         real scale = R(1) / (least + rtol * real_fmax(real_fabs(run->y[i]), real_fabs(run->y_new[i])));
         for (long r = 0; r < x->rows; r++)
             totals[r] += (errors[r][i] * scale) * (errors[r][i] * scale);
     }
     if (x->rows == 1)
-        return real_sqrt(totals[0] / R(dim));
+        return real_sqrt(totals[0] / R(judged));
     real total = totals[0] + R(0.01) * totals[1];
-    return total > 0 ? totals[0] / real_sqrt(total * R(dim)) : total;
+    return total > 0 ? totals[0] / real_sqrt(total * R(judged)) : total;
 }
 
 static int step(struct run *run, real t, real h, real t_new) {

@@ -178,9 +178,9 @@ int settle(struct run *run, real t_new);
 /* Root mean square of the error of a step over the tolerance at y and y_new. */
 real error_norm(const struct run *run, real h, const real *error);
 
-/* Leave what rounding makes of coordinates, rates and work in a step near a loss of rank, at its end factorised last: the
- * error of velocities goes with the inverse square of the sine whose square `sound` is, that of accelerations and of the
- * power of drives with its cube. Shorter steps come no nearer to the motion than that, since they stay where they are longer. Zero elsewhere. */
+/* Leave what rounding makes of coordinates and of rates in a step near a loss of rank, at its end factorised last: the
+ * error of velocities goes with the inverse square of the sine whose square `sound` is, that of accelerations with its
+ * cube. Shorter steps come no nearer to the motion than that, since they stay where they are longer. Zero elsewhere. */
 void rounding_of(const struct run *run, real h, real *rounding);
 
 /* Whether errors across the constraints are so much magnified that states are projected before they are looked at:
