@@ -122,7 +122,8 @@ def test_operators_of_the_paper_are_the_screws(case):
 def test_screws_have_the_rates_that_are_given(case):
     loop, system, values, oracle, reference = case
     count = len(loop.variables)
-    function = sp.lambdify(oracle.symbols, sp.Matrix(system.expanded("screws")), "mpmath")
+    symbols = [x.symbol for g in system.groups for x in g.quantities]
+    function = sp.lambdify(symbols, sp.Matrix(system.expanded("screws")), "mpmath")
     with mp.workdps(DIGITS):
         h = mp.mpf(10) ** -12
 
