@@ -4,11 +4,9 @@
 import numpy as np
 
 from cpython.bytes cimport PyBytes_FromStringAndSize
-from cpython.pycapsule cimport PyCapsule_GetName, PyCapsule_GetPointer
 from libc.stdlib cimport calloc, free
 from libc.string cimport memcpy
 
-from scipy.linalg import cython_lapack
 
 from symgen.runtime._core cimport Core, Integrable, Reals, _DONE, at_least, equations, kernel_of, kernel_t
 
@@ -65,10 +63,6 @@ cdef extern from "core/elastic.h" nogil:
         const Py_ssize_t *columns
         long thesis
 
-    cdef struct lapack:
-        void *factor
-        void *solve
-
     cdef struct beams:
         pass
 
@@ -110,7 +104,7 @@ cdef extern from "core/elastic.h" nogil:
         void (*motion_view)(const rigid_motion *, motion_view *) noexcept nogil
         int (*motion_along)(rigid_motion *, const void *, long, void *, void *, void *) noexcept nogil
         size_t (*beams_bytes)(const beam_layout *) noexcept nogil
-        void (*beams_bind)(beams *, rigid_motion *, const beam_layout *, const lapack *, void *) noexcept nogil
+        void (*beams_bind)(beams *, rigid_motion *, const beam_layout *, void *) noexcept nogil
         void *(*beams_constants)(beams *) noexcept nogil
         int (*beams_assemble)(beams *, double, int) noexcept nogil
         void (*beams_view)(const beams *, matrices_view *) noexcept nogil
@@ -120,12 +114,6 @@ cdef extern from "core/elastic.h" nogil:
         int (*steps_part)(beam_steps *, double, double, long, long, long, long *) noexcept nogil
         void *(*steps_displacements)(beam_steps *) noexcept nogil
         void *(*steps_rates)(beam_steps *) noexcept nogil
-
-
-cdef void *_address(str name) except NULL:
-    """Return the address that SciPy publishes of a routine of LAPACK: nothing is linked at build time."""
-    capsule = cython_lapack.__pyx_capi__[name]
-    return PyCapsule_GetPointer(capsule, PyCapsule_GetName(capsule))
 
 
 cdef tuple _names(const char *listed):
@@ -139,9 +127,6 @@ BLOCKS, MATRICES = _names(BLOCKS_NAMES), _names(MATRICES_NAMES)
 VECTORS, SPREAD = _names(VECTORS_NAMES), _names(SPREAD_NAMES)
 #: Which terms of the equations are assembled: see ``beams.h``.
 IN_MOTION, AT_REST, QUASI_STATIC = _IN_MOTION, _AT_REST, _QUASI_STATIC
-
-cdef lapack LAPACK
-LAPACK.factor, LAPACK.solve = _address("dgbtrf"), _address("dgbtrs")
 
 
 cdef object _doubles(Core of, const void *raw, shape):
@@ -380,7 +365,7 @@ cdef class BeamEquations(Integrable):
         self.memory = calloc(1, self.bytes)
         if self.core == NULL or self.memory == NULL:
             raise MemoryError
-        self.api.beams_bind(<beams *>self.core, motion.core, &wanted, &LAPACK, self.memory)
+        self.api.beams_bind(<beams *>self.core, motion.core, &wanted, self.memory)
         self.of.api.widen(wanted.constant_count, &constants[0], NULL, self.api.beams_constants(<beams *>self.core))
         self.bound(np.zeros(1))
         self.whole = layout.unknowns

@@ -13,10 +13,6 @@ static int larger(int a, int b) {
     return a > b ? a : b;
 }
 
-static int by_lapack(const struct lapack *lapack, int band) {
-    return lapack->factor && lapack->solve && band >= WIDE && sizeof(real) == sizeof(double);
-}
-
 /* to -= factor * from, for so many numbers. */
 static inline void subtract(real *restrict to, const real *restrict from, real factor, int count) {
     int i = 0;
@@ -26,12 +22,8 @@ static inline void subtract(real *restrict to, const real *restrict from, real f
         to[i] -= factor * from[i];
 }
 
-LANES int factor_band(const struct lapack *lapack, int n, int band, real *a, int *pivots) {
-    int last = 0, width = 3 * band + 1, info = 0;
-    if (by_lapack(lapack, band)) {
-        lapack->factor(&n, &n, &band, &band, (double *)(void *)a, &width, pivots, &info);
-        return info;
-    }
+LANES int factor_band(int n, int band, real *a, int *pivots) {
+    int last = 0;
     const struct band_store at = band_store(n, band);
     for (int k = 0; k < n; k++) {
         real *own = a + at.first + k * (at.lead + 1);
@@ -63,14 +55,7 @@ LANES int factor_band(const struct lapack *lapack, int n, int band, real *a, int
     return 0;
 }
 
-LANES void solve_band(const struct lapack *lapack, int n, int band, int columns, real *a, int *pivots, real *x,
-                      int lead) {
-    int width = 3 * band + 1, info = 0;
-    if (by_lapack(lapack, band)) {
-        lapack->solve("N", &n, &band, &band, &columns, (double *)(void *)a, &width, pivots, (double *)(void *)x, &lead,
-                      &info);
-        return;
-    }
+LANES void solve_band(int n, int band, int columns, const real *a, const int *pivots, real *x, int lead) {
     const struct band_store at = band_store(n, band);
     /* All right sides at each column of the factors, which do not fit into the caches. */
     for (int k = 0; k < n; k++) {
@@ -104,13 +89,13 @@ void clear_bordered(struct bordered *a) {
     memset(a->corner, 0, (size_t)(a->border * a->border) * sizeof(real));
 }
 
-int factor_bordered(const struct lapack *lapack, struct bordered *a) {
+int factor_bordered(struct bordered *a) {
     const ptrdiff_t n = a->inner, m = a->border;
-    if (factor_band(lapack, (int)n, (int)a->band, a->banded, a->pivots) != 0)
+    if (factor_band((int)n, (int)a->band, a->banded, a->pivots) != 0)
         return 0;
     if (m == 0)
         return 1;
-    solve_band(lapack, (int)n, (int)a->band, (int)m, a->banded, a->pivots, a->right, (int)n);
+    solve_band((int)n, (int)a->band, (int)m, a->banded, a->pivots, a->right, (int)n);
     for (ptrdiff_t k = 0; k < n; k++)
         for (ptrdiff_t i = 0; i < m; i++) {
             const real left = a->below[n * i + k];
@@ -121,9 +106,9 @@ int factor_bordered(const struct lapack *lapack, struct bordered *a) {
     return factor_dense(m, a->corner, a->swaps);
 }
 
-void solve_bordered(const struct lapack *lapack, struct bordered *a, ptrdiff_t columns, real *x) {
+void solve_bordered(const struct bordered *a, ptrdiff_t columns, real *x) {
     const ptrdiff_t n = a->inner, m = a->border;
-    solve_band(lapack, (int)n, (int)a->band, (int)columns, a->banded, a->pivots, x, (int)(n + m));
+    solve_band((int)n, (int)a->band, (int)columns, a->banded, a->pivots, x, (int)(n + m));
     for (ptrdiff_t c = 0; m && c < columns; c++) {
         real *top = x + c * (n + m), *bottom = top + n;
         for (ptrdiff_t i = 0; i < m; i++)

@@ -1,7 +1,7 @@
 /* Banded systems by Gauss's elimination with partial pivoting, and such with a dense border.
  *
- * Wide bands of doubles go to LAPACK where it is given: for narrow ones it calls BLAS at every column, which takes
- * twice as long as the arithmetic.
+ * LAPACK is not called: for narrow bands it takes twice as long as the arithmetic, and for wide ones it starts threads,
+ * which take many times longer where other programs use the processors.
  */
 #ifndef SYMGEN_BANDS_H
 #define SYMGEN_BANDS_H
@@ -10,35 +10,24 @@
 
 #include "real.h"
 
-/* Bands from which on LAPACK works in blocks and is faster in one thread. In several threads, which it starts by itself,
- * it takes many times longer where other programs use the processors. */
-enum { WIDE = 96 };
-
 /* Where a band matrix keeps its entries: (i, j) at `first` + i + j * `lead`, `size` numbers in all. */
 struct band_store {
     ptrdiff_t first, lead, size;
 };
 
-/* LAPACK's band storage with room for the fill-in of pivoting, or full columns if they need less memory. */
+/* Bands with room for the fill-in of pivoting, or full columns if they need less memory. */
 static inline struct band_store band_store(ptrdiff_t n, ptrdiff_t band) {
     const ptrdiff_t width = 3 * band + 1;
-    if (band < WIDE && n < width)
+    if (n < width)
         return (struct band_store){0, n, n * n};
     return (struct band_store){2 * band, width - 1, n * width};
 }
 
-/* LAPACK's dgbtrf and dgbtrs, or NULL. */
-struct lapack {
-    void (*factor)(int *m, int *n, int *kl, int *ku, double *ab, int *ldab, int *pivots, int *info);
-    void (*solve)(char *trans, int *n, int *kl, int *ku, int *nrhs, double *ab, int *ldab, int *pivots, double *b,
-                  int *ldb, int *info);
-};
-
 /* Factorise in place; return zero, or the number from one of the column without a pivot. */
-int factor_band(const struct lapack *lapack, int n, int band, real *a, int *pivots);
+int factor_band(int n, int band, real *a, int *pivots);
 
 /* Solve for right sides in the columns of x, `lead` reals apart, in place, by the factors. */
-void solve_band(const struct lapack *lapack, int n, int band, int columns, real *a, int *pivots, real *x, int lead);
+void solve_band(int n, int band, int columns, const real *a, const int *pivots, real *x, int lead);
 
 /* The system [B E; F D] of a banded B (inner x inner) and a few rows and columns that couple all unknowns. */
 struct bordered {
@@ -65,9 +54,9 @@ static inline void set_in_border(struct bordered *a, ptrdiff_t row, ptrdiff_t co
 }
 
 /* Factorise in place; false where B or the whole has no inverse. */
-int factor_bordered(const struct lapack *lapack, struct bordered *a);
+int factor_bordered(struct bordered *a);
 
 /* Solve for right sides in the columns of x, inner + border reals each, in place, by the factors. */
-void solve_bordered(const struct lapack *lapack, struct bordered *a, ptrdiff_t columns, real *x);
+void solve_bordered(const struct bordered *a, ptrdiff_t columns, real *x);
 
 #endif

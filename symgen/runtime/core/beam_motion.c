@@ -11,7 +11,7 @@ int beams_factor_mass(struct beams *b) {
             b->system.banded[at.first + b->rows[e] + b->columns[e] * at.lead] = b->mass[e];
         else
             set_in_border(&b->system, b->rows[e], b->columns[e], b->mass[e]);
-    return factor_bordered(&b->lapack, &b->system);
+    return factor_bordered(&b->system);
 }
 
 static struct beams *of(struct equations *e) {
@@ -34,7 +34,7 @@ static void accelerate_beams(struct equations *e, real t, const real *y) {
     }
     for (ptrdiff_t k = 0; k < b->entries; k++)
         b->solution[b->rows[k]] -= b->damping[k] * v[b->columns[k]] + b->stiffness[k] * p[b->columns[k]];
-    solve_bordered(&b->lapack, &b->system, 1, b->solution);
+    solve_bordered(&b->system, 1, b->solution);
     beams_expand(b, 2, p, v, b->solution, 1, e->out);
 }
 

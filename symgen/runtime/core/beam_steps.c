@@ -117,9 +117,9 @@ static int keep_stage(struct beam_steps *x, long stage, real t) {
 
 /* Solve the system for all columns, in place. */
 static int solve(struct beam_steps *x) {
-    if (!factor_bordered(&x->b->lapack, &x->system))
+    if (!factor_bordered(&x->system))
         return SINGULAR;
-    solve_bordered(&x->b->lapack, &x->system, x->columns, x->rhs);
+    solve_bordered(&x->system, x->columns, x->rhs);
     return DONE;
 }
 
@@ -242,7 +242,7 @@ static int start_accelerations(struct beam_steps *x) {
             const ptrdiff_t at = b->columns[e] * columns + c;
             x->rhs[c * free + b->rows[e]] -= b->damping[e] * x->pv[at] + b->stiffness[e] * x->p[at];
         }
-    solve_bordered(&b->lapack, &b->system, columns, x->rhs);
+    solve_bordered(&b->system, columns, x->rhs);
     for (ptrdiff_t r = 0; r < free; r++)
         for (long c = 0; c < columns; c++)
             x->pa[r * columns + c] = x->rhs[c * free + r];

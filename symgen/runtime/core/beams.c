@@ -108,8 +108,7 @@ static void number_entries(struct beams *b) {
         }
 }
 
-void beams_bind(struct beams *b, struct rigid_motion *motion, const struct beam_layout *layout,
-                const struct lapack *lapack, void *memory) {
+void beams_bind(struct beams *b, struct rigid_motion *motion, const struct beam_layout *layout, void *memory) {
     const struct sizes plain = as_equations(layout);
     const struct kernels none = {0};
     equations_bind(&b->base, &plain, &none, memory);
@@ -117,7 +116,6 @@ void beams_bind(struct beams *b, struct rigid_motion *motion, const struct beam_
     b->base.owner = b;
     b->motion = motion;
     b->layout = *layout;
-    b->lapack = *lapack;
     b->analysis = IN_MOTION;
     place(b, layout, (char *)memory + rounded(equations_bytes(&plain)));
     if (layout->constraints) {

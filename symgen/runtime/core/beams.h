@@ -45,7 +45,6 @@ struct beams {
     struct equations base; /* first: a run casts to it */
     struct rigid_motion *motion;
     struct beam_layout layout;
-    struct lapack lapack;
     int analysis;
     /* Of `whole` unknowns `free` are independent: `inner` ones, which no constraint has, and `border` of joints. */
     ptrdiff_t whole, free, inner, border;
@@ -72,8 +71,7 @@ void beams_count(struct beams *b, const struct beam_layout *layout);
 size_t beams_bytes(const struct beam_layout *layout);
 
 /* Fill in over zeroed memory of that size; the constants are set by the caller in b->constants. */
-void beams_bind(struct beams *b, struct rigid_motion *motion, const struct beam_layout *layout,
-                const struct lapack *lapack, void *memory);
+void beams_bind(struct beams *b, struct rigid_motion *motion, const struct beam_layout *layout, void *memory);
 
 /* Assemble mass, damping, stiffness and load of the independent unknowns at a time.
  * With `choose` the dependent unknowns are selected at this time, else those of the time before are kept. */

@@ -34,8 +34,7 @@ struct elastic_api {
     int (*motion_along)(struct rigid_motion *m, const void *times, long count, void *y, void *motion, void *loads);
 
     size_t (*beams_bytes)(const struct beam_layout *layout);
-    void (*beams_bind)(struct beams *b, struct rigid_motion *motion, const struct beam_layout *layout,
-                       const struct lapack *lapack, void *memory);
+    void (*beams_bind)(struct beams *b, struct rigid_motion *motion, const struct beam_layout *layout, void *memory);
     void *(*beams_constants)(struct beams *b);
     int (*beams_assemble)(struct beams *b, double t, int analysis);
     void (*beams_view)(const struct beams *b, struct matrices_view *view);
