@@ -8,8 +8,12 @@ import pytest
 DOCS = Path(__file__).parent.parent / "docs"
 BLOCK = re.compile(r"^```(python|toml)\n(.*?)^```", re.DOTALL | re.MULTILINE)
 NAMED = re.compile(r'\("(\w+\.(?:py|toml))"')
-#: The tour is run with the README.
-PAGES = [p for p in sorted(DOCS.glob("*.md")) if "```python" in p.read_text("utf-8") and p.stem != "tour"]
+#: The tour is run with the README, and the page of sweeps where its results are compared.
+PAGES = [
+    p
+    for p in sorted(DOCS.glob("*.md"))
+    if "```python" in p.read_text("utf-8") and p.stem not in ("tour", "sweeps")
+]
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda p: p.stem)

@@ -216,7 +216,7 @@ def test_equilibria_are_swept(tmp_path):
 
 
 def test_the_examples_of_the_page_run(monkeypatch):
-    monkeypatch.chdir(Path(__file__).parents[2])
+    monkeypatch.chdir(Path(__file__).parents[2] / "docs")
     page = (Path(__file__).parents[2] / "docs" / "sweeps.md").read_text(encoding="utf-8")
     names: dict[str, object] = {}
     for block in re.findall(r"```python\n(.*?)```", page, re.S):
