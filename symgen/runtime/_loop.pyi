@@ -65,3 +65,21 @@ class LoopEquations(Integrable):
         diagnosis: Array,
     ) -> tuple[int, int, float]: ...
     def undetermined(self, times: Array, states: Array, least: float, part: float) -> NDArray[np.bool_]: ...
+
+class LoopLanes:
+    def __init__(self, like: LoopEquations, library: Library, lanes: int) -> None: ...
+    def follow(
+        self,
+        own: Array,
+        parameters: Array,
+        start: Array,
+        stages: Array,
+        begin: float | None,
+        lead: int,
+        samples: Array,
+        of_input: bool,
+        close: float,
+        longest: float,
+        apart: float,
+        least: float,
+    ) -> tuple[Array, Array, Array, Array, NDArray[np.bool_]]: ...

@@ -3,7 +3,7 @@
 
 import numpy as np
 
-from libc.stdlib cimport calloc
+from libc.stdlib cimport calloc, free
 from libc.string cimport memset
 
 from symgen.runtime._core cimport Core, Integrable, Reals, at_least, equations, kernel_of, kernel_t, loops_api
@@ -44,6 +44,36 @@ cdef extern from "core/loops.h" nogil:
         double closure, rates_left, hold
         long iterations
 
+cdef extern from "core/loop_lanes.h" nogil:
+    cdef struct loop_lanes:
+        pass
+
+    cdef struct loop_lane_task:
+        const double *own
+        const double *parameters
+        const double *start
+        const double *stages
+        Py_ssize_t stage_count
+        double begin
+        Py_ssize_t lead
+        bint starts_at_zero
+        const double *values
+        double *times
+        Py_ssize_t count
+        double close, longest, apart, least
+        double *out
+        double *hold
+        double *closure
+        Py_ssize_t *reached
+
+    cdef struct loop_lanes_api:
+        Py_ssize_t width
+        size_t lanes_struct
+        size_t (*bytes)(const loop_sizes *) noexcept nogil
+        void (*bind)(loop_lanes *, const loop_sizes *, const loop_kernels *, const Py_ssize_t *, const unsigned char *, void *) noexcept nogil
+        void (*follow)(loop_lanes *, const loop_lane_task *) noexcept nogil
+
+cdef extern from "core/loops.h" nogil:
     cdef struct loops_table "loops_api":
         size_t loop_struct
         size_t (*bytes)(const loop_sizes *) noexcept nogil
@@ -56,11 +86,26 @@ cdef extern from "core/loops.h" nogil:
         int (*turn)(loop *, void *) noexcept nogil
         int (*follow)(loop *, double *, void *, const void *, long, double, void *, long, void *, long, double *, long *) noexcept nogil
         void (*undetermined)(loop *, const void *, const void *, long, long, double, double, unsigned char *) noexcept nogil
+        const loop_lanes_api *(*lanes)(Py_ssize_t) noexcept nogil
+
+# Alignment of vectors.
+cdef size_t LINE = 64
 
 #: Status of closing and moving a loop, in addition to the core's own.
 OPEN, INCONSISTENT, POLE, BLIND = _OPEN, _INCONSISTENT, _POLE, _BLIND
 #: Columns of the diagnosis of a sample.
 CLOSURE, RATES, SOUNDNESS, HOLD, STATUS = _CLOSURE, _RATES, _SOUNDNESS, _HOLD, _STATUS
+
+
+cdef loop_kernels kernels_of(addresses):
+    """Return the kernels of a loop; NULL those it does not have."""
+    cdef loop_kernels given
+    given.inputs, given.position = kernel_of(addresses, "inputs"), kernel_of(addresses, "position")
+    given.motion, given.inverse = kernel_of(addresses, "motion"), kernel_of(addresses, "inverse")
+    given.given, given.mass_matrix = kernel_of(addresses, "given"), kernel_of(addresses, "mass_matrix")
+    given.outputs, given.energy = kernel_of(addresses, "outputs"), kernel_of(addresses, "energy")
+    given.setup, given.events = kernel_of(addresses, "setup"), kernel_of(addresses, "events")
+    return given
 
 
 cdef class LoopEquations(Integrable):
@@ -100,6 +145,7 @@ cdef class LoopEquations(Integrable):
 
     cdef const loops_table *api
     cdef loop_account *seen
+    cdef loop_sizes sizes
     cdef Py_ssize_t[::1] numbers
     cdef ball[MOST] balls
     cdef unsigned char[::1] lengths
@@ -130,11 +176,7 @@ cdef class LoopEquations(Integrable):
             found = []  # an input that is released to look for closures has no effort
         self.numbers = np.array([*solved, *inputs, *found, *known, -1], dtype=np.intp)
         self.lengths = np.array([*lengths, False], dtype=np.uint8)
-        given.inputs, given.position = kernel_of(addresses, "inputs"), kernel_of(addresses, "position")
-        given.motion, given.inverse = kernel_of(addresses, "motion"), kernel_of(addresses, "inverse")
-        given.given, given.mass_matrix = kernel_of(addresses, "given"), kernel_of(addresses, "mass_matrix")
-        given.outputs, given.energy = kernel_of(addresses, "outputs"), kernel_of(addresses, "energy")
-        given.setup, given.events = kernel_of(addresses, "setup"), kernel_of(addresses, "events")
+        given = kernels_of(addresses)
         wanted.n, wanted.parameters, wanted.derived = len(lengths), parameters.shape[0] - 1, library.derived
         wanted.work, wanted.told, wanted.solved, wanted.inputs = work_size, out_size, len(solved), len(inputs)
         wanted.unknown, wanted.known, wanted.rank, wanted.size = len(found), len(known), rank, size
@@ -147,7 +189,7 @@ cdef class LoopEquations(Integrable):
             numbers, self.balls[k].alpha = balls[k]
             self.balls[k].angles[0], self.balls[k].angles[1], self.balls[k].angles[2] = numbers[:3]
             self.balls[k].next[0], self.balls[k].next[1], self.balls[k].next[2] = numbers[3:6]
-        self.of, self.size, self.rank, self.told = core, size, rank, out_size
+        self.of, self.size, self.rank, self.told, self.sizes = core, size, rank, out_size, wanted
         self.libraries = (library,)
         self.api = <const loops_table *>core.api.loops
         self.core = <equations *>calloc(1, self.api.loop_struct)
@@ -292,3 +334,105 @@ cdef class LoopEquations(Integrable):
                 self.api.undetermined(<loop *>self.core, when.at, rows.at, states.shape[1], when.count, least, part,
                                       &found[0, 0])
         return np.asarray(found).view(bool)
+
+
+cdef class LoopLanes:
+    """Variants of one driven loop, followed side by side; one object per thread of work.
+
+    Parameters
+    ----------
+    like
+        The equations of one of them.
+    library
+        Their kernels, which take vectors.
+    lanes
+        Numbers of a vector.
+    """
+
+    cdef loop_lanes *core
+    cdef void *memory
+    cdef const loop_lanes_api *api
+    cdef loop_sizes sizes
+    cdef LoopEquations like
+    cdef object library
+
+    def __init__(self, LoopEquations like, library, Py_ssize_t lanes):
+        cdef loop_kernels given = kernels_of(library.addresses)
+        self.like, self.library, self.sizes = like, library, like.sizes
+        self.sizes.derived = library.derived
+        self.api = (<const loops_table *>(<Core>DOUBLE).api.loops).lanes(lanes)
+        if self.api == NULL:
+            raise ValueError(f"expected vectors of 2, 4 or 8 numbers, got {lanes}")
+        if given.inputs == NULL or given.position == NULL or given.motion == NULL or given.outputs == NULL:
+            raise ValueError("expected kernels of a driven loop with outputs")
+        if self.sizes.rank != self.sizes.solved or not 0 < self.sizes.solved <= ROWS:
+            raise ValueError(f"expected one to {ROWS} independent screws, got {self.sizes.solved} of rank {self.sizes.rank}")
+        self.core = <loop_lanes *>calloc(1, self.api.lanes_struct + LINE)
+        self.memory = calloc(1, self.api.bytes(&self.sizes) + LINE)
+        if self.core == NULL or self.memory == NULL:
+            raise MemoryError
+        self.api.bind(self.aligned(), &self.sizes, &given, &like.numbers[0], &like.lengths[0],
+                      <void *>((<size_t>self.memory + LINE - 1) // LINE * LINE))
+
+    def __dealloc__(self):
+        free(self.core)
+        free(self.memory)
+
+    cdef loop_lanes *aligned(self) noexcept nogil:
+        return <loop_lanes *>((<size_t>self.core + LINE - 1) // LINE * LINE)
+
+    def follow(self, const double[::1] own, const double[:, ::1] parameters, const double[::1] start, const double[::1] stages,
+               begin, Py_ssize_t lead, const double[::1] samples, bint of_input, double close, double longest, double apart, double least):
+        """Close and follow a loop for each row of parameters.
+
+        Parameters
+        ----------
+        own, start, stages
+            Parameters of the scene, variables closed with them, and parts of the way from there to the rows.
+        begin
+            Value of the input ``lead`` at the start; None for a start at t = 0.
+        samples, of_input
+            Increasing values of that input, or times.
+        close, longest, apart, least
+            Rounding of values of the input, parts of the range that are the longest step, the least range [s], and the
+            least pivot over the greatest at which rates and forces need no limits.
+
+        Returns
+        -------
+        tuple
+            Times (runs, samples), results of the kernel 'outputs' (runs, numbers, samples), the hold of the drives
+            (runs, samples), the largest closure (runs,), and which runs came to the end: all else is undefined for others,
+            which single loops are to follow.
+        """
+        cdef Py_ssize_t runs = parameters.shape[0], given = self.sizes.parameters, told = self.sizes.told, w = self.api.width
+        cdef Py_ssize_t count = samples.shape[0], padded = (runs + w - 1) // w * w, first = 0
+        cdef loop_lane_task task
+        if count < 1 or runs < 1 or parameters.shape[1] != given or own.shape[0] != given or start.shape[0] != self.sizes.n:
+            raise ValueError(f"expected samples, and rows of {given} parameters and of {self.sizes.n} variables")
+        if not 0 <= lead < self.sizes.inputs:
+            raise ValueError(f"expected the number of an input below {self.sizes.inputs}, got {lead}")
+        if not stages.shape[0]:
+            raise ValueError("expected stages")
+        rows = np.minimum(np.arange(padded), runs - 1)  # idle lanes repeat another
+        cdef const double[:, ::1] all_parameters = np.ascontiguousarray(np.asarray(parameters)[rows]).reshape(padded, given)
+        made = np.tile(samples, (padded, 1))
+        out, hold, closure = np.empty((padded, told, count)), np.empty((padded, count)), np.empty(padded)
+        reached = np.zeros(padded, dtype=np.intp)
+        cdef double[:, ::1] to_times = made, to_hold = hold
+        cdef double[:, :, ::1] to_out = out
+        cdef double[::1] to_closure = closure
+        cdef Py_ssize_t[::1] to_reached = reached
+        cdef double none = 0.0
+        task.own, task.start, task.stages = &own[0] if given else &none, &start[0], &stages[0]
+        task.stage_count, task.starts_at_zero, task.lead = stages.shape[0], begin is None, lead
+        task.begin = 0.0 if begin is None else begin
+        task.values, task.count = &samples[0] if of_input else NULL, count
+        task.close, task.longest, task.apart, task.least = close, longest, apart, least
+        with nogil:
+            while first < padded:
+                task.parameters = &all_parameters[first, 0] if given else &none
+                task.times, task.out, task.hold = &to_times[first, 0], &to_out[first, 0, 0], &to_hold[first, 0]
+                task.closure, task.reached = &to_closure[first], &to_reached[first]
+                self.api.follow(self.aligned(), &task)
+                first += w
+        return made[:runs], out[:runs], hold[:runs], closure[:runs], reached[:runs] == count

@@ -3,11 +3,7 @@
 
 #include "extrapolate.h"
 #include "loop.h"
-
-/* Largest part of a predicted motion by which the solution may differ from the prediction. */
-#define ASTRAY R(0.2)
-/* Longest step of a variable, in radians or sizes of the loop. */
-#define LONGEST R(0.5)
+#include "loop_limits.h"
 
 /* After so many tries it is looked whether the way that is left is less than so many times the way since. */
 #define CREEP R(1e4)

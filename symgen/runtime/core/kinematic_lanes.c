@@ -1,7 +1,7 @@
 #include "kinematic_lanes.h"
 
 const struct kinematic_lanes_api *kinematic_lanes_of(ptrdiff_t width) {
-#ifdef KINEMATIC_VECTORS
+#ifdef REAL_VECTORS
     static const struct kinematic_lanes_api *const known[] = {
         &symgen_kinematic_lanes_2, &symgen_kinematic_lanes_4, &symgen_kinematic_lanes_8,
     };

@@ -32,11 +32,6 @@ struct kinematic_lane_task {
     ptrdiff_t *reached;    /* how many times were */
 };
 
-/* Vectors of doubles are those of GCC and Clang. */
-#if defined(__GNUC__) && !defined(SYMGEN_REAL_FLOAT32) && !defined(SYMGEN_REAL_LONGDOUBLE) && !defined(SYMGEN_REAL_FLOAT128)
-#define KINEMATIC_VECTORS
-#endif
-
 struct kinematic_lanes;
 
 struct kinematic_lanes_api {

@@ -1,6 +1,6 @@
 #include "kinematic_lanes.h"
 
-#ifdef KINEMATIC_VECTORS
+#ifdef REAL_VECTORS
 #define WIDTH 2
 #include "kinematic_vectors.h"
 #endif

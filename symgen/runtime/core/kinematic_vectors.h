@@ -1,15 +1,10 @@
 /* The functions of kinematic_lanes.h for vectors of WIDTH doubles, a constant that the including file defines. */
-#include <string.h>
+#include "vectors.h"
 
 #include "arena.h"
 #include "extrapolate.h"
 #include "kinematic_lanes.h"
 #include "kinematic_limits.h"
-
-#pragma GCC diagnostic ignored "-Wpsabi" /* no vector is passed to another file */
-
-typedef real wide __attribute__((vector_size(WIDTH * sizeof(real)), may_alias));
-typedef long long mask __attribute__((vector_size(WIDTH * sizeof(long long)), may_alias));
 
 struct kinematic_lanes {
     struct kinematic_lane_kernels kernels;
@@ -57,39 +52,6 @@ static void bind(struct kinematic_lanes *k, const struct kinematic_lane_sizes *s
     k->sizes = *sizes, k->kernels = *kernels, k->groups = *groups;
 }
 
-/* -- vectors --------------------------------------------------------------------------------------------- */
-
-static inline wide all(real x) {
-    return (wide){0} + x;
-}
-
-static inline wide chosen(mask which, wide yes, wide no) {
-    return (wide)((which & (mask)yes) | (~which & (mask)no));
-}
-
-static inline wide magnitude(wide x) {
-    return (wide)((mask)x & ((mask){0} + 0x7fffffffffffffffLL));
-}
-
-static inline mask finite(wide x) {
-    return magnitude(x) < all(REAL_INFINITY);
-}
-
-static inline int any(mask which) {
-    long long found = 0;
-    for (int lane = 0; lane < WIDTH; lane++)
-        found |= which[lane];
-    return found != 0;
-}
-
-static inline void exchange(mask which, wide *a, wide *b, ptrdiff_t count) {
-    for (ptrdiff_t i = 0; i < count; i++) {
-        const wide kept = a[i];
-        a[i] = chosen(which, b[i], kept);
-        b[i] = chosen(which, kept, b[i]);
-    }
-}
-
 /* The largest magnitude of each lane; not a number where one of them is none. */
 static inline wide largest_of(const wide *values, ptrdiff_t count) {
     wide largest = all(0);
@@ -98,18 +60,6 @@ static inline wide largest_of(const wide *values, ptrdiff_t count) {
         largest = chosen((size <= largest) | (largest != largest), largest, size);
     }
     return largest;
-}
-
-static inline wide larger(wide a, wide b) {
-    return chosen(b > a, b, a);
-}
-
-static inline wide smaller(wide a, wide b) {
-    return chosen(b < a, b, a);
-}
-
-static void call(kernel function, const wide *t, const wide *q, const wide *u, const wide *p, wide *work, wide *out) {
-    function((const real *)t, (const real *)q, (const real *)u, (const real *)p, (real *)work, (real *)out);
 }
 
 /* -- systems of equations: as in kinematics.c and linear.c ----------------------------------------------- */
@@ -139,43 +89,6 @@ static inline void solve_pair(const wide *a, const mask *swaps, const wide *inve
     exchange(swaps[0] != 0, b, b + 1, 1);
     b[1] = (b[1] - a[2] * b[0]) * inverse[1];
     b[0] = (b[0] - a[1] * b[1]) * inverse[0];
-}
-
-static mask factor_dense(ptrdiff_t n, wide *a, mask *swaps) {
-    mask regular = ~(mask){0};
-    for (ptrdiff_t k = 0; k < n; k++) {
-        mask best = (mask){0} + k;
-        wide pivot = a[k * n + k];
-        for (ptrdiff_t i = k + 1; i < n; i++) {
-            const mask greater = magnitude(a[i * n + k]) > magnitude(pivot);
-            pivot = chosen(greater, a[i * n + k], pivot);
-            best = (best & ~greater) | (greater & i);
-        }
-        swaps[k] = best;
-        regular &= (pivot != 0) & finite(pivot);
-        for (ptrdiff_t i = k + 1; i < n; i++)
-            exchange(best == i, a + i * n, a + k * n, n);
-        for (ptrdiff_t i = k + 1; i < n; i++) {
-            const wide factor = a[i * n + k] /= pivot;
-            for (ptrdiff_t j = k + 1; j < n; j++)
-                a[i * n + j] -= factor * a[k * n + j];
-        }
-    }
-    return regular;
-}
-
-static void solve_dense(ptrdiff_t n, const wide *a, const mask *swaps, wide *b) {
-    for (ptrdiff_t k = 0; k < n; k++)
-        for (ptrdiff_t i = k + 1; i < n; i++)
-            exchange(swaps[k] == i, b + k, b + i, 1);
-    for (ptrdiff_t i = 1; i < n; i++)
-        for (ptrdiff_t j = 0; j < i; j++)
-            b[i] -= a[i * n + j] * b[j];
-    for (ptrdiff_t i = n - 1; i >= 0; i--) {
-        for (ptrdiff_t j = i + 1; j < n; j++)
-            b[i] -= a[i * n + j] * b[j];
-        b[i] /= a[i * n + i];
-    }
 }
 
 static void solve_dense_transposed(ptrdiff_t n, const wide *a, const mask *swaps, wide *b) {
@@ -281,11 +194,6 @@ static inline wide predicted(wide h, wide g, wide q, wide u, wide a, wide q0, wi
     return chosen(near, change + wide_quintic(h, g, q, u, a, q0, u0, a0), change);
 }
 
-static void move_to(mask which, const wide *from, ptrdiff_t count, wide *to) {
-    for (ptrdiff_t i = 0; i < count; i++)
-        to[i] = chosen(which, from[i], to[i]);
-}
-
 /* Go to `next` in one step in some lanes; returns in which the prediction held. Those near a singular pose are taken out of
  * `alive`. */
 static mask attempt(struct kinematic_lanes *k, mask which, wide next, mask *alive) {
@@ -305,20 +213,14 @@ static mask attempt(struct kinematic_lanes *k, mask which, wide next, mask *aliv
     mask sign;
     const mask sound = moved(k, &next, k->next, k->next + n, k->next + 2 * n, &sign) & ~(sign ^ k->sign);
     *alive &= ~which | sound;
-    move_to(which, k->q, 3 * n, k->past);
-    move_to(which, k->next, 3 * n, k->q);
+    copy_where(which, k->q, 3 * n, k->past);
+    copy_where(which, k->next, 3 * n, k->q);
     k->stride = chosen(which, h, k->stride);
     k->t = chosen(which, next, k->t);
     return which;
 }
 
 /* -- a run in each lane ---------------------------------------------------------------------------------- */
-
-static void load(const real *rows, ptrdiff_t count, wide *to) {
-    for (ptrdiff_t i = 0; i < count; i++)
-        for (int lane = 0; lane < WIDTH; lane++)
-            to[i][lane] = rows[lane * count + i];
-}
 
 static void take_parameters(struct kinematic_lanes *k, const real *rows, kernel setup, ptrdiff_t derived, wide *p) {
     const ptrdiff_t parameters = k->sizes.parameters;

@@ -10,9 +10,6 @@
 
 #include "real.h"
 
-/* A smaller pivot over the largest means that rows are dependent. */
-#define RANK_TOLERANCE real_fmax(R(1e-9), R(100) * REAL_EPSILON)
-
 /* The largest magnitude; not a number where one of them is none. */
 real largest_or_nan(const real *values, ptrdiff_t count);
 

@@ -4,19 +4,7 @@
 
 #include "arena.h"
 #include "linear.h"
-
-/* Defect of closure that rounding leaves at best, and the largest that is taken where it falls no further. */
-#define FINE (R(18) * REAL_EPSILON)
-#define COARSE (R(4500) * REAL_EPSILON)
-enum { NEWTON = 40, HALVINGS = 8 };
-/* Below, a drive has no hold on a motion. */
-#define NO_DRIVE RANK_TOLERANCE
-/* Part of the rates asked that may be left. */
-#define LEFT real_fmax(R(1e-7), R(1000) * REAL_EPSILON)
-/* The same over the defect of closure that is tolerated: rates miss by as much, more near singular poses. */
-#define LEFT_OPEN R(100)
-/* Largest step, of those of Gauss and Newton, at a least defect that is not zero. */
-#define STILL real_sqrt(REAL_EPSILON)
+#include "loop_limits.h"
 
 /* -- memory ----------------------------------------------------------------------------------------------- */
 

@@ -2,6 +2,8 @@
 
 #include <string.h>
 
+#include "loop_lanes.h"
+
 static struct loop_account *seen_of(struct loop *l) {
     return l->seen;
 }
@@ -53,4 +55,5 @@ const struct loops_api symgen_loops = {
     .turn = turn,
     .follow = follow,
     .undetermined = undetermined,
+    .lanes = loop_lanes_of,
 };

@@ -4,6 +4,8 @@
 
 #include "loop.h"
 
+struct loop_lanes_api;
+
 struct loops_api {
     size_t loop_struct;
     size_t (*bytes)(const struct loop_sizes *sizes);
@@ -22,6 +24,7 @@ struct loops_api {
     /* Mark the outputs that wrenches without work on any screw change; see loop.h. */
     void (*undetermined)(struct loop *l, const void *times, const void *states, long row, long count, double least,
                          double part, unsigned char *found);
+    const struct loop_lanes_api *(*lanes)(ptrdiff_t width);
 };
 
 extern const struct loops_api symgen_loops;

@@ -52,6 +52,11 @@ typedef double real;
 #define real_isfinite isfinite
 #endif
 
+/* Vectors of doubles are those of GCC and Clang. */
+#if defined(__GNUC__) && !defined(SYMGEN_REAL_FLOAT32) && !defined(SYMGEN_REAL_LONGDOUBLE) && !defined(SYMGEN_REAL_FLOAT128)
+#define REAL_VECTORS
+#endif
+
 /* A constant of the core; infinity, which every type has. */
 #define R(x) ((real)(x))
 #define REAL_INFINITY ((real)INFINITY)
@@ -64,5 +69,8 @@ static inline real real_fmax(real a, real b) {
 static inline real real_fmin(real a, real b) {
     return b < a ? b : a;
 }
+
+/* A smaller pivot over the largest means that rows are dependent. */
+#define RANK_TOLERANCE real_fmax(R(1e-9), R(100) * REAL_EPSILON)
 
 #endif

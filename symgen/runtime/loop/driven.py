@@ -30,6 +30,10 @@ Array = NDArray[np.float64]
 
 #: Parts of the range that are the longest step.
 PARTS = 36
+#: Parts of the way from the scene's parameters to other values, at which the loop is kept closed.
+STAGES = np.linspace(0.0, 1.0, 17)[1:]
+#: Range that longer steps are parts of at least [s].
+LEAST_RANGE = 1e-12
 #: Where following would take hours, and angles lose their digits.
 _FARTHEST = 1e6
 #: Defect of closure above rounding.
@@ -81,7 +85,7 @@ def follow(
         if not len(wanted):
             continue
         made = tuple(a[way] for a in rows) if way.start is not None else _rows(d, first)
-        longest = max(abs(wanted[-1] - begin.t), 1e-12) / PARTS
+        longest = max(abs(wanted[-1] - begin.t), LEAST_RANGE) / PARTS
         q = np.append(begin.q, 0.0)  # in the end the last pose that was reached
         status, count, at = follow_over(kernels, equations, begin.t, q, wanted, longest, made)
         if way.start is not None:
@@ -180,7 +184,7 @@ def moving(kernels: LoopKernels, begin: Closed, value: float) -> tuple[float, Ar
     d = kernels.description
     equations, t = kernels.equations(d.having("dependent"), begin.rank), kernels.time_of(value)
     rows, q = _rows(d, 1), np.append(begin.q, 0.0)
-    longest = max(abs(t - begin.t), 1e-12) / PARTS
+    longest = max(abs(t - begin.t), LEAST_RANGE) / PARTS
     status, _, at = follow_over(kernels, equations, begin.t, q, np.array([t]), longest, rows)
     if status != _core.DONE:
         raise SimulationError(why_stopped(kernels, equations, status, at, q[:-1], t), time=at)

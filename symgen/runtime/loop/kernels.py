@@ -21,7 +21,8 @@ from symgen.runtime.loop.times import first_times
 
 Array = NDArray[np.float64]
 
-_CLOSE = 4 * float(np.finfo(float).eps)
+#: Rounding of a value of the input at the time found for it.
+CLOSE = 4 * float(np.finfo(float).eps)
 #: Columns of the link-joint table that are lengths.
 _LENGTHS = [False, True, False, False, True]
 
@@ -43,7 +44,7 @@ class LoopKernels:
         self.work_size = max(description.work_size, description.coordinates + 6)
         self.inputs = description.having("input")
         names = [description.variables[i].name for i in self.inputs]
-        self._lead = names.index(description.lead) if description.lead else 0
+        self.number_of_lead = names.index(description.lead) if description.lead else 0
         self._infos, self._sizes = {k.name: k for k in description.kernels}, description.sizes
 
     def at(self, parameters: Array) -> LoopKernels:
@@ -183,18 +184,18 @@ class LoopKernels:
     @property
     def lead(self) -> VariableInfo:
         """The first input of the scene."""
-        return self.description.variables[self.inputs[self._lead]]
+        return self.description.variables[self.inputs[self.number_of_lead]]
 
     def lead_at(self, t: float) -> tuple[float, float, float]:
         """Return value, rate and acceleration of the first input at a time."""
-        value, rate, acceleration = self.prescribed(t)[self._lead].tolist()
+        value, rate, acceleration = self.prescribed(t)[self.number_of_lead].tolist()
         return value, rate, acceleration
 
     def leads_at(self, times: Array) -> Array:
         """Return value, rate and acceleration of the first input at many times, shape (times, 3)."""
         rows = np.zeros((len(times), 2 * self.description.coordinates + 1))
         jets = self.many("inputs", times, rows, np.zeros((len(times), self.work_size + 1)))["inputs"]
-        return jets[:, 3 * self._lead : 3 * self._lead + 3]
+        return jets[:, 3 * self.number_of_lead : 3 * self.number_of_lead + 3]
 
     def times_of(self, values: Array) -> Array:
         """Return the first times, from 0 on, at which the first input has these values [rad, m].
@@ -208,7 +209,7 @@ class LoopKernels:
         if rate:
             times = (values - start) / rate
             found = self.leads_at(times)
-            met = np.abs(found[:, 0] - values) <= _CLOSE * np.maximum(1.0, np.abs(values))
+            met = np.abs(found[:, 0] - values) <= CLOSE * np.maximum(1.0, np.abs(values))
             if np.all(met) and np.all(found[:, 1] == rate):
                 return np.asarray(times)
         times = first_times(self.leads_at, values)

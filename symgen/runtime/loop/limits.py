@@ -23,7 +23,7 @@ from symgen.runtime.loop.kernels import LoopKernels
 Array = NDArray[np.float64]
 
 #: Least singular value, of the largest, below which accelerations have lost digits that matter.
-_WEAK = 3e-3
+WEAK = 3e-3
 #: Distance of the poses on either side from one another [rad, or sizes of the loop], of the input.
 _APART = 0.02
 #: Their distances, and the weights of interpolation halfway, of all of them and of all but the farthest.
@@ -66,9 +66,9 @@ def refine(
         return
     sound = samples.diagnosis[:, _loop.SOUNDNESS]
     done = samples.diagnosis[:, _loop.STATUS] == _core.DONE
-    good = np.flatnonzero(done & (sound > _BETTER * _WEAK))
+    good = np.flatnonzero(done & (sound > _BETTER * WEAK))
     poor = []
-    for i in np.flatnonzero(done & (sound < _WEAK)):
+    for i in np.flatnonzero(done & (sound < WEAK)):
         start = _nearest(samples, begin, good, int(i))
         q = samples.states[i, : len(begin.q)]
         if _refined(kernels, equations, start, samples, int(i)):

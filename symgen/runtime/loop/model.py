@@ -19,7 +19,7 @@ from symgen.runtime.kernels.arguments import reals
 from symgen.runtime.kernels.description import LoopDescription
 from symgen.runtime.kernels.library import Library
 from symgen.runtime.kernels.typed import Typed
-from symgen.runtime.loop.driven import driven, follow, follow_through, followed
+from symgen.runtime.loop.driven import STAGES, driven, follow, follow_through, followed
 from symgen.runtime.loop.kernels import LoopKernels
 from symgen.runtime.model.arguments import Poses, Run, takes
 from symgen.runtime.model.compiled import degrees
@@ -30,9 +30,6 @@ if TYPE_CHECKING:
     from symgen.runtime.result.result import Result
 
 Array = NDArray[np.float64]
-
-#: Steps in which parameters go from the scene's to other values while the loop is kept closed.
-_STAGES = 16
 
 
 @checked
@@ -114,7 +111,7 @@ class LoopModel(Model):
         own, asked = np.array([p.default for p in d.parameters]), np.array(self.given)
         scale = np.array([d.size if v.is_length else 1.0 for v in d.variables])
         equations = kernels.equations(d.having("dependent"), d.rank)
-        for part in np.linspace(0.0, 1.0, _STAGES + 1)[1:]:
+        for part in STAGES:
             stage = kernels.at((1 - part) * own + part * asked)
             try:
                 t = stage.time_of(d.begin) if d.span else 0.0

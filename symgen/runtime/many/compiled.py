@@ -19,6 +19,7 @@ from symgen.runtime.kernels.library import Library
 from symgen.runtime.kernels.typed import Typed
 from symgen.runtime.many.dataset import Keep, Kept
 from symgen.runtime.many.driven import Driven, driven_runs
+from symgen.runtime.many.loops import DrivenLoops, driven_loops
 from symgen.runtime.many.starts import given_of, is_stored, start_of
 from symgen.runtime.result.recording import Recording, continued, shaped
 from symgen.runtime.result.records import over_time
@@ -97,11 +98,13 @@ def compiled_runs(
     columns: Mapping[str, Array],
     states: Sequence[State] | None,
     arguments: Mapping[str, Any],
-) -> Compiled | Driven | None:
+) -> Compiled | Driven | DrivenLoops | None:
     """Return runs with the options of a first one; None where each is to be carried out singly."""
     kind = getattr(first, "KIND", "")
     if kind in ("kinematics", "forces"):
         return driven_runs(model, kind == "forces", columns, states, arguments)
+    if kind == "loop":
+        return driven_loops(model, first, columns)
     source = getattr(first, "__dict__", {}).get("_source")
     if not isinstance(source, Recording) or arguments.get("max_wall") is not None:
         return None

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -38,6 +38,8 @@ class Kept:
         Names of the components of vectors.
     error
         Message of a failed run, which has nothing else.
+    row
+        Number of the run, where ``samples`` hold those of a block of runs.
     """
 
     along: Coordinate | None = None
@@ -46,6 +48,7 @@ class Kept:
     single: tuple[Variable, ...] = ()
     axes: tuple[str, ...] = ()
     error: str = ""
+    row: int | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,12 +65,18 @@ class Keep:
         times: Array | None,
         drift: Mapping[str, float],
         axes: tuple[str, ...],
+        row: int | None = None,
     ) -> Kept:
-        """Return the selected outputs of one run, or their reductions, and its drift."""
+        """Return the selected outputs of one run, or their reductions, and its drift.
+
+        With ``row``, variables hold those of a block of runs.
+        """
         samples = chosen(variables, self.outputs)
         strayed = _drifts(drift)
         if self.reduce is None:
-            return Kept(along, times, samples, strayed, axes)
+            return Kept(along, times, samples, strayed, axes, row=row)
+        if row is not None:
+            samples = tuple(replace(v, values=v.values[row]) for v in samples)
         if callable(self.reduce):
             single = tuple(replace(v, values=_reduced(self.reduce, v)) for v in samples)
             return Kept(single=(*single, *strayed), axes=axes)
@@ -168,6 +177,7 @@ def dataset_of(
     model_of = max((k for k in kept if not k.error), key=lambda k: k.along.values.size if k.along else 0)
     along, size = model_of.along, model_of.along.values.size if model_of.along else 0
     places = [None if k.error else _places(k.along, along) for k in kept]
+    blocks, whole = list(_blocks(kept)), all(isinstance(p, slice) and p == slice(None) for p in places)
     errors = np.array([k.error for k in kept], dtype=object)
     data: dict[str, Any] = {"error": ("run", errors, {"long_name": "why the run failed"})}
     shared = all(p is None or _agree(k.along, along, p) for k, p in zip(kept, places, strict=True))
@@ -175,12 +185,16 @@ def dataset_of(
     for sampled, variables in ((True, model_of.samples), (False, model_of.single)):
         for k, v in enumerate(variables):
             shape = (count, *((size,) if sampled else ()), *((len(v.components),) if v.components else ()))
-            values = np.full(shape, "" if v.values.dtype == object else np.nan, v.values.dtype)
-            for i, place in enumerate(places):
-                if place is not None and sampled:
-                    values[i, place] = kept[i].samples[k].values
-                elif place is not None:
-                    values[i] = kept[i].single[k].values
+            values = np.empty(shape, v.values.dtype)
+            if not whole:
+                values[:] = "" if v.values.dtype == object else np.nan
+            if sampled:
+                for runs, rows, one in blocks:
+                    values[runs, places[runs.start]] = one.samples[k].values[rows]
+            else:
+                for i, place in enumerate(places):
+                    if place is not None:
+                        values[i] = kept[i].single[k].values
             dims = ("run", *(over if sampled else ()), *(("axis",) if v.components else ()))
             data[v.name] = (dims, values, {"units": v.unit, "long_name": v.about})
     coordinates: dict[str, Any] = {"run": np.arange(count)}
@@ -201,6 +215,26 @@ def dataset_of(
         coordinates[label] = ("run", np.array(values), {"units": unit, "long_name": about})
     title = f"{description.title}: {count} runs of {analysis}"
     return xarray.Dataset(data, coords=coordinates, attrs={"title": title})
+
+
+def _blocks(kept: Sequence[Kept]) -> Iterator[tuple[slice, Any, Kept]]:
+    """Yield runs that did not fail, those of a block together, their rows in its samples, and one of them."""
+    first = 0
+    while first < len(kept):
+        one, last = kept[first], first + 1
+        if one.row is not None and one.samples:
+            while last < len(kept) and _continues(one, kept[last], last - first):
+                last += 1
+        if not one.error:
+            rows = None if one.row is None else slice(one.row, one.row + last - first)
+            yield slice(first, last), rows, one
+        first = last
+
+
+def _continues(one: Kept, other: Kept, runs: int) -> bool:
+    """Return whether another run stands behind a run in the same block, by so many rows."""
+    same = other.row is not None and other.row == (one.row or 0) + runs and bool(other.samples)
+    return same and other.samples[0].values is one.samples[0].values
 
 
 def _rows(of_runs: Sequence[Array | None], places: Sequence[Any], size: int) -> Array:
@@ -224,7 +258,7 @@ def _places(of_run: Coordinate | None, along: Coordinate | None) -> Any:
 
 def _agree(of_run: Coordinate | None, along: Coordinate | None, places: Any) -> bool:
     """Return whether a run has the coordinate of the longest run; a loss of rank moves samples a little."""
-    if of_run is None or along is None or np.array_equal(of_run.values, along.values):
+    if of_run is None or along is None or of_run is along or np.array_equal(of_run.values, along.values):
         return True
     near = 1e-6 * np.ptp(along.values)
     return bool(np.allclose(of_run.values, along.values[places], rtol=0.0, atol=near))

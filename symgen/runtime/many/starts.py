@@ -16,12 +16,15 @@ from symgen.runtime.rods.redundancy import ASSEMBLED
 from symgen.runtime.rods.start import CONSISTENT, ROUNDING
 
 if TYPE_CHECKING:
+    from symgen.runtime.loop.kernels import LoopKernels
     from symgen.runtime.result.state import State
 
 Array = NDArray[np.float64]
 
 
-def given_of(evaluator: Evaluator, columns: Mapping[str, Array], states: Sequence[State] | None) -> Array:
+def given_of(
+    evaluator: Evaluator | LoopKernels, columns: Mapping[str, Array], states: Sequence[State] | None
+) -> Array:
     """Return the parameters of each run, (runs, parameters)."""
     count = len(next(iter(columns.values()))) if states is None else len(states)
     given = np.tile(evaluator.given, (count, 1))

@@ -121,15 +121,15 @@ def converters(description: LoopDescription) -> dict[str, tuple[str, float]]:
 
 
 def variables(description: LoopDescription, out: Array) -> list[Variable]:
-    """Return the outputs in rows of the kernel 'outputs', (samples, entries)."""
+    """Return the outputs in rows of the kernel 'outputs', (samples, entries), or blocks of rows, as views."""
     info = description.kernel("outputs")
     made = []
     for b in info.blocks if info else ():
         count = b.shape[0] * b.shape[1]
-        values = out[:, b.offset : b.offset + count]
+        values = out[..., b.offset : b.offset + count]
         made.append(
             Variable(
-                b.name, b.unit, b.about, b.rows if count > 1 else (), values if count > 1 else values[:, 0]
+                b.name, b.unit, b.about, b.rows if count > 1 else (), values if count > 1 else values[..., 0]
             )
         )
     return made

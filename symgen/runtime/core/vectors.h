@@ -1,0 +1,110 @@
+/* Vectors of WIDTH doubles, a constant that the including file defines, and systems of equations of them. */
+#include <string.h>
+
+#if defined(__x86_64__) && !defined(__clang__)
+#if WIDTH == 4
+#pragma GCC target("avx2")
+#elif WIDTH == 8
+#pragma GCC target("avx512f")
+#endif
+#endif
+
+#include "equations.h"
+
+#pragma GCC diagnostic ignored "-Wpsabi" /* no vector is passed to another file */
+
+typedef real wide __attribute__((vector_size(WIDTH * sizeof(real)), may_alias));
+typedef long long mask __attribute__((vector_size(WIDTH * sizeof(long long)), may_alias));
+
+static inline wide all(real x) {
+    return (wide){0} + x;
+}
+
+static inline wide chosen(mask which, wide yes, wide no) {
+    return (wide)((which & (mask)yes) | (~which & (mask)no));
+}
+
+static inline wide magnitude(wide x) {
+    return (wide)((mask)x & ((mask){0} + 0x7fffffffffffffffLL));
+}
+
+static inline mask finite(wide x) {
+    return magnitude(x) < all(REAL_INFINITY);
+}
+
+static inline int any(mask which) {
+    long long found = 0;
+    for (int lane = 0; lane < WIDTH; lane++)
+        found |= which[lane];
+    return found != 0;
+}
+
+static inline void exchange(mask which, wide *a, wide *b, ptrdiff_t count) {
+    for (ptrdiff_t i = 0; i < count; i++) {
+        const wide kept = a[i];
+        a[i] = chosen(which, b[i], kept);
+        b[i] = chosen(which, kept, b[i]);
+    }
+}
+
+static inline wide larger(wide a, wide b) {
+    return chosen(b > a, b, a);
+}
+
+static inline wide smaller(wide a, wide b) {
+    return chosen(b < a, b, a);
+}
+
+static void copy_where(mask which, const wide *from, ptrdiff_t count, wide *to) {
+    for (ptrdiff_t i = 0; i < count; i++)
+        to[i] = chosen(which, from[i], to[i]);
+}
+
+static void call(kernel function, const wide *t, const wide *q, const wide *u, const wide *p, wide *work, wide *out) {
+    function((const real *)t, (const real *)q, (const real *)u, (const real *)p, (real *)work, (real *)out);
+}
+
+static void load(const real *rows, ptrdiff_t count, wide *to) {
+    for (ptrdiff_t i = 0; i < count; i++)
+        for (int lane = 0; lane < WIDTH; lane++)
+            to[i][lane] = rows[lane * count + i];
+}
+
+/* -- systems of equations: as in linear.c --------------------------------------------------------------- */
+
+static mask factor_dense(ptrdiff_t n, wide *a, mask *swaps) {
+    mask regular = ~(mask){0};
+    for (ptrdiff_t k = 0; k < n; k++) {
+        mask best = (mask){0} + k;
+        wide pivot = a[k * n + k];
+        for (ptrdiff_t i = k + 1; i < n; i++) {
+            const mask greater = magnitude(a[i * n + k]) > magnitude(pivot);
+            pivot = chosen(greater, a[i * n + k], pivot);
+            best = (best & ~greater) | (greater & i);
+        }
+        swaps[k] = best;
+        regular &= (pivot != 0) & finite(pivot);
+        for (ptrdiff_t i = k + 1; i < n; i++)
+            exchange(best == i, a + i * n, a + k * n, n);
+        for (ptrdiff_t i = k + 1; i < n; i++) {
+            const wide factor = a[i * n + k] /= pivot;
+            for (ptrdiff_t j = k + 1; j < n; j++)
+                a[i * n + j] -= factor * a[k * n + j];
+        }
+    }
+    return regular;
+}
+
+static void solve_dense(ptrdiff_t n, const wide *a, const mask *swaps, wide *b) {
+    for (ptrdiff_t k = 0; k < n; k++)
+        for (ptrdiff_t i = k + 1; i < n; i++)
+            exchange(swaps[k] == i, b + k, b + i, 1);
+    for (ptrdiff_t i = 1; i < n; i++)
+        for (ptrdiff_t j = 0; j < i; j++)
+            b[i] -= a[i * n + j] * b[j];
+    for (ptrdiff_t i = n - 1; i >= 0; i--) {
+        for (ptrdiff_t j = i + 1; j < n; j++)
+            b[i] -= a[i * n + j] * b[j];
+        b[i] /= a[i * n + i];
+    }
+}

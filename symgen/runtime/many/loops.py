@@ -1,0 +1,103 @@
+"""Many variants of a driven loop, followed in SIMD lanes, with Python once for each block of them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symgen.runtime._loop import LoopLanes
+from symgen.runtime.kernels.batch import lanes_of
+from symgen.runtime.kernels.library import Library
+from symgen.runtime.loop.driven import LEAST_RANGE, PARTS, STAGES
+from symgen.runtime.loop.kernels import CLOSE, LoopKernels
+from symgen.runtime.loop.limits import WEAK
+from symgen.runtime.many.dataset import Keep, Kept
+from symgen.runtime.many.starts import given_of
+from symgen.runtime.result.records import Coordinate, over_time
+from symgen.runtime.result.turn import Turn, variables
+
+Array = NDArray[np.float64]
+#: Components of vectors.
+_AXES = ("x", "y", "z")
+
+
+@dataclass(frozen=True, slots=True)
+class DrivenLoops:
+    """Variants of a loop with parameters ``given`` (runs, parameters), followed from its start.
+
+    Attributes
+    ----------
+    kernels, batched
+        Kernels of one loop, and those that take vectors.
+    along, values
+        The first input and its increasing values, or None and times.
+    names
+        Outputs to record.
+    """
+
+    kernels: LoopKernels
+    batched: Library
+    given: Array
+    along: Coordinate | None
+    values: Array
+    names: frozenset[str]
+
+    @property
+    def grain(self) -> int:
+        """Number of runs that fill all lanes."""
+        return lanes_of(self.batched, self.kernels.description.name)[0]
+
+    def __call__(self, first: int, last: int, keep: Keep) -> list[Kept | None]:
+        """Carry out some runs; None stands for those that are to be carried out singly."""
+        kernels, d = self.kernels, self.kernels.description
+        own, given = np.array([p.default for p in d.parameters]), self.given[first:last]
+        lanes = LoopLanes(kernels.equations(d.having("dependent"), d.rank), self.batched, self.grain)
+        times, out, hold, closure, done = lanes.follow(
+            own,
+            np.ascontiguousarray(given),
+            np.array(d.start),
+            STAGES,
+            d.begin if d.span else None,
+            kernels.number_of_lead,
+            self.values,
+            self.along is not None,
+            CLOSE,
+            PARTS,
+            LEAST_RANGE,
+            WEAK,
+        )
+        done &= np.any(given != own, axis=1)  # the start with the parameters of the scene is stored
+        done &= ~np.any(hold[:, 1:] * hold[:, :-1] < 0.0, axis=1)  # a dead centre between samples
+        made = tuple(v for v in variables(d, np.moveaxis(out, 1, 2)) if v.name in self.names)
+        kept: list[Kept | None] = [None] * len(given)
+        for i in np.flatnonzero(done).tolist():
+            along = over_time(times[i]) if self.along is None else self.along
+            of_time = None if self.along is None else times[i]
+            kept[i] = keep(made, along, of_time, {"constraint": closure[i] * d.size}, _AXES, i)
+        return kept
+
+
+def driven_loops(model: Any, first: Turn, columns: Mapping[str, Array]) -> DrivenLoops | None:
+    """Return runs with the samples of a first one; None where each is to be carried out singly."""
+    d, kernels, along = model.description, model.kernels, first.coordinate
+    solved, count = len(d.having("dependent")), len(d.having("input"))
+    if kernels.typed is not None or model._typed is None or d.switches or not 0 < solved == d.rank <= 6:
+        return None
+    if (d.rank < 6 and count > 1) or not np.all(np.diff(along.values) > 0.0):
+        return None  # an input of several may be held by the closure
+    batched = model._typed.kernels(True)
+    if batched.backend != "c" or lanes_of(batched, d.name)[0] < 2:
+        return None
+    names = frozenset(v.name for v in first.variables)
+    return DrivenLoops(
+        kernels,
+        batched,
+        given_of(kernels, columns, None),
+        None if along.name == "time" else along,
+        along.values,
+        names,
+    )
