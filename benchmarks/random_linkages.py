@@ -193,7 +193,7 @@ def measured(count: int, seed: int, processes: int) -> Measurement:
             DEAD_APART,
             False,
         ),
-        Required("linkages that one way reaches farther", sum(r["missed"] for r in rows), 0, False),
+        Required("linkages reached farther by one of the methods", sum(r["missed"] for r in rows), 0, False),
         Required("dead centres met", sum(r["dead centres"] for r in rows), 1 if count > 50 else 0, True),
     ]
     return Measurement("Random linkages against the curve by arc length", rows, required)

@@ -22,7 +22,7 @@ struct loop_lane_task {
     ptrdiff_t count;
     double close, longest, apart; /* rounding of a value; the longest step's part of the range, and the least range [s] */
     double least;                 /* part of the largest pivot below which the least one ends a lane */
-    real *out;                    /* what the kernel `outputs` writes, the values of each entry at all times in a row */
+    real *out;                    /* entries of the kernel `outputs`, the values of each at all times in a row */
     real *hold;                   /* hold of the drives there */
     double *closure;              /* the largest of each lane */
     ptrdiff_t *reached;           /* how many times were; undefined rows are left where not all were */
@@ -40,7 +40,7 @@ struct loop_lanes_api {
     void (*follow)(struct loop_lanes *l, const struct loop_lane_task *task);
 };
 
-/* The functions for vectors of so many doubles, NULL where there are none. */
+/* The functions for vectors of so many doubles, or NULL. */
 const struct loop_lanes_api *loop_lanes_of(ptrdiff_t width);
 
 extern const struct loop_lanes_api symgen_loop_lanes_2, symgen_loop_lanes_4, symgen_loop_lanes_8;
