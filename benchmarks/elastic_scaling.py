@@ -5,9 +5,10 @@ one proportional to stiffness; and the shipped four-bar with a rigid coupler bet
 a rigid crank and inextensible other links, and with all links inextensible. The time is processor time of one
 step of the default method, Gauss collocation with 6 stages.
 
-Error estimates are those of runs of the shipped elastic scenes at tolerances from 1e-2 to 1e-8. The true
-error is the difference of stresses from a run with 80 steps between recorded times, over their peak, the
-largest of all stations and times.
+Error estimates are those of the shipped elastic scenes: of runs and of steady states at tolerances from 1e-2
+to 1e-8, and of runs with given steps; and the same with damping ratios of all modes of the structure. The
+true error is the difference of stresses from a run or steady state with many more steps, over their peak, the
+largest of all stations and times. Errors below that of round-off have no ratio.
 """
 
 from __future__ import annotations
@@ -31,8 +32,15 @@ SCENES = (
     *("elastic_four_bar", "elastic_four_bar_free", "elastic_four_bar_motor"),
     *("elastic_slider_crank", "rotating_cantilever"),
 )
-COLUMNS = ("linkage", "elements per link", "step [ms]", "rtol", "steps", "estimate", "true error", "ratio")
-SAMPLES, FINE, TOLERANCES = 361, 80, tuple(10.0**-k for k in range(2, 9))
+COLUMNS = (
+    *("linkage", "elements per link", "step [ms]"),
+    *("call", "rtol", "steps", "estimate", "true error", "ratio"),
+)
+SAMPLES, TOLERANCES = 361, tuple(10.0**-k for k in range(2, 9))
+#: Steps per revolution of runs with given steps; steps between recorded times of references.
+GIVEN, FINE, FINE_STEADY = (400, 720, 1100, 1500, 2200, 3600), 80, 12
+#: Round-off of stresses of steady states of undamped linkages.
+ROUND_OFF = 1e-10
 #: The least and the largest part of an error estimate that the true error may be.
 OVER, AT_MOST = 3.0, 30.0
 SHORT = {"axial": False}
@@ -84,17 +92,45 @@ def error(found: Any, exact: Any) -> float:
     return max(float(np.max(np.abs(a - b)) / np.max(np.abs(b))) for a, b in pairs if np.any(b))
 
 
-def estimates(scene: str, tolerances: Sequence[float]) -> list[dict[str, Any]]:
-    """Return tolerance, steps, error estimate and true error of runs of a scene."""
-    model = symgen.build(scene)
+def modally_damped(scene: str) -> Any:
+    """Return the model of a scene with a damping ratio of all modes of the structure, and none of links."""
+    data = copy.deepcopy(dict(read_scene(scene).data))
+    for link in data["links"].values():
+        link.get("elastic", {}).pop("damping", None)
+    return symgen.build(symgen.Scene(**data, modal_damping={"ratio": 0.01}))
+
+
+def estimates(scene: str, modal: bool) -> list[dict[str, Any]]:
+    """Return call, tolerance, steps, error estimate and true error of runs of a scene."""
+    model = modally_damped(scene) if modal else symgen.build(scene)
     exact = model.simulate(steps=(SAMPLES - 1) * FINE, samples=SAMPLES)
+    steady = model.periodic(steps=(SAMPLES - 1) * FINE_STEADY, samples=SAMPLES)
+    calls = [
+        *(("run", rtol, model.simulate, exact, {"rtol": rtol}) for rtol in TOLERANCES),
+        *(("given steps", None, model.simulate, exact, {"steps": steps}) for steps in GIVEN),
+        *(("steady state", rtol, model.periodic, steady, {"rtol": rtol}) for rtol in TOLERANCES),
+    ]
     rows = []
-    for rtol in tolerances:
-        run = model.simulate(rtol=rtol, samples=SAMPLES)
-        true, estimate = error(run, exact), run.statistics["error"]
-        found = {"rtol": rtol, "steps": run.statistics["steps"], "estimate": estimate}
-        rows.append(row(scene, {**found, "true error": true, "ratio": estimate / true}))
+    for call, rtol, verb, reference, options in calls:
+        run = verb(**options, samples=SAMPLES)
+        true, estimate = error(run, reference), run.statistics["error"]
+        found = {"call": call, "rtol": rtol, "steps": run.statistics["steps"], "estimate": estimate}
+        ratio = estimate / true if true > ROUND_OFF else None
+        rows.append(row(scene, {**found, "true error": true, "ratio": ratio}))
     return rows
+
+
+def of_estimates(name: str, runs: Sequence[dict[str, Any]]) -> list[Required]:
+    """Return what is required of the estimates of runs."""
+    required = []
+    if within := [run["estimate"] / run["rtol"] for run in runs if run["rtol"]]:
+        required.append(Required(f"estimates within rtol, {name}", max(within), 1.0, False))
+    if ratios := [run["ratio"] for run in runs if run["ratio"]]:
+        required += [
+            Required(f"least estimate over true error, {name}", min(ratios), OVER, True),
+            Required(f"largest estimate over true error, {name}", max(ratios), AT_MOST, False),
+        ]
+    return required
 
 
 def measured() -> Measurement:
@@ -109,16 +145,12 @@ def measured() -> Measurement:
         exponent = float(np.polyfit(np.log(list(costs)), np.log(list(costs.values())), 1)[0])
         required.append(Required(f"exponent of a step, {name}", exponent, EXPONENT, False, timed=True))
     for scene in SCENES:
-        runs = estimates(scene, TOLERANCES)
-        ratios = [run["ratio"] for run in runs]
-        rows += runs
-        required += [
-            Required(
-                f"estimates within rtol, {scene}", max(r["estimate"] / r["rtol"] for r in runs), 1.0, False
-            ),
-            Required(f"least estimate over true error, {scene}", min(ratios), OVER, True),
-            Required(f"largest estimate over true error, {scene}", max(ratios), AT_MOST, False),
-        ]
+        for modal in (False, True):
+            runs = estimates(scene, modal)
+            rows += runs
+            for call in ("run", "given steps", "steady state"):
+                name = f"{scene}{', modal damping' if modal else ''}, {call}"
+                required += of_estimates(name, [r for r in runs if r["call"] == call])
     notes = [f"Best of {ROUNDS} rounds of {STEPS} steps; exponents by least squares of logarithms."]
     return Measurement(
         "Steps of elastic linkages by elements per link, and their error estimates", rows, required, notes

@@ -45,6 +45,23 @@ def test_estimate_is_a_few_times_the_true_error(scene, method, tolerances):
         assert 3 * true < estimate < 30 * true
 
 
+@pytest.mark.parametrize("method", ["gauss", "newmark"])
+def test_estimate_of_given_steps_is_a_few_times_the_true_error(method):
+    model = symgen.build("elastic_four_bar")
+    run = model.simulate(method=method, steps=1080, samples=SAMPLES)
+    true = error(run, model.simulate(steps=3600, samples=SAMPLES))
+    assert 3 * true < run.statistics["error"] < 30 * true
+
+
+@pytest.mark.parametrize("rtol", [1e-2, 1e-4, 1e-6])
+def test_estimate_of_a_steady_state_is_a_few_times_the_true_error(rtol):
+    model = symgen.build("elastic_four_bar")
+    run = model.periodic(rtol=rtol, samples=SAMPLES)
+    true = error(run, model.periodic(steps=1440, samples=SAMPLES))
+    assert run.statistics["error"] <= rtol
+    assert 3 * true < run.statistics["error"] < 30 * true
+
+
 def damped():
     """Four-bar with a rigid crank at 150 rpm, other links of 4 elements with a damping ratio of 0.02."""
     data = copy.deepcopy(dict(read_scene("elastic_four_bar").data))

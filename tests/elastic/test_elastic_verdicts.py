@@ -58,7 +58,7 @@ def test_verdict():
 
 def test_error_of_steps_that_are_given(four_bar):
     assert four_bar.periodic(steps=256, samples=31).statistics["error"] < 1e-2
-    assert four_bar.periodic(steps=1, samples=2).statistics["error"] is None
+    assert four_bar.periodic(steps=1, samples=2).statistics["error"] > 1.0
 
 
 @pytest.mark.parametrize("kind", ["guyan", "craig-bampton"])

@@ -24,10 +24,7 @@ _BALANCED, _NOTHING = 0.05, 1e-9
 #: Part of the largest stress below which one is round-off.
 _NOISE = 1e-9
 #: Steps of the run that a run is compared with, over its own, and the error estimate over its error.
-FINER, _SAFETY = 1.2, 5.0
-#: Part of an error that doubling the steps leaves: assumed where one doubling alone is known, for vibrations
-#: that are not resolved leave as much as the runs differ by; and the largest that is assumed.
-_UNSEEN, _STALLED = 0.6, 0.9
+FINER, SAFETY = 1.2, 5.0
 
 
 def outputs(motion: ElasticMotion, links: Array, displacements: Array) -> list[Variable]:
@@ -164,14 +161,12 @@ class Errors:
         self, motion: ElasticMotion, equations: _beams.BeamEquations, times: Array, order: int
     ) -> None:
         self._motion, self._equations, self._times = motion, equations, times
-        self._best = 0.5**order
-        self._safety = _SAFETY / (1 - FINER**-order)
-        self._before: float | None = None
+        self._safety = SAFETY / (1 - FINER**-order)
         self._peaks: list[float] = []
-        #: Errors that grew in a row, and the least so far, by ``of_steps``.
+        #: Errors that grew in a row, and the least so far, by ``of``.
         self.grown, self.least, self._last = 0, math.inf, math.inf
 
-    def of_steps(self, run: Array, finer: Array, places: NDArray[np.intp] | None = None) -> Array:
+    def of(self, run: Array, finer: Array, places: NDArray[np.intp] | None = None) -> Array:
         """Return the error (times,) of a run (times, unknowns) by one of at least ``FINER`` times its steps.
 
         Steps that do not resolve a vibration leave as much in both runs as they differ by.
@@ -181,19 +176,6 @@ class Errors:
         self.grown = self.grown + 1 if error > self._last else 0
         self.least, self._last = min(self.least, error), error
         return errors
-
-    def of(self, coarse: Array, fine: Array) -> float:
-        """Return the error of the finer of two runs, (times, unknowns), with twice the steps of the other.
-
-        The differences between runs fall as a series. Its rate is the one seen last, not better than the
-        order of the method says: vibrations that steps do not resolve would else hide behind a high order.
-        """
-        difference = float(np.max(self._differences(coarse, fine)))
-        rate = _UNSEEN
-        if self._before:
-            rate = min(max(difference / self._before, self._best), _STALLED)
-        self._before = difference if math.isfinite(difference) else None
-        return difference * rate / (1 - rate)
 
     @cached_property
     def _links(self) -> Array:

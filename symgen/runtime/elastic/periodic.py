@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Protocol
 
 import numpy as np
@@ -15,12 +15,14 @@ from symgen.errors import ModelError, SimulationError
 from symgen.runtime import _beams
 from symgen.runtime.beams.methods import GAUSS
 from symgen.runtime.elastic.motion import ElasticMotion
-from symgen.runtime.elastic.outputs import Errors
+from symgen.runtime.elastic.outputs import SAFETY, Errors
 from symgen.runtime.elastic.steps import (
     Counts,
     Found,
     Task,
+    finer_counts,
     first_steps,
+    next_factor,
     step_counts,
     stepped,
 )
@@ -79,39 +81,41 @@ def periodic(
         _check_repeats(motion, equations)
     free = motion.layout.unknowns - motion.layout.constraints
     errors = Errors(motion, equations, times, GAUSS.order)
-    # The estimates need two runs: with half the requested steps, then with all.
     per_turn = first_steps(motion, task, _FIRST)
-    if task.steps and task.steps > 1:
-        per_turn = task.steps // 2
     worth = _WORTH / (2 * free + 1) ** 2
     slowest = 2.0 * motion.lowest_frequency * motion.period
-    before: Array | None = None
-    largest, error = 0.0, None
-    shift: float | None = None
+    more, before = 1.0, 0.0
+
+    def run(per_turn: int, finer: bool) -> tuple[_Shot, tuple[Array, Array], Counts]:
+        counts, turns = (step_counts(motion, ends, per_turn) for ends in (times, _ends(motion)))
+        if finer:
+            counts, turns = finer_counts(counts), finer_counts(turns)
+        shot = _shot(motion, equations, turns, pace)
+        both = stepped(motion, equations, GAUSS, times, counts, shot.start, pace=pace)
+        steps = shot.steps + int(np.sum(counts))
+        passes.append(Found(*both, steps, floquet=shot.multipliers, counts=counts))
+        return shot, both, counts
+
     while True:
-        shot = _shot(motion, equations, per_turn, pace)
-        multipliers, steps = shot.multipliers, shot.steps
-        counts = step_counts(motion, times, per_turn)
-        found, rates = stepped(motion, equations, GAUSS, times, counts, shot.start, pace=pace)
-        passes.append(
-            Found(found, rates, steps + int(np.sum(counts)), error, multipliers, shift, counts=counts)
-        )
-        if before is not None:
-            error = errors.of(before, found)
-            # Steps longer than half a vibration turn all multipliers to one, and agree on it.
-            shift = abs(abs(multipliers[0]) - largest) if per_turn >= slowest else None
-        known = shift is not None and shift <= FLOQUET_SETTLED * abs(multipliers[0])
-        enough = error is not None and error <= task.rtol
-        enough = enough and (known or max(2 * per_turn, slowest) > worth)
-        if per_turn == task.steps or (enough and task.steps is None):
-            found, rates = _in_phase(motion, equations, times, counts, shot, (found, rates), pace)
-            return Found(found, rates, steps + int(np.sum(counts)), error, multipliers, shift)
+        shot, both, counts = run(per_turn, finer=False)
+        found = passes[-1]
+        finer, compared, _ = run(per_turn, finer=True)
+        error = float(np.max(errors.of(both[0], compared[0])))
+        largest = abs(shot.multipliers[0])
+        # Steps longer than half a vibration turn all multipliers to one, and agree on it.
+        shift = SAFETY * abs(abs(finer.multipliers[0]) - largest) if per_turn >= slowest else None
+        known = shift is not None and shift <= FLOQUET_SETTLED * largest
+        settled = known or max(2 * per_turn, slowest) > worth
+        if task.steps is not None or (error <= task.rtol and settled):
+            moved, rates = _in_phase(motion, equations, times, counts, shot, both, pace)
+            return replace(found, displacements=moved, rates=rates, error=error, floquet_error=shift)
         if per_turn >= _MOST:
             raise SimulationError(
                 f"{motion.rigid.name}: shooting does not come within {task.rtol:g} of the peak stress"
             )
-        before, largest = found, abs(multipliers[0])
-        per_turn = task.steps or 2 * per_turn
+        falls = error < before * more ** (-GAUSS.order / 2)
+        more = next_factor(error, task.rtol, GAUSS.order, falls and error > task.rtol)
+        per_turn, before = math.ceil(more * per_turn), error
 
 
 def _check_repeats(motion: ElasticMotion, equations: _beams.BeamEquations) -> None:
@@ -144,7 +148,7 @@ def again(
         When there are more unknowns than are stepped together.
     """
     _check_size(motion)
-    shot = _shot(motion, equations, int(np.sum(counts)), pace)
+    shot = _shot(motion, equations, step_counts(motion, _ends(motion), int(np.sum(counts))), pace)
     found = stepped(motion, equations, GAUSS, times, counts, shot.start, pace=pace)
     return _in_phase(motion, equations, times, counts, shot, found, pace)[0]
 
@@ -196,7 +200,7 @@ def _in_phase(
     return s, v
 
 
-def _shot(motion: ElasticMotion, equations: _beams.BeamEquations, per_turn: int, pace: Pace) -> _Shot:
+def _shot(motion: ElasticMotion, equations: _beams.BeamEquations, turns: Counts, pace: Pace) -> _Shot:
     """Step all states over one revolution, and solve for the one that repeats."""
     status, *_, basis = equations.matrices(0.0)
     motion.check(equations, status, 0.0)
@@ -207,7 +211,7 @@ def _shot(motion: ElasticMotion, equations: _beams.BeamEquations, per_turn: int,
     v = np.hstack([np.zeros((n, 1)), own[1], own[0]])
     steps = _beams.BeamSteps(equations, GAUSS, 2 * free + 1)
     motion.check(equations, steps.start(0.0, s, v), 0.0)
-    _turn(motion, equations, steps, per_turn, pace)
+    _turn(motion, equations, steps, turns, pace)
     ends_s, ends_v = steps.displacements, steps.rates
     # The free unknowns are those that R copies: one row of R is a unit row for each.
     rows = [int(np.flatnonzero(np.all(own[0] == np.eye(free)[k], axis=1))[0]) for k in range(free)]
@@ -259,21 +263,25 @@ def _open_phase(transition: Array) -> tuple[float, Array, Array] | None:
     return float(values[k].real), r, x / (x @ r)
 
 
+def _ends(motion: ElasticMotion) -> Array:
+    """Return the times [s] of jumps of the loads in a revolution, and of its end."""
+    return np.append(motion.jumps[motion.jumps[:, 0] > 0.0, 0], motion.period)
+
+
 def _turn(
-    motion: ElasticMotion, equations: _beams.BeamEquations, steps: _beams.BeamSteps, per_turn: int, pace: Pace
+    motion: ElasticMotion, equations: _beams.BeamEquations, steps: _beams.BeamSteps, turns: Counts, pace: Pace
 ) -> None:
     """Step all states together over one revolution, from jump to jump of the loads."""
     begin = 0.0
     pace.restart(0.0)
-    ends = np.append(motion.jumps[motion.jumps[:, 0] > 0.0, 0], motion.period)
-    for end, count in zip(ends.tolist(), step_counts(motion, ends, per_turn).tolist(), strict=True):
+    for end, count in zip(_ends(motion).tolist(), turns.tolist(), strict=True):
         taken = 0
         while taken < count:
             to = min(taken + pace.chunk(), count)
             motion.check(equations, steps.advance(begin, end, count, taken, to), end)
             taken = to
             at = begin + (end - begin) * taken / count
-            if pace.spent(at, f", with {per_turn} steps per revolution"):
+            if pace.spent(at, f", with {int(np.sum(turns))} steps per revolution"):
                 none: Counts = np.zeros(0, dtype=np.intp)
                 empty = np.zeros((0, motion.layout.unknowns))
                 raise OutOfTime(at, Found(empty, empty, steps.steps), none)

@@ -152,6 +152,16 @@ def step_counts(motion: ElasticMotion, times: Array, per_turn: int) -> Counts:
     return np.where(gaps > 0.0, counts, 0)
 
 
+def finer_counts(counts: Counts) -> Counts:
+    """Return the steps of the run that a run is compared with: at least ``FINER`` times as many."""
+    return np.ceil(FINER * counts - 1e-9).astype(np.intp)
+
+
+def next_factor(error: float, rtol: float, order: int, falls: bool) -> float:
+    """Return by how much to multiply steps: twice at most, and twice until errors fall as the order says."""
+    return min((error / rtol) ** (1 / order), 2.0) if falls else 2.0
+
+
 def stepped(
     motion: ElasticMotion,
     equations: _beams.BeamEquations,
@@ -244,9 +254,10 @@ def adapted(
 ) -> Found:
     """Take the requested steps, or as many as ``rtol`` needs; append complete runs to ``passes``.
 
-    The error of a run follows from another with finer steps. Where it falls as the method's order says, it
-    gives the steps that are needed; before, where steps do not resolve a vibration, they are doubled, on the
-    first part of the run if the error lasts. Steps after the last time with too large an error are kept.
+    The error of a run follows from another with finer steps, also where steps are given. Where it falls as
+    the method's order says, it gives the steps that are needed; before, where steps do not resolve a
+    vibration, they are doubled, on the first part of the run if the error lasts. Steps after the last time
+    with too large an error are kept.
 
     Raises
     ------
@@ -277,19 +288,16 @@ def adapted(
         return found, rates
 
     if task.steps is not None:
-        halved = np.where(counts > 0, np.maximum(1, counts // 2), 0)
-        fine, rates = run(counts, progress)
-        if np.array_equal(halved, counts):
-            return Found(fine, rates, int(np.sum(counts)), spent=spent, counts=counts)
-        coarse, _ = run(halved)
-        return Found(fine, rates, int(np.sum(counts)), errors.of(coarse, fine), spent=spent, counts=counts)
+        found = run(counts, progress)
+        error = float(np.max(errors.of(found[0], run(finer_counts(counts))[0])))
+        return Found(*found, int(np.sum(counts)), error, spent=spent, counts=counts)
     order = np.argsort(times, kind="stable")
     found = run(counts, progress)
     more, before = 1.0, 0.0
     while np.sum(counts) < _MOST * max(1.0, task.revolutions):
-        finer = np.ceil(FINER * counts - 1e-9).astype(np.intp)
+        finer = finer_counts(counts)
         compared = run(finer, progress)
-        parts = errors.of_steps(found[0], compared[0])[order]
+        parts = errors.of(found[0], compared[0])[order]
         error = float(np.max(parts))
         if error <= task.rtol:
             return Found(*found, int(np.sum(counts)), error, spent=spent, counts=counts)
@@ -299,7 +307,7 @@ def adapted(
         falls = error < before * more ** (-method.order / 2)
         late = parts[-len(parts) // _PART :]
         lasts = not falls and len(times) >= _FEW and np.max(late) > max(task.rtol, _LASTING * error)
-        more = min((error / task.rtol) ** (1 / method.order), 2.0) if falls else 2.0
+        more = next_factor(error, task.rtol, method.order, falls)
         early = np.arange(len(counts)) <= last
         counts = np.where(early, np.ceil(more * counts - 1e-9).astype(np.intp), counts)
         before = error
@@ -328,11 +336,11 @@ def _counts_by_part(
     pace = Pace(0.0, float(times[part[-1]]))
     while np.sum(counts) < _MOST:
         own = counts[: len(part)]
-        finer = np.ceil(FINER * own - 1e-9).astype(np.intp)
+        finer = finer_counts(own)
         found, compared = (
             stepped(motion, equations, method, times[part], c, pace=pace)[0] for c in (own, finer)
         )
-        error = float(np.max(errors.of_steps(found, compared, part)))
+        error = float(np.max(errors.of(found, compared, part)))
         if error <= task.rtol:
             needed = (_PART * error / task.rtol) ** (1 / method.order)
             return np.ceil(min(max(needed, _LEAST), 1.0) * counts - 1e-9).astype(np.intp)
