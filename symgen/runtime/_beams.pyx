@@ -44,7 +44,7 @@ cdef extern from "core/elastic.h" nogil:
 
     cdef struct beam_layout:
         Py_ssize_t unknowns, constraints, pieces, coordinates, masses, dampings, stiffnesses
-        Py_ssize_t shaft, shaft_slot, damped, damped_at, entries, band, inner, constant_count, most_joints
+        Py_ssize_t shaft, shaft_slot, damped, coupled, damped_at, entries, band, inner, constant_count, most_joints
         const Py_ssize_t *sizes
         const Py_ssize_t *constants_at
         const Py_ssize_t *link_of
@@ -82,6 +82,9 @@ cdef extern from "core/elastic.h" nogil:
         const void *full_stiffness
         const void *full_load
         const void *bound
+        long modes
+        const void *forces
+        const void *full_forces
 
     cdef struct beam_scheme:
         long stages
@@ -307,7 +310,12 @@ cdef int _check_layout(layout, Py_ssize_t links, Py_ssize_t joined) except -1:
     if len(layout.damped):
         forces = len(layout.damped) * (int(np.sum(sizes)) + coordinates)
         at_least("constants", len(layout.constants), layout.damped_at + forces)
-        at_least("entries of matrices with damped modes", entries, n * n)
+        if layout.coupled not in (0, len(layout.damped)):
+            raise ValueError(f"expected no or {len(layout.damped)} modes apart from matrices, got {layout.coupled}")
+        if not layout.coupled:
+            at_least("entries of matrices with damped modes", entries, n * n)
+    elif layout.coupled:
+        raise ValueError(f"expected no modes apart from matrices, got {layout.coupled}")
     slots = layout.mass_slots, layout.damping_slots, layout.stiffness_slots
     blocks = [coordinates, *[len(s) - 1 for s in slots], *[m * coordinates] * 3]
     for start, count in zip(layout.joint_at, blocks):
@@ -347,7 +355,7 @@ cdef class BeamEquations(Integrable):
         wanted.masses, wanted.dampings = counts["masses"], counts["dampings"]
         wanted.stiffnesses, wanted.most_joints = counts["stiffnesses"], counts["most_joints"]
         wanted.shaft, wanted.shaft_slot = counts["shaft"], counts["shaft_slot"]
-        wanted.damped, wanted.damped_at = counts["damped"], counts["damped_at"]
+        wanted.damped, wanted.coupled, wanted.damped_at = counts["damped"], counts["coupled"], counts["damped_at"]
         wanted.entries, wanted.band, wanted.inner = counts["entries"], counts["band"], counts["inner"]
         wanted.constant_count, wanted.thesis = counts["constant_count"], thesis
         wanted.sizes, wanted.constants_at = _kept(kept, layout.sizes), _kept(kept, layout.constants_at)
@@ -396,6 +404,9 @@ cdef class BeamEquations(Integrable):
             matrix = np.zeros((seen.free, seen.free))
             matrix[rows, columns] = values
             made.append(matrix)
+        forces = self._array(seen.forces, (seen.modes, 2, seen.free))
+        made[1] += forces[:, 0].T @ forces[:, 0]
+        made[2] += forces[:, 0].T @ forces[:, 1]
         basis = None
         if self.m:
             basis = np.zeros((3, seen.whole, seen.free))
@@ -406,7 +417,10 @@ cdef class BeamEquations(Integrable):
         return status, *made, self._array(seen.load, seen.free), basis
 
     def sparse(self, double t, int analysis=_IN_MOTION):
-        """Return status, rows, columns, and the entries there of mass, damping and stiffness."""
+        """Return status, rows, columns, and the entries there of mass, damping and stiffness.
+
+        The damping of modes is not in the last two where it is kept apart: see ``coupled`` of the layout.
+        """
         cdef matrices_view seen
         cdef int status = self.api.beams_assemble(<beams *>self.core, t, analysis)
         self.api.beams_view(<beams *>self.core, &seen)
@@ -439,6 +453,8 @@ cdef class BeamEquations(Integrable):
                     self._array(seen.full_stiffness, seen.full_entries))
         for values, by in zip(matrices, (a, v, s)):
             found += np.bincount(rows, values * np.asarray(by)[columns], self.whole)
+        forces = self._array(seen.full_forces, (seen.modes, 2, seen.whole))
+        found += (forces[:, 0] @ v + forces[:, 1] @ s) @ forces[:, 0]
         bound = np.zeros((self.m, seen.whole))
         if self.m:
             bound[:, seen.inner:] = self._array(seen.bound, (self.m, seen.whole - seen.inner))

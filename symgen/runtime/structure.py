@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from symgen.errors import ModelError, SceneError
 from symgen.runtime import _beams
 from symgen.runtime._beams import MOTION
-from symgen.runtime.beams.damping import modal_forces
+from symgen.runtime.beams.damping import modal_forces, shared
 from symgen.runtime.beams.frames import frames
 from symgen.runtime.beams.layout import Layout
 from symgen.runtime.beams.links import Beam
@@ -20,6 +20,8 @@ Array = NDArray[np.float64]
 #: Strain energy of a shape over the sum of its terms' sizes, up to which it is round-off of a rigid motion. A
 #: slender bar of a thousand elements keeps 1e-12.
 ROUND_OFF = 1e-14
+#: Force of a spring at a joint over the largest on a link, up to which it is round-off.
+_SPRING = 1e-9
 
 
 class UnstableError(ModelError):
@@ -100,11 +102,13 @@ def forces_of_modes(
     beams: Sequence[Beam],
     ratios: Array,
     every: bool,
-) -> Array:
+) -> tuple[Array, float]:
     """Return forces f of modes of the structure, whose damping is the sum of f f^T; see :class:`Layout`.
 
-    They are those of :func:`symgen.runtime.beams.damping.modal_forces`. On each superelement, in the axes of
-    its link, they are in balance: the damping opposes rates of strain, and no rigid motion in any pose.
+    They are those of :func:`symgen.runtime.beams.damping.modal_forces`, and the second result is the factor
+    [s] of the stiffness of links that damps all modes, by :func:`symgen.runtime.beams.damping.shared` where
+    one ratio damps every mode and no joint has a spring. On each superelement, in the axes of its link, they
+    are in balance: the damping opposes rates of strain, and no rigid motion in any pose.
 
     Parameters
     ----------
@@ -147,15 +151,20 @@ def forces_of_modes(
         for piece in beam.pieces:
             force = piece.stiffness @ own[list(piece.at)]
             found.append(force)
-            whole = np.zeros_like(own)
-            whole[list(piece.at)] = force
+            there = np.zeros_like(own)
+            there[list(piece.at)] = force
             for u, w in beam.joints:
-                whole[u], whole[w] = axes.fixed(whole[u].copy(), whole[w].copy())
+                there[u], there[w] = axes.fixed(there[u].copy(), there[w].copy())
             held = places < 0
-            np.subtract.at(left, places[~held], whole[~held])
-    joints = layout.joint_places[:-1]
-    of_joints = np.where(joints[:, None] >= 0, left[joints], 0.0) * (len(layout.stiffness_slots) > 1)
-    return modal_forces(np.vstack([*found, of_joints]), speeds, ratios).T
+            np.subtract.at(left, places[~held], there[~held])
+    joints, forces, factor = layout.joint_places[:-1], np.vstack(found), 0.0
+    of_joints = np.where(joints[:, None] >= 0, left[joints], 0.0)
+    if np.max(np.abs(of_joints), initial=0.0) <= _SPRING * np.max(np.abs(forces), initial=0.0):
+        of_joints[:] = 0.0
+        if every:
+            ratios, factor = shared(float(ratios[0]), speeds)
+    whole = np.vstack([forces, of_joints])[:, : len(ratios)]
+    return modal_forces(whole, speeds[: len(ratios)], ratios).T, factor
 
 
 def forces_on_links(layout: Layout, beams: Sequence[Beam]) -> list[Array]:

@@ -15,7 +15,8 @@ from symgen.scene.loading import read_scene
 
 SHORT = {"axial": False}
 RAYLEIGH = {"damping": {"mass": "3 1/s", "stiffness": "1e-6 s"}}
-#: Topologies with constraints: the shipped scene, and what its links have under `elastic`; None is a rigid link.
+#: Topologies: the shipped scene, what its links have under `elastic`, and damping ratios of modes; None is a rigid
+#: link.
 LINKAGES = {
     "slider": ("elastic_slider_crank", {"rod": RAYLEIGH}),
     "slider, modal damping": ("elastic_slider_crank", {}),
@@ -24,6 +25,11 @@ LINKAGES = {
     "rigid crank": ("elastic_four_bar", {"crank": None, "coupler": SHORT, "output": RAYLEIGH}),
     "inextensible links": ("elastic_four_bar", {"crank": SHORT, "coupler": SHORT, "output": SHORT}),
     "free crank": ("elastic_four_bar_free", {"coupler": SHORT}),
+    "slider, few damped modes": ("elastic_slider_crank", {"rod": RAYLEIGH, "modes": [0.1, 0.02]}),
+    "inextensible links, a damped mode": (
+        "elastic_four_bar",
+        {"crank": SHORT, "coupler": SHORT, "output": SHORT, "modes": [0.05]},
+    ),
 }
 
 
@@ -31,7 +37,9 @@ def linkage(name, elements):
     scene, changes = LINKAGES[name]
     data = copy.deepcopy(dict(read_scene(scene).data))
     for link, options in changes.items():
-        if options is None:
+        if link == "modes":
+            data["modal_damping"] = {"ratio": options}
+        elif options is None:
             del data["links"][link]["elastic"]
         else:
             data["links"][link]["elastic"] |= options

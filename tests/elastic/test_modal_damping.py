@@ -8,10 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 import shared.elastic_scenes as bars
+from scipy.linalg import eigh
 
 import symgen
 from symgen.errors import ModelError, SceneError
 from symgen.runtime import _beams
+from symgen.runtime.beams.pieces import whole
 
 #: sqrt(E I / rho A) / L^2 [rad/s] of the bar of the scenes.
 BENT = float(np.sqrt(bars.E * bars.INERTIA / (bars.RHO * bars.AREA)) / bars.LENGTH**2)
@@ -113,6 +115,34 @@ def test_modes_of_a_linkage_have_the_ratio_where_it_starts(tmp_path):
     here, there = model.modes(), model.modes(at=float(model._motion(True).angle) + 1.0)
     assert here.ratios == pytest.approx(0.02, rel=1e-6)
     assert np.all(there.ratios > 0) and there.ratios != pytest.approx(0.02, rel=1e-3)
+
+
+def in_proportion(frequencies, ratio):
+    """The ratio for the first 24, above in proportion to the frequency."""
+    return ratio * np.maximum(1.0, frequencies / frequencies[23])
+
+
+def test_modes_above_the_24th_have_ratios_in_proportion_to_their_frequencies(tmp_path):
+    model = bars.cantilever(tmp_path, ", elements = 14", more=damped(0.03))
+    modes, layout = model.modes(), model._motion(True).layout
+    assert modes.ratios == pytest.approx(in_proportion(modes.frequencies, 0.03), rel=1e-6)
+    assert layout.coupled == 23 and layout.band < 9
+
+
+def test_a_link_of_many_elements_has_its_ratio_in_its_first_modes(tmp_path):
+    link = bars.cantilever(tmp_path, ", elements = 10, damping = { ratio = 0.05 }")._motion(True).beams[0]
+    total = whole(link.pieces, len(link.dofs))
+    places = np.concatenate([piece.at for piece in link.pieces])
+    forces = np.zeros((len(link.damped), len(link.dofs)))
+    for mode, force in zip(forces, link.damped, strict=True):
+        np.add.at(mode, places, force)
+    free = [k for k in range(len(link.dofs)) if k not in link.fixed]
+    squares, shapes = eigh(total.stiffness[np.ix_(free, free)], total.mass[np.ix_(free, free)])
+    damping = (total.damping + forces.T @ forces)[np.ix_(free, free)]
+    speeds, shapes = np.sqrt(squares[3:]), shapes[:, 3:]
+    ratios = np.diagonal(shapes.T @ damping @ shapes) / (2 * speeds)
+    assert len(link.pieces) == 10 and len(ratios) > 24
+    assert ratios == pytest.approx(in_proportion(speeds, 0.05), rel=1e-6)
 
 
 @pytest.mark.parametrize("ratios", [[0.01] * 100, 1.0, -0.1, []])

@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from symgen.errors import SceneError
 from symgen.runtime.beams.data import BeamInfo, Piece, Properties
+from symgen.runtime.beams.pieces import whole
 
 Array = NDArray[np.float64]
 
+#: The most modes of a link or a structure that each have a damping ratio by forces of their own.
+_OWN = 24
 #: Number of rigid motions of a link in the plane.
 _RIGID = 3
 
@@ -19,6 +23,11 @@ _RIGID = 3
 def rayleigh(piece: Piece, properties: Properties) -> Array:
     """Return ``mass_damping`` times the mass plus ``stiffness_damping`` times the stiffness, (n, n)."""
     return properties.mass_damping * piece.mass + properties.stiffness_damping * piece.stiffness
+
+
+def stiffened(pieces: Sequence[Piece], factor: float) -> tuple[Piece, ...]:
+    """Return pieces with damping of so many seconds times their stiffness added."""
+    return tuple(replace(piece, damping=piece.damping + factor * piece.stiffness) for piece in pieces)
 
 
 def modal_forces(elastic: Array, speeds: Array, ratios: float | Array) -> Array:
@@ -39,8 +48,36 @@ def modal_forces(elastic: Array, speeds: Array, ratios: float | Array) -> Array:
     return found
 
 
-def modal(info: BeamInfo, fixed: Sequence[int], piece: Piece, ratio: float) -> Array:
-    """Return the matrix that damps every elastic mode of the link with free ends by one ratio, (n, n).
+def shared(ratio: float, speeds: Array) -> tuple[Array, float]:
+    """Return ratios of modes by forces of their own, and the factor [s] of stiffness that damps all modes.
+
+    Modes up to number ``_OWN`` have the ratio. Of more, the stiffness gives it to that one, and more to those
+    above it, in proportion to the frequency; forces of their own add what those below lack.
+
+    Parameters
+    ----------
+    speeds
+        Angular frequencies by rising size [rad/s].
+    """
+    if len(speeds) <= _OWN:
+        return np.full(len(speeds), ratio), 0.0
+    last = float(speeds[_OWN - 1])
+    return ratio * (1 - speeds[: _OWN - 1] / last), 2 * ratio / last
+
+
+def modal(
+    info: BeamInfo, fixed: Sequence[int], pieces: tuple[Piece, ...], n: int, ratio: float
+) -> tuple[tuple[Piece, ...], Array]:
+    """Return pieces that damp every elastic mode of the link with free ends by one ratio.
+
+    The modes of a link of few elements are damped in one piece, for they couple all of its unknowns. For one
+    of many, the second result are the forces of :func:`modal_forces`, (modes, unknowns of all pieces), that
+    are not in the pieces.
+
+    Parameters
+    ----------
+    fixed
+        Unknowns that are zero, of the n of the link.
 
     Raises
     ------
@@ -49,18 +86,25 @@ def modal(info: BeamInfo, fixed: Sequence[int], piece: Piece, ratio: float) -> A
     """
     from scipy.linalg import eigh
 
-    n = len(piece.mass)
+    piece = whole(pieces, n)
     free = [j for j in range(n) if j not in fixed]
     at = np.ix_(free, free)
     try:
-        squares, modes = eigh(piece.stiffness[at], piece.mass[at])
+        squares, shapes = eigh(piece.stiffness[at], piece.mass[at])
     except np.linalg.LinAlgError:
         raise SceneError(
             "the link cannot have a damping ratio: something of it moves without mass",
             where=f"links.{info.link}.elastic.damping.ratio",
         ) from None
-    strained = slice(_RIGID, None)
-    forces = modal_forces(piece.stiffness[at] @ modes[:, strained], np.sqrt(squares[strained]), ratio)
-    found = np.zeros((n, n))
-    found[at] = forces @ forces.T
-    return found
+    speeds = np.sqrt(squares[_RIGID:])
+    ratios, factor = shared(ratio, speeds)
+    speeds, shapes = speeds[: len(ratios)], shapes[:, _RIGID : _RIGID + len(ratios)]
+    if not factor:
+        forces = modal_forces(piece.stiffness[at] @ shapes, speeds, ratios)
+        damping = piece.damping.copy()
+        damping[at] += forces @ forces.T
+        return (replace(piece, damping=damping),), np.zeros((0, n))
+    moved = np.zeros((n, len(ratios)))
+    moved[free] = shapes
+    elastic = np.vstack([part.stiffness @ moved[list(part.at)] for part in pieces])
+    return stiffened(pieces, factor), modal_forces(elastic, speeds, ratios).T

@@ -38,7 +38,8 @@ class Layout:
     damped
         Forces f of modes with damping f f^T of their own, (modes, forces): on the unknowns of all pieces, in
         the axes of links, then on those of the joints, in fixed axes. They begin at ``damped_at`` of
-        ``constants``.
+        ``constants``. ``coupled`` of them, all where they are few, are kept apart from the matrices; else
+        these are full.
     loads_at
         For link k its forces are those from ``loads_at[k]`` to ``loads_at[k + 1]``.
     """
@@ -69,6 +70,7 @@ class Layout:
     shaft: int
     shaft_slot: int
     damped: Array
+    coupled: int
     damped_at: int
 
     @property
@@ -85,6 +87,7 @@ class Layout:
             "shaft": self.shaft,
             "shaft_slot": self.shaft_slot,
             "damped": len(self.damped),
+            "coupled": self.coupled,
             "damped_at": self.damped_at,
             "entries": len(self.rows),
             "band": self.band,
@@ -112,7 +115,7 @@ def layout(
     joints
         Blocks of the kernel ``joints``.
     damped
-        Forces of modes: see :class:`Layout`; they couple all unknowns.
+        Forces of modes of the structure: see :class:`Layout`. Those of the links' own modes follow.
     """
     joint = {p: 2 * i for i, p in enumerate(description.free)}
     names, of_links, shaft = _unknowns(description, info, beams)
@@ -120,7 +123,9 @@ def layout(
     constraints = block.shape[0] if block else 0
     n = len(names)
     pairs = _pairs(beams, of_links, joints, joint, shaft)
-    if damped is not None:
+    forces = _forces(beams, len(description.free) * len(description.axes), damped)
+    coupled = len(forces) if 2 * len(forces) < n else 0
+    if len(forces) and not coupled:
         pairs = np.indices((n, n)).reshape(2, -1).T
     # Constraints are between unknowns of the joints, which `_unknowns` names first.
     first = len(description.free) * len(description.axes) if constraints else 0
@@ -141,11 +146,6 @@ def layout(
         for name in ("mass_matrix", "damping", "stiffness")
     }
     of_pieces = _of_pieces(beams, renumbered, slot)
-    forces = damped
-    if forces is None:
-        forces = np.zeros(
-            (0, int(np.sum(of_pieces["sizes"])) + len(description.free) * len(description.axes))
-        )
     return Layout(
         unknowns=n,
         constraints=constraints,
@@ -157,6 +157,7 @@ def layout(
         band=int(np.max(np.abs(np.diff(pairs[np.all(pairs < inner, axis=1)])), initial=0)),
         **of_pieces | {"constants": np.concatenate([of_pieces["constants"], np.ravel(forces), np.zeros(1)])},
         damped=forces,
+        coupled=coupled,
         damped_at=len(of_pieces["constants"]),
         joint_places=_spare(new[: len(description.free) * len(description.axes)].tolist()),
         joint_at=np.array([joints[b].offset if b in joints else 0 for b in BLOCKS], dtype=np.intp),
@@ -167,6 +168,16 @@ def layout(
         shaft=shaft,
         shaft_slot=slot.get((shaft, shaft), -1),
     )
+
+
+def _forces(beams: Sequence[Beam], coordinates: int, of_structure: Array | None) -> Array:
+    """Return the forces of damped modes: of the structure, then of each link alone."""
+    sizes = [sum(len(piece.at) for piece in beam.pieces) for beam in beams]
+    rows = [] if of_structure is None else [of_structure]
+    for k, beam in enumerate(beams):
+        before, after = sum(sizes[:k]), sum(sizes[k + 1 :]) + coordinates
+        rows.append(np.pad(beam.damped, ((0, 0), (before, after))))
+    return np.vstack(rows)
 
 
 def _unknowns(

@@ -36,7 +36,9 @@ class Beam:
     fixed
         Unknowns that are zero: curvatures where no couple acts.
     pieces
-        Its matrices: one piece per element, or one in all where a reduction or modal damping couples them.
+        Its matrices: one piece per element, or one in all where a reduction or a damping ratio couples them.
+    damped
+        Forces f of its modes with damping f f^T that is not in the pieces, on the unknowns of all pieces.
     segments
         The elements.
     expansion
@@ -50,6 +52,7 @@ class Beam:
     joints: tuple[tuple[int, int], ...]
     fixed: tuple[int, ...]
     pieces: tuple[Piece, ...]
+    damped: Array
     segments: tuple[Segment, ...]
     expansion: Array | None
 
@@ -122,9 +125,9 @@ def beam(
         expansion = basis if expansion is None else expansion @ basis
         found = (transformed(total, basis),)
     fixed = _fixed(info, properties, dofs)
-    damped = _damped(info, properties, dofs, fixed, found)
+    found, forces = _damped(info, properties, dofs, fixed, found)
     joints = _joints(info, dofs)
-    return Beam(info, properties, tuple(lumps), dofs, joints, fixed, damped, parts, expansion)
+    return Beam(info, properties, tuple(lumps), dofs, joints, fixed, found, forces, parts, expansion)
 
 
 def _joints(info: BeamInfo, dofs: Sequence[str]) -> tuple[tuple[int, int], ...]:
@@ -138,15 +141,12 @@ def _damped(
     dofs: Sequence[str],
     fixed: Sequence[int],
     found: tuple[Piece, ...],
-) -> tuple[Piece, ...]:
-    """Return the pieces with their damping: one piece where modes are damped, for these couple them all."""
+) -> tuple[tuple[Piece, ...], Array]:
+    """Return the pieces with their damping, and the forces of modes that are damped apart from them."""
+    made = tuple(replace(piece, damping=rayleigh(piece, properties)) for piece in found)
     if properties.ratio:
-        found = (whole(found, len(dofs)),)
-    damped = [replace(piece, damping=rayleigh(piece, properties)) for piece in found]
-    if properties.ratio:
-        by_modes = modal(info, fixed, damped[0], properties.ratio)
-        damped[0] = replace(damped[0], damping=damped[0].damping + by_modes)
-    return tuple(damped)
+        return modal(info, fixed, made, len(dofs), properties.ratio)
+    return made, np.zeros((0, sum(len(piece.at) for piece in made)))
 
 
 def _fixed(info: BeamInfo, properties: Properties, dofs: Sequence[str]) -> tuple[int, ...]:

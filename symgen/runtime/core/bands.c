@@ -89,20 +89,25 @@ void clear_bordered(struct bordered *a) {
     memset(a->corner, 0, (size_t)(a->border * a->border) * sizeof(real));
 }
 
-int factor_bordered(struct bordered *a) {
+LANES int factor_bordered(struct bordered *a) {
     const ptrdiff_t n = a->inner, m = a->border;
     if (factor_band((int)n, (int)a->band, a->banded, a->pivots) != 0)
         return 0;
     if (m == 0)
         return 1;
     solve_band((int)n, (int)a->band, (int)m, a->banded, a->pivots, a->right, (int)n);
-    for (ptrdiff_t k = 0; k < n; k++)
-        for (ptrdiff_t i = 0; i < m; i++) {
-            const real left = a->below[n * i + k];
-            if (left != 0)
-                for (ptrdiff_t j = 0; j < m; j++)
-                    a->corner[m * i + j] -= left * a->right[n * j + k];
-        }
+    for (ptrdiff_t from = 0; from < n; from += PANEL) {
+        const ptrdiff_t rows = n - from < PANEL ? n - from : PANEL;
+        for (ptrdiff_t j = 0; j < m; j++)
+            for (ptrdiff_t k = 0; k < rows; k++)
+                a->panel[m * k + j] = a->right[n * j + from + k];
+        for (ptrdiff_t i = 0; i < m; i++)
+            for (ptrdiff_t k = 0; k < rows; k++) {
+                const real left = a->below[n * i + from + k];
+                if (left != 0)
+                    subtract(a->corner + m * i, a->panel + m * k, left, (int)m);
+            }
+    }
     return factor_dense(m, a->corner, a->swaps);
 }
 

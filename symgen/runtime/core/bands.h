@@ -29,12 +29,15 @@ int factor_band(int n, int band, real *a, int *pivots);
 /* Solve for right sides in the columns of x, `lead` reals apart, in place, by the factors. */
 void solve_band(int n, int band, int columns, const real *a, const int *pivots, real *x, int lead);
 
+enum { PANEL = 32 };
+
 /* The system [B E; F D] of a banded B (inner x inner) and a few rows and columns that couple all unknowns. */
 struct bordered {
     ptrdiff_t inner, border, band;
     real *banded;          /* B, see band_store */
     real *right;           /* E by columns, then B^-1 E */
     real *below, *corner;  /* F and D by rows, then the factors of D - F B^-1 E */
+    real *panel;           /* so many rows of B^-1 E, border reals each */
     int *pivots;
     ptrdiff_t *swaps;
 };

@@ -104,6 +104,25 @@ static void project_matrices(struct beams *b) {
     }
 }
 
+/* Write f and g of the damped modes of the independent unknowns: R^T f, and R^T g + R'^T f. */
+static void project_modes(struct beams *b) {
+    const ptrdiff_t n = b->inner, joints = b->whole - n, border = b->border;
+    const real *rates = b->basis + joints * border;
+    for (ptrdiff_t mode = 0; mode < b->modes; mode++) {
+        const real *f = b->full_forces + 2 * b->whole * mode, *g = f + b->whole;
+        real *own_f = b->forces + 2 * b->free * mode, *own_g = own_f + b->free;
+        memcpy(own_f, f, (size_t)n * sizeof(real));
+        memcpy(own_g, g, (size_t)n * sizeof(real));
+        memset(own_f + n, 0, (size_t)border * sizeof(real));
+        memset(own_g + n, 0, (size_t)border * sizeof(real));
+        for (ptrdiff_t i = 0; i < joints; i++)
+            for (ptrdiff_t r = 0; r < border; r++) {
+                own_f[n + r] += b->basis[border * i + r] * f[n + i];
+                own_g[n + r] += b->basis[border * i + r] * g[n + i] + rates[border * i + r] * f[n + i];
+            }
+    }
+}
+
 int beams_reduce(struct beams *b, int choose) {
     const struct beam_layout *x = &b->layout;
     const ptrdiff_t m = x->constraints, n = b->inner, joints = b->whole - n, border = b->border;
@@ -131,6 +150,7 @@ int beams_reduce(struct beams *b, int choose) {
         solve_dependent(b, b->basis + joints * border * k);
     }
     project_matrices(b);
+    project_modes(b);
     memcpy(b->load, b->full_load, (size_t)n * sizeof(real));
     for (ptrdiff_t r = 0; r < border; r++) {
         real total = 0;

@@ -34,6 +34,7 @@ static void accelerate_beams(struct equations *e, real t, const real *y) {
     }
     for (ptrdiff_t k = 0; k < b->entries; k++)
         b->solution[b->rows[k]] -= b->damping[k] * v[b->columns[k]] + b->stiffness[k] * p[b->columns[k]];
+    subtract_forces_of_modes(b, 1, p, v, b->free, b->solution);
     solve_bordered(&b->system, 1, b->solution);
     beams_expand(b, 2, p, v, b->solution, 1, e->out);
 }

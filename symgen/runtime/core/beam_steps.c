@@ -15,15 +15,19 @@ static size_t place(struct beam_steps *x, void *memory) {
         ARENA_ARRAY(x->weights, k),
         ARENA_ARRAY(x->weights_a, k),
         ARENA_ARRAY(x->nodes, k),
+        ARENA_ARRAY(x->by_rate, k),
+        ARENA_ARRAY(x->by_place, k),
         ARENA_ARRAY(x->mass, k * (entries + 1)),
         ARENA_ARRAY(x->damping, k * (entries + 1)),
         ARENA_ARRAY(x->stiffness, k * (entries + 1)),
         ARENA_ARRAY(x->load, k * (free + 1)),
+        ARENA_ARRAY(x->forces, k * 2 * free * x->b->modes),
         ARENA_ARRAY(x->system.banded, (3 * x->system.band + 1) * x->system.inner),
         ARENA_ARRAY(x->system.right, x->system.inner * x->system.border),
         ARENA_ARRAY(x->system.below, x->system.inner * x->system.border),
         ARENA_ARRAY(x->system.corner, x->system.border * x->system.border),
-        ARENA_ARRAY(x->rhs, free * k * columns),
+        ARENA_ARRAY(x->system.panel, PANEL * x->system.border),
+        ARENA_ARRAY(x->rhs, (free + x->b->modes) * k * columns),
         ARENA_ARRAY(x->s, whole * columns),
         ARENA_ARRAY(x->v, whole * columns),
         ARENA_ARRAY(x->acc, whole * columns),
@@ -42,7 +46,7 @@ static void fill(struct beam_steps *x, struct beams *b, const struct beam_scheme
     x->columns = columns;
     x->stages = scheme->stages > 0 ? scheme->stages : 1;
     x->system.inner = b->inner * x->stages;
-    x->system.border = b->border * x->stages;
+    x->system.border = (b->border + b->modes) * x->stages;
     x->system.band = b->system.band * x->stages + x->stages - 1;
 }
 
@@ -112,6 +116,9 @@ static int keep_stage(struct beam_steps *x, long stage, real t) {
     memcpy(x->damping + row, b->damping, entries);
     memcpy(x->stiffness + row, b->stiffness, entries);
     memcpy(x->load + stage * (b->free + 1), b->load, (size_t)b->free * sizeof(real));
+    const ptrdiff_t modal = 2 * b->free * b->modes;
+    if (modal)
+        memcpy(x->forces + stage * modal, b->forces, (size_t)modal * sizeof(real));
     return DONE;
 }
 
@@ -123,11 +130,32 @@ static int solve(struct beam_steps *x) {
     return DONE;
 }
 
+/* Write the row and the column of a damped mode at stage i: its rate f S' + g S less the unknown is zero, and f times
+ * the unknown is its force. The weights are those of the accelerations at all stages in S' and in S; the state at the
+ * stage is S_0 + until S_0' but for them. */
+static void mode_in_system(struct beam_steps *x, ptrdiff_t mode, long i, const real *by_rate, const real *by_place,
+                           real until) {
+    const struct beams *b = x->b;
+    const long k = x->stages, columns = x->columns;
+    const ptrdiff_t free = b->free, size = (free + b->modes) * k, own = (free + mode) * k + i;
+    const real *f = x->forces + 2 * free * (i * b->modes + mode), *g = f + free;
+    set_in_border(&x->system, own, own, -1);
+    for (ptrdiff_t q = 0; q < free; q++) {
+        set_in_border(&x->system, q * k + i, own, f[q]);
+        for (long j = 0; j < k; j++)
+            set_in_border(&x->system, own, q * k + j, by_rate[j] * f[q] + by_place[j] * g[q]);
+        for (long c = 0; c < columns; c++) {
+            const real p = x->p[q * columns + c], v = x->pv[q * columns + c];
+            x->rhs[c * size + own] -= f[q] * v + g[q] * (p + until * v);
+        }
+    }
+}
+
 /* Write the system of a collocation's accelerations, stage by stage within each unknown. */
 static void collocation_system(struct beam_steps *x, real h) {
     const struct beams *b = x->b;
     const long k = x->stages, columns = x->columns;
-    const ptrdiff_t size = b->free * k;
+    const ptrdiff_t size = (b->free + b->modes) * k;
     const struct band_store at = band_store(x->system.inner, x->system.band);
     clear_bordered(&x->system);
     memset(x->rhs, 0, (size_t)(size * columns) * sizeof(real));
@@ -154,13 +182,19 @@ static void collocation_system(struct beam_steps *x, real h) {
                 x->rhs[c * size + row] -= damping[e] * v + stiffness[e] * (p + until * v);
             }
         }
+        for (long j = 0; b->modes && j < k; j++) {
+            x->by_rate[j] = h * x->a[k * i + j];
+            x->by_place[j] = h * h * x->aa[k * i + j];
+        }
+        for (ptrdiff_t mode = 0; mode < b->modes; mode++)
+            mode_in_system(x, mode, i, x->by_rate, x->by_place, until);
     }
 }
 
 /* One step of Gauss collocation: accelerations at all stages from one system. */
 static int collocate(struct beam_steps *x, real t, real h) {
     const long k = x->stages, columns = x->columns;
-    const ptrdiff_t size = x->b->free * k;
+    const ptrdiff_t size = (x->b->free + x->b->modes) * k;
     for (long i = 0; i < k; i++) {
         const int status = keep_stage(x, i, t + x->nodes[i] * h);
         if (status != DONE)
@@ -188,7 +222,7 @@ static int step_once(struct beam_steps *x, real t, real h) {
     const struct beams *b = x->b;
     const struct beam_scheme *s = &x->scheme;
     const long columns = x->columns;
-    const ptrdiff_t free = b->free;
+    const ptrdiff_t free = b->free, size = free + b->modes;
     const struct band_store in = band_store(x->system.inner, x->system.band);
     const real at = R(s->at), gamma = R(s->gamma), beta = R(s->beta), half = R(0.5);
     const real inertia[] = {R(s->inertia[0]), R(s->inertia[1])};
@@ -198,7 +232,7 @@ static int step_once(struct beam_steps *x, real t, real h) {
     if (status != DONE)
         return status;
     clear_bordered(&x->system);
-    memset(x->rhs, 0, (size_t)(free * columns) * sizeof(real));
+    memset(x->rhs, 0, (size_t)(size * columns) * sizeof(real));
     memcpy(x->rhs, x->load, (size_t)free * sizeof(real));
     for (ptrdiff_t e = 0; e < b->entries; e++) {
         const ptrdiff_t r = b->rows[e], q = b->columns[e];
@@ -210,9 +244,16 @@ static int step_once(struct beam_steps *x, real t, real h) {
             set_in_border(&x->system, r, q, value);
         for (long c = 0; c < columns; c++) {
             const real p = x->p[q * columns + c], v = x->pv[q * columns + c], old = x->pa[q * columns + c];
-            x->rhs[c * free + r] -= inertia[0] * mass * old + damping * (v + rate[0] * old) +
+            x->rhs[c * size + r] -= inertia[0] * mass * old + damping * (v + rate[0] * old) +
                                     stiffness * (p + at * h * v + place[0] * old);
         }
+    }
+    for (ptrdiff_t mode = 0; mode < b->modes; mode++) {
+        const real *f = x->forces + 2 * free * mode, *g = f + free;
+        mode_in_system(x, mode, 0, rate + 1, place + 1, at * h);
+        for (ptrdiff_t q = 0; q < free; q++)
+            for (long c = 0; c < columns; c++)
+                x->rhs[c * size + free + mode] -= (rate[0] * f[q] + place[0] * g[q]) * x->pa[q * columns + c];
     }
     status = solve(x);
     if (status != DONE)
@@ -220,7 +261,7 @@ static int step_once(struct beam_steps *x, real t, real h) {
     for (ptrdiff_t r = 0; r < free; r++)
         for (long c = 0; c < columns; c++) {
             const ptrdiff_t k = r * columns + c;
-            const real old = x->pa[k], new = x->rhs[c * free + r];
+            const real old = x->pa[k], new = x->rhs[c * size + r];
             x->p[k] += h * x->pv[k] + h * h * ((half - beta) * old + beta * new);
             x->pv[k] += h * ((1 - gamma) * old + gamma * new);
             x->pa[k] = new;
@@ -242,6 +283,7 @@ static int start_accelerations(struct beam_steps *x) {
             const ptrdiff_t at = b->columns[e] * columns + c;
             x->rhs[c * free + b->rows[e]] -= b->damping[e] * x->pv[at] + b->stiffness[e] * x->p[at];
         }
+    subtract_forces_of_modes(b, columns, x->p, x->pv, free, x->rhs);
     solve_bordered(&b->system, columns, x->rhs);
     for (ptrdiff_t r = 0; r < free; r++)
         for (long c = 0; c < columns; c++)

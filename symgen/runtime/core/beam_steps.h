@@ -20,9 +20,10 @@ struct beam_steps {
     struct beams *b;
     struct beam_scheme scheme;
     long columns, stages; /* states stepped together, of which the first is loaded; stages kept, one or more */
-    real *a, *aa, *weights, *weights_a, *nodes;
-    real *mass, *damping, *stiffness, *load; /* a row each stage */
-    struct bordered system;                  /* of all stages: stage by stage within each unknown */
+    real *a, *aa, *weights, *weights_a, *nodes, *by_rate, *by_place;
+    real *mass, *damping, *stiffness, *load, *forces; /* a row each stage */
+    /* Of all stages, stage by stage within each unknown; damped modes have an unknown each, the rate f S' + g S. */
+    struct bordered system;
     real *rhs;
     real *s, *v, *acc; /* S, S', S'' of all unknowns, rows of `columns` */
     real *p, *pv, *pa; /* the same of the independent unknowns */

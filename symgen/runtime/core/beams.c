@@ -21,6 +21,7 @@ static void count(struct beams *b, const struct beam_layout *x) {
     b->free = x->unknowns - x->constraints;
     b->inner = x->inner;
     b->border = b->free - b->inner;
+    b->modes = x->coupled;
     b->banded_entries = b->entries = x->entries;
     if (x->constraints == 0)
         return;
@@ -50,7 +51,8 @@ static size_t place(struct beams *b, const struct beam_layout *x, void *memory) 
         ARENA_ARRAY(b->load, m ? free + 1 : 0),
         ARENA_ARRAY(b->constants, x->constant_count + 1),
         ARENA_ARRAY(b->local, 3 * largest * largest + largest),
-        ARENA_ARRAY(b->forces, x->damped ? 2 * n : 0),
+        ARENA_ARRAY(b->full_forces, x->damped ? 2 * n * (x->coupled ? x->coupled : 1) : 0),
+        ARENA_ARRAY(b->forces, m ? 2 * free * x->coupled : 0),
         ARENA_ARRAY(b->bound, 3 * m * joints),
         ARENA_ARRAY(b->pivoted, m * joints),
         ARENA_ARRAY(b->basis, 3 * joints * b->border),
@@ -59,6 +61,7 @@ static size_t place(struct beams *b, const struct beam_layout *x, void *memory) 
         ARENA_ARRAY(b->system.right, b->inner * b->border),
         ARENA_ARRAY(b->system.below, b->inner * b->border),
         ARENA_ARRAY(b->system.corner, b->border * b->border),
+        ARENA_ARRAY(b->system.panel, PANEL * b->border),
         ARENA_ARRAY(b->solution, n + 1),
         ARENA_ARRAY(b->state, 2 * n + 1),
         ARENA_ARRAY(b->dependent, m + 1),
@@ -129,6 +132,7 @@ void beams_bind(struct beams *b, struct rigid_motion *motion, const struct beam_
         b->damping = b->full_damping;
         b->stiffness = b->full_stiffness;
         b->load = b->full_load;
+        b->forces = b->full_forces;
     }
 }
 
@@ -267,13 +271,14 @@ static void add_force(const struct beams *b, ptrdiff_t k, const real *own, real 
         }
 }
 
-/* Add the damping of modes, f (f S' + g S) of each: f S' + g S is the rate at which its force works on the strains. */
+/* Add the damping of modes, f (f S' + g S) of each: f S' + g S is the rate at which its force works on the strains.
+ * Where they are few, f and g are kept and the matrices stay banded. */
 static void add_modes(struct beams *b) {
     const struct beam_layout *x = &b->layout;
     const ptrdiff_t n = b->whole;
     const real *own = b->constants + x->damped_at;
-    real *f = b->forces, *g = f + n;
     for (ptrdiff_t mode = 0; mode < x->damped; mode++) {
+        real *f = b->full_forces + (x->coupled ? 2 * n * mode : 0), *g = f + n;
         memset(f, 0, (size_t)(2 * n) * sizeof(real));
         for (ptrdiff_t k = 0; k < x->pieces; own += x->sizes[k++])
             add_force(b, k, own, f, g);
@@ -281,7 +286,7 @@ static void add_modes(struct beams *b) {
             if (x->joint_places[i] >= 0)
                 f[x->joint_places[i]] += own[i];
         own += x->coordinates;
-        for (ptrdiff_t i = 0; i < n; i++)
+        for (ptrdiff_t i = 0; !x->coupled && i < n; i++)
             for (ptrdiff_t j = 0; j < n; j++) {
                 b->full_damping[n * i + j] += f[i] * f[j];
                 b->full_stiffness[n * i + j] += f[i] * g[j];
@@ -326,6 +331,21 @@ int beams_assemble(struct beams *b, real t, int choose) {
     add_joints(b);
     if (b->analysis != QUASI_STATIC)
         add_modes(b);
+    else if (b->layout.damped)
+        memset(b->full_forces, 0, (size_t)(2 * b->whole * b->modes) * sizeof(real));
     b->base.account->evaluations++;
     return b->layout.constraints ? beams_reduce(b, choose) : DONE;
+}
+
+void subtract_forces_of_modes(const struct beams *b, long columns, const real *p, const real *v, ptrdiff_t lead, real *rhs) {
+    for (ptrdiff_t mode = 0; mode < b->modes; mode++) {
+        const real *f = b->forces + 2 * b->free * mode, *g = f + b->free;
+        for (long c = 0; c < columns; c++) {
+            real rate = 0;
+            for (ptrdiff_t i = 0; i < b->free; i++)
+                rate += f[i] * v[i * columns + c] + g[i] * p[i * columns + c];
+            for (ptrdiff_t i = 0; i < b->free; i++)
+                rhs[c * lead + i] -= f[i] * rate;
+        }
+    }
 }

@@ -28,7 +28,8 @@ struct beam_layout {
     const ptrdiff_t *mass_slots, *damping_slots, *stiffness_slots;
     const ptrdiff_t *loads_at;     /* forces of link k: from loads_at[k] to loads_at[k + 1] */
     ptrdiff_t shaft, shaft_slot;   /* unknown and slot of an elastic crank's turn, -1: none */
-    ptrdiff_t damped, damped_at;   /* modes with damping of their own; where their forces begin in `constants`:
+    ptrdiff_t damped, coupled;     /* modes with damping of their own, all or none of them apart from the matrices */
+    ptrdiff_t damped_at;           /* where their forces begin in `constants`:
                                     * of each mode over the unknowns of all superelements, then over `coordinates` */
     ptrdiff_t entries, band;       /* of the matrices of all unknowns; the band is that of the first `inner` */
     ptrdiff_t inner;               /* unknowns before those of joints; with constraints these come last */
@@ -48,13 +49,15 @@ struct beams {
     int analysis;
     /* Of `whole` unknowns `free` are independent: `inner` ones, which no constraint has, and `border` of joints. */
     ptrdiff_t whole, free, inner, border;
+    ptrdiff_t modes; /* whose damping is a product f (f^T S' + g^T S), apart from the matrices */
     /* the matrices of the independent unknowns: entries, their places, values; the first `banded_entries` are those
      * between inner unknowns, then come (i, r) and (r, i) with i an inner unknown and r one of joints, then (r, r) */
     ptrdiff_t entries, banded_entries;
     const ptrdiff_t *rows, *columns;
     real *mass, *damping, *stiffness, *load;
     real *full_mass, *full_damping, *full_stiffness, *full_load;
-    real *constants, *local, *forces;
+    real *constants, *local;
+    real *full_forces, *forces; /* of each such mode f and g, of all and of the independent unknowns */
     /* of the unknowns of joints: constraints J, J', J'' (rows of whole - inner), the basis R, R', R'' (border columns),
      * and the numbers of those that depend on the others */
     real *bound, *pivoted, *basis, *product;
@@ -87,6 +90,9 @@ int beams_choose(struct beams *b);
 static inline ptrdiff_t independent_unknown(const struct beams *b, ptrdiff_t i) {
     return i < b->inner ? i : b->inner + b->independent[i - b->inner];
 }
+
+/* Subtract the forces of those modes for states in rows of `columns`; rhs has a column of `lead` reals each. */
+void subtract_forces_of_modes(const struct beams *b, long columns, const real *p, const real *v, ptrdiff_t lead, real *rhs);
 
 /* Factorise the mass matrix; false when it has no inverse. */
 int beams_factor_mass(struct beams *b);

@@ -61,6 +61,9 @@ static void view_matrices(const struct beams *b, struct matrices_view *view) {
         .full_stiffness = b->full_stiffness,
         .full_load = b->full_load,
         .bound = b->bound,
+        .modes = (long)b->modes,
+        .forces = b->forces,
+        .full_forces = b->full_forces,
     };
 }
 

@@ -17,6 +17,8 @@ struct matrices_view {
     long full_entries;
     const ptrdiff_t *full_rows, *full_columns;
     const void *full_mass, *full_damping, *full_stiffness, *full_load, *bound;
+    long modes;
+    const void *forces, *full_forces;
 };
 
 struct elastic_api {

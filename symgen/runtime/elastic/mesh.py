@@ -14,20 +14,22 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from symgen.runtime import _core
+from symgen.runtime import _beams, _core
 from symgen.runtime._beams import APPLIED, MOTION
 from symgen.runtime.beams.checks import held_alone
+from symgen.runtime.beams.damping import stiffened
 from symgen.runtime.beams.data import BeamInfo, Properties
 from symgen.runtime.beams.elements import SHAPES, meshed
 from symgen.runtime.beams.elements import at as value_at
 from symgen.runtime.beams.frames import frames
+from symgen.runtime.beams.layout import layout
 from symgen.runtime.beams.links import Beam, beam
 from symgen.runtime.beams.pieces import whole
 from symgen.runtime.elastic.modes import elastic_modes, lowest
 from symgen.runtime.elastic.motion import ElasticMotion
 from symgen.runtime.elastic.steps import turn
 from symgen.runtime.result.records import Variable
-from symgen.runtime.structure import UnstableError
+from symgen.runtime.structure import UnstableError, forces_of_modes
 
 Array = NDArray[np.float64]
 
@@ -49,6 +51,27 @@ class MeshedMotion(ElasticMotion):
     @cached_property
     def beams(self) -> tuple[Beam, ...]:
         """The elastic links."""
+        factor = self.modal_damping[1]
+        if not factor:
+            return self.plain_beams
+        return tuple(replace(made, pieces=stiffened(made.pieces, factor)) for made in self.plain_beams)
+
+    @cached_property
+    def modal_damping(self) -> tuple[Array | None, float]:
+        """Forces of modes of the structure with damping ratios at the start, and the factor [s]."""
+        if "modal_damping" not in self._tables:
+            return None, 0.0
+        blocks = {b.name: b for b in self._joints.info("joints").blocks}
+        plain = layout(self.rigid.description, self.info, self.plain_beams, blocks)
+        equations = _beams.BeamEquations(self._moved(None), plain, False)
+        self.check(equations, equations.matrices(0.0, _beams.AT_REST)[0], 0.0)
+        ratios = np.ravel(self._tables["modal_damping"])
+        name, every = self.rigid.name, self.info.damps_all
+        return forces_of_modes(name, equations, plain, self.plain_beams, ratios, every)
+
+    @cached_property
+    def plain_beams(self) -> tuple[Beam, ...]:
+        """The elastic links, without the damping of modes of the structure."""
         infos = self.info.beams
         if not self._stiffened:
             infos = tuple(replace(info, geometric_stiffness=False) for info in infos)

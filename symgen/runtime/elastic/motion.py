@@ -21,7 +21,6 @@ from symgen.runtime.beams.links import Beam
 from symgen.runtime.elastic.path import Machine, Path
 from symgen.runtime.kernels.description import KernelInfo
 from symgen.runtime.model.rods import RodModel
-from symgen.runtime.structure import forces_of_modes
 
 Array = NDArray[np.float64]
 
@@ -148,6 +147,11 @@ class ElasticMotion(ABC):
 
     @property
     @abstractmethod
+    def modal_damping(self) -> tuple[Array | None, float]:
+        """Forces of modes of the structure with damping ratios, and the factor of stiffness [s]."""
+
+    @property
+    @abstractmethod
     def lowest_frequency(self) -> float:
         """The lowest frequency [Hz] of the structure at rest, over the poses of a revolution."""
 
@@ -198,19 +202,8 @@ class ElasticMotion(ABC):
     def layout(self) -> Layout:
         """Where everything goes."""
         d = self.rigid.description
-        kernel = self._joints.info("joints")
-        blocks = {b.name: b for b in kernel.blocks}
-        plain = layout(d, self.info, self.beams, blocks)
-        if "modal_damping" not in self._tables:
-            return plain
-        return layout(d, self.info, self.beams, blocks, self._forces_of_modes(plain))
-
-    def _forces_of_modes(self, plain: Layout) -> Array:
-        """Return the forces of the modes with damping ratios, in the pose of the start."""
-        equations = _beams.BeamEquations(self._moved(None), plain, False)
-        self.check(equations, equations.matrices(0.0, _beams.AT_REST)[0], 0.0)
-        ratios = np.ravel(self._tables["modal_damping"])
-        return forces_of_modes(self.rigid.name, equations, plain, self.beams, ratios, self.info.damps_all)
+        blocks = {b.name: b for b in self._joints.info("joints").blocks}
+        return layout(d, self.info, self.beams, blocks, self.modal_damping[0])
 
     @property
     def constraints(self) -> tuple[str, ...]:
