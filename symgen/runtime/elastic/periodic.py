@@ -82,8 +82,7 @@ def periodic(
     free = motion.layout.unknowns - motion.layout.constraints
     errors = Errors(motion, equations, times, GAUSS.order)
     per_turn = first_steps(motion, task, _FIRST)
-    worth = _WORTH / (2 * free + 1) ** 2
-    slowest = 2.0 * motion.lowest_frequency * motion.period
+    worth, slowest = _WORTH / (2 * free + 1) ** 2, 2.0 * motion.lowest_frequency * motion.period
     more, before = 1.0, 0.0
 
     def run(per_turn: int, finer: bool) -> tuple[_Shot, tuple[Array, Array], Counts]:
@@ -98,8 +97,7 @@ def periodic(
 
     while True:
         shot, both, counts = run(per_turn, finer=False)
-        found = passes[-1]
-        finer, compared, _ = run(per_turn, finer=True)
+        found, (finer, compared, _) = passes[-1], run(per_turn, finer=True)
         error = float(np.max(errors.of(both[0], compared[0])))
         largest = abs(shot.multipliers[0])
         # Steps longer than half a vibration turn all multipliers to one, and agree on it.
@@ -113,8 +111,8 @@ def periodic(
             raise SimulationError(
                 f"{motion.rigid.name}: shooting does not come within {task.rtol:g} of the peak stress"
             )
-        falls = error < before * more ** (-GAUSS.order / 2)
-        more = next_factor(error, task.rtol, GAUSS.order, falls and error > task.rtol)
+        falls = task.rtol < error < before * more ** (-GAUSS.order / 2)
+        more = next_factor(error, task.rtol, GAUSS.order, falls)
         per_turn, before = math.ceil(more * per_turn), error
 
 
