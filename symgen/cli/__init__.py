@@ -26,7 +26,7 @@ from symgen.cli import (
     stability,
     studying,
 )
-from symgen.cli.common import FAULT, INTERRUPTED, RUN, SCENE, USAGE, app
+from symgen.cli.common import FAULT, INTERRUPTED, RUN, SCENE, USAGE, app, console
 from symgen.errors import (
     ArgumentError,
     BuildError,
@@ -110,7 +110,7 @@ def main() -> None:
     """Run the command line: every error becomes one message and an exit code."""
     gc.disable()  # a short process: garbage collection would only delay its start and its end
     atexit.register(gc.freeze)
-    warnings.showwarning = lambda message, *_, **__: print(f"symgen: {message}", file=sys.stderr)
+    warnings.showwarning = lambda message, *_, **__: console(stderr=True).print(f"symgen: {message}")
     raise SystemExit(_ended())
 
 
@@ -151,7 +151,7 @@ _WrongUsage: type[Exception] = typer.BadParameter.__mro__[1]
 def _failed(message: str, code: int) -> int:
     """Print an error and return its exit code."""
     if message:
-        print(f"symgen: {message}", file=sys.stderr)
+        console(stderr=True).print(f"symgen: {message}")
     return code
 
 

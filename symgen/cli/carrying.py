@@ -60,7 +60,7 @@ class Request:
         self.show(verb, result, bool(as_json))
         for file in (out, plot):
             if file and not as_json:
-                console().print(f"wrote {file}", markup=False, soft_wrap=True)
+                console().print(f"wrote {file}", soft_wrap=True)
 
     def result(self, verb: str, **arguments: Any) -> Any:
         """Return the result of an analysis, with a progress bar if it reports progress.

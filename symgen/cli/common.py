@@ -53,11 +53,12 @@ def progress_bar(title: str, as_json: bool) -> AbstractContextManager[Callable[[
     return bar(title)
 
 
-def console() -> Console:
-    """Return the console for tables."""
+def console(*, stderr: bool = False) -> Console:
+    """Return the console for tables and messages: lines are wrapped on a terminal, and whole in a file."""
     from rich.console import Console
 
-    return Console(width=None if sys.stdout.isatty() else 110, highlight=False)
+    terminal = (sys.stderr if stderr else sys.stdout).isatty()
+    return Console(stderr=stderr, soft_wrap=not terminal, markup=False, emoji=False, highlight=False)
 
 
 def changes(options: list[str] | None) -> dict[str, Any]:
@@ -93,7 +94,7 @@ def kept_of_a_failure(out: Path | None) -> Iterator[None]:
     except SimulationError as error:
         if out and error.partial is not None:
             error.partial.save(out)
-            print(f"symgen: the samples recorded before the failure are in {out}", file=sys.stderr)
+            console(stderr=True).print(f"symgen: the samples recorded before the failure are in {out}")
         raise
 
 

@@ -173,7 +173,7 @@ def explain(scene: o.Scene, set_: o.Set = None) -> None:
     from symgen.inspection.explanation import explanation
 
     for line in explanation(scene, changes(set_)):
-        print(line, flush=True)
+        console().print(line)
 
 
 @command("symgen schema > scene.schema.json")
@@ -215,5 +215,5 @@ def diff(
         print_json({"before": old.name, "after": new.name, **asdict(found)})
         return
     words = "% " if form == "latex" else ""
-    print(f"{words}- {old.name}: {old.title}\n{words}+ {new.name}: {new.title}")
-    print(*difference_lines(found, form=form), sep="\n")
+    lines = (f"{words}- {old.name}: {old.title}", f"{words}+ {new.name}: {new.title}")
+    console().print(*lines, *difference_lines(found, form=form), sep="\n", soft_wrap=form == "latex" or None)

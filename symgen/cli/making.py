@@ -87,7 +87,7 @@ def build(
         contraction=contraction,
         vector=vector,
     )
-    print(*model_lines(model), sep="\n")
+    console().print(*model_lines(model), sep="\n")
 
 
 @command("symgen cache info", cache_app, "info")

@@ -183,7 +183,7 @@ def sweep(
     sweeps.print_sweep(runs, console())
     for file in (out, plot):
         if file:
-            console().print(f"wrote {file}", markup=False, soft_wrap=True)
+            console().print(f"wrote {file}", soft_wrap=True)
 
 
 def _part(text: str | None) -> tuple[int, int]:

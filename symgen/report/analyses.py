@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from rich.console import Console
 
-from symgen.report.extremes import Components
+from symgen.report.extremes import Components, texts
 from symgen.report.tables import MODES, table
 from symgen.runtime.result.motion import Motion
 from symgen.runtime.result.result import Variable
@@ -24,12 +24,12 @@ def print_motion(motion: Motion, _: Any, console: Console) -> None:
     outputs = Components(motion.shown, motion.count)
     console.print(outputs.extremes(f"{motion.title}: {motion.count} poses, {span}", along, unit))
     for pose in motion.singular_poses:
-        console.print(pose.describe(), soft_wrap=True)
+        console.print(pose.describe())
     for low_end, high_end in motion.unassemblable:
-        console.print(f"no assembly was found from t = {low_end:.12g} s to {high_end:.12g} s", soft_wrap=True)
+        console.print(f"no assembly was found from t = {low_end:.12g} s to {high_end:.12g} s")
     for low_end, high_end in motion.out_of_reach:
         text = f"from t = {low_end:.12g} s to {high_end:.12g} s it can be assembled, but not driven there"
-        console.print(text, soft_wrap=True)
+        console.print(text)
     console.print(
         f"constraints met within {motion.drift.constraint:.1e} m, their rates {motion.drift.velocity:.1e} m/s"
     )
@@ -49,24 +49,28 @@ def print_assemblies(found: Sequence[State], model: Any, console: Console) -> No
 def print_modes_of_assembly(variables: Sequence[Variable], count: int, model: Any, console: Console) -> None:
     """Print the values of variables in every assembly mode, the scene's own first."""
     title = f"{model.description.title}: {count} assembly mode{'s' if count > 1 else ''}"
-    for part in Components(variables, count).values(title, [str(i + 1) for i in range(count)]):
-        console.print(part)
+    console.print(Components(variables, count).values(title, [str(i + 1) for i in range(count)]))
 
 
 def print_equilibrium(found: Equilibrium, model: Any, console: Console) -> None:
     """Print pose, reactions and outputs."""
-    axes = ", ".join("xyz"[: len(next(iter(found.state.positions.values())))])
+    axes = "xyz"[: len(model.description.axes)]
+    where = texts("m", np.array([*found.state.positions.values()]))
+    reactions = dict(zip(found.reactions, texts("N", np.array([*found.reactions.values()])), strict=True))
     rows = [
-        (p, _numbers(r), _numbers(found.reactions[p]) if p in found.reactions else "")
-        for p, r in found.state.positions.items()
+        (p, *r, *reactions.get(p, [""] * len(axes)))
+        for p, r in zip(found.state.positions, where, strict=True)
     ]
-    head = ("point", f"position {axes} [m]", "reaction [N]")
+    head = ("point", *(f"{a} [m]" for a in axes), *(f"reaction {a} [N]" for a in axes))
     console.print(
         table(f"{model.description.title}: {found.stability} equilibrium, {found.freedoms} free", head, rows)
     )
     if found.outputs:
-        values = [(k, found.units[k], _numbers(np.atleast_1d(v))) for k, v in found.outputs.items()]
-        console.print(table("Recorded", ("output", "unit", "value"), values))
+        variables = [
+            Variable(name, found.units[name], "", tuple(axes) if value.size > 1 else (), value.reshape(1, -1))
+            for name, value in ((name, np.asarray(value)) for name, value in found.outputs.items())
+        ]
+        console.print(Components(variables, 1).values("Recorded", ("value",)))
     console.print(f"unbalanced {found.residual:.1e} N of {found.scale:.3g} N")
 
 
@@ -84,8 +88,12 @@ def print_modes(analyses: Sequence[Modes], model: Any, console: Console) -> None
     if len(found) > MODES:
         console.print(f"and {len(found) - MODES} more modes: --json lists all")
     moving = [p for p in found[0].shape if any(np.any(m.shape[p]) for m in found.modes)]
-    shapes = [(p, *(_numbers(_rounded(m.shape[p]), ".4g") for m in found.modes[:8])) for p in moving]
-    numbers = [str(i + 1) for i in range(min(8, len(found)))]
+    shapes = [
+        (f"{p}.{axis}", *(f"{_rounded(m.shape[p])[i]:.4g}" for m in found.modes[:MODES]))
+        for p in moving
+        for i, axis in enumerate("xyz"[: len(model.description.axes)])
+    ]
+    numbers = [str(i + 1) for i in range(min(MODES, len(found)))]
     console.print(table("Shapes in m/sqrt(kg), for unit modal mass", ("point", *numbers), shapes))
 
 
@@ -93,7 +101,3 @@ def _rounded(shape: np.ndarray) -> np.ndarray:
     """Return a mode shape with round-off replaced by zero."""
     real, imaginary = (np.where(np.abs(part) < 1e-12, 0.0, part) for part in (shape.real, shape.imag))
     return real + 1j * imaginary if np.iscomplexobj(shape) else real
-
-
-def _numbers(values: np.ndarray, form: str = ".9g") -> str:
-    return "  ".join(format(x, form) for x in values.tolist())

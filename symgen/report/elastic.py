@@ -68,7 +68,7 @@ def print_speed_response(result: SpeedResponse, _: Any, console: Console) -> Non
     for what, speeds in (("resonances", result.resonances), ("unstable", result.unstable)):
         console.print(f"{what} at: {', '.join(_rpm(s, 5) for s in speeds) or 'none'}")
     for note in result.notes:
-        console.print(f"note: {note}", markup=False)
+        console.print(f"note: {note}")
 
 
 def print_elastic_result(result: ElasticResult, _: Any, console: Console) -> None:
@@ -78,8 +78,7 @@ def print_elastic_result(result: ElasticResult, _: Any, console: Console) -> Non
     outputs = Components(result.shown, result.count)
     if len(along) <= _FEW:
         title = f"{result.title}: {result.headline}, over {label}"
-        for part in outputs.values(title, [f"{x:.6g}" for x in along]):
-            console.print(part)
+        console.print(outputs.values(title, [f"{x:.6g}" for x in along]))
     else:
         title = f"{result.title}: {result.headline}; range over {coordinate}"
         console.print(outputs.extremes(title, along, unit))
@@ -97,4 +96,4 @@ def print_elastic_result(result: ElasticResult, _: Any, console: Console) -> Non
         }
         console.print(f"largest Floquet multiplier {abs(result.floquet[0]):.6g}: {verdict[result.stable]}")
     for note in result.notes:
-        console.print(f"note: {note}", markup=False)
+        console.print(f"note: {note}")

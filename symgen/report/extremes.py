@@ -17,8 +17,6 @@ Array = NDArray[np.float64]
 _ROUND_OFF = 1e-12
 #: Angles are compared with one radian, even if all angles in a table are small.
 _LEAST_SCALE = {"rad": 1.0}
-#: Maximum number of values per table with one column per value, for 80 columns.
-_COLUMNS = 3
 
 
 class Components:
@@ -92,15 +90,23 @@ class Components:
                 for cell in (self.text(values[k]) + mark(name, k), f"{along[k]:.6g}")
             ]
             rows.append((name, of, *([self.text(values[-1])] if end else []), *ends))
-        return table(title, head, rows)
+        return table(title, head, rows, keys=2)
 
     def values(
         self, title: str, heads: Sequence[str], mark: Callable[[str, int], str] = lambda name, index: ""
-    ) -> list[Group]:
-        """Return tables with one column per value, split to fit 80 columns."""
-        made = []
-        for first in range(0, len(heads), _COLUMNS):
-            part = range(first, min(first + _COLUMNS, len(heads)))
-            rows = [(n, u, *(self.text(values[k]) + mark(n, k) for k in part)) for n, u, values in self.rows]
-            made.append(table(title, ("output", "unit", *(heads[k] for k in part)), rows))
-        return made
+    ) -> Group:
+        """Return a table with one column per value."""
+        rows = [
+            (n, u, *(self.text(x) + mark(n, k) for k, x in enumerate(values))) for n, u, values in self.rows
+        ]
+        return table(title, ("output", "unit", *heads), rows, keys=2)
+
+
+def texts(unit: str, values: np.ndarray) -> list[list[str]]:
+    """Return the rows of an array as text, with round-off as 0."""
+    if not values.size:
+        return [[] for _ in values]
+    flat = Components([Variable("", unit, "", tuple(map(str, range(values.size))), values.reshape(1, -1))], 1)
+    words = [flat.text(float(x[0])) for _, _, x in flat.rows]
+    width = values.shape[1]
+    return [words[i * width : (i + 1) * width] for i in range(len(values))]

@@ -29,11 +29,10 @@ def print_forces(found: Forces, _: Any, console: Console) -> None:
         shown = dict(zip(found.coordinate.values.tolist(), along.tolist(), strict=True))
         rows = [(name, units[name], value, shown[at]) for name, (value, at) in found.greatest.items()]
         head, title = ("output", "unit", "largest", f"at {label}"), f"{found.title}: {len(along)} poses"
-    console.print(table(title, head, rows))
+    console.print(table(title, head, rows, keys=2))
     for note in found.notes:
-        console.print(f"note: {note}", soft_wrap=True, markup=False)
+        console.print(f"note: {note}")
     console.print(
         f"{found.headline} at {found.statistics['worst_at']}; balance met within "
-        f"{found.statistics['residual']:.1e} of the largest force",
-        soft_wrap=True,
+        f"{found.statistics['residual']:.1e} of the largest force"
     )

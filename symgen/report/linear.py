@@ -25,7 +25,7 @@ def print_linearisation(found: Linearisation, model: Any, console: Console) -> N
         (name, found.units[name], f"{u + 0.0:.9g}", "") for name, u in zip(found.inputs, found.u, strict=True)
     ]
     title = f"{model.description.title}: linearised at t = {found.t:g} s"
-    console.print(table(title, ("state, input", "unit", "value", "rate"), rows))
+    console.print(table(title, ("state, input", "unit", "value", "rate"), rows, keys=2))
     for name, of, by in (
         ("A: d(dx)/dt by dx", found.states, found.states),
         ("B: d(dx)/dt by du", found.states, found.inputs),
@@ -38,9 +38,9 @@ def print_linearisation(found: Linearisation, model: Any, console: Console) -> N
                 (i, row, *values) for i, (row, values) in enumerate(zip(of, matrix, strict=True), start=1)
             ]
             columns = by if sum(map(len, by)) <= _HEADINGS else tuple(str(j + 1) for j in range(len(by)))
-            console.print(table(name, ("", "", *columns), entries, texts=(1,)))
+            console.print(table(name, ("", "", *columns), entries, texts=(1,), keys=2))
     poles = [f"{s.real:.6g}{s.imag:+.6g}i" for s in _without_round_off(found.poles).tolist()]
-    console.print(f"poles [1/s]: {', '.join(poles)}", soft_wrap=True)
+    console.print(f"poles [1/s]: {', '.join(poles)}")
 
 
 def _without_round_off(poles: NDArray[np.complex128]) -> NDArray[np.complex128]:
@@ -58,4 +58,4 @@ def print_sensitivity(found: Sensitivity, model: Any, console: Console) -> None:
     ]
     by = [f"by {name} [{found.units[name]}]" for name in found.parameters]
     title = f"{model.description.title}: derivatives at t = {found.t:g} s"
-    console.print(table(title, ("output", "unit", "value", *by), rows))
+    console.print(table(title, ("output", "unit", "value", *by), rows, keys=2))

@@ -31,8 +31,7 @@ def print_turn(turn: Turn, _: Any, console: Console) -> None:
     outputs = Components(turn.shown, len(values), missing="pole")
     if len(values) <= _SHOWN:
         heads = [f"{name} = {x:.6g} {unit}" for x in values.tolist()]
-        for part in outputs.values(turn.title, heads, mark):
-            console.print(part)
+        console.print(outputs.values(turn.title, heads, mark))
     else:
         span = f"{name} = {values[0]:.6g} to {values[-1]:.6g} {unit}"
         title = f"{turn.title}: {len(values)} poses, {span}"
@@ -44,7 +43,7 @@ def print_turn(turn: Turn, _: Any, console: Console) -> None:
     if turn.indeterminate:
         console.print("* undetermined: a value of minimum norm")
     for note in turn.notes:
-        console.print(f"Note: {note}.", soft_wrap=True, markup=False)
+        console.print(f"Note: {note}.")
 
 
 def print_motion_of_loop(result: Result, _: Any, console: Console) -> None:
@@ -62,7 +61,7 @@ def print_motion_of_loop(result: Result, _: Any, console: Console) -> None:
         console.print(outputs.extremes("Recorded outputs", result.time, "s", end=True))
     console.print(run_table(result))
     for note in result.notes:
-        console.print(f"Note: {note}.", soft_wrap=True, markup=False)
+        console.print(f"Note: {note}.")
 
 
 def print_assemblies(found: Sequence[Mapping[str, float]], model: Any, console: Console) -> None:

@@ -28,8 +28,8 @@ def print_synthesis(found: Any, console: Console) -> None:
     good = sum(not design.faults for design in found.designs)
     title = f"{found.title or 'Synthesis'}: {count} four-bar{'s' * (count != 1)}, {good} without a fault"
     heads = ("", "class", "crank", "coupler", "rocker", "fixed", "mu min", "mu max", "error")
-    console.print(table(title, heads, rows, texts=(1,)))
+    console.print(table(title, heads, rows, texts=(1,), keys=2))
     console.print("lengths in m; mu: transmission angle in deg, over a revolution of the crank")
     for i, design in enumerate(found.designs, start=1):
         for fault in design.faults:
-            console.print(f"{i}: {fault}", soft_wrap=True)
+            console.print(f"{i}: {fault}")

@@ -2,38 +2,99 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Sequence
-from typing import Any
+from collections.abc import Collection, Iterable, Iterator, Sequence
+from itertools import pairwise
+from typing import Any, Literal
 
 from rich.box import SIMPLE_HEAD
-from rich.console import Group
-from rich.markup import escape
+from rich.cells import cell_len
+from rich.console import Console, ConsoleOptions, Group, RenderResult
 from rich.table import Table
 from rich.text import Text
 
 from symgen.runtime.result.result import Result
 
+#: Blanks between columns.
+_GAP = 2
+#: A column of text is not wrapped to fewer characters.
+_TEXT = 24
+
 
 def table(
-    title: str, columns: Sequence[str], rows: Iterable[Sequence[Any]], texts: Collection[int] = (0,)
+    title: str,
+    columns: Sequence[str],
+    rows: Iterable[Sequence[Any]],
+    texts: Collection[int] = (0,),
+    keys: int = 1,
 ) -> Group:
     """Return a table of plain text; columns of numbers are right-aligned, those numbered in ``texts`` left.
 
-    The title is a line of its own: a title of the table would be broken at the width of its columns.
+    A table that is wider than the terminal becomes several, one below the other. Each repeats the first
+    ``keys`` columns. Text and headings are wrapped between words; numbers are never broken. The title is a
+    line of its own: a title of the table would be broken at the width of its columns.
     """
-    made = Table(
-        header_style="bold",
-        show_header=any(columns),
-        box=SIMPLE_HEAD,
-        show_edge=False,
-        pad_edge=False,
-        collapse_padding=True,
-    )
-    for i, column in enumerate(columns):
-        made.add_column(escape(column), justify="left" if i in texts else "right", overflow="fold")
-    for row in rows:
-        made.add_row(*(escape(_text(cell)) for cell in row))
-    return Group(Text(title, style="table.title"), made) if title else Group(made)
+    cells = [tuple(map(_text, row)) for row in rows]
+    fitted = _Fitted(tuple(columns), cells, frozenset(texts), keys)
+    return Group(Text(title, style="table.title"), fitted) if title else Group(fitted)
+
+
+class _Fitted:
+    """A table as one or several blocks of columns, whichever fits the width of the terminal."""
+
+    def __init__(
+        self, columns: tuple[str, ...], rows: Sequence[tuple[str, ...]], texts: frozenset[int], keys: int
+    ) -> None:
+        self._columns, self._rows, self._texts, self._keys = columns, rows, texts, keys
+        by_column = [[row[i] for row in rows] for i in range(len(columns))]
+        self._widths = [max(map(cell_len, (head, *of))) for head, of in zip(columns, by_column, strict=True)]
+        self._least = [self._narrowest(i, of) for i, of in enumerate(by_column)]
+
+    def _narrowest(self, i: int, cells: Sequence[str]) -> int:
+        """Return the least width of a column: its longest number or word, and some text."""
+        text = i in self._texts
+        words = [word for line in (self._columns[i], *(cells if text else ())) for word in line.split()]
+        longest = max(map(cell_len, (*words, *(() if text else cells))), default=0)
+        return max(longest, min(self._widths[i], _TEXT)) if text else longest
+
+    def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
+        for block in self._blocks(options.max_width):
+            made = Table(
+                header_style="bold",
+                show_header=any(self._columns),
+                box=SIMPLE_HEAD,
+                show_edge=False,
+                pad_edge=False,
+                collapse_padding=True,
+            )
+            for i, width in zip(block, self._shares(block, options.max_width), strict=True):
+                justify: Literal["left", "right"] = "left" if i in self._texts else "right"
+                made.add_column(Text(self._columns[i]), justify=justify, overflow="fold", width=width)
+            for row in self._rows:
+                made.add_row(*(Text(row[i]) for i in block))
+            yield made
+
+    def _total(self, block: Sequence[int], widths: Sequence[int]) -> int:
+        return sum(widths[i] for i in block) + _GAP * (len(block) - 1)
+
+    def _shares(self, block: Sequence[int], width: int) -> Iterator[int]:
+        """Yield widths of columns: whole if they fit, else headings are wrapped, and text has the rest."""
+        whole = self._total(block, self._widths) <= width
+        room = max(width - self._total(block, self._least), 0)
+        for i in block:
+            more = min(self._widths[i] - self._least[i], room) if whole or i in self._texts else 0
+            room -= more
+            yield self._least[i] + more
+
+    def _blocks(self, width: int) -> list[list[int]]:
+        """Return the columns of the fewest blocks that fit a width, of about as many columns each."""
+        keys, count = [*range(self._keys)], len(self._columns) - self._keys
+        blocks: list[list[int]] = []
+        for number in range(1, max(count, 1) + 1):
+            ends = [self._keys - (-i * count // number) for i in range(number + 1)]
+            blocks = [[*keys, *range(a, b)] for a, b in pairwise(ends)]
+            if all(self._total(block, self._least) <= width for block in blocks):
+                break
+        return blocks
 
 
 def _text(value: Any) -> str:

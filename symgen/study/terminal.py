@@ -15,10 +15,10 @@ def print_report(report: StudyReport, console: Console) -> None:
         searched = bool(study.plan.searches)
         head = ("case", "closure defect", *(["limit"] if searched else []))
         rows = [(case.label, _closure(case), *([_limits(case)] if searched else [])) for case in study.cases]
-        console.print(study.plan.about, style="italic", soft_wrap=True)
+        console.print(study.plan.about, style="italic")
         console.print(table("", head, rows))
     where = report.folder / PAGE
-    console.print(f"{len(report.files)} files in {report.folder}; begin with {where}", soft_wrap=True)
+    console.print(f"{len(report.files)} files in {report.folder}; begin with {where}")
 
 
 def _closure(case: Case) -> str:

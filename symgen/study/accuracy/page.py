@@ -33,7 +33,7 @@ COLUMNS = (
 
 def print_accuracy(found: Accuracy, console: Console) -> None:
     """Print a report: states, errors of every output, and the sums with the largest cancellation."""
-    console.print(head(found), soft_wrap=True)
+    console.print(head(found))
     rows = [(o, o.worst) for o in found.outputs]
     shown = table(
         "",
@@ -44,14 +44,14 @@ def print_accuracy(found: Accuracy, console: Console) -> None:
     console.print(shown)
     exact = ", ".join(_name(o) for o, worst in rows if not worst)
     if exact:
-        console.print(f"Without any error: {exact}.", soft_wrap=True)
+        console.print(f"Without any error: {exact}.")
     console.print(_MEANING)
     if found.condition:
         size, where = found.condition
         console.print(f"Condition of the equations of motion, scaled: at most {size:.2g} ({where}).")
     print_cancelling(found.cancelling, console)
     for note in found.notes:
-        console.print(f"Note: {note}.", soft_wrap=True)
+        console.print(f"Note: {note}.")
 
 
 _MEANING = """\

@@ -46,10 +46,10 @@ def print_suite(outcomes: Sequence[Outcome], console: Console) -> None:
     console.print(table("Hard cases", head, rows, texts=(0, 1)))
     for o in outcomes:
         if not o.survived:
-            console.print(f"{o.case.name}, {o.trial.label}: {o.said}.", soft_wrap=True)
+            console.print(f"{o.case.name}, {o.trial.label}: {o.said}.")
     broken = [o for o in outcomes if not o.holds]
     for o in broken:
-        console.print(f"Does not hold: {o.case.name}, {o.trial.label}.", style="bold", soft_wrap=True)
+        console.print(f"Does not hold: {o.case.name}, {o.trial.label}.", style="bold")
     if not broken:
         required = sum(o.required for o in outcomes)
         console.print(f"All bounds hold: {required} of {len(outcomes)} rows have a bound.")
