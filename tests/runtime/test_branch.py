@@ -192,3 +192,23 @@ def test_values_of_a_drive_are_met_at_their_first_times(followed):
     crank = symgen.build(four_bar(0.1, 0.35, 0.3, 0.4, 0.5))
     met = crank.kinematics(at=[0.6, 0.5 + 2 * np.pi])
     assert met.time == pytest.approx([0.1, 0.0], abs=1e-14)
+
+
+@pytest.mark.parametrize(
+    ("lengths", "t"),
+    [
+        ((0.17, 0.332, 0.518, 0.857), 0.9655791066290017),
+        ((0.395, 0.413, 0.293, 0.932), 0.6951003265555734),
+        ((0.602, 0.427, 0.71, 0.939), 0.024847708427328384),
+        ((0.079, 0.444, 0.132, 0.519), 0.9211218971570169),
+    ],
+)
+def test_a_range_up_to_a_dead_centre_begins_with_the_pose_of_its_start(tuned, lengths, t):
+    model = tuned.with_parameters(**dict(zip(LENGTHS, lengths, strict=True)))
+    state = model.assemblies(at=t)[0]
+    motion = model.kinematics(t, t + 3.0, samples=4, state=state)
+    assert motion.time[0] == t and motion.dead_centres
+    assert not any(low <= t < high for low, high in motion.out_of_reach)
+    a, b, c, d = lengths
+    tip, (x, y) = a * np.array([np.cos(t), np.sin(t)]), motion["B.position"].values[0]
+    assert [np.hypot(x - tip[0], y - tip[1]), np.hypot(x - d, y)] == pytest.approx([b, c], abs=1e-14)

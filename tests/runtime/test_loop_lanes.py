@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from shared.full import full
 
 import symgen
 from symgen.runtime.many.compiled import compiled_runs
 from symgen.runtime.many.dataset import Keep
 from symgen.toolchain import compiler
-from tests.shared.full import full
 
 pytestmark = pytest.mark.skipif(compiler.find_compiler() is None, reason="no C compiler")
 

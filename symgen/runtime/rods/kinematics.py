@@ -186,18 +186,19 @@ def _poses(rows: Sequence[tuple[float, Array, Array, Array]], n: int) -> Poses:
 
 
 def _duration(bonds: Bonds, q: Array, t: float, asked: Task) -> float:
-    """Return a time in which the drives move by about the linkage's size, at most the range.
+    """Return about the time in which the drives move by the linkage's size, at most about the range.
 
-    Points of the linkage would do as well, but next to a dead centre they are as fast as one likes.
+    Points of the linkage would do as well, but next to a dead centre they are as fast as one likes. A power
+    of two divides times without rounding, so that the curve starts exactly at t.
     """
     whole = max(asked.stop, t) - min(asked.start, t)
     fastest = float(np.max(np.abs(bonds.drift(q, t)), initial=0.0))
-    return min(whole, bonds.length(q) / fastest) if fastest > 0 else whole
+    return 2.0 ** round(math.log2(min(whole, bonds.length(q) / fastest) if fastest > 0 else whole))
 
 
 def _path(curve: Curve[Bonds], q: Array, t: float, asked: Task) -> list[CurvePoint]:
     """Return the curve through the start, from low to high times where it does not fold."""
-    x = curve.corrected(curve.join(q, t), np.append(np.zeros(len(q)), 1.0))
+    x = curve.at(curve.join(q, t))
     if x is None:
         raise SimulationError(f"the pose to start from does not meet the constraints at t = {t:g} s", time=t)
     ends = min(asked.start, t), max(asked.stop, t)
@@ -318,7 +319,7 @@ def _elsewhere(
             if not found:
                 continue
             whole = Task(asked.start, asked.stop, 2, False)
-            start = curve.corrected(curve.join(found[0], float(t)), np.append(np.zeros(len(q)), 1.0))
+            start = curve.at(curve.join(found[0], float(t)))
             if start is None:
                 continue
             ways = [np.append(np.zeros(len(q)), s) for s in (1.0, -1.0)]

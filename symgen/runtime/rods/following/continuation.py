@@ -107,6 +107,13 @@ class Curve(Generic[Held]):
             x = x + np.linalg.lstsq(matrix, rhs, rcond=1e-13)[0]
         return None
 
+    def at(self, x: Array) -> Array | None:
+        """Return the point of the curve near x at its very time; None where Newton's method fails."""
+        found = self.corrected(x, np.append(np.zeros(len(x) - 1), 1.0))
+        if found is not None:
+            found[-1] = x[-1]  # a step of least squares moves the time by its rounding
+        return found
+
     def between(self, a: CurvePoint, b: CurvePoint, part: float) -> CurvePoint | None:
         """Return the point of the curve at a part of the way from a to b, predicted by Hermite's cubic."""
         x, along = hermite(a, b, part)
@@ -118,7 +125,6 @@ class Curve(Generic[Held]):
         from scipy.optimize import brentq
 
         target = t / self.duration
-        across = np.append(np.zeros(len(a.x) - 1), 1.0)
         for _ in range(_HALVINGS):
             gap = float(np.linalg.norm(b.x - a.x))
             ends = a.x[-1] - target, b.x[-1] - target
@@ -128,7 +134,7 @@ class Curve(Generic[Held]):
             part = brentq(_cubic, 0.0, 1.0, (float(ends[0]), float(ends[1]), *slopes), xtol=1e-15)
             x, along = hermite(a, b, part)
             x[-1] = target
-            found = self.corrected(x, across)
+            found = self.at(x)
             if found is not None and np.linalg.norm(found - x) <= 0.01 * gap:
                 return self.point(found, along)
             middle = self.between(a, b, 0.5)
