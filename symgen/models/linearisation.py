@@ -223,6 +223,5 @@ def _derived(model: RodsModel, name: str, expression: sp.Expr, unit: str, order:
     unit = per_second(unit)
     if order == 1:
         return name + RATE, rate(expression), unit
-    accelerations = {q.symbol: a.symbol for p in model.q for q, a in zip(model.q[p], model.a[p], strict=True)}
-    terms = [slope * accelerations[q] for q, slope in model.calculus.gradient(expression).items()]
+    terms = [slope * model.acceleration_of[q] for q, slope in model.calculus.gradient(expression).items()]
     return name + 2 * RATE, sp.Add(rate(rate(expression)), *terms), per_second(unit)

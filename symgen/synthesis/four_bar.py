@@ -132,8 +132,12 @@ class FourBar:
         return _model().with_parameters(**self.parameters)
 
     def angles(self, at: ArrayLike) -> Result:
-        """Return the poses at directions of the crank [rad], followed from this pose on its branch."""
-        return self.model.kinematics(at=at, over="input")
+        """Return the poses at directions of the crank [rad], followed from this pose on its branch.
+
+        The crank turns either way: a direction below that of this pose is in the past of the drive.
+        """
+        times = np.asarray(at, dtype=float) - self.parameters["start"]
+        return self.model.kinematics(at=times, over="time")
 
     def within_reach(self, directions: ArrayLike) -> Array:
         """Return directions of the crank [rad] moved by revolutions into the range in which it swings."""
@@ -146,7 +150,7 @@ class FourBar:
         if d + a > b + c:  # the crank cannot point away from the rocker's ground point
             from_link = np.where(from_link > np.pi, from_link - 2 * np.pi, from_link)
         elif abs(d - a) >= abs(b - c):
-            return np.asarray(np.unwrap(directions))
+            from_link = np.unwrap(directions) - towards
         own = self.parameters["start"]
         return np.asarray(
             from_link + towards + 2 * np.pi * np.round((own - from_link[0] - towards) / (2 * np.pi))

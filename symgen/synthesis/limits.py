@@ -38,7 +38,7 @@ def crank_rockers(task: LimitTask) -> tuple[list[FourBar], Search]:
     _check(given)
     scale = next(value for name, value in given.items() if name in _LENGTHS)
     given = {name: value / scale if name in _LENGTHS else value for name, value in given.items()}
-    equations = conditions("synthesis_limits", CONDITIONS, NAMES)
+    equations = conditions("synthesis_limits", CONDITIONS)
     fixed = np.array([name in given for name in NAMES])
     values = np.array([given.get(name, 0.0) for name in NAMES])
     generator = np.random.default_rng(task.seed)

@@ -13,14 +13,13 @@ from numpy.typing import NDArray
 from symgen.errors import SceneError
 from symgen.scene.units import LENGTH, NUMBER
 from symgen.synthesis.four_bar import FourBar
-from symgen.synthesis.search import Search, conditions, search
+from symgen.synthesis.search import Conditions, Search, conditions, search
 from symgen.synthesis.tasks import DYAD, FunctionTask, MotionTask, PathTask, value, values
 
 Array = NDArray[np.float64]
 Equations = Callable[[Array], tuple[Array, Array]]
 
 _FUNCTION = ("d_over_a", "d_over_c", "third", "crank_start", "rocker_start", "input", "output")
-_DYAD = (*DYAD, "point_x", "point_y", "angle")
 #: Links whose lengths or places differ by less, relative to the size of the task, are one link.
 _ONE_LINK = 1e-6
 #: Size of random places, in that of the task.
@@ -53,15 +52,9 @@ def function(task: FunctionTask) -> Found:
     given = {n: value(text, NUMBER, n) for n, text in starts.items() if text is not None}
     free = [i for i, name in enumerate(_FUNCTION[:5]) if name not in given]
     _enough(len(x), len(free), "pairs of input and output", "crank_start or rocker_start")
-    rows = conditions("synthesis_function", 1, _FUNCTION)
     full = np.zeros((len(x), len(_FUNCTION)))
     full[:, 3:] = np.column_stack([np.full(len(x), given.get(n, 0.0)) for n in starts] + [x, y])
-
-    def equations(unknown: Array) -> tuple[Array, Array]:
-        full[:, free] = unknown
-        parts = [rows(row) for row in full]
-        return np.concatenate([r for r, _ in parts]), np.concatenate([s[:, free] for _, s in parts])
-
+    equations = _equations(conditions("synthesis_function", 1), full, free)
     generator = np.random.default_rng(task.seed)
     random = (_ratios(generator)[free] for _ in range(task.starts))
     found = search(equations, random, fit=len(x) > len(free))
@@ -84,6 +77,17 @@ def function(task: FunctionTask) -> Found:
         linkages.append(replace(FourBar(*places).scaled(size), error=error))
         poses.append(angles)
     return Found(*_distinct(linkages, poses, size, 1.0), found)
+
+
+def _equations(rows: Conditions, full: Array, free: list[int]) -> Equations:
+    """Return a condition at the rows of ``full``; the quantities ``free`` are the same in all."""
+
+    def equations(unknown: Array) -> tuple[Array, Array]:
+        full[:, free] = unknown
+        parts = [rows(row) for row in full]
+        return np.concatenate([r for r, _ in parts]), np.concatenate([s[:, free] for _, s in parts])
+
+    return equations
 
 
 def _ratios(generator: np.random.Generator) -> Array:
@@ -113,18 +117,13 @@ def motion(task: MotionTask) -> Found:
     places, given = places / size, _over(task.given(), size)
     free = [i for i, name in enumerate(DYAD) if name not in given]
     _enough(len(places), len(free), "points", ", ".join(DYAD))
-    rows = conditions("synthesis_dyad", 1, _DYAD)
+    rows = conditions("synthesis_dyad", 1)
     generator = np.random.default_rng(task.seed)
     searches, dyads = [], []
     for side in (0, 1) if given else (0,):
         full = np.column_stack([np.zeros((len(places), 5)), places, angles])
         full[:, [DYAD.index(n) for n in given]] = [v[side] for v in given.values()]
-
-        def equations(unknown: Array, full: Array = full) -> tuple[Array, Array]:
-            full[:, free] = unknown
-            parts = [rows(row) for row in full]
-            return np.concatenate([r for r, _ in parts]), np.concatenate([s[:, free] for _, s in parts])
-
+        equations = _equations(rows, full, free)
         random = (_dyad(generator, places, angles)[free] for _ in range(task.starts))
         found = search(equations, random, fit=len(places) > len(free))
         searches.append(found)
@@ -178,7 +177,7 @@ def path(task: PathTask) -> Found:
     places, given = places / size, _over(task.given(), size)
     own = [i for i, name in enumerate(DYAD) if name not in given]
     _enough(2 * count, 2 * len(own) + count - 1, "points, of two conditions each,", ", ".join(DYAD))
-    rows = conditions("synthesis_dyad", 1, _DYAD)
+    rows = conditions("synthesis_dyad", 1)
     full = np.column_stack([np.zeros((2 * count, 5)), np.tile(places, (2, 1)), np.zeros(2 * count)])
     sides = (slice(0, count), slice(count, 2 * count))
     for side, part in enumerate(sides):

@@ -19,6 +19,12 @@ _SAME = 1e-6
 _EVALUATIONS = 300
 #: Largest change of a root that Newton's method still makes, relative to its size: rounding.
 _SETTLED = 1e-11
+#: Largest first change by which a start of Newton's method may miss its root, relative to its size.
+_NEAR_ROOT = 1e-3
+#: Corrections of Newton's method: it doubles the digits of a root that least squares have found to three.
+_CORRECTIONS = 6
+#: Rounding of a residual over its slopes times its arguments, and the least of these that counts.
+_ROUNDING, _SMALLEST = 1e-10, 1e-6
 #: Least singular value of the slopes at a root, relative to the largest.
 _REGULAR = 1e-12
 #: The same at a least square, which is not polished.
@@ -26,10 +32,9 @@ _DETERMINED = 1e-8
 
 
 class Conditions:
-    """Compiled conditions of one kind; ``names`` are their quantities."""
+    """Compiled conditions of one kind."""
 
-    def __init__(self, name: str, count: int, names: tuple[str, ...]) -> None:
-        self.names = names
+    def __init__(self, name: str, count: int) -> None:
         self._kernel = shipped_module(name).conditions
         self._count = count
 
@@ -40,9 +45,9 @@ class Conditions:
 
 
 @cache
-def conditions(name: str, count: int, names: tuple[str, ...]) -> Conditions:
+def conditions(name: str, count: int) -> Conditions:
     """Return the compiled conditions of a shipped block, loaded once."""
-    return Conditions(name, count, names)
+    return Conditions(name, count)
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,13 +66,12 @@ class Search:
 def search(
     equations: Callable[[Array], tuple[Array, Array]],
     starts: Iterable[Array],
-    bounds: tuple[Array, Array] | None = None,
     fit: bool = False,
 ) -> Search:
     """Return the distinct roots of residual(x) = 0, or, to ``fit``, the distinct least squares.
 
-    Least squares by Levenberg and Marquardt, by trust regions within ``bounds``; roots are polished by
-    Newton's method until they change by rounding alone.
+    Least squares by Levenberg and Marquardt; roots are polished by Newton's method until they change by
+    rounding alone.
     """
     from scipy.optimize import least_squares
 
@@ -78,9 +82,7 @@ def search(
         with np.errstate(all="ignore"):
             result = least_squares(
                 lambda x: equations(x)[0], start, jac=lambda x: equations(x)[1],
-                method="lm" if bounds is None else "trf", x_scale="jac",
-                bounds=(-np.inf, np.inf) if bounds is None else bounds, xtol=1e-12, ftol=1e-14, gtol=1e-14,
-                max_nfev=_EVALUATIONS,
+                method="lm", x_scale="jac", xtol=1e-12, ftol=1e-14, gtol=1e-14, max_nfev=_EVALUATIONS,
             )  # fmt: skip
         x, size = result.x, max(1.0, float(np.abs(result.x).max()))
         if not np.isfinite(x).all():
@@ -105,7 +107,7 @@ def search(
 
 def _polished(equations: Callable[[Array], tuple[Array, Array]], x: Array) -> tuple[Array | None, bool]:
     """Return the root next to x, None where Newton's method does not settle; and whether it is isolated."""
-    for _ in range(6):
+    for _ in range(_CORRECTIONS):
         residual, slopes = equations(x)
         if not (np.isfinite(residual).all() and np.isfinite(slopes).all()):
             return None, False
@@ -114,7 +116,7 @@ def _polished(equations: Callable[[Array], tuple[Array, Array]], x: Array) -> tu
         inverse = np.divide(1.0, sizes, out=np.zeros_like(sizes), where=sizes > _REGULAR * sizes[0])
         step = right.T @ (inverse * (left.T @ residual))
         size = max(1.0, float(np.abs(x).max()))
-        if np.abs(step).max() > _SAME * size * 1e3:
+        if np.abs(step).max() > _NEAR_ROOT * size:
             return None, False
         x = x - step
         if np.abs(step).max() <= _SETTLED * size:
@@ -125,4 +127,4 @@ def _polished(equations: Callable[[Array], tuple[Array, Array]], x: Array) -> tu
 def _vanishes(residual: Array, slopes: Array, x: Array) -> bool:
     """Return whether a residual is the rounding of its arguments."""
     rounding = np.abs(slopes) @ np.maximum(np.abs(x), 1.0)
-    return bool((np.abs(residual) <= 1e-10 * np.maximum(rounding, 1e-6)).all())
+    return bool((np.abs(residual) <= _ROUNDING * np.maximum(rounding, _SMALLEST)).all())

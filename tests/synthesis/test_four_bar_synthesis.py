@@ -31,13 +31,13 @@ CASE_2 = {
 A, B, C, D, POINT = 0.4, 1.1, 0.9, 1.0, (0.3, 0.5)
 
 
-def drawn(crank):
+def drawn(crank, a=A, b=B, c=C):
     """Return rocker angle, coupler angle and coupler's point by the intersection of two circles."""
-    joint = A * np.array([math.cos(crank), math.sin(crank)])
+    joint = a * np.array([math.cos(crank), math.sin(crank)])
     along = np.array([D, 0.0]) - joint
     e = np.hypot(*along)
-    x = (e * e + B * B - C * C) / (2 * e)
-    end = joint + (x * along + math.sqrt(B * B - x * x) * np.array([-along[1], along[0]])) / e
+    x = (e * e + b * b - c * c) / (2 * e)
+    end = joint + (x * along + math.sqrt(b * b - x * x) * np.array([-along[1], along[0]])) / e
     coupler = math.atan2(end[1] - joint[1], end[0] - joint[0])
     c, s = math.cos(coupler), math.sin(coupler)
     point = joint + np.array([c * POINT[0] - s * POINT[1], s * POINT[0] + c * POINT[1]])
@@ -200,6 +200,30 @@ def test_motion_generation_with_given_pivots():
          "ground_x": ["0 m", "1 m"], "ground_y": ["0 m", "0 m"]}
     )  # fmt: skip
     assert lengths(found)[0] == pytest.approx((A, B, C, D), rel=1e-9) and not found.designs[0].faults
+
+
+@pytest.mark.parametrize(
+    ("given", "cranks"),
+    [
+        ((0.7, 0.7, 0.8), (1.5, 0.6, -0.3)),  # the crank cannot point away from the rocker's ground point
+        ((0.9, 1.6, 0.6), (2.4, 3.1, 3.9)),  # nor here towards it: its range holds the wrapped angle
+    ],
+)
+@pytest.mark.parametrize("clockwise", [False, True])
+def test_cranks_that_do_not_turn_pass_their_poses_either_way(given, cranks, clockwise):
+    """A drawn triple-rocker is found without faults, whichever way its crank swings through the poses."""
+    cranks = sorted(cranks, reverse=clockwise)
+    rockers, angles, places = zip(*(drawn(x, *given) for x in cranks), strict=True)
+    wrapped = [math.remainder(x, 2 * math.pi) for x in cranks]
+    tasks = [
+        {"kind": "motion", "points": in_metres(places), "angles": [*angles], "ground_x": ["0 m", "1 m"],
+         "ground_y": ["0 m", "0 m"], "starts": 4},
+        {"kind": "function", "input": wrapped, "output": [*rockers], "crank_start": 0, "rocker_start": 0, "starts": 20},
+    ]  # fmt: skip
+    for task in tasks:
+        found = symgen.synthesise(task).designs
+        own = [d for d in found if np.allclose([*d.linkage.lengths.values()], (*given, D), rtol=1e-8)]
+        assert own and own[0].linkage.grashof == "triple-rocker" and not own[0].faults, task["kind"]
 
 
 def test_a_path_and_the_faults_of_branch_and_order():
