@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import numbers
+import threading
 from collections.abc import Callable, Mapping, Set
 from contextlib import suppress
 from functools import wraps
@@ -19,8 +20,15 @@ if TYPE_CHECKING:
 #: Methods behind operators, which are public as well.
 _OPERATORS = ("__getitem__", "__contains__")
 
-#: Errors of kernels in Python, and Ctrl-C in them: compiled code that calls them cannot raise.
-FAILURES: list[BaseException] = []
+
+class _Failures(threading.local):
+    """Errors of kernels in Python, and Ctrl-C in them, of each thread: compiled code between cannot raise."""
+
+    def __init__(self) -> None:
+        self.errors: list[BaseException] = []
+
+
+FAILURES = _Failures()
 
 Target = TypeVar("Target", bound=Callable[..., Any])
 
@@ -56,10 +64,10 @@ def _checked(function: FunctionType) -> Callable[..., Any]:
 
 
 def raise_failure() -> None:
-    """Raise the first error of a kernel since the last call, in place of its consequences."""
-    if FAILURES:
-        error = FAILURES[0]
-        FAILURES.clear()
+    """Raise the first error of a kernel in this thread since the last call, in place of its consequences."""
+    if FAILURES.errors:
+        error = FAILURES.errors[0]
+        FAILURES.errors.clear()
         raise error from None
 
 

@@ -201,6 +201,20 @@ def of_linkage(linkage: Linkage, program: Program, equations: str) -> Descriptio
         pulses=tuple(k for k, s in enumerate(linkage.switches) if s.smooth),
         windings=len(linkage.windings),
         turns=turning(linkage),
+        steady=_steady(linkage),
+    )
+
+
+def _steady(linkage: Linkage) -> tuple[str, ...]:
+    """Return the ground points and the constraints of drives whose velocity does not depend on the time."""
+    from symgen.scene.rods.linkage import TIME
+
+    moved = {p.name: p.motion for p in linkage.points if p.ground}
+    moved |= {f"{d.link}_drive": (d.angle,) for d in linkage.drivers}
+    return tuple(
+        name
+        for name, motion in moved.items()
+        if not any(x.diff(TIME.symbol).has(TIME.symbol) for x in motion)
     )
 
 

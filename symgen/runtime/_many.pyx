@@ -246,8 +246,10 @@ cdef class Starts:
         return True
 
     cdef double extent(self) noexcept nogil:
-        """Return the largest spread of the points along an axis [m]; leave their positions in the output of the start."""
-        cdef double t = 0.0, low, high, widest = 0.0
+        """Return the largest spread of the points along an axis [m]; leave their positions in the output of the start.
+
+        Not a number if a position is none, or infinite."""
+        cdef double t = 0.0, low, high, widest = 0.0, none = 0.0
         cdef Py_ssize_t i, axis
         self.kernels.points(&t, self.s.q, self.s.still, self.e.p, self.s.work, self.s.out)
         for axis in range(self.sizes.axes):
@@ -255,8 +257,9 @@ cdef class Starts:
             for i in range(self.sizes.points):
                 low = fmin(low, self.s.out[i * self.sizes.axes + axis])
                 high = fmax(high, self.s.out[i * self.sizes.axes + axis])
+                none += 0.0 * self.s.out[i * self.sizes.axes + axis]
             widest = fmax(widest, high - low)
-        return widest
+        return widest + none
 
     cdef bint assembled(self) noexcept nogil:
         """Lead the linkage from its drawing to the pose of its start; return whether that is regular."""
@@ -264,8 +267,10 @@ cdef class Starts:
         cdef Py_ssize_t i, j, axes = self.sizes.axes
         cdef int status = _ON_THE_WAY
         self.drawn(&t, self.s.still, self.s.still, self.e.p, self.s.work, self.s.q)
+        size = self.extent()
+        if size != size:
+            return False
         if self.kernels.assembly != NULL:
-            size = self.extent()
             for i in range(self.ends.shape[0]):
                 apart = 0.0
                 for j in range(axes):
@@ -317,7 +322,7 @@ cdef class Starts:
             for i in range(self.n):
                 size = fmax(size, fabs(self.row[i]))
             for i in range(self.springs):
-                if self.result[i] <= self.near * size:
+                if not self.result[i] > self.near * size:
                     return False
         return True
 

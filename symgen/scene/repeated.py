@@ -8,7 +8,7 @@ from typing import Any
 
 from symgen.errors import SceneError
 
-_RANGE = re.compile(r"\{([a-z])=(\d+) to (\d+)\}")
+_RANGE = re.compile(r"\{([a-z])=(\d{1,9}) to (\d{1,9})\}")
 #: Largest number of entries of one name.
 _MOST = 10_000
 
@@ -22,7 +22,7 @@ def written_out(tables: dict[str, Any], where: str = "") -> dict[str, Any]:
     Raises
     ------
     SceneError
-        For a range without numbers or with too many, and for a name that occurs twice.
+        For a range without numbers or with too many, a second one in a name, and a name that occurs twice.
     """
     found: dict[str, Any] = {}
     for key, value in tables.items():
@@ -39,6 +39,12 @@ def _entries(key: Any, value: Any, where: str) -> Iterator[tuple[Any, Any]]:
     if match is None:
         yield key, value
         return
+    if "{" in key[: match.start()] + key[match.end() :]:
+        raise SceneError(
+            f"expected one range of numbers in a name and no other braces, got {key!r}",
+            where=where,
+            hint="The number stands in the place of the range: B{k=0 to 2}_end is B0_end, B1_end, B2_end.",
+        )
     letter, first, last = match[1], int(match[2]), int(match[3])
     if not first <= last < first + _MOST:
         raise SceneError(
@@ -46,7 +52,7 @@ def _entries(key: Any, value: Any, where: str) -> Iterator[tuple[Any, Any]]:
             where=where,
             hint="The first number comes first, and both are part of the range: {k=0 to 3} has four.",
         )
-    own = re.compile(rf"\{{{letter}([+-]\d+)?\}}")
+    own = re.compile(rf"\{{{letter}([+-]\d{{1,9}})?\}}")
     for number in range(first, last + 1):
         name = key[: match.start()] + str(number) + key[match.end() :]
         yield name, _numbered(value, own, number)

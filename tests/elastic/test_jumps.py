@@ -12,6 +12,8 @@ from shared.elastic_scenes import AREA, INERTIA, LENGTH, RHO, E, cantilever
 
 import symgen
 from symgen.errors import ModelError
+from symgen.runtime.elastic.jumps import jump_times
+from symgen.runtime.integrate.pace import limited
 
 #: Force [N], when it begins, and how long it lasts [s]: less than a step.
 FORCE, BEGIN, LASTS = 100.0, 0.0123, 1e-5
@@ -73,6 +75,18 @@ def test_pulses_shorter_than_a_step_are_not_missed(options, tolerance, tmp_path)
     error = run["tip.displacement"].values[:, 1] - expected
     assert np.max(np.abs(error)) < tolerance * np.max(np.abs(expected))
     assert any("steps end on 2 switching points" in note for note in run.notes)
+
+
+@pytest.mark.parametrize("precision", ["longdouble", "float128"])
+def test_jumps_are_found_to_the_rounding_of_times_in_any_precision(precision, tmp_path):
+    """Times are doubles: nothing smaller can be halved, however precise the motion is."""
+    pushed(tmp_path, RECTANGLE)
+    model = symgen.build(next(tmp_path.glob("*.toml")), precision=precision)
+    motion = model._motion(True)
+    with limited(5.0):
+        found = jump_times(motion, 0.05, 2048)
+    assert found.mean(axis=1) == pytest.approx([BEGIN, BEGIN + LASTS], rel=1e-13)
+    assert np.max(np.diff(found)) < 1e-14
 
 
 def test_corners_that_show_only_beside_another_are_found(tmp_path):

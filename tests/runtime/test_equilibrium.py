@@ -196,6 +196,26 @@ def test_what_has_no_equilibrium_says_so():
         symgen.build(scene).equilibrium()
 
 
+@pytest.mark.parametrize(("law", "t", "angle"), [("k*(t - T)**3", 0.3, 0.0), ("a*tanh(t/b)", 0.4, 1.0)])
+def test_drives_rest_at_any_time_that_their_law_has(law, t, angle):
+    """A crank rests at one instant, or for good long after the end of the run: then its rod hangs down."""
+    scene = symgen.Scene(
+        parameters={"T": "0.3 s", "k": "1 rad/s**3", "a": "1 rad", "b": "0.015 s"},
+        points={"O": ground(0, 0), "A": at(0.1, 0), "B": at(0.3, 0.1)},
+        links={"crank": rod("O", "A"), "bar": rod("A", "B")},
+        drivers=[{"link": "crank", "angle": law}],
+        gravity=GRAVITY,
+        analysis={"t_end": "0.2 s"},
+    )
+    model = symgen.build(scene, backend="numpy")
+    with pytest.raises(ModelError, match="the drive of link crank moves at t = 0.1 s"):
+        model.equilibrium(t=0.1)
+    found = model.equilibrium(t=t)
+    assert found.stability == "stable"
+    end = [0.1 * np.cos(angle), 0.1 * np.sin(angle) - np.hypot(0.2, 0.1)]
+    assert found.state.positions["B"] == pytest.approx(end, abs=1e-12)
+
+
 def test_tunable_parameters_move_it_without_compiling_again():
     scene = symgen.Scene(
         parameters={"m": {"value": "2 kg", "tunable": True}},

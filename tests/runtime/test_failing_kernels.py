@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import ctypes
+import threading
+
 import pytest
 
 import symgen
+from symgen.calls import raise_failure
 from symgen.runtime.kernels import library
 
 SCENES = {
@@ -61,3 +65,40 @@ def test_the_right_hand_side_raises_it(monkeypatch, tmp_path):
     failing[0] = True
     with pytest.raises(MemoryError, match="of a kernel"):
         rhs(0.0, rhs.start)
+
+
+def test_an_error_of_a_kernel_stays_in_its_thread(monkeypatch, tmp_path):
+    """It ended the call of whichever thread returned first, and made numbers of the others nan."""
+    monkeypatch.setenv("SYMGEN_CACHE", str(tmp_path))
+
+    def quietly(function):
+        def kernel(*arrays):
+            if threading.current_thread().name == "bad":
+                raise MemoryError("of a kernel")
+            function(*arrays)
+
+        return kernel
+
+    monkeypatch.setattr(library, "_quietly", quietly)
+    model = symgen.build("four_bar", backend="numpy")
+    address = model.evaluator.library.addresses["points"]
+    expected, raised = model.accelerations(), []
+
+    def fail():
+        ctypes.CFUNCTYPE(None, *6 * [ctypes.c_void_p])(address)(*6 * [None])  # as compiled code calls it
+        here.set()
+        done.wait(20)
+        with pytest.raises(MemoryError, match="of a kernel"):
+            raise_failure()
+        raised.append(True)
+
+    here, done = threading.Event(), threading.Event()
+    bad = threading.Thread(target=fail, name="bad")
+    bad.start()
+    assert here.wait(20)
+    try:
+        found = model.accelerations()
+    finally:
+        done.set()
+        bad.join()
+    assert (found["B"] == expected["B"]).all() and raised

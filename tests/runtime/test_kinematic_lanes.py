@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from shared.linkages import stephenson
+from shared.linkages import at, ground, stephenson
 from shared.variants import crank_rocker_with_lengths, pins
 
 import symgen
@@ -162,3 +162,21 @@ def test_shapes_and_widths_that_do_not_fit_are_refused(tuned):
     for rows in ((given[:, 1:], q, np.ones(1)), (given, q[:, 1:], np.ones(1)), (given, q, np.ones(2))):
         with pytest.raises(ValueError, match="rows of 3 parameters and of 4 coordinates"):
             lanes(tuned)[1].follow(0.0, *(np.ascontiguousarray(x) for x in rows), TIMES)
+
+
+def test_a_load_that_is_not_a_number_ends_its_run_alone():
+    """A torque k sqrt(1 - t/T) in still links: the root is real up to T."""
+    scene = symgen.Scene(
+        parameters={"k": "1 N*m", "T": {"value": "2 s", "tunable": True}, "w": "1 rad/s"},
+        points={"O": ground(0, 0), "A": at(1, 0)},
+        links={"crank": {"points": ["O", "A"], "mass": "1 kg"}},
+        drivers=[{"link": "crank", "angle": "w*t"}],
+        torques=[{"link": "crank", "torque": "k*sqrt(1 - t/T)"}],
+        analysis={"t_end": "1 s"},
+    )
+    model, ends = symgen.build(scene, backend="c"), np.array([3.0, 4.0, 0.5, 5.0])
+    found = model.inverse_dynamics_many({"T": ends}, samples=9, outputs=["crank.torque"])
+    assert [bool(e) for e in found["error"].values] == [False, False, True, False]
+    assert "no finite forces" in found["error"].values[2]
+    times, torques = (np.delete(found[name].values, 2, axis=0) for name in ("time", "crank.torque"))
+    assert torques == pytest.approx(-np.sqrt(1 - times / np.delete(ends, 2)[:, None]), abs=1e-12)

@@ -10,8 +10,10 @@ from shared.variants import BASE, crank_rocker_with_lengths, pins
 
 import symgen
 from symgen.errors import CapabilityError, InitialStateError, ModelError
+from symgen.runtime.many import compiled, driven
 from symgen.runtime.many.compiled import compiled_runs
 from symgen.runtime.many.dataset import Keep
+from symgen.runtime.rods import start
 from symgen.scene.loading import SHIPPED
 
 LENGTHS = {"a": 0.1, "b": np.linspace(0.33, 0.37, 7), "c": np.linspace(0.31, 0.29, 7)}
@@ -114,6 +116,23 @@ def test_regular_runs_stay_in_compiled_code(model):
     first = model.with_parameters(b=0.34).simulate(samples=5, step=1e-3)
     assert compiled_runs(model, first, columns, None, {"samples": 5, "step": 1e-3}).grain in (2, 4, 8)
     assert compiled_runs(model, first, columns, None, {"samples": 5, "max_wall": 1.0}) is None
+
+
+def test_long_runs_and_large_linkages_are_carried_out_singly(model, monkeypatch):
+    """Fixed steps in lanes end with the run alone; large linkages have sparse starts, of other bits."""
+    columns, given = {"b": np.linspace(0.34, 0.36, 4)}, {"samples": 5, "step": 1e-3, "t_end": 0.11}
+    first = model.with_parameters(b=0.34).simulate(**given)
+    assert compiled_runs(model, first, columns, None, given) is not None
+    with monkeypatch.context() as shorter:
+        shorter.setattr(compiled, "_MOST_STEPS", 100)
+        assert compiled_runs(model, first, columns, None, given) is None
+    for module in (start, compiled, driven):
+        monkeypatch.setattr(module, "LARGE", 0)
+    for analysis in ("simulate", "kinematics"):
+        options = {"samples": 5, "t_end": 0.1} if analysis == "simulate" else {"samples": 5}
+        runs = [getattr(model.with_parameters(b=b), analysis)(**options) for b in columns["b"]]
+        assert compiled_runs(model, runs[0], columns, None, options) is None
+        same_bits(getattr(model, f"{analysis}_many")(columns, **options), runs)
 
 
 def test_positions_are_those_of_two_circles(model):

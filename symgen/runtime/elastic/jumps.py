@@ -55,7 +55,8 @@ def jump_times(motion: ElasticMotion, end: float, per_turn: int) -> Array:
     if not motion.rigid.description.switches:
         return np.zeros((0, 2))
     typed = motion.rigid.typed
-    blur = _BLUR * (typed.precision.epsilon if typed else FLOAT64.epsilon) * end
+    rounding = max(FLOAT64.epsilon, typed.precision.epsilon if typed else 0.0)  # times are doubles
+    blur = _BLUR * rounding * end
     count = math.ceil(max(_LOOKS, per_turn) * max(1.0, end / turn(motion)))
     found: list[tuple[float, float]] = []
     middles: list[float] = []
@@ -110,6 +111,7 @@ def _passed(
     low, high, after = times[places], times[places + 1], sides[places + 1, which]
     angles = angles[places]
     while np.any(wide := high - low > blur):
+        check_wall("looking for jumps of the loads")
         middle = (low + high) / 2
         order = np.argsort(middle[wide], kind="stable")
         back = np.argsort(order)

@@ -150,6 +150,7 @@ class Description(Described):
 
     ``free`` are the points that have coordinates, along ``axes``: those of ``plane`` if a spatial scene moves
     in a plane. ``links`` holds the points of each link, ``labels`` the name of each constraint in messages.
+    ``steady`` are ground points and constraints of drives whose velocity does not depend on the time.
     ``inputs`` are the parameters that are external signals, the last of the tunable ones. ``kinematic``: the
     model has no dynamics. ``remarks`` are notes on the scene for results. ``start`` holds
     the coordinates and then the velocities at the scene's own parameters, ``first_pivot`` is the index in
@@ -178,6 +179,7 @@ class Description(Described):
     turns: tuple[str, ...] = ()
     switches: tuple[str, ...] = ()
     pulses: tuple[int, ...] = ()
+    steady: tuple[str, ...] = ()
     remarks: tuple[str, ...] = ()
     inputs: tuple[str, ...] = ()
 

@@ -216,11 +216,11 @@ def _over_pointers(function: Callable[..., None], sizes: tuple[int, ...], dtype:
                 np.frombuffer((ctypes.c_char * n).from_address(p), dtype) if p and n else None  # type: ignore[call-overload]
                 for p, n in zip(pointers, sizes, strict=True)
             )
-            if not FAILURES:
+            if not FAILURES.errors:
                 function(*arrays)
         except BaseException as error:
-            FAILURES.append(error)  # ctypes would print and ignore it
-        if FAILURES and arrays and arrays[-1] is not None:
+            FAILURES.errors.append(error)  # ctypes would print and ignore it
+        if FAILURES.errors and arrays and arrays[-1] is not None:
             arrays[-1][:] = np.nan  # ends the run
 
     return kernel

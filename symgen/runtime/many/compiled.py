@@ -23,6 +23,7 @@ from symgen.runtime.many.loops import DrivenLoops, driven_loops
 from symgen.runtime.many.starts import given_of, is_stored, start_of
 from symgen.runtime.result.recording import Recording, continued, shaped
 from symgen.runtime.result.records import over_time
+from symgen.runtime.rods.large_start import LARGE
 
 if TYPE_CHECKING:
     from symgen.runtime.result.state import State
@@ -113,13 +114,15 @@ def compiled_runs(
     starts = {s.t for s in states} if states is not None else {0.0}
     if not in_c or d.events or d.held or source.redundant or not d.coordinates or len(starts) > 1:
         return None
-    if chosen.method.needs_tangent:
+    if chosen.method.needs_tangent or d.coordinates > LARGE:  # a large linkage has a start of its own
         return None
     own = getattr(model, "_own", lambda state: state)
     rows = None if states is None else np.array([np.concatenate((s.q, s.u)) for s in map(own, states)])
     given = given_of(evaluator, columns, states)
     single = is_stored(evaluator, given, states)
     t0 = starts.pop()
+    if chosen.rtol == chosen.atol == 0.0 and chosen.t_end - t0 > _MOST_STEPS * chosen.step > 0.0:
+        return None
     times = np.ascontiguousarray(sample_times(t0, chosen, arguments.get("t_eval")))
     batched = None
     if _in_lanes(chosen) and not d.turns and isinstance(model._typed, Typed):

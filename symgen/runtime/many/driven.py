@@ -22,6 +22,7 @@ from symgen.runtime.rods.following.branch import TURN, nodes_of, turned
 from symgen.runtime.rods.following.groups import groups_of
 from symgen.runtime.rods.forces.analysis import driving, of_drive, of_unknown
 from symgen.runtime.rods.forces.assembly import Assembly, Unknown
+from symgen.runtime.rods.large_start import LARGE
 from symgen.runtime.rods.poses import Poses
 from symgen.runtime.rods.redundancy import extent
 
@@ -84,6 +85,7 @@ class Driven:
             lengths = np.array([extent(v, own) for v, own in zip(variants, q, strict=True)])
         runs = np.flatnonzero(regular & ~is_stored(evaluator, given, self.states))
         states, joints, done = self._followed(given[runs], q[runs], lengths[runs])
+        done &= np.isfinite(joints).all(axis=(1, 2))
         moving = over_variants(evaluator, "points", given[runs], self.nodes, states)
         shape = (len(runs), len(self.nodes), 2, len(d.points), len(d.axes))
         places, velocities = np.moveaxis(moving.reshape(shape), 2, 0)
@@ -182,6 +184,8 @@ def driven_runs(
     """Return the runs of kinematics, or of inverse dynamics; None where each is to be carried out singly."""
     d = model.description
     if not hasattr(model, "in_lanes") or d.kinematic or d.plane or d.events or d.held or d.redundant:
+        return None
+    if d.coordinates > LARGE:
         return None
     starts = {s.t for s in states} if states is not None else {0.0}
     if len(starts) > 1 or d.coordinates != len(d.constraints):

@@ -19,8 +19,6 @@ from symgen.runtime.rods.linear import Linearised, Statics
 Array = NDArray[np.float64]
 
 _STEPS, _AWAY = 500, 1e4
-#: Times of a run at which drives may rest.
-_INSTANTS = 65
 _IN_MOTION = "there is no equilibrium while a drive is in motion"
 _HOLD = "Give the drive a constant value, or ask for the kinematics or the motion."
 
@@ -78,23 +76,19 @@ class Equilibrium:
 
 
 def never_rests(evaluator: Evaluator, left_out: str = "") -> str | None:
-    """Return why a linkage has no equilibrium: a drive or ground point moves at every time of its run.
+    """Return why a linkage has no equilibrium: a drive or ground point moves at constant velocity.
 
-    None where all rest at some time. ``left_out`` is a link whose drive does not count.
+    None where all others may rest at some time. ``left_out`` is a link whose drive does not count.
     """
     d = evaluator.description
     q, rest = np.array(d.start[: d.coordinates]), np.zeros(d.coordinates)
-    moving = ""
-    for t in np.linspace(0.0, d.t_end, _INSTANTS).tolist():
-        rates = evaluator.blocks("points", t, q, rest)["velocities"]
-        moving = next((f"the ground point {p}" for p in d.ground if np.any(rates[d.points.index(p)])), "")
-        if not moving and d.constraints:
-            drift = np.ravel(evaluator.blocks("velocity_constraints", t, q, rest)["velocity_constraints"])
-            rows = zip(d.constraints, d.labels, drift, strict=True)
-            moving = next((label for name, label, x in rows if x and name != f"{left_out}_drive"), "")
-        if not moving:
-            return None
-    return f"{_IN_MOTION}: {moving} moves at all times until {d.t_end:g} s\n  {_HOLD}"
+    rates = evaluator.blocks("points", 0.0, q, rest)["velocities"]
+    moving = [f"the ground point {p}" for p in d.ground if p in d.steady and np.any(rates[d.points.index(p)])]
+    if d.constraints:
+        drift = np.ravel(evaluator.blocks("velocity_constraints", 0.0, q, rest)["velocity_constraints"])
+        rows = zip(d.constraints, d.labels, drift, strict=True)
+        moving += [k for name, k, x in rows if x and name in d.steady and name != f"{left_out}_drive"]
+    return f"{_IN_MOTION}: {moving[0]} moves at all times\n  {_HOLD}" if moving else None
 
 
 def at_rest(bonds: Bonds, q: Array, t: float) -> None:

@@ -81,7 +81,9 @@ def pose(evaluator: Evaluator) -> Array:
 def _posed(evaluator: Evaluator) -> Starter:
     """Return the compiled start at the assembled pose."""
     zero = np.zeros(evaluator.description.coordinates)
-    starter = Starter(evaluator, ASSEMBLED, evaluator("drawn", 0.0, zero, zero))
+    drawn = evaluator("drawn", 0.0, zero, zero)
+    _check_places(evaluator, drawn)
+    starter = Starter(evaluator, ASSEMBLED, drawn)
     if evaluator.has("assembly"):
         _assemble(evaluator, starter)
     if evaluator.has("constraints"):
@@ -107,6 +109,18 @@ def check_closed(evaluator: Evaluator, q: Array, values: Array, scales: Array) -
             "  Its assembly did not see this: please report it, with the scene, as a fault of symgen.",
             where=d.place(worst),
         )
+
+
+def _check_places(evaluator: Evaluator, q: Array) -> None:
+    """Refuse points that tunable parameters draw at no place."""
+    rows = evaluator.blocks("points", 0.0, q, np.zeros_like(q))["positions"]
+    for name, place in zip(evaluator.description.points, rows, strict=True):
+        if not np.isfinite(place).all():
+            raise InitialStateError(
+                f"expected a finite position of {name} at the start, got {place.tolist()} m\n"
+                "  Change the parameters.",
+                where=f"points.{name}",
+            )
 
 
 def _check_scales(evaluator: Evaluator, scales: Array) -> None:
