@@ -198,6 +198,8 @@ METHODS = Registry[Method](
             ),
             Method(
                 "system",
+                export="symgen.export.system:system",
+                view="symgen.inspection.systems:SystemView",
                 description="symgen.runtime.kernels.description:SystemDescription",
                 accuracy="symgen.study.accuracy.kernels:of_user_system",
             ),

@@ -157,7 +157,7 @@ def _failed(message: str, code: int) -> int:
 
 def _usage(error: Any) -> str:
     """Return the message of a usage error, with the command that replaced a former spelling."""
-    message = error.format_message()
+    message = _of_value(error) or error.format_message()
     words = [word for argument in sys.argv[1:] for word in argument.split("=", 1)]
     now = next((new for old, new in _FORMER.items() if {*old} <= {*words}), "")
     if now and message.startswith("No such"):
@@ -165,6 +165,20 @@ def _usage(error: Any) -> str:
     return (
         f"{message}\n  See '{error.ctx.command_path if error.ctx else 'symgen'} --help'." if message else ""
     )
+
+
+#: Expected values by the beginning of the name that Pydantic gives an error.
+_EXPECTED = {"int": "a whole number", "float": "a number", "bool": "true or false"}
+
+
+def _of_value(error: Any) -> str:
+    """Return the message of an option whose value Typer could not convert; empty for other errors."""
+    errors = getattr(error.__cause__, "errors", None)
+    if errors is None:
+        return ""
+    wrong = errors()[0]
+    expected = _EXPECTED.get(wrong["type"].partition("_")[0])
+    return f"expected {expected} after {error.param.opts[0]}, got {wrong['input']!r}" if expected else ""
 
 
 def _option(argument: str) -> str:

@@ -258,27 +258,33 @@ def sensitivity(
     scene: o.Scene,
     outputs: Annotated[
         list[str],
-        o.option("--output", metavar="NAME", help="An output, such as A.position.x, or frequencies."),
+        o.option(
+            "--output", metavar="NAME", help="Output, such as A.position.x, or frequencies. May be repeated."
+        ),
     ],
     parameters: Annotated[
         list[str] | None,
-        o.option("--parameter", metavar="NAME", help="A tunable parameter; default: all."),
+        o.option("--parameter", metavar="NAME", help="Tunable parameter; default: all. May be repeated."),
     ] = None,
     at: Annotated[
         str | None,
-        o.option("--at", metavar="STATE", help='start (default), equilibrium, or a time of drives, "0.3 s".'),
+        o.option(
+            "--at",
+            metavar="STATE",
+            help='start (default), equilibrium, or a time of a driven linkage, "0.3 s".',
+        ),
     ] = None,
     coordinates: Annotated[
         list[str] | None,
-        o.option("--coordinate", metavar="NAME", help="An independent coordinate that is held."),
+        o.option("--coordinate", metavar="NAME", help="Independent coordinate to hold, such as crank.angle."),
     ] = None,
     set_: o.Set = None,
     as_json: o.Json = False,
     backend: o.Backend = "auto",
 ) -> None:
-    """Compute derivatives of outputs by tunable parameters.
+    """Compute exact derivatives of outputs with respect to tunable parameters.
 
-    An equilibrium moves with the parameters. Other states keep drives and coordinates.
+    An equilibrium stays one as a parameter varies. At another state, drives and coordinates are held.
     """
     from symgen.inspection.values import of_time
 

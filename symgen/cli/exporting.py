@@ -13,16 +13,17 @@ from symgen.cli.common import changes, command
 
 @command("symgen export four_bar --c four_bar_c")
 def export(
-    scene: o.Scene,
+    scene: o.Source,
     c: Annotated[
         Path,
         typer.Option("--c", metavar="FOLDER", help="Destination: an empty or new folder."),
     ],
     set_: o.Set = None,
 ) -> None:
-    """Write a scene as C for use in other programs.
+    """Write a scene, or the kernels of a user-defined system, as C for use in other programs.
 
-    The folder contains the kernels, the core that runs them, an example, and a check of the results.
+    The folder contains the kernels and a check of their results, for a scene also the core that runs them
+    and an example.
     """
     from symgen.export import export_c
 

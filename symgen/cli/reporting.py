@@ -19,7 +19,7 @@ FRAMES = 241
 
 @command("symgen report peaucellier --out page.html")
 def report(
-    scene: o.Scene,
+    scene: o.Source,
     out: Annotated[
         Path | None, typer.Option(help="Output file: .html; default: SCENE.html in this folder.")
     ] = None,
@@ -29,20 +29,25 @@ def report(
     ] = True,
     set_: o.Set = None,
 ) -> None:
-    """Write an HTML page on a scene.
+    """Write an HTML page on a scene, or on a user-defined system.
 
     The page contains the mechanism, its derivation, its kernels and a run with its errors. It works offline.
     """
     from symgen.atomic import writable, write_text
-    from symgen.inspection.page import scene_page
+    from symgen.errors import ModelError
+    from symgen.inspection.page import scene_page, system_page
+    from symgen.pipeline.user_system import is_own, own_name
     from symgen.report.page.page import render
     from symgen.scene.loading import override, read_scene
 
-    text = override(read_scene(scene), changes(set_))
-    file = out or Path(f"{text.name}.html")
+    text = None if is_own(scene) else override(read_scene(scene), changes(set_))
+    if text is None and set_:
+        raise ModelError(f"{scene} is no scene: it has no values to set")
+    name = text.name if text else own_name(Path(scene))
+    file = out or Path(f"{name}.html")
     writable(file, (".html",), "page")
-    with _status(f"report of {text.name}") as told:
-        page = scene_page(text, speed=speed, told=told)
+    with _status(f"report of {name}") as told:
+        page = scene_page(text, speed=speed, told=told) if text else system_page(Path(scene), told=told)
     write_text(file, render(page))
     print(file)
 

@@ -6,7 +6,7 @@ import os
 import re
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 from symgen.calls import checked
 from symgen.errors import GenerationError
@@ -19,15 +19,6 @@ if TYPE_CHECKING:
     from symgen.scene.schema import Scene
     from symgen.symbolic.system import System
 
-#: The templates of an export, and the file names they produce from a scene's name.
-TEMPLATES = (
-    ("model.h.j2", "{}.h"),
-    ("model.c.j2", "{}.c"),
-    ("main.c.j2", "main.c"),
-    ("check.c.j2", "check.c"),
-    ("CMakeLists.txt.j2", "CMakeLists.txt"),
-    ("README.md.j2", "README.md"),
-)
 _NAMES = "core/names.h"
 #: Reserved names: keywords and functions of C and C++, their headers and compilers, and files of the export.
 _TAKEN = {
@@ -64,12 +55,13 @@ def export_c(
     *,
     set: Mapping[str, Any] | None = None,
 ) -> list[str]:
-    """Write a scene as C into a folder; return the names of the files.
+    """Write a scene, or the kernels of a user-defined system, as C; return the names of the files.
 
     Parameters
     ----------
     scene
-        A shipped name, the path of a scene file, or a :class:`symgen.Scene`.
+        A shipped name, the path of a scene file, a :class:`symgen.Scene`, or the path of a Python file, which
+        is run.
     folder
         A folder that does not exist, is empty, or holds an earlier, unmodified export.
     set
@@ -77,22 +69,24 @@ def export_c(
 
     Raises
     ------
-    SceneError
-        If the scene is invalid.
+    SceneError, DerivationError
+        If the scene is invalid, or the Python file fails.
     ModelError
-        If the scene's name is reserved in C, C++ or the core.
+        If the name is reserved in C, C++ or the core; for values to set in a user-defined system.
     ResultError
         If the folder has other contents or cannot be written. Nothing is written in this case.
     """
     from symgen.errors import ModelError
     from symgen.export.folder import place, write
     from symgen.pipeline.build import text_of
+    from symgen.pipeline.user_system import is_own, load
 
-    name = text_of(scene).name
+    kind = "system" if is_own(scene) else "scene"
+    name = load(Path(str(scene))).system.name if is_own(scene) else text_of(scene).name
     if name in _TAKEN or name in _of_core():
         raise ModelError(
-            f"a scene called {name!r} cannot be exported: C, C++ or a file of the export has that name\n"
-            "  Export a copy of the scene under another name."
+            f"a {kind} called {name!r} cannot be exported: C, C++ or a file of the export has that name\n"
+            "  Export a copy under another name."
         )
     files_there = place(Path(folder))
     return write(Path(folder), list(files_of(scene, set)), files_there)
@@ -114,10 +108,12 @@ def files_of(
     from symgen.export.view import CORE_FOLDER
 
     x = exported(scene, set)
-    for template, name in TEMPLATES:
+    for template, name in x.templates:
         text = environment().get_template(f"export/{template}").render(x=x)
         yield SourceFile(name.format(x.name), text)
     yield from x.kernels
+    if not x.core:
+        return
     names = "".join(
         (CORE_FOLDER / name).read_text(encoding="utf-8") for name in x.core if name.endswith(".h")
     )
@@ -131,10 +127,15 @@ def files_of(
 
 def exported(scene: Scene | str | os.PathLike[str], set: Mapping[str, Any] | None = None) -> Exported:
     """Return the template data of a scene."""
-    from symgen.pipeline.build import build_scene, derive, text_of
+    from symgen.pipeline.build import build, build_scene, derive, text_of
+    from symgen.pipeline.user_system import is_own, load
     from symgen.scene.loading import check_scene, override
     from symgen.scene.resolve import resolve
 
+    if is_own(scene):
+        own = build(scene, set=set)
+        kernels = _emitted(load(Path(str(scene))).system, own.description.equations)
+        return cast("Exported", method_of(own).load("export")(own, *kernels))
     text = override(text_of(scene), set or {})
     model = build_scene(text)
     program, sources = _emitted(derive(text), model.description.equations)

@@ -26,6 +26,15 @@ RTOL, ATOL = 1e-9, 1e-12
 #: Folder with the files of the core.
 CORE_FOLDER = Path(__file__).resolve().parent.parent / "runtime" / "core"
 
+#: The templates of the export of a scene, and the file names that they produce from its name.
+TEMPLATES = (
+    ("model.h.j2", "{}.h"),
+    ("model.c.j2", "{}.c"),
+    ("main.c.j2", "main.c"),
+    ("check.c.j2", "check.c"),
+    ("CMakeLists.txt.j2", "CMakeLists.txt"),
+    ("README.md.j2", "README.md"),
+)
 _WIDE = 110
 _INCLUDED = re.compile(r'^#include "(\w+\.h)"$', re.MULTILINE)
 
@@ -57,7 +66,9 @@ class Exported:
     name, title, equations, references
         Of the scene and its derivation.
     family
-        ``rods``, ``loop`` or ``elastic``: the kind of run.
+        ``rods``, ``loop`` or ``elastic``, the kind of run; or ``system``, which has none.
+    templates
+        The templates of the export, and the file names that they produce from its name.
     driven
         Whether the motion follows from prescribed inputs alone.
     core, core_headers
@@ -84,15 +95,18 @@ class Exported:
     references: tuple[str, ...]
     family: str
     core: tuple[str, ...]
-    core_headers: tuple[str, ...]
     kernels: tuple[SourceFile, ...]
-    coordinates: int
-    state: tuple[Slot, ...]
-    start: str
-    t_end: str
     tables: tuple[Table, ...]
-    records: tuple[Record, ...]
     expected: tuple[Table, ...]
+    core_headers: tuple[str, ...] = ()
+    coordinates: int = 0
+    state: tuple[Slot, ...] = ()
+    start: str = ""
+    t_end: str = ""
+    records: tuple[Record, ...] = ()
+    templates: tuple[tuple[str, str], ...] = TEMPLATES
+    kernel_names: tuple[str, ...] = ()
+    derived: int = 0
     driven: bool = False
     parameters: tuple[Slot, ...] = ()
     outputs: tuple[Slot, ...] = ()
@@ -130,6 +144,8 @@ class Exported:
     def sources(self) -> tuple[str, ...]:
         """All files to compile, except those with a ``main``."""
         own = [f.name for f in self.kernels if f.name.endswith(".c")]
+        if not self.core:
+            return tuple(own)
         return (f"{self.name}.c", *own, *(f"core/{name}" for name in self.core if name.endswith(".c")))
 
     @property

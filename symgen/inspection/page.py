@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import Any
 
 from symgen.codegen.emit import UnitView, equations_hash, unit_view
 from symgen.codegen.target import Target
-from symgen.inspection.measured import measure
+from symgen.inspection.measured import Measured, measure
 from symgen.inspection.view import View, view_of
 from symgen.lowering.kernel import SETUP, Kernel, Program
 from symgen.lowering.nodes import KINDS
 from symgen.lowering.program import lower_system
-from symgen.models.record import Step, record
-from symgen.pipeline.build import build_scene, system_of
+from symgen.models.record import Step, of_system, record
+from symgen.pipeline.build import build, build_scene, system_of
+from symgen.pipeline.user_system import load
 from symgen.report.page.drawing import Drawing, drawing
 from symgen.report.page.page import Fact, KernelRow, Page, StepView, example_in_c
 from symgen.report.page.views import elimination, matrix_view, shared_terms, symbols
@@ -53,28 +55,55 @@ def scene_page(text: SceneText, *, speed: bool, told: Told) -> Page:
     resolved = resolve(checked)
     view = view_of(resolved)
     system = system_of(resolved)
-    derivation = record(resolved, system)
+    found = measure(model, text, speed=speed, told=told)
+    told("drawing")
+    drawn = drawing(view.sketch(resolved, model, found.result))
+    shown = (checked.about.strip(), view.facts(resolved, model), found, drawn)
+    return _page(view, model, system.name, system, record(resolved, system), *shown)
+
+
+def system_page(file: Path, *, told: Told) -> Page:
+    """Derive and build a user-defined system, and return the contents of its page.
+
+    Raises
+    ------
+    DerivationError, BuildError, CacheError
+        As for building the system.
+    """
+    told("building")
+    model = build(file)
+    told("deriving")
+    system, view = load(file).system, view_of(model)
+    steps = (of_system(system),)
+    return _page(view, model, file.name, system, steps, "", view.facts(None, model), Measured(None), None)
+
+
+def _page(
+    view: View,
+    model: Any,
+    source: str,
+    system: System,
+    derivation: Sequence[Step],
+    about: str,
+    facts: Sequence[Fact],
+    found: Measured,
+    drawn: Drawing | None,
+) -> Page:
+    """Return the contents of a page; ``source`` is what Python builds."""
     systems = _distinct([system, *(step.system for step in derivation)])
     program = lower_system(system)
     equations = equations_hash(program, Target())
     unit = unit_view(program, Target(), equations)
-    found = measure(model, text, speed=speed, told=told)
-    told("drawing")
-    drawn = drawing(view.sketch(resolved, model, found.result))
     structure = elimination(system, system.saddle_point) if system.saddle_point else None
     shared, more = shared_terms(systems, _TERMS)
     return Page(
         name=system.name,
         title=system.title,
         kind=view.kind,
-        about=checked.about.strip(),
-        facts=(
-            *view.facts(resolved, model),
-            Fact("operations", _operations(program)),
-            *found.headline,
-        ),
+        about=about,
+        facts=(*facts, Fact("operations", _operations(program)), *found.headline),
         drawing=drawn,
-        drawing_caption=_caption(view, drawn),
+        drawing_caption=_caption(view, drawn) if drawn else "",
         steps=tuple(map(_step, derivation)),
         structure=structure[0] if structure else None,
         structure_caption=_of_structure(structure) if structure else "",
@@ -84,9 +113,7 @@ def scene_page(text: SceneText, *, speed: bool, told: Told) -> Page:
         kernels=tuple(_kernel(k, unit) for k in program.kernels),
         kinds=tuple(_KINDS[k] for k in KINDS),
         in_c=example_in_c(unit, _main(program.kernels)),
-        in_python="\n".join(
-            ["import symgen", "", f'model = symgen.build("{system.name}")', *view.example(model)]
-        ),
+        in_python="\n".join(["import symgen", "", f'model = symgen.build("{source}")', *view.example(model)]),
         run=found.facts,
         run_figure=found.figure,
         notes=found.notes,

@@ -11,7 +11,7 @@ from typing import Any
 from symgen.errors import DerivationError
 from symgen.methods import further_of, method_of
 from symgen.models import BLOCKS, DERIVATIONS
-from symgen.models.record import Step, elastic_record, record
+from symgen.models.record import Step, elastic_record, of_system, record
 from symgen.pipeline.build import system_of
 from symgen.pipeline.user_system import is_own, load
 from symgen.scene.loading import SceneText, check_scene, override, read_scene
@@ -94,14 +94,7 @@ class Subject:
         """The derivation record, step by step."""
         if self.is_scene and not self._kinematic:
             return record(self.resolved, self.own)
-        source = "; ".join(self.own.references)
-        whole = Step(
-            self.own.title,
-            "Matrices of this system.",
-            source,
-            self.own,
-            tuple(m.name for m in self.own.matrices),
-        )
+        whole = of_system(self.own)
         return (*elastic_record(), whole) if self.steps else (whole,)
 
     @property

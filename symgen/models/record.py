@@ -37,6 +37,12 @@ def record(resolved: Linkage | Loop, system: System) -> tuple[Step, ...]:
     return steps
 
 
+def of_system(system: System) -> Step:
+    """Return the matrices of a system without a record of its own as one step."""
+    names = tuple(m.name for m in system.matrices)
+    return Step(system.title, "Matrices of this system.", "; ".join(system.references), system, names)
+
+
 def of_elastic(linkage: Linkage, system: System) -> tuple[Step, ...]:
     """Return the record of a linkage and behind it that of its elastic links."""
     return (*of_linkage(linkage, system), *elastic_record())

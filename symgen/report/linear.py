@@ -24,7 +24,7 @@ def print_linearisation(found: Linearisation, model: Any, console: Console) -> N
     rows += [
         (name, found.units[name], f"{u + 0.0:.9g}", "") for name, u in zip(found.inputs, found.u, strict=True)
     ]
-    title = f"{model.description.title}: linearised at t = {found.t:g} s"
+    title = f"{model.description.title}: linearised at {_state_of(found)}"
     console.print(table(title, ("state, input", "unit", "value", "rate"), rows, keys=2))
     for name, of, by in (
         ("A: d(dx)/dt by dx", found.states, found.states),
@@ -43,6 +43,10 @@ def print_linearisation(found: Linearisation, model: Any, console: Console) -> N
     console.print(f"poles [1/s]: {', '.join(poles)}")
 
 
+def _state_of(found: Linearisation | Sensitivity) -> str:
+    return "the equilibrium" if found.balanced else f"t = {found.t:g} s"
+
+
 def _without_round_off(poles: NDArray[np.complex128]) -> NDArray[np.complex128]:
     """Return poles with 0 for parts at rounding, whose root is the error of a double pole at 0."""
     least = _ROUNDING * np.abs(poles).max(initial=0.0)
@@ -57,5 +61,5 @@ def print_sensitivity(found: Sensitivity, model: Any, console: Console) -> None:
         for name, value, slopes in zip(found.outputs, found.values, found.derivatives.tolist(), strict=True)
     ]
     by = [f"by {name} [{found.units[name]}]" for name in found.parameters]
-    title = f"{model.description.title}: derivatives at t = {found.t:g} s"
+    title = f"{model.description.title}: derivatives at {_state_of(found)}"
     console.print(table(title, ("output", "unit", "value", *by), rows, keys=2))

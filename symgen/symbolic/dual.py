@@ -149,11 +149,6 @@ class DualMatrix:
         return vee(self.dual * self.real.T)
 
     @property
-    def adjoint(self) -> sp.ImmutableMatrix:
-        """Return the 6x6 matrix [R 0; D R] that acts on components of a dual vector as R + eps D does."""
-        return sp.ImmutableMatrix(sp.BlockMatrix([[self.real, sp.zeros(3)], [self.dual, self.real]]))
-
-    @property
     def beside(self) -> sp.ImmutableMatrix:
         """Both parts next to each other: 3x6."""
         return sp.ImmutableMatrix(self.real.row_join(self.dual))

@@ -51,7 +51,7 @@ def test_errors_are_one_message_and_an_exit_code(entry):
     for code, arguments, words in (
         (2, ["simulate", "peaucellier", "--method", "rk4", "--rtol", "1e-3"], "give step instead of rtol"),
         (2, ["run", "peaucellier", "--t-end", "-1"], "expected --t-end"),
-        (2, ["run", "peaucellier", "--t-end", "x"], "'--t-end'"),
+        (2, ["run", "peaucellier", "--t-end", "x"], "expected a number after --t-end, got 'x'"),
         (2, ["run", "peaucellier", "--set", "rho"], "KEY=VALUE"),
         (2, ["show", "peaucellier", "mass"], "Did you mean 'mass_matrix'"),
         (2, ["modes", "slider_crank"], "slider_crank does not support modes"),
@@ -270,7 +270,7 @@ def test_every_analysis_of_a_model_is_a_command_of_that_name():
     """Those that take states or arrays, or return models, are for Python alone."""
     from symgen.runtime.model.model import VERBS
 
-    assert {v.replace("_", "-") for v in VERBS} - set(COMMANDS) == {
+    assert {v.replace("_", "-") for v in VERBS if not v.endswith("_many")} - set(COMMANDS) == {
         "accelerations", "batch", "evaluate", "in-segments", "jacobian", "mass-matrix",
     }  # fmt: skip
 
@@ -287,6 +287,9 @@ def test_options_are_shown_in_groups():
     ("arguments", "words"),
     [
         (["run", "peaucellier", "--rtol", "1e-9"], "Use 'symgen simulate SCENE'"),
+        (["run", "four_bar", "--samples", "1.5"], "expected a whole number after --samples, got '1.5'"),
+        (["linearise", "crank_rocker", "--coordinate", "X"], "crank, coupler, rocker"),
+        (["linearise", "crank_rocker", "--coordinate", "crank.angle"], "no degree of freedom"),
         (["run", "elastic_four_bar", "--method", "periodic"], "Use 'symgen periodic SCENE'"),
         (["run", "elastic_four_bar", "--method=exact"], "Use 'symgen large-rotation SCENE'"),
         (["run", "slider_crank", "--study", "x"], "Use 'symgen study SCENE FOLDER'"),
@@ -325,6 +328,15 @@ def test_run_selects_the_analysis_that_suits_the_scene():
         first, second = (json.loads(call(*words, "--json")) for words in (short, whole))
         assert first["outputs"] == second["outputs"] and first["outputs"]
         assert first["drift"] == second["drift"] and first["provenance"] == second["provenance"]
+
+
+def test_tables_at_an_equilibrium_are_headed_so():
+    shown = call("linearise", "four_bar", "--coordinate", "crank.angle", "--at", "equilibrium").splitlines()
+    assert shown[0] == "Four-bar linkage swinging freely: linearised at the equilibrium"
+    shown = call("sensitivity", "peaucellier", "--at", "equilibrium", "--output", "D.position.x").splitlines()
+    assert shown[0].endswith(": derivatives at the equilibrium")
+    shown = call("linearise", "four_bar", "--coordinate", "crank.angle").splitlines()
+    assert shown[0].endswith(": linearised at t = 0 s")
 
 
 def test_assemblies_are_those_of_the_model():

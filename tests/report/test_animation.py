@@ -48,6 +48,14 @@ def test_a_crank_rocker_turns_as_two_circles_say():
     assert {c["name"] for c in data["curves"]} >= {"B.position.x", "crank.torque"}
 
 
+def test_the_caption_counts_the_curves_that_are_not_drawn():
+    every = [f"{p}.{word}" for p in "AB" for word in ("position", "velocity", "acceleration")]
+    text, data = page_of("four_bar", 5, {"analysis.outputs": [*every, "energy"]})
+    assert len(data["curves"]) == 12 and "1 more curves are recorded and not drawn." in text
+    text, data = page_of("four_bar", 5, {"analysis.outputs": every})
+    assert len(data["curves"]) == 12 and "not drawn" not in text
+
+
 def test_a_loop_keeps_its_lengths_and_its_lines():
     """The nut of the screw jack stands where its rod has no length: every frame has the same lines."""
     _, data = page_of("slider_crank", samples=13)

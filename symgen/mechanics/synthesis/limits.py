@@ -44,6 +44,13 @@ def _cosine_rule(side: sp.Expr, b: sp.Expr, c: sp.Expr, angle: sp.Expr) -> sp.Ex
     return b**2 + c**2 - 2 * b * c * sp.cos(angle) - side**2
 
 
+def cosine_opposite(side: sp.Symbol, b: sp.Symbol, c: sp.Symbol) -> sp.Expr:
+    """Return the cosine of the angle opposite to a side of a triangle, from the cosine rule."""
+    cosine = sp.Symbol("cosine", real=True)
+    rule = _cosine_rule(side, b, c, sp.acos(cosine))
+    return -rule.subs(cosine, 0) / rule.diff(cosine)
+
+
 def conditions(x: dict[str, sp.Symbol]) -> list[sp.Expr]:
     """Return the nine closure errors of the thirteen quantities, which are zero for a crank-rocker."""
     a, b, c, d = (x[name] for name in ("crank", "coupler", "rocker", "fixed_link"))

@@ -41,6 +41,7 @@ def animation(film: Film) -> str:
     low, high = np.nanmin(every, axis=(0, 1)), np.nanmax(every, axis=(0, 1))
     size = float(np.max(high - low)) or 1.0
     along, label = film.result.over
+    curves = _curves(film.result.shown)
     data = {
         "title": film.result.title,
         "along": {
@@ -57,13 +58,12 @@ def animation(film: Film) -> str:
         ],
         "nodes": [{"kind": node.kind, "name": node.name} for node in first.nodes],
         "frames": [_rounded(places.ravel(), size) for places in every],
-        "curves": _curves(film.result.shown),
+        "curves": curves[:_CURVES],
     }
-    text: str = (
-        environment()
-        .get_template("animation.html.j2")
-        .render(title=film.result.title, caption=film.caption, data=_script(data))
-    )
+    left = max(0, len(curves) - _CURVES)
+    caption = film.caption + (f" {left} more curves are recorded and not drawn." if left else "")
+    template = environment().get_template("animation.html.j2")
+    text: str = template.render(title=film.result.title, caption=caption, data=_script(data))
     return text
 
 
@@ -98,7 +98,7 @@ def _curves(variables: Sequence[Variable]) -> list[dict[str, Any]]:
             range_ = float(np.ptp(finite)) if finite.size else 0.0
             size = max(range_, _ROUNDING * largest[v.unit])
             found.append({"name": name, "unit": v.unit, "values": _rounded(values, size or 1.0)})
-    return found[:_CURVES]
+    return found
 
 
 def _script(data: dict[str, Any]) -> str:

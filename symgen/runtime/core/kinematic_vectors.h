@@ -92,14 +92,7 @@ static inline void solve_pair(const wide *a, const mask *swaps, const wide *inve
 }
 
 static void solve_dense_transposed(ptrdiff_t n, const wide *a, const mask *swaps, wide *b) {
-    for (ptrdiff_t i = 0; i < n; i++) {
-        for (ptrdiff_t j = 0; j < i; j++)
-            b[i] -= a[j * n + i] * b[j];
-        b[i] /= a[i * n + i];
-    }
-    for (ptrdiff_t i = n - 1; i >= 0; i--)
-        for (ptrdiff_t j = i + 1; j < n; j++)
-            b[i] -= a[j * n + i] * b[j];
+    substitute_transposed(n, a, b);
     for (ptrdiff_t k = n - 1; k >= 0; k--)
         for (ptrdiff_t i = k + 1; i < n; i++)
             exchange(swaps[k] == i, b + k, b + i, 1);
@@ -143,7 +136,6 @@ static mask judge(const struct kinematic_lanes *k, wide *soundness) {
     return negative;
 }
 
-#define NUMBER wide
 #define LINKAGE struct kinematic_lanes
 #include "groups.h"
 

@@ -40,28 +40,17 @@ int factor_dense(ptrdiff_t n, real *a, ptrdiff_t *swaps) {
     return 1;
 }
 
+#define NUMBER real
+#include "substitution.h"
+
 void solve_dense(ptrdiff_t n, const real *a, const ptrdiff_t *swaps, real *b) {
     for (ptrdiff_t k = 0; k < n; k++)
         exchange(b + k, b + swaps[k], 1);
-    for (ptrdiff_t i = 1; i < n; i++)
-        for (ptrdiff_t j = 0; j < i; j++)
-            b[i] -= a[i * n + j] * b[j];
-    for (ptrdiff_t i = n - 1; i >= 0; i--) {
-        for (ptrdiff_t j = i + 1; j < n; j++)
-            b[i] -= a[i * n + j] * b[j];
-        b[i] /= a[i * n + i];
-    }
+    substitute(n, a, b);
 }
 
 void solve_dense_transposed(ptrdiff_t n, const real *a, const ptrdiff_t *swaps, real *b) {
-    for (ptrdiff_t i = 0; i < n; i++) {
-        for (ptrdiff_t j = 0; j < i; j++)
-            b[i] -= a[j * n + i] * b[j];
-        b[i] /= a[i * n + i];
-    }
-    for (ptrdiff_t i = n - 1; i >= 0; i--)
-        for (ptrdiff_t j = i + 1; j < n; j++)
-            b[i] -= a[j * n + i] * b[j];
+    substitute_transposed(n, a, b);
     for (ptrdiff_t k = n - 1; k >= 0; k--)
         exchange(b + k, b + swaps[k], 1);
 }

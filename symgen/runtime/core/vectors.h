@@ -95,16 +95,12 @@ static mask factor_dense(ptrdiff_t n, wide *a, mask *swaps) {
     return regular;
 }
 
+#define NUMBER wide
+#include "substitution.h"
+
 static void solve_dense(ptrdiff_t n, const wide *a, const mask *swaps, wide *b) {
     for (ptrdiff_t k = 0; k < n; k++)
         for (ptrdiff_t i = k + 1; i < n; i++)
             exchange(swaps[k] == i, b + k, b + i, 1);
-    for (ptrdiff_t i = 1; i < n; i++)
-        for (ptrdiff_t j = 0; j < i; j++)
-            b[i] -= a[i * n + j] * b[j];
-    for (ptrdiff_t i = n - 1; i >= 0; i--) {
-        for (ptrdiff_t j = i + 1; j < n; j++)
-            b[i] -= a[i * n + j] * b[j];
-        b[i] /= a[i * n + i];
-    }
+    substitute(n, a, b);
 }

@@ -85,7 +85,7 @@ def periodic(
     worth, slowest = _WORTH / (2 * free + 1) ** 2, 2.0 * motion.lowest_frequency * motion.period
     more, before = 1.0, 0.0
 
-    def run(per_turn: int, finer: bool) -> tuple[_Shot, tuple[Array, Array], Counts]:
+    def run(per_per_turn: int, finer: bool) -> tuple[_Shot, tuple[Array, Array], Counts]:
         counts, turns = (step_counts(motion, ends, per_turn) for ends in (times, _ends(motion)))
         if finer:
             counts, turns = finer_counts(counts), finer_counts(turns)
@@ -136,9 +136,14 @@ def _check_repeats(motion: ElasticMotion, equations: _beams.BeamEquations) -> No
 
 
 def again(
-    motion: ElasticMotion, equations: _beams.BeamEquations, times: Array, counts: Counts, pace: Pace
+    motion: ElasticMotion,
+    equations: _beams.BeamEquations,
+    times: Array,
+    counts: Counts,
+    per_turn: int,
+    pace: Pace,
 ) -> Array:
-    """Return displacements of the steady state found with such steps from time to time.
+    """Return displacements of the steady state, with such steps per revolution and from time to time.
 
     Raises
     ------
@@ -146,7 +151,7 @@ def again(
         When there are more unknowns than are stepped together.
     """
     _check_size(motion)
-    shot = _shot(motion, equations, step_counts(motion, _ends(motion), int(np.sum(counts))), pace)
+    shot = _shot(motion, equations, step_counts(motion, _ends(motion), per_turn), pace)
     found = stepped(motion, equations, GAUSS, times, counts, shot.start, pace=pace)
     return _in_phase(motion, equations, times, counts, shot, found, pace)[0]
 
@@ -235,8 +240,8 @@ def _shot(motion: ElasticMotion, equations: _beams.BeamEquations, turns: Counts,
         multipliers = multipliers[:-1]
     if np.min(np.abs(multipliers - 1.0)) <= _RESONANT * max(1.0, abs(multipliers[0])):
         raise SimulationError(
-            f"{motion.rigid.name}: no single steady state: a vibration repeats itself each turn, so that "
-            "the load builds it up without end, or any of it may be there\n"
+            f"{motion.rigid.name}: no unique steady state: a free vibration repeats itself after each "
+            "revolution, so that loads amplify it without bound, or leave its amplitude undetermined\n"
             "  Change the speed, or give the links damping: elastic.damping."
         )
     y = np.asarray(np.linalg.solve(np.eye(2 * free) - transition, forced), dtype=float)
@@ -339,13 +344,7 @@ def speed_response(
 
 
 def _parameter(model: Swept) -> tuple[str, float]:
-    """Return the tunable parameter that the speed of the crank is proportional to, and its value per speed.
-
-    Raises
-    ------
-    ModelError
-        When there is none.
-    """
+    """Return the tunable parameter proportional to the speed of the crank, and its value per speed."""
     speed = model.crank_speed
     for name, value in model.parameters.items():
         doubled = model.with_parameters(**{name: 2 * value}).crank_speed
@@ -363,14 +362,12 @@ def _swept(
 ) -> SpeedResponse:
     first = runs[0]
     peaks = [
-        Variable(
-            v.name, v.unit, f"largest {v.about} in a turn", (), np.array([r.peaks[v.name] for r in runs])
-        )
+        Variable(v.name, v.unit, f"largest {v.about}", (), np.array([r.peaks[v.name] for r in runs]))
         for v in first.variables
         if v.values.ndim == 1
     ]
     largest = np.array([abs(r.floquet[0]) for r in runs])
-    peaks.append(Variable("floquet", "1", "largest Floquet multiplier of a turn", (), largest))
+    peaks.append(Variable("floquet", "1", "largest Floquet multiplier of a revolution", (), largest))
     return SpeedResponse(
         name=model.name,
         title=model.description.title,

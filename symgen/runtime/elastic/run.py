@@ -148,7 +148,10 @@ def _error_of_halves(
             return held(one, of, times, pace).displacements
         counts = step_counts(motion, times, _EXPLICIT) if last is None or last.counts is None else last.counts
         if task.method == "periodic":
-            return again(one, of, times, counts, pace)
+            # The times may lie in the first part of the revolution.
+            to_last = int(np.sum(counts))
+            per_turn = to_last if last is None else max(to_last, last.steps - to_last)
+            return again(one, of, times, counts, per_turn, pace)
         return stepped(one, of, method, times, counts, pace=pace)[0]
 
     try:
@@ -295,7 +298,7 @@ def _of_speed(motion: ElasticMotion) -> list[str]:
         return []
     return [
         f"the crank turns at {crank:.4g} Hz, above the first critical speed: the lowest frequency of the "
-        f"structure over the turn is {lowest:.4g} Hz"
+        f"structure over a revolution is {lowest:.4g} Hz"
     ]
 
 
@@ -376,6 +379,6 @@ def _of_stability(found: Found) -> list[str]:
     if stable:
         return []
     return [
-        f"unstable: the largest Floquet multiplier is {abs(found.floquet[0]):.6g}; the steady state found "
-        "grows away from itself by that factor a turn"
+        f"unstable: the largest Floquet multiplier is {abs(found.floquet[0]):.6g}; a deviation from the "
+        "steady state grows by that factor in each revolution"
     ]

@@ -28,7 +28,7 @@ Progress = Callable[[float], None]
 
 #: Steps per revolution that a run begins with, and the most that it is doubled to.
 _FIRST, _MOST = 256, 1 << 18
-#: The most steps a revolution that may be asked for.
+#: The most steps per revolution that may be requested.
 _MOST_A_TURN = 10_000_000
 #: An error of which so much is left in the last of so many parts of a run is reduced on the first, if so many
 #: times are recorded; and the least part of the steps found there that the whole run takes.
@@ -141,7 +141,7 @@ def first_steps(motion: ElasticMotion, task: Task, least: int) -> int:
     if task.max_step is not None:
         raise ModelError("give steps (a revolution) or max_step, not both")
     if not 1 <= task.steps <= _MOST_A_TURN:
-        raise ModelError(f"expected between 1 and 10 million steps a turn, got {task.steps!r}")
+        raise ModelError(f"expected between 1 and 10 million steps per revolution, got {task.steps!r}")
     return task.steps
 
 

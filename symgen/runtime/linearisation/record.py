@@ -35,6 +35,8 @@ class Linearisation:
         Time [s], state, inputs and outputs about which it is linearised.
     rates
         dx/dt there: zero at an equilibrium.
+    balanced
+        Whether that state is an equilibrium that was found as such.
     """
 
     A: Array
@@ -50,6 +52,7 @@ class Linearisation:
     u: Array
     y: Array
     rates: Array
+    balanced: bool = False
 
     @property
     def state_space(self) -> StateSpace:
@@ -106,6 +109,8 @@ class Sensitivity:
         Unit of every output and parameter by name.
     t
         Time [s]; along a run an array (times,).
+    balanced
+        Whether the state is an equilibrium, which moves with the parameters.
     """
 
     derivatives: Array
@@ -114,6 +119,7 @@ class Sensitivity:
     values: Array
     units: dict[str, str]
     t: float | Array
+    balanced: bool = False
 
     def summary(self) -> dict[str, Any]:
         """Return it in plain numbers: what ``symgen sensitivity --json`` prints."""

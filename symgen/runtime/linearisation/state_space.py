@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symgen.errors import ModelError
+from symgen.runtime.kernels.description import Description
 from symgen.runtime.kernels.evaluate import Evaluator
 from symgen.runtime.linearisation.record import Linearisation
 from symgen.runtime.result.state import State
@@ -138,6 +139,11 @@ class Tangents:
             When the coordinates do not determine the motion.
         """
         freedoms = self.free.shape[1]
+        if coordinates and not freedoms:
+            raise ModelError(
+                f"{self.description.name} has no degree of freedom at this state, so no independent "
+                "coordinates: its drives and constraints determine the motion\n  Give no coordinates."
+            )
         for name in coordinates:
             if name not in self.slopes.outputs:
                 raise ModelError(
@@ -268,8 +274,23 @@ def state_space(
     )
 
 
-def derivatives(coordinates: Sequence[str]) -> list[str]:
-    """Return the outputs that coordinates need: themselves and their first two derivatives."""
+def derivatives(d: Description, coordinates: Sequence[str]) -> list[str]:
+    """Return the outputs that coordinates need: themselves and their first two derivatives.
+
+    Raises
+    ------
+    ModelError
+        For a name that is of no point and no link.
+    """
+    for name in coordinates:
+        owner, dot, _ = name.partition(".")
+        if not dot or owner not in (*d.points, *d.links):
+            links = f", or the angle of a link: {', '.join(d.links)}" if len(d.axes) == 2 else ""
+            raise ModelError(
+                f"expected independent coordinates of {d.name}, got {name!r}\n  A coordinate is a "
+                f"component of the position of a point, such as {d.points[-1]}.position.x: "
+                f"{', '.join(d.points)}{links}."
+            )
     return [f"{name}{mark}" for name in coordinates for mark in ("", "'", "''")]
 
 

@@ -373,6 +373,6 @@ def _notes(
         whole = np.max(np.abs(turned)) < 1e-9 * max(1.0, d.size) and np.max(np.abs(gap)) > 1.0
         if whole and not same_assembly(kernels, float(times[0]), states[-1, :n], states[0, :n]):
             yield (
-                "the inputs came back to where they began, but the loop did not: after the turn it is on "
-                "another branch"
+                "the inputs return to their values at the start, but the loop does not: after the revolution "
+                "it is on another assembly branch"
             )

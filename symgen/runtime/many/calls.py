@@ -124,3 +124,7 @@ class ManyRuns:
     equilibrium_many = Many("equilibrium")
     periodic_many = Many("periodic")
     quasi_static_many = Many("quasi_static")
+
+
+#: The calls of many runs by name, and the analysis of each.
+MANY = {name: value.analysis for name, value in vars(ManyRuns).items() if isinstance(value, Many)}

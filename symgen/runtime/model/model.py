@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, ClassVar, overload
 from numpy.typing import ArrayLike
 
 from symgen.errors import CapabilityError
-from symgen.runtime.many.calls import ManyRuns
+from symgen.runtime.many.calls import MANY, ManyRuns
 from symgen.runtime.model.compiled import Compiled
 from symgen.runtime.model.elastic_analyses import ElasticAnalyses
 from symgen.runtime.model.kernel_calls import KernelCalls
@@ -48,11 +48,10 @@ class Model(LinearAnalyses, ManyRuns, Sweeps, ElasticAnalyses, KernelCalls, Comp
     @property
     def capabilities(self) -> tuple[str, ...]:
         """Names of the analyses that the model supports."""
-        return tuple(name for name in VERBS if self._refused(name) is None)
+        return tuple(name for name in VERBS if self._refused(MANY.get(name, name)) is None)
 
     def __dir__(self) -> list[str]:
-        refused = {name for name in VERBS if self._refused(name) is not None}
-        return sorted({*super().__dir__()} - refused - {f"{name}_many" for name in refused})
+        return sorted({*super().__dir__()} - {*VERBS} | {*self.capabilities})
 
     def _carrier(self, name: str) -> Model:
         """Return the model whose method ``_NAME`` carries out an analysis."""
@@ -344,10 +343,13 @@ class Model(LinearAnalyses, ManyRuns, Sweeps, ElasticAnalyses, KernelCalls, Comp
         raise NotImplementedError
 
 
-#: Names of all analyses.
-VERBS: tuple[str, ...] = tuple(
-    name
-    for of in (Model, LinearAnalyses, ElasticAnalyses, KernelCalls)
-    for name, value in vars(of).items()
-    if isinstance(value, Verb)
+#: Names of all analyses, then those of many runs in a call.
+VERBS: tuple[str, ...] = (
+    *(
+        name
+        for of in (Model, LinearAnalyses, ElasticAnalyses, KernelCalls)
+        for name, value in vars(of).items()
+        if isinstance(value, Verb)
+    ),
+    *MANY,
 )

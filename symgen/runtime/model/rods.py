@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from functools import cached_property
 from typing import TYPE_CHECKING, ClassVar
 
@@ -174,7 +175,7 @@ class RodModel(LinkageModel):
     def _mass_matrix(self, state: State | None = None, coordinates: Sequence[str] | None = None) -> Array:
         from symgen.runtime.linearisation.state_space import derivatives
 
-        tangents = self._tangents(state, derivatives(coordinates or ()))
+        tangents = self._tangents(state, derivatives(self.description, coordinates or ()))
         return tangents.mass if coordinates is None else tangents.mass_matrix(coordinates)
 
     def _jacobian(self, state: State | None = None) -> Array:
@@ -196,13 +197,13 @@ class RodModel(LinkageModel):
                 raise ModelError(f"{self.name} has no input {name!r}. {nearest(name, d.inputs)}")
         positions = [f"{p}.position.{axis}" for p in d.free for axis in d.axes]
         names = positions if coordinates is None else list(coordinates)
-        wanted = dict.fromkeys([*derivatives(names), *(outputs or ())])
+        wanted = dict.fromkeys([*derivatives(d, names), *(outputs or ())])
         tangents = self._tangents(at, tuple(wanted))
         shown = names if outputs is None else list(outputs)
         values = [self.parameters[name] for name in chosen]
-        return state_space(
-            tangents, names, coordinates is not None, dict(zip(chosen, values, strict=True)), shown
-        )
+        given = dict(zip(chosen, values, strict=True))
+        found = state_space(tangents, names, coordinates is not None, given, shown)
+        return replace(found, balanced=at is not None and not isinstance(at, State))
 
     def _sensitivity(
         self,
@@ -245,7 +246,7 @@ class RodModel(LinkageModel):
         if frequencies and (along or at is None or isinstance(at, State | float | int)):
             raise ModelError("frequencies are those of an equilibrium: give model.equilibrium() for at")
         outputs = [name for name in outputs if name != "frequencies"]
-        names = tuple(dict.fromkeys([*derivatives(coordinates), *outputs]))
+        names = tuple(dict.fromkeys([*derivatives(self.description, coordinates), *outputs]))
         if isinstance(at, float | int):
             driven = self.kinematics(at=[at], over="time")
             places, rates = (

@@ -1,0 +1,30 @@
+"""What pages show of user-defined systems."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from symgen.inspection.view import View
+from symgen.lowering.kernel import SETUP
+from symgen.report.page.page import Fact
+
+
+class SystemView(View):
+    """Kernels with their arguments; there is no mechanism to draw and no motion to run."""
+
+    def facts(self, resolved: Any, model: Any) -> tuple[Fact, ...]:
+        """Return the arguments and the kernels."""
+        return Fact("arguments", model.description.extent), Fact("kernels", ", ".join(_kernels(model)))
+
+    def example(self, model: Any) -> list[str]:
+        """Return a call of the first kernel."""
+        arrays = [
+            f"{name}={[1.0] * len(array.names)}"
+            for name, array in model.description.arrays.items()
+            if name != "t"
+        ]
+        return [f"model.evaluate({', '.join((repr(_kernels(model)[0]), *arrays))})".replace("'", '"')]
+
+
+def _kernels(model: Any) -> list[str]:
+    return [k.name for k in model.description.kernels if k.name != SETUP]
