@@ -58,13 +58,16 @@ class Rolled:
     zeros: int
 
 
+def statements_of(program: Program) -> dict[str, int]:
+    """Return the number of statements of every kernel, without stores of zeros."""
+    return {k.name: len(k.assignments) + sum(s.value != ZERO for s in k.stores) for k in program.kernels}
+
+
 def large(program: Program, target: Target) -> frozenset[str]:
     """Return the kernels that become loops; kernels in lanes remain straight-line code."""
     if target.language != "c" or target.lanes:
         return frozenset()
-    statements = {
-        k.name: len(k.assignments) + sum(s.value != ZERO for s in k.stores) for k in program.kernels
-    }
+    statements = statements_of(program)
     least = LEAST if sum(statements.values()) > STRAIGHT else math.inf
 
     def size(kernel: Kernel) -> int:

@@ -106,7 +106,8 @@ class SaddlePoint:
     ``order`` lists unknowns: numbers below the count of coordinates are coordinates, the others multipliers.
     A multiplier whose pivot is at most ``rank_tolerance`` of its terms of equal sign depends on those before
     it and is set to zero; callers of the kernels may pass another tolerance. If the rows of J are
-    ``independent`` in every configuration, no pivot is compared.
+    ``independent`` in every configuration, no pivot is compared. ``costs`` has the counted costs by which the
+    order was chosen, with the names of the orders: that of the chosen one first.
     """
 
     mass: str
@@ -116,6 +117,7 @@ class SaddlePoint:
     order: tuple[int, ...]
     rank_tolerance: str
     independent: bool = False
+    costs: tuple[tuple[str, int], ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

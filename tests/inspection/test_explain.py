@@ -5,6 +5,7 @@ from __future__ import annotations
 import ctypes
 import re
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -37,6 +38,9 @@ def test_peaucellier_has_three_loops_and_one_degree_of_freedom():
     assert "A after link OA from O" in text
     assert "loops: 3, closed by these links" in text
     assert text.count(", cut between ") == 3
+    code = "".join(p.read_text() for p in (Path(__file__).parents[2] / "generated").glob("peaucellier*.c"))
+    printed = re.findall(r"^    (?!const double inverse).*[\w\]] = (?!0\.0;).*;$", code, re.MULTILINE)
+    assert f"code in C: {len(printed)} statements, straight-line" in text
     assert "8 coordinates, 7 constraints: 1 degree of freedom at the start" in text
     assert "redundant: none" in text
 
@@ -61,6 +65,13 @@ def test_what_a_four_bar_saves_and_how_it_is_solved():
     assert counted(text, "nonzero entries") + counted(text, "entries of fill-in") == 7 + 2 * below
     assert f"the factor has {7 + below}, a dense one would have 28" in text
     assert f"memory: {8 * 2 * model.description.coordinates} bytes of state" in text
+
+
+def test_the_cheaper_order_is_used():
+    text = said("andrews_squeezer")
+    found = re.search(r"solution, minimum degree: (\d+); along the tree: over (\d+)", text)
+    least, tree = map(int, found.groups())
+    assert least < 0.75 * tree
 
 
 def test_offsets_cost_what_they_bring():

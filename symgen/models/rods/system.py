@@ -38,6 +38,9 @@ def _assemble(model: RodsModel) -> System:
     asked = outputs.asked(model)
     start, start_kernels = start_exports(model)
     equations, exports = _equations(model), _exports(model)
+    order, costs = order_of(
+        model, *(m.matrix for m in equations if m.name in ("mass_matrix", "constraint_jacobian"))
+    )
     residual, refining = refinement(model)
     points, events = _points(model), _events(model)
     derived = {m.name for m in (*equations, *points)}
@@ -66,11 +69,10 @@ def _assemble(model: RodsModel) -> System:
             "constraint_jacobian",
             "force",
             "acceleration_rhs",
-            order_of(
-                model, *(m.matrix for m in equations if m.name in ("mass_matrix", "constraint_jacobian"))
-            ),
+            order,
             _rank_tolerance(linkage),
             is_open(model),
+            costs,
         ),
         references=(REFERENCE,),
         left_out=(

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator
 
+from symgen.codegen.rolled import STRAIGHT, large, statements_of
+from symgen.codegen.target import Target
 from symgen.lowering.kernel import SETUP
 from symgen.lowering.program import lower_system
+from symgen.precision import FLOAT64
 from symgen.symbolic.system import System
 
 RUN, STAGE, STEP, POSE, ASKED = "once per run", "each stage", "each step", "each pose", "on request"
@@ -25,7 +28,8 @@ def saving_lines(system: System, general: System, what: str) -> Iterator[str]:
 
     Operations executed once per run are not included in the sum.
     """
-    own, other = ({k.name: k.counts.flops for k in lower_system(s).kernels} for s in (system, general))
+    program = lower_system(system)
+    own, other = ({k.name: k.counts.flops for k in p.kernels} for p in (program, lower_system(general)))
     total, whole = (sum(n for name, n in counts.items() if name != SETUP) for counts in (own, other))
     times = f" ({whole / total:.1f} times)" if total else ""
     yield f"{system.name}: {total} operations; with {what} {whole}{times}"
@@ -34,6 +38,13 @@ def saving_lines(system: System, general: System, what: str) -> Iterator[str]:
     width = max(map(len, names))
     for name in names:
         yield f"  {name:{width}}  {own.get(name, 0):5}; {other.get(name, 0):5}  {when.get(name, RUN)}"
+    statements, loops = sum(statements_of(program).values()), large(program, Target("c", FLOAT64, False))
+    kind = (
+        f"loops: {', '.join(k.name for k in program.kernels if k.name in loops)}"
+        if loops
+        else "straight-line"
+    )
+    yield f"code in C: {statements} statements, {kind} (loops above {STRAIGHT} statements)"
 
 
 def binding_times(system: System, kernels: Collection[str]) -> dict[str, str]:

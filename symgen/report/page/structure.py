@@ -52,6 +52,10 @@ def solver_lines(system: System) -> Iterator[str]:
         f"  {len(pattern.cells)} nonzero entries and {len(pattern.fill)} entries of fill-in; the factor has "
         f"{factor}, a dense one would have {pattern.rows * (pattern.rows + 1) // 2}"
     )
+    if point.costs:
+        (chosen, cost), *others = point.costs
+        than = "".join(f"; {name}: {'over ' if other > cost else ''}{other}" for name, other in others)
+        yield f"  counted cost of a factorisation and a solution, {chosen}: {cost}{than}"
     if pattern.rows <= _DRAWN:
         yield from _drawn(pattern)
 
