@@ -28,16 +28,21 @@ class UnstableError(ModelError):
     """The structure is unstable at rest: it has no lowest frequency, and no modes to damp."""
 
 
-def stiffness_sizes(equations: _beams.BeamEquations, basis: Array) -> Array:
+def stiffness_sizes(equations: _beams.BeamEquations, basis: Array | None) -> Array:
     """Return the roots of the sums of sizes of the terms of the diagonal of B^T K B, (columns of B,).
 
-    Large terms may cancel where a constraint forbids a link to stretch.
+    Large terms may cancel where a constraint forbids a link to stretch. Without B those of K itself.
     """
-    from scipy.sparse import csr_array
-
     rows, columns, entries = equations.full_stiffness()
-    terms = csr_array((np.abs(entries), (rows, columns)), shape=(len(basis), len(basis)))
-    found = np.sqrt(np.sum(np.abs(basis) * (terms @ np.abs(basis)), axis=0))
+    if basis is None:
+        own = rows == columns
+        sums = np.bincount(rows[own], np.abs(entries[own]), minlength=len(np.unique(rows)))
+    else:
+        from scipy.sparse import csr_array
+
+        terms = csr_array((np.abs(entries), (rows, columns)), shape=(len(basis), len(basis)))
+        sums = np.sum(np.abs(basis) * (terms @ np.abs(basis)), axis=0)
+    found = np.sqrt(sums)
     return np.where(found > 0.0, found, 1.0)
 
 

@@ -59,23 +59,22 @@ def _added(motion: ElasticMotion, k: int, kept: Motion, second: Array, inertia: 
     rows = dict(zip(SHAPES, beam.table(places.tolist()), strict=True))
     fibre = np.abs([at(beam.properties.fibre, x) for x in (places * beam.properties.length).tolist()])
 
-    def largest(displacements: Array, *shapes: str) -> Array:
-        own = motion.own_unknowns(k, kept.links, displacements)
+    def largest(own: Array, *shapes: str) -> Array:
         found: Array = np.sqrt(np.sum([(own @ rows[shape].T) ** 2 for shape in shapes], axis=0))
         return found
 
-    bent, axial = (
-        largest(kept.displacements, "curvature") * fibre,
-        largest(kept.displacements, "axial_strain"),
+    first, more, elastic = (
+        motion.own_unknowns(k, kept.links, x) for x in (kept.displacements, second, inertia)
     )
+    bent, axial = largest(first, "curvature") * fibre, largest(first, "axial_strain")
     peak = float(np.max(bent + axial))
     if peak <= _NOTHING:
         return 0.0
-    added = float(np.max(largest(second, "curvature") * fibre))
-    moved = float(np.max(largest(kept.displacements, "u", "w")))
+    added = float(np.max(largest(more, "curvature") * fibre))
+    moved = float(np.max(largest(first, "u", "w")))
     if kept.rates is not None and moved > _NOTHING * beam.properties.length:
-        share = float(np.max(largest(second, "u", "w"))) / moved
-        added += _DOUBLED * share * float(np.max(largest(inertia, "curvature") * fibre))
+        share = float(np.max(largest(more, "u", "w"))) / moved
+        added += _DOUBLED * share * float(np.max(largest(elastic, "curvature") * fibre))
     return added / peak
 
 

@@ -37,7 +37,7 @@ def quasi_static(motion: ElasticMotion, equations: _beams.BeamEquations, times: 
         t = float(times[k])
         status, _, _, stiffness, load, basis = equations.matrices(t, _beams.QUASI_STATIC)
         motion.check(equations, status, t)
-        sizes = stiffness_sizes(equations, np.eye(len(load)) if basis is None else basis[0])
+        sizes = stiffness_sizes(equations, None if basis is None else basis[0])
         shape = _solved(stiffness, load, sizes)
         if shape is None:
             raise _no_shape(motion, equations, t, stiffness, sizes)
