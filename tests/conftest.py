@@ -15,6 +15,12 @@ from hypothesis import settings
 # thirteen times the processor time. Set before anything imports NumPy.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
+# A tenth of the time of derivations: by default SymPy remembers the last 1000 results of each function.
+os.environ.setdefault("SYMPY_CACHE_SIZE", "20000")
+
+# SymPy makes many objects that live long: looking for circles among them took a sixteenth of the time.
+gc.set_threshold(100_000, 20, 100)
+
 # What CI finds it finds again; elsewhere every run looks at other examples.
 settings.register_profile("ci", derandomize=True)
 if os.environ.get("CI"):

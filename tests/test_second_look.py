@@ -1148,7 +1148,7 @@ def test_33_what_makes_no_library_is_named(tmp_path, monkeypatch, variable, valu
 
 
 @pytest.fixture
-def own_cache(tmp_path, monkeypatch):
+def empty_cache(tmp_path, monkeypatch):
     monkeypatch.setenv("SYMGEN_CACHE", str(tmp_path / "cache"))
     return tmp_path / "cache"
 
@@ -1179,11 +1179,11 @@ print(*(part for part in parts if part.endswith(".py")))
         ("rssr", {"closure/closed_form.py", "loop/frames.py"}),
     ],
 )
-def test_23_an_entry_depends_on_every_module_that_ran_for_it(own_cache, monkeypatch, scene, decides):
+def test_23_an_entry_depends_on_every_module_that_ran_for_it(empty_cache, monkeypatch, scene, decides):
     done = subprocess.run([sys.executable, "-c", WATCHED, scene], capture_output=True, text=True, check=True)
     ran = {*done.stdout.split()}
     assert decides <= ran
-    (entry,) = own_cache.iterdir()
+    (entry,) = empty_cache.iterdir()
     name, needs = entry.name.rpartition("-")[0], json.loads((entry / "needs.json").read_text())
     ours = {need.removeprefix("symgen:runtime/") for need in needs if need.startswith("symgen:runtime/")}
     assert {part for part in ran - ours if not part.endswith("__init__.py")} == set()
@@ -1195,19 +1195,19 @@ def test_23_an_entry_depends_on_every_module_that_ran_for_it(own_cache, monkeypa
             assert graph.current(Cache(), name) is None, f"{changed} decides nothing"
 
 
-def test_23_an_entry_depends_on_the_version(own_cache, monkeypatch):
+def test_23_an_entry_depends_on_the_version(empty_cache, monkeypatch):
     symgen.build("four_bar", backend="numpy")
     graph._of_package.cache_clear()
     monkeypatch.setattr("symgen.version.__version__", "99.0")
     symgen.build("four_bar", backend="numpy")
     graph._of_package.cache_clear()
-    assert len([*own_cache.iterdir()]) == 2
+    assert len([*empty_cache.iterdir()]) == 2
 
 
-def test_23_what_is_made_from_a_description_depends_on_it(own_cache):
+def test_23_what_is_made_from_a_description_depends_on_it(empty_cache):
     """Kernels of an analysis hold start and redundancy of the scene that they were first made for."""
     model = symgen.build("parallelogram", backend="numpy")
-    (base,) = own_cache.iterdir()
+    (base,) = empty_cache.iterdir()
     model.equilibrium()
     description = json.loads((base / "description.json").read_text())
     description["title"] = "changed"
@@ -1245,13 +1245,13 @@ def write_entry(entry, file, text):
         lambda d: {key: value for key, value in d.items() if key != "constraints"},
     ],
 )
-def test_33_a_description_of_the_wrong_shape_is_made_again(own_cache, change):
+def test_33_a_description_of_the_wrong_shape_is_made_again(empty_cache, change):
     expected = symgen.build("four_bar", backend="numpy").accelerations().as_dict()
-    (entry,) = own_cache.iterdir()
+    (entry,) = empty_cache.iterdir()
     text = (entry / "description.json").read_text()
     write_entry(entry, "description.json", json.dumps(change(json.loads(text))))
     assert symgen.build("four_bar", backend="numpy").accelerations().as_dict() == expected
-    (again,) = own_cache.iterdir()
+    (again,) = empty_cache.iterdir()
     assert (again / "description.json").read_text() == text
 
 
@@ -1271,9 +1271,9 @@ def another_user(monkeypatch):
 
 
 @pytest.mark.parametrize("file", [".", "kernels.so", "description.json"])
-def test_32_an_entry_of_another_user_is_not_loaded(own_cache, another_user, file):
+def test_32_an_entry_of_another_user_is_not_loaded(empty_cache, another_user, file):
     symgen.build("four_bar", backend="c")
-    (entry,) = own_cache.iterdir()
+    (entry,) = empty_cache.iterdir()
     assert Cache().find(entry.name)
     if os.geteuid():  # the folder is own, the entry is not
         pytest.skip("only root can give a file away")
@@ -1284,9 +1284,9 @@ def test_32_an_entry_of_another_user_is_not_loaded(own_cache, another_user, file
     assert (entry / file).stat().st_uid == os.geteuid()
 
 
-def test_32_a_link_to_an_entry_elsewhere_is_not_loaded(own_cache, tmp_path):
+def test_32_a_link_to_an_entry_elsewhere_is_not_loaded(empty_cache, tmp_path):
     symgen.build("four_bar", backend="c")
-    (entry,) = own_cache.iterdir()
+    (entry,) = empty_cache.iterdir()
     shutil.move(entry, tmp_path / "elsewhere")
     entry.symlink_to(tmp_path / "elsewhere")
     assert Cache().find(entry.name) is None
@@ -1294,23 +1294,23 @@ def test_32_a_link_to_an_entry_elsewhere_is_not_loaded(own_cache, tmp_path):
 
 @pytest.mark.skipif(not hasattr(os, "geteuid"), reason="there are no POSIX users here")
 @pytest.mark.parametrize("mode", [0o777, 0o1777, 0o775])
-def test_32_a_cache_that_others_can_write_is_refused(own_cache, monkeypatch, mode):
+def test_32_a_cache_that_others_can_write_is_refused(empty_cache, monkeypatch, mode):
     """Whether it is new or holds the scene already; a group with others in it is others."""
     symgen.build("four_bar", backend="c")
-    assert own_cache.stat().st_mode & 0o777 == 0o700
+    assert empty_cache.stat().st_mode & 0o777 == 0o700
     monkeypatch.setattr("symgen.toolchain.ownership._is_private", lambda group, user: False)
-    own_cache.chmod(mode)
+    empty_cache.chmod(mode)
     for scene in ("four_bar", "triple_pendulum"):
         with pytest.raises(CacheError, match=r"only you can write, got .*\n.*chmod go-w .*SYMGEN_CACHE"):
             symgen.build(scene, backend="c")
-    assert len([*own_cache.iterdir()]) == 1
-    own_cache.chmod(0o755)
+    assert len([*empty_cache.iterdir()]) == 1
+    empty_cache.chmod(0o755)
     symgen.build("four_bar", backend="c")
 
 
-def test_32_a_cache_of_another_user_is_refused(own_cache, another_user):
+def test_32_a_cache_of_another_user_is_refused(empty_cache, another_user):
     symgen.build("four_bar", backend="c")
-    another_user(own_cache)
+    another_user(empty_cache)
     with pytest.raises(CacheError, match=r"it belongs to user \d+, with mode 0700"):
         symgen.build("four_bar", backend="c")
 
@@ -1363,7 +1363,7 @@ def test_20_runs_estimate_their_time_and_end_at_max_wall(tmp_path):
         ended(lambda options=options: model.simulate(revolutions=1000, max_wall=1.0, **options), set_up=5.0)
 
 
-def test_20_max_wall_counts_assembling_and_ends_sweeps_and_chains(own_cache):
+def test_20_max_wall_counts_assembling_and_ends_sweeps_and_chains(empty_cache):
     model = symgen.build("elastic_four_bar", backend="numpy")
     speeds = (np.linspace(900, 1000, 400) * np.pi / 30).tolist()
     calls = {
@@ -1550,7 +1550,7 @@ def main_says(arguments, capsys):
         ),
     ],
 )
-def test_22_the_command_line_names_its_options(own_cache, capsys, arguments, said):
+def test_22_the_command_line_names_its_options(empty_cache, capsys, arguments, said):
     out, error = main_says(["simulate", "four_bar", *arguments, "--backend", "numpy"], capsys)
     assert (out, error.strip()) == ("", f"symgen: {said}")
 
@@ -1681,13 +1681,13 @@ def test_22_wrong_calls_give_a_named_error(tmp_path, monkeypatch):
         (lambda m: symgen.Scene("four_bar"), r"Scene takes nothing by position, got 'four_bar' besides"),
     ],
 )
-def test_22_the_argument_is_named(own_cache, call, words):
+def test_22_the_argument_is_named(empty_cache, call, words):
     model = symgen.build("four_bar", backend="numpy")
     with pytest.raises(ModelError, match=words):
         call(model)
 
 
-def test_22_sweeps_and_methods_of_elastic_links(own_cache):
+def test_22_sweeps_and_methods_of_elastic_links(empty_cache):
     model = symgen.build("elastic_four_bar", backend="numpy")
     with pytest.raises(
         ModelError, match=r"Model\.speed_response: expected a list of numbers for speeds, got 'x'"
@@ -1701,7 +1701,7 @@ def test_22_sweeps_and_methods_of_elastic_links(own_cache):
         model.modes("x")
 
 
-def test_22_numbers_of_other_types_are_numbers(own_cache):
+def test_22_numbers_of_other_types_are_numbers(empty_cache):
     """Those of NumPy, of results, and fractions; not those in text, and not True."""
     model = symgen.build("four_bar", backend="numpy")
     expected = model.simulate(0.5, samples=3)["A.position"].values
@@ -1719,7 +1719,7 @@ def test_18_plot_names_a_list_in_place_of_names(result):
 
 
 @pytest.fixture
-def result(own_cache):
+def result(empty_cache):
     return symgen.build("four_bar", backend="numpy").simulate(0.01, samples=3)
 
 

@@ -14,6 +14,7 @@ from pathlib import Path
 
 import pytest
 from shared.full import full, full_unless
+from shared.shipped import lowered
 
 import symgen
 from symgen.codegen.emit import emit, equations_hash, unit_view
@@ -42,7 +43,7 @@ def sources(made):
 
 @cache
 def program_of(name):
-    return lower_system(BLOCKS[name]() if name in BLOCKS else symgen.derive(name))
+    return lower_system(BLOCKS[name]()) if name in BLOCKS else lowered(name)
 
 
 def test_committed_files_are_current(sources):

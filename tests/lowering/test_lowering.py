@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import sympy as sp
+from shared.shipped import lowered
 
 import symgen
 from symgen.codegen.emit import emit
@@ -98,7 +99,7 @@ def test_node_arithmetic_folds_constants_and_signs():
 def programs():
     return {
         **{name: lower_system(make()) for name, make in BLOCKS.items()},
-        **{name: lower_system(symgen.derive(name)) for name in symgen.shipped_scenes()},
+        **{name: lowered(name) for name in symgen.shipped_scenes()},
     }
 
 

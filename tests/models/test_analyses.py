@@ -10,7 +10,7 @@ import pytest
 from shared.full import full_unless
 from shared.oracle import DIGITS, Oracle, relative_error
 from shared.rich_scenes import SCENES
-from shared.shipped import ELASTIC, rigid
+from shared.shipped import ELASTIC, REPEATED, rigid
 from shared.states import values_of
 from typer.testing import CliRunner
 
@@ -26,13 +26,6 @@ runner = CliRunner()
 
 #: Those of elastic links are derived only where there are some.
 KERNELS = [(s, k) for s in SCENES for k in ANALYSES if s in ELASTIC or not k.startswith("elastic")]
-#: Chains and parallel linkages of the same elements and constraints as others.
-REPEATED = {
-    "collinear_chain", "elastic_four_bar_free", "far_origin", "length_ratios", "parallelogram",
-    "peaucellier_limit", "peaucellier_perturbed", "two_four_bars", "whip",
-}  # fmt: skip
-
-
 #: Kernels with the derivatives of those of others by all arguments: large ones.
 SLOPES = ("linearisation", "sensitivity", "variation", "vibration")
 

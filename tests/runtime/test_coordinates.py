@@ -31,7 +31,7 @@ def results():
         "forces": crank.inverse_dynamics(at=[0.5, 1.0, 2.0]),
         "forces at times": crank.inverse_dynamics(at=[0.1, 0.2], over="time"),
         "elastic": elastic.quasi_static(samples=5),
-        "speed_response": elastic.speed_response([20 * RPM, 30 * RPM], rtol=1e-1, samples=5),
+        "speed_response": elastic.speed_response([200 * RPM, 300 * RPM], rtol=1e-1, samples=5),
     }
 
 
@@ -88,7 +88,7 @@ def test_values_of_the_coordinates(results):
     assert elastic.coordinate.values == pytest.approx(
         elastic.coordinate.values[0] + speed * elastic.time, abs=1e-12
     )
-    assert results["speed_response"].coordinate.values == pytest.approx([20 * RPM, 30 * RPM], rel=1e-15)
+    assert results["speed_response"].coordinate.values == pytest.approx([200 * RPM, 300 * RPM], rel=1e-15)
     with pytest.raises(ResultError, match="over crank speed and has no times"):
         _ = results["speed_response"].time
 
@@ -97,7 +97,7 @@ def test_plots_are_labelled_in_degrees_and_rpm(results):
     values, label = results["elastic"].over
     assert label == "crank angle [deg]"
     assert values == pytest.approx(np.degrees(results["elastic"].coordinate.values))
-    assert results["speed_response"].over[0] == pytest.approx([20.0, 30.0])
+    assert results["speed_response"].over[0] == pytest.approx([200.0, 300.0])
     assert results["speed_response"].over[1] == "crank speed [rpm]"
     assert results["loop"].over[1] == "theta1 [deg]" and results["run"].over[1] == "time [s]"
 

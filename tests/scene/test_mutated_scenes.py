@@ -28,7 +28,7 @@ from symgen.errors import SceneError
 PATIENCE = 20.0
 
 
-@pytest.mark.parametrize("files", [50, full(150)])
+@pytest.mark.parametrize("files", [30, full(150)])
 def test_mutated_scenes_give_a_scene_or_a_named_error(files, tmp_path, monkeypatch):
     monkeypatch.setenv("SYMGEN_CACHE", str(tmp_path / "cache"))
     warm_up()

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import symgen
+from symgen.lowering.program import lower_system
 from symgen.scene.loading import read_scene
 
 #: Scenes with a link-joint table, and scenes of points and links.
@@ -14,6 +17,24 @@ ELASTIC = [
     for name in LINKAGES
     if any("elastic" in link for link in read_scene(name).data.get("links", {}).values())
 ]
+
+#: Chains and parallel linkages of the same elements and constraints as others.
+REPEATED = {
+    "collinear_chain", "elastic_four_bar_free", "far_origin", "length_ratios", "parallelogram",
+    "peaucellier_limit", "peaucellier_perturbed", "two_four_bars", "whip",
+}  # fmt: skip
+
+
+@cache
+def derived(name):
+    """Return the system of a shipped scene, derived once in a process: nothing changes it."""
+    return symgen.derive(name)
+
+
+@cache
+def lowered(name):
+    """Return its program, likewise."""
+    return lower_system(derived(name))
 
 
 def rigid(model):
