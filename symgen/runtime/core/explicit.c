@@ -195,14 +195,7 @@ static void prepare(struct run *run, real h) {
 static void interpolate(struct run *run, real h, real theta, real *y) {
     struct tableau x = tableau_of(&run->scheme);
     real weights[MOST_STAGES];
-    for (long j = 0; j < x.all; j++) {
-        real power = theta * h;
-        weights[j] = 0;
-        for (long d = 0; d < x.degree; d++) {
-            weights[j] += x.dense[j * x.degree + d] * power;
-            power *= theta;
-        }
-    }
+    dense_weights(&x, h, theta, weights);
     add_stages(run, weights, x.all, R(1), run->y, y);
 }
 

@@ -4,6 +4,7 @@
 
 #include "arena.h"
 #include "lanes.h"
+#include "tableau.h"
 
 static size_t place(struct lane_runs *l, const struct lane_sizes *s, const struct scheme *scheme, void *memory) {
     const ptrdiff_t w = s->lanes, whole = s->n + s->m + 1, dim = 2 * s->n + s->extra;
@@ -261,34 +262,25 @@ static void record(const struct lane_runs *l, const real *y, ptrdiff_t sample, r
 
 /* The interpolant at the part theta of a step, in l->stage: as `interpolate` of explicit methods. */
 static void interpolate(struct lane_runs *l, real h, real theta) {
-    const long *counts = l->scheme.counts;
-    const ptrdiff_t stages = counts[0], all = counts[1], degree = counts[2];
-    const real *dense = l->scheme.numbers + all * all + stages + all + counts[3] * (stages + 1);
+    const struct tableau x = tableau_of(&l->scheme);
     real weights[MOST_STAGES];
-    for (ptrdiff_t j = 0; j < all; j++) {
-        real power = theta * h;
-        weights[j] = 0;
-        for (ptrdiff_t d = 0; d < degree; d++) {
-            weights[j] += dense[j * degree + d] * power;
-            power *= theta;
-        }
-    }
-    add_stages(l, weights, all, R(1), l->y, l->stage);
+    dense_weights(&x, h, theta, weights);
+    add_stages(l, weights, x.all, R(1), l->y, l->stage);
 }
 
 /* Take a step to t_new, and leave the derivatives at its end behind those of the stages. */
 static void take_step(struct lane_runs *l, real t, real h, real t_new) {
-    const ptrdiff_t stages = l->scheme.counts[0], all = l->scheme.counts[1], row = l->dim * l->sizes.lanes;
-    const real *a = l->scheme.numbers, *b = a + all * all, *c = b + stages;
-    for (ptrdiff_t s = 1; s < stages; s++) {
-        add_stages(l, a + s * all, s, h, l->y, l->stage);
-        lane_derivative(l, t + c[s] * h, l->stage, l->own + s * row);
+    const struct tableau x = tableau_of(&l->scheme);
+    const ptrdiff_t row = l->dim * l->sizes.lanes;
+    for (ptrdiff_t s = 1; s < x.stages; s++) {
+        add_stages(l, x.a + s * x.all, s, h, l->y, l->stage);
+        lane_derivative(l, t + x.c[s] * h, l->stage, l->own + s * row);
     }
-    add_stages(l, b, stages, h, l->y, l->y_new);
+    add_stages(l, x.b, x.stages, h, l->y, l->y_new);
     fail_unless_finite(l, l->y_new);
     project_lanes(l, t_new, l->y_new, 0);
-    lane_derivative(l, t_new, l->y_new, l->own + stages * row);
-    fail_unless_finite(l, l->own + stages * row);
+    lane_derivative(l, t_new, l->y_new, l->own + x.stages * row);
+    fail_unless_finite(l, l->own + x.stages * row);
 }
 
 static void begin(struct lane_runs *l, const real *given, const real *y0) {

@@ -22,4 +22,16 @@ static inline struct tableau tableau_of(const struct scheme *scheme) {
     return x;
 }
 
+/* Weights of the derivatives of all stages at the part theta of a step of length h. */
+static inline void dense_weights(const struct tableau *x, real h, real theta, real *weights) {
+    for (long j = 0; j < x->all; j++) {
+        real power = theta * h;
+        weights[j] = 0;
+        for (long d = 0; d < x->degree; d++) {
+            weights[j] += x->dense[j * x->degree + d] * power;
+            power *= theta;
+        }
+    }
+}
+
 #endif

@@ -194,6 +194,11 @@ class Description(Described):
         return self.windings + len(self.switches)
 
     @property
+    def of_windings(self) -> slice:
+        """Where the references of angles in loads are among the parameters."""
+        return slice(len(self.tunable), len(self.tunable) + self.windings)
+
+    @property
     def coordinates(self) -> int:
         """Number of coordinates."""
         return len(self.free) * len(self.axes)

@@ -97,7 +97,7 @@ def follow(evaluator: Evaluator, redundant: int, start: State, chosen: Options, 
         status = stepper.begin()
         if not y:
             y.append(stepper.state[None, :])
-            references.append(equations.parameters[None, len(d.tunable) : len(d.tunable) + d.windings])
+            references.append(equations.parameters[None, d.of_windings])
         while status == _core.MORE:
             room = min(_CHUNK, chosen.max_steps - sum(map(len, t)) + 1)
             if room <= 0:

@@ -210,11 +210,10 @@ def wound(evaluator: Evaluator, references: Array) -> Iterator[tuple[Array, NDAr
     if not references.any():
         yield given, np.arange(len(references))
         return
-    first = len(given) - d.held
     kinds, which = np.unique(references, axis=0, return_inverse=True)
     for kind, reference in enumerate(kinds):
         held = given.copy()
-        held[first : first + d.windings] = reference
+        held[d.of_windings] = reference
         yield held, np.flatnonzero(which.ravel() == kind)
 
 
