@@ -274,8 +274,8 @@ cdef int _within(str what, values, Py_ssize_t low, high) except -1:
     return 0
 
 
-cdef int _check_layout(layout, Py_ssize_t links, Py_ssize_t joined) except -1:
-    """Raise ValueError if an index of a layout lies outside its arrays or the output of the joints kernel."""
+cdef int _check_layout(layout, Py_ssize_t links, Py_ssize_t joined, Py_ssize_t loads) except -1:
+    """Raise ValueError if an index of a layout lies outside its arrays or the output of the kernels joints and loads."""
     cdef Py_ssize_t n = layout.unknowns, m = layout.constraints, entries = len(layout.rows)
     sizes, pieces = np.asarray(layout.sizes), len(layout.sizes)
     for what in ("constants_at", "link_of", "joints", "places_at", "slots_at"):
@@ -296,16 +296,22 @@ cdef int _check_layout(layout, Py_ssize_t links, Py_ssize_t joined) except -1:
     _within("joint_places", layout.joint_places, -1, n)
     if m:
         _within("joint_places without -1", layout.joint_places[:-1], inner, n)
-    for what in ("slots", "mass_slots", "damping_slots", "stiffness_slots"):
-        _within(what, getattr(layout, what), -1, entries)
+    _within("slots", layout.slots, -1, entries)
+    for what in ("mass_slots", "damping_slots", "stiffness_slots"):  # the last is spare
+        _within(what, getattr(layout, what)[:-1], 0, entries)
     _within("shaft", [layout.shaft], -1, n)
-    _within("shaft_slot", [layout.shaft_slot], -1, entries)
+    _within("shaft_slot", [layout.shaft_slot], -1 if layout.shaft < 0 else 0, entries)
+    _within("joint_at", layout.joint_at, 0, joined + 1)
+    _within("loads_at", layout.loads_at[:links + 1], 0, loads + 1)
+    spread = np.diff(layout.loads_at[:links + 1])
+    _within("steps of loads_at", spread, 0, loads + 1)
     if pieces:
         _within("link_of", layout.link_of, 0, links)
         _within("joints", np.reshape(layout.joints, (pieces, -1)), -1, sizes[:, None])
-        _within("ends of places", layout.places_at + sizes, 0, len(layout.places) + 1)
-        _within("ends of slots", layout.slots_at + sizes**2, 0, len(layout.slots) + 1)
-        _within("constants_at", layout.constants_at, 0, len(layout.constants))
+        _within("places_at", layout.places_at, 0, len(layout.places) - sizes + 1)
+        _within("slots_at", layout.slots_at, 0, len(layout.slots) - sizes**2 + 1)
+        own = sizes * (len(VECTORS) + sizes * len(MATRICES)) + spread[layout.link_of] * sizes * (2 + sizes)
+        _within("constants_at", layout.constants_at, 0, len(layout.constants) - own + 1)
     coordinates = len(layout.joint_places) - 1
     if len(layout.damped):
         forces = len(layout.damped) * (int(np.sum(sizes)) + coordinates)
@@ -346,7 +352,8 @@ cdef class BeamEquations(Integrable):
     def __init__(self, RigidMotion motion, layout, bint thesis):
         cdef beam_layout wanted
         cdef dict kept = {}
-        _check_layout(layout, motion.sizes.links // _MOTION, motion.sizes.joints)
+        _check_layout(layout, motion.sizes.links // _MOTION, motion.sizes.joints,
+                      motion.sizes.loads // len(APPLIED))
         self.motion, self.kept, self.thesis = motion, kept, thesis
         self.of, self.api = motion.equations.of, motion.api
         counts = layout.counts

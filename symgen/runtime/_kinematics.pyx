@@ -21,6 +21,11 @@ cdef class Blocks:
         self.of.filled, self.of.couplings = len(groups.entries), len(groups.coupling_columns)
         if self.of.count < 0 or len(groups.rows) != n or len(groups.columns) != n:
             raise ValueError(f"expected the groups of {n} coordinates, got {groups!r}")
+        for starts, end in ((groups.starts, n), (groups.coupling_starts, self.of.couplings)):
+            if starts[0] != 0 or starts[len(starts) - 1] != end or (np.diff(starts) < 0).any():
+                raise ValueError(f"expected starts that rise from 0 to {end}, got {starts!r}")
+        if len(groups.coupling_starts) != n + 1:
+            raise ValueError(f"expected {n + 1} starts of couplings, got {groups.coupling_starts!r}")
         self.starts = _checked(groups.starts, n + 1)
         self.rows, self.columns = _checked(groups.rows, m), _checked(groups.columns, n)
         limits = (self.of.squares + self.of.couplings, out, m, n)

@@ -12,7 +12,8 @@ from typer.testing import CliRunner
 
 import symgen
 from symgen.cli import app
-from symgen.errors import ModelError, SimulationError, SymgenError
+from symgen.errors import ModelError, SimulationError, SlowRunWarning, SymgenError
+from symgen.runtime.integrate import pace
 from symgen.scene.loading import read_scene
 
 RPM = math.pi / 30
@@ -41,6 +42,13 @@ def test_resonance_and_instability(model, swept):
     assert 160.0 * RPM in [pytest.approx(s) for s in swept.unstable]
     lowest = min(model.modes(math.radians(a)).frequencies[0] for a in range(0, 360, 15))
     assert swept.first_critical == pytest.approx(2 * math.pi * lowest, rel=1e-12)
+
+
+def test_a_long_response_announces_its_remaining_time(model, monkeypatch):
+    monkeypatch.setattr(pace, "_SPAN", 0.0)
+    monkeypatch.setattr(pace, "_LONG", 1e-9)
+    with pytest.warns(SlowRunWarning, match=r"1 of 2 crank speeds after .* s: about .* remain at this pace"):
+        model.speed_response([160 * RPM, 200 * RPM], samples=8, rtol=0.5)
 
 
 def test_saved_and_read_back(swept, tmp_path):

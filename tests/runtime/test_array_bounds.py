@@ -7,8 +7,10 @@ import pytest
 
 import symgen
 from symgen.runtime import _beams, _core
+from symgen.runtime._kinematics import Kinematics
 from symgen.runtime.elastic.mesh import MeshedMotion
 from symgen.runtime.integrate.integrators import INTEGRATORS
+from symgen.runtime.rods.following.groups import groups_of
 
 
 @pytest.fixture(scope="module")
@@ -130,10 +132,26 @@ def test_following_a_loop_needs_rows_and_columns():
         solver.close(0.0, q[:-1].copy())
 
 
-@pytest.mark.parametrize("name", ["slots", "places", "rows", "link_of", "joint_places"])
-def test_a_layout_may_not_point_outside_its_arrays(name):
-    motion = MeshedMotion(symgen.build("elastic_four_bar").rigid)
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [*((name, 10**6) for name in ("slots", "places", "rows", "link_of", "joint_places", "loads_at", "constants_at")),
+     *((name, -1) for name in ("mass_slots", "joint_at", "places_at", "slots_at"))],
+)  # fmt: skip
+def test_a_layout_may_not_point_outside_its_arrays(name, value):
+    motion = MeshedMotion(symgen.build("elastic_slider_crank").rigid)
     values = np.array(getattr(motion.layout, name))
-    values[0] = 10**6
+    values[0] = value
     with pytest.raises(ValueError, match=f"expected {name} from"):
         _beams.BeamEquations(motion.moved(), replace(motion.layout, **{name: values}), False)
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [{"starts": [0, 1, 9]}, {"starts": [1, 1, 2]}, {"starts": [0, 2, 1, 2]}, {"coupling_starts": [0, 0]}],
+)
+def test_groups_may_not_start_outside_their_arrays(wrong):
+    bonds = symgen.build("crank_rocker")._bonds()
+    groups = groups_of(bonds.slopes, range(bonds.n), bonds.n)
+    Kinematics(bonds.kinematics, groups, 1.0, None)
+    with pytest.raises(ValueError, match="expected .* starts|starts that rise|expected the groups"):
+        Kinematics(bonds.kinematics, replace(groups, **wrong), 1.0, None)

@@ -10,6 +10,7 @@ from shared.variants import BASE, crank_rocker_with_lengths, pins
 
 import symgen
 from symgen.errors import CapabilityError, InitialStateError, ModelError
+from symgen.runtime.kernels import batch
 from symgen.runtime.many import compiled, driven
 from symgen.runtime.many.compiled import compiled_runs
 from symgen.runtime.many.dataset import Keep
@@ -133,6 +134,21 @@ def test_long_runs_and_large_linkages_are_carried_out_singly(model, monkeypatch)
         runs = [getattr(model.with_parameters(b=b), analysis)(**options) for b in columns["b"]]
         assert compiled_runs(model, runs[0], columns, None, options) is None
         same_bits(getattr(model, f"{analysis}_many")(columns, **options), runs)
+
+
+def test_large_programs_are_not_compiled_for_lanes(model, monkeypatch):
+    """Their straight-line code for vectors takes a compiler longer than many runs."""
+    columns, given = {"b": np.linspace(0.34, 0.36, 4)}, {"samples": 5, "step": 1e-3, "t_end": 0.02}
+    first = model.with_parameters(b=0.34).simulate(**given)
+    assert compiled_runs(model, first, columns, None, given).batched
+    monkeypatch.setattr(batch, "_MOST_IN_LANES", 100)
+    assert not compiled_runs(model, first, columns, None, given).batched
+    driven_first = model.with_parameters(b=0.34).kinematics(samples=5)
+    assert compiled_runs(model, driven_first, columns, None, {"samples": 5}) is None
+    same_bits(
+        model.simulate_many(columns, **given),
+        [model.with_parameters(b=b).simulate(**given) for b in columns["b"]],
+    )
 
 
 def test_positions_are_those_of_two_circles(model):

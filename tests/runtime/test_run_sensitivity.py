@@ -78,6 +78,54 @@ def test_a_driven_rotor_has_the_derivatives_of_its_closed_form(options, rel):
     assert found["rod.angle", "T"] == pytest.approx(found.derivatives[:, 0, 3], rel=0)
 
 
+def parallelogram(t):
+    """Angle of the crank, end of the rocker and integral of the rate of a parallelogram under T - c rate.
+
+    The coupler does not turn, so that all moves like one rotor with the coupler's mass at its rim.
+    """
+
+    def outputs(m1, m2, m3, a, c, T, start, rate):
+        inertia = (m1 + m3) * a**2 / 3 + m2 * a**2
+        turned = T / c * t + (rate - T / c) * inertia / c * (1 - mp.exp(-c * t / inertia))
+        f = start + turned
+        return [f, 1 + a * mp.cos(f), a * mp.sin(f), turned]
+
+    return outputs
+
+
+@pytest.mark.parametrize("many", [0, 30])
+def test_a_closed_linkage_has_the_derivatives_of_its_closed_form(many):
+    """Three lengths hold four coordinates; ``many`` further torques are taken back along the steps."""
+    values = {"m1": (1.3, "kg"), "m2": (0.7, "kg"), "m3": (0.9, "kg"), "a": (0.6, "m"), **DAMPED}
+    more = {f"T{i}": (0.001, "N*m") for i in range(many)}
+    values["T"] = (0.3 - 0.001 * many, "N*m")
+    end = 0.6 * np.cos(0.4), 0.6 * np.sin(0.4)
+    scene = symgen.Scene(
+        parameters={n: {"value": f"{v!r} {u}", "tunable": True} for n, (v, u) in {**values, **more}.items()},
+        points={"O": ground(0, 0), "A": at(*end), "B": at(1 + end[0], end[1]), "C": ground(1, 0)},
+        links={
+            "crank": {"points": ["O", "A"], "mass": "m1", "length": "a"},
+            "coupler": {"points": ["A", "B"], "mass": "m2"},
+            "rocker": {"points": ["C", "B"], "mass": "m3", "length": "a"},
+        },
+        torques=[{"link": "crank", "torque": " + ".join(["T - c*crank.rate", *more])}],
+    )
+    model = symgen.build(scene)
+    p = model.initial_state().positions
+    velocity = [-2.0 * p["A"][1], 2.0 * p["A"][0]]
+    found = model.sensitivity(
+        ["crank.angle", "B.position"],
+        at=model.state({"A": p["A"], "B": p["B"]}, {"A": velocity, "B": velocity}),
+        coordinates=["crank.angle"],
+        t_end=0.8,
+        integrals=["crank.angle'"],
+        rtol=1e-12,
+    )
+    slope = slopes(parallelogram(0.8), [1.3, 0.7, 0.9, 0.6, 0.08, 0.3, 0.4, 2.0])
+    expected = np.hstack([slope[:, :6], np.repeat(slope[:, 5:6], many, axis=1), slope[:, 6:]])
+    assert np.max(np.abs(found.derivatives[0] - expected) / np.max(np.abs(expected), axis=1)[:, None]) < 1e-8
+
+
 def test_few_outputs_have_the_same_derivatives_by_many_parameters():
     """Derivatives by so many torques are taken back along the steps: the transposed equations."""
     many = {f"T{i}": (0.001 * (i + 1), "N*m") for i in range(28)} | {"c": (0.08, "N*m*s")}

@@ -328,6 +328,7 @@ def speed_response(
     begun = time.perf_counter()
     name, per_speed = _parameter(model)
     runs: list[ElasticResult] = []
+    pace = Pace(0.0, len(speeds), "{:.0f} of {:.0f} crank speeds")
     for k, speed in enumerate(speeds):
         changed = model.with_parameters(**{name: per_speed * speed})
         try:
@@ -338,6 +339,7 @@ def speed_response(
             found = _swept(model, speeds[:k], runs, time.perf_counter() - begun) if runs else None
             problem = f"{error}\n  {k} of {len(speeds)} speeds were found."
             raise SimulationError(problem, time=error.time, partial=found) from None
+        pace.spent(k + 1.0)
         if progress:
             progress((k + 1) / len(speeds))
     return _swept(model, speeds, runs, time.perf_counter() - begun)

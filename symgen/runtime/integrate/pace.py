@@ -100,11 +100,11 @@ class Pace:
 
     The remaining time is estimated from the progress of the last seconds, not from that since the start: a
     run that has come into a region of short steps has slowed down for good more often than not.
-    The limit of wall time is that of :func:`limited`.
+    The limit of wall time is that of :func:`limited`. ``place`` is the text of warnings for time and end.
     """
 
-    def __init__(self, start: float, end: float) -> None:
-        self._end = end
+    def __init__(self, start: float, end: float, place: str = "t = {:.6g} s of {:.6g} s") -> None:
+        self._end, self._place = end, place
         self._begun = self._marked = time.perf_counter()
         self._at, self._announced = start, _LONG / _AGAIN
         self._chunk, self._looked = 4, math.nan
@@ -152,7 +152,7 @@ class Pace:
             else f"the run ends after max_wall = {limited_to.seconds:g} s"
         )
         warnings.warn(
-            f"t = {t:.6g} s of {self._end:.6g} s after {wall:.1f} s: {estimate} at this pace{why}; {limit}",
+            f"{self._place.format(t, self._end)} after {wall:.1f} s: {estimate} at this pace{why}; {limit}",
             SlowRunWarning,
             stacklevel=3,
         )

@@ -13,7 +13,7 @@ from symgen.runtime import _core
 from symgen.runtime._many import Lanes, Runs
 from symgen.runtime.integrate.options import Options
 from symgen.runtime.integrate.simulate import sample_times
-from symgen.runtime.kernels.batch import lanes_of
+from symgen.runtime.kernels.batch import fits_lanes, lanes_of
 from symgen.runtime.kernels.evaluate import Evaluator
 from symgen.runtime.kernels.library import Library
 from symgen.runtime.kernels.typed import Typed
@@ -125,7 +125,7 @@ def compiled_runs(
         return None
     times = np.ascontiguousarray(sample_times(t0, chosen, arguments.get("t_eval")))
     batched = None
-    if _in_lanes(chosen) and not d.turns and isinstance(model._typed, Typed):
+    if _in_lanes(chosen) and fits_lanes(d) and not d.turns and isinstance(model._typed, Typed):
         batched = model._typed.kernels(True)
     return Compiled(evaluator, chosen, t0, times, given, rows, single, batched)
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from symgen.runtime._kinematic_lanes import KinematicLanes
 from symgen.runtime._many import Starts, over_variants
-from symgen.runtime.kernels.batch import lanes_of
+from symgen.runtime.kernels.batch import fits_lanes, lanes_of
 from symgen.runtime.kernels.evaluate import Evaluator
 from symgen.runtime.many.dataset import Keep, Kept
 from symgen.runtime.many.starts import given_of, is_stored, start_of
@@ -185,7 +185,7 @@ def driven_runs(
     d = model.description
     if not hasattr(model, "in_lanes") or d.kinematic or d.plane or d.events or d.held or d.redundant:
         return None
-    if d.coordinates > LARGE:
+    if d.coordinates > LARGE or not fits_lanes(d):
         return None
     starts = {s.t for s in states} if states is not None else {0.0}
     if len(starts) > 1 or d.coordinates != len(d.constraints):

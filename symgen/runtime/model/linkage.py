@@ -109,6 +109,15 @@ class LinkageModel(Model):
 
         ``outputs`` are those of the analysis.
         """
+        return Evaluator(*self._kernels_of(kind, stepping, outputs), self._evaluator.given)
+
+    def in_lanes(self, kind: str) -> tuple[Description, Library]:
+        """Return the kernels of a kind of analysis that take vectors, in doubles; see :meth:`analysis`."""
+        return self._kernels_of(kind, False, (), True)
+
+    def _kernels_of(
+        self, kind: str, stepping: bool, outputs: tuple[str, ...], lanes: bool = False
+    ) -> tuple[Description, Library]:
         if self._analyses is None:
             raise ModelError(
                 f"{self.name} was made without the kernels of {kind}: build it with symgen.build"
@@ -116,14 +125,7 @@ class LinkageModel(Model):
         if not kind.isidentifier():  # it becomes part of the name of a folder
             raise ModelError(f"there is no analysis {kind!r}")
         with uncounted():
-            return Evaluator(*self._analyses(kind, stepping, outputs), self._evaluator.given)
-
-    def in_lanes(self, kind: str) -> tuple[Description, Library]:
-        """Return the kernels of a kind of analysis that take vectors, in doubles; see :meth:`analysis`."""
-        if self._analyses is None:
-            raise ModelError(f"{self.name} was made without the kernels of {kind}")
-        with uncounted():
-            return self._analyses(kind, False, (), True)
+            return self._analyses(kind, stepping, outputs, lanes)
 
     def _bonds(self) -> Bonds:
         from symgen.runtime.rods.constraints import Bonds
