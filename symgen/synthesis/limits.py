@@ -75,9 +75,11 @@ def _check(given: dict[str, float]) -> None:
             hint='Add fixed_link = "1 m" in place of an angle.',
         )
     for name, number in given.items():
-        if not 0 < number < (np.inf if name in _LENGTHS else np.pi):
-            expected = "a length above zero" if name in _LENGTHS else "an angle between 0 and 180 deg"
-            raise SceneError(f"expected {expected}, got {number:.6g}", where=name)
+        if name in _LENGTHS and not 0 < number < np.inf:
+            raise SceneError(f"expected a length above zero, got {number:.6g} m", where=name)
+        if name not in _LENGTHS and not 0 < number < np.pi:
+            got = f"{np.degrees(number):.6g} deg"
+            raise SceneError(f"expected an angle between 0 and 180 deg, got {got}", where=name)
 
 
 def _sample(generator: np.random.Generator, given: dict[str, float]) -> Array:

@@ -73,11 +73,36 @@ def test_a_spring_at_an_unstable_pose_does_not_stop_a_run():
     spring = '[[springs]]\nbetween = ["T", "G"]\nstiffness = "1 N/mm"\nlength = "0.5 m"\n[crank]'
     lines = [line for line in STRIP.splitlines() if not line.startswith(("torque", "flywheel", "mode"))]
     text = "\n".join(lines).replace('"10 mm"', '"2 mm"').replace("[crank]", spring)
+    text = text.replace(", damping = { ratio = 0.02 }", "")
     text = text.replace("\n[links.strip]", '\nG = { at = ["0.5 m", "0 m"], ground = true }\n[links.strip]')
     model = built(text)
     with pytest.raises(ModelError, match="unstable at rest in this pose"):
         model.modes()
-    assert model.lowest_frequency > 0
-    assert model.simulate(t_end=0.002, samples=3)["T.displacement"].values[-1] == pytest.approx(
-        [0, 0], abs=0.1
+    ends = np.linspace(0.0, 0.002, 3)
+    seen = model.simulate(t_end=0.002, samples=3)["T.displacement"].values
+    across = np.cos(SPEED * ends) * seen[:, 1] - np.sin(SPEED * ends) * seen[:, 0]
+    assert across == pytest.approx(pushed_away(ends), rel=1e-2)
+
+
+def pushed_away(times):
+    """Deflection of the tip of the strip, thin, in its frame: Galerkin's method with polynomials x^2 to x^7."""
+    rho, bending, length = 7850 * 0.03 * 0.002, 210e9 * 0.03 * 0.002**3 / 12, 0.3
+    x, weights = np.polynomial.legendre.leggauss(12)
+    x, weights = length * (x + 1) / 2, length * weights / 2
+    powers = np.arange(2, 8)[:, None]
+    w, slope, curvature = x**powers, powers * x ** (powers - 1), powers * (powers - 1) * x ** (powers - 2)
+    mass, stiff = (rho * weights * w) @ w.T, (bending * weights * curvature) @ curvature.T
+    stiff += (weights * rho * SPEED**2 / 2 * (length**2 - x**2) * slope) @ slope.T - SPEED**2 * mass
+    tip, pull = length ** powers[:, 0], (weights * slope) @ slope.T
+
+    def rates(t, y):
+        a, v = np.split(y, 2)
+        along = length - 0.5 * np.cos(SPEED * t), a @ tip + 0.5 * np.sin(SPEED * t)
+        gap = np.hypot(*along)
+        force = 1000 * (0.5 - gap) * np.array(along) / gap
+        return np.concatenate([v, np.linalg.solve(mass, force[1] * tip - (stiff + force[0] * pull) @ a)])
+
+    found = solve_ivp(
+        rates, (0, times[-1]), np.zeros(12), t_eval=times, method="LSODA", rtol=1e-8, atol=1e-14
     )
+    return tip @ found.y[:6]

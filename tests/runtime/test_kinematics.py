@@ -259,7 +259,7 @@ def test_missing_drives_are_counted():
 
 def test_bad_ranges_and_names():
     model = symgen.build("crank_rocker")
-    with pytest.raises(ModelError, match="start before stop, got 1 to 0"):
+    with pytest.raises(ModelError, match="start before stop, got 1 to 0 s"):
         model.kinematics(1.0, 0.0)
     with pytest.raises(ModelError, match="between 2 and 1 million points, got 1"):
         model.kinematics(samples=1)

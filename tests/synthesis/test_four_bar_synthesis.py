@@ -131,7 +131,8 @@ def test_asked_properties_that_no_linkage_has_are_named():
         ({"kind": "limit"}, "expected a kind of synthesis, got 'limit'\n  Did you mean 'limits'"),
         ({"kind": "limits", "swing": "60 deg"}, "expected 4 quantities"),
         ({"kind": "limits", "crank": "1 deg", "rocker": "1 m", "coupler": "1 m", "swing": "1 deg"}, "crank"),
-        ({"kind": "limits", "crank": "-1 m", "rocker": "1 m", "coupler": "1 m", "swing": "1 deg"}, "above zero"),
+        ({"kind": "limits", "crank": "-1 m", "rocker": "1 m", "coupler": "1 m", "swing": "1 deg"}, "above zero, got -1 m"),
+        ({"kind": "limits", "crank": "1 m", "rocker": "1 m", "coupler": "1 m", "swing": "190 deg"}, "and 180 deg, got 190 deg"),
         (
             {"kind": "limits", "fixed_link": "1 m", "swing": "60 deg", "rocker_folded": "30 deg",
              "rocker_extended": "90 deg"},

@@ -169,7 +169,8 @@ class LoopModel(Model):
             if not 2 <= number <= 10_000_000:
                 raise ModelError(f"expected between 2 and 10 million samples, got {number}")
             if not low < high:
-                raise ModelError(f"expected a range with start before stop, got {low:g} to {high:g}")
+                unit = " s" if in_time else ""
+                raise ModelError(f"expected a range with start before stop, got {low:g} to {high:g}{unit}")
             if asked.through:
                 if in_time:
                     raise ModelError("through is for a range of the input, not of the time")

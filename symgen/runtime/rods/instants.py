@@ -71,7 +71,7 @@ def instants(
     if at is None and over == "input":
         if start is None or stop is None:
             raise ModelError("a range of the input needs both start and stop")
-        first, last = _ordered(start, stop)
+        first, last = _ordered(start, stop, "")
         return Instants(0.0, end, samples, np.linspace(first, last, samples).tolist(), "input")
     if at is not None and over == "time":
         times = reals(at, "times")
@@ -79,13 +79,13 @@ def instants(
             raise ModelError("expected at least one time")
         low, high = min(0.0, float(np.min(times))), max(end, float(np.max(times)))
         return Instants(low, high, samples, times.tolist(), "time")
-    first, last = _ordered(0.0 if start is None else start, end if stop is None else stop)
+    first, last = _ordered(0.0 if start is None else start, end if stop is None else stop, " s")
     return Instants(first, last, samples, at, "input")
 
 
-def _ordered(start: float, stop: float) -> tuple[float, float]:
+def _ordered(start: float, stop: float, unit: str) -> tuple[float, float]:
     if not start < stop:
-        raise ModelError(f"expected a range with start before stop, got {start:g} to {stop:g}")
+        raise ModelError(f"expected a range with start before stop, got {start:g} to {stop:g}{unit}")
     return start, stop
 
 

@@ -146,7 +146,7 @@ def follow(bonds: Bonds, q: Array, t: float, asked: Task, times: Array) -> Follo
     """
     if not (math.isfinite(asked.start) and math.isfinite(asked.stop) and asked.start < asked.stop):
         raise ModelError(
-            f"expected a range of time with start before stop, got {asked.start:g} to {asked.stop:g}"
+            f"expected a range of time with start before stop, got {asked.start:g} to {asked.stop:g} s"
         )
     driven(bonds, q, t)
     curve = Curve(bonds, bonds.length(q), _duration(bonds, q, t, asked))

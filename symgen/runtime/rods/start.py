@@ -138,7 +138,7 @@ def _check_directions(evaluator: Evaluator, q: Array) -> None:
     d = evaluator.description
     rows = evaluator.blocks("points", 0.0, q, np.zeros_like(q))["positions"]
     places = dict(zip(d.points, rows.tolist(), strict=True))
-    least = ROUNDING * max(max(axis) - min(axis) for axis in zip(*places.values(), strict=True))
+    least = ROUNDING * extent(evaluator, q)
     for link, (first, second, *_) in d.links.items():
         if not max(abs(x - y) for x, y in zip(places[second], places[first], strict=True)) > least:
             raise InitialStateError(
