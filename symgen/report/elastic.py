@@ -33,6 +33,9 @@ def print_elastic_modes(poses: Sequence[ElasticModes], model: Any, console: Cons
         if moving:
             head.append("growth [1/s]")
             columns.append([f"{x:.3g}" for x in p.growth])
+        if len(p.errors_of_elements):
+            head.append("error of elements")
+            columns.append([f"{x:.1e}" for x in p.errors_of_elements])
         if p.without_reduction is not None:
             head.append(f"error of reducing {p.without_reduction[1]} unknowns")
             columns.append([f"{x:.1e}" for x in p.errors])

@@ -143,6 +143,17 @@ def test_damping_of_a_bar_in_motion(tmp_path):
     assert found.frequencies == pytest.approx(damped, rel=1e-9)
 
 
+@pytest.mark.parametrize("reduction", ["", ', reduction = { kind = "craig-bampton", modes = 6 }'])
+def test_frequencies_have_the_error_of_their_elements(tmp_path, reduction):
+    """A pinned bar of cubic elements: mode i has the circular frequency (i pi)^2 sqrt(E I / rho A) / L^2."""
+    found = bars.pinned(tmp_path, f', element = "cubic", elements = 4{reduction}').modes()
+    whole = bars.pinned(tmp_path, ', element = "cubic", elements = 4').modes()
+    truth = bending(whole, 3) / ((np.pi * np.arange(1, 4)) ** 2 * BENT) - 1
+    assert found.errors_of_elements[:3] == pytest.approx(truth, rel=0.1)  # halved, 1/16 of it remains
+    assert truth[2] > 1e-2 and len(found.errors_of_elements) == len(found.frequencies)
+    assert found.summary()["errors_of_elements"] == found.errors_of_elements.tolist()
+
+
 def test_reductions_say_how_small_and_how_wrong_they_are(tmp_path):
     """Craig's and Bampton's modes come near from above; Guyan's condensation leaves the bending out."""
     whole = bars.pinned(tmp_path, ", elements = 6")

@@ -8,22 +8,24 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from symgen.errors import ModelError
+from symgen.errors import ModelError, SimulationError
 from symgen.runtime import _beams
 from symgen.runtime._beams import MOTION
 from symgen.runtime.beams.frames import frames
 from symgen.runtime.elastic.motion import ElasticMotion
-from symgen.runtime.result.modes import ElasticModes
+from symgen.runtime.result.modes import ElasticModes, relative
 from symgen.runtime.structure import ROUND_OFF, modes_at_rest, stiffness_sizes
 
 Array = NDArray[np.float64]
 
 #: Unknowns up to which all modes are found at once.
 _DENSE = 60
+#: Unknowns up to which frequencies are compared with those of halved elements: its time grows with the cube.
+_REFINED = 400
 
 
 def modes_with_errors(motion: ElasticMotion, t: float, moving: bool) -> ElasticModes:
-    """Return the modes in the pose of a time, and where links are reduced those without that.
+    """Return the modes in the pose of a time, with frequencies of halved elements and without reduction.
 
     Raises
     ------
@@ -31,11 +33,21 @@ def modes_with_errors(motion: ElasticMotion, t: float, moving: bool) -> ElasticM
         As :func:`elastic_modes` and :func:`moving_modes`.
     """
     solve = moving_modes if moving else elastic_modes
-    found, whole = solve(motion, motion.equations(), t), motion.unreduced()
-    if whole is None:
+    found = exact = solve(motion, motion.equations(), t)
+    whole = motion.unreduced()
+    if whole is not None:
+        exact = solve(whole, whole.equations(), t)
+        lowest = exact.frequencies[: len(found.frequencies)]
+        found = replace(found, without_reduction=(lowest, len(exact.frequencies)))
+    if len(exact.frequencies) > _REFINED:
         return found
-    exact = solve(whole, whole.equations(), t).frequencies
-    return replace(found, without_reduction=(exact[: len(found.frequencies)], len(exact)))
+    finer = (whole or motion).refined()
+    try:
+        fine = solve(finer, finer.equations(), t).frequencies
+    except (SimulationError, ModelError):  # unstable with finer elements alone
+        return found
+    pairs = exact.frequencies[: len(found.frequencies)], fine[: len(found.frequencies)]
+    return replace(found, errors_of_elements=relative(*pairs))
 
 
 def elastic_modes(motion: ElasticMotion, equations: _beams.BeamEquations, t: float) -> ElasticModes:
