@@ -104,14 +104,11 @@ static int fill_stage(struct run *run, const struct tableau *x, long s, real h) 
     return status == SINGULAR ? SINGULAR : DONE;
 }
 
-/* Root mean square of the local error over the tolerance; two rows are blended as in DOP853. Near a loss of rank the
- * work of loads and drives is not judged: the power of a drive has the rounding errors of its multiplier, magnified
- * without bound, and no step is short enough for them. The motion does not depend on the work. */
+/* Root mean square of the local error over the tolerance; two rows are blended as in DOP853. */
 static real estimate(struct run *run, const struct tableau *x, real t_new, real h) {
     struct equations *e = run->e;
-    long dim = run->dim, judged = is_magnified(run) ? 2 * e->n : dim;
-    real atol = R(run->task.atol), rtol = R(run->task.rtol), totals[MOST_ESTIMATES] = {0}, rounding[2];
-    real *errors[MOST_ESTIMATES] = {run->error, (real *)run->own + x->all * dim};
+    real atol = R(run->task.atol), rtol = R(run->task.rtol), totals[MOST_ESTIMATES] = {0}, rounding[3];
+    real *errors[MOST_ESTIMATES] = {run->error, (real *)run->own + x->all * run->dim};
     if (is_magnified(run))
         e->of->factorise(e, t_new, run->y_new);
     for (long r = 0; r < x->rows; r++) {
@@ -121,9 +118,10 @@ static real estimate(struct run *run, const struct tableau *x, real t_new, real 
             e->of->make_tangent(e, t_new, run->y_new, errors[r] + e->n);
         }
     }
+    const long judged = judged_of(run);
     rounding_of(run, h, rounding);
     for (long i = 0; i < judged; i++) {
-        real least = atol + (i < 2 * e->n ? rounding[i / e->n] : 0);
+        real least = atol + rounding[i / e->n];
         real scale = R(1) / (least + rtol * real_fmax(real_fabs(run->y[i]), real_fabs(run->y_new[i])));
         for (long r = 0; r < x->rows; r++)
             totals[r] += (errors[r][i] * scale) * (errors[r][i] * scale);

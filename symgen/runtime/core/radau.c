@@ -276,6 +276,12 @@ static real estimate(struct run *run, const struct radau *x, const struct coeffi
     if (is_magnified(run) && e->of->factorise(e, run->state->t + h, run->y_new) == DONE) {
         e->of->make_tangent(e, run->state->t + h, run->y_new, run->error);
         e->of->make_tangent(e, run->state->t + h, run->y_new, run->error + n);
+        if (judged_of(run) > 2 * n) {
+            real missed = at[2 * n];
+            for (int s = 0; s < STAGES; s++)
+                missed += m->error[s] / h * x->z[s * dim + 2 * n];
+            run->error[2 * n] = h / m->x * missed;
+        }
     }
     return error_norm(run, h, run->error);
 }

@@ -82,23 +82,39 @@ int all_finite(const real *v, long count) {
     return 1;
 }
 
+long judged_of(const struct run *run) {
+    const struct equations *e = run->e;
+    const int prescribed = e->n == e->m - e->sizes.redundant;
+    const double sound = fmin(run->state->sound, e->account->soundness);
+    return is_magnified(run) && !(prescribed && sound > PASSAGE) ? 2 * e->n : run->dim;
+}
+
 void rounding_of(const struct run *run, real h, real *rounding) {
     const struct state *s = run->state;
-    long n = run->e->n;
-    rounding[0] = rounding[1] = 0;
+    struct equations *e = run->e;
+    long n = e->n;
+    rounding[0] = rounding[1] = rounding[2] = 0;
     if (!is_magnified(run))
         return;
-    real sound = R(fmin(s->sound, run->e->account->soundness)), noise = R(run->e->of->rounding);
-    rounding[0] = noise * h * REAL_EPSILON / sound * largest_of(run->f, n);
-    rounding[1] = noise * h * REAL_EPSILON / (sound * real_sqrt(sound)) * largest_of(run->f + n, n);
+    real sound = R(fmin(s->sound, e->account->soundness)), noise = R(e->of->rounding);
+    real speed = largest_of(run->f, n), acceleration = largest_of(run->f + n, n);
+    rounding[0] = noise * h * REAL_EPSILON / sound * speed;
+    rounding[1] = noise * h * REAL_EPSILON / (sound * real_sqrt(sound)) * acceleration;
+    if (judged_of(run) == 2 * n)
+        return;
+    /* The power of inertia has the error of the accelerations; that of the multipliers, of their own size. */
+    e->of->measure_energy(e, s->t, run->y);
+    real inertia = speed > 0 ? R(2) * e->energies[0] / speed : 0;
+    rounding[2] = rounding[1] * inertia
+                  + noise * h * REAL_EPSILON / (sound * real_sqrt(sound)) * real_fabs(run->f[2 * n]);
 }
 
 real error_norm(const struct run *run, real h, const real *error) {
-    real total = 0, atol = R(run->task.atol), rtol = R(run->task.rtol), rounding[2];
+    real total = 0, atol = R(run->task.atol), rtol = R(run->task.rtol), rounding[3];
     long n = run->e->n;
     rounding_of(run, h, rounding);
     for (long i = 0; i < run->dim; i++) {
-        real least = atol + (i < 2 * n ? rounding[i / n] : 0);
+        real least = atol + rounding[i / n];
         real part = error[i] / (least + rtol * real_fmax(real_fabs(run->y[i]), real_fabs(run->y_new[i])));
         total += part * part;
     }

@@ -178,9 +178,18 @@ int settle(struct run *run, real t_new);
 /* Root mean square of the error of a step over the tolerance at y and y_new. */
 real error_norm(const struct run *run, real h, const real *error);
 
-/* Leave what rounding makes of coordinates and of rates in a step near a loss of rank, at its end factorised last: the
- * error of velocities goes with the inverse square of the sine whose square `sound` is, that of accelerations with its
- * cube. Shorter steps come no nearer to the motion than that, since they stay where they are longer. Zero elsewhere. */
+/* Constraints nearer to a loss of rank than this passed one. */
+#define PASSAGE 1e-6
+
+/* How many entries of the state limit a step: all away from a loss of rank. Near one, the power of a drive has the
+ * rounding errors of its multiplier, magnified; the work of loads and drives limits a step only where drives prescribe
+ * all motion, and nothing else would. Next to the loss that power has no bound, and no step is short enough for it. */
+long judged_of(const struct run *run);
+
+/* Leave what rounding makes of coordinates, rates and work in a step near a loss of rank, at its end factorised last:
+ * the error of velocities goes with the inverse square of the sine whose square `sound` is, that of accelerations and of
+ * the power of drives with its cube. Shorter steps come no nearer to the motion than that, since they stay where they are
+ * longer. Zero elsewhere. */
 void rounding_of(const struct run *run, real h, real *rounding);
 
 /* Whether errors across the constraints are so much magnified that states are projected before they are looked at:
@@ -195,9 +204,6 @@ int all_finite(const real *v, long count);
 real largest_of(const real *v, long count);
 
 /* -- parts of the loop, a file each ------------------------------------------------------------------------ */
-
-/* Constraints nearer to a loss of rank than this passed one. */
-#define PASSAGE 1e-6
 
 void watch_rank(struct run *run, real t_new, double sound);
 int record_samples(struct run *run, real t_new, real until, real h, double sound, int *prepared);
