@@ -14,7 +14,7 @@ from symgen.methods import load, method_of
 
 #: Options that decide how kernels are compiled, and all others that are not arguments of an analysis.
 _TYPES = ("precision", "digits", "contraction", "vector")
-_COMMON = ("scene", "set_", "out", "plot", "as_json", "backend", *_TYPES)
+_COMMON = ("scene", "set_", "out", "plot", "plot_of", "xy", "as_json", "backend", *_TYPES)
 #: Options that select a range, which ``--at`` replaces.
 _RANGE = ("samples", "start", "stop", "through")
 
@@ -51,12 +51,17 @@ class Request:
     def carry_out(self, verb: str, **more: Any) -> None:
         """Carry out an analysis with its options and ``more``; save, plot and print its result."""
         out, plot, as_json = (self.common.get(name) for name in ("out", "plot", "as_json"))
+        plotted, path = self.common.get("plot_of") or (), self.common.get("xy") or ""
+        if (plotted or path) and not plot:
+            raise ModelError(f"{'--xy' if path else '--of'} selects what is plotted: give a file with --plot")
+        if plotted and path:
+            raise ModelError("give --of or --xy, not both")
         with kept_of_a_failure(out):
             result = self.result(verb, **self.arguments(verb), **more)
         if out:
             result.save(out)
         if plot:
-            result.plot(file=plot)
+            result.plot(*plotted, file=plot, xy=path)
         self.show(verb, result, bool(as_json))
         for file in (out, plot):
             if file and not as_json:

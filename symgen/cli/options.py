@@ -76,6 +76,24 @@ Plot = Annotated[
         "--plot", metavar="FILE", group=_OUTPUT, callback=_plot_file, help="Save a plot: .png, .svg or .pdf."
     ),
 ]
+PlotOf = Annotated[
+    list[str] | None,
+    option(
+        "--of",
+        metavar="NAME",
+        group=_OUTPUT,
+        help="An output, point or link in the plot; default: all outputs. May be repeated.",
+    ),
+]
+XY = Annotated[
+    str | None,
+    option(
+        "--xy",
+        metavar="NAME",
+        group=_OUTPUT,
+        help="A point whose path is plotted, y over x with equal axes, such as a coupler curve.",
+    ),
+]
 Json = Annotated[bool, option("--json", group=_OUTPUT, help="Print one JSON object and nothing else.")]
 Difference = Annotated[
     str, option("--format", metavar="FORMAT", group=_OUTPUT, help="Matrix entries as text, or latex.")
@@ -118,13 +136,17 @@ At = Annotated[
     option(
         "--at",
         metavar="VALUE,...",
-        help='Values to evaluate instead of a range: of the input, "45,100" (degrees, or a loop\'s unit of '
-        'length), "0.5 rad", or of the time, "0.3 s".',
+        help='Values to evaluate instead of a range: of the input, "45,100" (bare: degrees, or a loop\'s '
+        'unit of length), "0.5 rad", or of the time, "0.3 s".',
     ),
 ]
 AtAngles = Annotated[
     list[str] | None,
-    option("--at", metavar="ANGLE,...", help='Crank angles to record: "0,60" (degrees), "0.5 rad".'),
+    option(
+        "--at",
+        metavar="ANGLE,...",
+        help='Crank angles to record: "0,60" (bare numbers are degrees), "0.5 rad".',
+    ),
 ]
 From = Annotated[
     str | None,

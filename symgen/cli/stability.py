@@ -24,6 +24,8 @@ def stability(
 ) -> None:
     """Run the hard cases with every method.
 
+    They are cases of symgen's own: 'symgen periodic SCENE' finds whether elastic links move stably.
+
     The exit code is 1 if an error exceeds its bound.
     """
     from symgen.atomic import replacing, writable

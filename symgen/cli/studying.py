@@ -48,10 +48,12 @@ def synthesise(
     ] = None,
     as_json: o.Json = False,
 ) -> None:
-    """Find all planar four-bars with prescribed properties.
+    r"""Find all planar four-bars with prescribed properties.
 
-    Limit positions and transmission angles, a function of the crank's angle, poses of the coupler, or points
-    of its path. Each linkage is run, and faults of its motion are listed.
+    The task has a kind: limits (limit positions and transmission angles), function (of the crank's angle),
+    path (points of the coupler) or motion (poses of the coupler), such as \[synthesis] kind = "motion",
+    points = \[\["0 m", "0 m"], \["4 cm", "3 cm"], ...], angles = \["0 deg", "20 deg", ...].
+    Each linkage is run, and faults of its motion are listed.
     """
     from symgen.study.folder import writable_folder, write
     from symgen.synthesis.synthesise import synthesise as found
@@ -68,7 +70,7 @@ def synthesise(
 
     print_synthesis(result, console())
     if out:
-        print(f"{len(result.designs)} scenes in {out}")
+        console().print(f"{len(result.designs)} scenes in {out}", soft_wrap=True)
 
 
 @command("symgen sweep slider_crank --vary a4=0in:30in:7 --output theta1.drive --out offsets.zarr")

@@ -8,6 +8,7 @@ from rich.console import Console
 
 from symgen.report.tables import table
 from symgen.runtime.result.forces import Forces
+from symgen.runtime.result.records import columns
 
 #: Maximum number of poses for which every value is printed; otherwise the largest.
 _FEW = 12
@@ -17,11 +18,7 @@ def print_forces(found: Forces, _: Any, console: Console) -> None:
     """Print forces at a few poses, or the largest of many and where they occur."""
     along, label = found.over
     if len(along) <= _FEW:
-        rows = [
-            (f"{v.name} {component}".strip(), v.unit, *v.values.reshape(len(along), -1)[:, i])
-            for v in found.variables
-            for i, component in enumerate(v.components or ("",))
-        ]
+        rows = [(v.name, v.unit, *v.values) for v in columns(found.variables)]
         head: tuple[str, ...] = ("output", "unit", *(f"{x:.9g}" for x in along))
         title = f"{found.title}: forces over {label}"
     else:

@@ -20,7 +20,7 @@ def print_synthesis(found: Any, console: Console) -> None:
                 i,
                 design.linkage.grashof,
                 *(f"{length:.6g}" for length in design.linkage.lengths.values()),
-                *("" if math.isnan(angle) else f"{math.degrees(angle):.2f}" for angle in angles),
+                *("-" if math.isnan(angle) else f"{math.degrees(angle):.2f}" for angle in angles),
                 f"{design.linkage.error:.1e}",
             )
         )
@@ -29,7 +29,9 @@ def print_synthesis(found: Any, console: Console) -> None:
     title = f"{found.title or 'Synthesis'}: {count} four-bar{'s' * (count != 1)}, {good} without a fault"
     heads = ("", "class", "crank", "coupler", "rocker", "fixed", "mu min", "mu max", "error")
     console.print(table(title, heads, rows, texts=(1,), keys=2))
-    console.print("lengths in m; mu: transmission angle in deg, over a revolution of the crank")
+    console.print(
+        "lengths in m; mu: transmission angle in deg over a revolution of the crank, - where it makes none"
+    )
     for i, design in enumerate(found.designs, start=1):
         for fault in design.faults:
             console.print(f"{i}: {fault}")

@@ -144,9 +144,19 @@ def override(text: SceneText, changes: Mapping[str, Any]) -> SceneText:
             raise SceneError(
                 f"there is no parameter and no key {key!r} to set",
                 file=text.file,
-                hint=nearest(key, [name for table in named for name in table]),
+                hint=_of_analysis(key) or nearest(key, [name for table in named for name in table]),
             )
     return SceneText(text.name, text.file, data)
+
+
+def _of_analysis(key: str) -> str:
+    """Return how to set a key of the table [analysis] that was given without it; empty for other keys."""
+    from symgen.scene.schema import Analysis
+
+    if key not in Analysis.model_fields:
+        return ""
+    option = ", or give --t-end to the analysis (in Python t_end)" if key == "t_end" else ""
+    return f"Set analysis.{key}{option}."
 
 
 def _may_be_absent(path: list[str]) -> bool:

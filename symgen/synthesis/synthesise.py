@@ -139,7 +139,7 @@ def _checked(linkage: FourBar, run: Callable[[], tuple[dict[str, float], list[st
 def _stopped(linkage: FourBar, time: float) -> str:
     if linkage.grashof == "change-point":
         return "a change-point linkage: its branches meet where all links are in line"
-    stop = np.degrees(linkage.parameters["start"] + time)
+    stop = np.degrees(linkage.parameters["start"] + time) % 360.0
     return f"the crank stops at {stop:.6g} deg, before it has passed all poses"
 
 

@@ -21,6 +21,7 @@ from typer.testing import CliRunner
 import symgen
 from symgen.cli import app
 from symgen.errors import ResultError, SymgenError
+from symgen.runtime.result.result import Result
 
 runner = CliRunner()
 
@@ -131,6 +132,18 @@ def test_out_saves_what_load_result_reads(tmp_path, ending):
 def test_plot_writes_a_picture(tmp_path):
     call("run", "four_bar", "--plot", tmp_path / "run.svg")
     assert (tmp_path / "run.svg").read_text().count("<path") > 10
+
+
+def test_a_plot_of_some_outputs_or_of_a_path(tmp_path, entry, monkeypatch):
+    drawn = []
+    monkeypatch.setattr(Result, "plot", lambda _, *names, file, xy: drawn.append((names, xy, file)))
+    file = tmp_path / "run.svg"
+    for words in (["--of", "energy"], ["--of", "A", "--of", "energy"], ["--xy", "B"], []):
+        call("run", "four_bar", "--t-end", "0.1", "--plot", file, *words)
+    assert drawn == [(("energy",), "", file), (("A", "energy"), "", file), ((), "B", file), ((), "", file)]
+    for words in (("--of", "energy"), ("--xy", "B")):
+        code, _, said = entry("run", "four_bar", *words)
+        assert code == 2 and said == f"symgen: {words[0]} selects what is plotted: give a file with --plot\n"
 
 
 def test_files_that_were_written_are_named_behind_the_tables_and_not_in_json(tmp_path):

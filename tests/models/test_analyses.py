@@ -168,6 +168,7 @@ def test_commands_print_tables_and_save(tmp_path):
         (["kinematics", "crank_rocker", "--branch", 3], "there is no branch 3: 2 assembly modes"),
         (["kinematics", "crank_rocker", "--from", 2], "start before stop"),
         (["equilibrium", "crank_rocker"], "no equilibrium while a drive is in motion"),
+        (["equilibrium", "crank_rocker"], '--set drivers.0.angle="30 deg"'),
         (["modes", "crank_rocker"], "no equilibrium while a drive is in motion"),
         (["equilibrium", "four_baar"], "Did you mean 'four_bar'"),
     ],

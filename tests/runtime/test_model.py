@@ -275,8 +275,9 @@ def test_bad_result_files_are_named(result, tmp_path):
     broken.write_bytes(b"not a result")
     with pytest.raises(ResultError, match=r"broken.npz is not a result of symgen.* not a zip file"):
         symgen.load_result(broken)
-    with pytest.raises(ResultError, match="not a result"):
-        symgen.load_result(tmp_path / "missing.nc")
+    for name in ("missing.nc", "missing.npz"):
+        with pytest.raises(ResultError, match=f"^cannot read .*{name}: No such file or directory$"):
+            symgen.load_result(tmp_path / name)
     assert [p.name for p in tmp_path.iterdir()] == ["broken.npz"]
 
 
@@ -286,6 +287,15 @@ def test_plot(result, tmp_path):
     assert (tmp_path / "run.png").stat().st_size > 10_000
     with pytest.raises(ResultError, match="holds no 'Z'"):
         result.plot("Z")
+
+
+def test_the_path_of_a_point_has_equal_axes(result):
+    (axes,) = result.plot(xy="A").axes
+    x, y = axes.lines[0].get_data()
+    assert np.hypot(x, y) == pytest.approx(1.0, abs=1e-9)  # the crank is 1 m long
+    assert axes.get_aspect() == 1.0 and axes.get_xlabel() == "A.position.x [m]"
+    with pytest.raises(ResultError, match="components x and y for xy, got 'energy'"):
+        result.plot(xy="energy")
 
 
 def test_outputs_equal_what_the_model_says_at_the_state(result):

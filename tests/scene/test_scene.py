@@ -61,6 +61,8 @@ def test_overrides():
     for key in ("roh", "links.OX.mass", "title.x"):
         with pytest.raises(SceneError, match="no parameter and no key"):
             override(text, {key: "1"})
+    with pytest.raises(SceneError, match=r"Set analysis.t_end, or give --t-end to the analysis"):
+        override(text, {"t_end": "1 s"})
     for scene in ("peaucellier", "rotating_cantilever"):  # the latter has no table [analysis]
         assert symgen.load_scene(scene, set={"analysis.t_end": "3 s"}).analysis.t_end == "3 s"
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from symgen.runtime.result.records import Variable
+from symgen.runtime.result.records import Variable, columns
 from symgen.runtime.result.result import Result
 
 if TYPE_CHECKING:
@@ -89,11 +89,8 @@ def error_figure(curves: Sequence[tuple[str, Sequence[tuple[float, float]]]], me
 
 
 def _curves(variable: Variable) -> Iterator[tuple[str, Any]]:
-    if variable.values.ndim == 1:
-        yield variable.name, variable.values
-        return
-    for i, component in enumerate(variable.components):
-        yield f"{variable.name} {component}", variable.values[:, i]
+    for part in columns([variable]):
+        yield part.name, part.values
 
 
 class _styled:

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-def plot(result: Result, *names: str, file: str | os.PathLike[str] | None = None) -> Figure:
+def plot(result: Result, *names: str, file: str | os.PathLike[str] | None = None, xy: str = "") -> Figure:
     """Plot outputs over time or input, in the panels of the result; save the figure if ``file`` is given.
 
     Parameters
@@ -28,6 +28,8 @@ def plot(result: Result, *names: str, file: str | os.PathLike[str] | None = None
         outputs. All outputs if none is given.
     file
         Output file; its extension selects the format.
+    xy
+        A point, or an output with components: its path, y over x with equal axes, is drawn instead.
 
     Raises
     ------
@@ -36,6 +38,8 @@ def plot(result: Result, *names: str, file: str | os.PathLike[str] | None = None
     """
     from matplotlib.figure import Figure
 
+    if xy:
+        return _path(result, xy, file)
     chosen = _chosen(result, names)
     along, label = result.over
     labels = list(dict.fromkeys(result.panel(v) for v in chosen))
@@ -43,15 +47,35 @@ def plot(result: Result, *names: str, file: str | os.PathLike[str] | None = None
     panels = figure.subplots(len(labels), 1, sharex=True, squeeze=False)[:, 0]
     for panel, panel_label in zip(panels, labels, strict=True):
         for variable in (v for v in chosen if result.panel(v) == panel_label):
-            if variable.values.ndim == 1:
-                panel.plot(along, variable.values, label=variable.name)
-                continue
-            for i, component in enumerate(variable.components):
-                panel.plot(along, variable.values[:, i], label=f"{variable.name} {component}")
+            for part in columns([variable]):
+                panel.plot(along, part.values, label=part.name)
         panel.set_ylabel(panel_label)
         panel.grid(alpha=0.3)
         panel.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize="small", frameon=False)
     panels[-1].set_xlabel(label)
+    figure.suptitle(f"{result.title}\n{result.headline}", fontsize="medium")
+    if file is not None:
+        save(figure, file)
+    return figure
+
+
+def _path(result: Result, name: str, file: str | os.PathLike[str] | None) -> Figure:
+    """Plot the y of an output over its x, such as the path of a point; a dot marks the start."""
+    from matplotlib.figure import Figure
+
+    known = [v.name for v in result.variables]
+    variable = _shown(result, f"{name}.position" if f"{name}.position" in known else name)
+    if len(variable.components) < 2:
+        raise ResultError(f"expected a point or an output with components x and y for xy, got {name!r}")
+    figure = Figure(figsize=(7, 7), layout="constrained")
+    axes = figure.subplots()
+    x, y = variable.values[:, 0], variable.values[:, 1]
+    (line,) = axes.plot(x, y)
+    axes.plot(x[:1], y[:1], "o", color=line.get_color())
+    axes.set_aspect("equal", adjustable="datalim")
+    axes.set_xlabel(f"{variable.name}.{variable.components[0]} [{variable.unit}]")
+    axes.set_ylabel(f"{variable.name}.{variable.components[1]} [{variable.unit}]")
+    axes.grid(alpha=0.3)
     figure.suptitle(f"{result.title}\n{result.headline}", fontsize="medium")
     if file is not None:
         save(figure, file)

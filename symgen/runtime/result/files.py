@@ -63,6 +63,8 @@ def load_result(file: str | os.PathLike[str]) -> Result:
         )
     except ResultError:
         raise
+    except OSError as error:
+        raise ResultError(f"cannot read {path}: {error.strerror or error}") from None
     except Exception as error:  # any fault inside a foreign or broken file
         raise ResultError(f"{path} is not a result of symgen, or is broken: {error}") from error
 

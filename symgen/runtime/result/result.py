@@ -290,9 +290,9 @@ class Result(Findings):
             "maximum_at": along[high],
         }
 
-    def plot(self, *names: str, file: str | os.PathLike[str] | None = None) -> Any:
-        """Draw outputs over the coordinate; see :func:`symgen.report.page.plots.plot`."""
-        return display("plot", self, *names, file=file)
+    def plot(self, *names: str, file: str | os.PathLike[str] | None = None, xy: str = "") -> Any:
+        """Draw outputs over the coordinate, or a path; see :func:`symgen.report.page.plots.plot`."""
+        return display("plot", self, *names, file=file, xy=xy)
 
     def _repr_html_(self) -> str:
         html: str = display("result_html", self)

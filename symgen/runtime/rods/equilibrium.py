@@ -20,7 +20,10 @@ Array = NDArray[np.float64]
 
 _STEPS, _AWAY = 500, 1e4
 _IN_MOTION = "there is no equilibrium while a drive is in motion"
-_HOLD = "Give the drive a constant value, or ask for the kinematics or the motion."
+_HOLD = (
+    'Give the drive a constant value, such as --set drivers.0.angle="30 deg", or ask for the kinematics or '
+    "the motion."
+)
 
 
 @checked
