@@ -78,7 +78,7 @@ def _fields() -> dict[str, Quantity]:
 FIELDS = _fields()
 _F = {name: q.symbol for name, q in FIELDS.items()}
 #: Rates of v_x and v_y, which are components in rotating axes and differ from those of the acceleration.
-_ORIGIN = {
+ORIGIN = {
     VX.symbol: AX.symbol + GX.symbol + OMEGA.symbol * VY.symbol,
     VY.symbol: AY.symbol + GY.symbol - OMEGA.symbol * VX.symbol,
 }
@@ -197,7 +197,7 @@ def _link() -> _Link:
 def _axial_force(velocity: tuple[sp.Expr, sp.Expr]) -> sp.Expr:
     """Return N at x from N' = mu (a_x - g_x) - p p_x, the balance of the rigid motion."""
     rigid = [v.xreplace({symbol: sp.Integer(0) for symbol in _F.values()}) for v in velocity]
-    rates = {OMEGA.symbol: OMEGA_RATE.symbol, **_ORIGIN}
+    rates = {OMEGA.symbol: OMEGA_RATE.symbol, **ORIGIN}
     moved = sp.Add(*(sp.diff(rigid[0], s) * r for s, r in rates.items()))
     felt = sp.Poly(moved - OMEGA.symbol * rigid[1] - GX.symbol, X.symbol).all_coeffs()
     inertia = [c * q.symbol for c, q in zip(reversed(felt), (MASS_BEFORE, MOMENT_BEFORE), strict=True)]
@@ -207,7 +207,7 @@ def _axial_force(velocity: tuple[sp.Expr, sp.Expr]) -> sp.Expr:
 def _inertia(link: _Link) -> dict[str, sp.Expr]:
     """Return, by field, d/dt of the momentum (by the rates of all variables) minus the force."""
     rates = {_F[k]: _F[f"{k}_t"] for k in _KINDS} | {_F[f"{k}_t"]: _F[f"{k}_tt"] for k in _KINDS}
-    rates |= {OMEGA.symbol: OMEGA_RATE.symbol, **_ORIGIN}
+    rates |= {OMEGA.symbol: OMEGA_RATE.symbol, **ORIGIN}
     found = {}
     for k in _KINDS:
         momentum = sp.diff(link.kinetic, _F[f"{k}_t"])
@@ -224,7 +224,7 @@ def _energies(link: _Link) -> tuple[Step, ...]:
             "velocity", ("x", "y"), link.velocity, "m/s", "its absolute velocity in the link's axes", "(6.7)",
         ),
         Step(
-            "origin_acceleration", ("x", "y"), tuple(_ORIGIN.values()), "m/s^2",
+            "origin_acceleration", ("x", "y"), tuple(ORIGIN.values()), "m/s^2",
             "derivatives of the components v_x, v_y: not those of the acceleration", "after (6.8), (6.10)",
         ),
         Step(

@@ -16,6 +16,10 @@ _PHI, _PHI_T, _PHI_TT = sp.symbols("phi phi_t phi_tt", real=True)
 #: Terms that :func:`shaft` gives, in its order.
 TERMS = ("shaft_mass", "shaft_damping", "shaft_stiffness", "shaft_load")
 
+#: Monomials of phi and its rates in the kinetic energy of the shaft, its rate, and the power of the motor.
+KINETIC, RATE = ((), ("t",), ("t", "t")), ((), ("t",), ("tt",), ("t", "tt"))
+POWER = ((), ("",), ("t",), ("", "t"), ("t", "t"))
+
 
 def rigid_crank(along: tuple[sp.Expr, sp.Expr]) -> tuple[tuple[sp.Expr, ...], tuple[sp.Expr, ...]]:
     """Return d theta/d r [1/m] and d r/d theta [m] of a crank with the vector r and the direction theta.
@@ -45,11 +49,42 @@ def shaft(inertia: sp.Expr, torque: sp.Expr, angle: sp.Symbol, rate: sp.Symbol) 
     torque
         Torque of the motor on the crank [N m], over ``angle`` [rad] and ``rate`` [rad/s] of the crank.
     """
-    energy = inertia * (OMEGA.symbol + _PHI_T) ** 2 / 2
+    energy = _energy(inertia)
     momentum = sp.diff(energy, _PHI_T)
     rates = {OMEGA.symbol: OMEGA_RATE.symbol, _PHI_T: _PHI_TT}
     inertial = sp.Add(*(sp.diff(momentum, of) * by for of, by in rates.items()))
-    driving = torque + sp.diff(torque, angle) * _PHI + sp.diff(torque, rate) * _PHI_T
-    left = inertial - driving
+    left = inertial - _driving(torque, angle, rate)
     still = dict.fromkeys((_PHI, _PHI_T, _PHI_TT), sp.Integer(0))
     return (*(sp.diff(left, of) for of in (_PHI_TT, _PHI_T, _PHI)), -left.xreplace(still))
+
+
+def powers(inertia: sp.Expr, torque: sp.Expr, angle: sp.Symbol, rate: sp.Symbol) -> dict[str, list[sp.Expr]]:
+    """Return the factors of ``KINETIC`` [J], ``RATE`` and ``POWER`` [W] by name.
+
+    They are those of the kinetic energy of the flywheel, of its rate, and of the power of the motor on the
+    shaft. Parameters are those of :func:`shaft`.
+    """
+    energy = _energy(inertia)
+    rates = {OMEGA.symbol: OMEGA_RATE.symbol, _PHI_T: _PHI_TT}
+    moved = sp.Add(*(sp.diff(energy, of) * by for of, by in rates.items()))
+    power = _driving(torque, angle, rate) * (OMEGA.symbol + _PHI_T)
+    by_order = {"": _PHI, "t": _PHI_T, "tt": _PHI_TT}
+    found = {}
+    for name, expression, monomials in (
+        ("kinetic", energy, KINETIC),
+        ("rate", moved, RATE),
+        ("power", power, POWER),
+    ):
+        terms = sp.Poly(expression, *by_order.values())
+        found[name] = [terms.coeff_monomial(sp.Mul(*(by_order[k] for k in m))) for m in monomials]
+    return found
+
+
+def _energy(inertia: sp.Expr) -> sp.Expr:
+    """Return the kinetic energy of the flywheel [J]."""
+    return inertia * (OMEGA.symbol + _PHI_T) ** 2 / 2
+
+
+def _driving(torque: sp.Expr, angle: sp.Symbol, rate: sp.Symbol) -> sp.Expr:
+    """Return the torque of the motor [N m] to first order in phi."""
+    return torque + sp.diff(torque, angle) * _PHI + sp.diff(torque, rate) * _PHI_T

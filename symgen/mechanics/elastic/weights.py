@@ -142,7 +142,7 @@ def weights() -> tuple[Weight, ...]:
         groups.setdefault((term.part, term.order if term.trial else None, term.motion), []).append(term)
     found = []
     for (part, order, motion), terms in groups.items():
-        name, factor = _multiple(part, order, _densities(terms), densities)
+        name, factor = multiple(part, order, _densities(terms), densities)
         sign = -1 if order is None else 1  # loads go to the right-hand side
         inertial = part == "inertia" and order is not None
         found.append(Weight(INTO[order], name, sign * factor * motion, inertial))
@@ -198,7 +198,7 @@ def _densities(terms: Iterable[Term], factor: sp.Expr = _ONE) -> dict[tuple[str,
     return {(t.test, t.trial): factor * t.density for t in terms}
 
 
-def _multiple(
+def multiple(
     part: str,
     order: int | None,
     group: dict[tuple[str, str], sp.Expr],

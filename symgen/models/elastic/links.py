@@ -12,12 +12,14 @@ from dataclasses import replace
 
 import sympy as sp
 
+from symgen.elements import ELEMENTS
 from symgen.loads.load import Load
 from symgen.loads.measure import Profile
 from symgen.loads.torque import AppliedTorque
-from symgen.mechanics.elastic.hamilton import PX, PY
+from symgen.mechanics.elastic.energies import LIFT, energy_weights, rate, rigid_energies
+from symgen.mechanics.elastic.hamilton import GX, GY, PX, PY, VX, VY
 from symgen.mechanics.elastic.moving_frame import local, moving_frame
-from symgen.mechanics.elastic.shaft import TERMS, rigid_crank, shaft
+from symgen.mechanics.elastic.shaft import KINETIC, POWER, RATE, TERMS, powers, rigid_crank, shaft
 from symgen.mechanics.elastic.turning_axes import COSINE, SINE
 from symgen.mechanics.elastic.weights import turning_ends, weights
 from symgen.models.rods.constraints import Constraint
@@ -43,6 +45,15 @@ MOTION = (
 APPLIED = tuple(w.name for w in _WEIGHTS if w.applied)
 #: Those of them that load the link, and do not stiffen it.
 _LOADING = tuple(w.name for w in _WEIGHTS if w.applied and w.into == "load")
+#: Columns of ``energies``: factors of the constants of a link in its energies, those of its rigid motion, and
+#: the rates of all.
+ENERGIES = tuple(
+    f"{name}{ending}"
+    for name in (*(w.name for w in energy_weights()), "kinetic_rigid", "potential_rigid")
+    for ending in ("", "_rate")
+)
+#: Columns of ``shaft_energy``, with the number of factors of each.
+SHAFT_ENERGY = {"kinetic": len(KINETIC), "rate": len(RATE), "power": len(POWER)}
 #: Matrices of a rigid crank.
 CRANK = ("rotation", "arm")
 #: Columns of ``properties``: see :class:`symgen.runtime.beams.links.Properties`.
@@ -68,8 +79,9 @@ def motion_system(linkage: Linkage) -> System:
 
     ``links``: a row for every elastic link, with its direction and the weights of its constant matrices and
     load vectors. ``loads``: weights of the forces along elastic links. ``shaft``: terms of flywheel and motor
-    on an elastic crank. ``crank_rotation``: of a rigid crank. ``constants``: sections, stations, masses along
-    links, profiles of forces, crank.
+    on an elastic crank. ``energies``: factors in the energies of every elastic link, of flywheel and motor.
+    ``crank_rotation``: of a rigid crank. ``constants``: sections, stations, masses along links, profiles of
+    forces, crank.
     """
     model, names = RodsModel(linkage), Names()
     of_links = [k.link for k in linkage.elastic]
@@ -120,9 +132,15 @@ def motion_system(linkage: Linkage) -> System:
             loads.append([ZERO if w in omitted else x for w, x in zip(APPLIED, row, strict=True)])
         matrices.append(_table(model, "loads", loads, "N or N/m", APPLIED))
         exports.append(Export("loads", "forces along elastic links", ("loads",)))
+    energies = [_energies(model, linkage, k, moving[k.link]) for k in linkage.elastic]
+    matrices.append(_table(model, "energies", energies, "1, SI", ENERGIES, of_links))
+    of_energies = ["energies"]
     if crank and crank.mode == "motor" and crank.link in moving:
         matrices.append(_shaft(model, crank, moving[crank.link]))
         exports.append(Export("shaft", "flywheel and motor on the shaft of an elastic crank", ("shaft",)))
+        matrices.append(_shaft_energy(model, crank, moving[crank.link]))
+        of_energies.append("shaft_energy")
+    exports.append(Export("energies", "factors of the energies of elastic links", tuple(of_energies)))
     if crank and crank.link not in moving:
         matrices += _rigid_crank(model, crank)
         exports.append(Export("crank_rotation", "rotation and torque of a rigid crank", CRANK))
@@ -151,9 +169,11 @@ def joints_system(linkage: Linkage) -> System:
     if bound:
         matrices += _rows(model, bound, accelerations)
     about = "the linkage without its elastic links, linearised about the rigid motion"
-    return analysis_of(
-        model, "elastic_joints", matrices, [Export("joints", about, tuple(m.name for m in matrices))]
-    )
+    exports = [Export("joints", about, tuple(m.name for m in matrices))]
+    energies = {"kinetic_energy": model.kinetic_energy, "potential_energy": model.potential_energy}
+    matrices += [named(model, name, [e], "J", f"{name.replace('_', ' ')}") for name, e in energies.items()]
+    exports.append(Export("energy", "energies of the linkage without its elastic links", tuple(energies)))
+    return analysis_of(model, "elastic_joints", matrices, exports)
 
 
 def lumps(linkage: Linkage) -> Iterator[tuple[str, sp.Expr, sp.Expr]]:
@@ -216,6 +236,8 @@ _ABOUT = {
     "loads": "weights of the loads and geometric stiffness by forces along elastic links",
     CRANK[0]: "rotation of a rigid crank by the displacement of its end",
     CRANK[1]: "displacement of the end of a rigid crank by its rotation",
+    "energies": "factors of the constants of elastic links in their energies, energies of their rigid motion",
+    "shaft_energy": "factors in the energy of the flywheel, in its rate, and in the power of the motor",
     "shaft": "terms of the shaft of an elastic crank: mass, damping, stiffness and load of its rotation",
 }
 
@@ -241,7 +263,29 @@ def _motion(model: RodsModel, beam: ElasticLink, names: Names) -> dict[sp.Symbol
     )
     felt = zip(model.acceleration(link.start), model.linkage.gravity, strict=True)
     force = model.joint_forces.on(link.name, link.start)
-    return moving_frame(names, link.name, (d, v, a), tuple(a - g for a, g in felt), force)
+    found = moving_frame(names, link.name, (d, v, a), tuple(a - g for a, g in felt), force)
+    gravity, cosine, sine = model.linkage.gravity, found[COSINE.symbol], found[SINE.symbol]
+    for of, vector in (((VX, VY), model.velocity(link.start)), ((GX, GY), gravity)):
+        components = zip(of, local(vector, cosine, sine), strict=True)
+        for q, e in components:
+            found[q.symbol] = names.scalar(
+                f"{link.name}_{q.name}", e, q.unit, f"{q.description}, {link.name}"
+            )
+    place = model.position(link.start)
+    found[LIFT.symbol] = sp.Add(*(g * x for g, x in zip(gravity, place, strict=True)))
+    return found
+
+
+def _energies(
+    model: RodsModel, linkage: Linkage, beam: ElasticLink, motion: Mapping[sp.Symbol, sp.Expr]
+) -> list[sp.Expr]:
+    """Return a row of ``ENERGIES``."""
+    own = [(at, mass) for link, at, mass in lumps(linkage) if link == beam.link]
+    length = linkage.link(beam.link).length
+    rotary = beam.section.rotary if ELEMENTS[beam.element].rotary else ()
+    rigid = rigid_energies(beam.section.mass, rotary, length, own)
+    values = {w.name: w.value for w in energy_weights()} | rigid
+    return [e.xreplace(motion) for value in values.values() for e in (sp.sympify(value), rate(value))]
 
 
 def _row(columns: Sequence[str], motion: Mapping[sp.Symbol, sp.Expr]) -> list[sp.Expr]:
@@ -276,6 +320,13 @@ def _shaft(model: RodsModel, crank: Crank, motion: Mapping[sp.Symbol, sp.Expr]) 
     angle, rate = (state_symbol(f"{crank.link}.{word}") for word in ("angle", "angular_velocity"))
     row = [e.xreplace(motion) for e in shaft(crank.flywheel, crank.torque, angle, rate)]
     return _table(model, "shaft", [model.loads.with_state(row)], "kg*m^2, N*m*s/rad, N*m/rad, N*m", TERMS)
+
+
+def _shaft_energy(model: RodsModel, crank: Crank, motion: Mapping[sp.Symbol, sp.Expr]) -> NamedMatrix:
+    angle, rate_of = (state_symbol(f"{crank.link}.{word}") for word in ("angle", "angular_velocity"))
+    found = powers(crank.flywheel, crank.torque, angle, rate_of)
+    row = [e.xreplace(motion) for name in SHAFT_ENERGY for e in found[name]]
+    return _table(model, "shaft_energy", [[e] for e in model.loads.with_state(row)], "J, W", ("factor",))
 
 
 def _rigid_crank(model: RodsModel, crank: Crank) -> Iterator[NamedMatrix]:

@@ -137,7 +137,10 @@ OF_THE_WHOLE: dict[str, Callable[[RodsModel], Entries]] = {
     "angular_momentum": _angular_momentum,
 }
 #: Outputs of elastic links, which their runs recover.
-OF_ELASTIC = ("bending_strain", "axial_strain", "stress", "deflection", "displacement", "length_change")
+OF_ELASTIC = (
+    *("bending_strain", "axial_strain", "stress", "deflection", "displacement", "length_change"),
+    *("strain_energy", "dissipated_power", "shaft_power"),
+)
 #: Outputs that need no masses and no forces.
 KINEMATIC = ("position", "velocity", "acceleration", "angle", "angular_velocity")
 #: Outputs of a point of a link.

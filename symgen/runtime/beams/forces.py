@@ -48,13 +48,14 @@ class Motion:
     thesis: bool = False
 
 
-def forces(motion: ElasticMotion, equations: BeamEquations, found: Motion) -> list[Variable]:
+def forces(
+    motion: ElasticMotion, equations: BeamEquations, found: Motion, accelerations: Array
+) -> list[Variable]:
     """Return the forces and couples on elastic links at joints and welds, and the torque on a crank not free.
 
     They are of the whole motion, rigid and elastic, on fixed axes: of every link M s'' + C s' + K s - Q at
     its joints, Eq. (7.27). The axial force of a link that keeps its length is of its constraint.
     """
-    accelerations = _accelerations(motion, equations, found)
     bound = _bound(motion, equations, found, accelerations)
     crank, free, made = motion.info.crank, motion.info.mode == "free", []
     by_modes = forces_on_links(motion.layout, motion.beams)
@@ -90,7 +91,7 @@ def _torque(crank: str, values: Array) -> Variable:
     )
 
 
-def _accelerations(motion: ElasticMotion, equations: BeamEquations, found: Motion) -> Array:
+def accelerations_of(motion: ElasticMotion, equations: BeamEquations, found: Motion) -> Array:
     """Return S'' at the times, (times, unknowns)."""
     made = np.zeros_like(found.displacements)
     if found.rates is not None:

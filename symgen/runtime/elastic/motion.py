@@ -299,6 +299,16 @@ class ElasticMotion(ABC):
         q = y[:, : self.rigid.description.coordinates]
         return q, links.reshape(count, -1, len(MOTION)), loads.reshape(count, -1, len(APPLIED))
 
+    def rigid_states(self, equations: _beams.BeamEquations, times: Array) -> list[Array]:
+        """Return q, q' (times, coordinates) of the rigid motion, and q'' followed by the multipliers."""
+        n, rows, order = self.rigid.description.coordinates, [], np.argsort(times, kind="stable")
+        for t in times[order].tolist():
+            status, y, *_ = equations.motion.evaluate(t)
+            self.check(equations, status, t)
+            solution = equations.motion.solution()
+            rows.append([*y, *(self._path.with_drive(solution, n) if self._path else solution)])
+        return np.split(np.array(rows)[np.argsort(order)], (n, 2 * n), axis=1)
+
     def own_unknowns(self, k: int, links: Array, displacements: Array) -> Array:
         """Return the unknowns of a link in its own axes, (times, n).
 

@@ -11,16 +11,15 @@ from numpy.typing import NDArray
 
 from symgen.errors import SceneError, nearest
 from symgen.runtime import _beams
-from symgen.runtime.beams.forces import Motion, modal_rates, own_motion
-from symgen.runtime.beams.frames import frames
+from symgen.runtime.beams.forces import Motion
 from symgen.runtime.beams.links import Beam
 from symgen.runtime.elastic.motion import ElasticMotion
 from symgen.runtime.result.records import Coordinate, Variable, over_time
 
 Array = NDArray[np.float64]
 
-#: Part of the larger by which both may differ without a note, and part of the largest power that is none.
-_BALANCED, _NOTHING = 0.05, 1e-9
+#: Part of the larger by which both may differ without a note.
+_BALANCED = 0.05
 #: Part of the largest stress below which one is round-off.
 _NOISE = 1e-9
 #: Steps of the run that a run is compared with, over its own, and the error estimate over its error.
@@ -120,25 +119,26 @@ def _stretch(beam: Beam, own: Array) -> Array:
     return found
 
 
-def mean_powers(motion: ElasticMotion, found: Motion, torque: Array | None) -> tuple[float, float] | None:
-    """Return the mean power of the shaft and of damping [W] in a steady state from its torque [N m].
+def recovered(motion: ElasticMotion, found: Motion) -> list[Variable]:
+    """Return the deformed position of every joint that moves and the deflection at every station."""
+    d, names, made = motion.rigid.description, motion.layout.names, []
+    for k, point in enumerate(d.free):
+        columns = [names.index(f"{point}.{axis}") for axis in d.axes]
+        place = found.q[:, 2 * k : 2 * k + 2] + found.displacements[:, columns]
+        made.append(Variable(f"{point}.position", "m", f"deformed position of {point}", ("x", "y"), place))
+    for name, k, at, _ in motion.stations:
+        beam = motion.beams[k]
+        own = motion.own_unknowns(k, found.links, found.displacements)
+        about = f"deflection of {beam.info.link} from the line between its ends, at {at:g} of its length"
+        made.append(Variable(f"{name}.deflection", "m", about, (), deflection(beam, own, at)))
+    return made
 
-    None where they need not be equal, since something else does work, or where nothing is damped.
-    """
-    if torque is None or found.rates is None or found.thesis:
-        return None
-    if motion.info.mode != "held" or not motion.info.shaft_alone:
-        return None
-    lost, still = np.zeros(len(found.times)), np.zeros_like(found.displacements)
-    for k, beam in enumerate(motion.beams):
-        _, rates, _ = own_motion(motion, found, still, k, frames(found.links[:, k]))
-        for piece in beam.pieces:
-            own = rates[:, list(piece.at)]
-            lost += np.sum(own * (own @ piece.damping.T), axis=1)
-    lost += np.sum(modal_rates(motion, found) ** 2, axis=1)
-    power = torque * motion.speed
-    shaft, damping = float(np.mean(power[:-1])), float(np.mean(lost[:-1]))
-    return (shaft, damping) if damping > _NOTHING * float(np.max(np.abs(power))) else None
+
+def deflection(beam: Beam, own: Array, at: float) -> Array:
+    """Return the displacement across a link [m] less that of the straight line between its ends, (times,)."""
+    (_, first), *_, (_, last) = beam.joints
+    found: Array = own @ beam.rows(at).w - (1 - at) * own[:, first] - at * own[:, last]
+    return found
 
 
 def of_powers(powers: tuple[float, float] | None) -> Iterator[str]:

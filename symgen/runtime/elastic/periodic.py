@@ -45,6 +45,8 @@ _SHOOTING = 400
 _OPEN = 0.2
 #: How near to one, over the largest, a multiplier leaves the steady state undetermined.
 _RESONANT = 1e-9
+#: Estimated error of the largest multiplier, over it, for which steps are added once.
+_CLOSE = 1e-6
 #: The most steps times squared states that are spent on the largest multiplier alone: vibrations too fast to
 #: show in a strain have multipliers too.
 _WORTH = 1 << 23
@@ -83,9 +85,9 @@ def periodic(
     errors = Errors(motion, equations, times, GAUSS.order)
     per_turn = first_steps(motion, task, _FIRST)
     worth, slowest = _WORTH / (2 * free + 1) ** 2, 2.0 * motion.lowest_frequency * motion.period
-    more, before = 1.0, 0.0
+    more, before, closed = 1.0, 0.0, False
 
-    def run(per_per_turn: int, finer: bool) -> tuple[_Shot, tuple[Array, Array], Counts]:
+    def run(per_turn: int, finer: bool) -> tuple[_Shot, tuple[Array, Array], Counts]:
         counts, turns = (step_counts(motion, ends, per_turn) for ends in (times, _ends(motion)))
         if finer:
             counts, turns = finer_counts(counts), finer_counts(turns)
@@ -102,17 +104,19 @@ def periodic(
         largest = abs(shot.multipliers[0])
         # Steps longer than half a vibration turn all multipliers to one, and agree on it.
         shift = SAFETY * abs(abs(finer.multipliers[0]) - largest) if per_turn >= slowest else None
-        known = shift is not None and shift <= FLOQUET_SETTLED * largest
-        settled = known or max(2 * per_turn, slowest) > worth
+        apart = math.inf if shift is None else shift / largest
+        known = apart <= FLOQUET_SETTLED
+        settled = apart <= _CLOSE or (known and closed) or max(2 * per_turn, slowest) > worth
         if task.steps is not None or (error <= task.rtol and settled):
             moved, rates = _in_phase(motion, equations, times, counts, shot, both, pace)
             return replace(found, displacements=moved, rates=rates, error=error, floquet_error=shift)
         if per_turn >= _MOST:
-            raise SimulationError(
-                f"{motion.rigid.name}: shooting does not come within {task.rtol:g} of the peak stress"
-            )
+            problem = f"shooting does not come within {task.rtol:g} of the peak stress"
+            raise SimulationError(f"{motion.rigid.name}: {problem}")
         falls = task.rtol < error < before * more ** (-GAUSS.order / 2)
         more = next_factor(error, task.rtol, GAUSS.order, falls)
+        if closed := error <= task.rtol and known:
+            more = next_factor(apart, _CLOSE, GAUSS.order, True)
         per_turn, before = math.ceil(more * per_turn), error
 
 
@@ -145,10 +149,7 @@ def again(
 ) -> Array:
     """Return displacements of the steady state, with such steps per revolution and from time to time.
 
-    Raises
-    ------
-    ModelError
-        When there are more unknowns than are stepped together.
+    Raises ModelError when there are more unknowns than are stepped together.
     """
     _check_size(motion)
     shot = _shot(motion, equations, step_counts(motion, _ends(motion), per_turn), pace)

@@ -12,13 +12,13 @@ from numpy.typing import NDArray
 from symgen.errors import ModelError, SimulationError
 from symgen.runtime import _beams
 from symgen.runtime.beams.checks import SLOPE, warnings
-from symgen.runtime.beams.forces import Motion, crank_rotation, forces
+from symgen.runtime.beams.energies import energies
+from symgen.runtime.beams.forces import Motion, accelerations_of, crank_rotation, forces
 from symgen.runtime.beams.methods import BEAM_METHODS, GAUSS
-from symgen.runtime.beams.recovery import recovered
 from symgen.runtime.elastic.jumps import explicit, jump_times
 from symgen.runtime.elastic.mesh import mesh_error
 from symgen.runtime.elastic.motion import ElasticMotion
-from symgen.runtime.elastic.outputs import coordinate_of, mean_powers, of_powers, outputs, selected
+from symgen.runtime.elastic.outputs import coordinate_of, of_powers, outputs, recovered, selected
 from symgen.runtime.elastic.periodic import again, periodic
 from symgen.runtime.elastic.static import held
 from symgen.runtime.elastic.steps import (
@@ -225,7 +225,8 @@ def _result(
     thesis = task.form == "thesis"
     whole = Motion(times, q, links, loads, found.displacements, found.rates, thesis)
     variables = [*outputs(motion, links, found.displacements), *recovered(motion, whole)]
-    variables += forces(motion, equations, whole)
+    accelerations = accelerations_of(motion, equations, whole)
+    variables += forces(motion, equations, whole, accelerations)
     notes = [
         *_of_speed(motion),
         *_of_motor(motion, task),
@@ -234,7 +235,10 @@ def _result(
     ]
     shaft = next((v.values for v in variables if v.name == f"{motion.info.crank}.torque"), None)
     steady = task.method == "periodic" and task.at is None
-    powers = mean_powers(motion, whole, shaft) if steady else None
+    held = shaft if motion.info.mode == "held" else None
+    balance = energies(motion, equations, whole, accelerations, held)
+    variables += balance.variables() if balance else ()
+    powers = balance.mean_powers() if balance and steady and held is not None else None
     notes += d.remarks
     notes += of_powers(powers)
     notes += _of_crank(motion, whole)
@@ -262,6 +266,7 @@ def _result(
             "error": found.error,
             "damping_ratios": list(motion.damping_ratios),
             "mean_powers_w": list(powers or ()),
+            "power_balance": balance.balance if balance else None,
             "wall_s": wall,
             "floquet": [[z.real, z.imag] for z in found.floquet],
             "floquet_error": found.floquet_error,

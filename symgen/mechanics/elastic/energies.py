@@ -1,0 +1,149 @@
+"""Energies of a moving elastic link, to the second degree in its displacements, as sums of its constants.
+
+The kinetic energy, the strain energy and the potential of gravity of
+:func:`symgen.mechanics.elastic.hamilton.derive` are sorted by fields, rates and motion. Their terms have the
+constant matrices and load vectors of the equation.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+
+import sympy as sp
+
+from symgen.mechanics.elastic.hamilton import (
+    FIELDS,
+    GX,
+    GY,
+    MU,
+    OMEGA,
+    OMEGA_RATE,
+    ORIGIN,
+    PATH,
+    ROTARY,
+    VX,
+    VY,
+    X,
+    derive,
+)
+from symgen.mechanics.elastic.weights import CONSTANTS, multiple
+from symgen.symbolic.quantity import quantity
+
+LIFT = quantity("g_0", "m^2/s^2", "gravity times the position of the first point")
+#: Energies, with the part of the equation of motion that each belongs to.
+ENERGIES = {"kinetic": "inertia", "strain": "elastic", "potential": "inertia"}
+_MOTION = (OMEGA, *PATH, LIFT)
+#: Rates of the motion of a link in its rotating axes, in which gravity has rates too.
+_RATES = {
+    OMEGA.symbol: OMEGA_RATE.symbol,
+    **ORIGIN,
+    GX.symbol: OMEGA.symbol * GY.symbol,
+    GY.symbol: -OMEGA.symbol * GX.symbol,
+    LIFT.symbol: GX.symbol * VX.symbol + GY.symbol * VY.symbol,
+}
+
+
+@dataclass(frozen=True, slots=True)
+class EnergyWeight:
+    """Factor of a constant in an energy: of s'^T C s', s'^T C s, s^T C s, C^T s' or C^T s.
+
+    Attributes
+    ----------
+    energy, constant
+        Name in ``ENERGIES``, and in ``CONSTANTS``.
+    orders
+        Orders of the rates that the constant multiplies, one or two.
+    value
+        Expression of the rigid motion.
+    """
+
+    energy: str
+    constant: str
+    orders: tuple[int, ...]
+    value: sp.Expr
+
+    @property
+    def name(self) -> str:
+        """Name among all weights."""
+        return f"{self.energy}_{'rate_' if self.orders == (1,) else ''}{self.constant}"
+
+
+def rate(value: sp.Expr) -> sp.Expr:
+    """Return the rate of an expression of the motion of a link."""
+    return sp.Add(*(sp.diff(value, s) * r for s, r in _RATES.items()))
+
+
+@lru_cache(maxsize=1)
+def energy_weights() -> tuple[EnergyWeight, ...]:
+    """Return the energies of the elastic motion of a link, without those of its rigid motion."""
+    densities = {name: c.densities(derive()) for name, c in CONSTANTS.items()}
+    found = []
+    for energy, terms in _sorted().items():
+        groups: dict[tuple[tuple[int, ...], sp.Expr], dict[tuple[str, str], sp.Expr]] = {}
+        for (fields, orders, motion), density in terms.items():
+            if fields:
+                test, trial = (*fields, "")[:2]
+                groups.setdefault((orders, motion), {})[test, trial] = density
+        for (orders, motion), group in groups.items():
+            constant, factor = multiple(ENERGIES[energy], None, group, densities)
+            found.append(EnergyWeight(energy, constant, orders, factor * motion))
+    return tuple(found)
+
+
+def rigid_energies(
+    mass: Sequence[sp.Expr],
+    rotary: Sequence[sp.Expr],
+    length: sp.Expr,
+    lumps: Sequence[tuple[sp.Expr, sp.Expr]],
+) -> dict[str, sp.Expr]:
+    """Return the energies [J] of the rigid motion of a link by name.
+
+    Parameters
+    ----------
+    mass, rotary
+        Mass [kg/m] and rotary inertia [kg m] per length by powers of the distance from the first point [m].
+    length
+        Length of the link [m].
+    lumps
+        Distances from the first point [m] and masses [kg] along it.
+    """
+    x = X.symbol
+    found = {}
+    for energy, terms in _sorted().items():
+        total = sp.Add(*(motion * density for (fields, _, motion), density in terms.items() if not fields))
+        if total == 0:
+            continue
+        parts = []
+        for of, coefficients in ((MU, mass), (ROTARY, rotary)):
+            by_power = sp.Poly(sp.expand(total).coeff(of.symbol), x).all_coeffs()[::-1]
+            for power, factor in enumerate(by_power):
+                whole = [c * length ** (power + k + 1) / (power + k + 1) for k, c in enumerate(coefficients)]
+                whole += [m * at**power for at, m in lumps if of is MU]
+                parts.append(factor * sp.Add(*whole))
+        found[f"{energy}_rigid"] = sp.Add(*parts)
+    return found
+
+
+@lru_cache(maxsize=1)
+def _sorted() -> dict[str, dict[tuple[tuple[str, ...], tuple[int, ...], sp.Expr], sp.Expr]]:
+    """Return densities of the energies by fields, the orders of their rates, and the motion.
+
+    Fields with rates come first.
+    """
+    steps = {step.name: step.expressions[0] for step in derive().steps}
+    symbols = [q.symbol for q in FIELDS.values()]
+    found: dict[str, dict[tuple[tuple[str, ...], tuple[int, ...], sp.Expr], sp.Expr]] = {}
+    potential = -steps["gravity_work"] - MU.symbol * LIFT.symbol
+    expressions = steps["kinetic_energy"], steps["strain_energy"], potential
+    for energy, density in zip(ENERGIES, expressions, strict=True):
+        terms = found.setdefault(energy, {})
+        for powers, factor in sp.Poly(density, *symbols, *(q.symbol for q in _MOTION)).terms():
+            names = [name for name, p in zip(FIELDS, powers, strict=False) for _ in range(p)]
+            moved = [(name.removesuffix("_t"), int(name.endswith("_t"))) for name in names]
+            moved.sort(key=lambda pair: -pair[1])
+            by = zip(_MOTION, powers[len(symbols) :], strict=True)
+            motion = sp.Mul(*(q.symbol**p for q, p in by))
+            terms[tuple(name for name, _ in moved), tuple(order for _, order in moved), motion] = factor
+    return found

@@ -1,0 +1,193 @@
+"""Energies and powers of elastic runs, against particles, closed forms, rigid linkages and each other."""
+
+from __future__ import annotations
+
+import mpmath
+import numpy as np
+import pytest
+import sympy as sp
+from scipy.interpolate import make_interp_spline
+
+import symgen
+from symgen.mechanics.elastic import hamilton
+from symgen.mechanics.elastic.energies import LIFT, energy_weights, rate, rigid_energies
+from symgen.mechanics.elastic.places import at_a_place
+from symgen.mechanics.elastic.shaft import KINETIC, POWER, RATE, powers
+from symgen.runtime.beams.energies import of_joints, of_links
+
+SCENES = (
+    *("elastic_four_bar", "elastic_four_bar_free", "elastic_four_bar_motor"),
+    *("elastic_slider_crank", "rotating_cantilever"),
+)
+#: Foot pound-force and the torque at 0 degrees of the four-bar of rigid links at 373 rpm, with bearings.
+FOOT_POUND, TORQUE = 1.3558179483314004, 31.57203148
+
+
+def test_energies_of_a_point_of_a_link_are_those_of_a_particle():
+    """z = z0(t) + (x + s(t)) exp(i theta(t)) of unit mass in gravity, and the rates of its energies."""
+    x, g = mpmath.mpf("0.7"), mpmath.mpc("0.3", "-9.81")
+
+    def direction(t):
+        return mpmath.exp(1j * (t**3 - 2 * t))
+
+    def origin(t):
+        return mpmath.mpc(t**2, mpmath.sin(t))
+
+    def own(t):
+        return mpmath.mpc(t / 50 + t**2, mpmath.cos(3 * t) / 50)
+
+    def place(t):
+        return origin(t) + (x + own(t)) * direction(t)
+
+    def energies(t):
+        fall = g.real * place(t).real + g.imag * place(t).imag
+        return {"kinetic": abs(mpmath.diff(place, t)) ** 2 / 2, "potential": -fall}
+
+    at = mpmath.mpf("0.4")
+
+    def local(z):
+        return z * mpmath.conj(direction(at))
+
+    omega, alpha = (mpmath.diff(lambda t: t**3 - 2 * t, at, n) for n in (1, 2))
+    velocity, felt = local(mpmath.diff(origin, at)), local(mpmath.diff(origin, at, 2) - g)
+    gravity, z0 = local(g), origin(at)
+    motion = {
+        hamilton.OMEGA: omega, hamilton.OMEGA_RATE: alpha, hamilton.VX: velocity.real, hamilton.VY: velocity.imag,
+        hamilton.AX: felt.real, hamilton.AY: felt.imag, hamilton.GX: gravity.real, hamilton.GY: gravity.imag,
+        LIFT: g.real * z0.real + g.imag * z0.imag, hamilton.X: x,
+    }  # fmt: skip
+    values = {q.symbol: sp.Float(str(v), 20) for q, v in motion.items()}
+    terms = {name: term.xreplace(values) for name, term in at_a_place().items()}
+    terms["centrifugal"] = terms["mass"]
+    moved = [mpmath.diff(own, at, n) for n in range(3)]
+    columns = [sp.Matrix([m.real, m.imag, 0, 0, 0, 0]) for m in moved]
+    rigid = rigid_energies((), (), sp.Integer(0), [(values[hamilton.X.symbol], sp.Integer(1))])
+    found = {name: [e.xreplace(values), rate(e).xreplace(values)] for name, e in
+             ((name.removesuffix("_rigid"), e) for name, e in rigid.items())}  # fmt: skip
+    for w in energy_weights():
+        if w.energy == "strain":
+            continue
+        constant = terms[w.constant]
+        if len(w.orders) == 2:
+            i, j = w.orders
+            form = (columns[i].T * constant * columns[j])[0]
+            change = (columns[i + 1].T * constant * columns[j] + columns[i].T * constant * columns[j + 1])[0]
+        else:
+            form, change = ((constant.T * columns[w.orders[0] + n])[0] for n in (0, 1))
+        found[w.energy][0] += w.value.xreplace(values) * form
+        found[w.energy][1] += w.value.xreplace(values) * change + rate(w.value).xreplace(values) * form
+    for name, (energy, change) in found.items():
+        assert float(energy) == pytest.approx(float(energies(at)[name]), rel=1e-9)
+        assert float(change) == pytest.approx(
+            float(mpmath.diff(lambda t, name=name: energies(t)[name], at)), rel=1e-6
+        )
+
+
+def test_rigid_energies_of_a_tapered_link():
+    """A rod of mass 2 + 6 x per length of 0.5 m with rotary inertia 0.1, and 3 kg at 0.2 m, about its first point."""
+    found = rigid_energies((2, 6), (sp.Rational(1, 10),), sp.Rational(1, 2), [(sp.Rational(1, 5), 3)])
+    w, vx, vy, gx = (q.symbol for q in (hamilton.OMEGA, hamilton.VX, hamilton.VY, hamilton.GX))
+    mass, moment = 1.75 + 3, 0.25 + 0.25 + 0.6
+    second = 2 / 24 + 6 / 64 + 3 * 0.04 + 0.05
+    at = {w: 2.0, vx: 0.3, vy: -0.4, gx: 5.0, hamilton.GY.symbol: 1.0, LIFT.symbol: 7.0}
+    expected = mass * 0.25 / 2 + moment * 2 * -0.4 + second * 4 / 2
+    assert float(found["kinetic_rigid"].subs(at)) == pytest.approx(expected, rel=1e-12)
+    assert float(found["potential_rigid"].subs(at)) == pytest.approx(-7 * mass - 5 * moment, rel=1e-12)
+
+
+def test_energy_and_power_of_a_shaft_with_a_motor():
+    """Those of I (omega + phi')^2 / 2 and T (omega + phi'), with T to first order in phi."""
+    inertia, omega, alpha, phi, phi_t, phi_tt = 0.3, 4.0, -1.5, 0.02, 0.3, -2.0
+    angle, speed = sp.symbols("angle speed", real=True)
+    torque = 5 * sp.cos(angle) - speed**2 / 5
+    at = {angle: 0.8, speed: omega, hamilton.OMEGA.symbol: omega, hamilton.OMEGA_RATE.symbol: alpha}
+    factors = powers(sp.Float(inertia), torque, angle, speed)
+    by = {"": phi, "t": phi_t, "tt": phi_tt}
+    found = [
+        sum(float(f.xreplace(at)) * float(np.prod([by[k] for k in m])) for f, m in zip(factors[name], of, strict=True))
+        for name, of in (("kinetic", KINETIC), ("rate", RATE), ("power", POWER))
+    ]  # fmt: skip
+    torque_then = 5 * np.cos(0.8) - 16 / 5 - 5 * np.sin(0.8) * phi - 2 * omega / 5 * phi_t
+    turned, faster = omega + phi_t, alpha + phi_tt
+    assert found == pytest.approx([inertia * turned**2 / 2, inertia * turned * faster, torque_then * turned])
+
+
+def test_rigid_motion_needs_the_torque_of_the_rigid_linkage():
+    """At the start, without deflection: the rates of all kinetic energies, and the energy of the rigid linkage."""
+    model = symgen.build("elastic_four_bar")
+    motion = model._motion(True)
+    equations, none = motion.equations(), np.zeros((1, motion.layout.unknowns))
+    q, u, solutions = motion.rigid_states(equations, np.zeros(1))
+    links, _ = of_links(motion, np.zeros(1), q, u, solutions)
+    joints, _, power = of_joints(motion, np.zeros(1), (q, u, solutions), (none, none, none))
+    rates = sum(x["kinetic_rigid_rate"][0] for x in links) - power[0]
+    assert rates == pytest.approx(TORQUE * FOOT_POUND * motion.speed, rel=1e-9)
+    whole = motion.rigid.evaluator.blocks("energy", 0.0, q[0], u[0])["kinetic_energy"]
+    kinetic = sum(x["kinetic_rigid"][0] for x in links) + joints[0]
+    assert kinetic == pytest.approx(float(whole[0]), rel=1e-12)
+
+
+@pytest.mark.parametrize("speed", ["given", "second resonance"])
+@pytest.mark.parametrize("scene", SCENES)
+def test_imbalance_of_powers_is_as_reported(scene, speed):
+    """The rate of the energies by differences: shaft power = dissipation + rate but for what is reported."""
+    model = symgen.build(scene)
+    if speed != "given":
+        model = model.with_parameters(speed=2 * np.pi * float(model.modes().frequencies[1]))
+    run = model.simulate(revolutions=0.02, samples=121, steps=1)
+    names = {v.name for v in run.variables}
+    energy = sum(run[f"{name}_energy"].values for name in ("kinetic", "strain", "potential"))
+    change = make_interp_spline(run.times, energy, k=7).derivative()(run.times)
+    shaft = run["shaft_power"].values if "shaft_power" in names else 0.0
+    lost = run["dissipated_power"].values
+    assert ("shaft_power" in names) == (scene != "elastic_four_bar_free")
+    assert np.all(lost >= 0.0)
+    largest = max(np.max(np.abs(part)) for part in (shaft, lost, change))
+    inside = slice(8, -8)
+    assert np.max(np.abs(shaft - lost - change)[inside]) <= 1.01 * run.statistics["power_balance"] * largest
+    assert run.statistics["power_balance"] * largest <= 1.5 * np.max(np.abs(shaft - lost - change))
+
+
+def test_imbalance_is_of_second_order():
+    """Deflections over lengths are proportional to the squared speed; the torque has their first order."""
+    model = symgen.build("elastic_slider_crank")
+    slow, fast = (
+        model.with_parameters(speed=speed).periodic(samples=31, steps=60).statistics["power_balance"]
+        for speed in (40.0, 80.0)
+    )
+    assert fast / slow == pytest.approx(4.0**2, rel=0.1)
+    assert fast < 1e-5
+
+
+def test_energies_of_a_slow_crank_in_gravity():
+    """A bar of weight q L, clamped to its shaft: q^2 L^5 cos^2 / 40 E I + q^2 L^3 sin^2 / 6 E A, and its height."""
+    modulus, density, length, side, speed = 2e11, 7800.0, 0.5, 0.01, 0.5
+    elastic = {"E": f"{modulus} Pa", "elements": 2, "damping": {"stiffness": "1e-3 s"}}
+    scene = symgen.Scene(
+        points={
+            "O": {"at": ["0.2 m", "0.1 m"], "ground": True},
+            "A": {"at": [f"{0.2 + length} m", "0.1 m"]},
+        },
+        links={
+            "crank": {
+                "points": ["O", "A"],
+                "density": f"{density} kg/m^3",
+                "section": {"width": f"{side} m", "thickness": f"{side} m"},
+                "elastic": elastic,
+            }
+        },
+        gravity={"acceleration": ["0 m/s^2", "-9.81 m/s^2"]},
+        crank={"link": "crank", "speed": f"{speed} rad/s"},
+        analysis={"outputs": ["strain_energy", "potential_energy", "dissipated_power"]},
+    )
+    run = symgen.build(scene).periodic(samples=25, steps=48)
+    angle, area, load = run["angle"].values, side**2, density * side**2 * 9.81
+    bent = load**2 * length**5 / (40 * modulus * side**4 / 12)
+    stretched = load**2 * length**3 / (6 * modulus * area)
+    strain = bent * np.cos(angle) ** 2 + stretched * np.sin(angle) ** 2
+    assert run["strain_energy"].values == pytest.approx(strain, rel=1e-3, abs=4e-3 * bent)
+    lifted = load * length * (0.1 + length / 2 * np.sin(angle)) - 2 * strain
+    assert run["potential_energy"].values == pytest.approx(lifted, abs=4e-3 * 2 * bent)
+    lost = 1e-3 * speed**2 * (2 * bent * np.sin(angle) ** 2 + 2 * stretched * np.cos(angle) ** 2)
+    assert run["dissipated_power"].values == pytest.approx(lost, rel=5e-3, abs=5e-3 * np.max(lost))
+    assert [v.name for v in run.variables] == ["strain_energy", "potential_energy", "dissipated_power"]
