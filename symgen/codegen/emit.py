@@ -9,12 +9,13 @@ from functools import lru_cache
 from itertools import groupby
 from typing import Any
 
-from symgen.codegen.printers import C_FUNCTIONS, Printer, printer
+from symgen.codegen.calls import CallView, calls_of, merged
+from symgen.codegen.printers import Printer, printer
 from symgen.codegen.rolled import ROLLED, Rolled, large, rolled
 from symgen.codegen.source import SourceFile
 from symgen.codegen.target import Target
 from symgen.lowering.kernel import ARRAYS, Assignment, Block, Kernel, Program, Slot, Store
-from symgen.lowering.nodes import GUARDED_INVERSE, Constant, calls, references
+from symgen.lowering.nodes import GUARDED_INVERSE, Constant, references
 from symgen.precision import Precision
 
 
@@ -68,15 +69,6 @@ class GroupView:
     def derived(self) -> str:
         """Return the index range of the entries from 'setup', without the rank tolerance behind them."""
         return f"{len(self.slots)}..{len(self.slots) + self.behind - 1}"
-
-
-@dataclass(frozen=True, slots=True)
-class CallView:
-    """A function that kernels call: name in the expression tree, name for scalars, number of arguments."""
-
-    function: str
-    of_one: str
-    arguments: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -134,7 +126,7 @@ class UnitView:
     @property
     def calls(self) -> tuple[CallView, ...]:
         """The distinct functions called by the kernels of this file."""
-        return tuple(sorted({c for k in self.kernels for c in k.calls}, key=lambda c: c.function))
+        return merged(c for k in self.kernels for c in k.calls)
 
     @property
     def guarded(self) -> bool:
@@ -311,7 +303,7 @@ def _kernel(program: Program, kernel: Kernel, target: Target, rolls: bool) -> Ke
         stores=() if loops else tuple(_stores(kernel.stores, prints, target)),
         early=tuple(tuple(_stores(stores, prints, target)) for stores in early),
         late=tuple(_stores(late, prints, target)),
-        calls=_calls(kernel, target.precision),
+        calls=calls_of(kernel, target.precision),
         blocks=tuple(map(_block, kernel.blocks)),
         reads=tuple(ArrayView(a, sizes[a]) for a in ARRAYS if a in sizes),
         reads_work="work" in own,
@@ -369,13 +361,6 @@ def _stores(stores: Iterable[Store], prints: Printer, target: Target) -> Iterato
 
 def _assignment(assignment: Assignment, prints: Printer) -> TextAssignment:
     return TextAssignment(assignment.target, prints(assignment.value))
-
-
-def _calls(kernel: Kernel, precision: Precision) -> tuple[CallView, ...]:
-    values = [a.value for a in kernel.assignments] + [s.value for s in kernel.stores]
-    found = calls(values if kernel.counts.call else ())
-    one = Printer(C_FUNCTIONS, precision)
-    return tuple(CallView(name, one.name(name), arguments) for name, arguments in sorted(found.items()))
 
 
 def _block(block: Block) -> BlockView:

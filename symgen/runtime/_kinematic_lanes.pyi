@@ -21,3 +21,15 @@ class KinematicLanes:
     def follow(
         self, t: float, parameters: Array, q: Array, lengths: Array, times: Array
     ) -> tuple[Array, Array, NDArray[np.intp]]: ...
+    def extremes(
+        self,
+        t: float,
+        parameters: Array,
+        q: Array,
+        lengths: Array,
+        times: Array,
+        recorded: NDArray[np.uint8],
+        starts: NDArray[np.intp],
+        links: NDArray[np.intp],
+        turn: float,
+    ) -> tuple[Array, Array, NDArray[np.bool_], NDArray[np.bool_]]: ...

@@ -15,11 +15,22 @@ cdef extern from "core/kinematic_lanes.h" nogil:
         pass
 
     cdef struct kinematic_lane_kernels:
-        kernel_t closure, gamma, setup, balance, joints, setup_forces
+        kernel_t closure, gamma, setup, points, balance, joints, setup_forces
 
     cdef struct kinematic_lane_sizes:
-        Py_ssize_t n, m, work, out, parameters, derived, derived_forces, joint_forces
+        Py_ssize_t n, m, work, out, parameters, derived, derived_forces, joint_forces, coordinates
         double rank_tolerance
+
+    cdef struct kinematic_lane_extremes:
+        const unsigned char *recorded
+        const Py_ssize_t *starts
+        Py_ssize_t vectors
+        const Py_ssize_t *links
+        Py_ssize_t link_count
+        double turn
+        double *rows
+        double *closure
+        unsigned char *steady
 
     cdef struct kinematic_lane_task:
         double t
@@ -31,6 +42,7 @@ cdef extern from "core/kinematic_lanes.h" nogil:
         double *rows
         double *forces
         Py_ssize_t *reached
+        const kinematic_lane_extremes *extremes
 
     cdef struct lanes_table "kinematic_lanes_api":
         Py_ssize_t width
@@ -49,7 +61,7 @@ cdef class KinematicLanes:
     Parameters
     ----------
     motion
-        Description and kernels, which take vectors, of ``closure`` and ``acceleration_rhs``.
+        Description and kernels, which take vectors, of ``closure``, ``acceleration_rhs`` and ``points``.
     lanes
         Numbers of a vector.
     groups
@@ -81,9 +93,10 @@ cdef class KinematicLanes:
             raise ValueError(f"expected vectors of 2, 4 or 8 numbers, got {lanes}")
         own = library.addresses
         given.closure, given.gamma = kernel_of(own, "closure"), kernel_of(own, "acceleration_rhs")
-        given.setup = kernel_of(own, "setup")
+        given.setup, given.points = kernel_of(own, "setup"), kernel_of(own, "points")
         given.balance = given.joints = given.setup_forces = NULL
-        called = [d.kernel("closure"), d.kernel("acceleration_rhs")]
+        called = [d.kernel("closure"), d.kernel("acceleration_rhs"), d.kernel("points")]
+        self.sizes.coordinates = called[2].out_size // 2
         if forces is not None:
             f, loads = forces
             given.balance, given.joints = kernel_of(loads.addresses, "balance"), kernel_of(loads.addresses, "joint_forces")
@@ -93,7 +106,7 @@ cdef class KinematicLanes:
             called += [f.kernel("balance"), f.kernel("joint_forces")]
             self.sizes.joint_forces = f.kernel("joint_forces").out_size
             self.libraries.append(loads)
-        if given.closure == NULL or given.gamma == NULL or n < 1:
+        if given.closure == NULL or given.gamma == NULL or given.points == NULL or n < 1:
             raise ValueError("a model without constraints cannot be followed")
         self.sizes.work = max([k.work_size for k in called] + [n + m])
         self.sizes.out = max([k.out_size for k in called] + [n])
@@ -140,7 +153,7 @@ cdef class KinematicLanes:
         cdef const double[:, ::1] all_parameters = np.ascontiguousarray(np.asarray(parameters)[own]).reshape(padded, given)
         cdef const double[::1] all_lengths = np.asarray(lengths)[own]
         cdef double none = 0.0
-        task.t, task.times, task.count = t, &times[0], count
+        task.t, task.times, task.count, task.extremes = t, &times[0], count, NULL
         with nogil:
             first = 0
             while first < padded:
@@ -154,3 +167,60 @@ cdef class KinematicLanes:
             states[:runs * count * 3 * n].reshape(runs, count, 3, n), joints[:runs * count * forces].reshape(runs, count, forces),
             reached[:runs],
         )
+
+    def extremes(self, double t, const double[:, ::1] parameters, const double[:, ::1] q, const double[::1] lengths,
+                 const double[::1] times, const unsigned char[::1] recorded, const Py_ssize_t[::1] starts,
+                 const Py_ssize_t[:, ::1] links, double turn):
+        """Follow a linkage as :meth:`follow` does, and return extremes of its joint forces instead of all values.
+
+        Parameters
+        ----------
+        recorded
+            Flag of each time; one is set at least.
+        starts
+            First number of each vector of joint forces, and behind the last the end.
+        links
+            Two points of every link of the plane, by their first coordinates.
+        turn
+            Rotation of a link from one time to the next [rad] that counts as small.
+
+        Returns
+        -------
+        tuple
+            Joint forces (runs, 4, forces): greatest, least, where each vector is longest, and last; the largest
+            violation of a constraint (runs,); which runs come to the end, and which of them with small rotations alone.
+        """
+        cdef Py_ssize_t runs = parameters.shape[0], count = times.shape[0], n = self.sizes.n, w = self.lanes, first = 0
+        cdef Py_ssize_t forces = self.sizes.joint_forces, given = self.sizes.parameters, padded = (runs + w - 1) // w * w
+        cdef kinematic_lane_task task
+        cdef kinematic_lane_extremes e
+        if count < 1 or runs < 1 or parameters.shape[1] != given or q.shape[0] != runs or q.shape[1] != n or lengths.shape[0] != runs:
+            raise ValueError(f"expected times, and rows of {given} parameters and of {n} coordinates")
+        if recorded.shape[0] != count or starts.shape[0] < 1 or links.shape[1] != 2:
+            raise ValueError(f"expected {count} flags, starts of vectors, and pairs of points")
+        if np.min(starts) < 0 or np.max(starts) > forces or np.any(np.diff(starts) < 1):
+            raise ValueError(f"expected increasing starts of vectors up to {forces}")
+        if links.shape[0] and not 0 <= np.min(links) <= np.max(links) <= self.sizes.coordinates - 2:
+            raise ValueError(f"expected points among {self.sizes.coordinates} coordinates")
+        own = np.minimum(np.arange(padded), runs - 1)  # idle lanes repeat another
+        rows, violation = np.empty((padded, 4, forces)), np.empty(padded)
+        reached, steady = np.zeros(padded, dtype=np.intp), np.zeros(padded, dtype=np.uint8)
+        cdef double[:, :, ::1] to_rows = rows
+        cdef double[::1] to_violation = violation
+        cdef Py_ssize_t[::1] to_reached = reached
+        cdef unsigned char[::1] to_steady = steady
+        cdef const double[:, ::1] all_q = np.ascontiguousarray(np.asarray(q)[own])
+        cdef const double[:, ::1] all_parameters = np.ascontiguousarray(np.asarray(parameters)[own]).reshape(padded, given)
+        cdef const double[::1] all_lengths = np.asarray(lengths)[own]
+        cdef double none = 0.0
+        task.t, task.times, task.count, task.extremes = t, &times[0], count, &e
+        e.recorded, e.starts, e.vectors = &recorded[0], &starts[0], starts.shape[0] - 1
+        e.links, e.link_count, e.turn = &links[0, 0] if links.shape[0] else NULL, links.shape[0], turn
+        with nogil:
+            while first < padded:
+                task.parameters = &all_parameters[first, 0] if given else &none
+                task.q, task.lengths, task.reached = &all_q[first, 0], &all_lengths[first], &to_reached[first]
+                e.rows, e.closure, e.steady = &to_rows[first, 0, 0], &to_violation[first], &to_steady[first]
+                self.api.follow(self.aligned(), &task)
+                first += w
+        return rows[:runs], violation[:runs], reached[:runs] == count, steady[:runs].astype(bool)

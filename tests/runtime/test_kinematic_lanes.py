@@ -9,10 +9,12 @@ from shared.variants import crank_rocker_with_lengths, pins
 
 import symgen
 from symgen.runtime._kinematic_lanes import KinematicLanes
+from symgen.runtime._many import Starts
 from symgen.runtime.kernels.batch import lanes_of
 from symgen.runtime.kernels.evaluate import Evaluator
 from symgen.runtime.many.compiled import compiled_runs
 from symgen.runtime.many.dataset import Keep
+from symgen.runtime.many.starts import start_of
 from symgen.runtime.rods.following.branch import steps_of
 from symgen.runtime.rods.following.groups import groups_of
 from symgen.toolchain import compiler
@@ -125,6 +127,45 @@ def test_torque_in_lanes_does_no_work_over_a_revolution_and_has_the_bits_of_sing
             assert np.array_equal(found[name].values[i], alone[name].values), (i, name)
         assert found["crank.angle"].values == pytest.approx(alone.coordinate.values, abs=0)
         assert found["constraint_drift"].values[i] == alone.drift.constraint
+
+
+@pytest.mark.parametrize("samples", [31, 4])
+def test_extremes_in_lanes_are_the_reductions_of_single_runs(tuned, samples):
+    """Of 31 samples most links turn little from one to the next; of 4, their rotations are looked at once more."""
+    random = np.random.default_rng(17)
+    a, b, c = random.uniform([[0.05], [0.25], [0.25]], [[0.2], [0.4], [0.4]], (3, 10))
+    outputs, names = ["crank.torque", "coupler.A.force"], ["peak", "greatest", "least", "range", "final"]
+    options = {"outputs": outputs, "samples": samples}
+    columns = {"a": a, "b": b, "c": c}
+    found = tuned.inverse_dynamics_many(columns, reduce=names, **options)
+    for threads in (1, 2):
+        assert found.identical(tuned.inverse_dynamics_many(columns, reduce=names, threads=threads, **options))
+    magnitudes = {
+        "crank.torque": np.abs,
+        "coupler.A.force": lambda v: np.sqrt(v[:, 0] ** 2 + v[:, 1] ** 2),
+    }
+    for i in np.flatnonzero(found["error"].values == ""):
+        alone = tuned.with_parameters(a=a[i], b=b[i], c=c[i]).inverse_dynamics(samples=samples)
+        for name, magnitude in magnitudes.items():
+            v = alone[name].values
+            extremes = v.max(axis=0), v.min(axis=0), v.max(axis=0) - v.min(axis=0), v[-1]
+            for reduction, value in zip(names, (magnitude(v).max(), *extremes), strict=True):
+                assert np.array_equal(found[f"{name}.{reduction}"].values[i], value), (i, name, reduction)
+        assert found["recorded"].values[i] == len(alone.time)
+        assert found["constraint_drift"].values[i] == alone.drift.constraint
+    assert sum(map(bool, found["error"].values)) < 5
+
+
+def test_links_that_turn_far_between_nodes_leave_the_extremes(tuned):
+    columns = {"b": np.linspace(0.341, 0.359, 4)}
+    for samples, steady in ((31, True), (4, False)):
+        first = tuned.with_parameters(b=0.341).inverse_dynamics(samples=samples)
+        runs = compiled_runs(tuned, first, columns, None, {"samples": samples})
+        _, q, lengths = Starts(*start_of(tuned.evaluator)).poses(runs.given)
+        rows, kept = np.arange(4), [None] * 4
+        left = runs._by_extremes(runs.given, q, lengths, rows, Keep(["crank.torque"], "peak"), kept)
+        assert left.tolist() == ([] if steady else rows.tolist())
+        assert all((k is not None) == steady for k in kept)
 
 
 def test_regular_variants_go_through_lanes_and_outputs_of_elements_do_not(tuned):

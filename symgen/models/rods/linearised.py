@@ -18,7 +18,15 @@ import sympy as sp
 from symgen.models.rods.constraints import Constraint
 from symgen.models.rods.linkage import REFERENCE, Gradient, RodsModel
 from symgen.models.rods.matrix import named
-from symgen.models.rods.system import bonds, definitions, groups, slope_unit, with_ground
+from symgen.models.rods.system import (
+    POINTS,
+    bonds,
+    definitions,
+    groups,
+    places,
+    slope_unit,
+    with_ground,
+)
 from symgen.scene.rods.linkage import TIME, Linkage
 from symgen.symbolic.calculus import ONE, ZERO
 from symgen.symbolic.names import Names
@@ -33,9 +41,9 @@ def kinematics_system(linkage: Linkage) -> System:
     """
     model = RodsModel(linkage)
     matrices, exports = driven_motion(model)
-    return analysis_of(
-        model, "kinematics", [*(bonds(model) if model.constraints else ()), *matrices], exports
-    )
+    matrices += bonds(model) if model.constraints else ()
+    matrices += [m for m in places(model) if m.name in POINTS.matrices]
+    return analysis_of(model, "kinematics", matrices, [POINTS, *exports])
 
 
 def driven_motion(model: RodsModel) -> tuple[list[NamedMatrix], list[Export]]:

@@ -17,6 +17,8 @@ from symgen.scene.rods.linkage import TIME, Linkage
 from symgen.scene.rods.windings import turning
 from symgen.symbolic.system import Definition, Export, Group, NamedMatrix, SaddlePoint, System
 
+POINTS = Export("points", "position and velocity of all points", ("positions", "velocities"))
+
 
 def linkage_system(linkage: Linkage) -> System:
     """Return the System of a linkage.
@@ -327,7 +329,7 @@ def _exports(model: RodsModel) -> list[Export]:
 def kinematic_exports(model: RodsModel) -> list[Export]:
     """Return the kernels of positions and of constraints."""
     exports = [
-        Export("points", "position and velocity of all points", ("positions", "velocities")),
+        POINTS,
         Export("point_accelerations", "acceleration of all points", ("point_accelerations",)),
     ]
     if model.constraints:

@@ -8,9 +8,10 @@
 
 #include "kinematics.h"
 
-/* `balance`, `joints` and `setup_forces` are NULL where no forces are asked, setups where they derive nothing. */
+/* `balance`, `joints` and `setup_forces` are NULL where no forces are asked, setups where they derive nothing; `points` is
+ * for extremes of forces alone. */
 struct kinematic_lane_kernels {
-    kernel closure, gamma, setup;
+    kernel closure, gamma, setup, points;
     kernel balance, joints, setup_forces;
 };
 
@@ -18,7 +19,22 @@ struct kinematic_lane_sizes {
     ptrdiff_t n, m, work, out;             /* as in struct kinematic_sizes; of the kernels of forces, too */
     ptrdiff_t parameters, derived;         /* of the kernels of motion; behind them the rank tolerance */
     ptrdiff_t derived_forces, joint_forces; /* of those of forces; numbers that `joints` writes, 0 without it */
+    ptrdiff_t coordinates;                 /* of all points: half of the numbers that `points` writes */
     double rank_tolerance;
+};
+
+/* Extremes of the forces of joints over recorded times, instead of the values at all times: four rows of `joint_forces`
+ * numbers for each lane, the greatest, the least, those where a vector is longest, and the last. */
+struct kinematic_lane_extremes {
+    const unsigned char *recorded; /* flag of each time */
+    const ptrdiff_t *starts;       /* first number of each vector of forces, and behind the last the end */
+    ptrdiff_t vectors;
+    const ptrdiff_t *links;        /* first coordinates of two points of each link of the plane */
+    ptrdiff_t link_count;
+    double turn;                   /* rotation of a link from one time to the next that counts as small [rad] */
+    real *rows;
+    double *closure;               /* largest violation of a constraint at recorded times */
+    unsigned char *steady;         /* every link turns by less than `turn`; without this flag it may turn by more */
 };
 
 struct kinematic_lane_task {
@@ -30,6 +46,7 @@ struct kinematic_lane_task {
     real *rows;            /* q, u, a at each time reached */
     real *forces;          /* of joints */
     ptrdiff_t *reached;    /* how many times were */
+    const struct kinematic_lane_extremes *extremes; /* instead of rows and forces, or NULL */
 };
 
 struct kinematic_lanes;

@@ -15,7 +15,10 @@ struct kinematic_lanes {
     mask sign;                /* of the determinant of dPhi/dq: all bits where it is negative */
     wide *q, *past, *next;    /* coordinates, rates and second rates: here, a stride before, after the next step */
     wide *change, *still, *phi, *weight, *solved, *work, *closure, *out, *values, *inverse;
-    mask *swaps;
+    wide *extremes, *lengths;      /* rows of forces, and the square of the longest value of each vector of forces */
+    wide *here, *before, violation; /* positions and velocities of points, at this and at the last time */
+    wide passed;                   /* the last time */
+    mask *swaps, steady;
 };
 
 static size_t place(struct kinematic_lanes *k, const struct kinematic_lane_sizes *s, const struct kinematic_groups *g,
@@ -37,6 +40,10 @@ static size_t place(struct kinematic_lanes *k, const struct kinematic_lane_sizes
         ARENA_ARRAY(k->values, g->squares + g->couplings),
         ARENA_ARRAY(k->inverse, s->n),
         ARENA_ARRAY(k->swaps, s->n),
+        ARENA_ARRAY(k->extremes, 4 * s->joint_forces),
+        ARENA_ARRAY(k->lengths, s->joint_forces),
+        ARENA_ARRAY(k->here, 2 * s->coordinates),
+        ARENA_ARRAY(k->before, 2 * s->coordinates),
     };
     return ARENA_PLACE(arrays, memory);
 }
@@ -232,17 +239,101 @@ static void store(const struct kinematic_lane_task *task, mask arrived, const wi
         }
 }
 
+/* Whether links turn little since the last time: an angle is less than its tangent, and the rotation differs from that of
+ * the greater rate by less than both together. */
+static mask turns_little(struct kinematic_lanes *k, const struct kinematic_lane_extremes *e) {
+    const ptrdiff_t rates = k->sizes.coordinates;
+    const wide step = magnitude(k->t - k->passed);
+    mask little = ~(mask){0};
+    for (ptrdiff_t link = 0; link < e->link_count; link++) {
+        const ptrdiff_t i = e->links[2 * link], j = e->links[2 * link + 1];
+        const wide *p = k->here, *o = k->before;
+        const wide x = p[j] - p[i], y = p[j + 1] - p[i + 1], x0 = o[j] - o[i], y0 = o[j + 1] - o[i + 1];
+        const wide *v = p + rates, *v0 = o + rates;
+        const wide rate = (x * (v[j + 1] - v[i + 1]) - y * (v[j] - v[i])) / (x * x + y * y);
+        const wide rate0 = (x0 * (v0[j + 1] - v0[i + 1]) - y0 * (v0[j] - v0[i])) / (x0 * x0 + y0 * y0);
+        const wide fastest = step * larger(magnitude(rate), magnitude(rate0)), along = x0 * x + y0 * y;
+        little &= (along > 0) & (magnitude(x0 * y - y0 * x) < (R(e->turn) - 2 * fastest) * along);
+    }
+    return little;
+}
+
+/* Where a value is beyond the greatest so far; one that is not a number is kept. */
+static inline mask beyond(wide value, wide greatest) {
+    return ~((value <= greatest) | (greatest != greatest));
+}
+
+/* Add the pose in lanes that have just come to a time to their extremes; `k->out` has its forces. */
+static void reduce(struct kinematic_lanes *k, const struct kinematic_lane_task *task, mask arrived) {
+    const struct kinematic_lane_extremes *e = task->extremes;
+    const ptrdiff_t count = k->sizes.joint_forces, m = k->sizes.m, both = 2 * k->sizes.coordinates;
+    wide *greatest = k->extremes, *least = greatest + count, *longest = least + count, *last = longest + count;
+    mask first = {0};
+    call(k->kernels.points, &k->t, k->q, k->q + k->sizes.n, k->p, k->work, k->here);
+    for (int lane = 0; lane < WIDTH; lane++)
+        first[lane] = -(long long)(task->reached[lane] == 0);
+    k->steady &= ~arrived | first | turns_little(k, e);
+    copy_where(arrived, k->here, both, k->before);
+    k->passed = chosen(arrived, k->t, k->passed);
+    for (int lane = 0; lane < WIDTH; lane++)
+        arrived[lane] &= -(long long)(task->reached[lane] < task->count && e->recorded[task->reached[lane]]);
+    if (!any(arrived))
+        return;
+    for (ptrdiff_t i = 0; i < m; i++) {
+        const wide violation = magnitude(k->closure[i] / k->closure[m + i]);
+        k->violation = chosen(arrived & beyond(violation, k->violation), violation, k->violation);
+    }
+    for (ptrdiff_t v = 0; v < e->vectors; v++) {
+        const ptrdiff_t begin = e->starts[v], end = e->starts[v + 1];
+        wide square = all(0);
+        for (ptrdiff_t i = begin; i < end; i++) {
+            const wide value = k->out[i];
+            greatest[i] = chosen(arrived & beyond(value, greatest[i]), value, greatest[i]);
+            least[i] = chosen(arrived & beyond(-value, -least[i]), value, least[i]);
+            last[i] = chosen(arrived, value, last[i]);
+            square += value * value;
+        }
+        const mask longer = arrived & beyond(square, k->lengths[v]);
+        k->lengths[v] = chosen(longer, square, k->lengths[v]);
+        copy_where(longer, k->out + begin, end - begin, longest + begin);
+    }
+}
+
+static void begin_extremes(struct kinematic_lanes *k) {
+    const ptrdiff_t count = k->sizes.joint_forces;
+    for (ptrdiff_t i = 0; i < count; i++) {
+        k->extremes[i] = k->lengths[i] = all(-REAL_INFINITY);
+        k->extremes[count + i] = all(REAL_INFINITY);
+    }
+    k->violation = all(0);
+    k->steady = ~(mask){0};
+}
+
+static void end_extremes(const struct kinematic_lanes *k, const struct kinematic_lane_extremes *e) {
+    const ptrdiff_t numbers = 4 * k->sizes.joint_forces;
+    for (int lane = 0; lane < WIDTH; lane++) {
+        for (ptrdiff_t i = 0; i < numbers; i++)
+            e->rows[lane * numbers + i] = k->extremes[i][lane];
+        e->closure[lane] = (double)k->violation[lane];
+        e->steady[lane] = k->steady[lane] != 0;
+    }
+}
+
 /* Record the pose in lanes that have just come to a time, where dPhi/dq is factorised, with its forces. */
 static void record(struct kinematic_lanes *k, const struct kinematic_lane_task *task, mask arrived) {
     const ptrdiff_t n = k->sizes.n;
-    store(task, arrived, k->q, 3 * n, task->rows);
+    if (task->extremes == NULL)
+        store(task, arrived, k->q, 3 * n, task->rows);
     if (k->kernels.joints != NULL) { /* they take the accelerations, and the multipliers behind them, as `work` */
         memcpy(k->work, k->q + 2 * n, (size_t)n * sizeof(wide));
         call(k->kernels.balance, &k->t, k->q, k->q + n, k->p_forces, k->work, k->out);
         memcpy(k->work, k->q + 2 * n, (size_t)n * sizeof(wide));
         solve_transposed(k, k->out, k->work + n);
         call(k->kernels.joints, &k->t, k->q, k->q + n, k->p_forces, k->work, k->out);
-        store(task, arrived, k->out, k->sizes.joint_forces, task->forces);
+        if (task->extremes != NULL)
+            reduce(k, task, arrived);
+        else
+            store(task, arrived, k->out, k->sizes.joint_forces, task->forces);
     }
     for (int lane = 0; lane < WIDTH; lane++)
         task->reached[lane] += arrived[lane] != 0;
@@ -286,6 +377,8 @@ static wide renewed(const struct kinematic_lane_task *task, mask fresh, wide tar
 static void follow(struct kinematic_lanes *k, const struct kinematic_lane_task *task) {
     mask alive = begin(k, task), arrived = alive & (k->t == task->times[0]), fresh = alive;
     wide target = k->t, h = all(0), shortest = h;
+    if (task->extremes != NULL)
+        begin_extremes(k);
     while (any(alive)) {
         if (any(arrived))
             record(k, task, arrived);
@@ -302,6 +395,8 @@ static void follow(struct kinematic_lanes *k, const struct kinematic_lane_task *
         alive &= held | ~(magnitude(h) < shortest);
         arrived = fresh = alive & held & (k->t == target);
     }
+    if (task->extremes != NULL)
+        end_extremes(k, task->extremes);
 }
 
 #define JOINED(name, width) name##width

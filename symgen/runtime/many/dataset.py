@@ -39,7 +39,7 @@ class Kept:
     error
         Message of a failed run, which has nothing else.
     row
-        Number of the run, where ``samples`` hold those of a block of runs.
+        Number of the run, where ``samples`` and ``single`` hold those of a block of runs.
     """
 
     along: Coordinate | None = None
@@ -58,25 +58,35 @@ class Keep:
     outputs: Sequence[str] | None
     reduce: Callable[..., Any] | str | Sequence[str] | None
 
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the reductions; none where samples are kept or a function reduces them."""
+        if self.reduce is None or callable(self.reduce):
+            return ()
+        names = reductions(self.reduce)
+        return () if HISTORY in names else names
+
     def __call__(
         self,
         variables: tuple[Variable, ...],
         along: Coordinate,
         times: Array | None,
-        drift: Mapping[str, float],
+        drift: Mapping[str, float | Array],
         axes: tuple[str, ...],
         row: int | None = None,
     ) -> Kept:
         """Return the selected outputs of one run, or their reductions, and its drift.
 
-        With ``row``, variables hold those of a block of runs.
+        With ``row``, variables and drift hold those of a block of runs.
         """
         samples = chosen(variables, self.outputs)
         strayed = _drifts(drift)
         if self.reduce is None:
             return Kept(along, times, samples, strayed, axes, row=row)
         if row is not None:
-            samples = tuple(replace(v, values=v.values[row]) for v in samples)
+            samples, strayed = (
+                tuple(replace(v, values=v.values[row]) for v in block) for block in (samples, strayed)
+            )
         if callable(self.reduce):
             single = tuple(replace(v, values=_reduced(self.reduce, v)) for v in samples)
             return Kept(single=(*single, *strayed), axes=axes)
@@ -90,28 +100,22 @@ class Keep:
     def of_block(
         self,
         variables: Sequence[Variable],
-        drift: Mapping[str, Array],
+        drift: Array,
         axes: tuple[str, ...],
-    ) -> list[Kept] | None:
-        """Return the reductions of runs with values (runs, samples, ...), or None where samples are kept."""
-        if self.reduce is None or callable(self.reduce) or HISTORY in (names := reductions(self.reduce)):
-            return None
+        count: int,
+        reduction: Callable[[Variable, str], Variable],
+    ) -> list[Kept]:
+        """Return the reductions of runs with so many samples and a drift of the constraints (runs,) [m]."""
         samples = chosen(tuple(variables), self.outputs)
-        runs = len(next(iter(drift.values())))
-        size = np.full(runs, float(samples[0].values.shape[1]) if samples else np.nan)
-        made = (*(reduced(v, name, 1) for name in names for v in samples), *_drifts(drift), _recorded(size))
-        return [
-            Kept(
-                single=tuple(Variable(v.name, v.unit, v.about, v.components, v.values[i]) for v in made),
-                axes=axes,
-            )
-            for i in range(runs)
-        ]
+        size = np.full(len(drift), float(count))
+        made = tuple(reduction(v, name) for name in self.names for v in samples)
+        single = (*made, *_drifts({"constraint": drift}), _recorded(size))
+        return [Kept(single=single, axes=axes, row=i) for i in range(len(drift))]
 
 
 def _drifts(drift: Mapping[str, float | Array]) -> tuple[Variable, ...]:
     return tuple(
-        Variable(f"{name}_drift", unit, f"largest drift of the {name}", (), np.array(drift[name]))
+        Variable(f"{name}_drift", unit, f"largest drift of the {name}", (), np.asarray(drift[name]))
         for name, unit in (("constraint", "m"), ("energy", "J"))
         if name in drift
     )
@@ -188,13 +192,11 @@ def dataset_of(
             values = np.empty(shape, v.values.dtype)
             if not whole:
                 values[:] = "" if v.values.dtype == object else np.nan
-            if sampled:
-                for runs, rows, one in blocks:
+            for runs, rows, one in blocks:
+                if sampled:
                     values[runs, places[runs.start]] = one.samples[k].values[rows]
-            else:
-                for i, place in enumerate(places):
-                    if place is not None:
-                        values[i] = kept[i].single[k].values
+                else:
+                    values[runs] = one.single[k].values[rows]
             dims = ("run", *(over if sampled else ()), *(("axis",) if v.components else ()))
             data[v.name] = (dims, values, {"units": v.unit, "long_name": v.about})
     coordinates: dict[str, Any] = {"run": np.arange(count)}
@@ -222,7 +224,7 @@ def _blocks(kept: Sequence[Kept]) -> Iterator[tuple[slice, Any, Kept]]:
     first = 0
     while first < len(kept):
         one, last = kept[first], first + 1
-        if one.row is not None and one.samples:
+        if one.row is not None:
             while last < len(kept) and _continues(one, kept[last], last - first):
                 last += 1
         if not one.error:
@@ -233,8 +235,8 @@ def _blocks(kept: Sequence[Kept]) -> Iterator[tuple[slice, Any, Kept]]:
 
 def _continues(one: Kept, other: Kept, runs: int) -> bool:
     """Return whether another run stands behind a run in the same block, by so many rows."""
-    same = other.row is not None and other.row == (one.row or 0) + runs and bool(other.samples)
-    return same and other.samples[0].values is one.samples[0].values
+    same = other.row is not None and other.row == (one.row or 0) + runs
+    return same and (other.samples or other.single)[0].values is (one.samples or one.single)[0].values
 
 
 def _rows(of_runs: Sequence[Array | None], places: Sequence[Any], size: int) -> Array:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -14,12 +15,13 @@ from symgen.runtime._many import Starts, over_variants
 from symgen.runtime.kernels.batch import fits_lanes, lanes_of
 from symgen.runtime.kernels.evaluate import Evaluator
 from symgen.runtime.many.dataset import Keep, Kept
+from symgen.runtime.many.reductions import EXTREMES, of_extremes, reduced
 from symgen.runtime.many.starts import given_of, is_stored, start_of
 from symgen.runtime.model.arguments import LinkageForces, LinkageMotion
 from symgen.runtime.result.recorded_motion import Along, chosen_names, coordinate_of, of_names
 from symgen.runtime.result.records import Variable
 from symgen.runtime.rods.following.branch import TURN, nodes_of, turned
-from symgen.runtime.rods.following.groups import groups_of
+from symgen.runtime.rods.following.groups import Groups, groups_of
 from symgen.runtime.rods.forces.analysis import driving, of_drive, of_unknown
 from symgen.runtime.rods.forces.assembly import Assembly, Unknown
 from symgen.runtime.rods.large_start import LARGE
@@ -49,6 +51,8 @@ class Driven:
         Points and links to record, where no forces are asked.
     drive
         The driven link whose direction is the coordinate; empty where that is the time.
+    groups
+        The constraint Jacobian in block triangular form.
     t, nodes, asked
         Time of the starts, times to pass through, and the numbers of those that are recorded.
     """
@@ -61,6 +65,7 @@ class Driven:
     unknowns: Sequence[tuple[Unknown, list[int]]]
     chosen: Sequence[str]
     drive: str
+    groups: Groups
     t: float
     nodes: Array
     asked: NDArray[np.intp]
@@ -84,6 +89,10 @@ class Driven:
             variants = (Evaluator(d, evaluator.library, p) for p in given)
             lengths = np.array([extent(v, own) for v, own in zip(variants, q, strict=True)])
         runs = np.flatnonzero(regular & ~is_stored(evaluator, given, self.states))
+        if self.reduces(keep) and len(runs):
+            runs = self._by_extremes(given, q, lengths, runs, keep, kept)
+        if not len(runs):
+            return kept
         states, joints, done = self._followed(given[runs], q[runs], lengths[runs])
         done &= np.isfinite(joints).all(axis=(1, 2))
         moving = over_variants(evaluator, "points", given[runs], self.nodes, states)
@@ -93,7 +102,8 @@ class Driven:
             done &= turned(d, self.nodes, places, velocities) <= TURN
         runs, which = runs[done], np.ix_(np.flatnonzero(done), self.asked)
         states, times = states[which], self.nodes[self.asked]
-        closed = over_variants(evaluator, "constraints", given[runs], times, states)
+        kinematics = self.model.analysis("kinematics")
+        closed = over_variants(kinematics, "closure", given[runs], times, states)
         m = len(d.constraints)
         missed = np.max(np.abs(closed[..., :m] / closed[..., m : 2 * m]), axis=(1, 2))
         if self.forces:
@@ -102,21 +112,61 @@ class Driven:
             made = self._of_motion(given[runs], states, places[done], velocities[done])
         if keep.outputs is not None and {*keep.outputs} <= {v.name for v in made}:
             made = [v for v in made if v.name in (*keep.outputs, self.drive)]
-        reduced = keep.of_block([v for v in made if v.name != self.drive], {"constraint": missed}, d.axes)
+        if keep.names:
+            sampled = [v for v in made if v.name != self.drive]
+            _placed(
+                runs, keep.of_block(sampled, missed, d.axes, len(self.asked), partial(reduced, axis=1)), kept
+            )
+            return kept
         for i, run in enumerate(runs.tolist()):
-            if reduced is not None:
-                kept[run] = reduced[i]
-                continue
             along, own = coordinate_of(times, [replace(v, values=v.values[i]) for v in made], self.drive)
             of_time = None if along.name == "time" else times
             kept[run] = keep(tuple(own), along, of_time, {"constraint": float(missed[i])}, d.axes)
         return kept
 
+    def reduces(self, keep: Keep) -> bool:
+        """Return whether forces are reduced to values that their extremes over the samples give."""
+        names = {of_unknown(u, (), np.zeros(2)).name for u, _ in self.unknowns}
+        forces = self.forces is not None and {*(keep.outputs or ("",))} <= names
+        return forces and {*(keep.names or ("",))} <= {*EXTREMES} and self.nodes[0] >= self.t
+
+    def _by_extremes(
+        self,
+        given: Array,
+        q: Array,
+        lengths: Array,
+        runs: NDArray[np.intp],
+        keep: Keep,
+        kept: list[Kept | None],
+    ) -> NDArray[np.intp]:
+        """Enter the reductions of some runs; return those whose links may turn far between nodes."""
+        d, flags = self.model.description, np.zeros(len(self.nodes), dtype=np.uint8)
+        flags[self.asked] = True
+        number = {name: 2 * i for i, name in enumerate(d.points)}
+        ends = [[number[p] for p in points[:2]] for points in d.links.values()] if len(d.axes) == 2 else []
+        rows, missed, done, steady = self._lanes().extremes(
+            self.t,
+            given[runs],
+            q[runs],
+            lengths[runs],
+            self.nodes,
+            flags,
+            np.array([c[0] for _, c in self.unknowns] + [self._width]),
+            np.array(ends, dtype=np.intp).reshape(-1, 2),
+            TURN,
+        )
+        good = done & steady
+        made = [of_unknown(u, d.axes, rows[good][..., columns]) for u, columns in self.unknowns]
+        found = keep.of_block(made, missed[good], d.axes, len(self.asked), of_extremes)
+        _placed(runs[good], found, kept)
+        return runs[done & ~steady]
+
+    def _lanes(self) -> KinematicLanes:
+        return KinematicLanes(self.motion, self.grain, self.groups, self.forces)
+
     def _followed(self, given: Array, q: Array, lengths: Array) -> tuple[Array, Array, NDArray[np.bool_]]:
         """Return states and joint forces at all nodes, and which runs reached all."""
-        bonds = self.model._bonds()
-        groups = groups_of(bonds.slopes, range(bonds.n), bonds.n)
-        lanes = KinematicLanes(self.motion, self.grain, groups, self.forces)
+        lanes = self._lanes()
         begin, given, q = int(np.searchsorted(self.nodes, self.t)), *map(np.ascontiguousarray, (given, q))
         states, joints, reached = lanes.follow(self.t, given, q, lengths, self.nodes[begin:])
         done = reached == len(self.nodes) - begin
@@ -174,6 +224,11 @@ class Driven:
         return made + [replace(v, values=v.values.reshape(*size, *v.values.shape[1:])) for v in stacked]
 
 
+def _placed(runs: NDArray[np.intp], found: list[Kept], kept: list[Kept | None]) -> None:
+    for run, one in zip(runs.tolist(), found, strict=True):
+        kept[run] = one
+
+
 def driven_runs(
     model: Any,
     with_forces: bool,
@@ -218,6 +273,7 @@ def driven_runs(
         unknowns,
         chosen_names(bonds, arguments.get("of")),
         next(iter(drives), ""),
+        groups_of(bonds.slopes, range(bonds.n), bonds.n),
         t,
         nodes,
         np.searchsorted(nodes, times),

@@ -74,10 +74,11 @@ class DrivenLoops:
         done &= ~np.any(hold[:, 1:] * hold[:, :-1] < 0.0, axis=1)  # a dead centre between samples
         made = tuple(v for v in variables(d, np.moveaxis(out, 1, 2)) if v.name in self.names)
         kept: list[Kept | None] = [None] * len(given)
+        drift = {"constraint": closure * d.size}
         for i in np.flatnonzero(done).tolist():
             along = over_time(times[i]) if self.along is None else self.along
             of_time = None if self.along is None else times[i]
-            kept[i] = keep(made, along, of_time, {"constraint": closure[i] * d.size}, _AXES, i)
+            kept[i] = keep(made, along, of_time, drift, _AXES, i)
         return kept
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -33,6 +34,15 @@ REDUCTIONS: dict[str, Callable[[Array, int, bool], Any]] = {
     "final": lambda values, axis, _: np.take(values, -1, axis=axis),
 }
 _OF_MAGNITUDE = ("peak", "rms")
+#: Extremes of samples: the greatest and the least of each component, the longest vector, the last; and the
+#: numbers of those from which a reduction has the value of all samples, of scalars and of vectors.
+EXTREMES = {
+    "peak": ([0, 1], [2]),
+    "greatest": ([0], [0]),
+    "least": ([1], [1]),
+    "range": ([0, 1], [0, 1]),
+    "final": ([3], [3]),
+}
 
 
 def reductions(names: str | Sequence[str]) -> tuple[str, ...]:
@@ -44,6 +54,12 @@ def reductions(names: str | Sequence[str]) -> tuple[str, ...]:
         if name != HISTORY and name not in REDUCTIONS:
             raise ModelError(f"there is no reduction {name!r}. {nearest(name, [*REDUCTIONS, HISTORY])}")
     return wanted
+
+
+def of_extremes(variable: Variable, name: str) -> Variable:
+    """Return a reduction of the outputs of many runs from their extremes, (runs, 4, ...)."""
+    numbers = EXTREMES[name][bool(variable.components)]
+    return reduced(replace(variable, values=variable.values[:, numbers]), name, 1)
 
 
 def reduced(variable: Variable, name: str, axis: int = 0) -> Variable:

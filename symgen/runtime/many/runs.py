@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from symgen.errors import InitialStateError, ModelError, SimulationError, nearest, shown
 from symgen.runtime.many.compiled import compiled_runs
 from symgen.runtime.many.dataset import Keep, Kept, at_one_pose
+from symgen.runtime.many.driven import Driven
 
 if TYPE_CHECKING:
     from symgen.runtime.result.state import State
@@ -21,8 +22,8 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 #: Errors of single runs, which become entries of the dataset; all others end the call.
 FAILURES = (SimulationError, InitialStateError)
-#: Most runs that a thread takes at a time: progress is reported in these parts.
-_BLOCK = 32
+#: Most runs that a thread takes at a time, and those without samples: progress is reported in these parts.
+_BLOCK, _REDUCED = 32, 256
 #: Arguments of a single run that do not apply to many.
 _SINGLE = ("checkpoint", "checkpoint_every", "resume", "through", "state")
 
@@ -163,7 +164,8 @@ def carried_out(
         return last - first
 
     grain = compiled.grain if compiled else 1
-    block = grain * -(-min(_BLOCK, max(1, count // (4 * workers))) // grain)
+    most = _REDUCED if isinstance(compiled, Driven) and compiled.reduces(keep) else _BLOCK
+    block = grain * -(-min(most, max(1, count // (4 * workers))) // grain)
     blocks = [(first, min(first + block, count)) for first in range(done, count, block)]
     for finished in _in_threads(carry_out, blocks, workers):
         done += finished

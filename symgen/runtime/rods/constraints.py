@@ -102,11 +102,9 @@ class Bonds:
 
     def missed(self, poses: Poses) -> Array:
         """Return Phi over its scale [m] and its rate [m/s] at many poses, (2, poses, m)."""
-        given = poses.times, poses.q, poses.u
-        found = self.evaluator.many("constraints", *given)
-        scale = found[:, self.m : 2 * self.m]
-        rates = self.evaluator.many("velocity_constraints", *given)[:, : self.m]
-        return np.stack([found[:, : self.m] / scale, rates / scale])
+        found = self.kinematics.many("closure", poses.times, poses.q, poses.u)
+        values, scale, rates = np.split(found[:, : 3 * self.m], 3, axis=1)
+        return np.stack([values / scale, rates / scale])
 
     def moving(self, poses: Poses) -> tuple[Array, Array]:
         """Return positions [m] and velocities [m/s] of all points at many poses, (poses, points, axes)."""

@@ -1,0 +1,65 @@
+"""Functions that kernels call."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from itertools import groupby
+
+from symgen.codegen.printers import C_FUNCTIONS, Printer
+from symgen.lowering.kernel import Kernel
+from symgen.lowering.nodes import Call, Node, calls, children, references
+from symgen.precision import Precision
+
+
+@dataclass(frozen=True, slots=True)
+class CallView:
+    """A function that kernels call: name in the expression tree, name for scalars, number of arguments.
+
+    ``shared`` is true where it has one argument, which never depends on a state.
+    """
+
+    function: str
+    of_one: str
+    arguments: int
+    shared: bool
+
+
+def calls_of(kernel: Kernel, precision: Precision) -> tuple[CallView, ...]:
+    """Return the functions that a kernel calls, by name."""
+    values = [a.value for a in kernel.assignments] + [s.value for s in kernel.stores]
+    found = calls(values if kernel.counts.call else ())
+    one = Printer(C_FUNCTIONS, precision)
+    changing = _of_states(kernel, values) if found else ()
+    return tuple(
+        CallView(name, one.name(name), arguments, arguments == 1 and name not in changing)
+        for name, arguments in sorted(found.items())
+    )
+
+
+def _of_states(kernel: Kernel, values: Sequence[Node]) -> set[str]:
+    """Return the functions with an argument that depends on the state."""
+    states: set[str] = set()
+
+    def changes(nodes: Iterable[Node]) -> bool:
+        return any(
+            name in states or name.partition("[")[0] in ("q", "u", "work") for name in references(nodes)
+        )
+
+    for a in kernel.assignments:
+        if changes([a.value]):
+            states.add(a.target)
+    found, waiting = set(), list(values)
+    while waiting:
+        node = waiting.pop()
+        waiting.extend(children(node))
+        if isinstance(node, Call) and changes(node.arguments):
+            found.add(node.function)
+    return found
+
+
+def merged(found: Iterable[CallView]) -> tuple[CallView, ...]:
+    """Return the distinct functions of several kernels, by name."""
+    every = groupby(sorted(found, key=lambda c: c.function), key=lambda c: c.function)
+    same = (list(own) for _, own in every)
+    return tuple(replace(own[0], shared=all(c.shared for c in own)) for own in same)
