@@ -152,8 +152,8 @@ def test_crank_that_is_not_held(crank):
     result = model.large_rotation(4, revolutions=0.03, samples=11)
     linear = model.simulate(revolutions=0.03, samples=11)
     alone = {name for name in linear.peaks if name.endswith((".deflection", ".torque"))}
-    of_the_whole = {name for name in linear.peaks if "." not in name}
-    assert set(result.peaks) == set(linear.peaks) - alone - of_the_whole
+    alone |= {name for name in linear.peaks if "." not in name or ".greatest_stress" in name}
+    assert set(result.peaks) == set(linear.peaks) - alone
     ours, theirs = (np.linalg.norm(r.variable("B.displacement").values, axis=1) for r in (result, linear))
     assert np.max(np.abs(ours - theirs)) < 0.2 * np.max(theirs)
 

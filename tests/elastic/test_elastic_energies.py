@@ -1,10 +1,11 @@
-"""Energies and powers of elastic runs, against particles, closed forms, rigid linkages and each other."""
+"""Energies, powers and greatest stresses of elastic runs, against particles, closed forms, rigid linkages and each other."""
 
 from __future__ import annotations
 
 import mpmath
 import numpy as np
 import pytest
+import shared.elastic_scenes as bars
 import sympy as sp
 from scipy.interpolate import make_interp_spline
 
@@ -191,3 +192,19 @@ def test_energies_of_a_slow_crank_in_gravity():
     lost = 1e-3 * speed**2 * (2 * bent * np.sin(angle) ** 2 + 2 * stretched * np.cos(angle) ** 2)
     assert run["dissipated_power"].values == pytest.approx(lost, rel=5e-3, abs=5e-3 * np.max(lost))
     assert [v.name for v in run.variables] == ["strain_energy", "potential_energy", "dissipated_power"]
+
+
+WEIGHT = '[gravity]\nacceleration = ["0 m/s^2", "-9.81 m/s^2"]\n'
+
+
+@pytest.mark.parametrize(("kind", "factor", "place"), [("cantilever", 1 / 2, 0.0), ("pinned", 1 / 8, 0.5)])
+def test_greatest_stress_of_a_bar_under_its_own_weight(tmp_path, kind, factor, place):
+    """q L^2 / 2 over the section modulus at a clamp, q L^2 / 8 in the middle between pins."""
+    getattr(bars, kind)(tmp_path, ", elements = 2")
+    file = tmp_path / "heavy.toml"
+    file.write_text((tmp_path / "scene.toml").read_text() + WEIGHT)
+    found = symgen.build(str(file)).quasi_static()
+    load = bars.RHO * bars.AREA * 9.81
+    expected = factor * load * bars.LENGTH**2 / (bars.WIDTH * bars.HEIGHT**2 / 6)
+    assert found["bar.greatest_stress"].values == pytest.approx(expected, rel=2e-3)
+    assert found["bar.greatest_stress_at"].values == pytest.approx(place, abs=0.02)

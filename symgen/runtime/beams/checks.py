@@ -57,7 +57,7 @@ def warnings(
         strain = own @ table["axial_strain"].T
         rigid = _rigid_axial_force(motion, k, recorded, places)
         found += _of_axial_force(motion, k, rigid, places, strain, moments)
-        found += _of_stress(beam, places, strain, own @ table["curvature"].T, moments)
+        found += _of_stress(beam, own, moments)
     return found + _of_second_order(motion, equations, recorded)
 
 
@@ -115,19 +115,18 @@ def _of_axial_force(
     ]
 
 
-def _of_stress(
-    beam: Beam, places: Array, strain: Array, curvature: Array, moments: Sequence[str]
-) -> list[str]:
+def _of_stress(beam: Beam, own: Array, moments: Sequence[str]) -> list[str]:
     p = beam.properties
     if math.isinf(p.yield_stress):
         return []
-    fibre = np.abs([at(p.fibre, x) for x in (places * p.length).tolist()])
-    time, place, value = _peak(p.modulus * (np.abs(strain) + fibre * np.abs(curvature)))
-    if value <= p.yield_stress:
+    stresses, places = beam.greatest_stress(own)
+    time = int(np.argmax(stresses))
+    if stresses[time] <= p.yield_stress:
         return []
+    where = f"at {places[time]:.3g} of its length at {moments[time]}"
     return [
-        f"{beam.info.link}: the stress comes to {value:.4g} Pa at {places[place]:.3g} of its length at "
-        f"{moments[time]}, beyond its yield stress of {p.yield_stress:.4g} Pa: it would not spring back; "
+        f"{beam.info.link}: the stress comes to {stresses[time]:.4g} Pa {where}, "
+        f"beyond its yield stress of {p.yield_stress:.4g} Pa: it would not spring back; "
         "make it stronger or the crank slower"
     ]
 

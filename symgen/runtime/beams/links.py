@@ -11,13 +11,17 @@ from numpy.typing import NDArray
 from symgen.errors import ModelError
 from symgen.runtime.beams.damping import modal, rayleigh
 from symgen.runtime.beams.data import BeamInfo, Lump, Piece, Profile, Properties, StationRows
-from symgen.runtime.beams.elements import SHAPES, Segment, at, names, segment_at, segments
+from symgen.runtime.beams.elements import SHAPES, Segment, names, segment_at, segments
+from symgen.runtime.beams.elements import at as value_at
 from symgen.runtime.beams.pieces import followed, pieces, transformed, whole
 from symgen.runtime.beams.reduction import of_one_length, reduced
 
 __all__ = ["Beam", "BeamInfo", "Lump", "Piece", "Profile", "Properties", "StationRows", "beam"]
 
 Array = NDArray[np.float64]
+
+#: Places on each element at which stresses along a link are compared, and the most of them.
+_PER_ELEMENT, _LOOKS = 16, 1025
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,6 +88,20 @@ class Beam:
                 local = min(max(x - part.start, 0.0), part.length)
                 found[:, k, list(part.dofs)] += part.shape(local) / len(parts)
         return found if self.expansion is None else found @ self.expansion
+
+    def greatest_stress(self, own: Array) -> tuple[Array, Array]:
+        """Return the greatest stress [Pa] of both outer fibres over the length, and where it is, (times,).
+
+        It is tension or compression; its place is a fraction of the length. ``own`` are the unknowns of the
+        link in its axes, (times, n).
+        """
+        places = np.linspace(0.0, 1.0, min(_PER_ELEMENT * self.info.elements + 1, _LOOKS))
+        table = dict(zip(SHAPES, self.table(places.tolist()), strict=True))
+        p = self.properties
+        fibre = np.abs([value_at(p.fibre, x) for x in (places * p.length).tolist()])
+        bending, axial = (np.abs(own @ table[name].T) for name in ("curvature", "axial_strain"))
+        stress = p.modulus * (axial + fibre * bending)
+        return np.max(stress, axis=1), places[np.argmax(stress, axis=1)]
 
 
 def beam(
@@ -155,11 +173,11 @@ def _fixed(info: BeamInfo, properties: Properties, dofs: Sequence[str]) -> tuple
         (0, 0.0, info.clamped or info.start in info.welds or info.moments[0]),
         (info.elements, properties.length, info.end in info.welds or info.moments[1]),
     )
-    largest = max(abs(at(properties.bending, properties.length * k / 8)) for k in range(9))
+    largest = max(abs(value_at(properties.bending, properties.length * k / 8)) for k in range(9))
     return tuple(
         dofs.index(f"kappa@{node}")
         for node, x, bent in ends
-        if not bent and f"kappa@{node}" in dofs and at(properties.bending, x) > 1e-9 * largest
+        if not bent and f"kappa@{node}" in dofs and value_at(properties.bending, x) > 1e-9 * largest
     )
 
 

@@ -120,7 +120,7 @@ def _stretch(beam: Beam, own: Array) -> Array:
 
 
 def recovered(motion: ElasticMotion, found: Motion) -> list[Variable]:
-    """Return the deformed position of every joint that moves and the deflection at every station."""
+    """Return deformed positions of moving joints, deflections at stations, and greatest stresses of links."""
     d, names, made = motion.rigid.description, motion.layout.names, []
     for k, point in enumerate(d.free):
         columns = [names.index(f"{point}.{axis}") for axis in d.axes]
@@ -131,6 +131,16 @@ def recovered(motion: ElasticMotion, found: Motion) -> list[Variable]:
         own = motion.own_unknowns(k, found.links, found.displacements)
         about = f"deflection of {beam.info.link} from the line between its ends, at {at:g} of its length"
         made.append(Variable(f"{name}.deflection", "m", about, (), deflection(beam, own, at)))
+    for k, beam in enumerate(motion.beams):
+        if not any(beam.properties.fibre):  # no section is given
+            continue
+        own = motion.own_unknowns(k, found.links, found.displacements)
+        stress, place = beam.greatest_stress(own)
+        link = beam.info.link
+        about = f"greatest stress of both outer fibres of {link}, over its length"
+        made.append(Variable(f"{link}.greatest_stress", "Pa", about, (), stress))
+        about = f"fraction of the length of {link} at which its stress is greatest"
+        made.append(Variable(f"{link}.greatest_stress_at", "1", about, (), place))
     return made
 
 
