@@ -198,6 +198,10 @@ class InitialStateError(ModelError):
         super().__init__(problem)
 
 
+class RangeError(ModelError):
+    """The motion of an input does not reach a value. Request another one, or another range of time."""
+
+
 class ResultError(SymgenError):
     """A result file cannot be read or written, or a result has no such quantity. Correct the name."""
 

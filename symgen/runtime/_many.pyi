@@ -28,7 +28,9 @@ class Starts:
         consistent: float,
         near: float,
     ) -> None: ...
-    def poses(self, given: Array) -> tuple[NDArray[np.bool_], Array, Array]: ...
+    def poses(
+        self, given: Array, ahead: tuple[Array, NDArray[np.uint8]] | None = None
+    ) -> tuple[NDArray[np.bool_], Array, Array]: ...
 
 class Runs(Starts):
     def __init__(

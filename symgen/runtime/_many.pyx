@@ -171,6 +171,7 @@ cdef class Starts:
     cdef void *fresh
     cdef void *state
     cdef kernel_t drawn, lines
+    cdef const double *ahead
     cdef Py_ssize_t n, m, springs
     cdef const Py_ssize_t[:, ::1] ends
     cdef double rounding, consistent, near
@@ -206,8 +207,10 @@ cdef class Starts:
     def __dealloc__(self):
         free(self.fresh)
 
-    def poses(self, const double[:, ::1] given):
+    def poses(self, const double[:, ::1] given, ahead=None):
         """Assemble the linkage for every row of parameters.
+
+        ``ahead`` are coordinates (runs, n) that :class:`~symgen.runtime._start.StartLanes` found, and a flag of those.
 
         Returns
         -------
@@ -218,11 +221,16 @@ cdef class Starts:
         at_least("parameters", given.shape[1], self.e.sizes.parameters)
         found, q, lengths = np.zeros(runs, dtype=np.uint8), np.zeros((runs, self.n)), np.zeros(runs)
         cdef unsigned char[::1] regular = found
+        cdef const double[:, ::1] known = q if ahead is None else ahead[0]
+        cdef const unsigned char[::1] is_known = found if ahead is None else ahead[1]
+        if known.shape[0] != runs or known.shape[1] != self.n or is_known.shape[0] != runs:
+            raise ValueError(f"expected coordinates and flags of {runs} starts")
         cdef double[:, ::1] to_q = q
         cdef double[::1] to_lengths = lengths
         with nogil:
             for i in range(runs):
                 self.renew(&given[i, 0])
+                self.ahead = &known[i, 0] if is_known[i] else NULL
                 if self.started():
                     regular[i] = 1
                     memcpy(&to_q[i, 0], self.s.q, self.n * sizeof(double))
@@ -279,7 +287,11 @@ cdef class Starts:
                     return False
             if self.kernels.constraints != NULL and not self.scaled():
                 return False
-            self.of_start.begin(self.s)
+            if self.ahead != NULL:
+                memcpy(self.s.q, self.ahead, self.n * sizeof(double))
+                status = _STARTED
+            else:
+                self.of_start.begin(self.s)
             while status == _ON_THE_WAY:
                 status = self.of_start.advance(self.s)
             if status != _STARTED:

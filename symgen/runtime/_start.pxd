@@ -2,7 +2,7 @@
 
 from symgen.runtime._core cimport kernel_t
 
-cdef extern from "core/start.h" nogil:
+cdef extern from "core/start_lanes.h" nogil:
     cdef struct start_kernels:
         kernel_t assembly, points, constraints, jacobian, drift, rates, mass
 
@@ -27,6 +27,19 @@ cdef extern from "core/start.h" nogil:
         double *work
         double *out
 
+    cdef struct start_lanes:
+        pass
+
+    cdef struct start_lane_kernels:
+        kernel_t setup, drawn, assembly, points
+
+    cdef struct start_lanes_table "start_lanes_api":
+        Py_ssize_t width
+        size_t lanes_struct
+        size_t (*bytes)(const start_sizes *, Py_ssize_t) noexcept nogil
+        void (*bind)(start_lanes *, const start_sizes *, const start_lane_kernels *, Py_ssize_t, Py_ssize_t, void *) noexcept nogil
+        void (*assemble)(start_lanes *, const double *, double *, unsigned char *) noexcept nogil
+
     cdef struct start_table "start_api":
         size_t start_struct
         size_t (*bytes)(const start_sizes *) noexcept nogil
@@ -34,6 +47,7 @@ cdef extern from "core/start.h" nogil:
         void (*begin)(start *) noexcept nogil
         int (*advance)(start *) noexcept nogil
         Py_ssize_t (*velocities)(start *, const char *) noexcept nogil
+        const start_lanes_table *(*lanes)(Py_ssize_t) noexcept nogil
 
 
 cdef class Starter:

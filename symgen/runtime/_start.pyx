@@ -10,6 +10,9 @@ from symgen.runtime._core cimport Core, at_least, kernel_of
 
 from symgen.runtime._core import DOUBLE
 
+# Alignment of vectors.
+cdef size_t LINE = 64
+
 #: Outcomes of a step of the assembly.
 STARTED, ON_THE_WAY, UNASSEMBLED, TOO_TOLERANT = _STARTED, _ON_THE_WAY, _UNASSEMBLED, _TOO_TOLERANT
 #: The largest assembly tolerance over the size of the linkage.
@@ -109,3 +112,69 @@ cdef class Starter:
         u = self.copied(self.core.u, self.sizes.n)
         of_start = self.copied(self.core.miss + kept, self.sizes.prescribed)
         return u, self.copied(self.core.miss, kept), of_start, self.core.fastest
+
+
+cdef class StartLanes:
+    """The assembly of variants of one linkage side by side; one object per thread of work.
+
+    Parameters
+    ----------
+    like
+        The assembly of one of them, with as many rows as coordinates at least.
+    library
+        Kernels of the equations of motion, which take vectors.
+    lanes, parameters
+        Numbers of a vector, and of tunable parameters.
+    """
+
+    cdef start_lanes *core
+    cdef void *memory
+    cdef const start_lanes_table *api
+    cdef start_sizes sizes
+    cdef Py_ssize_t parameters
+    cdef object library
+
+    def __init__(self, Starter like, library, Py_ssize_t lanes, Py_ssize_t parameters):
+        cdef start_lane_kernels given
+        cdef Py_ssize_t every = parameters + library.derived + 1
+        self.library, self.sizes, self.parameters = library, like.sizes, parameters
+        self.api = (<const start_table *>(<Core>DOUBLE).api.start).lanes(lanes)
+        if self.api == NULL:
+            raise ValueError(f"expected vectors of 2, 4 or 8 numbers, got {lanes}")
+        own = library.addresses
+        given.setup, given.drawn = kernel_of(own, "setup"), kernel_of(own, "drawn")
+        given.assembly, given.points = kernel_of(own, "assembly"), kernel_of(own, "points")
+        if given.drawn == NULL or given.assembly == NULL or given.points == NULL:
+            raise ValueError("expected the kernels of an assembly")
+        if not 0 < self.sizes.n <= self.sizes.rows:
+            raise ValueError(f"expected {self.sizes.n} rows of the assembly or more, got {self.sizes.rows}")
+        self.core = <start_lanes *>calloc(1, self.api.lanes_struct)
+        self.memory = calloc(1, self.api.bytes(&self.sizes, every) + LINE)
+        if self.core == NULL or self.memory == NULL:
+            raise MemoryError
+        self.api.bind(self.core, &self.sizes, &given, parameters, every,
+                      <void *>((<size_t>self.memory + LINE - 1) // LINE * LINE))
+
+    def __dealloc__(self):
+        free(self.core)
+        free(self.memory)
+
+    def assembled(self, const double[:, ::1] given):
+        """Lead the linkage of each row of parameters from its drawing; return coordinates (runs, n) and a flag (runs,).
+
+        Without the flag the coordinates are undefined, and the linkage is to be assembled by itself.
+        """
+        cdef Py_ssize_t runs = given.shape[0], w = self.api.width, padded = (runs + w - 1) // w * w, first = 0
+        if given.shape[1] != self.parameters or not runs:
+            raise ValueError(f"expected rows of {self.parameters} parameters")
+        own = np.minimum(np.arange(padded), runs - 1)  # idle lanes repeat another
+        q, found = np.empty((padded, self.sizes.n)), np.zeros(padded, dtype=np.uint8)
+        cdef const double[:, ::1] rows = np.ascontiguousarray(np.asarray(given)[own]).reshape(padded, self.parameters)
+        cdef double[:, ::1] to_q = q
+        cdef unsigned char[::1] to_found = found
+        cdef double none = 0.0
+        with nogil:
+            while first < padded:
+                self.api.assemble(self.core, &rows[first, 0] if self.parameters else &none, &to_q[first, 0], &to_found[first])
+                first += w
+        return q[:runs], found[:runs]

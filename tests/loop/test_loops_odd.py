@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import symgen
-from symgen.errors import CapabilityError, ModelError, SimulationError
+from symgen.errors import CapabilityError, ModelError, RangeError, SimulationError
 
 MASSES = {"crank": {"mass": "1 kg"}, "coupler": {"mass": "1 kg"}, "rocker": {"mass": "1 kg"}}
 START = {"theta2": "60 deg", "theta3": "-150 deg", "theta4": "90 deg"}
@@ -105,7 +105,7 @@ def test_motions_from_rest(motion, value, time):
 
 
 def test_a_value_the_motion_does_not_reach():
-    with pytest.raises(ModelError, match="does not come to"):
+    with pytest.raises(RangeError, match="does not come to"):
         four_bar("1 - cos(w*t)", range=["0.1 rad", "0.2 rad"]).inverse_dynamics(at=[2.5])
 
 

@@ -10,6 +10,7 @@ from shared.variants import crank_rocker_with_lengths, pins
 import symgen
 from symgen.runtime._kinematic_lanes import KinematicLanes
 from symgen.runtime._many import Starts
+from symgen.runtime._start import StartLanes
 from symgen.runtime.kernels.batch import lanes_of
 from symgen.runtime.kernels.evaluate import Evaluator
 from symgen.runtime.many.compiled import compiled_runs
@@ -154,6 +155,26 @@ def test_extremes_in_lanes_are_the_reductions_of_single_runs(tuned, samples):
         assert found["recorded"].values[i] == len(alone.time)
         assert found["constraint_drift"].values[i] == alone.drift.constraint
     assert sum(map(bool, found["error"].values)) < 5
+
+
+def test_starts_in_lanes_are_those_of_single_assemblies(tuned):
+    """Random lengths, of which some cannot be assembled; a flag stands for the bits of the start of the variant."""
+    random = np.random.default_rng(3)
+    lengths = random.uniform([0.05, 0.2, 0.2], [0.3, 0.5, 0.5], (21, 3))
+    given = np.tile(tuned.evaluator.given, (21, 1))
+    given[:, [[p.name for p in tuned.description.tunable].index(name) for name in "abc"]] = lengths
+    library, start = tuned._typed.kernels(True), start_of(tuned.evaluator)
+    width = lanes_of(library, tuned.description.name)[0]
+    q, found = StartLanes(start[2], library, width, given.shape[1]).assembled(given)
+    regular, alone, sizes = Starts(*start).poses(given)
+    assert 10 < found.sum() < 21 and np.array_equal(found.astype(bool), regular)
+    assert np.array_equal(q[regular], alone[regular])
+    again = Starts(*start_of(tuned.evaluator)).poses(given, (q, found))
+    assert all(map(np.array_equal, again, (regular, alone, sizes)))
+    with pytest.raises(ValueError, match="expected vectors of 2, 4 or 8 numbers, got 3"):
+        StartLanes(start[2], library, 3, given.shape[1])
+    with pytest.raises(ValueError, match="expected the kernels of an assembly"):
+        StartLanes(start[2], tuned.in_lanes("forces")[1], width, given.shape[1])
 
 
 def test_links_that_turn_far_between_nodes_leave_the_extremes(tuned):

@@ -9,13 +9,13 @@ import pytest
 from shared.variants import BASE, crank_rocker_with_lengths, pins
 
 import symgen
-from symgen.errors import CapabilityError, InitialStateError, ModelError
+from symgen.errors import CapabilityError, InitialStateError, ModelError, RangeError
 from symgen.runtime.kernels import batch
 from symgen.runtime.many import compiled, driven
 from symgen.runtime.many.compiled import compiled_runs
 from symgen.runtime.many.dataset import Keep
 from symgen.runtime.rods import start
-from symgen.scene.loading import SHIPPED
+from symgen.scene.loading import SHIPPED, read_scene
 
 LENGTHS = {"a": 0.1, "b": np.linspace(0.33, 0.37, 7), "c": np.linspace(0.31, 0.29, 7)}
 
@@ -288,3 +288,26 @@ def test_models_without_the_analysis_say_why():
     with pytest.raises(CapabilityError, match="four_bar does not support kinematics_many: .* 1 more drive"):
         symgen.build("four_bar").kinematics_many  # noqa: B018
     assert "kinematics_many" not in dir(symgen.build("four_bar"))
+
+
+@pytest.mark.parametrize(("scene", "parameter"), [("loop", "rpm"), ("linkage", "w")])
+@pytest.mark.parametrize("speeds", [[5.0, 0.0, 4.0], [0.0, 5.0, 4.0]])
+def test_a_run_whose_input_does_not_come_to_its_values_is_an_entry(scene, parameter, speeds):
+    if scene == "loop":
+        model = symgen.build("slider_crank")
+    else:
+        data = dict(read_scene(SHIPPED / "crank_rocker.toml").data)
+        data["parameters"] = {**data["parameters"], "w": {"value": "6 rad/s", "tunable": True}}
+        model = symgen.build(symgen.Scene(**{**data, "drivers": [{"link": "crank", "angle": "w*t"}]}))
+    for at in ({"at": [0.1, 3.0]}, {"start": 0.1, "stop": 3.0, "samples": 4, "over": "input"}):
+        found = model.kinematics_many({parameter: speeds}, **at)
+        errors = found["error"].values
+        assert ["does not come to" in e for e in errors] == [speed == 0.0 for speed in speeds]
+        moving = [i for i, speed in enumerate(speeds) if speed]
+        times = found["time"].values
+        for i in moving:
+            assert times[i][0] * speeds[i] == pytest.approx(0.1) and times[i][-1] * speeds[
+                i
+            ] == pytest.approx(3.0)
+    with pytest.raises(RangeError, match="does not come to"):
+        model.kinematics_many({parameter: [0.0, 0.0]}, at=[0.1])

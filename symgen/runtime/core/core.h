@@ -25,7 +25,7 @@
 #endif
 
 /* Of another number than this, a compiled core does not belong to the binding. */
-#define CORE_VERSION 13L
+#define CORE_VERSION 14L
 
 /* A run in doubles. */
 struct report {

@@ -59,16 +59,6 @@ static void bind(struct kinematic_lanes *k, const struct kinematic_lane_sizes *s
     k->sizes = *sizes, k->kernels = *kernels, k->groups = *groups;
 }
 
-/* The largest magnitude of each lane; not a number where one of them is none. */
-static inline wide largest_of(const wide *values, ptrdiff_t count) {
-    wide largest = all(0);
-    for (ptrdiff_t i = 0; i < count; i++) {
-        const wide size = magnitude(values[i]);
-        largest = chosen((size <= largest) | (largest != largest), largest, size);
-    }
-    return largest;
-}
-
 /* -- systems of equations: as in kinematics.c and linear.c ----------------------------------------------- */
 
 static wide missed(struct kinematic_lanes *k, wide t, const wide *q) {
@@ -78,7 +68,7 @@ static wide missed(struct kinematic_lanes *k, wide t, const wide *q) {
         k->weight[i] = 1 / k->closure[m + i];
         k->phi[i] = k->closure[i] * k->weight[i];
     }
-    return largest_of(k->phi, m);
+    return largest_in(k->phi, m);
 }
 
 static inline mask factor_pair(wide *a, mask *swaps, wide *inverse) {
@@ -155,7 +145,7 @@ static mask closed(struct kinematic_lanes *k, mask open, wide t, wide *q) {
     wide before = all(REAL_INFINITY);
     mask found = {0};
     for (int tries = 0; tries < NEWTON; tries++) {
-        const wide worst = missed(k, t, q), size = larger(k->length, largest_of(q, n));
+        const wide worst = missed(k, t, q), size = larger(k->length, largest_in(q, n));
         const mask done = (worst <= 4 * REAL_EPSILON * size) | ((worst <= ACCEPT * size) & (worst > before / 4));
         found |= open & done;
         open &= ~done & (worst < before / 2);
@@ -182,7 +172,7 @@ static mask moved(struct kinematic_lanes *k, const wide *t, const wide *q, wide 
         u[j] = -u[j];
     call(k->kernels.gamma, t, q, u, k->p, k->work, k->out);
     solve(k, k->out, a);
-    return good & (soundness > SOUND) & finite(largest_of(u, n)) & finite(largest_of(a, n));
+    return good & (soundness > SOUND) & finite(largest_in(u, n)) & finite(largest_in(a, n));
 }
 
 EXTRAPOLATION(wide, wide_parabola, wide_quintic)
@@ -202,11 +192,11 @@ static mask attempt(struct kinematic_lanes *k, mask which, wide next, mask *aliv
         k->change[j] = predicted(h, k->stride, q[j], q[n + j], q[2 * n + j], past[j], past[n + j], past[2 * n + j]);
         k->next[j] = k->q[j] + k->change[j];
     }
-    const wide way = largest_of(k->change, n);
+    const wide way = largest_in(k->change, n);
     which = closed(k, which & (way <= LONGEST * k->length), next, k->next);
     for (ptrdiff_t j = 0; j < n; j++)
         k->change[j] -= k->next[j] - k->q[j];
-    which &= largest_of(k->change, n) <= ASTRAY * way + R(1e-9) * k->length;
+    which &= largest_in(k->change, n) <= ASTRAY * way + R(1e-9) * k->length;
     if (!any(which))
         return which;
     mask sign;

@@ -69,13 +69,6 @@ static inline wide dot(const wide *a, const wide *b) {
     return (a[0] * b[0] + a[1] * b[1]) + (a[2] * b[2] + a[3] * b[3]) + (a[4] * b[4] + a[5] * b[5]);
 }
 
-static inline wide root(wide x) {
-    wide y;
-    for (int lane = 0; lane < WIDTH; lane++)
-        y[lane] = __builtin_sqrt(x[lane]);
-    return y;
-}
-
 static void factorise_screws(struct loop_lanes *l) {
     const ptrdiff_t columns = l->sizes.solved;
     wide *a = l->matrix;

@@ -5,15 +5,11 @@
 #include "arena.h"
 #include "lanes.h"
 #include "linear.h"
+#include "start_lanes.h"
+#include "start_limits.h"
 
-/* First and longest part of the way from the drawing, and the shortest before the assembly has failed. */
-#define LONGEST (R(1) / 32)
-#define SHORTEST (R(1) / 4096)
-/* Round-off over the size of the linkage. */
-#define ROUNDING R(1e-14)
 /* Velocities whose part in the rows is smaller are left at their least. */
 #define DEPENDENT R(1e-10)
-enum { NEWTON = 30 };
 
 static size_t place(struct start *s, const struct start_sizes *z, void *memory) {
     const ptrdiff_t of_velocities = z->m + z->prescribed, most = z->rows > of_velocities ? z->rows : of_velocities;
@@ -194,4 +190,5 @@ const struct start_api symgen_start = {
     .begin = begin,
     .advance = advance,
     .velocities = velocities,
+    .lanes = start_lanes_of,
 };

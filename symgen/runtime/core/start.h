@@ -44,6 +44,8 @@ struct start {
     ptrdiff_t *order;
 };
 
+struct start_lanes_api;
+
 /* Interface of starts: see core.h. */
 struct start_api {
     size_t start_struct;
@@ -58,6 +60,8 @@ struct start_api {
      * prescribed velocities; in s->miss by how much [m/s] each row of either misses. Returns the number of rows
      * of constraints that were kept, or -1 where the mass matrix is not positive definite. */
     ptrdiff_t (*velocities)(struct start *s, const char *dropped);
+    /* The functions that assemble in lanes of so many doubles: see start_lanes.h. */
+    const struct start_lanes_api *(*lanes)(ptrdiff_t width);
 };
 
 extern const struct start_api symgen_start;

@@ -55,6 +55,23 @@ static inline wide smaller(wide a, wide b) {
     return chosen(b < a, b, a);
 }
 
+/* The largest magnitude of each lane; not a number where one of them is none. */
+static inline wide largest_in(const wide *values, ptrdiff_t count) {
+    wide largest = all(0);
+    for (ptrdiff_t i = 0; i < count; i++) {
+        const wide size = magnitude(values[i]);
+        largest = chosen((size <= largest) | (largest != largest), largest, size);
+    }
+    return largest;
+}
+
+static inline wide root(wide x) {
+    wide y = x;
+    for (int lane = 0; lane < WIDTH; lane++)
+        y[lane] = __builtin_sqrt(x[lane]);
+    return y;
+}
+
 static void copy_where(mask which, const wide *from, ptrdiff_t count, wide *to) {
     for (ptrdiff_t i = 0; i < count; i++)
         to[i] = chosen(which, from[i], to[i]);

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from symgen.errors import ModelError
+from symgen.errors import ModelError, RangeError
 from symgen.runtime import _core, _loop
 from symgen.runtime.kernels.description import KernelInfo, LoopDescription, VariableInfo
 from symgen.runtime.kernels.evaluate import as_taken, part
@@ -202,7 +202,7 @@ class LoopKernels:
 
         Raises
         ------
-        ModelError
+        RangeError
             When the input is not found to come to one of them.
         """
         start, rate, _ = self.lead_at(0.0)
@@ -216,7 +216,7 @@ class LoopKernels:
         missed = np.flatnonzero(np.isnan(times))
         if len(missed):
             value = in_words(float(values[missed[0]]), self.lead.is_length, self.description)
-            raise ModelError(
+            raise RangeError(
                 f"{self.lead.name} does not come to {value} by its motion in time\n"
                 "  Give the input a motion that reaches it, or evaluate the loop over time "
                 '(--t-end, over="time").'

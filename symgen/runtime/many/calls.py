@@ -114,7 +114,7 @@ class ManyRuns:
     ------
     ModelError
         For parameters, states and outputs of wrong names or shapes, and arguments that the analysis refuses.
-    SimulationError, InitialStateError
+    SimulationError, InitialStateError, RangeError
         When no run succeeds: the error of the first.
     """
 

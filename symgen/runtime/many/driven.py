@@ -12,8 +12,10 @@ from numpy.typing import NDArray
 
 from symgen.runtime._kinematic_lanes import KinematicLanes
 from symgen.runtime._many import Starts, over_variants
+from symgen.runtime._start import StartLanes
 from symgen.runtime.kernels.batch import fits_lanes, lanes_of
 from symgen.runtime.kernels.evaluate import Evaluator
+from symgen.runtime.kernels.typed import Typed
 from symgen.runtime.many.dataset import Keep, Kept
 from symgen.runtime.many.reductions import EXTREMES, of_extremes, reduced
 from symgen.runtime.many.starts import given_of, is_stored, start_of
@@ -35,6 +37,8 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 Kernels = tuple["Description", "Library"]
+#: Number of starts from which kernels that assemble in lanes are compiled.
+_MANY = 128
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,6 +55,8 @@ class Driven:
         Points and links to record, where no forces are asked.
     drive
         The driven link whose direction is the coordinate; empty where that is the time.
+    assembling
+        Kernels of the equations of motion that take vectors, or None where starts are found one by one.
     groups
         The constraint Jacobian in block triangular form.
     t, nodes, asked
@@ -65,6 +71,7 @@ class Driven:
     unknowns: Sequence[tuple[Unknown, list[int]]]
     chosen: Sequence[str]
     drive: str
+    assembling: Library | None
     groups: Groups
     t: float
     nodes: Array
@@ -83,7 +90,11 @@ class Driven:
         }:
             return kept  # reactions and section forces take the balance of every element
         d, evaluator, given = self.model.description, self.model.evaluator, self.given[first:last]
-        regular, q, lengths = Starts(*start_of(evaluator)).poses(given)
+        start = start_of(evaluator)
+        ahead = None
+        if self.assembling:
+            ahead = StartLanes(start[2], self.assembling, self.grain, given.shape[1]).assembled(given)
+        regular, q, lengths = Starts(*start).poses(given, ahead)
         if self.states is not None:
             q = self.states[first:last]
             variants = (Evaluator(d, evaluator.library, p) for p in given)
@@ -224,6 +235,18 @@ class Driven:
         return made + [replace(v, values=v.values.reshape(*size, *v.values.shape[1:])) for v in stacked]
 
 
+def _assembling(model: Any, count: int, states: Sequence[State] | None, lanes: int) -> Library | None:
+    """Return kernels that assemble in lanes; None where few starts do not repay their compilation."""
+    info = model.evaluator.find("assembly")
+    rows = info.blocks[0].shape[0] if info else 0
+    if states is not None or count < _MANY or not isinstance(model._typed, Typed):
+        return None
+    if not model._typed.is_plain or rows < model.description.coordinates:
+        return None
+    library = model._typed.kernels(True)
+    return library if lanes_of(library, model.description.name)[0] == lanes else None
+
+
 def _placed(runs: NDArray[np.intp], found: list[Kept], kept: list[Kept | None]) -> None:
     for run, one in zip(runs.tolist(), found, strict=True):
         kept[run] = one
@@ -251,8 +274,10 @@ def driven_runs(
     if loads and (not loads.has("joint_forces") or model.evaluator.has("line_lengths")):
         return None
     motion, forces = model.in_lanes("kinematics"), model.in_lanes("forces") if loads else None
-    if motion[1].backend != "c" or lanes_of(motion[1], motion[0].name)[0] < 2:
+    width = lanes_of(motion[1], motion[0].name)[0] if motion[1].backend == "c" else 1
+    if width < 2:
         return None
+    rows = given_of(model.evaluator, columns, states)
     t, bonds = starts.pop(), model._bonds()
     given = {name: value for name, value in arguments.items() if value is not None}
     asked = (LinkageForces if loads else LinkageMotion)(**given).instants(d.t_end)
@@ -266,13 +291,14 @@ def driven_runs(
     drives = driving(loads, times[:1]) if loads else {}
     return Driven(
         model,
-        given_of(model.evaluator, columns, states),
+        rows,
         None if states is None else np.array([s.q for s in states]),
         motion,
         forces,
         unknowns,
         chosen_names(bonds, arguments.get("of")),
         next(iter(drives), ""),
+        _assembling(model, len(rows), states, width),
         groups_of(bonds.slopes, range(bonds.n), bonds.n),
         t,
         nodes,

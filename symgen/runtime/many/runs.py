@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from symgen.errors import InitialStateError, ModelError, SimulationError, nearest, shown
+from symgen.errors import InitialStateError, ModelError, RangeError, SimulationError, nearest, shown
 from symgen.runtime.many.compiled import compiled_runs
 from symgen.runtime.many.dataset import Keep, Kept, at_one_pose
 from symgen.runtime.many.driven import Driven
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 #: Errors of single runs, which become entries of the dataset; all others end the call.
-FAILURES = (SimulationError, InitialStateError)
+FAILURES = (SimulationError, InitialStateError, RangeError)
 #: Most runs that a thread takes at a time, and those without samples: progress is reported in these parts.
 _BLOCK, _REDUCED = 32, 256
 #: Arguments of a single run that do not apply to many.

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from symgen.errors import ModelError
+from symgen.errors import ModelError, RangeError
 from symgen.runtime.kernels.arguments import reals
 
 Array = NDArray[np.float64]
@@ -104,7 +104,9 @@ def times_of(name: str, drives: Drives, values: ArrayLike, start: float, stop: f
     Raises
     ------
     ModelError
-        When there is no drive, or it does not take a value in the range.
+        When there is no drive.
+    RangeError
+        When it does not take a value in the range.
     """
     wanted = reals(values, "values of the input").tolist()
     if not wanted:
@@ -123,7 +125,7 @@ def times_of(name: str, drives: Drives, values: ArrayLike, start: float, stop: f
         target = _target(taken, value, 2 * math.pi if is_angle else 0.0)
         if target is None:
             unit, size = ("deg", math.pi / 180) if is_angle else ("m", 1.0)
-            raise ModelError(
+            raise RangeError(
                 f"{first} is between {np.min(taken) / size:.9g} and {np.max(taken) / size:.9g} {unit} from "
                 f"t = {start:g} s to {stop:g} s, and does not come to {value / size:.9g} {unit}\n"
                 "  Give a longer range of time."

@@ -80,7 +80,7 @@ class Sweeps:
             For values, names and arguments that do not fit the model.
         ResultError
             When the store cannot be written, or has the results of another sweep.
-        SimulationError, InitialStateError
+        SimulationError, InitialStateError, RangeError
             When none of the first runs succeeds: the error of the first.
         """
         from symgen.errors import ModelError
@@ -190,7 +190,7 @@ class Sweeps:
         ------
         ModelError, CapabilityError
             For names, bounds and arguments that do not fit the model.
-        SimulationError, InitialStateError
+        SimulationError, InitialStateError, RangeError
             When a run fails; differential evolution takes that point as the worst.
         """
         from symgen.runtime.sweeps.optimisation import optimum_of

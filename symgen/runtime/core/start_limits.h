@@ -1,0 +1,12 @@
+/* Limits of the way from the drawing of a linkage. */
+#ifndef SYMGEN_START_LIMITS_H
+#define SYMGEN_START_LIMITS_H
+
+/* First and longest part of the way from the drawing, and the shortest before the assembly has failed. */
+#define LONGEST (R(1) / 32)
+#define SHORTEST (R(1) / 4096)
+/* Round-off over the size of the linkage. */
+#define ROUNDING R(1e-14)
+enum { NEWTON = 30 };
+
+#endif
