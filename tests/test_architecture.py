@@ -52,6 +52,7 @@ ALLOWED = {
     "synthesis": {"mechanics", "scene", "runtime", "pipeline"},
     "inspection": {
         "methods", "joints", "loads", "pipeline", "study", "scene", "models", "mechanics", "lowering", "codegen", "report", "runtime", "symbolic",
+        "export",
     },
 }  # fmt: skip
 #: These may import anything; nobody imports them.

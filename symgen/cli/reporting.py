@@ -1,4 +1,4 @@
-"""``symgen report`` and ``symgen animate``: HTML pages on a scene."""
+"""``symgen report``, ``symgen animate`` and ``symgen live``: HTML pages on a scene."""
 
 from __future__ import annotations
 
@@ -78,6 +78,44 @@ def animate(
         asked = {} if t_end is None else {"t_end": t_end}
         film = film_of(text, samples or FRAMES, **asked)
     write_text(file, animation(film))
+    print(file)
+
+
+@command("symgen live crank_rocker --vary 'links.coupler.length=32 cm:45 cm'")
+def live(
+    scene: o.Scene,
+    vary: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="KEY=LOW:HIGH",
+            help="A slider for a parameter or key, with its range; default: all tunable parameters, or the "
+            "lengths of links. May be repeated.",
+        ),
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option(help="Output file: .html; default: SCENE_live.html in this folder.")
+    ] = None,
+    samples: o.Samples = None,
+    set_: o.Set = None,
+) -> None:
+    """Write an HTML page that computes the motion anew when a slider moves.
+
+    The page holds the scene's own kernels, compiled to WebAssembly, and works offline. The extra "live"
+    of symgen installs the compiler, Zig.
+    """
+    from symgen.atomic import writable, write_text
+    from symgen.inspection.live import live_of
+    from symgen.report.page.live import live as page_of
+    from symgen.scene.loading import override, read_scene
+    from symgen.study.sweeps import of_options
+
+    text = override(read_scene(scene), changes(set_))
+    file = out or Path(f"{text.name}_live.html")
+    writable(file, (".html",), "page")
+    with _status(f"live page of {text.name}") as told:
+        page = live_of(text, of_options(vary or ()), samples or FRAMES)
+        told("writing")
+    write_text(file, page_of(page))
     print(file)
 
 

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from symgen.codegen.emit import SourceFile
     from symgen.export.view import Exported
     from symgen.lowering.kernel import Program
+    from symgen.scene.loading import SceneText
     from symgen.scene.schema import Scene
     from symgen.symbolic.system import System
 
@@ -89,7 +90,7 @@ def export_c(
             "  Export a copy under another name."
         )
     files_there = place(Path(folder))
-    return write(Path(folder), list(files_of(scene, set)), files_there)
+    return write(Path(folder), list(files_of(exported(scene, set))), files_there)
 
 
 def _of_core() -> set[str]:
@@ -100,14 +101,11 @@ def _of_core() -> set[str]:
     return {name for found in _MEANT.findall(headers) for name in found if name}
 
 
-def files_of(
-    scene: Scene | str | os.PathLike[str], set: Mapping[str, Any] | None = None
-) -> Iterator[SourceFile]:
+def files_of(x: Exported) -> Iterator[SourceFile]:
     """Yield the files of an export."""
     from symgen.codegen.emit import SourceFile, environment
     from symgen.export.view import CORE_FOLDER
 
-    x = exported(scene, set)
     for template, name in x.templates:
         text = environment().get_template(f"export/{template}").render(x=x)
         yield SourceFile(name.format(x.name), text)
@@ -125,7 +123,9 @@ def files_of(
         yield SourceFile(f"core/{name}", f'#include "names.h"\n{text}' if name == "real.h" else text)
 
 
-def exported(scene: Scene | str | os.PathLike[str], set: Mapping[str, Any] | None = None) -> Exported:
+def exported(
+    scene: Scene | SceneText | str | os.PathLike[str], set: Mapping[str, Any] | None = None
+) -> Exported:
     """Return the template data of a scene."""
     from symgen.pipeline.build import build, build_scene, derive, text_of
     from symgen.pipeline.user_system import is_own, load

@@ -34,14 +34,13 @@ def film_of(text: SceneText, samples: int, **asked: Any) -> Film:
     checked = check_scene(text)
     resolved = resolve(checked)
     view = view_of(resolved)
-    own = checked.analysis.outputs
-    places = view.drawn_outputs(resolved)
-    outputs = list(dict.fromkeys([*places, *(own or ())]))
+    plotted = checked.analysis.outputs or view.plotted_outputs(resolved)
+    outputs = list(dict.fromkeys([*view.drawn_outputs(resolved), *plotted]))
     analysis = {**text.data.get("analysis", {}), "outputs": outputs}
     model = build_asked(SceneText(text.name, text.file, {**text.data, "analysis": analysis}))
     result = view.moved(model, samples, **asked)
     sketches = view.sketches(resolved, model, result)
-    return Film(_shown(result, own or places), sketches, view.film_caption)
+    return Film(_shown(result, plotted), sketches, view.film_caption)
 
 
 def _shown(result: Result, names: Sequence[str]) -> Result:

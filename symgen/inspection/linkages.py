@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from symgen.inspection.picture import linkage_sketch
 from symgen.inspection.view import View
@@ -22,6 +25,7 @@ from symgen.symbolic.system import System
 
 #: Error over the peak stress of the run on a page.
 _ERROR = 1e-3
+_POSITION = ".position"
 
 
 class RodsView(View):
@@ -57,7 +61,7 @@ class RodsView(View):
 
     def drawn_outputs(self, resolved: Linkage) -> Sequence[str]:
         """Return the positions of all points."""
-        return [f"{p.name}.position" for p in resolved.as_written.points]
+        return [f"{p.name}{_POSITION}" for p in resolved.as_written.points]
 
     def moved(self, model: Any, samples: int, **asked: Any) -> Result:
         """Return a run under forces, or the kinematics of a scene that has none."""
@@ -67,13 +71,9 @@ class RodsView(View):
         found: Result = model.kinematics(stop=stop, samples=samples, **asked)
         return found
 
-    def sketches(self, resolved: Linkage, model: Any, result: Result) -> list[Sketch]:
-        """Return points and links at every sample."""
-        names = [p.name for p in resolved.as_written.points]
-        places = {p: result.variable(f"{p}.position").values for p in names}
-        return [
-            linkage_sketch(resolved, {p: x[k] for p, x in places.items()}, None) for k in range(result.count)
-        ]
+    def sketch_at(self, resolved: Linkage, drawn: Mapping[str, NDArray[np.float64]]) -> Sketch:
+        """Return points and links."""
+        return linkage_sketch(resolved, {name.removesuffix(_POSITION): x for name, x in drawn.items()}, None)
 
     def caption(self, drawn: Drawing) -> str:
         """Return the caption of the drawing."""

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from symgen.display import seconds
-from symgen.inspection.picture import loop_sketch
+from symgen.inspection.picture import drawn_of_loop, loop_sketch, pose_of_loop
 from symgen.inspection.view import View
 from symgen.joints import JOINTS
 from symgen.models.loop.structure import general, loop_structure
@@ -46,13 +47,17 @@ class LoopView(View):
     def sketch(self, resolved: Loop, model: Any, result: Result | None) -> Sketch:
         """Return the links between their joint axes."""
         start = model.closed_start()
-        return loop_sketch(resolved, model, start.t, start.q)
+        return loop_sketch(resolved, pose_of_loop(resolved, model, start.t, start.q))
 
     film_caption = (
         "Dashed lines are joint axes and translations along them; thin lines are the paths of joints."
     )
 
     def drawn_outputs(self, resolved: Loop) -> Sequence[str]:
+        """Return the places of joints on links, and the axes of joints."""
+        return drawn_of_loop(resolved)
+
+    def plotted_outputs(self, resolved: Loop) -> Sequence[str]:
         """Return the joint variables."""
         return [v.name for v in resolved.variables]
 
@@ -66,12 +71,9 @@ class LoopView(View):
         found: Result = getattr(model, verb)(samples=samples, **asked)
         return found
 
-    def sketches(self, resolved: Loop, model: Any, result: Result) -> list[Sketch]:
-        """Return the links between their joint axes at every sample."""
-        known = {result.coordinate.name: result.coordinate.values}
-        known |= {v.name: v.values for v in result.variables}
-        q = np.stack([known[v.name] for v in model.description.variables], axis=1)
-        return [loop_sketch(resolved, model, float(t), x) for t, x in zip(result.time, q, strict=True)]
+    def sketch_at(self, resolved: Loop, drawn: Mapping[str, NDArray[np.float64]]) -> Sketch:
+        """Return the links between their joint axes."""
+        return loop_sketch(resolved, drawn)
 
     def caption(self, drawn: Drawing) -> str:
         """Return the caption of the drawing."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 from numpy.typing import NDArray
@@ -81,24 +81,54 @@ def _bars(linkage: Linkage, places: dict[str, Array]) -> Iterator[Line]:
             yield Line("slider", "", np.array([places[point], places[point] + _LITTLE * d]))
 
 
-def loop_sketch(loop: Loop, model: LoopModel, t: float, q: Array) -> Sketch:
-    """Return the links between their joint axes at a time [s] and joint variables, in the first frame."""
+def drawn_of_loop(loop: Loop) -> list[str]:
+    """Return the outputs from which a pose follows: of each joint, its place on both links, and its axis."""
+    links = _links(loop)
+    return [
+        name
+        for k in range(1, len(links))
+        for name in (
+            f"{links[k - 1]}.joint{k}.position",
+            f"{links[k]}.joint{k}.position",
+            f"{links[k]}.joint{k}.axis",
+        )
+    ]
+
+
+def pose_of_loop(loop: Loop, model: LoopModel, t: float, q: Array) -> dict[str, Array]:
+    """Return the outputs of :func:`drawn_of_loop` at a time [s] and joint variables, for any model."""
     table = model.kernels("rows", t, q, np.zeros_like(q))["rows"]
-    frame, lines, nodes = np.eye(4), [], []
-    size = loop.size
-    for i, (row, entries) in enumerate(zip(loop.rows, table, strict=True)):
-        foot, k = frame[:3, 3].copy(), frame[:3, 2].copy()
-        behind = frame @ product([entries])
-        head = foot + entries[1] * k  # start of the link: offset by the translation along the joint axis
+    frame, found = np.eye(4), []
+    for entries in table:
+        foot, k = frame[:3, 3], frame[:3, 2]
+        found += [foot, foot + entries[1] * k, k]
+        frame = frame @ product([entries])
+    return dict(zip(drawn_of_loop(loop), found, strict=True))
+
+
+def loop_sketch(loop: Loop, drawn: Mapping[str, Array]) -> Sketch:
+    """Return the links between their joint axes, in the first frame, from the outputs of a pose."""
+    links, size, lines, nodes = _links(loop), loop.size, [], []
+    last = len(loop.rows)
+    for i, row in enumerate(loop.rows, 1):
+        foot, head, k = (
+            drawn[f"{links[j]}.joint{i}.{word}"]
+            for j, word in ((i - 1, "position"), (i, "position"), (i, "axis"))
+        )
+        behind = drawn[f"{links[i]}.joint{i % last + 1}.position"]
         lines.append(Line("axis", "", np.array([foot, head])))
         varies = JOINTS[row.joint].varies
         if varies == ("S",):
             lines.append(Line("slider", "", np.array([foot, foot + _LITTLE * size * k])))
         if varies != _BALL:
             lines.append(Line("axis", "", np.array([head - _AXIS * size * k, head + _AXIS * size * k])))
-        last = i == len(loop.rows) - 1
-        lines.append(Line("rail" if last else "rod", row.link, np.array([head, behind[:3, 3]])))
-        nodes.append(Node(f"{row.joint}{i + 1}", head, "ground" if i == 0 or last else "joint"))
-        frame = behind
+        lines.append(Line("rail" if i == last else "rod", row.link, np.array([head, behind])))
+        nodes.append(Node(f"{row.joint}{i}", head, "ground" if i in (1, last) else "joint"))
     gravity = np.array([loop.number(g) for g in loop.gravity])
     return Sketch(tuple(nodes), tuple(lines), gravity, "m")
+
+
+def _links(loop: Loop) -> list[str]:
+    """Return the links along the loop, from the ground to the ground."""
+    links = [row.link for row in loop.rows]
+    return [links[-1], *links]

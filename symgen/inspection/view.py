@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from symgen.errors import ModelError
 from symgen.methods import method_of
@@ -55,14 +58,25 @@ class View:
             f"{resolved.name} has no moving picture: its method draws only a page (symgen report)"
         )
 
+    def plotted_outputs(self, resolved: Any) -> Sequence[str]:
+        """Return the outputs that are plotted beside the picture where the scene lists none."""
+        return self.drawn_outputs(resolved)
+
     def moved(self, model: Any, samples: int, **asked: Any) -> Result:
         """Return a run with the outputs that the moving picture draws."""
         found: Result = model.simulate(samples=samples, **asked)
         return found
 
+    def sketch_at(self, resolved: Any, drawn: Mapping[str, NDArray[np.float64]]) -> Sketch:
+        """Return the mechanism in the pose of its drawn outputs, in which all places are linear."""
+        raise NotImplementedError
+
     def sketches(self, resolved: Any, model: Any, result: Result) -> list[Sketch]:
         """Return the mechanism at every sample of a result that has the drawn outputs."""
-        raise NotImplementedError
+        found = {name: result.variable(name).values for name in self.drawn_outputs(resolved)}
+        return [
+            self.sketch_at(resolved, {name: x[k] for name, x in found.items()}) for k in range(result.count)
+        ]
 
     def caption(self, drawn: Drawing) -> str:
         """Return the caption of the drawing."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import os
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -54,13 +54,22 @@ def varied(
     SceneError, ModelError
         For keys that have no single value, and values of wrong units or form.
     """
-    text = override(read_scene(source), set or {})
+    text, names = tunable(override(read_scene(source), set or {}), vary)
+    return build_asked(text, backend=backend), values_of(text, names, vary)
+
+
+def tunable(text: SceneText, keys: Iterable[str]) -> tuple[SceneText, dict[str, str]]:
+    """Return a scene in which the keys are tunable parameters, and the names of these by key."""
     names = {}
-    for key in vary:
+    for key in keys:
         text, names[key] = _tunable(text, key)
+    return text, names
+
+
+def values_of(text: SceneText, names: Mapping[str, str], vary: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the values of varied parameters by name; see :func:`varied`."""
     read = Values(check_scene(text))
-    found = {names[key]: _values(read, names[key], given) for key, given in vary.items()}
-    return build_asked(text, backend=backend), found
+    return {names[key]: _values(read, names[key], given) for key, given in vary.items()}
 
 
 def _tunable(text: SceneText, key: str) -> tuple[SceneText, str]:

@@ -54,6 +54,15 @@ def _moment(model: LoopModel, joint: int, sign: int, link: str) -> Entries:
     return [sign * x for x in wrench.dual], "N*m", about
 
 
+def _place(model: LoopModel, joint: int, sign: int, link: str) -> Entries:
+    along = model.loop.rows[joint - 1].S if sign > 0 else sp.Integer(0)
+    return model.frame(joint - 1).point((0, 0, along)), "m", f"point of {link} on the axis of joint {joint}"
+
+
+def _axis(model: LoopModel, joint: int, sign: int, link: str) -> Entries:
+    return model.frame(joint - 1).vector((0, 0, 1)), "1", f"direction of the axis of joint {joint}"
+
+
 def _position(model: LoopModel, k: int) -> Entries:
     return model.frame(k).origin, "m", f"origin of the frame of {model.links[k - 1]}"
 
@@ -121,7 +130,12 @@ OF_VARIABLES: dict[str, Callable[[LoopModel, int], Entries]] = {
     "acceleration": _acceleration,
     "drive": _drive,
 }
-OF_JOINTS: dict[str, Callable[[LoopModel, int, int, str], Entries]] = {"force": _force, "moment": _moment}
+OF_JOINTS: dict[str, Callable[[LoopModel, int, int, str], Entries]] = {
+    "force": _force,
+    "moment": _moment,
+    "position": _place,
+    "axis": _axis,
+}
 OF_LINKS: dict[str, Callable[[LoopModel, int], Entries]] = {
     "position": _position,
     "velocity": _velocity,
@@ -138,7 +152,8 @@ OF_THE_WHOLE: dict[str, Callable[[LoopModel], Entries]] = {
 }
 #: Words that hold masses, and those that hold the closing wrench, so the forces of the loop.
 INERTIAL = {"kinetic_energy", "potential_energy", "energy"}
-DYNAMIC = {"drive", "power", *OF_JOINTS}
+WRENCHES = ("force", "moment")
+DYNAMIC = {"drive", "power", *WRENCHES}
 
 
 def asked(model: LoopModel) -> list[NamedMatrix]:
@@ -172,7 +187,7 @@ def default(model: LoopModel) -> list[str]:
     if model.has_dynamics:
         names += [f"{v.name}.drive" for v in model.variables if v.effort is None or v.effort != 0]
         links = [*model.links, model.loop.rows[-1].link]
-        names += [f"{link}.joint{k}.{word}" for k, link in enumerate(links, 1) for word in OF_JOINTS]
+        names += [f"{link}.joint{k}.{word}" for k, link in enumerate(links, 1) for word in WRENCHES]
     return names
 
 

@@ -22,7 +22,7 @@ _DIGITS = 5
 #: A smaller part of the largest value of a unit is round-off.
 _ROUNDING = 1e-9
 #: Most curves that are plotted beside the mechanism.
-_CURVES = 12
+CURVES = 12
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,7 +37,7 @@ class Film:
 def animation(film: Film) -> str:
     """Return a self-contained HTML page that plays a film and plots the outputs of its result."""
     first = film.sketches[0]
-    every = np.array([_places(s) for s in film.sketches])  # (frames, points, axes)
+    every = np.array([places_of(s) for s in film.sketches])  # (frames, points, axes)
     low, high = np.nanmin(every, axis=(0, 1)), np.nanmax(every, axis=(0, 1))
     size = float(np.max(high - low)) or 1.0
     along, label = film.result.over
@@ -53,18 +53,28 @@ def animation(film: Film) -> str:
         "low": low.tolist(),
         "high": high.tolist(),
         "lines": [
-            {"kind": line.kind, "name": line.name if long else "", "count": len(line.at)}
-            for line, long in zip(first.lines, _long(film.sketches, size), strict=True)
+            line if long else {**line, "name": ""}
+            for line, long in zip(lines_of(first), _long(film.sketches, size), strict=True)
         ],
-        "nodes": [{"kind": node.kind, "name": node.name} for node in first.nodes],
+        "nodes": nodes_of(first),
         "frames": [_rounded(places.ravel(), size) for places in every],
-        "curves": curves[:_CURVES],
+        "curves": curves[:CURVES],
     }
-    left = max(0, len(curves) - _CURVES)
+    left = max(0, len(curves) - CURVES)
     caption = film.caption + (f" {left} more curves are recorded and not drawn." if left else "")
     template = environment().get_template("animation.html.j2")
-    text: str = template.render(title=film.result.title, caption=caption, data=_script(data))
+    text: str = template.render(title=film.result.title, caption=caption, data=as_script(data))
     return text
+
+
+def lines_of(sketch: Sketch) -> list[dict[str, Any]]:
+    """Return the lines of a sketch without their places."""
+    return [{"kind": line.kind, "name": line.name, "count": len(line.at)} for line in sketch.lines]
+
+
+def nodes_of(sketch: Sketch) -> list[dict[str, Any]]:
+    """Return the nodes of a sketch without their places."""
+    return [{"kind": node.kind, "name": node.name} for node in sketch.nodes]
 
 
 def _long(sketches: Sequence[Sketch], size: float) -> list[bool]:
@@ -73,7 +83,7 @@ def _long(sketches: Sequence[Sketch], size: float) -> list[bool]:
     return [any(np.ptp(line.at, axis=0).max() > 1e-9 * size for line in same) for same in lines]
 
 
-def _places(sketch: Sketch) -> Array:
+def places_of(sketch: Sketch) -> Array:
     """Return the vertices of all lines, then the nodes, one per row."""
     return np.vstack([*(line.at for line in sketch.lines), *(node.at[None] for node in sketch.nodes)])
 
@@ -101,6 +111,6 @@ def _curves(variables: Sequence[Variable]) -> list[dict[str, Any]]:
     return found
 
 
-def _script(data: dict[str, Any]) -> str:
+def as_script(data: dict[str, Any]) -> str:
     """Return data as JSON that no text in it can end: see the HTML standard on script elements."""
     return json.dumps(data, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")

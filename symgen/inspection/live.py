@@ -1,0 +1,98 @@
+"""A scene as a page that computes: its outputs with the places of all that is drawn, as WebAssembly."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from symgen.errors import ModelError
+from symgen.export import exported
+from symgen.export.live import wasm_of
+from symgen.inspection.view import view_of
+from symgen.pipeline.build import build_asked
+from symgen.report.page.live import Live, Slider
+from symgen.runtime.kernels.description import ParameterInfo
+from symgen.runtime.sweeps.designs import Uniform
+from symgen.scene.loading import SceneText, check_scene
+from symgen.scene.resolve import resolve
+from symgen.study.sweeps import tunable, values_of
+
+#: A slider without a range of its own goes from the value times the first to the value times the second.
+_RANGE = (0.5, 1.5)
+
+
+def live_of(text: SceneText, vary: Mapping[str, str], frames: int) -> Live:
+    """Return what the page of a scene needs that computes.
+
+    Parameters
+    ----------
+    text
+        The scene.
+    vary
+        Ranges ``LOW:HIGH`` of sliders by parameter or key; where empty, of all tunable parameters, or of the
+        lengths of links in a scene that has none.
+    frames
+        Number of frames of the motion.
+
+    Raises
+    ------
+    ModelError
+        For values that are no range, and elastic links.
+    SceneError, BuildError, CacheError, SimulationError
+        As for building the scene, and where Zig is missing.
+    """
+    keys = list(vary) or ([] if _has_tunable(text) else [*_lengths(text)])
+    text, names = tunable(text, keys)
+    ranges = values_of(text, names, vary)
+    wrong = next((name for name, given in ranges.items() if not isinstance(given, Uniform)), None)
+    if wrong:
+        raise ModelError(
+            f"expected the range of the slider of {wrong}, got other values\n"
+            "  Write --vary KEY=LOW:HIGH, with units."
+        )
+    checked = check_scene(text)
+    resolved = resolve(checked)
+    view = view_of(resolved)
+    places = view.drawn_outputs(resolved)
+    plotted = checked.analysis.outputs or view.plotted_outputs(resolved)
+    analysis = {**text.data.get("analysis", {}), "outputs": list(dict.fromkeys([*places, *plotted]))}
+    text = SceneText(text.name, text.file, {**text.data, "analysis": analysis})
+    model = build_asked(text, backend="c")
+    code = exported(text)
+    entries = [slot.name.partition(" ")[0] for slot in code.outputs]
+    d = model.description
+    return Live(
+        title=d.title,
+        caption=view.film_caption,
+        label="time [s]",
+        duration=float(code.t_end) - float(code.t_start),
+        code=wasm_of(code, frames),
+        frames=frames,
+        outputs=[(slot.name.replace(" ", "."), slot.unit) for slot in code.outputs],
+        plotted=[k for k, name in enumerate(entries) if name in plotted],
+        drawn={place: [k for k, name in enumerate(entries) if name == place] for place in places},
+        sketch=lambda drawn: view.sketch_at(resolved, drawn),
+        sliders=[_slider(p, ranges.get(p.name), p in d.tunable and not vary) for p in d.parameters],
+    )
+
+
+def _has_tunable(text: SceneText) -> bool:
+    parameters = text.data.get("parameters", {}).values()
+    return any(isinstance(given, dict) and given.get("tunable") for given in parameters)
+
+
+def _lengths(text: SceneText) -> Iterator[str]:
+    for name, link in text.data.get("links", {}).items():
+        if isinstance(link, dict) and "length" in link:
+            yield f"links.{name}.length"
+
+
+def _slider(p: ParameterInfo, given: Any, chosen: bool) -> Slider:
+    low: float | None = None
+    high: float | None = None
+    if isinstance(given, Uniform):
+        low, high = given.low, given.high
+    elif chosen and p.default and math.isfinite(p.default):
+        low, high = sorted(part * p.default for part in _RANGE)
+    return Slider(p.name, p.unit, p.about, p.default, low, high)
