@@ -24,7 +24,7 @@ from symgen.scene.loading import SHIPPED, read_scene
 Array = NDArray[np.float64]
 
 VARIANTS, POSES, SINGLE = 10_000, 361, 200
-SWINGS, STEPS, STEP = 256, 2000, 1e-3
+SWINGS, STEPS, STEP = 512, 2000, 1e-3
 OFFSETS, ANGLES = 1000, 361
 #: Lengths of ``crank_rocker`` [m]; its coupler is varied.
 CRANK, COUPLERS, ROCKER, BASE = 0.1, np.linspace(0.33, 0.37, VARIANTS), 0.3, 0.4

@@ -77,6 +77,13 @@ def test_outputs_of_lanes_are_reduced(loops):
     found = loop.inverse_dynamics_many(VARIED["cardan"], outputs=["theta4"], reduce=np.max, **arguments)
     alone = [loop.with_parameters(beta=beta).inverse_dynamics(**arguments) for beta in ANGLES]
     assert np.array_equal(found["theta4"], [np.max(run["theta4"].values) for run in alone])
+    names = ["peak", "mean", "rms", "final"]
+    found = loop.inverse_dynamics_many(VARIED["cardan"], outputs=["theta4"], reduce=names, **arguments)
+    for i, run in enumerate(alone):
+        v = run["theta4"].values
+        expected = [np.max(np.abs(v)), np.mean(v), np.sqrt(np.mean(v**2)), v[-1]]
+        assert [found[f"theta4.{name}"].values[i] for name in names] == pytest.approx(expected, rel=1e-15)
+        assert found["constraint_drift"].values[i] == run.drift.constraint
 
 
 @pytest.mark.full

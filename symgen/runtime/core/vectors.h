@@ -8,6 +8,9 @@
 #pragma GCC target("avx512f")
 #endif
 #endif
+#if defined(__x86_64__)
+#include <immintrin.h>
+#endif
 
 #include "equations.h"
 
@@ -66,10 +69,16 @@ static inline wide largest_in(const wide *values, ptrdiff_t count) {
 }
 
 static inline wide root(wide x) {
+#if defined(__AVX512F__) && WIDTH == 8
+    return (wide)_mm512_sqrt_pd((__m512d)x);
+#elif defined(__AVX__) && WIDTH == 4
+    return (wide)_mm256_sqrt_pd((__m256d)x);
+#else
     wide y = x;
     for (int lane = 0; lane < WIDTH; lane++)
         y[lane] = __builtin_sqrt(x[lane]);
     return y;
+#endif
 }
 
 static void copy_where(mask which, const wide *from, ptrdiff_t count, wide *to) {

@@ -63,15 +63,13 @@ class Compiled:
         info, along = self.evaluator.find("outputs"), over_time(self.times)
         if info and keep.outputs is not None:
             info = replace(info, blocks=tuple(b for b in info.blocks if b.name in keep.outputs))
-        kept: list[Kept | None] = []
-        for i in range(last - first):
-            if not regular[i] or self.single[first + i]:
-                kept.append(None)
-                continue
-            variables = continued(shaped(info, out[i]), d.turns, turned[i]) if info else ()
-            drift = dict(zip(("constraint", "energy"), drifts[i].tolist(), strict=True))
-            kept.append(keep(variables, along, None, drift, d.shown_axes))
-        return kept
+        variables = continued(shaped(info, out), d.turns, turned) if info else ()
+        drift = dict(zip(("constraint", "energy"), drifts.T, strict=True))
+        done = regular & ~self.single[rows]
+        return [
+            keep(variables, along, None, drift, d.shown_axes, i) if own else None
+            for i, own in enumerate(done.tolist())
+        ]
 
     def _runs(self) -> Runs:
         chosen, start = self.chosen, start_of(self.evaluator, self.chosen.rate)

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -15,7 +16,8 @@ from symgen.runtime.kernels.library import Library
 from symgen.runtime.loop.driven import LEAST_RANGE, PARTS, STAGES
 from symgen.runtime.loop.kernels import CLOSE, LoopKernels
 from symgen.runtime.loop.limits import WEAK
-from symgen.runtime.many.dataset import Keep, Kept
+from symgen.runtime.many.dataset import Keep, Kept, chosen
+from symgen.runtime.many.reductions import reduced
 from symgen.runtime.many.starts import given_of
 from symgen.runtime.result.records import Coordinate, over_time
 from symgen.runtime.result.turn import Turn, variables
@@ -74,8 +76,15 @@ class DrivenLoops:
         done &= ~np.any(hold[:, 1:] * hold[:, :-1] < 0.0, axis=1)  # a dead centre between samples
         made = tuple(v for v in variables(d, np.moveaxis(out, 1, 2)) if v.name in self.names)
         kept: list[Kept | None] = [None] * len(given)
-        drift = {"constraint": closure * d.size}
-        for i in np.flatnonzero(done).tolist():
+        runs, drift = np.flatnonzero(done), {"constraint": closure * d.size}
+        if keep.names:
+            block = [replace(v, values=v.values[runs]) for v in chosen(made, keep.outputs)]
+            missed = drift["constraint"][runs]
+            found = keep.of_block(block, missed, _AXES, times.shape[1], partial(reduced, axis=1))
+            for i, one in zip(runs.tolist(), found, strict=True):
+                kept[i] = one
+            return kept
+        for i in runs.tolist():
             along = over_time(times[i]) if self.along is None else self.along
             of_time = None if self.along is None else times[i]
             kept[i] = keep(made, along, of_time, drift, _AXES, i)

@@ -196,8 +196,8 @@ def outputs(
 
 
 def continued(variables: tuple[Variable, ...], links: Sequence[str], turns: Array) -> tuple[Variable, ...]:
-    """Return the variables with the angles of links over the revolutions that a run counted, ``turns``."""
-    counted = {f"{link}.angle": turned for link, turned in zip(links, turns.T, strict=True)}
+    """Return variables with the angles of links over the revolutions that runs counted, (..., links)."""
+    counted = {f"{link}.angle": turned for link, turned in zip(links, np.moveaxis(turns, -1, 0), strict=True)}
     return tuple(
         replace(v, values=nearest_turn(v.values, counted[v.name])) if v.name in counted else v
         for v in variables
@@ -228,7 +228,9 @@ def shaped(info: KernelInfo, out: Array) -> tuple[Variable, ...]:
     """Return rows of a kernel's results as named variables; single numbers lose the axis of components."""
     return tuple(
         [
-            Variable(b.name, b.unit, b.about, b.rows, out[:, b.offset] if b.shape == (1, 1) else part(out, b))
+            Variable(
+                b.name, b.unit, b.about, b.rows, out[..., b.offset] if b.shape == (1, 1) else part(out, b)
+            )
             for b in info.blocks
         ]
     )
