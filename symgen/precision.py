@@ -30,7 +30,7 @@ class Precision:
     vectors
         Whether compilers have vectors of it, whose lanes evaluate states side by side.
     needs
-        What a compiler must have besides C11.
+        Features that a compiler must have in addition to C11.
     """
 
     name: str

@@ -53,7 +53,7 @@ class Request:
         out, plot, as_json = (self.common.get(name) for name in ("out", "plot", "as_json"))
         plotted, path = self.common.get("plot_of") or (), self.common.get("xy") or ""
         if (plotted or path) and not plot:
-            raise ModelError(f"{'--xy' if path else '--of'} selects what is plotted: give a file with --plot")
+            raise ModelError(f"{'--xy' if path else '--of'} selects part of a plot: give --plot FILE")
         if plotted and path:
             raise ModelError("give --of or --xy, not both")
         with kept_of_a_failure(out):

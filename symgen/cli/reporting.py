@@ -64,7 +64,7 @@ def animate(
 ) -> None:
     """Write an HTML page on which the mechanism moves.
 
-    The page plays, pauses and scrubs the motion beside plots of the scene's outputs; it works offline.
+    The page plays, pauses and scrubs the motion next to plots of the scene's outputs; it works offline.
     """
     from symgen.atomic import writable, write_text
     from symgen.inspection.film import film_of

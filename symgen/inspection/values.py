@@ -63,7 +63,7 @@ def of_crank(_: Any, texts: Sequence[str], option: str) -> Values:
 
 
 def of_time(text: str, option: str, others: str) -> float:
-    """Return a time [s]; raise ModelError for other text. ``others`` is what else may stand there."""
+    """Return a time [s]; raise ModelError for other text. ``others`` names other accepted values."""
     expected = f'{others} or a time after {option}, such as "0.3 s"'
     found, _ = _read([text], (1.0, "time"), {TIME: "time"}, expected)
     if len(found) > 1:

@@ -17,7 +17,7 @@ from symgen.symbolic.system import System
 
 
 class View:
-    """What a method shows; the defaults suit any model that is simulated."""
+    """Explanations and pages of a method; the defaults suit any model that is simulated."""
 
     #: Name of the notes before the derivation on a page, ``templates/report/parts/NAME.html.j2``; none if "".
     kind = ""
@@ -28,7 +28,7 @@ class View:
     references: Sequence[str] = ()
 
     def structure(self, resolved: Any, system: System) -> Iterator[str]:
-        """Yield the topology in words, and the operations saved by what is omitted."""
+        """Yield the topology in words, and the operations saved by omitted terms."""
         yield system.title
 
     def solution(self, model: Any) -> Iterator[str]:
@@ -43,7 +43,7 @@ class View:
         """Return the mechanism in its initial configuration, with the paths of its points in a run."""
         raise NotImplementedError
 
-    #: What the moving picture shows.
+    #: Content of the moving picture.
     film_caption = ""
 
     def drawn_outputs(self, resolved: Any) -> Sequence[str]:
@@ -97,6 +97,6 @@ class View:
 
 
 def view_of(thing: Any) -> View:
-    """Return what the method of a resolved scene or a model shows."""
+    """Return the view of the method of a resolved scene or a model."""
     view: View = method_of(thing).load("view")()
     return view

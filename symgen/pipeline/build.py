@@ -184,7 +184,7 @@ def _own(path: str, options: _Options, set_: Mapping[str, Any] | None) -> System
 
 @dataclass(frozen=True, slots=True)
 class Made:
-    """What a model of a scene is made of."""
+    """Parts of a model of a scene."""
 
     text: SceneText
     tools: Tools

@@ -37,7 +37,7 @@ cdef size_t LINE = 64
 
 
 def over_variants(evaluator, str kernel, const double[:, ::1] given, const double[::1] times, rows):
-    """Return what a kernel gives for variants of a linkage at many times: (runs, times, entries).
+    """Return the output of a kernel for variants of a linkage at many times: (runs, times, entries).
 
     Parameters
     ----------

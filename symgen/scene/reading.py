@@ -83,7 +83,7 @@ class Values:
             for used in [] if is_quantity(str(text)) else _NAME.findall(str(text)):
                 if used in self.scene.inputs and used not in known:
                     raise SceneError(
-                        f"{used} is an input, and inputs may stand in forces and torques alone",
+                        f"{used} is an input, and inputs may occur in forces and torques alone",
                         hint="Make it a parameter, with tunable = true where it is to be varied.",
                     )
             expression = parse_value(text, known, dim)

@@ -143,7 +143,7 @@ def test_a_plot_of_some_outputs_or_of_a_path(tmp_path, entry, monkeypatch):
     assert drawn == [(("energy",), "", file), (("A", "energy"), "", file), ((), "B", file), ((), "", file)]
     for words in (("--of", "energy"), ("--xy", "B")):
         code, _, said = entry("run", "four_bar", *words)
-        assert code == 2 and said == f"symgen: {words[0]} selects what is plotted: give a file with --plot\n"
+        assert code == 2 and said == f"symgen: {words[0]} selects part of a plot: give --plot FILE\n"
 
 
 def test_files_that_were_written_are_named_behind_the_tables_and_not_in_json(tmp_path):

@@ -64,7 +64,7 @@ def faulty(**tables):
     [
         (
             {"masses": [{"point": "C", "mass": "F"}]},
-            "F is an input, and inputs may stand in forces and torques",
+            "F is an input, and inputs may occur in forces and torques",
         ),
         ({"inputs": {"c": "0 N"}}, "'c' is a parameter already"),
         ({"inputs": {"C_x": "0 N"}}, "component of the point C"),

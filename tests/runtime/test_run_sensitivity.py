@@ -192,7 +192,7 @@ def test_runs_that_have_no_derivatives_are_refused():
         ({"t_end": 1.0, "max_steps": 0}, "max_steps of at least 1"),
         ({"t_end": 1.0, "outputs": []}, "expected outputs or integrals"),
         ({"t_end": 1.0, "at": symgen.build("four_bar").initial_state()}, "a state of 2 coordinates for at"),
-        ({"t_end": 1e-2, "integrals": ["rod.angle"] * 2}, "integral of rod.angle is asked for twice"),
+        ({"t_end": 1e-2, "integrals": ["rod.angle"] * 2}, "integral of rod.angle is given twice"),
         ({"t_end": 1e-2, "integrals": ["P.position", "P.position.x"]}, "integral of P.position.x is asked"),
     ):
         with pytest.raises(ModelError, match=message):

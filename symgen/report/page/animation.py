@@ -21,7 +21,7 @@ Array = NDArray[np.float64]
 _DIGITS = 5
 #: A smaller part of the largest value of a unit is round-off.
 _ROUNDING = 1e-9
-#: Most curves that are plotted beside the mechanism.
+#: Maximum number of curves next to the mechanism.
 CURVES = 12
 
 

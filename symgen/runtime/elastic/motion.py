@@ -348,7 +348,7 @@ class ElasticMotion(ABC):
                 f"{', '.join(self.undetermined)}: linear theory needs a rigid motion that crank and drivers "
                 "prescribe\n"
                 "  Run it in large rotation (symgen large-rotation), which integrates free coordinates, or "
-                "drive what is left free: rigid links by [[drivers]], elastic ones by guides or more links."
+                "drive the free motions: rigid links by [[drivers]], elastic ones by guides or more links."
             )
 
     def check(self, equations: _beams.BeamEquations, status: int, t: float) -> None:

@@ -81,7 +81,7 @@ def run(
         times = recorded_times(motion, task)
     count, end = len(times), float(np.max(times))
     if task.method != "quasi-static":
-        # Shooting steps over the whole revolution, whatever angles are asked for.
+        # Shooting steps over the whole revolution, whatever angles are selected.
         until = max(end, motion.period) if task.method == "periodic" and motion.speed else end
         motion = motion.ending_on(jump_times(motion, until, first_steps(motion, task, 1)))
         times = np.concatenate([times, motion.jumps[:, 0]])
@@ -249,7 +249,7 @@ def _result(
     if task.t_eval is not None:
         notes.append("peaks, and limits of linear theory, are those at the times of t_eval only")
     if task.at is not None and task.method != "quasi-static":
-        notes.append("peaks, and limits of linear theory, are those at the crank angles asked for only")
+        notes.append("peaks, and limits of linear theory, are those at the selected crank angles only")
     if thesis:
         notes.append("the thesis' form, which takes the turning of axes as constant: for comparison only")
     return ElasticResult(

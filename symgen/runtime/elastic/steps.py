@@ -72,7 +72,7 @@ class Found:
     counts: Counts | None = None
 
     def at(self, places: NDArray[np.intp]) -> Found:
-        """Return what was found at some of the times."""
+        """Return the results at some of the times."""
         rates = None if self.rates is None else self.rates[places]
         return replace(self, displacements=self.displacements[places], rates=rates)
 
@@ -317,7 +317,7 @@ def adapted(
     raise SimulationError(
         f"{motion.rigid.name}: {task.method} does not come within {task.rtol:g} of the peak stress "
         f"with {_MOST} steps per revolution\n"
-        "  A turn may have too many vibrations to follow from rest: take method periodic or quasi-static, or "
+        "  A revolution may have too many vibrations to follow from rest: take periodic or quasi-static, or "
         "fewer revolutions."
     )
 

@@ -147,7 +147,7 @@ class Pace:
         estimate = f"about {in_words(remaining)} remain" if math.isfinite(remaining) else "no end is in sight"
         limited_to = _LIMIT.get()
         limit = (
-            "max_wall (--max-wall) ends a run earlier and keeps what was recorded"
+            "max_wall (--max-wall) ends a run earlier and keeps the samples recorded"
             if limited_to is None
             else f"the run ends after max_wall = {limited_to.seconds:g} s"
         )

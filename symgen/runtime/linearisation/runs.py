@@ -170,7 +170,7 @@ def at_run(
     integrands = [b.about for b in kernels.info("integrands").blocks] if kernels.has("integrands") else []
     repeated = next((name for name in integrands if integrands.count(name) > 1), None)
     if repeated:
-        raise ModelError(f"the integral of {repeated} is asked for twice\n  Name each integrand once.")
+        raise ModelError(f"the integral of {repeated} is given twice\n  Name each integrand once.")
     units = {b.about: b.unit for b in kernels.info("integrands").blocks} if integrands else {}
     equations = evaluator.equations(start.redundant, work_of_loads=False)
 

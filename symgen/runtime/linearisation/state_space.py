@@ -280,7 +280,7 @@ def derivatives(d: Description, coordinates: Sequence[str]) -> list[str]:
     Raises
     ------
     ModelError
-        For a name that is of no point and no link.
+        For a name of neither a point nor a link.
     """
     for name in coordinates:
         owner, dot, _ = name.partition(".")

@@ -81,7 +81,7 @@ class LoopKernels:
         return {b.name: out[:, b.offset : b.offset + b.shape[0] * b.shape[1]] for b in blocks}
 
     def rows(self, kernel: str, times: Array, rows: Array, work: Array) -> Array:
-        """Return what a kernel writes at many states, shape (states, numbers).
+        """Return the output of a kernel at many states, shape (states, numbers).
 
         ``rows`` hold variables and rates, and one number more; ``work`` has ``work_size`` + 1 columns.
         """

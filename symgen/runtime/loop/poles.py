@@ -174,7 +174,7 @@ def _residue(
         ]
         raise ModelError(
             f"drives at {names[0]} have no hold on {names[1]} at {kernels.value_at(t)}, and none near it: "
-            "they cannot balance what is given\n  Choose other drives to be found."
+            "they cannot balance the given efforts\n  Choose other drives to be found."
         )
     strength = (row @ missing) / rise
     effort = np.zeros(len(solved))

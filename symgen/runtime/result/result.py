@@ -141,7 +141,7 @@ class Result(Findings):
         known = [v.name for v in self.variables]
         raise ResultError(
             f"the result holds no {name!r}. {nearest(name, known)}\n"
-            "  What a run records is listed under [analysis] outputs in the scene."
+            "  The outputs of a run are listed under [analysis] outputs in the scene."
         )
 
     @property
@@ -301,7 +301,7 @@ class Result(Findings):
     def save(self, file: str | os.PathLike[str]) -> Path:
         """Save to ``.nc`` (netCDF) or ``.npz``, which :func:`symgen.load_result` reads back, or to ``.csv``.
 
-        CSV has a column for the coordinate, one for the times where that is not the time, and one per
+        CSV has a column for the coordinate, one for the times if the coordinate is another, and one per
         component, in SI, with all digits; its first line has names and units. It has neither drift nor
         provenance, and is not read back.
 

@@ -146,7 +146,7 @@ def subject(
 
 
 class Asked(NamedTuple):
-    """What is studied, and how: see :func:`subject`."""
+    """Subject of a study and its settings: see :func:`subject`."""
 
     scene: Scene
     backend: str
