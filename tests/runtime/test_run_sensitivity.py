@@ -193,7 +193,7 @@ def test_runs_that_have_no_derivatives_are_refused():
         ({"t_end": 1.0, "outputs": []}, "expected outputs or integrals"),
         ({"t_end": 1.0, "at": symgen.build("four_bar").initial_state()}, "a state of 2 coordinates for at"),
         ({"t_end": 1e-2, "integrals": ["rod.angle"] * 2}, "integral of rod.angle is given twice"),
-        ({"t_end": 1e-2, "integrals": ["P.position", "P.position.x"]}, "integral of P.position.x is asked"),
+        ({"t_end": 1e-2, "integrals": ["P.position", "P.position.x"]}, "integral of P.position.x is given"),
     ):
         with pytest.raises(ModelError, match=message):
             model.sensitivity(**{"outputs": ["rod.angle"], "coordinates": ["rod.angle"], **arguments})
