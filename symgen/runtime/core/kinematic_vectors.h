@@ -17,7 +17,7 @@ struct kinematic_lanes {
     wide *change, *still, *phi, *weight, *solved, *work, *closure, *out, *values, *inverse;
     wide *extremes, *lengths;      /* rows of forces, and the square of the longest value of each vector of forces */
     wide *here, *before, violation; /* positions and velocities of points, at this and at the last time */
-    wide passed;                   /* the last time */
+    wide passed;                   /* the last time; not a number before the first */
     mask *swaps, steady;
 };
 
@@ -253,20 +253,31 @@ static inline mask beyond(wide value, wide greatest) {
     return ~((value <= greatest) | (greatest != greatest));
 }
 
+/* Where the next time, of which there is one in lanes that have just come to it, is recorded. */
+static mask recorded(const struct kinematic_lane_task *task) {
+    const unsigned char *flags = task->extremes->recorded;
+    const ptrdiff_t first = task->reached[0];
+    mask flagged = {0};
+    int together = first < task->count;
+    for (int lane = 1; lane < WIDTH; lane++)
+        together &= task->reached[lane] == first;
+    if (together)
+        return flagged - flags[first];
+    for (int lane = 0; lane < WIDTH; lane++)
+        flagged[lane] = -(long long)(task->reached[lane] < task->count && flags[task->reached[lane]]);
+    return flagged;
+}
+
 /* Add the pose in lanes that have just come to a time to their extremes; `k->out` has its forces. */
 static void reduce(struct kinematic_lanes *k, const struct kinematic_lane_task *task, mask arrived) {
     const struct kinematic_lane_extremes *e = task->extremes;
     const ptrdiff_t count = k->sizes.joint_forces, m = k->sizes.m, both = 2 * k->sizes.coordinates;
     wide *greatest = k->extremes, *least = greatest + count, *longest = least + count, *last = longest + count;
-    mask first = {0};
     call(k->kernels.points, &k->t, k->q, k->q + k->sizes.n, k->p, k->work, k->here);
-    for (int lane = 0; lane < WIDTH; lane++)
-        first[lane] = -(long long)(task->reached[lane] == 0);
-    k->steady &= ~arrived | first | turns_little(k, e);
+    k->steady &= ~arrived | (k->passed != k->passed) | turns_little(k, e);
     copy_where(arrived, k->here, both, k->before);
     k->passed = chosen(arrived, k->t, k->passed);
-    for (int lane = 0; lane < WIDTH; lane++)
-        arrived[lane] &= -(long long)(task->reached[lane] < task->count && e->recorded[task->reached[lane]]);
+    arrived &= recorded(task);
     if (!any(arrived))
         return;
     for (ptrdiff_t i = 0; i < m; i++) {
@@ -296,6 +307,7 @@ static void begin_extremes(struct kinematic_lanes *k) {
         k->extremes[count + i] = all(REAL_INFINITY);
     }
     k->violation = all(0);
+    k->passed = all(REAL_INFINITY) - all(REAL_INFINITY);
     k->steady = ~(mask){0};
 }
 

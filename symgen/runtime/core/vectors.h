@@ -36,10 +36,16 @@ static inline mask finite(wide x) {
 }
 
 static inline int any(mask which) {
+#if defined(__AVX512F__) && WIDTH == 8
+    return _mm512_test_epi64_mask((__m512i)which, (__m512i)which) != 0;
+#elif defined(__AVX__) && WIDTH == 4
+    return !_mm256_testz_si256((__m256i)which, (__m256i)which);
+#else
     long long found = 0;
     for (int lane = 0; lane < WIDTH; lane++)
         found |= which[lane];
     return found != 0;
+#endif
 }
 
 static inline void exchange(mask which, wide *a, wide *b, ptrdiff_t count) {
