@@ -59,7 +59,7 @@ __all__ = [
 _GROUPS = {
     "Analyses": "run simulate kinematics inverse_dynamics equilibrium modes linearise sensitivity assemblies",
     "Elastic links": "periodic quasi_static large_rotation speed_response",
-    "Scenes": "scenes schema study sweep optimise synthesise",
+    "Scenes": "new scenes schema study sweep optimise synthesise",
     "Pages": "report animate live",
     "Equations": "show explain diff",
     "Kernels": "build generate export",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -15,14 +16,42 @@ if TYPE_CHECKING:
     from symgen.inspection.subject import Chosen, Subject
 
 
-@command("symgen scenes")
-def scenes() -> None:
-    """List the shipped scenes."""
+@command("symgen scenes crank_rocker")
+def scenes(
+    name: Annotated[
+        str | None,
+        typer.Argument(help="A shipped scene to print, as the file that it is; default: all names."),
+    ] = None,
+) -> None:
+    """List the shipped scenes, or print one of them."""
     from symgen.report.tables import table
-    from symgen.scene.loading import read_scene, shipped_scenes
+    from symgen.scene.loading import read_scene, shipped_scene, shipped_scenes
 
+    if name is not None:
+        print(shipped_scene(name), end="")
+        return
     rows = [(name, read_scene(name).data.get("title", "")) for name in shipped_scenes()]
     console().print(table("Shipped scenes", ("name", "mechanism"), rows, texts=(0, 1)))
+
+
+@command("symgen new linkage.toml --from crank_rocker")
+def new(
+    file: Annotated[Path, typer.Argument(help="The scene file to write: .toml.")],
+    source: Annotated[
+        str, typer.Option("--from", metavar="SCENE", help="The shipped scene to begin with.")
+    ] = "four_bar",
+) -> None:
+    """Write a scene of one's own, a copy of a shipped one to change."""
+    from symgen.atomic import writable, write_text
+    from symgen.errors import ResultError
+    from symgen.scene.loading import shipped_scene
+
+    text = shipped_scene(source)
+    writable(file, (".toml",), "scene")
+    if file.exists():
+        raise ResultError(f"{file} exists\n  Give another name, or remove it.")
+    write_text(file, text)
+    print(f"{file}\n  Change it, then: symgen run {file}, symgen animate {file}")
 
 
 @command("symgen show peaucellier constraint_jacobian --format latex")

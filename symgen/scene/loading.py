@@ -42,6 +42,20 @@ def shipped_scenes() -> list[str]:
     return sorted(path.stem for path in SHIPPED.glob("*.toml"))
 
 
+def shipped_scene(name: str) -> str:
+    """Return the text of a shipped scene.
+
+    Raises
+    ------
+    SceneError
+        When no scene of this name comes with symgen.
+    """
+    known = shipped_scenes()
+    if name not in known:
+        raise SceneError(f"no scene called {name!r} comes with symgen", hint=nearest(name, known))
+    return scene_path(name).read_text(encoding="utf-8")
+
+
 def scene_path(source: str | os.PathLike[str]) -> Path:
     """Return the file of a scene: that of a shipped name, else the path itself."""
     text = os.fspath(source)

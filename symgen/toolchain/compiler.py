@@ -18,6 +18,7 @@ from collections.abc import Sequence
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass, replace
 from functools import cache
+from importlib.util import find_spec
 from pathlib import Path
 
 from symgen.errors import BuildError, ModelError, SlowBackendWarning, nearest
@@ -260,7 +261,7 @@ class Process:
 
 
 def find_compiler() -> Compiler | None:
-    """Return the compiler named by ``CC``, or the first of cc, gcc and clang; None if there is none.
+    """Return the compiler named by ``CC``, or the first of cc, gcc, clang and Zig; None if there is none.
 
     Raises
     ------
@@ -268,7 +269,7 @@ def find_compiler() -> Compiler | None:
         If the compiler in ``CC`` does not exist, or ``CC`` or ``SYMGEN_CFLAGS`` cannot be parsed.
     """
     chosen = os.environ.get("CC")
-    candidates = [_words("CC", chosen)] if chosen else [["cc"], ["gcc"], ["clang"]]
+    candidates = [_words("CC", chosen)] if chosen else [["cc"], ["gcc"], ["clang"], *_zig()]
     flags = os.environ.get("SYMGEN_CFLAGS")
     for command in candidates:
         path = shutil.which(command[0]) if command else None
@@ -279,6 +280,15 @@ def find_compiler() -> Compiler | None:
     if chosen:
         raise BuildError(f"CC names the compiler {chosen!r}, which is not there; unset CC or correct it")
     return None
+
+
+def _zig() -> list[list[str]]:
+    """Return the command of the C compiler in the Python package of Zig, if that is installed.
+
+    Zig compiles for the processor at hand and checks overflow, unless it is told otherwise.
+    """
+    command = [sys.executable, "-m", "ziglang", "cc", "-mcpu=baseline", "-fno-sanitize=all"]
+    return [command] if find_spec("ziglang") else []
 
 
 def _words(variable: str, value: str) -> list[str]:

@@ -39,8 +39,8 @@ BACKENDS = ("auto", "c", "numpy", "mpmath")
 #: Default number of digits of the backend mpmath.
 DIGITS = 40
 GET_A_COMPILER = (
-    "Install one: 'apt install gcc' or 'dnf install gcc' on Linux, 'xcode-select --install' on macOS; "
-    "or name it in CC."
+    "Install one: 'pip install symgen[cc]' anywhere, 'apt install gcc' or 'dnf install gcc' on Linux, "
+    "'xcode-select --install' on macOS; or name it in CC."
 )
 _DESCRIPTION, _LIBRARY = "description.json", "kernels.so"
 #: Extra digits of constants beyond the working precision of mpmath.

@@ -1,0 +1,31 @@
+"""``symgen new`` and ``symgen scenes NAME``."""
+
+import pytest
+from typer.testing import CliRunner
+
+from symgen.cli import app
+from symgen.errors import ResultError, SceneError
+from symgen.scene.loading import SHIPPED, check_scene, read_scene
+
+
+def invoke(*words):
+    return CliRunner().invoke(app, words)
+
+
+def test_a_copy_is_the_shipped_scene_and_overwrites_nothing(tmp_path):
+    file = tmp_path / "mine.toml"
+    assert invoke("new", str(file), "--from", "crank_rocker").exit_code == 0
+    text = (SHIPPED / "crank_rocker.toml").read_text(encoding="utf-8")
+    assert file.read_text(encoding="utf-8") == text == invoke("scenes", "crank_rocker").output
+    assert check_scene(read_scene(file)).title == "Crank-rocker driven at constant speed"
+    again = invoke("new", str(file))
+    assert isinstance(again.exception, ResultError) and "exists" in str(again.exception)
+    assert file.read_text(encoding="utf-8") == text
+
+
+@pytest.mark.parametrize("words", [("scenes", "crank_roker"), ("new", "x.toml", "--from", "crank_roker")])
+def test_unknown_scenes_are_named(words, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    found = invoke(*words)
+    assert isinstance(found.exception, SceneError) and "Did you mean 'crank_rocker'?" in str(found.exception)
+    assert not list(tmp_path.iterdir())
