@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from symgen.errors import InitialStateError, ModelError, RangeError, SimulationError, nearest, shown
 from symgen.runtime.many.compiled import compiled_runs
 from symgen.runtime.many.dataset import Keep, Kept, at_one_pose
-from symgen.runtime.many.driven import Driven
+from symgen.runtime.many.driven import Driven, driven_runs
 
 if TYPE_CHECKING:
     from symgen.runtime.result.state import State
@@ -102,6 +102,13 @@ class Runs:
             return self.model
         return self.model.with_parameters(**{name: values[i] for name, values in self.columns.items()})
 
+    def driven(self) -> Driven | None:
+        """Return the runs in lanes, where they are of a driven linkage."""
+        if self.analysis not in ("kinematics", "inverse_dynamics"):
+            return None
+        forces = self.analysis == "inverse_dynamics"
+        return driven_runs(self.model, forces, self.columns, self.states, self.arguments)
+
     def result(self, i: int) -> Any:
         """Carry out run i by itself; errors are those of the analysis."""
         state = {} if self.states is None else {"state": self.states[i]}
@@ -124,11 +131,13 @@ def carried_out(
     progress: Callable[[float], None] | None,
     *,
     some: bool = True,
+    accepted: bool = False,
 ) -> list[Kept]:
     """Return the samples of all runs; where ``some`` must succeed and none does, raise the first error.
 
     The runs up to the first that succeeds are carried out one after the other: it may compile kernels for all
-    others, and wrong arguments are refused there.
+    others, and wrong arguments are refused there. Those of driven linkages need it only for arguments that
+    were not ``accepted`` by another call.
     """
     wrong = [name for name in _SINGLE if name in runs.arguments]
     if wrong:
@@ -136,8 +145,8 @@ def carried_out(
     if threads is not None and threads < 1:
         raise ModelError(f"expected one thread or more, got {threads}")
     kept: list[Kept] = []
-    result, failed = None, None
-    while result is None and len(kept) < len(runs):
+    result, failed, driven = None, None, runs.driven() if accepted else None
+    while not driven and result is None and len(kept) < len(runs):
         try:
             result = runs.result(len(kept))
             kept.append(runs.kept(result, keep))
@@ -152,7 +161,7 @@ def carried_out(
         return kept
     done, count, workers = len(kept), len(runs), threads or _processors()
     kept += [Kept()] * (count - done)
-    compiled = compiled_runs(runs.model, result, runs.columns, runs.states, runs.arguments)
+    compiled = driven or compiled_runs(runs.model, result, runs.columns, runs.states, runs.arguments)
 
     def carry_out(first: int, last: int) -> int:
         found = compiled(first, last, keep) if compiled else [None] * (last - first)

@@ -117,7 +117,8 @@ class Sweep:
         """Return the results of the runs first to last - 1."""
         rows = self.design.values(first, last)
         columns = {name: rows[:, i] for i, name in enumerate(self.design.names)}
-        kept = carried_out(self._runs(columns), self.keep, self.threads, progress, some=False)
+        runs = self._runs(columns)  # the layout has accepted the arguments
+        kept = carried_out(runs, self.keep, self.threads, progress, some=False, accepted=True)
         if all(k.error for k in kept):
             return layout.filled(columns, [k.error for k in kept])
         return layout.taken(dataset_of(self.model.description, self.analysis, columns, kept))
