@@ -5,15 +5,19 @@ from __future__ import annotations
 import io
 import math
 import re
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
+import xarray
 from rich.console import Console
 from rich.table import Table
 from shared.commands import call
 
 from symgen.cli import carrying, inspection
+from symgen.report import sweeps
 from symgen.report.extremes import Components
+from symgen.report.synthesis import print_synthesis
 from symgen.report.tables import table
 from symgen.runtime.result.records import Variable
 
@@ -73,6 +77,33 @@ def test_tables_fit_80_columns(line, monkeypatch):
     for module in (carrying, inspection):
         monkeypatch.setattr(module, "console", lambda: terminals)
     call(*line.split())
+    terminals.check()
+
+
+def test_four_bars_fit_80_columns():
+    """Long lengths, and a crank that makes no revolution, which has no least transmission angle."""
+    lengths = dict.fromkeys(("crank", "coupler", "rocker", "fixed"), 0.000338105)
+    linkage = SimpleNamespace(grashof="triple-rocker", lengths=lengths, error=1.7e-15)
+    designs = [
+        SimpleNamespace(linkage=linkage, quantities=angles, faults=())
+        for angles in ({}, {"transmission_minimum": 0.7, "transmission_maximum": 2.5})
+    ]
+    terminals = Terminals()
+    print_synthesis(SimpleNamespace(title="", designs=designs), terminals)
+    terminals.check()
+    assert re.search(r" - +- ", terminals.texts[1]) and "143.24" in terminals.texts[0]
+
+
+def test_extremes_of_a_sweep_fit_80_columns():
+    values = xarray.Variable("run", [-1.2345678e-5, 2.3456789e-5], {"units": "kg*m^2/s"})
+    varied = {f"links.coupler{k}.section.width": ("run", [0.0123456 * k, 0.0234567]) for k in range(1, 4)}
+    runs = xarray.Dataset(
+        {"links.coupler.angular_momentum.peak": values, "error": ("run", ["", ""])},
+        varied,
+        {"title": "a sweep"},
+    )
+    terminals = Terminals()
+    sweeps.print_sweep(runs, terminals)
     terminals.check()
 
 
