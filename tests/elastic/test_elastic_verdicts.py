@@ -139,7 +139,7 @@ def test_angles_asked_for_have_their_columns(four_bar):
     line = next(line for line in text.splitlines() if "coupler.stress" in line)
     assert [float(x) for x in line.split()[2:4]] == pytest.approx(run["coupler.stress"].values, rel=1e-5)
     words = " ".join(text.split())
-    assert "over crank angle [deg]" in words and "angles asked for only" in words
+    assert "over crank angle [deg]" in words and "at the selected crank angles only" in words
 
 
 def test_a_steady_state_that_is_not_the_only_one():
