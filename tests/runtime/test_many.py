@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from dataclasses import replace
 
 import numpy as np
@@ -11,7 +12,7 @@ from shared.variants import BASE, crank_rocker_with_lengths, pins
 import symgen
 from symgen.errors import CapabilityError, InitialStateError, ModelError, RangeError
 from symgen.runtime.kernels import batch
-from symgen.runtime.many import compiled, driven
+from symgen.runtime.many import compiled, driven, runs
 from symgen.runtime.many.compiled import compiled_runs
 from symgen.runtime.many.dataset import Keep
 from symgen.runtime.rods import start
@@ -134,6 +135,31 @@ def test_long_runs_and_large_linkages_are_carried_out_singly(model, monkeypatch)
         runs = [getattr(model.with_parameters(b=b), analysis)(**options) for b in columns["b"]]
         assert compiled_runs(model, runs[0], columns, None, options) is None
         same_bits(getattr(model, f"{analysis}_many")(columns, **options), runs)
+
+
+def test_an_interrupt_waits_for_few_runs(model, monkeypatch):
+    """For one in each thread if they are single, else for blocks of so many steps."""
+    begun, result = [], runs.Runs.result
+
+    def slow(self, i):
+        begun.append(i)
+        if i > 32:
+            time.sleep(0.01)
+        return result(self, i)
+
+    def interrupt(fraction):
+        if len(begun) > 32:
+            raise KeyboardInterrupt
+
+    columns, given = {"b": np.linspace(0.34, 0.36, 256)}, {"samples": 2, "step": 1e-3, "t_end": 0.005}
+    first = model.with_parameters(b=0.34).simulate(**given)
+    with monkeypatch.context() as shorter:
+        shorter.setattr(compiled, "_MOST_STEPS", 12)
+        assert compiled_runs(model, first, columns, None, given).most == 2
+    monkeypatch.setattr(runs.Runs, "result", slow)
+    with pytest.raises(KeyboardInterrupt):
+        model.simulate_many(columns, max_wall=60.0, threads=2, progress=interrupt, **given)
+    assert 32 < len(begun) < 50
 
 
 def test_large_programs_are_not_compiled_for_lanes(model, monkeypatch):

@@ -9,6 +9,7 @@
  */
 #include "lanes.h"
 #include "run.h"
+#include "stages.h"
 #include "tableau.h"
 
 /* `own` holds the derivatives of all stages, a row each, and a row of scratch. */
@@ -34,58 +35,6 @@ static int begin(struct run *run) {
     return DONE;
 }
 
-enum { MOST_BLOCKS = 4 };
-
-/* Blocks of out = base (0 where NULL) + the sum of rows by their factors, from one column on; `wide` is a
- * constant of each call, so that the sums stay in registers. */
-static inline void add_blocks(const real *base, const real *factors, const real *rows, long count, long dim, real *out,
-                              int wide) {
-    block sum[MOST_BLOCKS];
-    for (int k = 0; k < wide; k++)
-        sum[k] = base ? *(const block *)(base + k * BLOCK) : (block){0};
-    for (long j = 0; j < count; j++, rows += dim)
-        for (int k = 0; k < wide; k++)
-            sum[k] += factors[j] * *(const block *)(rows + k * BLOCK);
-    for (int k = 0; k < wide; k++)
-        *(block *)(out + k * BLOCK) = sum[k];
-}
-
-/* out = base (0 where NULL) + the sum of rows by their factors, one row after the other for every entry. The
- * last block may overlap the one before it. */
-LANES static void add_rows(const real *base, const real *factors, const real *rows, long count, long dim,
-                           real *restrict out) {
-    long at = 0, left;
-    if (dim < BLOCK) {
-        for (long i = 0; i < dim; i++) {
-            out[i] = base ? base[i] : 0;
-            for (long j = 0; j < count; j++)
-                out[i] += factors[j] * rows[j * dim + i];
-        }
-        return;
-    }
-    for (; at + MOST_BLOCKS * BLOCK <= dim; at += MOST_BLOCKS * BLOCK)
-        add_blocks(base ? base + at : NULL, factors, rows + at, count, dim, out + at, MOST_BLOCKS);
-    left = (dim - at) / BLOCK;
-    if (left == 3)
-        add_blocks(base ? base + at : NULL, factors, rows + at, count, dim, out + at, 3);
-    else if (left == 2)
-        add_blocks(base ? base + at : NULL, factors, rows + at, count, dim, out + at, 2);
-    else if (left == 1)
-        add_blocks(base ? base + at : NULL, factors, rows + at, count, dim, out + at, 1);
-    if (at + left * BLOCK < dim) {
-        at = dim - BLOCK;
-        add_blocks(base ? base + at : NULL, factors, rows + at, count, dim, out + at, 1);
-    }
-}
-
-/* out = base (0 where NULL) + the stages before `count` by their weights times h. */
-static void add_stages(const struct run *run, const real *weights, long count, real h, const real *base, real *out) {
-    real factors[MOST_STAGES];
-    for (long j = 0; j < count; j++)
-        factors[j] = h * weights[j];
-    add_rows(base, factors, run->own, count, run->dim, out);
-}
-
 /* Fill stage s from the stages before it: DONE, or SINGULAR where its accelerations have no digits. */
 static int fill_stage(struct run *run, const struct tableau *x, long s, real h) {
     struct equations *e = run->e;
@@ -93,7 +42,7 @@ static int fill_stage(struct run *run, const struct tableau *x, long s, real h) 
     real *stages = run->own;
     real t = run->state->t + x->c[s] * h;
     int status = DONE;
-    add_stages(run, x->a + s * x->all, s, h, run->y, run->stage);
+    add_stages(x->a + s * x->all, s, h, run->own, run->dim, run->y, run->stage);
     if (is_magnified(run)) {
         memcpy(run->error, run->stage, row);
         status = e->of->project(e, t, run->error);
@@ -112,7 +61,7 @@ static real estimate(struct run *run, const struct tableau *x, real t_new, real 
     if (is_magnified(run))
         e->of->factorise(e, t_new, run->y_new);
     for (long r = 0; r < x->rows; r++) {
-        add_stages(run, x->e + r * (x->stages + 1), x->stages + x->same_as_last, h, NULL, errors[r]);
+        add_stages(x->e + r * (x->stages + 1), x->stages + x->same_as_last, h, run->own, run->dim, NULL, errors[r]);
         if (is_magnified(run)) {
             e->of->make_tangent(e, t_new, run->y_new, errors[r]);
             e->of->make_tangent(e, t_new, run->y_new, errors[r] + e->n);
@@ -138,7 +87,7 @@ static int step(struct run *run, real t, real h, real t_new) {
     for (long s = 1; s < x.stages; s++)
         if (fill_stage(run, &x, s, h) != DONE && run->scheme.adaptive)
             return SINGULAR;
-    add_stages(run, x.b, x.stages, h, run->y, run->y_new);
+    add_stages(x.b, x.stages, h, run->own, run->dim, run->y, run->y_new);
     if (x.same_as_last) {
         int status = settle(run, t_new);
         if (status != DONE)
@@ -194,7 +143,7 @@ static void interpolate(struct run *run, real h, real theta, real *y) {
     struct tableau x = tableau_of(&run->scheme);
     real weights[MOST_STAGES];
     dense_weights(&x, h, theta, weights);
-    add_stages(run, weights, x.all, R(1), run->y, y);
+    add_stages(weights, x.all, R(1), run->own, run->dim, run->y, y);
 }
 
 static void accept(struct run *run) {

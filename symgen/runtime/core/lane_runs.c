@@ -4,6 +4,7 @@
 
 #include "arena.h"
 #include "lanes.h"
+#include "stages.h"
 #include "tableau.h"
 
 static size_t place(struct lane_runs *l, const struct lane_sizes *s, const struct scheme *scheme, void *memory) {
@@ -57,14 +58,6 @@ static void call(struct lane_runs *l, kernel function, real t, const real *y, re
 LANES static void add(ptrdiff_t count, real factor, const real *restrict from, real *restrict to) {
     for (ptrdiff_t i = 0; i < count; i++)
         to[i] += factor * from[i];
-}
-
-/* to = base + the first rows of l->own by their weights times h. */
-static void add_stages(const struct lane_runs *l, const real *weights, ptrdiff_t count, real h, const real *base, real *to) {
-    const ptrdiff_t all = l->dim * l->sizes.lanes;
-    memcpy(to, base, (size_t)all * sizeof(real));
-    for (ptrdiff_t j = 0; j < count; j++)
-        add(all, h * weights[j], l->own + j * all, to);
 }
 
 static void fail_unless_finite(struct lane_runs *l, const real *values) {
@@ -265,7 +258,7 @@ static void interpolate(struct lane_runs *l, real h, real theta) {
     const struct tableau x = tableau_of(&l->scheme);
     real weights[MOST_STAGES];
     dense_weights(&x, h, theta, weights);
-    add_stages(l, weights, x.all, R(1), l->y, l->stage);
+    add_stages(weights, x.all, R(1), l->own, l->dim * l->sizes.lanes, l->y, l->stage);
 }
 
 /* Take a step to t_new, and leave the derivatives at its end behind those of the stages. */
@@ -273,10 +266,10 @@ static void take_step(struct lane_runs *l, real t, real h, real t_new) {
     const struct tableau x = tableau_of(&l->scheme);
     const ptrdiff_t row = l->dim * l->sizes.lanes;
     for (ptrdiff_t s = 1; s < x.stages; s++) {
-        add_stages(l, x.a + s * x.all, s, h, l->y, l->stage);
+        add_stages(x.a + s * x.all, s, h, l->own, row, l->y, l->stage);
         lane_derivative(l, t + x.c[s] * h, l->stage, l->own + s * row);
     }
-    add_stages(l, x.b, x.stages, h, l->y, l->y_new);
+    add_stages(x.b, x.stages, h, l->own, row, l->y, l->y_new);
     fail_unless_finite(l, l->y_new);
     project_lanes(l, t_new, l->y_new, 0);
     lane_derivative(l, t_new, l->y_new, l->own + x.stages * row);

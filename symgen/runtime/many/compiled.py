@@ -38,7 +38,8 @@ class Compiled:
     """Runs with parameters ``given`` (runs, parameters) from their starts, or from states (runs, (q, u)).
 
     ``single`` are runs with the parameters of the scene, which start from the stored state; ``batched`` the
-    kernels that take vectors, for fixed explicit steps in SIMD lanes.
+    kernels that take vectors, for fixed explicit steps in SIMD lanes. Of ``steps``, as many as the first run
+    took, ``most`` runs take place in one call, which nothing interrupts.
     """
 
     evaluator: Evaluator
@@ -49,6 +50,12 @@ class Compiled:
     states: Array | None
     single: NDArray[np.bool_]
     batched: Library | None
+    steps: int
+
+    @property
+    def most(self) -> int:
+        """Number of runs of one call."""
+        return max(1, _MOST_STEPS // max(1, self.steps))
 
     @property
     def grain(self) -> int:
@@ -125,7 +132,7 @@ def compiled_runs(
     batched = None
     if _in_lanes(chosen) and fits_lanes(d) and not d.turns and isinstance(model._typed, Typed):
         batched = model._typed.kernels(True)
-    return Compiled(evaluator, chosen, t0, times, given, rows, single, batched)
+    return Compiled(evaluator, chosen, t0, times, given, rows, single, batched, source.stepper.steps)
 
 
 def _in_lanes(chosen: Options) -> bool:

@@ -6,13 +6,14 @@ import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import dataclass
+from threading import Event
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from symgen.errors import InitialStateError, ModelError, RangeError, SimulationError, nearest, shown
-from symgen.runtime.many.compiled import compiled_runs
+from symgen.runtime.many.compiled import Compiled, compiled_runs
 from symgen.runtime.many.dataset import Keep, Kept, at_one_pose
 from symgen.runtime.many.driven import Driven, driven_runs
 
@@ -162,10 +163,13 @@ def carried_out(
     done, count, workers = len(kept), len(runs), threads or _processors()
     kept += [Kept()] * (count - done)
     compiled = driven or compiled_runs(runs.model, result, runs.columns, runs.states, runs.arguments)
+    ended = Event()
 
     def carry_out(first: int, last: int) -> int:
         found = compiled(first, last, keep) if compiled else [None] * (last - first)
         for i, one in enumerate(found, first):
+            if ended.is_set():
+                break
             try:
                 kept[i] = runs.kept(runs.result(i), keep) if one is None else one
             except FAILURES as error:
@@ -173,10 +177,14 @@ def carried_out(
         return last - first
 
     grain = compiled.grain if compiled else 1
-    most = _REDUCED if isinstance(compiled, Driven) and compiled.reduces(keep) else _BLOCK
+    most = _BLOCK
+    if isinstance(compiled, Compiled):
+        most = min(_BLOCK, compiled.most)
+    elif isinstance(compiled, Driven) and compiled.reduces(keep):
+        most = _REDUCED
     block = grain * -(-min(most, max(1, count // (4 * workers))) // grain)
     blocks = [(first, min(first + block, count)) for first in range(done, count, block)]
-    for finished in _in_threads(carry_out, blocks, workers):
+    for finished in _in_threads(carry_out, blocks, workers, ended):
         done += finished
         if progress:
             progress(done / count)
@@ -184,9 +192,12 @@ def carried_out(
 
 
 def _in_threads(
-    task: Callable[[int, int], int], blocks: Sequence[tuple[int, int]], workers: int
+    task: Callable[[int, int], int], blocks: Sequence[tuple[int, int]], workers: int, ended: Event
 ) -> Iterator[int]:
-    """Yield the results of a task for blocks of runs, as they end; an exception in one of them ends all."""
+    """Yield the results of a task for blocks of runs, as they end; an exception in one of them ends all.
+
+    ``ended`` is set before the blocks in hand are waited for.
+    """
     if workers == 1:
         yield from (task(*block) for block in blocks)
         return
@@ -196,6 +207,7 @@ def _in_threads(
             for future in as_completed(pending):
                 yield future.result()
         finally:
+            ended.set()
             for future in pending:
                 future.cancel()
 
