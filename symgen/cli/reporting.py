@@ -113,7 +113,7 @@ def live(
     file = out or Path(f"{text.name}_live.html")
     writable(file, (".html",), "page")
     with _status(f"live page of {text.name}") as told:
-        page = live_of(text, of_options(vary or ()), samples or FRAMES)
+        page = live_of(text, of_options(vary or ()), FRAMES if samples is None else samples)
         told("writing")
     write_text(file, page_of(page))
     print(file)

@@ -10,6 +10,8 @@ from symgen.toolchain.wasm import compile_wasm
 
 #: The most steps from one frame to the next.
 _STEPS = 100_000
+#: Parts of the way from the parameters of the scene to those of the sliders.
+_PARTS = 32
 
 
 def wasm_of(x: Exported, frames: int) -> bytes:
@@ -38,7 +40,7 @@ def sources_of(x: Exported, frames: int) -> list[SourceFile]:
             f"{x.name} has no live page: its export in C has no outputs\n  'symgen animate' draws its motion."
         )
     template = environment().get_template("export/live.c.j2")
-    text = template.render(x=x, frames=frames, rtol=RTOL, atol=ATOL, steps=_STEPS)
+    text = template.render(x=x, frames=frames, rtol=RTOL, atol=ATOL, steps=_STEPS, parts=_PARTS)
     # The example and the check have functions main() of their own.
     kept = (f for f in files_of(x) if f.name not in ("main.c", "check.c"))
     return [*kept, SourceFile("live.c", text)]

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from symgen.errors import ModelError
 from symgen.export import exported
@@ -20,6 +23,8 @@ from symgen.study.sweeps import tunable, values_of
 
 #: A slider without a range of its own goes from the value times the first to the value times the second.
 _RANGE = (0.5, 1.5)
+#: Starts differ by less over their size where a parameter leaves them as they are.
+_SAME = 1e-9
 
 
 def live_of(text: SceneText, vary: Mapping[str, str], frames: int) -> Live:
@@ -31,7 +36,7 @@ def live_of(text: SceneText, vary: Mapping[str, str], frames: int) -> Live:
         The scene.
     vary
         Ranges ``LOW:HIGH`` of sliders by parameter or key; where empty, of all tunable parameters, or of the
-        lengths of links in a scene that has none.
+        lengths of links in a scene that has none, their masses where no drive moves them.
     frames
         Number of frames of the motion.
 
@@ -42,7 +47,9 @@ def live_of(text: SceneText, vary: Mapping[str, str], frames: int) -> Live:
     SceneError, BuildError, CacheError, SimulationError
         As for building the scene, and where Zig is missing.
     """
-    keys = list(vary) or ([] if _has_tunable(text) else [*_lengths(text)])
+    if frames < 2:
+        raise ModelError(f"expected at least 2 frames of a page, got {frames}")
+    keys = list(vary) or ([] if _has_tunable(text) else [*_usual(text)])
     text, names = tunable(text, keys)
     ranges = values_of(text, names, vary)
     wrong = next((name for name, given in ranges.items() if not isinstance(given, Uniform)), None)
@@ -62,6 +69,9 @@ def live_of(text: SceneText, vary: Mapping[str, str], frames: int) -> Live:
     code = exported(text)
     entries = [slot.name.partition(" ")[0] for slot in code.outputs]
     d = model.description
+    sliders = [_slider(p, ranges.get(p.name), p in d.tunable and not vary) for p in d.parameters]
+    if "kinematics" not in model.capabilities:
+        _check_start(model, sliders)
     return Live(
         title=d.title,
         caption=view.film_caption,
@@ -73,7 +83,7 @@ def live_of(text: SceneText, vary: Mapping[str, str], frames: int) -> Live:
         plotted=[k for k, name in enumerate(entries) if name in plotted],
         drawn={place: [k for k, name in enumerate(entries) if name == place] for place in places},
         sketch=lambda drawn: view.sketch_at(resolved, drawn),
-        sliders=[_slider(p, ranges.get(p.name), p in d.tunable and not vary) for p in d.parameters],
+        sliders=sliders,
     )
 
 
@@ -82,10 +92,39 @@ def _has_tunable(text: SceneText) -> bool:
     return any(isinstance(given, dict) and given.get("tunable") for given in parameters)
 
 
-def _lengths(text: SceneText) -> Iterator[str]:
+def _usual(text: SceneText) -> Iterator[str]:
+    """Yield the lengths of links, or their masses where forces move them."""
+    wanted = ("length",) if "drivers" in text.data else ("mass", "mass_per_length")
     for name, link in text.data.get("links", {}).items():
-        if isinstance(link, dict) and "length" in link:
-            yield f"links.{name}.length"
+        yield from (f"links.{name}.{key}" for key in wanted if isinstance(link, dict) and key in link)
+
+
+def _check_start(model: Any, sliders: Sequence[Slider]) -> None:
+    """Check that sliders leave the start of a motion under forces as it is: pages do not assemble it anew.
+
+    Raises
+    ------
+    ModelError
+        With the slider that moves the start.
+    """
+
+    def start(of: Any) -> NDArray[np.float64]:
+        if not hasattr(of, "initial_state"):
+            return np.asarray(of.closed_start().q, dtype=float)
+        state = of.initial_state()
+        return np.concatenate([state.q, state.u])
+
+    own = start(model)
+    for slider in sliders:
+        for value in (slider.low, slider.high):
+            if value is None:
+                continue
+            moved = np.abs(start(model.with_parameters(**{slider.name: value})) - own)
+            if np.max(moved, initial=0.0) > _SAME * np.max(np.abs(own), initial=1.0):
+                raise ModelError(
+                    f"{slider.name} moves the start of {model.name}, which a live page of a motion under "
+                    "forces does not compute\n  Choose masses or loads; lengths where a link is driven."
+                )
 
 
 def _slider(p: ParameterInfo, given: Any, chosen: bool) -> Slider:

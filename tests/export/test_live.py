@@ -111,6 +111,20 @@ def test_a_linkage_with_other_lengths_is_that_of_symgen(page_of):
     assert data["frames"] == FRAMES and data["outputs"] == len(names)
 
 
+def test_starts_far_from_that_of_the_scene_are_reached(page_of):
+    """Lengths at which a projection of the scene's start alone does not meet the constraints."""
+    page, _, code = page_of("crank_rocker")
+    names = [name for name, _ in page.outputs]
+    status, times, outputs = code.follow(0.076, 0.279, 0.394)
+    assert status == 0 and len(times) == FRAMES
+    b = outputs[:, [names.index(f"B.position.{c}") for c in "xy"]]
+    a = 0.076 * np.stack([np.cos(2 * np.pi * times), np.sin(2 * np.pi * times)], axis=1)
+    assert np.linalg.norm(b - a, axis=1) == pytest.approx(np.full(FRAMES, 0.279), abs=1e-14)
+    assert np.linalg.norm(b - [0.4, 0.0], axis=1) == pytest.approx(np.full(FRAMES, 0.394), abs=1e-14)
+    (bx, by), (ax, ay) = (b - [0.4, 0.0]).T, (a - [0.4, 0.0]).T
+    assert len({*np.sign(bx * ay - by * ax)}) == 1  # on one branch
+
+
 def test_a_loop_with_other_parameters_is_that_of_symgen(page_of):
     page, data, code = page_of("slider_crank", {"a4": "0 in:20 in", "S1": "0 in:9 in"})
     assert {s.name: s.high for s in page.sliders if s.high is not None} == pytest.approx(
@@ -158,6 +172,10 @@ def test_refusals(monkeypatch):
         sources_of(SimpleNamespace(name="elastic", outputs=()), FRAMES)
     with pytest.raises(ModelError, match="expected the range of the slider of links_coupler_length"):
         inspected.live_of(read_scene("crank_rocker"), {"links.coupler.length": "1 m"}, FRAMES)
+    with pytest.raises(ModelError, match="links_crank_length moves the start of four_bar"):
+        inspected.live_of(read_scene("four_bar"), {"links.crank.length": "0.9 m:1.1 m"}, FRAMES)
+    with pytest.raises(ModelError, match="expected at least 2 frames of a page, got 1"):
+        inspected.live_of(read_scene("crank_rocker"), {}, 1)
     monkeypatch.setattr("symgen.toolchain.wasm.find_spec", lambda _: None)
     with pytest.raises(BuildError, match=r"pip install 'symgen\[live\]'"):
         compile_wasm([])

@@ -65,7 +65,7 @@ def test_structure_names_rows_variables_and_what_is_left_out():
         f"({operations(general(loop)) / operations(loop):.1f} times)"
     )
     assert saved[1].split()[0] == "setup" and saved[1].endswith("once per run")
-    assert len(saved) == 2 + len(system.exports)
+    assert saved[-1].startswith("code in C: ") and len(saved) == 3 + len(system.exports)
 
 
 @pytest.mark.parametrize("name", LOOPS)

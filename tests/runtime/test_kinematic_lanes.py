@@ -242,3 +242,11 @@ def test_a_load_that_is_not_a_number_ends_its_run_alone():
     assert "no finite forces" in found["error"].values[2]
     times, torques = (np.delete(found[name].values, 2, axis=0) for name in ("time", "crank.torque"))
     assert torques == pytest.approx(-np.sqrt(1 - times / np.delete(ends, 2)[:, None]), abs=1e-12)
+    # Reduced in the lanes, too; also where only times that are not recorded have no number.
+    for samples in (9, 2):
+        reduced = model.inverse_dynamics_many(
+            {"T": ends}, samples=samples, outputs=["crank.torque"], reduce=["peak", "final"]
+        )
+        assert [bool(e) for e in reduced["error"].values] == [False, False, True, False]
+        assert np.isnan(reduced["crank.torque.peak"].values[2])
+        assert np.delete(reduced["crank.torque.peak"].values, 2) == pytest.approx([1.0] * 3, abs=1e-12)

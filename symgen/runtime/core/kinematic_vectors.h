@@ -275,6 +275,8 @@ static void reduce(struct kinematic_lanes *k, const struct kinematic_lane_task *
     wide *greatest = k->extremes, *least = greatest + count, *longest = least + count, *last = longest + count;
     call(k->kernels.points, &k->t, k->q, k->q + k->sizes.n, k->p, k->work, k->here);
     k->steady &= ~arrived | (k->passed != k->passed) | turns_little(k, e);
+    for (ptrdiff_t i = 0; i < count; i++) /* the caller finds out what is not finite, from all values */
+        k->steady &= ~arrived | finite(k->out[i]);
     copy_where(arrived, k->here, both, k->before);
     k->passed = chosen(arrived, k->t, k->passed);
     arrived &= recorded(task);

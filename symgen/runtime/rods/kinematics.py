@@ -313,7 +313,7 @@ def _elsewhere(
     apart: list[Range] = []
     for low, high in _gaps(covered, asked):
         for t in low + (high - low) * (np.arange(_PROBES) + 0.5) / _PROBES:
-            if any(a <= t <= b for a, b in apart):
+            if any(a <= t <= b for a, b in apart) or not np.isfinite(curve.bonds.residual(q, t)).all():
                 continue
             found = assemblies(curve.bonds, q, float(t), tries=8)
             if not found:
