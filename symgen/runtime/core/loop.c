@@ -6,6 +6,10 @@
 #include "linear.h"
 #include "loop_limits.h"
 
+#define NUMBER real
+#define LOOP struct loop
+#include "screws.h"
+
 /* -- memory ----------------------------------------------------------------------------------------------- */
 
 /* Reals that any kernel's work or results may need. */
@@ -145,18 +149,6 @@ void loop_solve(struct loop *l, real *b, real *x) {
         x[k] *= l->scale[l->solved[k]];
 }
 
-/* Write the twist that would close the loop: minus the small rotation, and the displacement at O. */
-static void mismatch(const struct loop *l, real *b) {
-    const real *e = l->screws;
-    const real x = R(0.5) * (e[9] - e[6]), y = R(0.5) * (e[2] - e[8]), z = R(0.5) * (e[4] - e[1]);
-    b[0] = -x;
-    b[1] = -y;
-    b[2] = -z;
-    b[3] = -e[3] + y * e[11] - z * e[7];
-    b[4] = -e[7] + z * e[3] - x * e[11];
-    b[5] = -e[11] + x * e[7] - y * e[3];
-}
-
 /* Put the solved variables of q at `trial` and a part of `step`. */
 static void place(const struct loop *l, real *q, real part) {
     for (long k = 0; k < l->sizes.solved; k++)
@@ -264,15 +256,6 @@ int loop_move(struct loop *l, real t, const real *q, real *u, real *a) {
 }
 
 /* -- forces ----------------------------------------------------------------------------------------------- */
-
-/* The reciprocal product of variable j's screw with a wrench (force, moment). */
-static real power(const struct loop *l, long j, const real *w) {
-    const long n = l->sizes.n;
-    real total = 0;
-    for (int i = 0; i < 3; i++)
-        total += l->screws[12 + n * i + j] * w[3 + i] + l->screws[12 + n * (3 + i) + j] * w[i];
-    return total;
-}
 
 void loop_hold(struct loop *l, const real *efforts, real *wrench) {
     real c[MOST], s[ROWS];

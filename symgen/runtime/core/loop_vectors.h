@@ -23,6 +23,9 @@ struct loop_lanes {
     wide closure, soundness, hold;
 };
 
+#define LOOP struct loop_lanes
+#include "screws.h"
+
 static size_t place(struct loop_lanes *l, const struct loop_sizes *s, void *memory) {
     const ptrdiff_t n = s->n, state = 3 * n + ROWS;
     const struct arena_array arrays[] = {
@@ -168,17 +171,6 @@ static mask look(struct loop_lanes *l, wide t, const wide *q) {
     return known;
 }
 
-static void mismatch(const struct loop_lanes *l, wide *b) {
-    const wide *e = l->screws;
-    const wide x = R(0.5) * (e[9] - e[6]), y = R(0.5) * (e[2] - e[8]), z = R(0.5) * (e[4] - e[1]);
-    b[0] = -x;
-    b[1] = -y;
-    b[2] = -z;
-    b[3] = -e[3] + y * e[11] - z * e[7];
-    b[4] = -e[7] + z * e[3] - x * e[11];
-    b[5] = -e[11] + x * e[7] - y * e[3];
-}
-
 /* Close some lanes at t by Newton's method from q, in place; returns those that full steps close. */
 static mask closed(struct loop_lanes *l, mask open, wide t, wide *q) {
     const long n = l->sizes.n, solved = l->sizes.solved;
@@ -287,14 +279,6 @@ static void held(const struct loop_lanes *l, const wide *efforts, wide *wrench) 
         wrench[k] = s[3 + k] / l->size;
         wrench[3 + k] = s[k];
     }
-}
-
-static wide power(const struct loop_lanes *l, long j, const wide *w) {
-    const long n = l->sizes.n;
-    wide total = all(0);
-    for (int i = 0; i < 3; i++)
-        total += l->screws[12 + n * i + j] * w[3 + i] + l->screws[12 + n * (3 + i) + j] * w[i];
-    return total;
 }
 
 /* Find the closing wrench, behind the accelerations; returns where the drives hold the motion. */
