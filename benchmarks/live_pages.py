@@ -90,6 +90,7 @@ def measured() -> Measurement:
         size = len(live(page).encode())
         settings = _settings(page)
         found = _in_node(page, settings)
+        whole = sum(one["reached"] == FRAMES for one in found["found"])
         error = _error(page, files, settings, found["found"])
         rows.append(
             {"scene": name, "sliders": sum(s.low is not None for s in page.sliders), "page [kB]": size / 1e3,
@@ -97,6 +98,7 @@ def measured() -> Measurement:
         )  # fmt: skip
         required += [
             Required(f"{name}: bytes of the page", size, LARGEST, False),
+            Required(f"{name}: settings with all frames", whole, SETTINGS, True),
             Required(f"{name}: difference over the largest value", error, LARGEST_ERROR, False),
             Required(f"{name}: median time of a change [ms]", found["median"], MOST_TIME, False, True),
         ]
@@ -129,7 +131,10 @@ def _in_node(page: Live, settings: Array) -> dict[str, Any]:
 
 
 def _error(page: Live, files: Sequence[SourceFile], settings: Array, found: Sequence[Any]) -> float:
-    """Return the largest difference of an output over its largest value; inf where statuses differ."""
+    """Return the largest difference of an output over its largest value.
+
+    It is inf where statuses differ, or a number is not finite.
+    """
     width, worst = len(page.outputs), 0.0
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
@@ -150,6 +155,8 @@ def _error(page: Live, files: Sequence[SourceFile], settings: Array, found: Sequ
                 return np.inf
             here = np.ctypeslib.as_array(native.live_outputs(), (page.frames, width))[:reached]
             there = np.frombuffer(b64decode(other["table"])).reshape(reached, width)
+            if not (np.isfinite(here).all() and np.isfinite(there).all()):
+                return np.inf
             # Of one unit: an output may be zero but for round-off of others.
             units = [unit for _, unit in page.outputs]
             for unit in dict.fromkeys(units):

@@ -145,6 +145,7 @@ def share(family: str, count: int, seed: int) -> dict[str, float]:
             continue
         for p in points:
             apart = runs[f"{p}.position"].values[i, reached] - curve[f"{p}.position"].values
+            found["missed"] += not np.isfinite(apart).all()
             found["apart"] = max(found["apart"], float(np.max(np.abs(apart), initial=0.0)) / size)
         for pose in curve.dead_centres:
             found["dead centres"] += 1

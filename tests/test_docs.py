@@ -1,6 +1,8 @@
 """The Python of the pages of the documentation runs as it stands, block after block."""
 
 import re
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -22,7 +24,10 @@ def test_the_python_of_a_page_runs(page, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     names, shown = {"__name__": page.stem}, {}
     for language, text in BLOCK.findall(page.read_text("utf-8")):
-        if language == "python":
+        if language == "python" and "__main__" in text:
+            Path("program.py").write_text(text, "utf-8")
+            subprocess.run([sys.executable, "program.py"], check=True)
+        elif language == "python":
             for file in NAMED.findall(text):
                 Path(file).write_text(shown[file.rpartition(".")[2]], "utf-8")
             exec(compile(text, str(page), "exec"), names)

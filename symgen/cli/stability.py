@@ -24,7 +24,7 @@ def stability(
 ) -> None:
     """Run the hard cases with every method.
 
-    They are cases of symgen's own: 'symgen periodic SCENE' finds whether elastic links move stably.
+    The cases are built in. 'symgen periodic SCENE' determines the stability of elastic links.
 
     The exit code is 1 if an error exceeds its bound.
     """

@@ -6,12 +6,11 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
-from symgen.inspection.view import view_of
+from symgen.inspection.view import drawn_scene
 from symgen.pipeline.build import build_asked
 from symgen.report.page.animation import Film
 from symgen.runtime.result.result import Result
-from symgen.scene.loading import SceneText, check_scene
-from symgen.scene.resolve import resolve
+from symgen.scene.loading import SceneText
 
 
 def film_of(text: SceneText, samples: int, **asked: Any) -> Film:
@@ -31,16 +30,11 @@ def film_of(text: SceneText, samples: int, **asked: Any) -> Film:
     SceneError, BuildError, CacheError, SimulationError
         As for building and running the scene.
     """
-    checked = check_scene(text)
-    resolved = resolve(checked)
-    view = view_of(resolved)
-    plotted = checked.analysis.outputs or view.plotted_outputs(resolved)
-    outputs = list(dict.fromkeys([*view.drawn_outputs(resolved), *plotted]))
-    analysis = {**text.data.get("analysis", {}), "outputs": outputs}
-    model = build_asked(SceneText(text.name, text.file, {**text.data, "analysis": analysis}))
-    result = view.moved(model, samples, **asked)
-    sketches = view.sketches(resolved, model, result)
-    return Film(_shown(result, plotted), sketches, view.film_caption)
+    drawn = drawn_scene(text)
+    model = build_asked(drawn.text)
+    result = drawn.view.moved(model, samples, **asked)
+    sketches = drawn.view.sketches(drawn.resolved, model, result)
+    return Film(_shown(result, drawn.plotted), sketches, drawn.view.film_caption)
 
 
 def _shown(result: Result, names: Sequence[str]) -> Result:

@@ -12,13 +12,12 @@ from numpy.typing import NDArray
 from symgen.errors import ModelError
 from symgen.export import exported
 from symgen.export.live import wasm_of
-from symgen.inspection.view import view_of
+from symgen.inspection.view import drawn_scene
 from symgen.pipeline.build import build_asked
 from symgen.report.page.live import Live, Slider
 from symgen.runtime.kernels.description import ParameterInfo
 from symgen.runtime.sweeps.designs import Uniform
-from symgen.scene.loading import SceneText, check_scene
-from symgen.scene.resolve import resolve
+from symgen.scene.loading import SceneText
 from symgen.study.sweeps import tunable, values_of
 
 #: A slider without a range of its own goes from the value times the first to the value times the second.
@@ -58,18 +57,14 @@ def live_of(text: SceneText, vary: Mapping[str, str], frames: int) -> Live:
             f"expected the range of the slider of {wrong}, got other values\n"
             "  Write --vary KEY=LOW:HIGH, with units."
         )
-    checked = check_scene(text)
-    resolved = resolve(checked)
-    view = view_of(resolved)
-    places = view.drawn_outputs(resolved)
-    plotted = checked.analysis.outputs or view.plotted_outputs(resolved)
-    analysis = {**text.data.get("analysis", {}), "outputs": list(dict.fromkeys([*places, *plotted]))}
-    text = SceneText(text.name, text.file, {**text.data, "analysis": analysis})
+    text, resolved, view, places, plotted = drawn_scene(text)
     model = build_asked(text, backend="c")
     code = exported(text)
     entries = [slot.name.partition(" ")[0] for slot in code.outputs]
     d = model.description
     sliders = [_slider(p, ranges.get(p.name), p in d.tunable and not vary) for p in d.parameters]
+    if all(slider.low is None for slider in sliders):
+        raise ModelError(f"no value of {text.name} has a slider\n  Give one a range: --vary KEY=LOW:HIGH.")
     if "kinematics" not in model.capabilities:
         _check_start(model, sliders)
     return Live(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +13,8 @@ from symgen.methods import method_of
 from symgen.report.page.drawing import Drawing, Sketch
 from symgen.report.page.page import Fact, TableView
 from symgen.runtime.result.result import Result
+from symgen.scene.loading import SceneText, check_scene
+from symgen.scene.resolve import resolve
 from symgen.symbolic.system import System
 
 
@@ -94,6 +96,36 @@ class View:
     def example(self, model: Any) -> list[str]:
         """Return lines of Python that run ``model``."""
         return [f"run = model.simulate({model.description.t_end:g})"]
+
+
+class Drawn(NamedTuple):
+    """A scene that records what its moving picture draws and plots, and the names of these outputs."""
+
+    text: SceneText
+    resolved: Any
+    view: View
+    places: Sequence[str]
+    plotted: Sequence[str]
+
+
+def drawn_scene(text: SceneText) -> Drawn:
+    """Return a scene with the outputs of its moving picture.
+
+    Raises
+    ------
+    SceneError
+        For an invalid scene.
+    ModelError
+        For a method that has no moving picture.
+    """
+    checked = check_scene(text)
+    resolved = resolve(checked)
+    view = view_of(resolved)
+    places = view.drawn_outputs(resolved)
+    plotted = checked.analysis.outputs or view.plotted_outputs(resolved)
+    analysis = {**text.data.get("analysis", {}), "outputs": list(dict.fromkeys([*places, *plotted]))}
+    text = SceneText(text.name, text.file, {**text.data, "analysis": analysis})
+    return Drawn(text, resolved, view, places, plotted)
 
 
 def view_of(thing: Any) -> View:

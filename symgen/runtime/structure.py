@@ -36,7 +36,7 @@ def stiffness_sizes(equations: _beams.BeamEquations, basis: Array | None) -> Arr
     rows, columns, entries = equations.full_stiffness()
     if basis is None:
         own = rows == columns
-        sums = np.bincount(rows[own], np.abs(entries[own]), minlength=len(np.unique(rows)))
+        sums = np.bincount(rows[own], np.abs(entries[own]), minlength=equations.whole)
     else:
         from scipy.sparse import csr_array
 

@@ -184,15 +184,16 @@ def _unoptimised(process: Process) -> Process:
 
 
 class Process:
-    """A compiler in its own process group, so that its child processes end with it."""
+    """A compiler that runs in ``folder``, in a process group of its own, which ends with it."""
 
-    def __init__(self, command: list[str]) -> None:
+    def __init__(self, command: list[str], folder: Path | None = None) -> None:
         self.command = command
         try:
             # A file, not a pipe: a pipe stays open as long as any process of the group lives.
             self._output = tempfile.TemporaryFile()  # noqa: SIM115 - closed by __exit__
             self._process = subprocess.Popen(
                 command,
+                cwd=folder,
                 stdin=subprocess.DEVNULL,
                 stdout=self._output,
                 stderr=subprocess.STDOUT,
@@ -269,7 +270,7 @@ def find_compiler() -> Compiler | None:
         If the compiler in ``CC`` does not exist, or ``CC`` or ``SYMGEN_CFLAGS`` cannot be parsed.
     """
     chosen = os.environ.get("CC")
-    candidates = [_words("CC", chosen)] if chosen else [["cc"], ["gcc"], ["clang"], *_zig()]
+    candidates = [_words("CC", chosen)] if chosen else [["cc"], ["gcc"], ["clang"], zig("-mcpu=baseline")]
     flags = os.environ.get("SYMGEN_CFLAGS")
     for command in candidates:
         path = shutil.which(command[0]) if command else None
@@ -282,13 +283,11 @@ def find_compiler() -> Compiler | None:
     return None
 
 
-def _zig() -> list[list[str]]:
-    """Return the command of the C compiler in the Python package of Zig, if that is installed.
-
-    Zig compiles for the processor at hand and checks overflow, unless it is told otherwise.
-    """
-    command = [sys.executable, "-m", "ziglang", "cc", "-mcpu=baseline", "-fno-sanitize=all"]
-    return [command] if find_spec("ziglang") else []
+def zig(*flags: str) -> list[str]:
+    """Return the command of the C compiler in the Python package of Zig, empty where that is absent."""
+    # By default Zig checks for overflow.
+    command = [sys.executable, "-m", "ziglang", "cc", "-fno-sanitize=all", *flags]
+    return command if find_spec("ziglang") else []
 
 
 def _words(variable: str, value: str) -> list[str]:

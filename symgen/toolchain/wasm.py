@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
-import os
-import subprocess
-import sys
 import tempfile
 from collections.abc import Sequence
-from importlib.util import find_spec
 from pathlib import Path
 
-from symgen.codegen.emit import SourceFile
+from symgen.codegen.source import SourceFile
 from symgen.errors import BuildError
+from symgen.toolchain.compiler import Process, zig
 
-_COMMAND = ("-m", "ziglang", "cc", "-target", "wasm32-wasi", "-mexec-model=reactor")
+_TARGET = ("-target", "wasm32-wasi", "-mexec-model=reactor")
 #: Contraction is off as in native code, so that results differ by the mathematical library alone.
-_FLAGS = ("-std=c11", "-O2", "-ffp-contract=off", "-fno-sanitize=all", "-s")
+_FLAGS = ("-std=c11", "-O2", "-ffp-contract=off", "-s")
 #: Time limit [s]; the first call compiles the C library too.
 _LIMIT = 900.0
 
@@ -26,9 +23,10 @@ def compile_wasm(files: Sequence[SourceFile]) -> bytes:
     Raises
     ------
     BuildError
-        When Zig is not installed, or refuses the files.
+        When Zig is not installed, refuses the files, or exceeds its time limit.
     """
-    if find_spec("ziglang") is None:
+    compiler = zig(*_TARGET)
+    if not compiler:
         raise BuildError(
             "WebAssembly is compiled by Zig, which is not installed\n"
             "  pip install 'symgen[live]' installs it."
@@ -40,14 +38,6 @@ def compile_wasm(files: Sequence[SourceFile]) -> bytes:
             path.parent.mkdir(exist_ok=True)
             path.write_text(file.text, encoding="utf-8")
         sources = [file.name for file in files if file.name.endswith(".c")]
-        command = [sys.executable, *_COMMAND, *_FLAGS, "-o", "live.wasm", *sources]
-        local = {**os.environ, "ZIG_LOCAL_CACHE_DIR": str(folder / "zig")}
-        try:
-            done = subprocess.run(
-                command, cwd=folder, env=local, capture_output=True, text=True, timeout=_LIMIT, check=False
-            )
-        except (OSError, subprocess.TimeoutExpired) as error:
-            raise BuildError(f"Zig could not compile to WebAssembly: {error}") from None
-        if done.returncode:
-            raise BuildError(f"Zig could not compile to WebAssembly:\n{done.stderr[-2000:]}")
+        with Process([*compiler, *_FLAGS, "-o", "live.wasm", *sources], folder) as process:
+            process.check(_LIMIT)
         return (folder / "live.wasm").read_bytes()

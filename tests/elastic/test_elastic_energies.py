@@ -8,6 +8,8 @@ import pytest
 import shared.elastic_scenes as bars
 import sympy as sp
 from scipy.interpolate import make_interp_spline
+from shared.elastic_linkages import FT, LBF
+from shared.elastic_reference import RIG
 
 import symgen
 from symgen.mechanics.elastic import hamilton
@@ -20,8 +22,8 @@ SCENES = (
     *("elastic_four_bar", "elastic_four_bar_free", "elastic_four_bar_motor"),
     *("elastic_slider_crank", "rotating_cantilever"),
 )
-#: Foot pound-force and the torque at 0 degrees of the four-bar of rigid links at 373 rpm, with bearings.
-FOOT_POUND, TORQUE = 1.3558179483314004, 31.57203148
+#: Torque [N m] at 0 degrees of the four-bar of rigid links at 373 rpm, with bearings.
+TORQUE = RIG.motion(0.0).forces["torque"][0] * FT * LBF
 
 
 def test_energies_of_a_point_of_a_link_are_those_of_a_particle():
@@ -122,7 +124,7 @@ def test_rigid_motion_needs_the_torque_of_the_rigid_linkage():
     links, _ = of_links(motion, np.zeros(1), q, u, solutions)
     joints, _, power = of_joints(motion, np.zeros(1), (q, u, solutions), (none, none, none))
     rates = sum(x["kinetic_rigid_rate"][0] for x in links) - power[0]
-    assert rates == pytest.approx(TORQUE * FOOT_POUND * motion.speed, rel=1e-9)
+    assert rates == pytest.approx(TORQUE * motion.speed, rel=1e-9)
     whole = motion.rigid.evaluator.blocks("energy", 0.0, q[0], u[0])["kinetic_energy"]
     kinetic = sum(x["kinetic_rigid"][0] for x in links) + joints[0]
     assert kinetic == pytest.approx(float(whole[0]), rel=1e-12)

@@ -176,6 +176,6 @@ def test_refusals(monkeypatch):
         inspected.live_of(read_scene("four_bar"), {"links.crank.length": "0.9 m:1.1 m"}, FRAMES)
     with pytest.raises(ModelError, match="expected at least 2 frames of a page, got 1"):
         inspected.live_of(read_scene("crank_rocker"), {}, 1)
-    monkeypatch.setattr("symgen.toolchain.wasm.find_spec", lambda _: None)
+    monkeypatch.setattr("symgen.toolchain.compiler.find_spec", lambda _: None)
     with pytest.raises(BuildError, match=r"pip install 'symgen\[live\]'"):
         compile_wasm([])

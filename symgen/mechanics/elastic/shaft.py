@@ -51,11 +51,15 @@ def shaft(inertia: sp.Expr, torque: sp.Expr, angle: sp.Symbol, rate: sp.Symbol) 
     """
     energy = _energy(inertia)
     momentum = sp.diff(energy, _PHI_T)
-    rates = {OMEGA.symbol: OMEGA_RATE.symbol, _PHI_T: _PHI_TT}
-    inertial = sp.Add(*(sp.diff(momentum, of) * by for of, by in rates.items()))
-    left = inertial - _driving(torque, angle, rate)
+    left = _rate(momentum) - _driving(torque, angle, rate)
     still = dict.fromkeys((_PHI, _PHI_T, _PHI_TT), sp.Integer(0))
     return (*(sp.diff(left, of) for of in (_PHI_TT, _PHI_T, _PHI)), -left.xreplace(still))
+
+
+def _rate(expression: sp.Expr) -> sp.Expr:
+    """Return the rate of an expression of the speeds of the crank."""
+    rates = {OMEGA.symbol: OMEGA_RATE.symbol, _PHI_T: _PHI_TT}
+    return sp.Add(*(sp.diff(expression, of) * by for of, by in rates.items()))
 
 
 def powers(inertia: sp.Expr, torque: sp.Expr, angle: sp.Symbol, rate: sp.Symbol) -> dict[str, list[sp.Expr]]:
@@ -65,14 +69,12 @@ def powers(inertia: sp.Expr, torque: sp.Expr, angle: sp.Symbol, rate: sp.Symbol)
     shaft. Parameters are those of :func:`shaft`.
     """
     energy = _energy(inertia)
-    rates = {OMEGA.symbol: OMEGA_RATE.symbol, _PHI_T: _PHI_TT}
-    moved = sp.Add(*(sp.diff(energy, of) * by for of, by in rates.items()))
     power = _driving(torque, angle, rate) * (OMEGA.symbol + _PHI_T)
     by_order = {"": _PHI, "t": _PHI_T, "tt": _PHI_TT}
     found = {}
     for name, expression, monomials in (
         ("kinetic", energy, KINETIC),
-        ("rate", moved, RATE),
+        ("rate", _rate(energy), RATE),
         ("power", power, POWER),
     ):
         terms = sp.Poly(expression, *by_order.values())

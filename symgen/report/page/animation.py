@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from symgen.report.page.drawing import Sketch, view_of_paper
+from symgen.report.page.drawing import Sketch, not_drawn, view_of_paper
 from symgen.report.page.page import environment
 from symgen.runtime.result.records import Variable
 from symgen.runtime.result.result import Result
@@ -61,7 +61,7 @@ def animation(film: Film) -> str:
         "curves": curves[:CURVES],
     }
     left = max(0, len(curves) - CURVES)
-    caption = film.caption + (f" {left} more curves are recorded and not drawn." if left else "")
+    caption = film.caption + not_drawn(left)
     template = environment().get_template("animation.html.j2")
     text: str = template.render(title=film.result.title, caption=caption, data=as_script(data))
     return text

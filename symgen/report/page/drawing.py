@@ -134,6 +134,11 @@ def drawing(sketch: Sketch) -> Drawing:
 _ORDER = ("path", "axis", "rail", "body", "spring", "actuator", "rod", "elastic", "slider")
 
 
+def not_drawn(count: int) -> str:
+    """Return the sentence of a caption on curves that are left out."""
+    return f" {count} more curves are recorded and not drawn." if count else ""
+
+
 def view_of_paper(sketch: Sketch) -> Array:
     """Return the two directions of the paper, as columns."""
     gravity = sketch.gravity

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from symgen.report.page.drawing import not_drawn
 from symgen.runtime.result.records import Variable, columns
 from symgen.runtime.result.result import Result
 
@@ -67,8 +68,9 @@ def run_figure(result: Result) -> FigureView:
         axes[-1].set_xlabel(label)
         uri = _uri(figure)
     names = ", ".join(drawn)
-    more = f" {left} more curves are recorded and not drawn." if left else ""
-    return FigureView(uri, f"Curves over {label}: {names}", f"Recorded outputs over {label}.{more}")
+    return FigureView(
+        uri, f"Curves over {label}: {names}", f"Recorded outputs over {label}.{not_drawn(left)}"
+    )
 
 
 def error_figure(curves: Sequence[tuple[str, Sequence[tuple[float, float]]]], measured: str) -> FigureView:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symgen.report.page.animation import CURVES, as_script, lines_of, nodes_of, places_of
-from symgen.report.page.drawing import Sketch, view_of_paper
+from symgen.report.page.drawing import Sketch, not_drawn, view_of_paper
 from symgen.report.page.page import environment
 
 Array = NDArray[np.float64]
@@ -100,7 +100,7 @@ def live(page: Live) -> str:
         },
     }
     left = max(0, len(page.plotted) - CURVES)
-    caption = page.caption + (f" {left} more curves are computed and not drawn." if left else "")
+    caption = page.caption + not_drawn(left)
     template = environment().get_template("live.html.j2")
     text: str = template.render(title=page.title, caption=caption, data=as_script(data))
     return text

@@ -55,9 +55,9 @@ static void call(struct lane_runs *l, kernel function, real t, const real *y, re
     function(l->time, y, y + l->sizes.n * l->sizes.lanes, l->p, work, out);
 }
 
-LANES static void add(ptrdiff_t count, real factor, const real *restrict from, real *restrict to) {
+LANES static void add(ptrdiff_t count, const real *restrict from, real *restrict to) {
     for (ptrdiff_t i = 0; i < count; i++)
-        to[i] += factor * from[i];
+        to[i] += from[i];
 }
 
 static void fail_unless_finite(struct lane_runs *l, const real *values) {
@@ -75,7 +75,7 @@ static void lane_derivative(struct lane_runs *l, real t, const real *y, real *dy
     for (int k = 0; k < REFINEMENTS && l->kernels.residual != NULL; k++) {
         call(l, l->kernels.residual, t, y, l->out, l->rhs);
         call(l, l->kernels.solve, t, y, l->work, l->rhs);
-        add((n + l->sizes.m) * w, 1, l->rhs, l->out);
+        add((n + l->sizes.m) * w, l->rhs, l->out);
     }
     memcpy(dy + n * w, l->out, (size_t)(n * w) * sizeof(real));
     if (l->sizes.extra) {

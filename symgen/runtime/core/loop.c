@@ -6,6 +6,9 @@
 #include "linear.h"
 #include "loop_limits.h"
 
+/* Iterations to a closed pose, and halvings of a step on the way. */
+enum { NEWTON = 40, HALVINGS = 8 };
+
 #define NUMBER real
 #define LOOP struct loop
 #include "screws.h"

@@ -7,7 +7,6 @@
 /* Defect of closure that rounding leaves at best, and the largest that is taken where it falls no further. */
 #define FINE (R(18) * REAL_EPSILON)
 #define COARSE (R(4500) * REAL_EPSILON)
-enum { NEWTON = 40, HALVINGS = 8 };
 /* Below, a drive has no hold on a motion. */
 #define NO_DRIVE RANK_TOLERANCE
 /* Part of the rates asked that may be left. */

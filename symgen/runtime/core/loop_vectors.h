@@ -239,13 +239,6 @@ static wide changes(struct loop_lanes *l, int which, const wide *drift, wide *b,
     return chosen(size > 0, left / size, all(0));
 }
 
-static mask all_of(const wide *values, long count) {
-    mask known = ~(mask){0};
-    for (long i = 0; i < count; i++)
-        known &= finite(values[i]);
-    return known;
-}
-
 /* Leave rates and accelerations behind q, with the factor there; returns where the inputs can be followed. */
 static mask moved(struct loop_lanes *l, wide t, wide *q) {
     const long n = l->sizes.n;
@@ -253,7 +246,7 @@ static mask moved(struct loop_lanes *l, wide t, wide *q) {
     const wide left = changes(l, 1, NULL, b, u);
     call(l->kernels.motion, &t, q, u, l->p, l->work, l->loads);
     changes(l, 2, l->loads + ROWS * n, b, a);
-    return (left <= real_fmax(LEFT, LEFT_OPEN * R(l->sizes.tolerance))) & all_of(u, 2 * n);
+    return (left <= real_fmax(LEFT, LEFT_OPEN * R(l->sizes.tolerance))) & finite(largest_in(u, 2 * n));
 }
 
 /* -- forces: as in loop.c -------------------------------------------------------------------------------- */
@@ -432,7 +425,7 @@ static mask clocked(struct loop_lanes *l, const struct loop_lane_task *task) {
 /* Record the pose in lanes that have just come to a time, with its forces; returns where they are found. */
 static mask record(struct loop_lanes *l, const struct loop_lane_task *task, mask arrived, int way, const ptrdiff_t *first) {
     const long n = l->sizes.n, told = l->sizes.told;
-    const mask good = forced(l, l->q) & all_of(l->q + 2 * n, n + ROWS);
+    const mask good = forced(l, l->q) & finite(largest_in(l->q + 2 * n, n + ROWS));
     call(l->kernels.outputs, &l->t, l->q, l->q + n, l->p, l->q + 2 * n, l->out);
     for (int lane = 0; lane < WIDTH; lane++)
         if (arrived[lane]) {
@@ -446,7 +439,7 @@ static mask record(struct loop_lanes *l, const struct loop_lane_task *task, mask
                 task->closure[lane] = (double)l->closure[lane];
             task->reached[lane]++;
         }
-    return good & all_of(l->out, told);
+    return good & finite(largest_in(l->out, told));
 }
 
 /* Follow the lanes forwards (way = 1) from their first times, or backwards from there; returns those that arrive. */
