@@ -1,6 +1,7 @@
-"""Plots and notebook tables of models and results, drawn by ``symgen.report`` when first requested.
+"""Plots, drawings and notebook tables of models and results, drawn by higher parts when first requested.
 
-Results and models stand below the report and must not import it; this registry names what draws them.
+Results and models stand below ``report`` and ``inspection`` and must not import them; this registry names
+what draws them.
 """
 
 from __future__ import annotations
@@ -9,6 +10,7 @@ from importlib import import_module
 from typing import Any
 
 _DRAWN_BY = {
+    "draw": "symgen.inspection.film",
     "plot": "symgen.report.page.plots",
     "result_html": "symgen.report.page.notebook",
     "model_html": "symgen.report.page.notebook",

@@ -60,7 +60,7 @@ _GROUPS = {
     "Analyses": "run simulate kinematics inverse_dynamics equilibrium modes linearise sensitivity assemblies",
     "Elastic links": "periodic quasi_static large_rotation speed_response",
     "Scenes": "new scenes schema study sweep optimise synthesise",
-    "Pages": "report animate live",
+    "Pages and drawings": "report animate live draw",
     "Equations": "show explain diff",
     "Kernels": "build generate export",
     "Checks": "accuracy stability bench",

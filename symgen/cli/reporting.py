@@ -1,4 +1,4 @@
-"""``symgen report``, ``symgen animate`` and ``symgen live``: HTML pages on a scene."""
+"""``symgen report``, ``animate``, ``live`` and ``draw``: pages and drawings of a scene."""
 
 from __future__ import annotations
 
@@ -6,15 +6,12 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
 from symgen.cli import options as o
 from symgen.cli.common import changes, command
-
-#: Frames of a moving picture.
-FRAMES = 241
 
 
 @command("symgen report peaucellier --out page.html")
@@ -67,7 +64,7 @@ def animate(
     The page plays, pauses and scrubs the motion next to plots of the scene's outputs; it works offline.
     """
     from symgen.atomic import writable, write_text
-    from symgen.inspection.film import film_of
+    from symgen.inspection.film import FRAMES, film_of
     from symgen.report.page.animation import animation
     from symgen.scene.loading import override, read_scene
 
@@ -104,6 +101,7 @@ def live(
     of symgen installs the compiler, Zig.
     """
     from symgen.atomic import writable, write_text
+    from symgen.inspection.film import FRAMES
     from symgen.inspection.live import live_of
     from symgen.report.page.live import live as page_of
     from symgen.scene.loading import override, read_scene
@@ -116,6 +114,61 @@ def live(
         page = live_of(text, of_options(vary or ()), FRAMES if samples is None else samples)
         told("writing")
     write_text(file, page_of(page))
+    print(file)
+
+
+@command("symgen draw crank_rocker --at 0,60,120 --path B --out poses.dxf --unit mm")
+def draw(
+    scene: o.Scene,
+    at: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="VALUE,...",
+            help='Values of the input at which poses are drawn, "0,60" (bare: degrees, or a loop\'s unit of '
+            'length), or of the time, "0.3 s"; default: the beginning of the motion.',
+        ),
+    ] = None,
+    path: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="POINT",
+            help="A point, or joint of a loop, whose path is drawn; default: all that move. May be repeated.",
+        ),
+    ] = None,
+    no_paths: Annotated[bool, typer.Option("--no-paths", help="Draw no paths.")] = False,
+    unit: Annotated[
+        str | None,
+        typer.Option(help="Unit of length of DXF and of the scale bar; default: a loop's own, else m."),
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option(help="Output file: .svg or .dxf; default: SCENE.svg in this folder.")
+    ] = None,
+    t_end: o.TEnd = None,
+    samples: o.Samples = None,
+    set_: o.Set = None,
+) -> None:
+    """Draw the mechanism in poses, with the paths of its points, as SVG or DXF.
+
+    DXF has true coordinates and a layer each for links, joints, ground and paths. The extra "dxf" of symgen
+    installs ezdxf, which writes it.
+    """
+    from symgen.atomic import writable
+    from symgen.errors import ModelError
+    from symgen.inspection.film import FRAMES, poses_of, sheet_of
+    from symgen.report.page.sheet import DRAWN_AS
+    from symgen.scene.loading import override, read_scene
+
+    if path and no_paths:
+        raise ModelError("give --path or --no-paths, not both")
+    text = override(read_scene(scene), changes(set_))
+    file = out or Path(f"{text.name}.svg")
+    writable(file, DRAWN_AS, "drawing")
+    with _status(f"drawing of {text.name}"):
+        asked: dict[str, Any] = {} if t_end is None else {"t_end": t_end}
+        poses = poses_of(at, "--at") if at else None
+        paths = () if no_paths else path or None
+        sheet = sheet_of(text, poses, paths=paths, unit=unit, samples=samples or FRAMES, **asked)
+        sheet.save(file)
     print(file)
 
 

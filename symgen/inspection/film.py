@@ -1,16 +1,31 @@
-"""A scene as a moving picture: its run with the places of all that is drawn, and a sketch of each sample."""
+"""A scene as pictures: a film of its motion, and a sheet with poses and paths of points."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import os
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
+from symgen.errors import ModelError, nearest
+from symgen.inspection.values import of_time
 from symgen.inspection.view import drawn_scene
+from symgen.methods import load, method_of
 from symgen.pipeline.build import build_asked
 from symgen.report.page.animation import Film
+from symgen.report.page.drawing import Sketch
+from symgen.report.page.sheet import Sheet
 from symgen.runtime.result.result import Result
 from symgen.scene.loading import SceneText
+from symgen.scene.units import LENGTH, describe, parse_quantity
+
+#: Frames of a moving picture, and vertices of a path.
+FRAMES = 241
+#: Reads the values at which poses are drawn, for a model: numbers in SI and their variable.
+Poses = Callable[[Any], tuple[Sequence[float], str]]
 
 
 def film_of(text: SceneText, samples: int, **asked: Any) -> Film:
@@ -40,3 +55,115 @@ def film_of(text: SceneText, samples: int, **asked: Any) -> Film:
 def _shown(result: Result, names: Sequence[str]) -> Result:
     """Return a result of the named outputs alone."""
     return replace(result, variables=tuple(v for v in result.variables if v.name in names))
+
+
+def sheet_of(
+    text: SceneText,
+    poses: Poses | None = None,
+    *,
+    paths: Sequence[str] | None = None,
+    unit: str | None = None,
+    parameters: Mapping[str, float] | None = None,
+    samples: int = FRAMES,
+    **asked: Any,
+) -> Sheet:
+    """Return a drawing of a scene in poses, with paths of points over its motion.
+
+    Parameters
+    ----------
+    text
+        The scene.
+    poses
+        Gives the values of the input, or times [s], for a model; the beginning of the motion when absent.
+    paths
+        Points, or joints of a loop, whose paths are drawn; all that move when absent.
+    unit
+        Unit of length of the drawing; the unit of a loop's table, otherwise metres, when absent.
+    parameters
+        Values of tunable parameters [SI].
+    samples
+        Number of vertices of a path.
+    asked
+        Further arguments of the analysis that is carried out, such as ``t_end``.
+
+    Raises
+    ------
+    ModelError
+        For a name that is no point that moves, and a unit that is none of length.
+    SceneError, BuildError, CacheError, SimulationError
+        As for building and running the scene.
+    """
+    size = _unit(unit) if unit else None
+    of = drawn_scene(text)
+    model: Any = build_asked(of.text)
+    if parameters:
+        model = model.with_parameters(**parameters)
+
+    def sketches(result: Result) -> list[Sketch]:
+        return of.view.sketches(of.resolved, model, result)
+
+    motion: list[Sketch] = []
+    if poses is None or paths is None or len(paths):
+        motion = sketches(of.view.moved(model, samples, **asked))
+    drawn = motion[:1] if poses is None else sketches(of.view.posed(model, *poses(model)))
+    traces = _traces(motion)
+    for name in paths or ():
+        if name not in traces:
+            raise ModelError(f"{text.name} has no moving point {name!r}. {nearest(name, traces)}")
+    chosen = traces if paths is None else {name: traces[name] for name in paths}
+    return Sheet(model.description.title, drawn, chosen, size or of.view.unit(of.resolved))
+
+
+def _traces(motion: Sequence[Sketch]) -> dict[str, NDArray[np.float64]]:
+    """Return the places of points that move, (samples, axes) by name."""
+    nodes = zip(*(sketch.nodes for sketch in motion), strict=True)
+    return {
+        same[0].name: np.array([node.at for node in same])
+        for same in nodes
+        if same[0].kind not in ("ground", "hidden")
+    }
+
+
+def _unit(text: str) -> tuple[str, float]:
+    """Return a unit of length and its size [m]."""
+    size, dimension = parse_quantity(f"1 {text}")
+    if dimension != LENGTH:
+        raise ModelError(
+            f'expected a unit of length for the drawing, such as "mm", got {text!r}, {describe(dimension)}'
+        )
+    return text, float(size)
+
+
+def poses_of(texts: Sequence[str], option: str) -> Poses:
+    """Return a function that reads the values of poses on the command line, for a model."""
+
+    def read(model: Any) -> tuple[Sequence[float], str]:
+        if "kinematics" not in model.capabilities:
+            parts = [part for text in texts for part in text.split(",")]
+            return [of_time(part, option, "a time") for part in parts], "time"
+        values: tuple[Sequence[float], str] = load(method_of(model).commands["kinematics"].values)(
+            model, texts, option
+        )
+        return values
+
+    return read
+
+
+def draw(
+    model: Any,
+    at: Any,
+    over: str | None,
+    paths: Sequence[str] | None,
+    unit: str | None,
+    file: str | os.PathLike[str] | None,
+) -> Sheet:
+    """Return a drawing of a model and write it to a file, if one is given; see ``Model.draw``."""
+    over = over or ("input" if "kinematics" in model.capabilities else "time")
+    poses = None if at is None else (lambda _: (np.atleast_1d(np.asarray(at, dtype=float)).tolist(), over))
+    text = model.source.scene
+    if not isinstance(text, SceneText):
+        raise ModelError(f"{model.name} is a user-defined system: it has nothing to draw")
+    sheet = sheet_of(text, poses, paths=paths, unit=unit, parameters=model.parameters)
+    if file is not None:
+        sheet.save(file)
+    return sheet

@@ -71,6 +71,13 @@ class RodsView(View):
         found: Result = model.kinematics(stop=stop, samples=samples, **asked)
         return found
 
+    def posed(self, model: Any, values: Sequence[float], over: str) -> Result:
+        """Return the positions of points at directions of the driven link, or at times [s]."""
+        if "kinematics" not in model.capabilities:
+            return super().posed(model, values, over)
+        found: Result = model.kinematics(at=values, over=over, of=model.description.points)
+        return found
+
     def sketch_at(self, resolved: Linkage, drawn: Mapping[str, NDArray[np.float64]]) -> Sketch:
         """Return points and links."""
         return linkage_sketch(resolved, {name.removesuffix(_POSITION): x for name, x in drawn.items()}, None)

@@ -69,6 +69,27 @@ class View:
         found: Result = model.simulate(samples=samples, **asked)
         return found
 
+    def posed(self, model: Any, values: Sequence[float], over: str) -> Result:
+        """Return the drawn outputs at values of the input, or at times [s] ``over`` the ``time``.
+
+        Raises
+        ------
+        ModelError
+            For values of the input of a motion under forces.
+        """
+        found: Result
+        if "kinematics" in model.capabilities:
+            found = model.kinematics(at=values, over=over)
+            return found
+        if over != "time":
+            raise ModelError(f"{model.name} moves under forces: its poses are drawn at times [s]")
+        found = model.simulate(max(values) or None, t_eval=sorted({*values}))
+        return found
+
+    def unit(self, resolved: Any) -> tuple[str, float]:
+        """Return the unit of length of drawings and its size [m]."""
+        return "m", 1.0
+
     def sketch_at(self, resolved: Any, drawn: Mapping[str, NDArray[np.float64]]) -> Sketch:
         """Return the mechanism in the pose of its drawn outputs, in which all places are linear."""
         raise NotImplementedError

@@ -14,10 +14,14 @@ Array = NDArray[np.float64]
 
 #: Width, minimum and maximum height of a drawing, and margin around the mechanism [px].
 _WIDTH, _LOW, _HIGH, _MARGIN = 540.0, 220.0, 430.0, 52.0
+#: Height of a strip below the mechanism for arrows and scale bar, where they would meet it [px].
+_STRIP = 54.0
 #: Height and width of a label's characters, and distance of a label from its point [px].
 _LETTER, _LETTER_WIDTH, _OFF = 14.0, 8.6, 13.0
 #: Number of windings of a spring, and its half width [px].
 _WINDINGS, _SPRING = 7, 6.0
+#: Points are in line, and their body a rod, if their deviations from it have a smaller norm [px].
+_FLAT = 0.5
 #: Maximum number of vertices of a drawn path.
 _CORNERS = 400
 
@@ -124,10 +128,17 @@ def drawing(sketch: Sketch) -> Drawing:
 
     shapes = [shape for line in sketch.lines for shape in _shapes(line, paper(line.at))]
     marks = [Mark(n.kind, *_rounded(paper(n.at)), n.name) for n in sketch.nodes if n.kind != "hidden"]
-    labels, unnamed = _labels(sketch, marks, {id(k): paper(k.at) for k in sketch.lines}, height)
     bar, scale = _scale(per_metre, sketch.unit)
-    shapes.sort(key=lambda s: _ORDER.index(s.kind))
     arrows = tuple(_arrows(sketch, view))
+    lines = {id(k): paper(k.at) for k in sketch.lines}
+    corners = _corners(arrows, bar, height)
+    if any(_meet(dot, box) for dot in _dots(sketch, marks, lines) for box in corners) or any(
+        _crosses(box, a, b) for at in lines.values() for a, b in pairwise(at) for box in corners
+    ):
+        height += _STRIP
+        corners = _corners(arrows, bar, height)
+    labels, unnamed = _labels(sketch, marks, lines, corners, height)
+    shapes.sort(key=lambda s: _ORDER.index(s.kind))
     return Drawing(_WIDTH, height, tuple(shapes), tuple(marks), labels, arrows, bar, scale, unnamed)
 
 
@@ -177,9 +188,12 @@ def _shapes(line: Line, at: Array) -> Iterator[Shape]:
         block = np.array([at[0] + 13 * a * along + 8 * b * across for a, b in sides])
         yield Shape("slider", _text(block), closed=True)
     elif line.kind == "body" and len(at) > 2:
-        hull = _hull(at)
-        flat = len(hull) < 3
-        yield Shape("rod" if flat else "body", _text(hull), closed=not flat)
+        middle = at.mean(axis=0)
+        _, sizes, axes = np.linalg.svd(at - middle)
+        if flat := sizes[1] < _FLAT:
+            along = (at - middle) @ axes[0]
+            at = at[[np.argmin(along), np.argmax(along)]]
+        yield Shape("rod" if flat else "body", _text(at if flat else hull(at)), closed=not flat)
     else:
         yield Shape("rod" if line.kind == "body" else line.kind, _text(at))
 
@@ -193,9 +207,9 @@ def _wound(at: Array) -> Array:
     return np.array([at[0], at[0] + 0.18 * along, *inner, at[0] + 0.82 * along, at[1]])
 
 
-def _hull(at: Array) -> Array:
+def hull(at: Array) -> Array:
     """Return the vertices of the convex hull, by Andrew's monotone chain."""
-    points = sorted({(float(x), float(y)) for x, y in np.round(at, 3)})
+    points = sorted({(float(x), float(y)) for x, y in at})
 
     def half(ordered: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
         kept: list[tuple[float, float]] = []
@@ -215,15 +229,29 @@ def _turn(a: tuple[float, float], b: tuple[float, float], c: tuple[float, float]
 Box = tuple[float, float, float, float]
 
 
-def _labels(
-    sketch: Sketch, marks: Sequence[Mark], lines: dict[int, Array], height: float
-) -> tuple[tuple[Label, ...], int]:
-    """Place labels without overlap; labels for which there is no room are omitted and counted."""
-    taken: list[Box] = [(0.0, height - 46.0, 150.0, height), (_WIDTH - 150.0, height - 34.0, _WIDTH, height)]
+def _corners(arrows: Sequence[Arrow], bar: float, height: float) -> list[Box]:
+    """Return the boxes of the arrows and of the scale bar in the corners of the drawing."""
+    found = [(_WIDTH - 28.0 - bar, height - 38.0, _WIDTH - 20.0, height - 8.0)]
+    for arrow in arrows:
+        x, y = (110.0, height - 54.0) if arrow.kind == "gravity" else (46.0, height - 40.0)
+        a, b = sorted((x, x + 1.42 * arrow.x)), sorted((y, y + 1.42 * arrow.y))
+        found.append((a[0] - 7, b[0] - 9, a[1] + 7, b[1] + 9))
+    return found
+
+
+def _dots(sketch: Sketch, marks: Sequence[Mark], lines: dict[int, Array]) -> list[Box]:
+    """Return the boxes of points, supports and sliders."""
     dots = [(m.x - 6, m.y - 6, m.x + 6, m.y + 6) for m in marks]
     dots += [(m.x - 14, m.y + 4, m.x + 14, m.y + 22) for m in marks if m.kind == "ground"]
     sliders = [lines[id(line)][0] for line in sketch.lines if line.kind == "slider"]
-    dots += [(x - 14, y - 12, x + 14, y + 12) for x, y in sliders]
+    return dots + [(x - 14, y - 12, x + 14, y + 12) for x, y in sliders]
+
+
+def _labels(
+    sketch: Sketch, marks: Sequence[Mark], lines: dict[int, Array], corners: Sequence[Box], height: float
+) -> tuple[tuple[Label, ...], int]:
+    """Place labels without overlap; labels for which there is no room are omitted and counted."""
+    taken, dots = list(corners), _dots(sketch, marks, lines)
     strokes = [
         (a, b)
         for line in sketch.lines
@@ -231,7 +259,7 @@ def _labels(
         for a, b in pairwise(lines[id(line)])
     ]
     placed, unnamed = [], 0
-    wanted = [("point", m.x, m.y, m.name) for m in marks]
+    wanted = [("point", m.x, m.y, m.name) for m in marks if m.name]
     for line in sketch.lines:
         if line.name and line.kind != "path":
             x, y = lines[id(line)].mean(axis=0)

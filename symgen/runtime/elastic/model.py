@@ -65,10 +65,10 @@ class ElasticModel(Model):
         self.description = rigid.description
         self._motion = cache(self._made)
 
-    def __reduce__(self) -> tuple[Any, ...]:
-        """Pickle the scene, the options and the parameters; the kernels are reopened from the cache."""
-        restored, given = self.rigid.__reduce__()
-        return replace(restored.__self__, rigid=False).restored, given
+    @property
+    def source(self) -> Any:
+        """Scene and options of the build."""
+        return replace(self.rigid.source, rigid=False)
 
     def _made(self, geometric_stiffness: bool) -> ElasticMotion:
         from symgen.runtime.elastic.mesh import MeshedMotion  # it loads SciPy

@@ -29,8 +29,8 @@ _PLACES = np.array([-1.0, -2.0, -3.0, 1.0, 2.0, 3.0])
 _HALFWAY = np.array([15.0, -6.0, 1.0, 15.0, -6.0, 1.0]) / 20.0
 #: Part of an output near a pole of efforts, over its time from there, below which it has no pole.
 _SMOOTH = 1e-6
-#: Units of outputs of the motion alone.
-OF_MOTION = {"m", "m/s", "m/s^2", "rad", "rad/s", "rad/s^2"}
+#: Units of outputs of the motion alone; directions have no unit.
+OF_MOTION = {"m", "m/s", "m/s^2", "rad", "rad/s", "rad/s^2", "1"}
 
 
 @dataclass(frozen=True, slots=True)

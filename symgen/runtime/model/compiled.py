@@ -78,9 +78,14 @@ class Compiled:
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle the scene, the options and the parameters; the kernels are reopened from the cache."""
+        return self.source.restored, (dict(self.parameters),)
+
+    @property
+    def source(self) -> Any:
+        """Scene and options of the build; raise ModelError for a model that was made without its scene."""
         if not hasattr(self._derive, "restored"):
-            raise ModelError(f"{self.name} was made without its scene and cannot be pickled")
-        return self._derive.restored, (dict(self.parameters),)
+            raise ModelError(f"{self.name} was made without its scene: it can be neither pickled nor drawn")
+        return self._derive
 
     @property
     def parameters(self) -> Mapping[str, float]:

@@ -5,10 +5,11 @@ from __future__ import annotations
 import os
 from abc import abstractmethod
 from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING, ClassVar, overload
+from typing import TYPE_CHECKING, Any, ClassVar, overload
 
 from numpy.typing import ArrayLike
 
+from symgen.display import display
 from symgen.errors import CapabilityError
 from symgen.runtime.many.calls import MANY, ManyRuns
 from symgen.runtime.model.compiled import Compiled
@@ -330,6 +331,39 @@ class Model(LinearAnalyses, ManyRuns, Sweeps, ElasticAnalyses, KernelCalls, Comp
             When the drives do not determine the pose, or the value is not in their range.
         """
         raise NotImplementedError
+
+    def draw(
+        self,
+        at: ArrayLike | None = None,
+        *,
+        over: str | None = None,
+        paths: Sequence[str] | None = None,
+        unit: str | None = None,
+        file: str | os.PathLike[str] | None = None,
+    ) -> Any:
+        """Draw the mechanism in one or more poses, with the paths of points; notebooks show the drawing.
+
+        Parameters
+        ----------
+        at
+            Values at which poses are drawn; the beginning of the motion when absent.
+        over
+            Their variable: ``input`` (default where there is one) or ``time`` [s].
+        paths
+            Points, or joints of a loop, whose paths over the motion are drawn; all that move when absent.
+        unit
+            Unit of length of DXF and of the scale bar, such as ``mm``; that of a loop's table, otherwise m.
+        file
+            File to write: ``.svg``, or ``.dxf`` (``pip install 'symgen[dxf]'``).
+
+        Raises
+        ------
+        ModelError
+            For a name or unit that is unknown, and for user-defined systems.
+        ResultError
+            When the file cannot be written.
+        """
+        return display("draw", self, at, over, paths, unit, file)
 
     @verb
     def accelerations(self, state: State | None = None) -> Accelerations:
