@@ -1,10 +1,12 @@
 """The site of the documentation: ``sphinx-build -W -n docs build/site``, without a network."""
 
 import re
+from typing import Any
 
 from docutils import nodes
 from latex2mathml.converter import convert
 from sphinx.application import Sphinx
+from sphinx.environment import BuildEnvironment
 from sphinx.util import logging
 from sphinx.writers.html5 import HTML5Translator
 
@@ -15,7 +17,13 @@ author = "the symgen authors"
 copyright = author
 version = release = __version__
 
-extensions = ["myst_parser"]
+extensions = ["myst_parser", "sphinx.ext.autodoc", "numpydoc"]
+numpydoc_show_class_members = False
+autodoc_typehints_format = "short"
+autodoc_member_order = "groupwise"
+autodoc_default_options = {"exclude-members": "MISSING, KIND"}
+autodoc_preserve_defaults = True
+autodoc_type_aliases = {"Array": "Array", "ArrayLike": "ArrayLike"}
 myst_enable_extensions = ["dollarmath"]
 myst_heading_anchors = 4  # the anchors that repository browsers give to headings
 
@@ -61,7 +69,19 @@ def link_files_above(app: Sphinx, page: str, source: list[str]) -> None:
     source[0] = re.sub(r"\]\(\.\./([\w/]+)\.md", target, source[0])
 
 
+def link_types(app: Sphinx, env: BuildEnvironment, node: nodes.Element, shown: nodes.Element) -> Any:
+    """Link a type in a signature by its short name, if it is documented; other types stay plain text."""
+    if node["refdomain"] != "py" or "refexplicit" in node:  # a role of a page or of a docstring
+        return None
+    python, name = env.domains.python_domain, node["reftarget"].rpartition(".")[2]
+    for full in (f"symgen.{name}", *(o for o in python.objects if o.endswith(f".{name}"))):
+        if full in python.objects and python.objects[full].objtype == "class":
+            return python.resolve_xref(env, node["refdoc"], app.builder, "class", full, node, shown)
+    return shown
+
+
 def setup(app: Sphinx) -> None:
     """Register equations as MathML, and links to files above this folder."""
     app.add_html_math_renderer("mathml", (inline_mathml, None), (displayed_mathml, None))
+    app.connect("missing-reference", link_types)
     app.connect("source-read", link_files_above)

@@ -31,7 +31,7 @@ class ManyCall(Protocol):
         progress: Callable[[float], None] | None = None,
         **arguments: Any,
     ) -> xarray.Dataset:
-        """See :class:`ManyRuns`."""
+        """See :class:`.ManyRuns`."""
 
 
 class Many:
@@ -64,7 +64,7 @@ class Many:
 
         call.__name__ = f"{analysis}_many"
         call.__qualname__ = f"Model.{analysis}_many"
-        call.__doc__ = f"Carry out {analysis} for many variants: see :class:`ManyRuns`."
+        call.__doc__ = f"Carry out {analysis} for many variants: see :class:`.ManyRuns`."
         self.call = checked(call)
 
     def __get__(self, model: Any, owner: type | None = None) -> ManyCall:

@@ -66,7 +66,7 @@ class Model(LinearAnalyses, ManyRuns, Sweeps, ElasticAnalyses, KernelCalls, Comp
 
     @property
     def rhs(self) -> Rhs:
-        """dy/dt of a linkage for solvers of SciPy and others: see :mod:`symgen.runtime.model.rhs`."""
+        """Right-hand side f(t, y, u) of a linkage for other solvers: see ``docs/solvers.md``."""
         raise CapabilityError(f"{self.name} does not support rhs: it is for linkages without elastic links")
 
     @verb

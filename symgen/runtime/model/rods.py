@@ -142,7 +142,7 @@ class RodModel(LinkageModel):
 
     @property
     def rhs(self) -> Rhs:
-        """The right-hand side f(t, y, u) for other solvers: see :mod:`symgen.runtime.model.rhs`."""
+        """Right-hand side f(t, y, u) for other solvers: see ``docs/solvers.md``."""
         from symgen.runtime.model.rhs import right_hand_side
 
         return right_hand_side(self.initial_state(), self._evaluator, len(self.redundant))

@@ -53,7 +53,7 @@ class Sweeps:
         outputs
             Names of the outputs to keep; all when absent.
         reduce
-            Names of reductions: see :class:`~symgen.runtime.many.calls.ManyRuns`.
+            Names of reductions: see :class:`.ManyRuns`.
         file
             A Zarr store, a name that ends in ``.zarr``. It is written chunk by chunk and can be read at any
             time; where it is there, the sweep continues with the missing chunks. In memory when absent.
