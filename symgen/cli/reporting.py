@@ -49,32 +49,35 @@ def report(
     print(file)
 
 
-@command("symgen animate crank_rocker --out crank_rocker.html")
+@command("symgen animate crank_rocker --out crank_rocker.gif")
 def animate(
     scene: o.Scene,
     out: Annotated[
-        Path | None, typer.Option(help="Output file: .html; default: SCENE_moving.html in this folder.")
+        Path | None,
+        typer.Option(help="Output file: .html, .gif or .mp4; default: SCENE_moving.html in this folder."),
     ] = None,
     t_end: o.TEnd = None,
     samples: o.Samples = None,
     set_: o.Set = None,
 ) -> None:
-    """Write an HTML page on which the mechanism moves.
+    """Write an HTML page on which the mechanism moves, or a GIF or MP4 of the same picture.
 
     The page plays, pauses and scrubs the motion next to plots of the scene's outputs; it works offline.
     """
-    from symgen.atomic import writable, write_text
+    from symgen.atomic import writable
     from symgen.inspection.film import FRAMES, film_of
-    from symgen.report.page.animation import animation
+    from symgen.report.page.movie import FILMED_AS, check_writer, save
     from symgen.scene.loading import override, read_scene
 
     text = override(read_scene(scene), changes(set_))
     file = out or Path(f"{text.name}_moving.html")
-    writable(file, (".html",), "page")
-    with _status(f"animation of {text.name}"):
+    writable(file, FILMED_AS, "moving picture")
+    check_writer(file)
+    with _status(f"animation of {text.name}") as told:
         asked = {} if t_end is None else {"t_end": t_end}
         film = film_of(text, samples or FRAMES, **asked)
-    write_text(file, animation(film))
+        told("writing")
+        save(film, file)
     print(file)
 
 

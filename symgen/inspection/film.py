@@ -8,14 +8,13 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from symgen.errors import ModelError, nearest
 from symgen.inspection.values import of_time
 from symgen.inspection.view import drawn_scene
 from symgen.methods import load, method_of
 from symgen.pipeline.build import build_asked
-from symgen.report.page.animation import Film
+from symgen.report.page.animation import Film, traces_of
 from symgen.report.page.drawing import Sketch
 from symgen.report.page.sheet import Sheet
 from symgen.runtime.result.result import Result
@@ -106,22 +105,12 @@ def sheet_of(
     if poses is None or paths is None or len(paths):
         motion = sketches(of.view.moved(model, samples, **asked))
     drawn = motion[:1] if poses is None else sketches(of.view.posed(model, *poses(model)))
-    traces = _traces(motion)
+    traces = traces_of(motion)
     for name in paths or ():
         if name not in traces:
             raise ModelError(f"{text.name} has no moving point {name!r}. {nearest(name, traces)}")
     chosen = traces if paths is None else {name: traces[name] for name in paths}
     return Sheet(model.description.title, drawn, chosen, size or of.view.unit(of.resolved))
-
-
-def _traces(motion: Sequence[Sketch]) -> dict[str, NDArray[np.float64]]:
-    """Return the places of points that move, (samples, axes) by name."""
-    nodes = zip(*(sketch.nodes for sketch in motion), strict=True)
-    return {
-        same[0].name: np.array([node.at for node in same])
-        for same in nodes
-        if same[0].kind not in ("ground", "hidden")
-    }
 
 
 def _unit(text: str) -> tuple[str, float]:

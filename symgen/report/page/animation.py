@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from symgen.report.page.drawing import Sketch, not_drawn, view_of_paper
+from symgen.report.page.drawing import Sketch, not_drawn, places_of, view_of_paper
 from symgen.report.page.page import environment
 from symgen.runtime.result.records import Variable
 from symgen.runtime.result.result import Result
@@ -67,6 +67,16 @@ def animation(film: Film) -> str:
     return text
 
 
+def traces_of(sketches: Sequence[Sketch]) -> dict[str, Array]:
+    """Return the places of points that move, (samples, axes) by name."""
+    nodes = zip(*(sketch.nodes for sketch in sketches), strict=True)
+    return {
+        same[0].name: np.array([node.at for node in same])
+        for same in nodes
+        if same[0].kind not in ("ground", "hidden")
+    }
+
+
 def lines_of(sketch: Sketch) -> list[dict[str, Any]]:
     """Return the lines of a sketch without their places."""
     return [{"kind": line.kind, "name": line.name, "count": len(line.at)} for line in sketch.lines]
@@ -81,11 +91,6 @@ def _long(sketches: Sequence[Sketch], size: float) -> list[bool]:
     """Return for each line whether it has a length in some sketch."""
     lines = zip(*(s.lines for s in sketches), strict=True)
     return [any(np.ptp(line.at, axis=0).max() > 1e-9 * size for line in same) for same in lines]
-
-
-def places_of(sketch: Sketch) -> Array:
-    """Return the vertices of all lines, then the nodes, one per row."""
-    return np.vstack([*(line.at for line in sketch.lines), *(node.at[None] for node in sketch.nodes)])
 
 
 def _rounded(values: Array, size: float) -> list[float | None]:

@@ -56,11 +56,16 @@ class Sketch:
 
 @dataclass(frozen=True, slots=True)
 class Shape:
-    """A line on paper: its kind and its points in SVG syntax."""
+    """A line on paper: its kind and its vertices [px]."""
 
     kind: str
-    points: str
+    at: Array
     closed: bool = False
+
+    @property
+    def points(self) -> str:
+        """The vertices in SVG syntax."""
+        return " ".join(f"{x:.2f},{y:.2f}" for x, y in self.at)
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,28 +113,64 @@ class Drawing:
     unnamed: int
 
 
+@dataclass(frozen=True, slots=True)
+class Paper:
+    """A sheet of paper with places of a mechanism on it.
+
+    Attributes
+    ----------
+    view
+        The two directions of the paper, as columns.
+    middle
+        The place in the middle of the paper, in these directions.
+    scale
+        Length on paper [px] of a unit of length.
+    width, height
+        Size of the paper [px].
+    """
+
+    view: Array
+    middle: Array
+    scale: float
+    width: float
+    height: float
+
+    @classmethod
+    def of(cls, sketches: Sequence[Sketch]) -> Paper:
+        """Return the paper that holds all sketches: front view in the plane, oblique view in space."""
+        view = view_of_paper(sketches[0])
+        every = np.vstack([places_of(sketch) for sketch in sketches]) @ view
+        low, high = np.nanmin(every, axis=0), np.nanmax(every, axis=0)
+        extent = np.maximum(high - low, 1e-12 * max(1.0, float(np.nanmax(np.abs(every)))))
+        scale = min((_WIDTH - 2 * _MARGIN) / extent[0], (_HIGH - 2 * _MARGIN) / extent[1])
+        height = float(np.clip(extent[1] * scale + 2 * _MARGIN, _LOW, _HIGH))
+        return cls(view, (low + high) / 2, float(scale), _WIDTH, height)
+
+    def __call__(self, at: Array) -> Array:
+        """Return places on paper [px], y downwards."""
+        moved = (at @ self.view - self.middle) * self.scale * (1.0, -1.0) + (self.width / 2, self.height / 2)
+        return np.asarray(moved)
+
+    def shapes(self, sketch: Sketch) -> list[Shape]:
+        """Return the lines of a sketch in the order in which they are drawn."""
+        found = [shape for line in sketch.lines for shape in _shapes(line, self(line.at))]
+        return sorted(found, key=lambda shape: _ORDER.index(shape.kind))
+
+
+def places_of(sketch: Sketch) -> Array:
+    """Return the vertices of all lines, then the nodes, one per row."""
+    return np.vstack([*(line.at for line in sketch.lines), *(node.at[None] for node in sketch.nodes)])
+
+
 def drawing(sketch: Sketch) -> Drawing:
     """Return the drawing of a mechanism: front view in the plane, oblique view in space."""
-    view = view_of_paper(sketch)
     sketch = replace(sketch, lines=tuple(line for line in sketch.lines if np.ptp(line.at, axis=0).any()))
-    every = np.vstack(
-        [*(line.at @ view for line in sketch.lines), *(n.at[None] @ view for n in sketch.nodes)]
-    )
-    low, high = every.min(axis=0), every.max(axis=0)
-    extent = np.maximum(high - low, 1e-12 * max(1.0, float(np.max(np.abs(every)))))
-    inner = _WIDTH - 2 * _MARGIN
-    per_metre = min(inner / extent[0], (_HIGH - 2 * _MARGIN) / extent[1])
-    height = float(np.clip(extent[1] * per_metre + 2 * _MARGIN, _LOW, _HIGH))
-    middle = (low + high) / 2
-
-    def paper(at: Array) -> Array:
-        moved: Array = (at @ view - middle) * per_metre * (1.0, -1.0) + (_WIDTH / 2, height / 2)
-        return moved
-
-    shapes = [shape for line in sketch.lines for shape in _shapes(line, paper(line.at))]
+    paper = Paper.of([sketch])
+    height = paper.height
+    shapes = paper.shapes(sketch)
     marks = [Mark(n.kind, *_rounded(paper(n.at)), n.name) for n in sketch.nodes if n.kind != "hidden"]
-    bar, scale = _scale(per_metre, sketch.unit)
-    arrows = tuple(_arrows(sketch, view))
+    bar, scale = _scale(paper.scale, sketch.unit)
+    arrows = tuple(_arrows(sketch, paper.view))
     lines = {id(k): paper(k.at) for k in sketch.lines}
     corners = _corners(arrows, bar, height)
     if any(_meet(dot, box) for dot in _dots(sketch, marks, lines) for box in corners) or any(
@@ -138,7 +179,6 @@ def drawing(sketch: Sketch) -> Drawing:
         height += _STRIP
         corners = _corners(arrows, bar, height)
     labels, unnamed = _labels(sketch, marks, lines, corners, height)
-    shapes.sort(key=lambda s: _ORDER.index(s.kind))
     return Drawing(_WIDTH, height, tuple(shapes), tuple(marks), labels, arrows, bar, scale, unnamed)
 
 
@@ -170,32 +210,28 @@ def _rounded(at: Array) -> tuple[float, float]:
     return round(float(at[0]), 2), round(float(at[1]), 2)
 
 
-def _text(at: Array) -> str:
-    return " ".join(f"{x:.2f},{y:.2f}" for x, y in at)
-
-
 def _shapes(line: Line, at: Array) -> Iterator[Shape]:
     if line.kind == "path":
         whole = at[:: max(1, math.ceil(len(at) / _CORNERS))]
-        yield Shape("path", _text(whole))
+        yield Shape("path", whole)
     elif line.kind == "spring":
-        yield Shape("spring", _text(_wound(at)))
+        yield Shape("spring", _wound(at))
     elif line.kind == "slider":
         along = at[1] - at[0]
         along = along / max(float(np.linalg.norm(along)), 1e-9)
         across = np.array([-along[1], along[0]])
         sides = ((-1, -1), (1, -1), (1, 1), (-1, 1))
         block = np.array([at[0] + 13 * a * along + 8 * b * across for a, b in sides])
-        yield Shape("slider", _text(block), closed=True)
+        yield Shape("slider", block, closed=True)
     elif line.kind == "body" and len(at) > 2:
         middle = at.mean(axis=0)
         _, sizes, axes = np.linalg.svd(at - middle)
         if flat := sizes[1] < _FLAT:
             along = (at - middle) @ axes[0]
             at = at[[np.argmin(along), np.argmax(along)]]
-        yield Shape("rod" if flat else "body", _text(at if flat else hull(at)), closed=not flat)
+        yield Shape("rod" if flat else "body", at if flat else hull(at), closed=not flat)
     else:
-        yield Shape("rod" if line.kind == "body" else line.kind, _text(at))
+        yield Shape("rod" if line.kind == "body" else line.kind, at)
 
 
 def _wound(at: Array) -> Array:

@@ -9,8 +9,8 @@ from dataclasses import asdict, dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from symgen.report.page.animation import CURVES, as_script, lines_of, nodes_of, places_of
-from symgen.report.page.drawing import Sketch, not_drawn, view_of_paper
+from symgen.report.page.animation import CURVES, as_script, lines_of, nodes_of
+from symgen.report.page.drawing import Sketch, not_drawn, places_of, view_of_paper
 from symgen.report.page.page import environment
 
 Array = NDArray[np.float64]

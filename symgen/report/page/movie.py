@@ -1,0 +1,169 @@
+"""A film as GIF or MP4: the picture of the page, drawn by Matplotlib frame by frame."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symgen.atomic import replacing, write_text
+from symgen.errors import ModelError, ResultError
+from symgen.report.page.animation import Film, animation, traces_of
+from symgen.report.page.drawing import Paper, Shape, Sketch
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+Array = NDArray[np.float64]
+
+#: Writers of Matplotlib by the ending of the file.
+_WRITERS = {".gif": "pillow", ".mp4": "ffmpeg"}
+#: Endings of files of moving pictures.
+FILMED_AS = (".html", *_WRITERS)
+#: Pictures per second at most, and bounds of the duration of a film [s].
+_RATE, _SHORTEST, _LONGEST = 25.0, 2.0, 20.0
+#: Points of a film without times [s]; pixels of a film per pixel on paper; points of print per pixel.
+_TIMELESS, _ENLARGED, _PRINT = 5.0, 1.5, 0.72
+#: Colours, as on the page.
+_INK, _SOFT, _FILL, _BLUE, _WARM = "#1c1f23", "#5a626c", "#d8dce1", "#1f5c99", "#c2571a"
+#: Colour, width [px], dashes and fill of lines by kind.
+_STYLES: dict[str, tuple[str, float, str, str]] = {
+    "rod": (_INK, 4.0, "-", "none"),
+    "elastic": (_BLUE, 4.0, "-", "none"),
+    "body": (_INK, 2.0, "-", _FILL),
+    "rail": (_SOFT, 1.5, "-", "none"),
+    "axis": (_WARM, 1.2, "--", "none"),
+    "spring": (_BLUE, 1.6, "-", "none"),
+    "actuator": (_BLUE, 1.6, ":", "none"),
+    "slider": (_INK, 1.6, "-", "white"),
+    "path": (_WARM, 1.0, "-", "none"),
+}
+
+
+def check_writer(file: Path) -> None:
+    """Check that a film can be written in the format of a file, before it is made.
+
+    Raises
+    ------
+    ModelError
+        For MP4 without ffmpeg.
+    """
+    from matplotlib.animation import FFMpegWriter
+
+    if file.suffix.lower() == ".mp4" and not FFMpegWriter.isAvailable():
+        raise ModelError(
+            "MP4 is written by ffmpeg, which is not found\n"
+            "  Install it (apt install ffmpeg, brew install ffmpeg), or write a file ending in .gif."
+        )
+
+
+def save(film: Film, file: Path) -> None:
+    """Write a film as HTML page, GIF or MP4, by the ending of the file; raise as :func:`movie`."""
+    if file.suffix.lower() in _WRITERS:
+        movie(film, file)
+    else:
+        write_text(file, animation(film))
+
+
+def movie(film: Film, file: Path) -> None:
+    """Write a film as GIF or MP4: the mechanism, the paths of its points and the value of the coordinate.
+
+    A run is played in its own time, or in as many seconds as leave between 2 and 20, like on the page.
+
+    Raises
+    ------
+    ModelError
+        For MP4 without ffmpeg.
+    ResultError
+        When the file cannot be written.
+    """
+    from matplotlib.animation import writers
+    from matplotlib.figure import Figure
+
+    check_writer(file)
+    paper = Paper.of(film.sketches)
+    count, along = film.result.count, film.result.over
+    own = float(np.ptp(film.result.time)) if count > 1 else 0.0
+    seconds = float(np.clip(own or _TIMELESS, _SHORTEST, _LONGEST))
+    shown = np.unique(np.linspace(0, count - 1, min(count, round(_RATE * seconds) + 1)).round().astype(int))
+    shown = shown[: max(1, len(shown) - 1)]  # the last is the first of the next round
+    traces = [paper(places) for places in traces_of(film.sketches).values()]
+    figure = Figure(figsize=(paper.width / 100, paper.height / 100), facecolor="white")
+    axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
+    rate: Any = len(shown) / seconds
+    writer = writers[_WRITERS[file.suffix.lower()]](fps=rate)
+    try:
+        with replacing(file) as temporary, writer.saving(figure, str(temporary), 100 * _ENLARGED):
+            for k in shown:
+                axes.clear()
+                axes.set(xlim=(0, paper.width), ylim=(paper.height, 0))
+                axes.set_axis_off()
+                for trace in traces:
+                    _draw(axes, Shape("path", trace))
+                _draw_pose(axes, paper, film.sketches[k])
+                _write(axes, (12, 20), film.result.title, _INK, paper.width - 24)
+                _write(axes, (12, paper.height - 12), f"{along[1]}: {along[0][k]:.4g}", _SOFT)
+                writer.grab_frame()
+    except OSError as error:
+        raise ResultError(f"cannot write the film to {file}: {error.strerror or error}") from None
+
+
+def _draw(axes: Axes, shape: Shape) -> None:
+    from matplotlib.patches import Polygon
+
+    colour, width, dashes, fill = _STYLES[shape.kind]
+    alpha = 0.55 if shape.kind == "path" else 1.0
+    drawn: Any = Polygon(
+        shape.at,
+        closed=shape.closed,
+        fill=shape.closed,
+        facecolor=fill,
+        edgecolor=colour,
+        linewidth=width * _PRINT,
+        linestyle=dashes,
+        alpha=alpha,
+        capstyle="round",
+        joinstyle="round",
+    )
+    axes.add_patch(drawn)
+
+
+def _draw_pose(axes: Axes, paper: Paper, sketch: Sketch) -> None:
+    """Draw lines, points and names of one frame."""
+    for shape in paper.shapes(sketch):
+        _draw(axes, shape)
+    names = []
+    for node in sketch.nodes:
+        if node.kind == "hidden":
+            continue
+        x, y = paper(node.at)
+        if node.kind == "ground":
+            _draw(axes, Shape("rail", np.array([[x, y], [x - 8, y + 13], [x + 8, y + 13]]), closed=True))
+            for i in range(-10, 11, 5):
+                _draw(axes, Shape("rail", np.array([[x + i, y + 13], [x + i - 4, y + 18]])))
+        fill, size = (_INK, 6.4) if node.kind == "end" else ("white", 8.0)
+        axes.plot(x, y, "o", ms=size * _PRINT, mfc=fill, mec=_INK, mew=1.6 * _PRINT)
+        names.append((x + 9, y - 9, node.name, _INK))
+    for line in sketch.lines:
+        at = paper(line.at)
+        along = at[1] - at[0]
+        length = float(np.linalg.norm(along))
+        if line.name and length > 1.0:
+            across = np.array([-along[1], along[0]]) / length
+            side = -1.0 if across[0] < 0 else 1.0
+            x, y = at.mean(axis=0) + 9 * side * across
+            names.append((x, y + 4, line.name, _SOFT))
+    taken: list[tuple[float, float, float]] = []
+    for x, y, name, colour in names:
+        box = (x, x + 8.0 * len(name), y)
+        if not any(box[0] < b[1] and b[0] < box[1] and abs(y - b[2]) < 14 for b in taken):
+            taken.append(box)
+            _write(axes, (x, y), name, colour)
+
+
+def _write(axes: Axes, at: tuple[float, float], text: str, colour: str, room: float = math.inf) -> None:
+    """Write a text, in smaller letters if it is wider than the room [px]."""
+    axes.text(*at, text, color=colour, fontsize=min(13.0, room / (0.6 * max(1, len(text)))) * _PRINT)

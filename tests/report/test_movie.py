@@ -1,0 +1,63 @@
+"""Films as GIF and MP4: their pictures against closed forms."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from matplotlib.animation import FFMpegWriter
+from PIL import Image
+
+from symgen.errors import ModelError
+from symgen.inspection.film import film_of
+from symgen.report.page.movie import check_writer, save
+from symgen.scene.loading import override, read_scene
+
+
+def dark(picture, x, y):
+    """Return whether a picture is dark within a pixel of a place."""
+    grey = np.array(picture.convert("L"))
+    x, y = round(x), round(y)
+    return bool(grey[y - 1 : y + 2, x - 1 : x + 2].min() < 90)
+
+
+def test_a_gif_shows_the_crank_where_the_time_says(tmp_path):
+    """The middle of the crank is found from the middle of the circle on which A moves."""
+    file = tmp_path / "film.gif"
+    save(film_of(read_scene("crank_rocker"), 9), file)
+    with Image.open(file) as film:
+        # The 9 samples of one second fill the shortest film, 2 s; the last is the first again.
+        assert (film.n_frames, film.info["duration"], film.info["loop"]) == (8, 250, 0)
+        pictures = []
+        for k in range(8):
+            film.seek(k)
+            pictures.append(film.convert("RGB").copy())
+    colours = np.array(pictures[0]).astype(int)
+    orange = (colours[..., 0] - colours[..., 2] > 60) & (colours[..., 0] > 180)
+    rows, columns = np.nonzero(orange)
+    left = columns < 0.5 * colours.shape[1]  # the circle of A; the arc of B is to the right of it
+    radius = (columns[left].max() - columns[left].min()) / 2
+    middle = columns[left].min() + radius, (rows[left].max() + rows[left].min()) / 2
+    for k, picture in enumerate(pictures):
+        for j in range(8):
+            angle = 2 * math.pi * j / 8
+            at = middle[0] + 0.5 * radius * math.cos(angle), middle[1] - 0.5 * radius * math.sin(angle)
+            assert dark(picture, *at) == (j == k)
+
+
+def test_a_film_without_ffmpeg_is_refused_before_it_is_made(monkeypatch, entry, tmp_path):
+    monkeypatch.setattr(FFMpegWriter, "isAvailable", classmethod(lambda cls: False))
+    with pytest.raises(ModelError, match=r"ffmpeg, which is not found\n  Install it .*\.gif"):
+        check_writer(Path("film.mp4"))
+    check_writer(Path("film.gif"))
+    code, out, said = entry("animate", "crank_rocker", "--out", str(tmp_path / "film.mp4"))
+    assert (code, out) == (2, "") and "apt install ffmpeg" in said and not [*tmp_path.iterdir()]
+
+
+@pytest.mark.skipif(not FFMpegWriter.isAvailable(), reason="needs ffmpeg (apt install ffmpeg)")
+def test_an_mp4_is_written(tmp_path):
+    file = tmp_path / "film.mp4"
+    save(film_of(override(read_scene("crank_rocker"), {"title": "A title " * 20}), 5), file)
+    assert file.read_bytes()[4:8] == b"ftyp" and file.stat().st_size > 2000
