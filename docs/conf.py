@@ -1,6 +1,8 @@
 """The site of the documentation: ``sphinx-build -W -n docs build/site``, without a network."""
 
 import re
+import sys
+from pathlib import Path
 from typing import Any
 
 from docutils import nodes
@@ -9,6 +11,9 @@ from sphinx.application import Sphinx
 from sphinx.environment import BuildEnvironment
 from sphinx.util import logging
 from sphinx.writers.html5 import HTML5Translator
+
+sys.path.insert(0, str(Path(__file__).parent))
+import gallery
 
 from symgen.version import __version__
 
@@ -80,8 +85,14 @@ def link_types(app: Sphinx, env: BuildEnvironment, node: nodes.Element, shown: n
     return shown
 
 
+def write_gallery(app: Sphinx) -> None:
+    """Run, draw and describe all shipped scenes."""
+    gallery.write(app.srcdir / "gallery", app.outdir / "gallery")
+
+
 def setup(app: Sphinx) -> None:
-    """Register equations as MathML, and links to files above this folder."""
+    """Register equations as MathML, links of types and of files above this folder, and the gallery."""
+    app.connect("builder-inited", write_gallery)
     app.add_html_math_renderer("mathml", (inline_mathml, None), (displayed_mathml, None))
     app.connect("missing-reference", link_types)
     app.connect("source-read", link_files_above)
