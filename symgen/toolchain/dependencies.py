@@ -61,22 +61,33 @@ def needs(further: Needs | None = None) -> Needs:
     for module in sorted({*filter(_decides, sys.modules), *_describing()}):
         names.append(_module(module))
         names += [f"{module}:{file}" for file in _DATA.get(module, ())]
-    templates = _folder("symgen.templates")
-    every = (p.relative_to(templates) for p in templates.rglob("*.j2"))
-    printed = (p for p in every if Path(p.stem).suffix not in _OF_PAGES)
-    names += [f"symgen.templates:{p.as_posix()}" for p in printed if p.parts[0] != _EXPORTED]
+    names += _templates()
     return {name: _as_loaded(name) for name in sorted(names)} | {
         _REGISTERED: content(_REGISTERED),
         **(further or {}),
     }
 
 
+@cache
+def _templates() -> tuple[str, ...]:
+    """Return the names of the templates of kernels, constant for the life of the process."""
+    folder = _folder("symgen.templates")
+    every = (p.relative_to(folder) for p in folder.rglob("*.j2"))
+    printed = (p for p in every if Path(p.stem).suffix not in _OF_PAGES)
+    return tuple(f"symgen.templates:{p.as_posix()}" for p in printed if p.parts[0] != _EXPORTED)
+
+
 def _as_loaded(name: str) -> str:
     """Return the hash of a file's content; empty (never current) if it changed after this process started."""
     where, _, rest = name.partition(":")
-    if where != "version" and (_folder(where) / rest).stat().st_mtime > _BEGUN:
+    if where != "version" and _place(where, rest).stat().st_mtime > _BEGUN:
         return ""
     return content(name)
+
+
+@cache
+def _place(package: str, file: str) -> Path:
+    return _folder(package) / file
 
 
 def of_package(package: str, file: str) -> Needs:
@@ -91,6 +102,7 @@ def of_file(path: Path) -> Needs:
     return {name: content(name)}
 
 
+@cache
 def _decides(module: str) -> bool:
     package, _, part = module.partition(".")
     if package != "symgen" or not part or module == _REGISTRY:
@@ -132,6 +144,7 @@ def _imported(code: CodeType | None) -> Iterator[str]:
             yield from _imported(constant)
 
 
+@cache
 def _module(name: str) -> str:
     path = Path(str(sys.modules[name].__file__))
     return f"symgen:{path.relative_to(_folder('symgen')).as_posix()}"
