@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from shared.commands import call
+from shared.shipped import derived
 from typer.testing import CliRunner
 
 import symgen
@@ -203,7 +204,7 @@ def test_show(model):
 @pytest.mark.parametrize("model", ["peaucellier", "slider_crank"])
 def test_every_listed_matrix_is_shown(model):
     """Names with dots too, as outputs have."""
-    names = [m.name for m in symgen.derive(model).matrices]
+    names = [m.name for m in derived(model).matrices]
     assert any("." in name for name in names)
     for name in (names[0], *[name for name in names if "." in name][:3]):
         assert call("show", model, name, "--format", "c")

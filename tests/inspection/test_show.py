@@ -10,6 +10,7 @@ import mpmath
 import numpy as np
 import pytest
 import sympy as sp
+from shared.shipped import derived
 from typer.testing import CliRunner
 
 import symgen
@@ -40,13 +41,13 @@ def numbers(text):
 
 
 def test_one_entry_and_a_submatrix():
-    whole = symgen.derive("four_bar")["constraint_jacobian"]
+    whole = derived("four_bar")["constraint_jacobian"]
     part = whole.part(["coupler", "crank"], ["B_x", "1"])
     assert part.rows == ("coupler", "crank") and part.columns == ("B_x", "A_y")
     assert part.matrix[0, 0] == whole.matrix[1, 2] and part.matrix[1, 1] == whole.matrix[0, 1]
     entry = shown("four_bar", "constraint_jacobian", "--rows", "coupler", "--columns", "B_x")
     assert "[coupler_dx]" in entry and "crank" not in entry
-    mass = symgen.derive("four_bar")["mass_matrix"]
+    mass = derived("four_bar")["mass_matrix"]
     assert mass.part(["A_x"], ["A_x"]).symmetric and not mass.part(["A_x"], ["B_x"]).symmetric
     with pytest.raises(SymgenError, match="no row 'copler'. Did you mean 'coupler'"):
         shown("four_bar", "constraint_jacobian", "--rows", "copler")
@@ -61,7 +62,7 @@ def test_one_entry_and_a_submatrix():
 
 def test_shared_terms_give_what_was_derived():
     """The listing, read back as Python, gives the numbers of the original matrix."""
-    system = symgen.derive("four_bar")
+    system = derived("four_bar")
     text = shown("four_bar", "velocity_constraints", "--format", "shared")
     random = np.random.default_rng(1)
     values = {x.name: random.uniform(0.5, 2) for g in system.groups for x in g.quantities}
@@ -88,7 +89,7 @@ def test_shared_terms_give_what_was_derived():
 )
 def test_a_derivative_is_that_of_the_expanded_matrix(scene, matrix, by):
     """By the chain rule through the shared terms, and by differences of the original at 40 digits."""
-    system = symgen.derive(scene)
+    system = derived(scene)
     made = derivative(system, [system[matrix]], by)
     random = np.random.default_rng(2)
     at = {g.name: random.uniform(0.5, 2.0, len(g.quantities)).tolist() for g in system.groups}
@@ -168,7 +169,7 @@ def test_numbers_of_given_symbols():
 
 
 def test_the_record_of_rods_goes_from_particles_to_rows():
-    system = symgen.derive("four_bar")
+    system = derived("four_bar")
     linkage = resolve(load_scene("four_bar"))
     steps = record(linkage, system)
     assert [s.title for s in steps] == [
@@ -223,7 +224,7 @@ def test_names_as_mathematics():
 
 @pytest.mark.parametrize("scene", ["peaucellier", "slider_crank", "tumbling_body"])
 def test_different_names_are_written_differently(scene):
-    names = [x.name for x in symgen.derive(scene).quantities()]
+    names = [x.name for x in derived(scene).quantities()]
     assert len({latex_name(n) for n in names}) == len({mathml_name(n) for n in names}) == len(names)
 
 
@@ -252,7 +253,7 @@ def test_latex_compiles(tmp_path):
 
 
 def test_notebooks_show_what_they_are_given():
-    system = symgen.derive("four_bar")
+    system = derived("four_bar")
     assert system["mass_matrix"]._repr_latex_().startswith(r"$\displaystyle \left[\begin{matrix}")
     assert "<td>constraint_jacobian</td><td>3 × 4</td>" in system._repr_html_()
     assert "constraint_jacobian" in symgen.build("four_bar").equations._repr_html_()

@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 import sympy as sp
 from shared.full import full_unless
-from shared.shipped import ELASTIC, LINKAGES, LOOPS, REPEATED
+from shared.shipped import ELASTIC, LINKAGES, LOOPS, REPEATED, derived, lowered
 
-import symgen
 from symgen.codegen.emit import emit
 from symgen.codegen.printers import Printer
 from symgen.codegen.target import Target
@@ -63,9 +62,13 @@ def loosened(name):
     return system_of((general if name in LINKAGES else general_loop)(resolved))
 
 
-def systems(name):
-    yield symgen.derive(name)
-    yield loosened(name)
+def programs(name):
+    yield derived(name), lowered(name)
+    for system in (loosened(name), *analyses(name)):
+        yield system, lower_system(system)
+
+
+def analyses(name):
     if name in LINKAGES:
         linkage = resolve(load_scene(name))
         for kind in ANALYSES:
@@ -77,8 +80,7 @@ def systems(name):
 @pytest.mark.parametrize("name", full_unless(lambda name: name not in REPEATED, [*LINKAGES, *LOOPS]))
 def test_nothing_of_parameters_alone_is_left_in_any_other_kernel(name):
     with_setup = 0
-    for system in systems(name):
-        program = lower_system(system)
+    for system, program in programs(name):
         others = [k for k in program.kernels if k is not program.setup]
         assert [x for k in others for x in left_over(k)] == []
         if program.setup is None:
@@ -111,12 +113,12 @@ def _references(kernel):
 @pytest.mark.parametrize("name", ["peaucellier", "double_four_bar", "slider_crank"])
 def test_it_can_be_seen_where_all_is_computed_at_every_call(name):
     """The same scene, told that its parameters differ from call to call, as those of blocks do."""
-    system = symgen.derive(name)
+    system = derived(name)
     groups = tuple(replace(g, per_run=False) for g in system.groups)
     program = lower_system(replace(system, groups=groups))
     assert program.setup is None
     assert sum(len(left_over(k)) for k in program.kernels) >= 5
-    own = {k.name: k.counts.flops for k in lower_system(system).kernels}
+    own = {k.name: k.counts.flops for k in lowered(name).kernels}
     for kernel in program.kernels:
         assert own[kernel.name] <= kernel.counts.flops
     assert sum(own.values()) < sum(k.counts.flops for k in program.kernels)
@@ -197,7 +199,7 @@ def test_its_name_is_taken():
 
 @pytest.mark.parametrize("language", ["c", "cython", "numpy", "mpmath"])
 def test_every_language_says_or_does_it(language):
-    files = emit(lower_system(symgen.derive("cardan")), Target(language), "x" * 64)
+    files = emit(lowered("cardan"), Target(language), "x" * 64)
     text = "\n".join(f.text for f in files)
     assert ("def setup(" in text) == (language != "c")
     if language == "c":

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from shared.shipped import derived
 
 import symgen
 from symgen.lowering.like_terms import fewest
@@ -114,7 +115,7 @@ def test_linkages_with_loops_are_eliminated_by_minimum_degree_where_that_is_chea
     entries += [(n + i, j) for i in range(jacobian.rows) for j in range(n) if jacobian[i, j] != 0]
     assert point.order == minimum_degree(entries, n, n + jacobian.rows)
     along_the_tree = (2, 3, 6, 0, 1, 4, 5)  # B, rocker, A, crank, coupler
-    assert symgen.derive("four_bar").saddle_point.order == along_the_tree
+    assert derived("four_bar").saddle_point.order == along_the_tree
 
 
 def line_of(**values):

@@ -10,7 +10,7 @@ import pytest
 from shared.full import full_unless
 from shared.oracle import DIGITS, Oracle, relative_error
 from shared.rich_scenes import SCENES
-from shared.shipped import ELASTIC, REPEATED, rigid
+from shared.shipped import ELASTIC, REPEATED, derived, rigid
 from shared.states import values_of
 from typer.testing import CliRunner
 
@@ -68,7 +68,7 @@ def test_stiffness_and_damping_are_slopes_of_the_equations_of_motion(scene):
     """Differences at 30 digits of f - J^T lambda, as the equations of motion themselves have them."""
     scene = SCENES[scene]()
     model = symgen.build(scene)
-    dynamics = symgen.derive(scene)
+    dynamics = derived(scene)
     system = analysis_system(resolve(check_scene(text_of(scene))), "statics")
     values = values_of(model, dynamics, np.random.default_rng(5))
     n = len(values["q"])

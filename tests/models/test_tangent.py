@@ -9,7 +9,7 @@ import sympy as sp
 from shared.full import full_unless
 from shared.oracle import DIGITS, Oracle
 from shared.rich_scenes import SCENES, joined_bodies
-from shared.shipped import LINKAGES, REPEATED, rigid
+from shared.shipped import LINKAGES, REPEATED, derived, rigid
 from shared.states import values_of
 
 import symgen
@@ -38,7 +38,7 @@ def tangent_of(scene):
 def test_slopes_of_the_residual_at_thirty_digits(scene):
     """Central differences, at 30 digits, of the residual that the equations of motion themselves give."""
     scene = symgen.Scene(**joined_bodies()) if scene == "bodies" else SCENES[scene]()
-    model, dynamics, system = rigid(symgen.build(scene)), symgen.derive(scene), tangent_of(scene)
+    model, dynamics, system = rigid(symgen.build(scene)), derived(scene), tangent_of(scene)
     values = values_of(model, dynamics, np.random.default_rng(5))
     n = len(values["q"])
     names = ("mass_matrix", "constraint_jacobian", "force", "acceleration_rhs")
@@ -75,7 +75,7 @@ def test_slopes_of_accelerations(scene):
     model, system = rigid(symgen.build(scene)), tangent_of(scene)
     if model.redundant:
         pytest.skip("its multipliers are not unique, and are lost differently beside a state")
-    evaluator, kernels, dynamics = model.evaluator, model.analysis("tangent"), Oracle(symgen.derive(scene))
+    evaluator, kernels, dynamics = model.evaluator, model.analysis("tangent"), Oracle(derived(scene))
     values = values_of(model, system, np.random.default_rng(11))
     t, q, u = float(values["t"][0]), values["q"], values["u"]
     n = len(q)

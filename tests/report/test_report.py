@@ -9,6 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from shared.shipped import derived
 from typer.testing import CliRunner
 
 from symgen.cli import app
@@ -104,7 +105,7 @@ def test_a_page_shows_what_was_derived(pages):
     """Its numbers are those of the model, its symbols those of the system."""
     import symgen
 
-    model, system = symgen.build("four_bar"), symgen.derive("four_bar")
+    model, system = symgen.build("four_bar"), derived("four_bar")
     text = pages["four_bar"].read_text()
     assert f"{model.operations['accelerations']['flops']} for the accelerations" in text
     for group in system.groups:

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 import sympy as sp
 from shared.oracle import Oracle, relative_error
+from shared.shipped import derived
 
 import symgen
 from symgen.errors import SceneError, SimulationError
-from symgen.pipeline.build import derive
 from symgen.runtime.integrate.options import options
 from symgen.runtime.integrate.simulate import run
 from symgen.scene.loading import read_scene
@@ -30,7 +30,7 @@ def exact(name, state, model):
         "p": np.array(list(model.parameters.values())),
         "work": np.zeros(0),
     }
-    system = derive(name)
+    system = derived(name)
     values["work"] = np.zeros(len(system.group("work").quantities))
     return Oracle(system).solve(values)
 
@@ -156,7 +156,7 @@ def test_least_norm_is_the_least():
     model = symgen.build("double_four_bar")
     state = model.initial_state()
     solution = model.accelerations(state)
-    system = derive("double_four_bar")
+    system = derived("double_four_bar")
     values = {"t": np.zeros(1), "q": state.q, "u": state.u, "p": np.zeros(1), "work": np.zeros(8)}
     mass, jacobian, force, scale = (
         np.array(Oracle(system).matrix(name, values).tolist(), dtype=float)
@@ -268,7 +268,7 @@ def test_spread_pivots_are_refined(name):
         {p: result.final[p]["position"] for p in model.description.free},
         {p: result.final[p]["velocity"] for p in model.description.free},
     )
-    system, n = derive(name), model.description.coordinates
+    system, n = derived(name), model.description.coordinates
     for state in (model.initial_state(), last):
         truth, solved = exact(name, state, model), found(model, state)
         assert relative_error(solved[:n], truth[:n]) < 1e-13

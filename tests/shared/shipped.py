@@ -26,9 +26,13 @@ REPEATED = {
 
 
 @cache
-def derived(name):
-    """Return the system of a shipped scene, derived once in a process: nothing changes it."""
+def _derived(name):
     return symgen.derive(name)
+
+
+def derived(scene):
+    """Return the system of a scene; one given by its name is derived once in a process: nothing changes it."""
+    return _derived(scene) if isinstance(scene, str) else symgen.derive(scene)
 
 
 @cache

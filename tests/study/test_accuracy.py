@@ -12,6 +12,7 @@ import pytest
 import sympy as sp
 from shared.commands import call
 from shared.full import full
+from shared.shipped import derived
 
 from symgen.errors import BuildError, ModelError, ResultError, SceneError
 from symgen.lowering.program import lower_system
@@ -222,10 +223,9 @@ def test_the_mass_of_a_rod_does_not_cancel():
 
 def test_assembly_leads_from_the_drawing():
     """The Jacobian of constraints does not depend on the way: what is drawn is a number."""
-    import symgen
 
     for scene in ("elastic_four_bar", "rotating_cantilever", "peaucellier_limit", "crank_rocker"):
-        made = symgen.derive(scene)
+        made = derived(scene)
         way = made.group("u").quantities[0].symbol
         rows = [r for r in made["assembly_jacobian"].rows if not r.endswith(" angle")]
         expanded = made.expanded("assembly_jacobian")

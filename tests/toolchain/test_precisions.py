@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from shared.full import full_unless
 from shared.oracle import Oracle
-from shared.shipped import rigid
+from shared.shipped import derived, rigid
 from shared.states import random_values
 
 import symgen
@@ -90,7 +90,7 @@ def single(values):
     ids=called,
 )
 def test_kernels_of_linkages(scene, way):
-    model, system = rigid(symgen.build(scene, **way)), symgen.derive(scene)
+    model, system = rigid(symgen.build(scene, **way)), derived(scene)
     rng = np.random.default_rng(0xF10A7)
     states = [single(random_values(system, model, rng)) for _ in range(STATES)]
     for values in states:
@@ -124,7 +124,7 @@ def test_kernels_of_linkages(scene, way):
     ids=called,
 )
 def test_kernels_of_loops(scene, way):
-    model, system = symgen.build(scene, **way), symgen.derive(scene)
+    model, system = symgen.build(scene, **way), derived(scene)
     rng, eps = np.random.default_rng(0x100), epsilon(way)
     values = single({g.name: rng.uniform(-1.5, 1.5, len(g.quantities)) for g in system.groups})
     values["p"] = np.array([*model.parameters.values()])
