@@ -10,7 +10,9 @@ from importlib import import_module
 from typing import Any
 
 _DRAWN_BY = {
+    "animate": "symgen.inspection.film",
     "draw": "symgen.inspection.film",
+    "moving_html": "symgen.inspection.film",
     "plot": "symgen.report.page.plots",
     "result_html": "symgen.report.page.notebook",
     "model_html": "symgen.report.page.notebook",

@@ -64,15 +64,13 @@ def animate(
 
     The page plays, pauses and scrubs the motion next to plots of the scene's outputs; it works offline.
     """
-    from symgen.atomic import writable
     from symgen.inspection.film import FRAMES, film_of
-    from symgen.report.page.movie import FILMED_AS, check_writer, save
+    from symgen.report.page.movie import film_file, save
     from symgen.scene.loading import override, read_scene
 
     text = override(read_scene(scene), changes(set_))
     file = out or Path(f"{text.name}_moving.html")
-    writable(file, FILMED_AS, "moving picture")
-    check_writer(file)
+    film_file(file)
     with _status(f"animation of {text.name}") as told:
         asked = {} if t_end is None else {"t_end": t_end}
         film = film_of(text, samples or FRAMES, **asked)

@@ -5,18 +5,22 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from symgen.errors import ModelError, nearest
+from symgen.errors import ModelError, ResultError, SymgenError, nearest
 from symgen.inspection.values import of_time
-from symgen.inspection.view import drawn_scene
+from symgen.inspection.view import Drawn, drawn_scene
 from symgen.methods import load, method_of
 from symgen.pipeline.build import build_asked
 from symgen.report.page.animation import Film, traces_of
 from symgen.report.page.drawing import Sketch
+from symgen.report.page.movie import film_file, save
 from symgen.report.page.sheet import Sheet
+from symgen.runtime.kernels.arguments import count
 from symgen.runtime.result.result import Result
 from symgen.scene.loading import SceneText
 from symgen.scene.units import LENGTH, describe, parse_quantity
@@ -49,6 +53,62 @@ def film_of(text: SceneText, samples: int, **asked: Any) -> Film:
     result = drawn.view.moved(model, samples, **asked)
     sketches = drawn.view.sketches(drawn.resolved, model, result)
     return Film(_shown(result, drawn.plotted), sketches, drawn.view.film_caption)
+
+
+def animate(result: Result, file: str | os.PathLike[str] | None, frames: int) -> Film:
+    """Return the moving picture of a result, written to a file if one is given; see ``Result.animate``."""
+    if result.origin is None:
+        raise ResultError(
+            f"the result of {result.name} was loaded, and has no model\n"
+            "  Carry out its analysis again: model.simulate(...).animate()"
+        )
+    if result.count < 2:
+        raise ResultError(f"the result of {result.name} has {result.count} sample: nothing moves")
+    if file is not None:
+        film_file(file)
+    if count(frames, "frames") < 2:
+        raise ModelError(f"expected at least 2 frames, got {frames}")
+    model, verb, given = result.origin
+    of = drawn_scene(_scene_of(model))
+    built = _built(of, model.parameters, model.source.options[0])
+    rows = np.unique(np.linspace(0, result.count - 1, min(result.count, frames)).round().astype(int))
+    poses = _thinned(of.view.repeated(built, verb, given, result), rows)
+    film = Film(_thinned(result, rows), of.view.sketches(of.resolved, built, poses), of.view.film_caption)
+    if file is not None:
+        save(film, Path(file))
+    return film
+
+
+def moving_html(result: Result) -> str:
+    """Return the moving picture of a result for a notebook; nothing for a method that has none."""
+    try:
+        return animate(result, None, FRAMES)._repr_html_()
+    except SymgenError:
+        return ""
+
+
+def _thinned(result: Result, rows: NDArray[np.intp]) -> Result:
+    """Return a result at some of its samples."""
+    return replace(
+        result,
+        coordinate=replace(result.coordinate, values=result.coordinate.values[rows]),
+        variables=tuple(replace(v, values=v.values[rows]) for v in result.variables),
+        times=None if result.times is None else result.times[rows],
+    )
+
+
+def _scene_of(model: Any) -> SceneText:
+    """Return the scene of a model; raise ModelError for user-defined systems."""
+    text = model.source.scene
+    if not isinstance(text, SceneText):
+        raise ModelError(f"{model.name} is a user-defined system: it has nothing to draw")
+    return text
+
+
+def _built(of: Drawn, parameters: Mapping[str, float] | None = None, backend: str = "auto") -> Any:
+    """Return the model of a scene with the outputs of its pictures."""
+    model: Any = build_asked(of.text, backend=backend)
+    return model.with_parameters(**parameters) if parameters else model
 
 
 def _shown(result: Result, names: Sequence[str]) -> Result:
@@ -94,9 +154,7 @@ def sheet_of(
     """
     size = _unit(unit) if unit else None
     of = drawn_scene(text)
-    model: Any = build_asked(of.text)
-    if parameters:
-        model = model.with_parameters(**parameters)
+    model = _built(of, parameters)
 
     def sketches(result: Result) -> list[Sketch]:
         return of.view.sketches(of.resolved, model, result)
@@ -149,10 +207,7 @@ def draw(
     """Return a drawing of a model and write it to a file, if one is given; see ``Model.draw``."""
     over = over or ("input" if "kinematics" in model.capabilities else "time")
     poses = None if at is None else (lambda _: (np.atleast_1d(np.asarray(at, dtype=float)).tolist(), over))
-    text = model.source.scene
-    if not isinstance(text, SceneText):
-        raise ModelError(f"{model.name} is a user-defined system: it has nothing to draw")
-    sheet = sheet_of(text, poses, paths=paths, unit=unit, parameters=model.parameters)
+    sheet = sheet_of(_scene_of(model), poses, paths=paths, unit=unit, parameters=model.parameters)
     if file is not None:
         sheet.save(file)
     return sheet

@@ -26,6 +26,8 @@ from symgen.symbolic.system import System
 #: Error over the peak stress of the run on a page.
 _ERROR = 1e-3
 _POSITION = ".position"
+#: Arguments that the kinematics of a linkage shares with its other analyses over prescribed values.
+_OF_MOTION = ("start", "stop", "at", "over", "samples", "state", "through")
 
 
 class RodsView(View):
@@ -76,6 +78,14 @@ class RodsView(View):
         if "kinematics" not in model.capabilities:
             return super().posed(model, values, over)
         found: Result = model.kinematics(at=values, over=over, of=model.description.points)
+        return found
+
+    def repeated(self, model: Any, verb: str, given: Mapping[str, Any], result: Result) -> Result:
+        """Return the positions of points at the samples of a result."""
+        if verb == "simulate":
+            return super().repeated(model, verb, given, result)
+        same = {name: value for name, value in given.items() if name in _OF_MOTION}
+        found: Result = model.kinematics(of=model.description.points, **same)
         return found
 
     def sketch_at(self, resolved: Linkage, drawn: Mapping[str, NDArray[np.float64]]) -> Sketch:
@@ -129,6 +139,10 @@ class ElasticView(RodsView):
         points = model.description.points
         found: Result = model.kinematics(stop=asked.pop("t_end", None), samples=samples, of=points, **asked)
         return found
+
+    def repeated(self, model: ElasticModel, verb: str, given: Mapping[str, Any], result: Result) -> Result:
+        """Return the motion of the rigid links at the times of a result."""
+        return model.kinematics(at=result.time, over="time", of=model.description.points)
 
     def run(self, model: ElasticModel) -> Result:
         """Return the motion at a tolerance that suits a page."""

@@ -86,6 +86,11 @@ class View:
         found = model.simulate(max(values) or None, t_eval=sorted({*values}))
         return found
 
+    def repeated(self, model: Any, verb: str, given: Mapping[str, Any], result: Result) -> Result:
+        """Return the drawn outputs at the samples of a result, by the same analysis once more."""
+        found: Result = getattr(model, verb)(**given)
+        return found
+
     def unit(self, resolved: Any) -> tuple[str, float]:
         """Return the unit of length of drawings and its size [m]."""
         return "m", 1.0

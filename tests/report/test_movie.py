@@ -12,7 +12,7 @@ from PIL import Image
 
 from symgen.errors import ModelError
 from symgen.inspection.film import film_of
-from symgen.report.page.movie import check_writer, save
+from symgen.report.page.movie import film_file, save
 from symgen.scene.loading import override, read_scene
 
 
@@ -50,8 +50,8 @@ def test_a_gif_shows_the_crank_where_the_time_says(tmp_path):
 def test_a_film_without_ffmpeg_is_refused_before_it_is_made(monkeypatch, entry, tmp_path):
     monkeypatch.setattr(FFMpegWriter, "isAvailable", classmethod(lambda cls: False))
     with pytest.raises(ModelError, match=r"ffmpeg, which is not found\n  Install it .*\.gif"):
-        check_writer(Path("film.mp4"))
-    check_writer(Path("film.gif"))
+        film_file("film.mp4")
+    assert film_file("film.gif") == Path("film.gif")
     code, out, said = entry("animate", "crank_rocker", "--out", str(tmp_path / "film.mp4"))
     assert (code, out) == (2, "") and "apt install ffmpeg" in said and not [*tmp_path.iterdir()]
 

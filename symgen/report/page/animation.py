@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass
+from html import escape
 from typing import Any
 
 import numpy as np
@@ -32,6 +33,13 @@ class Film:
     result: Result
     sketches: Sequence[Sketch]
     caption: str
+
+    def _repr_html_(self) -> str:
+        """Return the page in a frame of its own, whose styles and scripts stay apart from the notebook."""
+        return (
+            f'<iframe srcdoc="{escape(animation(self))}" title="{escape(self.result.title)}, moving" '
+            'sandbox="allow-scripts" style="width: 100%; height: 34rem; border: 0"></iframe>'
+        )
 
 
 def animation(film: Film) -> str:

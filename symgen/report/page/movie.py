@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
+import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from symgen.atomic import replacing, write_text
+from symgen.atomic import replacing, writable, write_text
 from symgen.errors import ModelError, ResultError
 from symgen.report.page.animation import Film, animation, traces_of
 from symgen.report.page.drawing import Paper, Shape, Sketch
@@ -43,21 +44,25 @@ _STYLES: dict[str, tuple[str, float, str, str]] = {
 }
 
 
-def check_writer(file: Path) -> None:
-    """Check that a film can be written in the format of a file, before it is made.
+def film_file(file: str | os.PathLike[str]) -> Path:
+    """Return the path of a moving picture, checked before the picture is made.
 
     Raises
     ------
+    ResultError
+        For another ending, and where no file can be written.
     ModelError
         For MP4 without ffmpeg.
     """
     from matplotlib.animation import FFMpegWriter
 
-    if file.suffix.lower() == ".mp4" and not FFMpegWriter.isAvailable():
+    path = writable(file, FILMED_AS, "moving picture")
+    if path.suffix.lower() == ".mp4" and not FFMpegWriter.isAvailable():
         raise ModelError(
             "MP4 is written by ffmpeg, which is not found\n"
             "  Install it (apt install ffmpeg, brew install ffmpeg), or write a file ending in .gif."
         )
+    return path
 
 
 def save(film: Film, file: Path) -> None:
@@ -75,15 +80,12 @@ def movie(film: Film, file: Path) -> None:
 
     Raises
     ------
-    ModelError
-        For MP4 without ffmpeg.
     ResultError
         When the file cannot be written.
     """
     from matplotlib.animation import writers
     from matplotlib.figure import Figure
 
-    check_writer(file)
     paper = Paper.of(film.sketches)
     count, along = film.result.count, film.result.over
     own = float(np.ptp(film.result.time)) if count > 1 else 0.0

@@ -5,12 +5,17 @@ from __future__ import annotations
 from html import escape
 from typing import TYPE_CHECKING
 
+from symgen.display import display
 from symgen.report.page.figures import run_figure
 from symgen.runtime.result.result import Result
 from symgen.symbolic.system import html_table
 
 if TYPE_CHECKING:
     from symgen.runtime.model.compiled import Compiled
+
+
+#: A result that took longer [s] does not move by itself in a notebook, since its analysis is repeated.
+_QUICK = 1.0
 
 
 def model_html(model: Compiled) -> str:
@@ -23,9 +28,11 @@ def model_html(model: Compiled) -> str:
 
 
 def result_html(result: Result) -> str:
-    """Return facts, notes and curves of a run."""
+    """Return facts, notes, curves and moving picture of a run."""
     parts = [html_table(result.title, ("", ""), result.facts)]
     parts += [f"<p>{escape(note)}.</p>" for note in result.notes]
+    if result.origin is not None and result.count > 1 and result.statistics.get("wall_s", 0.0) < _QUICK:
+        parts.append(display("moving_html", result))
     if result.variables and result.count > 1:
         figure = run_figure(result)
         parts.append(f'<img src="{figure.uri}" alt="{escape(figure.alt)}" style="max-width: 100%">')

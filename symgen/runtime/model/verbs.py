@@ -69,6 +69,8 @@ def _carry_out(
         )
     carried_out: Callable[..., Any] = getattr(model._carrier(name), f"_{name}")
     made = _call(carried_out, given)
+    if name in _MOVING:
+        made._of_analysis(model, name, {n: v for n, v in given.items() if n not in _OUTSIDE})
     if name == "simulate":
         if given.get("state") is not None:  # the caller may change it
             given["state"] = deepcopy(given["state"])
@@ -76,8 +78,11 @@ def _carry_out(
     return made
 
 
-#: Arguments of a run that other times to record replace, and those that act outside of it.
-_OF_ONE_RUN = frozenset(("samples", "t_eval", "at", "checkpoint", "checkpoint_every", "resume", "progress"))
+#: Analyses whose results move, and arguments that act outside of them.
+_MOVING = ("simulate", "kinematics", "inverse_dynamics", "periodic", "quasi_static", "large_rotation")
+_OUTSIDE = frozenset(("checkpoint", "checkpoint_every", "resume", "progress"))
+#: Those arguments of a run, and the ones that other times to record replace.
+_OF_ONE_RUN = _OUTSIDE | {"samples", "t_eval", "at"}
 
 
 def _at_times(simulate: Callable[..., Any], given: dict[str, Any], times: Any) -> Any:

@@ -1,7 +1,8 @@
-"""Findings of all results: largest values, and the singular poses that a prescribed motion meets."""
+"""Findings and pictures of all results: largest values, singular poses of a prescribed motion, plots."""
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -9,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from symgen.display import display
 from symgen.errors import CapabilityError
 from symgen.runtime.result.records import Coordinate, Variable
 
@@ -99,6 +101,51 @@ class Findings:
     def bifurcations(self) -> tuple[SingularPose, ...]:
         """The :attr:`singular_poses` in which branches of the motion cross."""
         return tuple(p for p in self.singular_poses if p.kind == "bifurcation")
+
+
+class Pictures:
+    """Plots and moving pictures of a result."""
+
+    if TYPE_CHECKING:
+        _cache: dict[str, Any]
+
+    def _of_analysis(self, model: Any, verb: str, given: Mapping[str, Any]) -> None:
+        """Set the analysis that the result is of; see :attr:`origin`."""
+        self._cache["origin"] = (model, verb, given)
+
+    @property
+    def origin(self) -> tuple[Any, str, Mapping[str, Any]] | None:
+        """Model, analysis and arguments of the result; None for one that was loaded from a file."""
+        return self._cache.get("origin")
+
+    def plot(self, *names: str, file: str | os.PathLike[str] | None = None, xy: str = "") -> Any:
+        """Draw outputs over the coordinate, or a path; see :func:`symgen.report.page.plots.plot`."""
+        return display("plot", self, *names, file=file, xy=xy)
+
+    def animate(self, file: str | os.PathLike[str] | None = None, *, frames: int = 241) -> Any:
+        """Return the moving picture of the result, which notebooks play, next to plots of its outputs.
+
+        Places of all points are computed by another run of the analysis. Elastic links move as rigid ones.
+
+        Parameters
+        ----------
+        file
+            File to write: ``.html``, ``.gif``, or ``.mp4`` where ffmpeg is installed.
+        frames
+            Maximum number of frames, each a sample of the result.
+
+        Raises
+        ------
+        ResultError
+            For a result that was loaded or has a single sample, and when the file cannot be written.
+        ModelError
+            For an analysis whose method has no moving picture.
+        """
+        return display("animate", self, file, frames)
+
+    def _repr_html_(self) -> str:
+        html: str = display("result_html", self)
+        return html
 
 
 def _between(values: Array) -> float:

@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from symgen.calls import checked
-from symgen.display import display, seconds
+from symgen.display import seconds
 from symgen.errors import ResultError, nearest
-from symgen.runtime.result.findings import Findings
+from symgen.runtime.result.findings import Findings, Pictures
 from symgen.runtime.result.records import Coordinate, Drift, Event, Variable, columns, plain
 
 if TYPE_CHECKING:
@@ -34,7 +34,7 @@ _SHOWN_IN = {"rad": ("deg", math.pi / 180), "rad/s": ("rpm", math.pi / 30)}
 
 @checked
 @dataclass(frozen=True, eq=False)
-class Result(Findings):
+class Result(Findings, Pictures):
     """The result of a run. ``result["C.position"]`` is a labelled array with its unit.
 
     Attributes
@@ -289,14 +289,6 @@ class Result(Findings):
             "maximum": values[high],
             "maximum_at": along[high],
         }
-
-    def plot(self, *names: str, file: str | os.PathLike[str] | None = None, xy: str = "") -> Any:
-        """Draw outputs over the coordinate, or a path; see :func:`symgen.report.page.plots.plot`."""
-        return display("plot", self, *names, file=file, xy=xy)
-
-    def _repr_html_(self) -> str:
-        html: str = display("result_html", self)
-        return html
 
     def save(self, file: str | os.PathLike[str]) -> Path:
         """Save to ``.nc`` (netCDF) or ``.npz``, which :func:`symgen.load_result` reads back, or to ``.csv``.
