@@ -188,7 +188,7 @@ def stiffening(beam, bar: Bar, pull, along, rate, e, joints):
         force = pull + m * (along * x - rate**2 * x**2 / 2)
         force += sum(mass * (along - rate**2 * s * length) for s, mass in bar.lumps if s <= left)
         force -= sum(e @ np.array(f) for s, f in (*bar.forces, *joints) if s <= left)
-        slopes = beam.table(fractions)[2]
+        slopes = beam.table(fractions)["slope"]
         total += np.einsum("k,ki,kj->ij", force * weights * (right - left) / 2 * length, slopes, slopes)
     return total
 

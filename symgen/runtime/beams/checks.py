@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from symgen.runtime._beams import APPLIED, BeamEquations
 from symgen.runtime.beams.data import BeamInfo, Properties
-from symgen.runtime.beams.elements import SHAPES, at, meshed, names, segments
+from symgen.runtime.beams.elements import at, meshed, names, segments
 from symgen.runtime.beams.forces import Motion
 from symgen.runtime.beams.frames import frames
 from symgen.runtime.beams.links import Beam
@@ -52,7 +52,7 @@ def warnings(
     for k, beam in enumerate(motion.beams):
         own = motion.own_unknowns(k, recorded.links, recorded.displacements)
         places = np.linspace(0.0, 1.0, min(4 * beam.info.elements + 1, _PLACES))
-        table = dict(zip(SHAPES, beam.table(places.tolist()), strict=True))
+        table = beam.table(places.tolist())
         found += _of_slope(beam, own @ table["slope"].T, moments)
         strain = own @ table["axial_strain"].T
         rigid = _rigid_axial_force(motion, k, recorded, places)

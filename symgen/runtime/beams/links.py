@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -70,10 +70,10 @@ class Beam:
         ModelError
             When the fraction is not between 0 and 1.
         """
-        return StationRows(*self.table((at,))[:, 0])
+        return StationRows(*(rows[0] for rows in self.table((at,)).values()))
 
-    def table(self, fractions: Sequence[float]) -> Array:
-        """Return the rows at many fractions, shape (6, fractions, n), in the order of ``StationRows``."""
+    def table(self, fractions: Sequence[float]) -> Mapping[str, Array]:
+        """Return the rows at many fractions, (fractions, n) each, by the names of ``StationRows``."""
         size = len(self.dofs) if self.expansion is None else len(self.expansion)
         found = np.zeros((len(SHAPES), len(fractions), size))
         for k, fraction in enumerate(fractions):
@@ -87,7 +87,9 @@ class Beam:
             for part in parts:
                 local = min(max(x - part.start, 0.0), part.length)
                 found[:, k, list(part.dofs)] += part.shape(local) / len(parts)
-        return found if self.expansion is None else found @ self.expansion
+        if self.expansion is not None:
+            found = found @ self.expansion
+        return dict(zip(SHAPES, found, strict=True))
 
     def greatest_stress(self, own: Array) -> tuple[Array, Array]:
         """Return the greatest stress [Pa] of both outer fibres over the length, and where it is, (times,).
@@ -96,8 +98,7 @@ class Beam:
         link in its axes, (times, n).
         """
         places = np.linspace(0.0, 1.0, min(_PER_ELEMENT * self.info.elements + 1, _LOOKS))
-        table = dict(zip(SHAPES, self.table(places.tolist()), strict=True))
-        p = self.properties
+        table, p = self.table(places.tolist()), self.properties
         fibre = np.abs([value_at(p.fibre, x) for x in (places * p.length).tolist()])
         bending, axial = (np.abs(own @ table[name].T) for name in ("curvature", "axial_strain"))
         stress = p.modulus * (axial + fibre * bending)

@@ -56,7 +56,7 @@ def _added(motion: ElasticMotion, k: int, kept: Motion, second: Array, inertia: 
     """Return the strain that displacements of second order add to link k, over its peak strain."""
     beam = motion.beams[k]
     places = np.linspace(0.0, 1.0, 4 * beam.info.elements + 1)
-    rows = dict(zip(SHAPES, beam.table(places.tolist()), strict=True))
+    rows = beam.table(places.tolist())
     fibre = np.abs([at(beam.properties.fibre, x) for x in (places * beam.properties.length).tolist()])
 
     def largest(own: Array, *shapes: str) -> Array:
@@ -104,7 +104,7 @@ def _loads(motion: ElasticMotion, kept: Motion, axial_force: AxialForce) -> Arra
         n, length = beam.info.elements, beam.properties.length
         nodes = np.array([beam.info.node(e) for e in range(n + 1)])
         places = (nodes[:-1, None] + np.diff(nodes)[:, None] * (1 + points) / 2).ravel()
-        table = dict(zip(SHAPES, beam.table(places.tolist()), strict=True))
+        table = beam.table(places.tolist())
         own = motion.own_unknowns(k, kept.links, kept.displacements)
         if not beam.info.axial:  # its axial force is of its constraint
             continue

@@ -23,13 +23,19 @@ static inline struct band_store band_store(ptrdiff_t n, ptrdiff_t band) {
     return (struct band_store){2 * band, width - 1, n * width};
 }
 
-/* Factorise in place; return zero, or the number from one of the column without a pivot. */
-int factor_band(int n, int band, real *a, int *pivots);
+/* Columns that are eliminated together; rows of B^-1 E that are worked on together. */
+enum { TOGETHER = 4, PANEL = 32 };
 
-/* Solve for right sides in the columns of x, `lead` reals apart, in place, by the factors. */
-void solve_band(int n, int band, int columns, const real *a, const int *pivots, real *x, int lead);
+/* Rows of the multipliers of columns that are eliminated together. */
+static inline ptrdiff_t multipliers_rows(ptrdiff_t band) {
+    return band + TOGETHER;
+}
 
-enum { PANEL = 32 };
+/* Size of the working memory `panel`. */
+static inline ptrdiff_t panel_size(ptrdiff_t border, ptrdiff_t band) {
+    const ptrdiff_t rows = PANEL * border, multipliers = TOGETHER * multipliers_rows(band);
+    return rows > multipliers ? rows : multipliers;
+}
 
 /* The system [B E; F D] of a banded B (inner x inner) and a few rows and columns that couple all unknowns. */
 struct bordered {
@@ -37,7 +43,7 @@ struct bordered {
     real *banded;          /* B, see band_store */
     real *right;           /* E by columns, then B^-1 E */
     real *below, *corner;  /* F and D by rows, then the factors of D - F B^-1 E */
-    real *panel;           /* so many rows of B^-1 E, border reals each */
+    real *panel;           /* working memory, see panel_size */
     int *pivots;
     ptrdiff_t *swaps;
 };

@@ -3,6 +3,7 @@
 #include <string.h>
 
 #include "arena.h"
+#include "lanes.h"
 #include "run.h"
 
 /* Point all arrays into memory, or only count their bytes. */
@@ -15,8 +16,9 @@ static size_t place(struct beam_steps *x, void *memory) {
         ARENA_ARRAY(x->weights, k),
         ARENA_ARRAY(x->weights_a, k),
         ARENA_ARRAY(x->nodes, k),
-        ARENA_ARRAY(x->by_rate, k),
-        ARENA_ARRAY(x->by_place, k),
+        ARENA_ARRAY(x->by_rate, k * k),
+        ARENA_ARRAY(x->by_place, k * k),
+        ARENA_ARRAY(x->of_entry, 3 * k),
         ARENA_ARRAY(x->mass, k * (entries + 1)),
         ARENA_ARRAY(x->damping, k * (entries + 1)),
         ARENA_ARRAY(x->stiffness, k * (entries + 1)),
@@ -26,7 +28,7 @@ static size_t place(struct beam_steps *x, void *memory) {
         ARENA_ARRAY(x->system.right, x->system.inner * x->system.border),
         ARENA_ARRAY(x->system.below, x->system.inner * x->system.border),
         ARENA_ARRAY(x->system.corner, x->system.border * x->system.border),
-        ARENA_ARRAY(x->system.panel, PANEL * x->system.border),
+        ARENA_ARRAY(x->system.panel, panel_size(x->system.border, x->system.band)),
         ARENA_ARRAY(x->rhs, (free + x->b->modes) * k * columns),
         ARENA_ARRAY(x->s, whole * columns),
         ARENA_ARRAY(x->v, whole * columns),
@@ -143,11 +145,44 @@ static void mode_in_system(struct beam_steps *x, ptrdiff_t mode, long i, const r
     for (ptrdiff_t q = 0; q < free; q++) {
         set_in_border(&x->system, q * k + i, own, f[q]);
         for (long j = 0; j < k; j++)
-            set_in_border(&x->system, own, q * k + j, by_rate[j] * f[q] + by_place[j] * g[q]);
+            set_in_border(&x->system, own, q * k + j, by_rate[k * j] * f[q] + by_place[k * j] * g[q]);
         for (long c = 0; c < columns; c++) {
             const real p = x->p[q * columns + c], v = x->pv[q * columns + c];
             x->rhs[c * size + own] -= f[q] * v + g[q] * (p + until * v);
         }
+    }
+}
+
+/* Write the weights of the accelerations at all stages in S' and S at each: those of one stage are a column. */
+static void weigh_stages(struct beam_steps *x, real h) {
+    const long k = x->stages;
+    for (long i = 0; i < k; i++)
+        for (long j = 0; j < k; j++) {
+            x->by_rate[k * j + i] = h * x->a[k * i + j];
+            x->by_place[k * j + i] = h * h * x->aa[k * i + j];
+        }
+}
+
+/* Write the coefficients of entry e at all stages. */
+LANES static void entry_in_system(struct beam_steps *x, ptrdiff_t e) {
+    const struct beams *b = x->b;
+    const long k = x->stages;
+    const ptrdiff_t own = b->entries + 1, row = b->rows[e] * k, column = b->columns[e] * k;
+    const struct band_store at = band_store(x->system.inner, x->system.band);
+    const int inside = e < b->banded_entries;
+    real *damping = x->of_entry, *stiffness = damping + k, *values = stiffness + k;
+    for (long i = 0; i < k; i++) {
+        damping[i] = x->damping[i * own + e];
+        stiffness[i] = x->stiffness[i * own + e];
+    }
+    for (long j = 0; j < k; j++) {
+        const real *by_rate = x->by_rate + k * j, *by_place = x->by_place + k * j;
+        real *to = inside ? x->system.banded + at.first + row + (column + j) * at.lead : values;
+        for (long i = 0; i < k; i++)
+            to[i] = by_rate[i] * damping[i] + by_place[i] * stiffness[i];
+        to[j] += x->mass[j * own + e];
+        for (long i = 0; !inside && i < k; i++)
+            set_in_border(&x->system, row + i, column + j, values[i]);
     }
 }
 
@@ -156,38 +191,25 @@ static void collocation_system(struct beam_steps *x, real h) {
     const struct beams *b = x->b;
     const long k = x->stages, columns = x->columns;
     const ptrdiff_t size = (b->free + b->modes) * k;
-    const struct band_store at = band_store(x->system.inner, x->system.band);
     clear_bordered(&x->system);
     memset(x->rhs, 0, (size_t)(size * columns) * sizeof(real));
+    weigh_stages(x, h);
+    for (ptrdiff_t e = 0; e < b->entries; e++)
+        entry_in_system(x, e);
     for (long i = 0; i < k; i++) {
-        const real *mass = x->mass + i * (b->entries + 1), *damping = x->damping + i * (b->entries + 1);
+        const real *damping = x->damping + i * (b->entries + 1);
         const real *stiffness = x->stiffness + i * (b->entries + 1), until = x->nodes[i] * h;
         for (ptrdiff_t r = 0; r < b->free; r++)
             x->rhs[r * k + i] = x->load[i * (b->free + 1) + r];
         for (ptrdiff_t e = 0; e < b->entries; e++) {
             const ptrdiff_t q = b->columns[e], row = b->rows[e] * k + i;
-            const int inside = e < b->banded_entries;
-            real *entry = x->system.banded + (inside ? at.first + row + q * k * at.lead : 0);
-            for (long j = 0; j < k; j++, entry += at.lead) {
-                real value = h * x->a[k * i + j] * damping[e] + h * h * x->aa[k * i + j] * stiffness[e];
-                if (i == j)
-                    value += mass[e];
-                if (inside)
-                    *entry = value;
-                else
-                    set_in_border(&x->system, row, q * k + j, value);
-            }
             for (long c = 0; c < columns; c++) {
                 const real p = x->p[q * columns + c], v = x->pv[q * columns + c];
                 x->rhs[c * size + row] -= damping[e] * v + stiffness[e] * (p + until * v);
             }
         }
-        for (long j = 0; b->modes && j < k; j++) {
-            x->by_rate[j] = h * x->a[k * i + j];
-            x->by_place[j] = h * h * x->aa[k * i + j];
-        }
         for (ptrdiff_t mode = 0; mode < b->modes; mode++)
-            mode_in_system(x, mode, i, x->by_rate, x->by_place, until);
+            mode_in_system(x, mode, i, x->by_rate + i, x->by_place + i, until);
     }
 }
 

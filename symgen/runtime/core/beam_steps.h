@@ -20,7 +20,9 @@ struct beam_steps {
     struct beams *b;
     struct beam_scheme scheme;
     long columns, stages; /* states stepped together, of which the first is loaded; stages kept, one or more */
-    real *a, *aa, *weights, *weights_a, *nodes, *by_rate, *by_place;
+    real *a, *aa, *weights, *weights_a, *nodes;
+    real *by_rate, *by_place; /* weights of the accelerations at all stages in S' and S at each, which is a row */
+    real *of_entry;           /* one entry of the matrices at all stages */
     real *mass, *damping, *stiffness, *load, *forces; /* a row each stage */
     /* Of all stages, stage by stage within each unknown; damped modes have an unknown each, the rate f S' + g S. */
     struct bordered system;

@@ -61,7 +61,7 @@ static size_t place(struct beams *b, const struct beam_layout *x, void *memory) 
         ARENA_ARRAY(b->system.right, b->inner * b->border),
         ARENA_ARRAY(b->system.below, b->inner * b->border),
         ARENA_ARRAY(b->system.corner, b->border * b->border),
-        ARENA_ARRAY(b->system.panel, PANEL * b->border),
+        ARENA_ARRAY(b->system.panel, panel_size(b->border, x->band)),
         ARENA_ARRAY(b->solution, n + 1),
         ARENA_ARRAY(b->state, 2 * n + 1),
         ARENA_ARRAY(b->dependent, m + 1),

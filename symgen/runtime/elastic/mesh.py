@@ -19,8 +19,8 @@ from symgen.runtime._beams import APPLIED, MOTION
 from symgen.runtime.beams.checks import held_alone
 from symgen.runtime.beams.damping import stiffened
 from symgen.runtime.beams.data import BeamInfo, Properties
-from symgen.runtime.beams.elements import SHAPES, meshed
 from symgen.runtime.beams.elements import at as value_at
+from symgen.runtime.beams.elements import meshed
 from symgen.runtime.beams.frames import frames
 from symgen.runtime.beams.layout import layout
 from symgen.runtime.beams.links import Beam, beam
@@ -240,7 +240,7 @@ def _alone(
     there = np.ix_(free, free)
     shape = np.zeros_like(load)
     shape[:, free] = np.linalg.solve(total.stiffness[there], load[:, free].T).T
-    table = dict(zip(SHAPES, made.table(places), strict=True))
+    table = made.table(places)
     fibre = np.array([value_at(properties.fibre, x * properties.length) for x in places])
     stress = shape @ table["axial_strain"].T, fibre * (shape @ table["curvature"].T)
     count = min(_MODES, len(free))
