@@ -54,6 +54,17 @@ def new(
     print(f"{file}\n  Change it, then: symgen run {file}, symgen animate {file}")
 
 
+@command("symgen units")
+def units() -> None:
+    """List the units of scenes, of which products and powers can be written: lbf/in, kg*m^2."""
+    from symgen.report.tables import table
+    from symgen.scene.units import units as known
+
+    rows = [(names, f"{float(value):.10g}", dim.unit) for names, value, dim in known()]
+    console().print(table("Units", ("unit", "value", "SI"), rows, texts=(0, 2)))
+    print("Prefixes of SI: n, u or µ, m, c, d, k, M, G.")
+
+
 @command("symgen show peaucellier constraint_jacobian --format latex")
 def show(
     model: Annotated[

@@ -200,10 +200,21 @@ def read_unit(text: str) -> tuple[Fraction, Dimension]:
     return Fraction(quantity.magnitude), dim
 
 
+def units() -> list[tuple[str, Fraction, Dimension]]:
+    """Return the names of every unit, its exact SI value and its dimension, by dimension and size."""
+    names: dict[str, list[str]] = {}
+    registry = _registry()
+    for name in registry:
+        names.setdefault(registry.get_name(name), []).append(name)
+    del names["pi"]
+    found = [(", ".join(sorted(of, key=len)), *read_unit(of[0])) for of in names.values()]
+    return sorted(found, key=lambda unit: (*unit[2], unit[1]))
+
+
 def _not_a_unit(text: str) -> tuple[str, str]:
     return (
         f"{text!r} is not a unit that symgen knows",
-        'Write a product of known units, such as "kg*m^2" or "lbf/in"; symgen/scene/units.txt lists them.',
+        'Write a product of known units, such as "kg*m^2" or "lbf/in": "symgen units" lists them.',
     )
 
 

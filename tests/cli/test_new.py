@@ -29,3 +29,13 @@ def test_unknown_scenes_are_named(words, tmp_path, monkeypatch):
     found = invoke(*words)
     assert isinstance(found.exception, SceneError) and "Did you mean 'crank_rocker'?" in str(found.exception)
     assert not list(tmp_path.iterdir())
+
+
+def test_units_are_listed_with_their_published_values():
+    lines = [line.split() for line in invoke("units").output.splitlines()]
+    found = {line[0].rstrip(","): (float(line[-2]), line[-1]) for line in lines[3:-1] if len(line) > 2}
+    assert (
+        found["in"] == (0.0254, "m") and found["lb"] == (0.45359237, "kg") and found["kgf"] == (9.80665, "N")
+    )
+    assert found["psi"] == (6894.757293, "Pa")  # NIST SP 811, B.8
+    assert found["rpm"] == (0.1047197551, "1/s")
