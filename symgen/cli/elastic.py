@@ -61,11 +61,15 @@ def quasi_static(
     Request(ctx).carry_out("quasi_static")
 
 
-@command("symgen large-rotation elastic_four_bar --segments 8")
+@command("symgen large-rotation elastic_four_bar --elements 4")
 def large_rotation(
     ctx: typer.Context,
     scene: o.Scene,
     segments: o.Segments = None,
+    elements: Annotated[
+        int | None,
+        o.option("--elements", metavar="N", help="Number of elements per elastic link, not rods."),
+    ] = None,
     revolutions: o.Revolutions = None,
     rtol: o.Rtol = None,
     samples: o.Samples = None,
@@ -80,7 +84,7 @@ def large_rotation(
     as_json: o.Json = False,
     backend: o.Backend = "auto",
 ) -> None:
-    """Simulate elastic links in large rotation, as chains of rods.
+    """Simulate elastic links in large rotation, as chains of rods or as beam elements.
 
     This is the reference solution for linear theory, on which the other analyses are based.
     """

@@ -39,6 +39,12 @@ def _elastic_place() -> System:
     return elastic_place_system()
 
 
+def _corotational_beam() -> System:
+    from symgen.models.elastic.corotational import corotational_beam_system
+
+    return corotational_beam_system()
+
+
 def _of_loop(name: str) -> System:
     from symgen.models.loop import blocks as loop_blocks
 
@@ -76,6 +82,7 @@ BLOCKS: dict[str, Callable[[], System]] = {
     "rod_spatial": lambda: _rod(3),
     "rigid_element": _rigid_element,
     "elastic_place": _elastic_place,
+    "corotational_beam": _corotational_beam,
     "loop_row": lambda: _of_loop("loop_row"),
     "loop_screws": lambda: _of_loop("loop_screws"),
     "loop_inertia": lambda: _of_loop("loop_inertia"),
@@ -85,7 +92,8 @@ BLOCKS: dict[str, Callable[[], System]] = {
 #: Building blocks that runs call: their kernels are committed under ``generated/`` and compiled at install.
 #: The others are for inspection, and compiled nowhere.
 SHIPPED_BLOCKS = (
-    *(f"element_{name}" for name in ELEMENTS), "rigid_element", "elastic_place", "loop_row", *SYNTHESIS,
+    *(f"element_{name}" for name in ELEMENTS), "rigid_element", "elastic_place", "corotational_beam",
+    "loop_row", *SYNTHESIS,
 )  # fmt: skip
 
 #: Steps of the derivation of a building block, for inspection, by the block's name.

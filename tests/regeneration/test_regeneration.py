@@ -26,7 +26,9 @@ from symgen.toolchain import dependencies as graph
 
 PACKAGE = Path(symgen.__file__).parent
 OF_ELEMENTS = {f"element_{name}" for name in ELEMENTS}
-OF_LINKS = OF_ELEMENTS | {"elastic_place"}
+#: The element in large rotation has the masses of the cubic one.
+ROTATING = {"corotational_beam"}
+OF_LINKS = OF_ELEMENTS | {"elastic_place"} | ROTATING
 #: Files of derivations, and the models that are regenerated when they change: those and no others.
 DEPENDENTS = {
     "models/rod.py": set(),
@@ -38,10 +40,13 @@ DEPENDENTS = {
     },
     "mechanics/rods/topology.py": {"peaucellier"},
     **{f"elements/{name}.py": {f"element_{name}"} for name in ELEMENTS},
+    "elements/cubic.py": {"element_cubic"} | ROTATING,
     "elements/element.py": OF_LINKS,
     "elements/__init__.py": set(),
     "mechanics/elastic/hamilton.py": OF_LINKS,
-    "mechanics/elastic/beam_matrices.py": OF_ELEMENTS,
+    "mechanics/elastic/beam_matrices.py": OF_ELEMENTS | ROTATING,
+    "mechanics/elastic/corotational.py": ROTATING,
+    "models/elastic/corotational.py": ROTATING,
     "mechanics/elastic/weights.py": OF_LINKS,
     "mechanics/elastic/places.py": OF_LINKS,
     "mechanics/elastic/moving_frame.py": set(),
@@ -236,7 +241,7 @@ def test_what_changed_is_derived_anew_and_said(checkout):
 
 
 def test_a_new_element_is_a_file_and_a_name(checkout):
-    """It gets a model of its own beside that of the element that changed; no other is derived."""
+    """It gets a model of its own beside those that read the element that changed; no other is derived."""
     before = content(checkout)
     elements = checkout / "symgen" / "elements"
     cubic = (elements / "cubic.py").read_text()
@@ -247,6 +252,7 @@ def test_a_new_element_is_a_file_and_a_name(checkout):
     code, said, _ = generate(checkout)
     assert code == 0
     assert sorted(line for line in said if line.startswith("derived")) == [
+        "derived corotational_beam: elements/cubic.py changed",
         "derived element_cubic: elements/cubic.py changed",
         "derived element_hermite: not in the cache",
     ]

@@ -73,19 +73,25 @@ def forces(
                 elif (there := felt[1 - end]) is not None:  # the ground holds it
                     ends[end] -= there
         for point, force in zip(beam.info.points, ends, strict=True):
-            about = f"force on {name} at {point}"
-            made.append(Variable(f"{name}.{point}.force", "N", about, ("x", "y"), force))
+            made.append(joint_force(name, point, force))
         for dof, point in beam.info.welded.items():
             about = f"couple on {name} at {point}, counter-clockwise"
             made.append(Variable(f"{name}.{point}.couple", "N*m", about, (), rows[:, beam.dofs.index(dof)]))
         if name == crank and not free:
-            made.append(_torque(name, rows[:, beam.dofs.index("theta@0")]))
+            made.append(torque(name, rows[:, beam.dofs.index("theta@0")]))
     if f"{crank}_drive" in bound:
-        made.append(_torque(crank, _of_drive(motion, found, bound[f"{crank}_drive"])))
+        made.append(torque(crank, _of_drive(motion, found, bound[f"{crank}_drive"])))
     return made
 
 
-def _torque(crank: str, values: Array) -> Variable:
+def joint_force(link: str, point: str, values: Array) -> Variable:
+    """Return the output of the force on a link at one of its joints [N], (times, 2)."""
+    about = f"force on {link} at {point}"
+    return Variable(f"{link}.{point}.force", "N", about, ("x", "y"), values)
+
+
+def torque(crank: str, values: Array) -> Variable:
+    """Return the output of the torque of the shaft on the crank [N m], (times,)."""
     return Variable(
         f"{crank}.torque", "N*m", f"torque of the shaft on {crank}, counter-clockwise", (), values
     )

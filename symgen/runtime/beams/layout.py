@@ -142,7 +142,7 @@ def layout(
     renumbered = tuple(new[np.array(places, dtype=np.intp)] for places in of_links)
     shaft = int(new[shaft])
     entries = {
-        name: _spare([slot[int(new[i]), int(new[j])] for i, j in _of_joints(joints, name, joint)])
+        name: _spare([slot[int(new[i]), int(new[j])] for i, j in entries_of(joints, name, joint)])
         for name in ("mass_matrix", "damping", "stiffness")
     }
     of_pieces = _of_pieces(beams, renumbered, slot)
@@ -259,13 +259,13 @@ def _pairs(
             there = [places[k] for k in piece.at if places[k] >= 0]
             found |= {(i, j) for i in there for j in there}
     for name in ("mass_matrix", "damping", "stiffness"):
-        found |= {pair for i, j in _of_joints(joints, name, joint) for pair in ((i, j), (j, i))}
+        found |= {pair for i, j in entries_of(joints, name, joint) for pair in ((i, j), (j, i))}
     if shaft >= 0:
         found.add((shaft, shaft))
     return np.array(sorted(found), dtype=np.intp).reshape(-1, 2)
 
 
-def _of_joints(joints: Mapping[str, BlockInfo], name: str, joint: Mapping[str, int]) -> list[tuple[int, int]]:
+def entries_of(joints: Mapping[str, BlockInfo], name: str, joint: Mapping[str, int]) -> list[tuple[int, int]]:
     """Return the places of the entries that the kernel ``joints`` gives of a matrix."""
     if name not in joints:
         return []

@@ -6,6 +6,7 @@ See ``symgen.scene.elastic.segments`` for the rods. A run starts undeformed, mov
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -29,6 +30,8 @@ Array = NDArray[np.float64]
 #: Largest axial strain of rods that keep their length: what depends on lengths is off by that part.
 STRETCH = 0.01
 
+#: Number of rods of a link and relative tolerance of the local error, where none are given.
+SEGMENTS, RTOL = 12, 1e-7
 #: Relative tolerance of a rigid motion with free coordinates.
 _RIGID_RTOL = 1e-10
 
@@ -90,13 +93,14 @@ def exact_run(motion: ElasticMotion, rods: RodModel, task: LargeRotation) -> Ela
         If the run cannot continue.
     """
     check_revolutions(motion, task.revolutions)
+    rtol = RTOL if task.rtol is None else task.rtol
     turn = motion.period if motion.speed else motion.rigid.description.t_end
     cuts = _cuts(motion, rods)
     state = _state(motion.rigid, rods, cuts)
     try:
         result = rods.simulate(
             turn * task.revolutions,
-            rtol=task.rtol,
+            rtol=rtol,
             samples=task.samples,
             state=state,
             max_step=task.max_step,
@@ -156,7 +160,7 @@ def _result(
         axial = cut.axial_force(of_rods(cut, "tension"), at) / stiffness
         variables += strains(name, cut.beam, at, bending, axial)
     places = {p: result.variable(f"{p}.position").values for p in d.points if f"{p}.position" in result}
-    rigid = _rigid_places(motion, times)
+    rigid = rigid_places(motion, times)
     variables += [displacement(p, places[p] - rigid[p]) for p in d.free]
     for cut in cuts:
         info = cut.beam.info
@@ -182,18 +186,18 @@ def _result(
         provenance={
             "equations": result.provenance["equations"],
             "method": "large-rotation",
-            "form": f"{task.segments} rods a link",
-            "rtol": task.rtol,
+            "form": f"{len(cuts[0].rods)} rods a link",
+            "rtol": RTOL if task.rtol is None else task.rtol,
             "t_end": result.provenance["t_end"],
             "backend": result.provenance["backend"],
             "parameters": dict(result.provenance["parameters"]),
         },
-        notes=(*result.notes, *_notes(motion, task.segments), *_of_stretch(cuts, result)),
+        notes=(*result.notes, *_notes(motion, len(cuts[0].rods)), *_of_stretch(cuts, result)),
         times=times if motion.speed else None,
     )
 
 
-def _rigid_places(motion: ElasticMotion, times: Array) -> dict[str, Array]:
+def rigid_places(motion: ElasticMotion, times: Array) -> dict[str, Array]:
     """Return the positions of the free points in the rigid motion, (times, 2) each."""
     d = motion.rigid.description
     if motion.undetermined:
@@ -235,13 +239,18 @@ def _notes(motion: ElasticMotion, segments: int) -> list[str]:
         f"compare with {2 * segments}",
         "links in rods keep their length: axial strain is what the axial force would give",
     ]
-    damped = [b.info.link for b in motion.beams if b.properties.mass_damping or b.properties.ratio]
-    if damped:
-        names = ", ".join(damped)
-        notes.append(f"rods are damped by stiffness only: what mass or a ratio gives is left out of {names}")
-    if len(motion.layout.damped):
-        notes.append("modal damping of the structure is left out: rods have no such modes")
+    notes += stiffness_damped(motion, "rods")
     sheared = [b.info.link for b in motion.beams if any(b.properties.shear)]
     if sheared:
         notes.append(f"shear is left out of {', '.join(sheared)}")
     return notes
+
+
+def stiffness_damped(motion: ElasticMotion, parts: str) -> Iterator[str]:
+    """Yield notes on damping other than in proportion to the stiffness, which ``parts`` do not have."""
+    damped = [b.info.link for b in motion.beams if b.properties.mass_damping or b.properties.ratio]
+    if damped:
+        names = ", ".join(damped)
+        yield f"{parts} are damped by stiffness only: what mass or a ratio gives is left out of {names}"
+    if len(motion.layout.damped):
+        yield f"modal damping of the structure is left out: {parts} have no such modes"

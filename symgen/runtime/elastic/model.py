@@ -266,8 +266,17 @@ class ElasticModel(Model):
 
     @takes(LargeRotation)
     def _large_rotation(self, asked: LargeRotation) -> ElasticResult:
-        from symgen.runtime.elastic.exact import exact_run
+        self._refuse_types("runs in large rotation are")
+        if asked.elements is not None:
+            from symgen.runtime.elastic.large.run import large_run
 
-        self._refuse_types("runs in rods with springs are")
+            if asked.segments is not None:
+                raise ModelError("give segments or elements, not both")
+            with limited(asked.max_wall):
+                return large_run(self._motion(True), asked, asked.elements)
+        from symgen.runtime.elastic.exact import SEGMENTS, exact_run
+
+        segments = SEGMENTS if asked.segments is None else asked.segments
         with limited(asked.max_wall):
-            return exact_run(self._motion(True), self._in_segments(asked.segments), asked)
+            rods = self._in_segments(segments)
+            return exact_run(self._motion(True), rods, replace(asked, segments=segments))

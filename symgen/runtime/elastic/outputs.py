@@ -129,8 +129,7 @@ def recovered(motion: ElasticMotion, found: Motion) -> list[Variable]:
     for name, k, at, _ in motion.stations:
         beam = motion.beams[k]
         own = motion.own_unknowns(k, found.links, found.displacements)
-        about = f"deflection of {beam.info.link} from the line between its ends, at {at:g} of its length"
-        made.append(Variable(f"{name}.deflection", "m", about, (), deflection(beam, own, at)))
+        made.append(bow(name, beam, at, deflection(beam, own, at)))
     for k, beam in enumerate(motion.beams):
         if not any(beam.properties.fibre):  # no section is given
             continue
@@ -142,6 +141,12 @@ def recovered(motion: ElasticMotion, found: Motion) -> list[Variable]:
         about = f"fraction of the length of {link} at which its stress is greatest"
         made.append(Variable(f"{link}.greatest_stress_at", "1", about, (), place))
     return made
+
+
+def bow(name: str, beam: Beam, at: float, values: Array) -> Variable:
+    """Return the output of the deflection of a station [m], (times,)."""
+    about = f"deflection of {beam.info.link} from the line between its ends, at {at:g} of its length"
+    return Variable(f"{name}.deflection", "m", about, (), values)
 
 
 def deflection(beam: Beam, own: Array, at: float) -> Array:

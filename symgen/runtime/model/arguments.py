@@ -184,10 +184,11 @@ class ElasticRun(Kept, _InSteps):
 
 @dataclass(frozen=True, kw_only=True)
 class LargeRotation(Kept):
-    """Elastic links in rods with springs."""
+    """Elastic links in large rotation, in rods with springs or in elements."""
 
-    segments: int = 12
+    segments: int | None = None
+    elements: int | None = None
     revolutions: float = 1.0
-    rtol: float = 1e-7
+    rtol: float | None = None
     samples: int = 361
     max_step: float | None = None

@@ -60,8 +60,9 @@ class ElasticAnalyses:
     @verb
     def large_rotation(
         self,
-        segments: int = 12,
+        segments: int | None = None,
         *,
+        elements: int | None = None,
         revolutions: float | None = None,
         rtol: float | None = None,
         samples: int | None = None,
@@ -72,14 +73,24 @@ class ElasticAnalyses:
         resume: str | os.PathLike[str] | None = None,
         progress: Callable[[float], None] | None = None,
     ) -> ElasticResult:
-        """Run the motion with large rotation of the elastic links, in rods with springs between them.
+        """Run the motion with large rotation of the elastic links, in rods with springs or in elements.
 
-        It is the reference for :meth:`simulate`, which holds for small bending only. The error falls as the
-        square of the number of rods ``segments``; the cost rises faster than its cube, since the steps in
-        time shorten with its square. The notes of the result report what rods omit; see
-        ``docs/elastic_arbiter.md``.
-        ``rtol`` is the relative tolerance of the local error (1e-7); other arguments and errors are those of
-        :meth:`simulate`.
+        It is the reference for :meth:`simulate`, which holds for small bending only; see
+        ``docs/elastic_arbiter.md``. Other arguments and errors are those of :meth:`simulate`.
+
+        Parameters
+        ----------
+        segments
+            Number of rigid rods of each elastic link, with springs between them (12). The error falls as its
+            square; the cost rises faster than its cube, since the steps in time shorten with its square. The
+            notes of the result report what rods omit.
+        elements
+            Number of beam elements of each elastic link, in place of rods. Links stretch, and the result has
+            forces, torque, deflections, energies, and errors by time steps and by elements. Cranks with a
+            motor, welds, and masses and forces between the ends of elastic links take rods.
+        rtol
+            Of rods, the relative tolerance of the local error (1e-7); of elements, the error by time steps
+            over the peak stress of each station (2e-2).
         """
         raise NotImplementedError
 

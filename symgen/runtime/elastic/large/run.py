@@ -1,0 +1,228 @@
+"""Runs of elastic links in large rotation, by beam elements: steps by their error, recorded outputs."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symgen.errors import ModelError, SimulationError
+from symgen.runtime.beams.energies import Energies
+from symgen.runtime.beams.forces import joint_force, torque
+from symgen.runtime.elastic.exact import rigid_places, stiffness_damped
+from symgen.runtime.elastic.large.linkage import LargeLinkage, moved
+from symgen.runtime.elastic.large.links import Moment
+from symgen.runtime.elastic.mesh import mesh_error
+from symgen.runtime.elastic.motion import ElasticMotion
+from symgen.runtime.elastic.outputs import (
+    bow,
+    coordinate_of,
+    displacement,
+    length_change,
+    selected,
+    strains,
+)
+from symgen.runtime.elastic.steps import check_revolutions
+from symgen.runtime.integrate.pace import OutOfTime, Pace, limited, out_of_time, wall_left
+from symgen.runtime.kernels.arguments import count as whole
+from symgen.runtime.kernels.arguments import real
+from symgen.runtime.kernels.typed import made_with
+from symgen.runtime.model.arguments import LargeRotation
+from symgen.runtime.result.elastic import ElasticResult
+from symgen.runtime.result.records import Drift, Variable
+
+Array = NDArray[np.float64]
+
+#: Steps of a revolution, or of a run without, that a run starts with, and the most of a run.
+_STEPS, _MOST = 256, 2_000_000
+#: Rotation of the crank in a step at most, over that in a stride of the rigid motion.
+_STRIDES = 5.0
+#: The most elements of a link.
+_MOST_ELEMENTS = 1000
+#: Error by time steps over the peak stress of a station, where ``rtol`` is not given.
+RTOL = 2e-2
+
+
+@dataclass(frozen=True, slots=True)
+class _Pass:
+    """Outputs of a run with so many steps between two samples, and its error by time steps."""
+
+    variables: list[Variable]
+    steps: int
+    error: float
+
+
+def large_run(motion: ElasticMotion, task: LargeRotation, elements: int) -> ElasticResult:
+    """Return strains, forces and displacements of a linkage with its elastic links in elements.
+
+    Raises
+    ------
+    ModelError
+        For options out of range, or a linkage with what these elements do not support.
+    SimulationError
+        If the run cannot continue.
+    """
+    elements = whole(elements, "elements")
+    if not 1 <= elements <= _MOST_ELEMENTS:
+        raise ModelError(f"expected from 1 to {_MOST_ELEMENTS} elements of an elastic link, got {elements}")
+    if task.checkpoint is not None or task.resume is not None:
+        raise ModelError(
+            "there are no checkpoints of runs in elements of large rotation\n"
+            "  Leave checkpoint and resume out, or run in segments."
+        )
+    check_revolutions(motion, task.revolutions)
+    rtol = real(RTOL if task.rtol is None else task.rtol, "rtol")
+    if not 0.0 < rtol < 1.0:
+        raise ModelError(f"expected rtol above zero and below 1, got {rtol!r}")
+    samples = whole(task.samples, "samples")
+    if samples < 2:
+        raise ModelError(f"expected 2 samples or more, got {samples}")
+    if task.max_step is not None and not real(task.max_step, "max_step") > 0.0:
+        raise ModelError(f"expected max_step above zero, got {task.max_step!r}")
+    end = (motion.period if motion.speed else motion.rigid.description.t_end) * task.revolutions
+    times = np.linspace(0.0, end, samples)
+    least = max(_STEPS * task.revolutions, end / (_STRIDES * motion.stride))
+    if task.max_step is not None:
+        least = max(least, end / task.max_step)
+    linkage, pace = LargeLinkage(motion, elements), Pace(0.0, end)
+    steps, passes = math.ceil(least / (len(times) - 1)), list[_Pass]()
+    while True:
+        try:
+            found = moved(linkage, times, steps, pace, task.progress)
+        except OutOfTime as stop:
+            raise _out_of_time(motion, linkage, task, times, stop, passes, pace) from None
+        except SimulationError:
+            if passes or 2 * steps * (len(times) - 1) > _MOST:
+                raise
+        else:
+            variables, error = _outputs(motion, linkage, found), math.inf
+            if passes:
+                # Three times the error where it falls with the square of the number of steps.
+                error = mesh_error(passes[-1].variables, variables)
+            passes.append(_Pass(variables, steps, error))
+            if error <= rtol or 2 * steps * (len(times) - 1) > _MOST:
+                break
+        steps *= 2
+        pace.restart(0.0)
+    made = _result(motion, linkage, task, times, passes[-1], pace.wall)
+    made._estimate_later(partial(_by_elements, motion, elements, times, passes[-2:][0], wall_left()))
+    return made
+
+
+def _by_elements(
+    motion: ElasticMotion, elements: int, times: Array, coarse: _Pass, max_wall: float | None
+) -> float | None:
+    """Return by how much stresses change in twice as many elements, over their peak; None if not known."""
+    with limited(max_wall):
+        finer = LargeLinkage(motion, 2 * elements)
+        try:
+            found = moved(finer, times, coarse.steps, Pace(0.0, float(times[-1])))
+        except (OutOfTime, SimulationError):
+            return None
+        return mesh_error(coarse.variables, _outputs(motion, finer, found))
+
+
+def _out_of_time(
+    motion: ElasticMotion,
+    linkage: LargeLinkage,
+    task: LargeRotation,
+    times: Array,
+    stop: OutOfTime,
+    passes: Sequence[_Pass],
+    pace: Pace,
+) -> SimulationError:
+    """Return the error of a run that took all of its wall time, with its last motion."""
+    problem = f"{motion.rigid.name}: {out_of_time(stop.t, float(times[-1]))}"
+    last, reached = passes[-1] if passes else None, times
+    if last is None:
+        reached = times[stop.reached]
+        last = _Pass(_outputs(motion, linkage, stop.found), 0, math.inf)
+    partial_result = _result(motion, linkage, task, reached, last, pace.wall)
+    return SimulationError(problem, time=stop.t, partial=partial_result)
+
+
+def _outputs(motion: ElasticMotion, linkage: LargeLinkage, found: Sequence[Moment]) -> list[Variable]:
+    times, d = np.array([moment.t for moment in found]), motion.rigid.description
+    made: list[Variable] = []
+    for name, k, at, fibre in motion.stations:
+        link = linkage.links[k]
+        axial, curvature = np.array([link.strains(moment, at) for moment in found]).T
+        made += strains(name, link.beam, at, fibre * curvature, axial)
+    rigid = rigid_places(motion, times)
+    for k, point in enumerate(d.free):
+        place = np.array([moment.q[2 * k : 2 * k + 2] for moment in found])
+        made.append(displacement(point, place - rigid[point]))
+        made.append(Variable(f"{point}.position", "m", f"position of {point}", ("x", "y"), place))
+    for link in linkage.links:
+        info, name = link.beam.info, link.beam.info.link
+        first, last = (np.array([m.q[link.places[end, :2]] for m in found]) for end in (0, -1))
+        apart = np.linalg.norm(last - first, axis=1)
+        made.append(length_change(name, apart - link.beam.properties.length))
+        ends = np.array([link.end_forces(moment) for moment in found])
+        for point, force in ((info.start, ends[:, 0, :2]), (info.end, ends[:, -1, 3:5])):
+            made.append(joint_force(name, point, force))
+    for name, k, at, _ in motion.stations:
+        values = np.array([linkage.links[k].deflection(moment.q, at) for moment in found])
+        made.append(bow(name, linkage.links[k].beam, at, values))
+    torques = [linkage.torque(moment) for moment in found]
+    if torques[0] is not None:
+        made.append(torque(motion.info.crank, np.array(torques, dtype=float)))
+    kinetic, strain, potential, dissipated = np.array([linkage.energies(moment) for moment in found]).T
+    return [*made, *Energies(kinetic, strain, potential, dissipated, None, None).variables()]
+
+
+def _result(
+    motion: ElasticMotion,
+    linkage: LargeLinkage,
+    task: LargeRotation,
+    times: Array,
+    one: _Pass,
+    wall: float,
+) -> ElasticResult:
+    d = motion.rigid.description
+    return ElasticResult(
+        name=d.name,
+        title=d.title,
+        axes=d.axes,
+        coordinate=coordinate_of(motion, times),
+        variables=selected(one.variables, motion),
+        drift=Drift(),
+        final={},
+        statistics={
+            "unknowns": linkage.unknowns - linkage.multipliers,
+            "steps": one.steps * (len(times) - 1),
+            "error": one.error if math.isfinite(one.error) else None,
+            "wall_s": wall,
+            "floquet": [],
+            "floquet_error": None,
+        },
+        provenance={
+            "equations": d.equations,
+            "method": "large-rotation",
+            "form": f"{task.elements} elements a link",
+            "rtol": RTOL if task.rtol is None else task.rtol,
+            "t_end": float(times[-1]),
+            **made_with(motion.rigid.evaluator.library, motion.rigid.typed),
+            "parameters": dict(motion.rigid.parameters),
+        },
+        notes=(
+            *d.remarks,
+            *stiffness_damped(motion, "elements in large rotation"),
+            *_unlike(motion, one, task),
+        ),
+        times=times if motion.speed else None,
+    )
+
+
+def _unlike(motion: ElasticMotion, one: _Pass, task: LargeRotation) -> Iterator[str]:
+    """Yield notes on an error above the tolerance, and on links that stretch against the scene."""
+    rtol = RTOL if task.rtol is None else task.rtol
+    if one.error > rtol:
+        yield f"the error by time steps does not reach rtol = {rtol:g} within {_MOST} steps"
+    stretching = [beam.info.link for beam in motion.beams if not beam.info.axial]
+    if stretching:
+        yield f"elements in large rotation stretch, though {', '.join(stretching)} has axial = false"

@@ -1,0 +1,172 @@
+"""Beam elements in large rotation: their kernels, the elastica, and linkages against independent solutions."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from scipy.special import ellipk
+from symgen.generated import corotational_beam
+
+import symgen
+from symgen.errors import ModelError
+from symgen.runtime.beams.elements import kernels
+from symgen.runtime.elastic.large.linkage import LargeLinkage, moved
+from symgen.runtime.integrate.pace import Pace
+
+RNG = np.random.default_rng(19)
+#: Length, mass and rotary inertia per length, E A, E I, shear, damping, gravity.
+SECTION = np.array([0.4, 1.3, 2e-3, 7e5, 40.0, 0.0, 0.0, 0.0, 0.0])
+
+
+def call(kernel, q, rates=None, p=SECTION):
+    return getattr(corotational_beam, kernel)(q=np.asarray(q, float), u=rates, p=p)
+
+
+def tangents(q, rates, p=SECTION):
+    return call("tangent", q, rates, p).reshape(3, 6, 6)
+
+
+def rotated(angle, x=(0.0, 0.0), length=SECTION[0]):
+    return np.array([*x, angle, x[0] + length * math.cos(angle), x[1] + length * math.sin(angle), angle])
+
+
+def test_small_displacements_are_those_of_the_cubic_element():
+    coefficients = np.zeros(20)
+    length, mass, rotary, axial, bending = SECTION[:5]
+    coefficients[[0, 1, 9, 12]] = length, mass, axial, bending
+    cubic, made = kernels("element_cubic"), tangents(rotated(0.0), np.zeros(12))
+    inertia, stiffness = (
+        getattr(cubic, name)(q=coefficients).reshape(6, 6) for name in ("mass", "stiffness")
+    )
+    np.testing.assert_allclose(made[2], stiffness, rtol=1e-12, atol=1e-12 * axial)
+    inertia[np.ix_([0, 3], [0, 3])] = inertia[np.ix_([1, 4], [1, 4])]
+    inertia[np.ix_([2, 5], [2, 5])] += rotary * length * np.array([[2, 1], [1, 2]]) / 6
+    np.testing.assert_allclose(made[0], inertia, rtol=1e-12, atol=1e-14)
+
+
+def test_shear_is_that_of_timoshenko():
+    p = SECTION.copy()
+    p[5] = 0.7
+    length, bending = p[0], p[4]
+    flexibility = np.linalg.inv(tangents(rotated(0.0), np.zeros(12), p)[2][3:, 3:])
+    assert flexibility[1, 1] == pytest.approx(length**3 / (3 * bending) * (1 + p[5] / 4))
+    assert flexibility[2, 2] == pytest.approx(length / bending)
+
+
+def test_rigid_motions_have_their_energy_and_no_strain():
+    angle, omega, velocity = 0.8, 3.0, np.array([1.0, -2.0])
+    q = rotated(angle, (0.3, -0.2))
+    arm = q[3:5] - q[:2]
+    ends = [*velocity, omega, *(velocity + omega * np.array([-arm[1], arm[0]])), omega]
+    kinetic, strain, _ = call("energies", q, np.array([*ends, *np.zeros(6)]))
+    length, mass, rotary = SECTION[:3]
+    centre = velocity + omega * np.array([-arm[1], arm[0]]) / 2
+    exact = mass * length * (centre @ centre / 2 + omega**2 * length**2 / 24) + rotary * length * omega**2 / 2
+    assert kinetic == pytest.approx(exact, rel=1e-13)
+    assert strain < 1e-20 * SECTION[3]
+
+
+def test_forces_are_those_of_the_energies():
+    """Power of the residual is the rate of all energies and what damping dissipates; slopes are differences."""
+    p = SECTION.copy()
+    p[5:] = 0.3, 1e-3, 1.0, -9.0
+    q, v, a = rotated(0.5) + 0.05 * RNG.standard_normal(6), RNG.standard_normal(6), RNG.standard_normal(6)
+    h = 1e-5
+
+    def at(s):
+        return q + s * v + s * s * a / 2, np.concatenate([v + s * a, a])
+
+    def total(s):
+        return np.sum(call("energies", *at(s), p))
+
+    undamped = p.copy()
+    undamped[6] = 0.0
+    rates = np.concatenate([v, a])
+    power = call("residual", q, rates, undamped) @ v
+    assert power == pytest.approx((total(h) - total(-h)) / (2 * h), rel=1e-7)
+    assert call("residual", q, rates, p) @ v > power
+    state = np.concatenate([a, v, q])
+    for k, slope in enumerate(np.split(np.hstack(tangents(q, rates, p)), 18, axis=1)):
+
+        def force(s, k=k):
+            moved_to = state.copy()
+            moved_to[k] += s
+            b, u, x = np.split(moved_to, 3)
+            return call("residual", x, np.concatenate([u, b]), p)
+
+        found = (force(h) - force(-h)) / (2 * h)
+        np.testing.assert_allclose(found, slope[:, 0], rtol=1e-5, atol=1e-6 * np.max(np.abs(slope)) + 1e-4)
+
+
+def cantilever(count, length, axial, bending, loads):
+    """Return the nodes (count + 1, 3) of a clamped cantilever under loads of its tip, in steps."""
+    p = np.array([length / count, 1.0, 0.0, axial, bending, 0.0, 0.0, 0.0, 0.0])
+    q = np.zeros((count + 1, 3))
+    q[:, 0] = np.linspace(0.0, length, count + 1)
+    at = [np.arange(3 * k, 3 * k + 6) for k in range(count)]
+    for load in loads:
+        for _ in range(60):
+            force, stiffness = np.zeros(q.size), np.zeros((q.size, q.size))
+            for own in at:
+                force[own] += call("residual", q.ravel()[own], np.zeros(12), p)
+                stiffness[np.ix_(own, own)] += tangents(q.ravel()[own], np.zeros(12), p)[2]
+            force[-3:] -= load
+            change = -np.linalg.solve(stiffness[3:, 3:], force[3:])
+            q.ravel()[3:] += change
+            if np.max(np.abs(change)) < 1e-10:
+                break
+        else:
+            raise AssertionError("Newton's method did not converge")
+    return q
+
+
+def test_end_moment_rolls_a_cantilever_to_a_circle():
+    length, bending = 2.0, 3.0
+    moments = np.linspace(0.0, 2 * math.pi * bending / length, 9)[1:]
+    q = cantilever(8, length, 1e4, bending, [(0.0, 0.0, m) for m in moments])
+    assert q[-1, 2] == pytest.approx(2 * math.pi, abs=1e-10)
+    np.testing.assert_allclose(q[-1, :2], 0.0, atol=1e-10)
+    np.testing.assert_allclose(np.diff(q[:, 2]), math.pi / 4, atol=1e-10)
+
+
+def test_cantilever_beyond_buckling():
+    """The elastica by elliptic integrals: P L^2/EI = K(k)^2 for an angle 2 asin k of the tip."""
+    angle = math.radians(80)
+    k2 = math.sin(angle / 2) ** 2
+    load = ellipk(k2) ** 2
+    errors = []
+    for count in (3, 6):
+        path = [(-load * s, 1.0 - s, 0.0) for s in np.linspace(0.0, 1.0, 11)]
+        errors.append(cantilever(count, 1.0, 1e6, 1.0, path)[-1, 2] / angle - 1)
+    assert abs(errors[1]) < 1e-4
+    assert abs(errors[0] / errors[1]) > 8  # fourth order, and the stretch by P/E A
+
+
+def test_kinetic_and_strain_energy_of_a_free_crank_are_kept():
+    """The energy of a generalized-alpha step changes by the square of its length."""
+    motion = symgen.build("elastic_four_bar_free", set={"speed": "95 rpm"})._motion(True)
+    linkage, lost = LargeLinkage(motion, 2), []
+    times = np.linspace(0.0, 0.02 * motion.period, 6)
+    for steps in (8, 16):
+        found = np.array([linkage.energies(m) for m in moved(linkage, times, steps, Pace(0.0, times[-1]))])
+        total = np.sum(found[:, :3], axis=1)
+        lost.append(np.max(np.abs(total - total[0])))
+    assert lost[1] < 1e-5 * total[0]
+    assert lost[0] / lost[1] > 3
+
+
+@pytest.mark.parametrize(
+    ("scene", "options", "said"),
+    [
+        ("elastic_four_bar", {"elements": 2, "segments": 4}, "segments or elements, not both"),
+        ("elastic_four_bar", {"elements": 0}, "from 1 to 1000 elements"),
+        ("elastic_four_bar", {"elements": 2, "rtol": 0.0}, "rtol above zero"),
+        ("elastic_four_bar", {"elements": 2, "checkpoint": "file"}, "no checkpoints"),
+        ("elastic_four_bar_motor", {"elements": 2}, "a crank with a motor"),
+    ],
+)
+def test_wrong_options(scene, options, said):
+    with pytest.raises(ModelError, match=said):
+        symgen.build(scene).large_rotation(**options)
