@@ -50,9 +50,9 @@ def film_of(text: SceneText, samples: int, **asked: Any) -> Film:
     """
     drawn = drawn_scene(text)
     model = build_asked(drawn.text)
-    result = drawn.view.moved(model, samples, **asked)
+    result = drawn.view.filmed(model, samples, **asked)
     sketches = drawn.view.sketches(drawn.resolved, model, result)
-    return Film(_shown(result, drawn.plotted), sketches, drawn.view.film_caption)
+    return Film(_shown(result, drawn.plotted), sketches, drawn.view.film_text(drawn.resolved, result))
 
 
 def animate(result: Result, file: str | os.PathLike[str] | None, frames: int) -> Film:
@@ -73,7 +73,8 @@ def animate(result: Result, file: str | os.PathLike[str] | None, frames: int) ->
     built = _built(of, model.parameters, model.source.options[0])
     rows = np.unique(np.linspace(0, result.count - 1, min(result.count, frames)).round().astype(int))
     poses = _thinned(of.view.repeated(built, verb, given, result), rows)
-    film = Film(_thinned(result, rows), of.view.sketches(of.resolved, built, poses), of.view.film_caption)
+    sketches = of.view.sketches(of.resolved, built, poses)
+    film = Film(_thinned(result, rows), sketches, of.view.film_text(of.resolved, poses))
     if file is not None:
         save(film, Path(file))
     return film

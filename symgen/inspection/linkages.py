@@ -8,7 +8,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from symgen.inspection.picture import linkage_sketch
+from symgen.inspection.picture import (
+    bent_outputs,
+    bent_sketches,
+    deflected,
+    linkage_sketch,
+    magnification,
+    stations_of,
+)
 from symgen.inspection.view import View
 from symgen.mechanics.elastic.hamilton import THESIS
 from symgen.models.generality import general
@@ -130,9 +137,45 @@ class ElasticView(RodsView):
         """Return points and links of the rigid motion."""
         return super().sketch(resolved, model.rigid, result)
 
-    film_caption = (
-        "The motion of the rigid links; blue links bend about it. Thin lines are the paths of points."
-    )
+    film_caption = "The motion of the rigid links; blue links bend about it. Thin lines are paths."
+
+    def film_text(self, resolved: Linkage, result: Result) -> str:
+        """Return the caption, with the magnification of deflections if the result has them."""
+        if not deflected(resolved, result):
+            return self.film_caption
+        times = magnification(resolved, result)
+        size = "drawn in their own size" if times == 1.0 else f"magnified {times:g} times"
+        return (
+            f"Deflections are {size}: blue links bend about the rigid motion, in grey. Thin lines are the "
+            "paths of points so drawn."
+        )
+
+    def drawn_outputs(self, resolved: Linkage) -> Sequence[str]:
+        """Return positions and displacements of points, and deflections along elastic links."""
+        return bent_outputs(resolved)
+
+    def plotted_outputs(self, resolved: Linkage) -> Sequence[str]:
+        """Return the bending strains at the stations."""
+        return [f"{station.name}.bending_strain" for station in resolved.stations]
+
+    def recorded(self, resolved: Linkage, data: Mapping[str, Any]) -> dict[str, Any]:
+        """Return the tables of a scene with stations along its elastic links."""
+        own = data.get("stations") or [{"name": e.link, "link": e.link, "at": 0.5} for e in resolved.elastic]
+        return {**data, "stations": [*own, *stations_of(resolved)]}
+
+    def filmed(self, model: ElasticModel, samples: int, **asked: Any) -> Result:
+        """Return the run of the elastic links."""
+        return model.simulate(samples=samples, **asked)
+
+    def sketches(self, resolved: Linkage, model: ElasticModel, result: Result) -> list[Sketch]:
+        """Return the mechanism with magnified deflections; rigid at samples that have none."""
+        if deflected(resolved, result):
+            return bent_sketches(resolved, model.rigid.initial_state().positions, result)
+        points = [p.name for p in resolved.as_written.points]
+        found = {p: result.variable(f"{p}{_POSITION}").values for p in points}
+        return [
+            linkage_sketch(resolved, {p: x[k] for p, x in found.items()}, None) for k in range(result.count)
+        ]
 
     def moved(self, model: ElasticModel, samples: int, **asked: Any) -> Result:
         """Return the motion of the rigid links."""
@@ -141,7 +184,9 @@ class ElasticView(RodsView):
         return found
 
     def repeated(self, model: ElasticModel, verb: str, given: Mapping[str, Any], result: Result) -> Result:
-        """Return the motion of the rigid links at the times of a result."""
+        """Return the run of the elastic links, or the motion of the rigid ones where its links rotate far."""
+        if verb != "large_rotation":
+            return View.repeated(self, model, verb, given, result)
         return model.kinematics(at=result.time, over="time", of=model.description.points)
 
     def run(self, model: ElasticModel) -> Result:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +18,11 @@ from symgen.scene.loop.loop import Loop
 from symgen.scene.rods.linkage import Linkage
 
 Array = NDArray[np.float64]
+#: Parts of an elastic link between the places where its deflection is drawn.
+_PARTS = 8
+#: Largest deflection drawn over the size of the mechanism. Deflections that need more magnification than the
+#: second are round-off.
+_SEEN, _ROUND_OFF = 0.08, 1e9
 #: Drawn length of a joint axis relative to the size of the loop.
 _AXIS = 0.09
 #: The freedoms of a joint that has no axis.
@@ -79,6 +85,78 @@ def _bars(linkage: Linkage, places: dict[str, Array]) -> Iterator[Line]:
         d = places[along.end] - places[along.start]
         for point in guide.points:
             yield Line("slider", "", np.array([places[point], places[point] + _LITTLE * d]))
+
+
+def stations_of(linkage: Linkage) -> list[dict[str, object]]:
+    """Return tables of stations along the elastic links, at which their deflections are drawn."""
+    return [
+        {"name": f"{e.link}__{k}", "link": e.link, "at": k / _PARTS}
+        for e in linkage.elastic
+        for k in range(1, _PARTS)
+    ]
+
+
+def bent_outputs(linkage: Linkage) -> list[str]:
+    """Return the outputs of a run of elastic links from which its deformed shape follows."""
+    moving = [p.name for p in linkage.as_written.points if not p.ground]
+    points = [f"{p}.{word}" for p in moving for word in ("position", "displacement")]
+    return points + [f"{station['name']}.deflection" for station in stations_of(linkage)]
+
+
+def deflected(linkage: Linkage, result: Result) -> bool:
+    """Return whether a result has the deflections of the elastic links."""
+    return all(name in result for name in bent_outputs(linkage))
+
+
+def magnification(linkage: Linkage, result: Result) -> float:
+    """Return the magnification of deflections: 1, 2 or 5 times a power of ten, at least 1.
+
+    The largest then has a part ``_SEEN`` of the size of the mechanism or less.
+    """
+    found = {name: result.variable(name).values for name in bent_outputs(linkage)}
+    ground = [[[linkage.number(x) for x in p.at]] for p in linkage.as_written.points if p.ground]
+    places = np.vstack([*ground, *(x for name, x in found.items() if name.endswith(".position"))])
+    others = [x for name, x in found.items() if not name.endswith(".position")]
+    largest = max(float(np.max(np.abs(x), initial=0.0)) for x in others)
+    exact = _SEEN * float(np.max(np.ptp(places, axis=0))) / max(largest, 1e-300)
+    if not 1.0 < exact < _ROUND_OFF:
+        return 1.0
+    power = 10.0 ** np.floor(np.log10(exact))
+    return float(max(m * power for m in (1.0, 2.0, 5.0) if m * power <= exact * (1 + 1e-9)))
+
+
+def bent_sketches(linkage: Linkage, start: Mapping[str, Array], result: Result) -> list[Sketch]:
+    """Return a linkage at every sample of a run, with magnified deflections about its rigid motion.
+
+    Ground points stay where they are at the ``start`` [m].
+    """
+    written, times = linkage.as_written, magnification(linkage, result)
+    rigid, bent = {}, {}
+    for p in written.points:
+        if p.ground:
+            rigid[p.name] = bent[p.name] = np.tile(start[p.name], (result.count, 1))
+        else:
+            moved = result.variable(f"{p.name}.displacement").values
+            rigid[p.name] = result.variable(f"{p.name}.position").values - moved
+            bent[p.name] = rigid[p.name] + times * moved
+    shares = np.linspace(0.0, 1.0, _PARTS + 1)[:, None]
+    curves = {}
+    for e in linkage.elastic:
+        link = linkage.link(e.link)
+        along = rigid[link.end] - rigid[link.start]
+        left = np.column_stack([-along[:, 1], along[:, 0]]) / np.linalg.norm(along, axis=1)[:, None]
+        inner = [result.variable(f"{e.link}__{k}.deflection").values for k in range(1, _PARTS)]
+        off = times * np.pad(np.array(inner).T, ((0, 0), (1, 1)))  # (samples, places)
+        a, b = bent[link.start][:, None], bent[link.end][:, None]
+        curves[e.link] = (1 - shares) * a + shares * b + off[:, :, None] * left[:, None]
+    found = []
+    for k in range(result.count):
+        sketch = linkage_sketch(linkage, {name: x[k] for name, x in bent.items()}, None)
+        lines = [replace(s, at=curves[s.name][k]) if s.kind == "elastic" else s for s in sketch.lines]
+        ends = ((linkage.link(name).start, linkage.link(name).end) for name in curves)
+        straight = [Line("rail", "", np.array([rigid[a][k], rigid[b][k]])) for a, b in ends]
+        found.append(replace(sketch, lines=(*straight, *lines)))
+    return found
 
 
 def drawn_of_loop(loop: Loop) -> list[str]:

@@ -64,6 +64,18 @@ class View:
         """Return the outputs that are plotted beside the picture where the scene lists none."""
         return self.drawn_outputs(resolved)
 
+    def film_text(self, resolved: Any, result: Result) -> str:
+        """Return the caption of the moving picture of a result."""
+        return self.film_caption
+
+    def recorded(self, resolved: Any, data: Mapping[str, Any]) -> dict[str, Any]:
+        """Return the tables of a scene with those that its drawn outputs need."""
+        return dict(data)
+
+    def filmed(self, model: Any, samples: int, **asked: Any) -> Result:
+        """Return the run that the moving picture shows."""
+        return self.moved(model, samples, **asked)
+
     def moved(self, model: Any, samples: int, **asked: Any) -> Result:
         """Return a run with the outputs that the moving picture draws."""
         found: Result = model.simulate(samples=samples, **asked)
@@ -150,7 +162,7 @@ def drawn_scene(text: SceneText) -> Drawn:
     places = view.drawn_outputs(resolved)
     plotted = checked.analysis.outputs or view.plotted_outputs(resolved)
     analysis = {**text.data.get("analysis", {}), "outputs": list(dict.fromkeys([*places, *plotted]))}
-    text = SceneText(text.name, text.file, {**text.data, "analysis": analysis})
+    text = SceneText(text.name, text.file, {**view.recorded(resolved, text.data), "analysis": analysis})
     return Drawn(text, resolved, view, places, plotted)
 
 

@@ -9,6 +9,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+import symgen
 from symgen.errors import ModelError
 from symgen.inspection.film import film_of
 from symgen.inspection.view import View
@@ -76,6 +77,27 @@ def test_elastic_links_and_scenes_of_kinematics_move():
         "crank_rocker", samples=9, changes={"analysis.kind": "kinematics", "analysis.outputs": []}
     )
     assert len(data["frames"]) == 9
+
+
+def test_deflections_of_elastic_links_are_magnified_as_the_caption_says():
+    """A strip clamped on its shaft leaves it along the rigid motion, and its tip is where the run has it."""
+    film = film_of(read_scene("rotating_cantilever"), 11, t_end=0.02)
+    times = float(re.search(r"magnified (\d+) times", film.caption)[1])
+    run = symgen.build("rotating_cantilever").simulate(0.02, samples=11)
+    angle = 4 * np.pi * run.time  # 120 rpm
+    along = np.column_stack([np.cos(angle), np.sin(angle)])
+    left = np.column_stack([-along[:, 1], along[:, 0]])
+    strip = np.array([next(x.at for x in s.lines if x.kind == "elastic") for s in film.sketches])
+    rigid = np.array([next(x.at for x in s.lines if x.kind == "rail") for s in film.sketches])
+    assert rigid[:, 1] == pytest.approx(along, abs=1e-9)
+    moved = times * run["tip.displacement"].values
+    assert strip[:, -1] == pytest.approx(along + moved, abs=1e-3 * np.abs(moved).max())
+    assert 0.02 < np.abs(moved).max() <= 0.08  # of about a metre, the extent of the motion
+    across = np.einsum("tpi,ti->tp", strip, left)
+    last = np.argmax(np.abs(across[:, -1]))
+    shape = across[last] / across[last, -1]
+    x = np.linspace(0.0, 1.0, len(shape))
+    assert shape == pytest.approx((3 * x**2 - x**3) / 2, abs=0.03)  # of a cantilever under a force at its tip
 
 
 def test_round_off_is_not_plotted():

@@ -54,10 +54,12 @@ def film_file(file: str | os.PathLike[str]) -> Path:
     ModelError
         For MP4 without ffmpeg.
     """
+    path = writable(file, FILMED_AS, "moving picture")
+    if path.suffix.lower() != ".mp4":
+        return path
     from matplotlib.animation import FFMpegWriter
 
-    path = writable(file, FILMED_AS, "moving picture")
-    if path.suffix.lower() == ".mp4" and not FFMpegWriter.isAvailable():
+    if not FFMpegWriter.isAvailable():
         raise ModelError(
             "MP4 is written by ffmpeg, which is not found\n"
             "  Install it (apt install ffmpeg, brew install ffmpeg), or write a file ending in .gif."

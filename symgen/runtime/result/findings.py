@@ -125,7 +125,8 @@ class Pictures:
     def animate(self, file: str | os.PathLike[str] | None = None, *, frames: int = 241) -> Any:
         """Return the moving picture of the result, which notebooks play, next to plots of its outputs.
 
-        Places of all points are computed by another run of the analysis. Elastic links move as rigid ones.
+        Places of all points are computed by another run of the analysis. Deflections of elastic links are
+        magnified, as the caption says.
 
         Parameters
         ----------
