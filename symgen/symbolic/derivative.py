@@ -8,6 +8,7 @@ from dataclasses import replace
 import sympy as sp
 
 from symgen.errors import DerivationError, nearest
+from symgen.symbolic.calculus import partial
 from symgen.symbolic.quantity import quantity
 from symgen.symbolic.system import Definition, NamedMatrix, System
 
@@ -65,7 +66,7 @@ def derivative(system: System, matrices: Iterable[NamedMatrix], name: str) -> Sy
 def _through(expression: sp.Expr, slopes: dict[sp.Symbol, sp.Expr]) -> sp.Expr:
     """Return the derivative of an expression by the chain rule."""
     there = sorted(expression.free_symbols & slopes.keys(), key=lambda s: str(s.name))
-    return sp.Add(*(sp.diff(expression, s) * slopes[s] for s in there))
+    return sp.Add(*(partial(expression, s) * slopes[s] for s in there))
 
 
 def _per(unit: str, by: str) -> str:

@@ -28,7 +28,7 @@ from symgen.models.rods.system import (
     with_ground,
 )
 from symgen.scene.rods.linkage import TIME, Linkage
-from symgen.symbolic.calculus import ONE, ZERO
+from symgen.symbolic.calculus import ONE, ZERO, partial
 from symgen.symbolic.names import Names
 from symgen.symbolic.system import Definition, Export, NamedMatrix, System
 
@@ -183,7 +183,7 @@ def slopes_by(
     def gradient(expression: sp.Expr) -> Gradient:
         terms: dict[sp.Symbol, list[sp.Expr]] = {}
         for s in sorted(expression.free_symbols & known.keys(), key=lambda s: str(s.name)):
-            slope = sp.diff(expression, s)
+            slope = partial(expression, s)
             for u, inner in known[s].items():
                 terms.setdefault(u, []).append(slope * inner)
         summed = {u: sp.Add(*slopes) for u, slopes in terms.items()}
