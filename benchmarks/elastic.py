@@ -191,7 +191,7 @@ class Ours(Settled):
 
     def __init__(self, method: str, truth: Truth) -> None:
         self.name, self.method, self.truth = f"symgen, {method}", method, truth
-        self.model = symgen.build("elastic_four_bar")
+        self.model = symgen.build("thesis_four_bar")
         if method == "gauss":
             self.option, self.settings = "steps", COUNTS
 
@@ -235,7 +235,7 @@ def linkage(elements: int) -> Any:
     """Return the model with ``elements`` elements per link."""
     from symgen.scene.loading import read_scene
 
-    data = copy.deepcopy(dict(read_scene("elastic_four_bar").data))
+    data = copy.deepcopy(dict(read_scene("thesis_four_bar").data))
     for link in data["links"].values():
         link["elastic"]["elements"] = elements
     return symgen.build(symgen.Scene(**data))

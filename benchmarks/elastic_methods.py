@@ -29,7 +29,7 @@ Array = NDArray[np.float64]
 LINKS = ("crank", "coupler", "output")
 SAMPLES = 181
 SYSTEMS = tuple((crank, form) for crank in ("held", "free") for form in ("exact", "thesis"))
-SCENES = {"held": "elastic_four_bar", "free": "elastic_four_bar_free"}
+SCENES = {"held": "thesis_four_bar", "free": "elastic_four_bar_free"}
 #: SciPy's methods that symgen does not provide.
 SCIPY = ("RK45", "Radau", "BDF", "LSODA")
 

@@ -32,7 +32,7 @@ from symgen.scene.loading import read_scene
 
 ELEMENTS, STEPS, ROUNDS, EXPONENT = (5, 10, 20, 50, 100, 200), 3, 4, 1.2
 SCENES = (
-    *("elastic_four_bar", "elastic_four_bar_free", "elastic_four_bar_motor"),
+    *("thesis_four_bar", "elastic_four_bar_free", "elastic_four_bar_motor"),
     *("elastic_slider_crank", "rotating_cantilever"),
 )
 #: Elements per link from which costs are compared, where fewer have full matrices.
@@ -51,15 +51,15 @@ OVER, AT_MOST = 3.0, 30.0
 SHORT = {"axial": False}
 RATIO = {"damping": {"ratio": 0.01}}
 #: Scenes whose estimates are measured with damping ratios of all modes too.
-MODAL = ("elastic_four_bar", "elastic_slider_crank")
+MODAL = ("thesis_four_bar", "elastic_slider_crank")
 #: Linkages: shipped scene, and what its links have under `elastic`; None is a rigid link.
 LINKAGES: dict[str, tuple[str, dict[str, dict[str, Any] | None]]] = {
     "slider-crank": ("elastic_slider_crank", {"rod": {"damping": {"stiffness": "1e-6 s"}}}),
-    "rigid coupler": ("elastic_four_bar", {"crank": SHORT, "coupler": None, "output": SHORT}),
-    "rigid crank": ("elastic_four_bar", {"crank": None, "coupler": SHORT, "output": SHORT}),
-    "inextensible links": ("elastic_four_bar", {"crank": SHORT, "coupler": SHORT, "output": SHORT}),
-    "modal damping": ("elastic_four_bar", {}),
-    "damping ratios of links": ("elastic_four_bar", dict.fromkeys(("crank", "coupler", "output"), RATIO)),
+    "rigid coupler": ("thesis_four_bar", {"crank": SHORT, "coupler": None, "output": SHORT}),
+    "rigid crank": ("thesis_four_bar", {"crank": None, "coupler": SHORT, "output": SHORT}),
+    "inextensible links": ("thesis_four_bar", {"crank": SHORT, "coupler": SHORT, "output": SHORT}),
+    "modal damping": ("thesis_four_bar", {}),
+    "damping ratios of links": ("thesis_four_bar", dict.fromkeys(("crank", "coupler", "output"), RATIO)),
 }
 
 

@@ -37,12 +37,12 @@ def test_the_scenes_run(tmp_path):
     assert {key: shown[key] for key in ("units", "rows", "drives")} == {
         key: shipped[key] for key in ("units", "rows", "drives")
     }
-    data, words = read_scene("elastic_four_bar").data, tomllib.loads(bent)
+    data, words = read_scene("thesis_four_bar").data, tomllib.loads(bent)
     data["links"] |= words["links"]
     model = symgen.build(symgen.Scene(**(data | {"crank": words["crank"]})))
     assert model.crank_speed == pytest.approx(95 * math.pi / 30)
     # One node more, in the coupler: two displacements, a rotation, a curvature.
-    assert model.unknowns == symgen.build("elastic_four_bar").unknowns + 4
+    assert model.unknowns == symgen.build("thesis_four_bar").unknowns + 4
 
 
 @pytest.mark.parametrize("page", [README, TOUR], ids=lambda p: p.stem)

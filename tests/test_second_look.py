@@ -1357,14 +1357,14 @@ def test_20_runs_estimate_their_time_and_end_at_max_wall(tmp_path):
         assert places[few] == pytest.approx(np.stack([np.cos(2 * t), np.sin(2 * t)], axis=1)[few], abs=1e-6)
     model = symgen.build(CASES / "free_par.toml", backend="numpy")
     ended(lambda: model.simulate(1e3, max_wall=1.0))
-    model = symgen.build("elastic_four_bar", backend="numpy")
+    model = symgen.build("thesis_four_bar", backend="numpy")
     model.simulate(steps=4, samples=2)  # its equations are derived by the first run
     for options in ({"rtol": 1e-9}, {"method": "dop853", "rtol": 1e-12}):
         ended(lambda options=options: model.simulate(revolutions=1000, max_wall=1.0, **options), set_up=5.0)
 
 
 def test_20_max_wall_counts_assembling_and_ends_sweeps_and_chains(empty_cache):
-    model = symgen.build("elastic_four_bar", backend="numpy")
+    model = symgen.build("thesis_four_bar", backend="numpy")
     speeds = (np.linspace(900, 1000, 400) * np.pi / 30).tolist()
     calls = {
         "rods": lambda limit: model.large_rotation(3, revolutions=50.0, max_wall=limit),
@@ -1688,7 +1688,7 @@ def test_22_the_argument_is_named(empty_cache, call, words):
 
 
 def test_22_sweeps_and_methods_of_elastic_links(empty_cache):
-    model = symgen.build("elastic_four_bar", backend="numpy")
+    model = symgen.build("thesis_four_bar", backend="numpy")
     with pytest.raises(
         ModelError, match=r"Model\.speed_response: expected a list of numbers for speeds, got 'x'"
     ):
@@ -1895,7 +1895,7 @@ def test_27_linear_theory_that_is_off_is_noted():
 
     In rods the output link comes to 96 at 60 rpm and to 391 at 95 rpm, linear theory to 62 and to 155.
     """
-    model = symgen.build("elastic_four_bar")
+    model = symgen.build("thesis_four_bar")
     for rpm, off in ((20, ()), (60, ("output",)), (95, ("coupler", "output"))):
         turning = model.with_parameters(speed=rpm * math.pi / 30)
         linear = turning.simulate(revolutions=0.25, samples=181)

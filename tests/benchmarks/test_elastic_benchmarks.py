@@ -63,7 +63,7 @@ def test_exudyn_is_given_the_same_linkage(speed):
     from shared.elastic_rigid import RPM, FourBar
 
     exudyn, _ = exudyn_cables.exudyn_or_why()
-    model = symgen.build("elastic_four_bar").with_parameters(speed=20 * RPM)
+    model = symgen.build("thesis_four_bar").with_parameters(speed=20 * RPM)
     result = model.simulate(method="dop853", rtol=1e-5, samples=exudyn_cables.SAMPLES, revolutions=1 / 8)
     linear = np.array([result.variable(f"{k}.bending_strain").values for k in speed.LINKS])
     found = exudyn_cables.Cables(exudyn, FourBar(speed=20 * RPM), 1 / 8, 4).strain(3600, absolute=1e-8)

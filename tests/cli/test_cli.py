@@ -226,18 +226,18 @@ def test_show_says_what_rows_and_symbols_are():
 
 
 def test_show_lists_what_elastic_links_take():
-    listed = call("show", "elastic_four_bar")
+    listed = call("show", "thesis_four_bar")
     assert (
         listed.index("mass_matrix")
         < listed.index("elastic_motion.links")
         < listed.index("elastic_joints.load")
     )
-    text = call("show", "elastic_four_bar", "elastic_motion.links", "--format", "numeric")
+    text = call("show", "thesis_four_bar", "elastic_motion.links", "--format", "numeric")
     crank = next(line for line in text.splitlines() if line.startswith("  crank"))
     cosine, sine, gyroscopic = (float(x) for x in crank.split()[1:4])
     assert cosine == 1.0 and abs(sine) < 1e-15
     assert gyroscopic == pytest.approx(-2 * 373 * math.pi / 30, rel=1e-9)
-    assert "out[0] = " in call("show", "elastic_four_bar", "elastic_joints.mass_matrix", "--format", "c")
+    assert "out[0] = " in call("show", "thesis_four_bar", "elastic_joints.mass_matrix", "--format", "c")
     assert "elastic_motion" not in call("show", "four_bar")
 
 
@@ -307,17 +307,17 @@ def test_options_are_shown_in_groups():
         (["run", "four_bar", "--samples", "1.5"], "expected a whole number after --samples, got '1.5'"),
         (["linearise", "crank_rocker", "--coordinate", "X"], "crank, coupler, rocker"),
         (["linearise", "crank_rocker", "--coordinate", "crank.angle"], "no degree of freedom"),
-        (["run", "elastic_four_bar", "--method", "periodic"], "Use 'symgen periodic SCENE'"),
-        (["run", "elastic_four_bar", "--method=exact"], "Use 'symgen large-rotation SCENE'"),
+        (["run", "thesis_four_bar", "--method", "periodic"], "Use 'symgen periodic SCENE'"),
+        (["run", "thesis_four_bar", "--method=exact"], "Use 'symgen large-rotation SCENE'"),
         (["run", "slider_crank", "--study", "x"], "Use 'symgen study SCENE FOLDER'"),
         (["forces", "crank_rocker"], "Use 'symgen inverse-dynamics SCENE'"),
-        (["simulate", "elastic_four_bar", "--method", "quasi-static"], "'symgen quasi-static elastic_four_bar'"),
+        (["simulate", "thesis_four_bar", "--method", "quasi-static"], "'symgen quasi-static thesis_four_bar'"),
         (["run", "four_bar", "--at", "30"], "--at does not apply to simulate of four_bar"),
         (["modes", "four_bar", "--at", "30"], "--at does not apply to modes of four_bar"),
         (["simulate", "cssp", "--revolutions", "2"], "--revolutions does not apply to simulate of cssp"),
         (["inverse-dynamics", "slider_crank", "--section", "0.5"], "--section does not apply"),
         (["inverse-dynamics", "crank_rocker", "--through"], "--through does not apply"),
-        (["inverse-dynamics", "elastic_four_bar", "--through"], "--through does not apply"),
+        (["inverse-dynamics", "thesis_four_bar", "--through"], "--through does not apply"),
         (["kinematics", "slider_crank", "--branch", "2"], "--branch does not apply to kinematics of slider_crank"),
         (["kinematics", "crank_rocker", "--at", "30", "--samples", "3"], "give --at or --samples, not both"),
         (["kinematics", "crank_rocker", "--at", "30,0.2 s"], "give times or values of the input, not both"),
@@ -479,7 +479,7 @@ def test_a_file_that_cannot_be_written_is_refused_before_the_run(option, file, t
 
 def test_set_whole_numbers_and_choices():
     changed = ["--set", "links.coupler.elastic.elements=3", "--set", "links.output.elastic.axial=false"]
-    said = " ".join(call("explain", "elastic_four_bar", *changed).split())
+    said = " ".join(call("explain", "thesis_four_bar", *changed).split())
     assert "link coupler, 3 elements beam8" in said
     assert "link output, 1 element beam8, inextensible" in said
 

@@ -141,7 +141,7 @@ QUARTER = {
 @pytest.mark.parametrize("speed", QUARTER)
 def test_linear_theory_at_its_limit(speed):
     """The method's arbiter, a chain of particles, has 387 of the output link at 95 rpm, linear theory 156."""
-    model = symgen.build("elastic_four_bar", set={"speed": speed})
+    model = symgen.build("thesis_four_bar", set={"speed": speed})
     names = [f"{link}.bending_strain" for link in ("crank", "coupler", "output")]
     # The stored numbers are the largest of these samples, without what lies between them.
     exact, linear = (

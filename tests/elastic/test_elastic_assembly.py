@@ -47,7 +47,7 @@ def shunt(_, rate):
 #: speed is not constant: the amplitude of its departure.
 SIX_BARS = {"six_bar": (("coupler", "rocker", "lever"),), "bodies": (("rocker", "link"), 0.3)}
 CASES = {
-    "elastic_four_bar": Case(four_bar(373 * RPM)),
+    "thesis_four_bar": Case(four_bar(373 * RPM)),
     "elastic_four_bar_free": Case(four_bar(373 * RPM), "free"),
     "elastic_four_bar_motor": Case(four_bar(95 * RPM), "motor", shunt, 0.5 * SLUG * FT**2),
     "elastic_slider_crank": Case(slider_crank()),
@@ -200,7 +200,7 @@ def test_compiled_equations(name, options):
         compare(found, compiled, CASES[name], t, **options)
 
 
-@pytest.mark.parametrize("name", ["elastic_four_bar", "elastic_slider_crank", "held"])
+@pytest.mark.parametrize("name", ["thesis_four_bar", "elastic_slider_crank", "held"])
 def test_compiled_equations_without_geometric_stiffness(name):
     found = motion(name, False)
     for t in times(found, 2):
@@ -209,14 +209,14 @@ def test_compiled_equations_without_geometric_stiffness(name):
 
 def test_geometric_stiffness_is_seen():
     """Without this term the comparison above would fail by far."""
-    with_it, without = (motion("elastic_four_bar", s).equations().matrices(0.01)[3] for s in (True, False))
+    with_it, without = (motion("thesis_four_bar", s).equations().matrices(0.01)[3] for s in (True, False))
     assert np.abs(with_it - without).max() > 1e-6 * np.abs(with_it).max()
 
 
 @pytest.mark.parametrize("axis", "xy")
 def test_a_uniform_shift_of_a_link_needs_no_force(axis):
     """Both ends of the coupler are shifted: what its own unknowns feel is nothing, in the exact form only."""
-    found = motion("elastic_four_bar")
+    found = motion("thesis_four_bar")
     names = found.layout.names
     shift = np.array([float(name in {f"A.{axis}", f"B.{axis}"}) for name in names])
     own = [k for k, name in enumerate(names) if name.startswith("coupler.")]

@@ -21,13 +21,13 @@ LINKAGES = {
     "slider": ("elastic_slider_crank", {"rod": RAYLEIGH}),
     "slider, modal damping": ("elastic_slider_crank", {}),
     "inextensible rod": ("elastic_slider_crank", {"rod": SHORT | RAYLEIGH}),
-    "rigid coupler": ("elastic_four_bar", {"crank": RAYLEIGH, "coupler": None, "output": SHORT}),
-    "rigid crank": ("elastic_four_bar", {"crank": None, "coupler": SHORT, "output": RAYLEIGH}),
-    "inextensible links": ("elastic_four_bar", {"crank": SHORT, "coupler": SHORT, "output": SHORT}),
+    "rigid coupler": ("thesis_four_bar", {"crank": RAYLEIGH, "coupler": None, "output": SHORT}),
+    "rigid crank": ("thesis_four_bar", {"crank": None, "coupler": SHORT, "output": RAYLEIGH}),
+    "inextensible links": ("thesis_four_bar", {"crank": SHORT, "coupler": SHORT, "output": SHORT}),
     "free crank": ("elastic_four_bar_free", {"coupler": SHORT}),
     "slider, few damped modes": ("elastic_slider_crank", {"rod": RAYLEIGH, "modes": [0.1, 0.02]}),
     "inextensible links, a damped mode": (
-        "elastic_four_bar",
+        "thesis_four_bar",
         {"crank": SHORT, "coupler": SHORT, "output": SHORT, "modes": [0.05]},
     ),
 }

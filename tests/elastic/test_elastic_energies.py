@@ -19,7 +19,7 @@ from symgen.mechanics.elastic.shaft import KINETIC, POWER, RATE, powers
 from symgen.runtime.beams.energies import of_joints, of_links
 
 SCENES = (
-    *("elastic_four_bar", "elastic_four_bar_free", "elastic_four_bar_motor"),
+    *("thesis_four_bar", "elastic_four_bar_free", "elastic_four_bar_motor"),
     *("elastic_slider_crank", "rotating_cantilever"),
 )
 #: Torque [N m] at 0 degrees of the four-bar of rigid links at 373 rpm, with bearings.
@@ -117,7 +117,7 @@ def test_energy_and_power_of_a_shaft_with_a_motor():
 
 def test_rigid_motion_needs_the_torque_of_the_rigid_linkage():
     """At the start, without deflection: the rates of all kinetic energies, and the energy of the rigid linkage."""
-    model = symgen.build("elastic_four_bar")
+    model = symgen.build("thesis_four_bar")
     motion = model._motion(True)
     equations, none = motion.equations(), np.zeros((1, motion.layout.unknowns))
     q, u, solutions = motion.rigid_states(equations, np.zeros(1))

@@ -26,9 +26,9 @@ def error(found, exact):
 @pytest.mark.parametrize(
     ("scene", "method", "tolerances"),
     [
-        ("elastic_four_bar", "gauss", (1e-2, 1e-5, 1e-8)),
-        ("elastic_four_bar", "gauss4", (1e-3,)),
-        ("elastic_four_bar", "newmark", (1e-1,)),
+        ("thesis_four_bar", "gauss", (1e-2, 1e-5, 1e-8)),
+        ("thesis_four_bar", "gauss4", (1e-3,)),
+        ("thesis_four_bar", "newmark", (1e-1,)),
         ("elastic_four_bar_free", "gauss", (1e-4,)),
         ("elastic_four_bar_motor", "gauss", (1e-2, 1e-6)),
         ("elastic_slider_crank", "gauss", (1e-3, 1e-8)),
@@ -47,7 +47,7 @@ def test_estimate_is_a_few_times_the_true_error(scene, method, tolerances):
 
 @pytest.mark.parametrize("method", ["gauss", "newmark"])
 def test_estimate_of_given_steps_is_a_few_times_the_true_error(method):
-    model = symgen.build("elastic_four_bar")
+    model = symgen.build("thesis_four_bar")
     run = model.simulate(method=method, steps=1080, samples=SAMPLES)
     true = error(run, model.simulate(steps=3600, samples=SAMPLES))
     assert 3 * true < run.statistics["error"] < 30 * true
@@ -55,7 +55,7 @@ def test_estimate_of_given_steps_is_a_few_times_the_true_error(method):
 
 @pytest.mark.parametrize("rtol", [1e-2, 1e-4, 1e-6])
 def test_estimate_of_a_steady_state_is_a_few_times_the_true_error(rtol):
-    model = symgen.build("elastic_four_bar")
+    model = symgen.build("thesis_four_bar")
     run = model.periodic(rtol=rtol, samples=SAMPLES)
     true = error(run, model.periodic(steps=1440, samples=SAMPLES))
     assert run.statistics["error"] <= rtol
@@ -64,7 +64,7 @@ def test_estimate_of_a_steady_state_is_a_few_times_the_true_error(rtol):
 
 def damped():
     """Four-bar with a rigid crank at 150 rpm, other links of 4 elements with a damping ratio of 0.02."""
-    data = copy.deepcopy(dict(read_scene("elastic_four_bar").data))
+    data = copy.deepcopy(dict(read_scene("thesis_four_bar").data))
     data["parameters"]["speed"] = "150 rpm"
     del data["links"]["crank"]["elastic"]
     for link in ("coupler", "output"):

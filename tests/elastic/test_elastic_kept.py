@@ -40,7 +40,7 @@ def bits(result):
 @pytest.fixture(scope="module")
 def models():
     """Built once each; one of links that keep their length, so that unknowns are chosen anew at every step."""
-    return {name: symgen.build(name) for name in ("elastic_four_bar", "elastic_slider_crank")}
+    return {name: symgen.build(name) for name in ("thesis_four_bar", "elastic_slider_crank")}
 
 
 GAUSS = {"rtol": 0.1, "samples": 20}
@@ -56,7 +56,7 @@ RUNS = [
 @pytest.mark.parametrize(
     ("name", "method", "asked"),
     [
-        *(("elastic_four_bar", *run) for run in RUNS),
+        *(("thesis_four_bar", *run) for run in RUNS),
         ("elastic_slider_crank", *RUNS[0]),
         *(full("elastic_slider_crank", *run) for run in RUNS[1:]),
     ],
@@ -97,7 +97,7 @@ def test_a_run_may_be_stopped_again_and_again(models, tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize("asked", [{"method": "rk4", "steps": 20000}, {"method": "dop853", "rtol": 1e-8}])
-@pytest.mark.parametrize("name", ["elastic_four_bar", "elastic_slider_crank"])
+@pytest.mark.parametrize("name", ["thesis_four_bar", "elastic_slider_crank"])
 def test_explicit_runs_resume(name, asked, models, tmp_path, monkeypatch):
     model, file = models[name], tmp_path / "kept"
     asked = {**asked, "revolutions": 0.3, "samples": 11}
@@ -111,7 +111,7 @@ def test_explicit_runs_resume(name, asked, models, tmp_path, monkeypatch):
 
 @pytest.mark.parametrize("asked", [{"method": "gauss", "rtol": 1e-6}, {"method": "dop853", "rtol": 1e-8}])
 def test_runs_that_max_wall_ended_are_resumed_without_it(asked, models, tmp_path):
-    model, file = models["elastic_four_bar"], tmp_path / "kept"
+    model, file = models["thesis_four_bar"], tmp_path / "kept"
     asked = {**asked, "revolutions": 2.0, "samples": 11}
     whole = model.simulate(**asked)
     for limit in np.geomspace(1e-3, 10.0, 60):  # the shortest that leaves time for a step
@@ -136,18 +136,18 @@ def test_a_run_in_rods_resumes(models, tmp_path, monkeypatch):
 
 
 def test_in_another_type(tmp_path, monkeypatch):
-    model, file = symgen.build("elastic_four_bar", precision="longdouble"), tmp_path / "kept"
+    model, file = symgen.build("thesis_four_bar", precision="longdouble"), tmp_path / "kept"
     whole = model.simulate(method="gauss", **GAUSS)
     with monkeypatch.context() as patch, pytest.raises(Stopped):
         stopped_after(50, patch)
         model.simulate(method="gauss", **GAUSS, checkpoint=file, checkpoint_every=0)
     assert bits(model.simulate(method="gauss", **GAUSS, resume=file)) == bits(whole)
     with pytest.raises(ResultError, match="of another run"):
-        symgen.build("elastic_four_bar").simulate(method="gauss", **GAUSS, resume=file)
+        symgen.build("thesis_four_bar").simulate(method="gauss", **GAUSS, resume=file)
 
 
 def test_checkpoints_of_other_runs_are_refused(models, tmp_path, monkeypatch):
-    model, file = models["elastic_four_bar"], tmp_path / "kept"
+    model, file = models["thesis_four_bar"], tmp_path / "kept"
     for method, asked in (("gauss", GAUSS), ("dop853", {"rtol": 1e-8, "revolutions": 0.2, "samples": 11})):
         with monkeypatch.context() as patch, pytest.raises(Stopped):
             stopped_after(1, patch)

@@ -18,7 +18,7 @@ LINKS = ("coupler", "output")
 
 def rigid_crank(rpm, ratio=None):
     """The shipped linkage with a rigid crank."""
-    data = copy.deepcopy(read_scene("elastic_four_bar").data)
+    data = copy.deepcopy(read_scene("thesis_four_bar").data)
     del data["links"]["crank"]["elastic"]
     data["parameters"]["speed"] = f"{rpm} rpm"
     for link in LINKS:
@@ -54,5 +54,5 @@ def test_quasi_static_strains_beside_table_ii():
 
 
 def test_quasi_static_strain_of_the_held_crank():
-    found = symgen.build("elastic_four_bar").quasi_static(samples=361, geometric_stiffness=False)
+    found = symgen.build("thesis_four_bar").quasi_static(samples=361, geometric_stiffness=False)
     assert round(found.peaks["crank.bending_strain"] * 1e6, -3) == 12_000

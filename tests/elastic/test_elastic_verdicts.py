@@ -20,7 +20,7 @@ RPM = math.pi / 30
 
 @pytest.fixture(scope="module")
 def four_bar():
-    return symgen.build("elastic_four_bar")
+    return symgen.build("thesis_four_bar")
 
 
 def test_undamped_vibrations_that_strains_do_not_show_do_not_make_it_unstable(four_bar):
@@ -155,7 +155,7 @@ def test_a_steady_state_that_is_not_the_only_one():
 def test_modes_in_a_line(four_bar):
     shown = repr(four_bar.modes(0.0))
     assert (
-        shown == "<ElasticModes 'elastic_four_bar' at 0 degrees: 7.95038, 83.6901, 122.978, ... Hz, 10 modes>"
+        shown == "<ElasticModes 'thesis_four_bar' at 0 degrees: 7.95038, 83.6901, 122.978, ... Hz, 10 modes>"
     )
 
 
@@ -166,6 +166,6 @@ def test_stress_without_that_of_the_axial_force_is_told():
 
 
 def test_links_too_stiff_for_an_explicit_method_are_said_to_be():
-    stiff = symgen.build("elastic_four_bar", set={"E": "1e24 Pa"})
+    stiff = symgen.build("thesis_four_bar", set={"E": "1e24 Pa"})
     with pytest.raises(SimulationError, match="too stiff for this method.*\n.*gauss"):
         stiff.simulate(method="dop853")

@@ -26,7 +26,7 @@ STEPS = 1024
 @cache
 def linkage(crank="held", axial=True, stiffer=1, bearings=True):
     """The shipped scene with the crank held, free or rigid, or what else is changed of it."""
-    data = copy.deepcopy(read_scene("elastic_four_bar_free" if crank == "free" else "elastic_four_bar").data)
+    data = copy.deepcopy(read_scene("elastic_four_bar_free" if crank == "free" else "thesis_four_bar").data)
     for link in data["links"].values():
         link["elastic"]["axial"] = axial
     if crank == "rigid":

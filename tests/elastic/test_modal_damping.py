@@ -111,7 +111,7 @@ def test_rigid_motions_in_other_poses_are_not_damped(tmp_path, angle):
 
 
 def test_modes_of_a_linkage_have_the_ratio_where_it_starts(tmp_path):
-    model = shipped(tmp_path, "elastic_four_bar", 0.02, without_other_damping)
+    model = shipped(tmp_path, "thesis_four_bar", 0.02, without_other_damping)
     here, there = model.modes(), model.modes(at=float(model._motion(True).angle) + 1.0)
     assert here.ratios == pytest.approx(0.02, rel=1e-6)
     assert np.all(there.ratios > 0) and there.ratios != pytest.approx(0.02, rel=1e-3)

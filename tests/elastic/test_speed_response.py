@@ -21,7 +21,7 @@ RPM = math.pi / 30
 
 @pytest.fixture(scope="module")
 def model():
-    return symgen.build("elastic_four_bar")
+    return symgen.build("thesis_four_bar")
 
 
 @pytest.fixture(scope="module")
@@ -85,10 +85,10 @@ def test_speed_that_no_parameter_sets():
     ("scene", "speeds", "said"),
     [
         ("four_bar", "60,90", "no elastic links"),
-        ("elastic_four_bar", "60:90", "from, to, count"),
-        ("elastic_four_bar", "60:90:1", "from, to, count"),
-        ("elastic_four_bar", "0,90", "none of them zero"),
-        ("elastic_four_bar", "nan", "none of them zero"),
+        ("thesis_four_bar", "60:90", "from, to, count"),
+        ("thesis_four_bar", "60:90:1", "from, to, count"),
+        ("thesis_four_bar", "0,90", "none of them zero"),
+        ("thesis_four_bar", "nan", "none of them zero"),
     ],
 )
 def test_refused(scene, speeds, said):

@@ -83,7 +83,7 @@ def test_offsets_cost_what_they_bring():
 
 
 def test_links_that_keep_their_length_have_fewer_unknowns():
-    data = read_scene("elastic_four_bar").data
+    data = read_scene("thesis_four_bar").data
     found = []
     for axial in (True, False):
         for link in data["links"].values():

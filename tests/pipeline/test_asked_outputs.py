@@ -42,7 +42,7 @@ def operations(text):
         ("vertical_rods", 1),
         ("screw_jack", 2),
         ("planar_4r", 9),
-        ("elastic_four_bar", 1),
+        ("thesis_four_bar", 1),
     ],
 )
 def test_one_output_less_never_costs_more(scene, every):
@@ -56,7 +56,7 @@ def test_one_output_less_never_costs_more(scene, every):
 
 
 def test_one_station_less_never_costs_more():
-    data = read_scene("elastic_four_bar").data
+    data = read_scene("thesis_four_bar").data
     found = []
     for stations in (
         [{"link": "coupler", "at": 0.3}, {"link": "coupler", "at": 0.7}],

@@ -24,7 +24,7 @@ def number(note: str, before: str) -> float:
 @pytest.fixture(scope="module")
 def fast():
     """The four-bar at 373 rpm, with the loads of the rigid motion alone."""
-    return symgen.build("elastic_four_bar").quasi_static(samples=181)
+    return symgen.build("thesis_four_bar").quasi_static(samples=181)
 
 
 def test_compression_against_the_euler_load_as_the_method_has_it(fast):
@@ -41,7 +41,7 @@ def test_slope(fast):
     for link in ("crank", "coupler", "output"):
         (note,) = (n for n in fast.notes if n.startswith(f"{link}: its centre line"))
         assert number(note, "turns by") > SLOPE
-    mild = symgen.build("elastic_four_bar", set={"speed": "20 rpm"}).quasi_static(samples=181)
+    mild = symgen.build("thesis_four_bar", set={"speed": "20 rpm"}).quasi_static(samples=181)
     assert not any("centre line" in note for note in mild.notes)
 
 
@@ -90,7 +90,7 @@ def test_euler_loads_in_closed_form(tmp_path, element):
     cases = [
         (bars.pinned(tmp_path, chosen), np.pi**2),
         (bars.cantilever(tmp_path, chosen), np.pi**2 / 4),
-        (symgen.build("elastic_four_bar"), 20.190728556426629),
+        (symgen.build("thesis_four_bar"), 20.190728556426629),
     ]
     for model, factor in cases:
         motion = model._motion(True)

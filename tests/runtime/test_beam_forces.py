@@ -20,7 +20,7 @@ ANGLES = np.radians(list(FORCES))
 @pytest.mark.parametrize("changes", [{}, {"links.coupler.elastic.axial": False}])
 def test_rigid_forces_as_published(changes):
     """Loads of the rigid motion alone: forces by elements of the method, of Newton and Euler."""
-    model = symgen.build("elastic_four_bar", set={"bearing": "0 slug", **changes})
+    model = symgen.build("thesis_four_bar", set={"bearing": "0 slug", **changes})
     found = model.quasi_static(at=ANGLES, geometric_stiffness=False)
     # The nodal force F acts as -F on an element at its first node, as +F at its second.
     for end, sign in (("crank.M", -1), ("crank.A", 1), ("coupler.A", -1), ("coupler.B", 1), ("output.B", -1)):
@@ -39,7 +39,7 @@ def test_a_stiff_linkage_has_the_forces_of_a_rigid_one():
     """In the steady state they differ by what falls as the stiffness grows."""
     differences = []
     for modulus in ("10.3e10 psi", "10.3e11 psi"):
-        model = symgen.build("elastic_four_bar", set={"E": modulus, "bearing": "0 slug"})
+        model = symgen.build("thesis_four_bar", set={"E": modulus, "bearing": "0 slug"})
         found = model.periodic(at=ANGLES)
         forces = np.array([nodal(row)["B"] for row in FORCES.values()]) * LBF
         torque = np.array([row[2][0] for row in FORCES.values()]) * LBF_FT
@@ -61,7 +61,7 @@ POINTS, WEIGHTS = (1 + POINTS) / 2, WEIGHTS / 2
 @pytest.fixture(scope="module", params=["stretching", "of one length", "damped modes"])
 def moving(request, tmp_path_factory):
     """Five neighbouring times of the transient at 95 rpm, and their distance [s]."""
-    text = (Path(symgen.__file__).parent / "scenes" / "elastic_four_bar.toml").read_text()
+    text = (Path(symgen.__file__).parent / "scenes" / "thesis_four_bar.toml").read_text()
     for link in ("crank", "coupler", "output"):
         for i, at in enumerate(POINTS.tolist()):
             text += f'\n[[stations]]\nlink = "{link}"\nat = {at!r}\nname = "{link}_{i}"\n'

@@ -16,7 +16,7 @@ LONG = np.geomspace(1e-2, 1e4, 61)
 
 @pytest.fixture(scope="module")
 def linkage():
-    motion = symgen.build("elastic_four_bar")._motion(False)
+    motion = symgen.build("thesis_four_bar")._motion(False)
     equations, times = motion.equations(False), np.array([motion.period / 8])
 
     def ends(method, per_turn):

@@ -19,7 +19,7 @@ RPM = math.pi / 30
 
 @pytest.fixture(scope="module")
 def results():
-    crank, elastic = symgen.build("crank_rocker"), symgen.build("elastic_four_bar")
+    crank, elastic = symgen.build("crank_rocker"), symgen.build("thesis_four_bar")
     loop = symgen.build("slider_crank")
     return {
         "run": symgen.build("four_bar").simulate(0.1, samples=5),
@@ -84,7 +84,7 @@ def test_values_of_the_coordinates(results):
         assert turned == pytest.approx([0.5, 1.0], abs=1e-12)
         assert np.diff(results[kind].time) == pytest.approx(turned / rate, abs=1e-12)
     elastic = results["elastic"]
-    speed = symgen.build("elastic_four_bar").crank_speed
+    speed = symgen.build("thesis_four_bar").crank_speed
     assert elastic.coordinate.values == pytest.approx(
         elastic.coordinate.values[0] + speed * elastic.time, abs=1e-12
     )

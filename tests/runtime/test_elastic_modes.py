@@ -170,7 +170,7 @@ def test_reductions_say_how_small_and_how_wrong_they_are(tmp_path):
         assert error < before
         before = max(error, 1e-12)
         assert found.frequencies[0] == pytest.approx(exact.frequencies[0] * (1 + error))
-    four_bar = "elastic_four_bar"
+    four_bar = "thesis_four_bar"
     changes = {f"links.{k}.elastic.elements": 3 for k in ("crank", "coupler", "output")}
     changes |= {f"links.{k}.elastic.reduction": {"kind": "guyan"} for k in ("coupler", "output")}
     found = symgen.build(four_bar, set=changes).modes(1.0)

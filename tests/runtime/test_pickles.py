@@ -34,7 +34,7 @@ MODELS = {
     ),
     "driven loop": ("slider_crank", {"set": {"a4": "10 in"}}),
     "free loop": ("cssp", {}),
-    "elastic": ("elastic_four_bar", {}),
+    "elastic": ("thesis_four_bar", {}),
     "NumPy": ("four_bar", {"backend": "numpy"}),
     "float128": ("four_bar", {"precision": "float128"}),
 }
@@ -65,7 +65,7 @@ def test_changed_parameters_are_restored():
 
 
 def test_the_rigid_linkage_of_elastic_links_stays_one():
-    elastic = symgen.build("elastic_four_bar")
+    elastic = symgen.build("thesis_four_bar")
     rigid = pickle.loads(pickle.dumps(elastic.rigid))
     assert type(rigid) is type(elastic.rigid)
     again = pickle.loads(pickle.dumps(pickle.loads(pickle.dumps(elastic))))

@@ -82,10 +82,10 @@ def test_on_the_command_line(tmp_path):
         (["cssp", "--checkpoint-every", "1"], "give the file with --checkpoint"),
         (["cssp", "--resume", "none"], "there is no checkpoint none"),
         (["cssp", "--stabilisation-rate", "5"], "--stabilisation-rate does not apply to simulate of cssp"),
-        (["elastic_four_bar", "--resume", "none"], "there is no checkpoint none"),
+        (["thesis_four_bar", "--resume", "none"], "there is no checkpoint none"),
         (
-            ["elastic_four_bar", "--max-drift", "1"],
-            "--max-drift does not apply to simulate of elastic_four_bar",
+            ["thesis_four_bar", "--max-drift", "1"],
+            "--max-drift does not apply to simulate of thesis_four_bar",
         ),
     ],
 )

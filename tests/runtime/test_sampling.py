@@ -133,7 +133,7 @@ def test_csv_has_every_number_with_its_unit(kind, tmp_path):
         result = symgen.build("slider_crank", set={"loop.drives.theta1": "100 lbf*in", "loop.drives.S4": "?"})
         result = result.inverse_dynamics(at=[0.5, math.pi / 2])
     else:
-        result = symgen.build("elastic_four_bar").speed_response([20.0, 30.0], rtol=0.1, samples=5)
+        result = symgen.build("thesis_four_bar").speed_response([20.0, 30.0], rtol=0.1, samples=5)
     with result.save(tmp_path / "a.csv").open(newline="") as stream:
         head, *rows = csv.reader(stream)
     columns = dict(zip(head, np.array(rows, dtype=float).T, strict=True))

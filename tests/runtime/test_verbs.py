@@ -21,7 +21,7 @@ SUPPORTED = {
     "crank_rocker": (RODS | DRIVEN) - AT_REST,
     "slider_crank": DRIVEN | {"batch"},
     "cssp": {"simulate", "assemblies", "batch"},
-    "elastic_four_bar": RODS - {"accelerations", "equilibrium"} - LINEAR | DRIVEN | ELASTIC,
+    "thesis_four_bar": RODS - {"accelerations", "equilibrium"} - LINEAR | DRIVEN | ELASTIC,
     "elastic_four_bar_motor": RODS - {"accelerations"} - LINEAR | DRIVEN | ELASTIC,
 }
 KINEMATIC = {"analysis.kind": "kinematics", "analysis.outputs": []}
@@ -120,7 +120,7 @@ def test_missing_analyses_give_the_reason_when_accessed():
         ("slider_crank", lambda m: m.kinematics(of=["A"]), "of"),
         ("slider_crank", lambda m: m.inverse_dynamics(elements=2, sections=[0.5]), "elements, sections"),
         ("cssp", lambda m: m.simulate(0.1, stabilisation_rate=3.0), "stabilisation_rate"),
-        ("elastic_four_bar", lambda m: m.simulate(stabilisation="raw"), "stabilisation"),
+        ("thesis_four_bar", lambda m: m.simulate(stabilisation="raw"), "stabilisation"),
         ("crank_rocker", lambda m: m.inverse_dynamics(through=True), "through"),
     ],
 )
@@ -174,7 +174,7 @@ def test_the_kinematics_of_a_loop_is_the_motion_without_its_forces():
 
 
 def test_elastic_links_run_to_a_time_or_over_revolutions():
-    model = symgen.build("elastic_four_bar")
+    model = symgen.build("thesis_four_bar")
     period = 2 * math.pi / model.crank_speed
     by_time = model.simulate(period / 4, steps=256, samples=5)
     by_revolutions = model.simulate(revolutions=0.25, steps=256, samples=5)
@@ -195,7 +195,7 @@ def test_elastic_links_run_to_a_time_or_over_revolutions():
     [
         lambda: symgen.build("crank_rocker").kinematics(samples=4),
         lambda: symgen.build("crank_rocker").inverse_dynamics(samples=4),
-        lambda: symgen.build("elastic_four_bar").speed_response([20.0, 30.0]),
+        lambda: symgen.build("thesis_four_bar").speed_response([20.0, 30.0]),
         lambda: symgen.build("slider_crank").kinematics(at=[0.5]),
         lambda: symgen.build("four_bar").simulate(0.1, samples=2),
     ],

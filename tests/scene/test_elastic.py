@@ -310,7 +310,7 @@ def test_rigid_mass_follows_from_the_section():
 
 
 def test_a_size_that_is_none_is_missing():
-    data = read_scene("elastic_four_bar").data
+    data = read_scene("thesis_four_bar").data
     data["links"]["coupler"]["section"]["thickness"] = None
     with pytest.raises(SceneError, match=r"a section by its width needs this too"):
         resolve(symgen.Scene(**data))

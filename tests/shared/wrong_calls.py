@@ -132,7 +132,7 @@ def _objects(folder: Path) -> tuple[dict[str, Any], dict[str, dict[str, Any]]]:
     linkage = symgen.build("four_bar", **build)
     driven = symgen.build("crank_rocker", **build)
     loop = symgen.build("slider_crank", **build)
-    elastic = symgen.build("elastic_four_bar")
+    elastic = symgen.build("thesis_four_bar")
     chain = symgen.Chain([1.0, 1.0], [1.0, 1.0])
     straight = [[0.0, 0.0], [1.0, 0.0], [2.0, 0.0]]
     made: dict[str, Any] = {

@@ -224,7 +224,7 @@ def test_the_mass_of_a_rod_does_not_cancel():
 def test_assembly_leads_from_the_drawing():
     """The Jacobian of constraints does not depend on the way: what is drawn is a number."""
 
-    for scene in ("elastic_four_bar", "rotating_cantilever", "peaucellier_limit", "crank_rocker"):
+    for scene in ("thesis_four_bar", "rotating_cantilever", "peaucellier_limit", "crank_rocker"):
         made = derived(scene)
         way = made.group("u").quantities[0].symbol
         rows = [r for r in made["assembly_jacobian"].rows if not r.endswith(" angle")]

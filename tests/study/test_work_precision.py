@@ -221,7 +221,7 @@ def test_an_event_that_ends_the_run():
 
 
 def test_elastic_links():
-    found = work_precision("elastic_four_bar", methods=["newmark"], t_end=0.02, repeats=1, longest=0.2)
+    found = work_precision("thesis_four_bar", methods=["newmark"], t_end=0.02, repeats=1, longest=0.2)
     assert found.unit == "of the peak" and found.points[-1].along < found.points[0].along < 1.0
 
 

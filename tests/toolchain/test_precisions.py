@@ -150,7 +150,7 @@ def row(part, k):
 
 def test_more_digits_than_any_type():
     """Constants keep as many digits as are asked for: one third, pi of the angles, section constants."""
-    first, second = (symgen.build("elastic_four_bar", backend="mpmath", digits=n).rigid for n in (60, 90))
+    first, second = (symgen.build("thesis_four_bar", backend="mpmath", digits=n).rigid for n in (60, 90))
     q = first.initial_state().q[None]
     with mpmath.workdps(100):
         a, b = (m.batch("accelerations", 0.1, q)["accelerations"][0] for m in (first, second))
@@ -225,10 +225,10 @@ def test_accelerations_in_every_type():
 
 
 def test_what_is_computed_in_doubles_only_says_so():
-    model = symgen.build("elastic_four_bar", precision="float128")
+    model = symgen.build("thesis_four_bar", precision="float128")
     with pytest.raises(ModelError, match=r"computed in float64 only, and .* was built for float128\n.*batch"):
         model.speed_response([1.0, 2.0])
-    model = symgen.build("elastic_four_bar", backend="mpmath", digits=30)
+    model = symgen.build("thesis_four_bar", backend="mpmath", digits=30)
     with pytest.raises(ModelError, match=r"computed in types of C only, and .* was built for 30 digits\n"):
         model.simulate()
 

@@ -120,9 +120,9 @@ _SMOOTH = {"newmark": 1e-3, "generalized-alpha": 1e-3}
 
 CASES: tuple[Case, ...] = (
     Turning(
-        name="elastic_four_bar",
+        name="thesis_four_bar",
         hard="undamped, with high axial stiffness: vibrations of 8 Hz and of 4.6 kHz",
-        scene="elastic_four_bar",
+        scene="thesis_four_bar",
         bounds={"gauss": 2e-8, "gauss4": 5e-8, "dop853": 5e-5, "rk4": 1e-2, **_COARSE},
     ),
     Turning(
@@ -139,26 +139,26 @@ CASES: tuple[Case, ...] = (
         bounds={"gauss": 1e-7, "gauss4": 1e-6, "dop853": 2e-6, "rk4": 2e-3, **_COARSE},
     ),
     Steady(
-        name="elastic_four_bar at 250 rpm",
+        name="thesis_four_bar at 250 rpm",
         hard="undamped, with vibrations that hardly appear in its strains",
-        scene="elastic_four_bar",
+        scene="thesis_four_bar",
         rpm=250.0,
         stable=True,
         undamped=True,
         bound=5e-7,
     ),
     Steady(
-        name="elastic_four_bar at 110 rpm",
+        name="thesis_four_bar at 110 rpm",
         hard="an unstable speed: a steady state that no transient run reaches",
-        scene="elastic_four_bar",
+        scene="thesis_four_bar",
         rpm=110.0,
         bound=1e-10,
         stable=False,
     ),
     Steady(
-        name="elastic_four_bar at 373 rpm",
+        name="thesis_four_bar at 373 rpm",
         hard="an unstable speed, far above the lowest frequency",
-        scene="elastic_four_bar",
+        scene="thesis_four_bar",
         rpm=373.0,
         bound=5e-11,
         stable=False,
