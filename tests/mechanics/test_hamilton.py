@@ -108,7 +108,8 @@ class Fields:
 
 
 def over_element(density):
-    return sp.integrate(sp.Poly(sp.expand(density), x).as_expr(), (x, 0, L))
+    """The integral of a polynomial; ``sp.integrate`` first asks at length whether it is zero."""
+    return sp.Poly(sp.expand(density), x).integrate(x).eval(L)
 
 
 GRAVITY = (sp.Rational(5, 3), sp.Rational(-29, 3))
