@@ -95,7 +95,7 @@ class View:
             return found
         if over != "time":
             raise ModelError(f"{model.name} moves under forces: its poses are drawn at times [s]")
-        found = model.simulate(max(values) or None, t_eval=sorted({*values}))
+        found = model.simulate(max(values, default=0.0) or None, t_eval=sorted({*values}))
         return found
 
     def repeated(self, model: Any, verb: str, given: Mapping[str, Any], result: Result) -> Result:

@@ -122,7 +122,11 @@ def _motion(model: LoopModel, forces: bool) -> tuple[list[NamedMatrix], list[Exp
     about = "screws of the joint variables in the first frame"
     matrices += [
         _matrix(
-            "closure_defect", defect, "1, m", "B - I of the closure B = T_1 ... T_n: turn and shift", "xyz"
+            "closure_defect",
+            defect,
+            "1, m",
+            "B - I of the closure B = T_1 ... T_n: rotation, translation",
+            "xyz",
         ),
         _matrix("closure_jacobian", exact, "1, m", f"{about}: exact also where it is open", _SCREW, names),
         _matrix("screws", screws, "1, m", f"{about}, by the shorter way", _SCREW, names),

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, overload
 
 from numpy.typing import ArrayLike
 
+from symgen.calls import checked
 from symgen.display import display
 from symgen.errors import CapabilityError
 from symgen.runtime.many.calls import MANY, ManyRuns
@@ -332,6 +333,7 @@ class Model(LinearAnalyses, ManyRuns, Sweeps, ElasticAnalyses, KernelCalls, Comp
         """
         raise NotImplementedError
 
+    @checked
     def draw(
         self,
         at: ArrayLike | None = None,

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from symgen.calls import checked
 from symgen.display import display
 from symgen.errors import CapabilityError
 from symgen.runtime.result.records import Coordinate, Variable
@@ -103,6 +104,7 @@ class Findings:
         return tuple(p for p in self.singular_poses if p.kind == "bifurcation")
 
 
+@checked
 class Pictures:
     """Plots and moving pictures of a result."""
 
