@@ -49,7 +49,7 @@ def test_frames_of_tuned_loops_and_of_elastic_runs():
     offset = 4.0 * 0.0254
     turn = symgen.build("slider_crank").with_parameters(a4=offset).kinematics(at=[0.2, 2.0])
     assert np.abs(places(turn.animate(), "S3")[:, 0]) == pytest.approx([offset, offset])
-    run = symgen.build("elastic_four_bar").simulate(0.01, samples=5)
+    run = symgen.build("thesis_four_bar").simulate(0.01, samples=5)
     film = run.animate()
     crank = np.array([next(line.at[1] for line in s.lines if line.kind == "rail") for s in film.sketches])
     angle = run.time * 2 * np.pi * 373 / 60  # at constant speed, from the direction of x

@@ -104,7 +104,6 @@ class Findings:
         return tuple(p for p in self.singular_poses if p.kind == "bifurcation")
 
 
-@checked
 class Pictures:
     """Plots and moving pictures of a result."""
 
@@ -149,6 +148,11 @@ class Pictures:
     def _repr_html_(self) -> str:
         html: str = display("result_html", self)
         return html
+
+
+for _call in (Pictures.plot, Pictures.animate):
+    _call.__qualname__ = f"Result.{_call.__name__}"  # the class that users know, in messages
+checked(Pictures)
 
 
 def _between(values: Array) -> float:
