@@ -61,7 +61,7 @@ def quasi_static(
     Request(ctx).carry_out("quasi_static")
 
 
-@command("symgen large-rotation elastic_four_bar --elements 4")
+@command("symgen large-rotation elastic_four_bar --segments 8")
 def large_rotation(
     ctx: typer.Context,
     scene: o.Scene,

@@ -59,7 +59,7 @@ def animate(result: Result, file: str | os.PathLike[str] | None, frames: int) ->
     """Return the moving picture of a result, written to a file if one is given; see ``Result.animate``."""
     if result.origin is None:
         raise ResultError(
-            f"the result of {result.name} was loaded, and has no model\n"
+            f"the result of {result.name} has no model: it was loaded, copied or taken from an error\n"
             "  Carry out its analysis again: model.simulate(...).animate()"
         )
     if result.count < 2:

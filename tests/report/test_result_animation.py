@@ -72,7 +72,9 @@ def test_notebooks_play_a_result_in_a_frame_of_its_own(monkeypatch):
 def test_what_does_not_move_is_refused(tmp_path):
     run = symgen.build("four_bar").simulate(0.1, samples=2)
     loaded = symgen.load_result(run.save(tmp_path / "run.npz"))
-    with pytest.raises(ResultError, match="was loaded, and has no model\n.*animate"):
+    with pytest.raises(
+        ResultError, match="has no model: it was loaded, copied or taken from an error\n.*animate"
+    ):
         loaded.animate()
     assert "<iframe" not in loaded._repr_html_()
     with pytest.raises(ResultError, match="1 sample: nothing moves"):

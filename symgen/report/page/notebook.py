@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from html import escape
 from typing import TYPE_CHECKING
 
@@ -31,7 +32,7 @@ def result_html(result: Result) -> str:
     """Return facts, notes, curves and moving picture of a run."""
     parts = [html_table(result.title, ("", ""), result.facts)]
     parts += [f"<p>{escape(note)}.</p>" for note in result.notes]
-    if result.origin is not None and result.count > 1 and result.statistics.get("wall_s", 0.0) < _QUICK:
+    if result.origin is not None and result.count > 1 and result.statistics.get("wall_s", math.inf) < _QUICK:
         parts.append(display("moving_html", result))
     if result.variables and result.count > 1:
         figure = run_figure(result)

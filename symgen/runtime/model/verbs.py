@@ -70,10 +70,10 @@ def _carry_out(
     carried_out: Callable[..., Any] = getattr(model._carrier(name), f"_{name}")
     made = _call(carried_out, given)
     if name in _MOVING:
-        made._of_analysis(model, name, {n: v for n, v in given.items() if n not in _OUTSIDE})
+        # The caller may change arrays and states.
+        given = {n: v if callable(v) else deepcopy(v) for n, v in given.items() if n not in _OUTSIDE}
+        made._of_analysis(model, name, given)
     if name == "simulate":
-        if given.get("state") is not None:  # the caller may change it
-            given["state"] = deepcopy(given["state"])
         made._repeat_by(partial(_at_times, carried_out, given))
     return made
 
@@ -81,13 +81,13 @@ def _carry_out(
 #: Analyses whose results move, and arguments that act outside of them.
 _MOVING = ("simulate", "kinematics", "inverse_dynamics", "periodic", "quasi_static", "large_rotation")
 _OUTSIDE = frozenset(("checkpoint", "checkpoint_every", "resume", "progress"))
-#: Those arguments of a run, and the ones that other times to record replace.
-_OF_ONE_RUN = _OUTSIDE | {"samples", "t_eval", "at"}
+#: Arguments that other times to record replace.
+_RECORDED = frozenset(("samples", "t_eval", "at"))
 
 
 def _at_times(simulate: Callable[..., Any], given: dict[str, Any], times: Any) -> Any:
     """Return the run with the same arguments at other times [s]."""
-    return _call(simulate, {n: v for n, v in given.items() if n not in _OF_ONE_RUN} | {"t_eval": times})
+    return _call(simulate, {n: v for n, v in given.items() if n not in _RECORDED} | {"t_eval": times})
 
 
 def _call(carried_out: Callable[..., Any], given: dict[str, Any]) -> Any:

@@ -116,7 +116,7 @@ class Pictures:
 
     @property
     def origin(self) -> tuple[Any, str, Mapping[str, Any]] | None:
-        """Model, analysis and arguments of the result; None for one that was loaded from a file."""
+        """Model, analysis and arguments of the result; None for one that was loaded or copied."""
         return self._cache.get("origin")
 
     def plot(self, *names: str, file: str | os.PathLike[str] | None = None, xy: str = "") -> Any:

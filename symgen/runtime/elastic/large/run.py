@@ -37,8 +37,8 @@ from symgen.runtime.result.records import Drift, Variable
 
 Array = NDArray[np.float64]
 
-#: Steps of a revolution, or of a run without, that a run starts with, and the most of a run.
-_STEPS, _MOST = 256, 2_000_000
+#: Steps of a revolution, or of a run without, that a run starts with, and the most that are doubled.
+_STEPS, _MOST = 256, 7_000
 #: Rotation of the crank in a step at most, over that in a stride of the rigid motion.
 _STRIDES = 5.0
 #: The most elements of a link.
@@ -96,15 +96,17 @@ def large_run(motion: ElasticMotion, task: LargeRotation, elements: int) -> Elas
         except OutOfTime as stop:
             raise _out_of_time(motion, linkage, task, times, stop, passes, pace) from None
         except SimulationError:
-            if passes or 2 * steps * (len(times) - 1) > _MOST:
+            if passes or steps * (len(times) - 1) > _MOST:
                 raise
         else:
             variables, error = _outputs(motion, linkage, found), math.inf
             if passes:
                 # Three times the error where it falls with the square of the number of steps.
-                error = mesh_error(passes[-1].variables, variables)
+                error, before = mesh_error(passes[-1].variables, variables), passes[-1].error
+                # Where it does not fall, as with vibrations too fast for the steps, small changes are chance.
+                error = error if error <= before / 2 else max(error, before)
             passes.append(_Pass(variables, steps, error))
-            if error <= rtol or 2 * steps * (len(times) - 1) > _MOST:
+            if error <= rtol or steps * (len(times) - 1) > _MOST:
                 break
         steps *= 2
         pace.restart(0.0)
@@ -222,7 +224,10 @@ def _unlike(motion: ElasticMotion, one: _Pass, task: LargeRotation) -> Iterator[
     """Yield notes on an error above the tolerance, and on links that stretch against the scene."""
     rtol = RTOL if task.rtol is None else task.rtol
     if one.error > rtol:
-        yield f"the error by time steps does not reach rtol = {rtol:g} within {_MOST} steps"
+        yield (
+            f"the error by time steps does not reach rtol = {rtol:g}: links vibrate from an abrupt start, "
+            "undamped, too fast for the steps; give a shorter run, damping, or shorter steps by max_step"
+        )
     stretching = [beam.info.link for beam in motion.beams if not beam.info.axial]
     if stretching:
         yield f"elements in large rotation stretch, though {', '.join(stretching)} has axial = false"
