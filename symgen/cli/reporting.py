@@ -73,7 +73,7 @@ def animate(
     film_file(file)
     with _status(f"animation of {text.name}") as told:
         asked = {} if t_end is None else {"t_end": t_end}
-        film = film_of(text, samples or FRAMES, **asked)
+        film = film_of(text, FRAMES if samples is None else samples, **asked)
         told("writing")
         save(film, file)
     print(file)
@@ -168,7 +168,9 @@ def draw(
         asked: dict[str, Any] = {} if t_end is None else {"t_end": t_end}
         poses = poses_of(at, "--at") if at else None
         paths = () if no_paths else path or None
-        sheet = sheet_of(text, poses, paths=paths, unit=unit, samples=samples or FRAMES, **asked)
+        sheet = sheet_of(
+            text, poses, paths=paths, unit=unit, samples=FRAMES if samples is None else samples, **asked
+        )
         sheet.save(file)
     print(file)
 

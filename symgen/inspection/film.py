@@ -20,7 +20,7 @@ from symgen.report.page.animation import Film, traces_of
 from symgen.report.page.drawing import Sketch
 from symgen.report.page.movie import film_file, save
 from symgen.report.page.sheet import Sheet
-from symgen.runtime.kernels.arguments import count
+from symgen.runtime.kernels.arguments import count, reals
 from symgen.runtime.result.result import Result
 from symgen.scene.loading import SceneText
 from symgen.scene.units import LENGTH, describe, parse_quantity
@@ -49,7 +49,7 @@ def film_of(text: SceneText, samples: int, **asked: Any) -> Film:
         As for building and running the scene.
     """
     drawn = drawn_scene(text)
-    model = build_asked(drawn.text)
+    model = _built(drawn)
     result = drawn.view.filmed(model, samples, **asked)
     sketches = drawn.view.sketches(drawn.resolved, model, result)
     return Film(_shown(result, drawn.plotted), sketches, drawn.view.film_text(drawn.resolved, result))
@@ -207,7 +207,7 @@ def draw(
 ) -> Sheet:
     """Return a drawing of a model and write it to a file, if one is given; see ``Model.draw``."""
     over = over or ("input" if "kinematics" in model.capabilities else "time")
-    poses = None if at is None else (lambda _: (np.atleast_1d(np.asarray(at, dtype=float)).tolist(), over))
+    poses = None if at is None else (lambda _: (reals(at, "at").tolist(), over))
     sheet = sheet_of(_scene_of(model), poses, paths=paths, unit=unit, parameters=model.parameters)
     if file is not None:
         sheet.save(file)

@@ -96,6 +96,14 @@ def test_a_pose_of_a_motion_under_forces_is_that_of_its_run():
     assert later["B"] == pytest.approx(run["B.position"].values[1], abs=1e-9)
 
 
+def test_values_of_poses_are_numbers_in_any_shape():
+    model = symgen.build("four_bar")
+    row, table = (model.draw(at).svg() for at in ([0.1, 0.2], np.array([[0.1], [0.2]])))
+    assert row == table
+    with pytest.raises(ModelError, match="expected finite numbers for at, got nan"):
+        model.draw(math.nan)
+
+
 def test_svg_is_one_file_of_its_own():
     text = sheet_of(read_scene("crank_rocker"), unit="mm").svg()
     root = ET.fromstring(text)

@@ -1,6 +1,7 @@
 """Banded systems with a dense border, compiled alone, against dense elimination by NumPy."""
 
 import ctypes
+import shutil
 import subprocess
 from pathlib import Path
 
@@ -8,6 +9,8 @@ import numpy as np
 import pytest
 
 import symgen.runtime
+
+pytestmark = pytest.mark.skipif(shutil.which("cc") is None, reason="needs a C compiler")
 
 CORE = Path(symgen.runtime.__file__).parent / "core"
 SHARED = """

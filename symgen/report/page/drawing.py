@@ -217,12 +217,7 @@ def _shapes(line: Line, at: Array) -> Iterator[Shape]:
     elif line.kind == "spring":
         yield Shape("spring", _wound(at))
     elif line.kind == "slider":
-        along = at[1] - at[0]
-        along = along / max(float(np.linalg.norm(along)), 1e-9)
-        across = np.array([-along[1], along[0]])
-        sides = ((-1, -1), (1, -1), (1, 1), (-1, 1))
-        block = np.array([at[0] + 13 * a * along + 8 * b * across for a, b in sides])
-        yield Shape("slider", block, closed=True)
+        yield Shape("slider", slider_block(at, 13.0, 8.0), closed=True)
     elif line.kind == "body" and len(at) > 2:
         middle = at.mean(axis=0)
         _, sizes, axes = np.linalg.svd(at - middle)
@@ -241,6 +236,15 @@ def _wound(at: Array) -> Array:
     parts = np.linspace(0.2, 0.8, 2 * _WINDINGS)
     inner = [at[0] + p * along + (-1) ** i * across for i, p in enumerate(parts)]
     return np.array([at[0], at[0] + 0.18 * along, *inner, at[0] + 0.82 * along, at[1]])
+
+
+def slider_block(at: Array, along: float, across: float) -> Array:
+    """Return the corners of a slider on a line, with half its length along and across the line."""
+    axis = at[1] - at[0]
+    axis = axis / max(float(np.linalg.norm(axis)), 1e-9)
+    sides = np.array([(-along, -across), (along, -across), (along, across), (-along, across)])
+    corners: Array = at[0] + sides @ np.array([axis, (-axis[1], axis[0])])
+    return corners
 
 
 def hull(at: Array) -> Array:

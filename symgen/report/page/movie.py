@@ -14,6 +14,7 @@ from symgen.atomic import replacing, writable, write_text
 from symgen.errors import ModelError, ResultError
 from symgen.report.page.animation import Film, animation, traces_of
 from symgen.report.page.drawing import Paper, Shape, Sketch
+from symgen.report.page.page import LIGHT
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -28,8 +29,7 @@ FILMED_AS = (".html", *_WRITERS)
 _RATE, _SHORTEST, _LONGEST = 25.0, 2.0, 20.0
 #: Points of a film without times [s]; pixels of a film per pixel on paper; points of print per pixel.
 _TIMELESS, _ENLARGED, _PRINT = 5.0, 1.5, 0.72
-#: Colours, as on the page.
-_INK, _SOFT, _FILL, _BLUE, _WARM = "#1c1f23", "#5a626c", "#d8dce1", "#1f5c99", "#c2571a"
+_INK, _SOFT, _FILL, _PAPER, _BLUE, _WARM = LIGHT.values()
 #: Colour, width [px], dashes and fill of lines by kind.
 _STYLES: dict[str, tuple[str, float, str, str]] = {
     "rod": (_INK, 4.0, "-", "none"),
@@ -39,7 +39,7 @@ _STYLES: dict[str, tuple[str, float, str, str]] = {
     "axis": (_WARM, 1.2, "--", "none"),
     "spring": (_BLUE, 1.6, "-", "none"),
     "actuator": (_BLUE, 1.6, ":", "none"),
-    "slider": (_INK, 1.6, "-", "white"),
+    "slider": (_INK, 1.6, "-", _PAPER),
     "path": (_WARM, 1.0, "-", "none"),
 }
 
@@ -95,7 +95,7 @@ def movie(film: Film, file: Path) -> None:
     shown = np.unique(np.linspace(0, count - 1, min(count, round(_RATE * seconds) + 1)).round().astype(int))
     shown = shown[: max(1, len(shown) - 1)]  # the last is the first of the next round
     traces = [paper(places) for places in traces_of(film.sketches).values()]
-    figure = Figure(figsize=(paper.width / 100, paper.height / 100), facecolor="white")
+    figure = Figure(figsize=(paper.width / 100, paper.height / 100), facecolor=_PAPER)
     axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
     rate: Any = len(shown) / seconds
     writer = writers[_WRITERS[file.suffix.lower()]](fps=rate)
@@ -148,7 +148,7 @@ def _draw_pose(axes: Axes, paper: Paper, sketch: Sketch) -> None:
             _draw(axes, Shape("rail", np.array([[x, y], [x - 8, y + 13], [x + 8, y + 13]]), closed=True))
             for i in range(-10, 11, 5):
                 _draw(axes, Shape("rail", np.array([[x + i, y + 13], [x + i - 4, y + 18]])))
-        fill, size = (_INK, 6.4) if node.kind == "end" else ("white", 8.0)
+        fill, size = (_INK, 6.4) if node.kind == "end" else (_PAPER, 8.0)
         axes.plot(x, y, "o", ms=size * _PRINT, mfc=fill, mec=_INK, mew=1.6 * _PRINT)
         names.append((x + 9, y - 9, node.name, _INK))
     for line in sketch.lines:

@@ -93,6 +93,17 @@ class Page:
     equations: str
 
 
+#: Colours of pages and drawings on white paper.
+LIGHT = {
+    "ink": "#1c1f23",
+    "soft": "#5a626c",
+    "line": "#d8dce1",
+    "paper": "#ffffff",
+    "accent": "#1f5c99",
+    "warm": "#c2571a",
+}
+
+
 @lru_cache(maxsize=1)
 def environment() -> Any:
     """Return the Jinja environment of pages, with autoescaping."""
@@ -107,6 +118,7 @@ def environment() -> Any:
         autoescape=True,
     )
     made.filters["unit"] = _unit
+    made.globals["light"] = LIGHT
     return made
 
 

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symgen.atomic import writable, write_text
-from symgen.report.page.drawing import Line, Node, Sketch, drawing, hull
+from symgen.report.page.drawing import Line, Node, Sketch, drawing, hull, slider_block
 from symgen.report.page.page import environment
 from symgen.runtime.sweeps.stores import needed
 
@@ -134,7 +134,10 @@ def _write(space: Any, sketch: Sketch) -> None:
             closed = line.kind == "body" and len(line.at) > 2
             space.add_polyline3d(line.at.tolist(), close=closed, dxfattribs=layer)
         elif plane:
-            outlines = {"slider": lambda at: _block(at, size), "body": hull}
+            outlines = {
+                "slider": lambda at: slider_block(at, *(half * size for half in _SLIDER)),
+                "body": hull,
+            }
             corners = outlines.get(line.kind, np.asarray)(line.at)
             closed = line.kind in outlines and len(corners) > 2
             space.add_lwpolyline(corners.tolist(), close=closed, dxfattribs=layer)
@@ -161,13 +164,3 @@ def _names(sketch: Sketch) -> Iterator[tuple[str, Array]]:
     for line in sketch.lines:
         if line.name and line.kind != "path":
             yield line.name, line.at.mean(axis=0)
-
-
-def _block(at: Array, size: float) -> Array:
-    """Return the corners of a slider along a direction."""
-    along = at[1] - at[0]
-    along = along / np.linalg.norm(along)
-    across = np.array([-along[1], along[0]])
-    sides = np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)]) * _SLIDER * size
-    corners: Array = at[0] + sides @ np.array([along, across])
-    return corners

@@ -295,28 +295,31 @@ def moved(
         When the wall time is spent.
     """
     now = linkage.start()
-    found, aside = [now], now.a
+    found, auxiliary = [now], now.a
     for start, end in pairwise(times.tolist()):
         if pace.spent(start):
             raise OutOfTime(start, found, np.arange(len(found)))
         for k in range(steps):
             h = (end - start) / steps
-            now, aside = _step(linkage, now, aside, start + (k + 1) * h, h)
+            now, auxiliary = _step(linkage, now, auxiliary, start + (k + 1) * h, h)
         found.append(now)
         if progress is not None:
             progress(end / float(times[-1]))
     return found
 
 
-def _step(linkage: LargeLinkage, at: Moment, aside: Array, t: float, h: float) -> tuple[Moment, Array]:
-    """Return the motion one step on, and the acceleration-like variable of the method there."""
-    m, f = _METHOD.inertia[0], 1 - _METHOD.at
+def _step(linkage: LargeLinkage, at: Moment, auxiliary: Array, t: float, h: float) -> tuple[Moment, Array]:
+    """Return the motion one step on, and the auxiliary accelerations of the method there."""
+    alpha_m, alpha_f = _METHOD.inertia[0], 1 - _METHOD.at
     gamma, beta = _METHOD.gamma, _METHOD.beta
-    to_a, to_v = (1 - m) / (h * h * beta * (1 - f)), gamma / (h * beta)
-    a = at.a
-    after = (f * at.a + (1 - f) * a - m * aside) / (1 - m)
-    q = at.q + h * at.v + h * h * ((0.5 - beta) * aside + beta * after)
-    v = at.v + h * ((1 - gamma) * aside + gamma * after)
+    to_a, to_v = (1 - alpha_m) / (h * h * beta * (1 - alpha_f)), gamma / (h * beta)
+
+    def advanced(a: Array) -> Array:
+        return (alpha_f * at.a + (1 - alpha_f) * a - alpha_m * auxiliary) / (1 - alpha_m)
+
+    a, after = at.a, advanced(at.a)
+    q = at.q + h * at.v + h * h * ((0.5 - beta) * auxiliary + beta * after)
+    v = at.v + h * ((1 - gamma) * auxiliary + gamma * after)
     multipliers, n = at.multipliers, linkage.unknowns
     for _ in range(_MOST):
         residual, matrix = linkage.system(t, q, v, a, multipliers, (1 / to_a, to_v / to_a, 1.0))
@@ -327,8 +330,7 @@ def _step(linkage: LargeLinkage, at: Moment, aside: Array, t: float, h: float) -
         q, v, a = q + dq, v + to_v * dq, a + to_a * dq
         multipliers = multipliers + to_a * change[n:]
         if np.max(np.abs(dq) / linkage.scale) < _CLOSE:
-            after = ((1 - f) * a + f * at.a - m * aside) / (1 - m)
-            return Moment(t, q, v, a, multipliers), after
+            return Moment(t, q, v, a, multipliers), advanced(a)
     raise SimulationError(
         f"{linkage.motion.rigid.name}: Newton's method does not converge in a step of {h:.3g} s", time=at.t
     )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -78,6 +78,7 @@ def large_run(motion: ElasticMotion, task: LargeRotation, elements: int) -> Elas
     rtol = real(RTOL if task.rtol is None else task.rtol, "rtol")
     if not 0.0 < rtol < 1.0:
         raise ModelError(f"expected rtol above zero and below 1, got {rtol!r}")
+    task = replace(task, rtol=rtol)
     samples = whole(task.samples, "samples")
     if samples < 2:
         raise ModelError(f"expected 2 samples or more, got {samples}")
@@ -206,7 +207,7 @@ def _result(
             "equations": d.equations,
             "method": "large-rotation",
             "form": f"{task.elements} elements a link",
-            "rtol": RTOL if task.rtol is None else task.rtol,
+            "rtol": task.rtol,
             "t_end": float(times[-1]),
             **made_with(motion.rigid.evaluator.library, motion.rigid.typed),
             "parameters": dict(motion.rigid.parameters),
@@ -214,16 +215,15 @@ def _result(
         notes=(
             *d.remarks,
             *stiffness_damped(motion, "elements in large rotation"),
-            *_unlike(motion, one, task),
+            *_unlike(motion, one, task.rtol),
         ),
         times=times if motion.speed else None,
     )
 
 
-def _unlike(motion: ElasticMotion, one: _Pass, task: LargeRotation) -> Iterator[str]:
+def _unlike(motion: ElasticMotion, one: _Pass, rtol: float | None) -> Iterator[str]:
     """Yield notes on an error above the tolerance, and on links that stretch against the scene."""
-    rtol = RTOL if task.rtol is None else task.rtol
-    if one.error > rtol:
+    if rtol is not None and one.error > rtol:
         yield (
             f"the error by time steps does not reach rtol = {rtol:g}: links vibrate from an abrupt start, "
             "undamped, too fast for the steps; give a shorter run, damping, or shorter steps by max_step"
