@@ -53,10 +53,10 @@ _Q, _V, _A = ([x.symbol for x in group] for group in (PLACES, RATES, SECOND_RATE
 
 @dataclass(frozen=True, slots=True)
 class Corotational:
-    """The element: forces (6, 1), their slopes (6, 6), energies, strain and end rotations.
+    """The element: forces (6, 1), their slopes (6, 6), energies, strain, end rotations and bending moments.
 
     ``residual`` is inertia and internal force less gravity; ``mass``, ``damping`` and ``stiffness`` are its
-    slopes by second rates, rates and places.
+    slopes by second rates, rates and places. The bending moment is linear between the nodes.
     """
 
     residual: sp.ImmutableMatrix
@@ -108,6 +108,7 @@ def corotational(names: Names) -> Corotational:
         (b2 - b1, bending / length),
         (b1 + b2, 3 * bending / (length * (1 + SHEARING.symbol))),
     )
+    of_bending = sp.Add(*(k * s**2 for s, k in strained[1:])) / 2
     internal = [zero] * len(_Q)
     for strain, stiffness in strained:
         of = slopes(strain)
@@ -141,7 +142,13 @@ def corotational(names: Names) -> Corotational:
             "strain": sp.Add(*(k * s**2 for s, k in strained)) / 2,
             "gravity": potential,
         },
-        strains={"axial": axial, "beta1": b1, "beta2": b2},
+        strains={
+            "axial": axial,
+            "beta1": b1,
+            "beta2": b2,
+            "moment1": -sp.diff(of_bending, b1),
+            "moment2": sp.diff(of_bending, b2),
+        },
     )
 
 

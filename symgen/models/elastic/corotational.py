@@ -31,7 +31,12 @@ def corotational_beam_system() -> System:
         slope("damping", made.damping, "rate", "slope of the residual by rates"),
         slope("stiffness", made.stiffness, "place", "slope of the residual by places"),
         scalars(dict(made.energies), "energies", "J", "kinetic energy, strain energy, potential of gravity"),
-        scalars(dict(made.strains), "strains", "1, rad, rad", "mean axial strain, rotations of the ends"),
+        scalars(
+            dict(made.strains),
+            "strains",
+            "1, rad, rad, N*m, N*m",
+            "mean axial strain, rotations and bending moments of the ends",
+        ),
     )
     return System(
         "corotational_beam",
@@ -46,7 +51,7 @@ def corotational_beam_system() -> System:
             Export("residual", about, ("residual",)),
             Export("tangent", "slopes of the residual", ("mass", "damping", "stiffness")),
             Export("energies", "energies of the element", ("energies",)),
-            Export("strains", "strain and end rotations", ("strains",)),
+            Export("strains", "strain, end rotations and moments", ("strains",)),
         ),
         names.definitions,
         references=(REFERENCE,),

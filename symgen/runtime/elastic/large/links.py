@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from symgen.runtime import _core
 from symgen.runtime.beams.data import Properties
+from symgen.runtime.beams.elements import SHAPES, Segment, integral, kernels
 from symgen.runtime.beams.elements import at as value_at
-from symgen.runtime.beams.elements import integral, kernels
 from symgen.runtime.beams.links import Beam
 
 Array = NDArray[np.float64]
@@ -21,7 +21,7 @@ Indices = NDArray[np.intp]
 
 _BLOCK = "corotational_beam"
 #: Numbers that the kernels read: places, rates with second rates, properties; and what each writes.
-_READ, _WRITTEN = (6, 12, 9), {"residual": 6, "tangent": 108, "energies": 3, "strains": 3}
+_READ, _WRITTEN = (6, 12, 9), {"residual": 6, "tangent": 108, "energies": 3, "strains": 5}
 #: Column of the damping in the properties of elements.
 _DAMPING = 6
 #: Relative difference of equal sections of two elements, by rounding.
@@ -106,16 +106,9 @@ class LargeLink:
             self.beam.properties,
         )
         (force,), q = one.undamped.end_forces(moment), moment.q[one.elements]
-        (_, first, second), (length, _, _, _, bending, shear, *_) = (
-            one.call("strains", q)[0],
-            one.properties[0],
-        )
-
-        def cubic(x: float) -> float:
-            return float(bending * ((second - first) + (6 * x - 3) * (first + second) / (1 + shear)) / length)
-
-        ends = (1 - x) * (-force[2] - cubic(0.0)) + x * (force[5] - cubic(1.0))
-        moment_there = cubic(x) + ends * (1 - 6 * x * (1 - x))
+        *_, first, second = one.call("strains", q)[0]
+        ends = (1 - x) * (-force[2] - first) + x * (force[5] - second)
+        moment_there = (1 - x) * first + x * second + ends * (1 - 6 * x * (1 - x))
         axial = -force[:2] @ _axis(q[0, 2]), force[3:5] @ _axis(q[0, 5])
         along, place = (1 - x) * axial[0] + x * axial[1], fraction * p.length
         return float(along / value_at(p.axial, place)), float(moment_there / value_at(p.bending, place))
@@ -124,9 +117,9 @@ class LargeLink:
         """Return the distance [m] of a place, to the left, from the line between the ends."""
         k, x = self.at(fraction)
         first, second = q[self.places[k, :2]], q[self.places[k + 1, :2]]
-        _, b1, b2 = self.call("strains", q[self.elements])[k]
+        _, *rotations, _, _ = self.call("strains", q[self.elements])[k]
         chord = second - first
-        bow = x * (1 - x) * ((1 - x) * b1 - x * b2)
+        bow = float(_cubic(x) @ rotations)
         place = first + x * chord + bow * np.array([-chord[1], chord[0]])
         start, end = q[self.places[0, :2]], q[self.places[-1, :2]]
         return float(cross(end - start, place - start) / np.linalg.norm(end - start))
@@ -146,6 +139,14 @@ def element_properties(properties: Properties, nodes: Sequence[float], gravity: 
     # Elements of the same section are the same to the last bit, and are computed in one call.
     found = np.array(rows)
     return np.where(np.abs(found - found[0]) <= _EQUAL * np.abs(found[0]), found[0], found)
+
+
+def _cubic(x: float) -> Array:
+    """Return the deflections at x by the slopes of both ends, of a cubic element of length one."""
+    length_one = np.eye(1, 20)[0]
+    rows = Segment("cubic", "element_cubic", 0.0, 1.0, tuple(range(6)), length_one).shape(x)
+    slopes: Array = rows[SHAPES.index("w"), [2, 5]]
+    return slopes
 
 
 def _axis(angle: float) -> Array:
