@@ -61,7 +61,7 @@ def chain(places, masses=None, fixed=(0,), **more):
     return symgen.Scene(points=points, links=links, **{"gravity": GRAVITY, **more})
 
 
-def stephenson():
+def stephenson(**analysis):
     """A crank FE, and a triad: the ternary link ABP on three links."""
     return symgen.Scene(
         parameters={"w": "1 rad/s"},
@@ -77,5 +77,5 @@ def stephenson():
         springs=[{"between": ["P", "C"], "stiffness": "300 N/m", "length": "0.2 m", "damping": "4 N*s/m"}],
         drivers=[{"link": "FE", "angle": "pi/4 + w*t"}],
         gravity=GRAVITY,
-        analysis={"t_end": "6 s"},
+        analysis={"t_end": "6 s", **analysis},
     )  # fmt: skip

@@ -317,7 +317,8 @@ class Model(LinearAnalyses, ManyRuns, Sweeps, ElasticAnalyses, KernelCalls, Comp
     ) -> tuple[State, ...] | tuple[dict[str, float], ...]:
         """Return the assembly modes, the scene's own first: states of a linkage, joint variables of a loop.
 
-        They are searched from many starts, the same every time; velocities are zero.
+        They are all modes of linkages of driven cranks, dyads and triads; those of others are searched from
+        many starts, the same every time. Velocities are zero.
 
         Parameters
         ----------

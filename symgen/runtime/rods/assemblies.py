@@ -1,11 +1,14 @@
-"""All the ways in which a linkage goes together at one time, found from many starting poses."""
+"""All assembly modes of a linkage at one time: group by group, or by a search from many starting poses."""
 
 from __future__ import annotations
+
+from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import NDArray
 
 from symgen.errors import ModelError
+from symgen.runtime.rods.assur import modes_of_groups
 from symgen.runtime.rods.constraints import Bonds
 
 Array = NDArray[np.float64]
@@ -14,24 +17,38 @@ _SEED, _SAME, _CLOSED = 20, 1e-6, 1e-12
 
 
 def assemblies(bonds: Bonds, near: Array, t: float, *, tries: int = 40) -> list[Array]:
-    """Return coordinates of the assemblies found at the time t, the nearest to ``near`` first.
+    """Return coordinates of the assembly modes at the time t, the nearest to ``near`` first.
 
-    Starting poses are ``near``, its mirror images and random ones of the same seed every time. Every pose
-    found is a solution to round-off. Others may exist, though that is unlikely for linkages of few loops.
-    Poses in which the drives do not determine the motion are omitted. There must be at least
-    as many constraints, drives among them, as coordinates.
+    These are all modes where the linkage consists of groups that are solved by signs and roots
+    (:mod:`symgen.runtime.rods.assur`). Otherwise they are those of a search from ``near``, its mirror images
+    and ``tries`` random poses of the same seed every time: others may exist, though that is unlikely for
+    linkages of few loops. Every pose is a solution to round-off. Poses in which the drives do not determine
+    the motion are omitted. There must be at least as many constraints, drives among them, as coordinates.
 
     Raises
     ------
     ModelError
         When the drives have no finite values at that time.
     """
-    from scipy.optimize import least_squares
-
     if not np.all(np.isfinite(bonds.residual(near, t))):
         raise ModelError(f"the drives have no finite values at t = {t:g} s")
     length = bonds.length(near)
+    poses = modes_of_groups(bonds, near, t)
     found: list[Array] = []
+    for pose in _search(bonds, near, t, tries) if poses is None else poses:
+        q = polished(bonds, pose, t)
+        if q is None or bonds.turned_over(q, t) or not _isolated(bonds, q, t):
+            continue
+        if all(np.max(np.abs(q - other)) > _SAME * length for other in found):
+            found.append(q)
+    return sorted(found, key=lambda q: (round(float(np.linalg.norm(q - near) / length), 6), q.tolist()))
+
+
+def _search(bonds: Bonds, near: Array, t: float, tries: int) -> Iterator[Array]:
+    """Yield poses that nearly meet the constraints, from many starting poses."""
+    from scipy.optimize import least_squares
+
+    length = bonds.length(near)
     for start in _poses(bonds, near, length, tries):
         solved = least_squares(
             bonds.residual,
@@ -43,12 +60,8 @@ def assemblies(bonds: Bonds, near: Array, t: float, *, tries: int = 40) -> list[
             ftol=1e-12,
             max_nfev=100,
         )
-        q = polished(bonds, solved.x, t) if np.max(np.abs(solved.fun)) < 1e-6 * length else None
-        if q is None or bonds.turned_over(q, t) or not _isolated(bonds, q, t):
-            continue
-        if all(np.max(np.abs(q - other)) > _SAME * length for other in found):
-            found.append(q)
-    return sorted(found, key=lambda q: (round(float(np.linalg.norm(q - near) / length), 6), q.tolist()))
+        if np.max(np.abs(solved.fun)) < 1e-6 * length:
+            yield solved.x
 
 
 def _isolated(bonds: Bonds, q: Array, t: float) -> bool:

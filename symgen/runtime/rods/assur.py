@@ -1,0 +1,317 @@
+"""All assembly modes of a linkage of small Assur groups: dyads by their two signs, triads by all roots.
+
+At a given time the constraints are quadratic polynomials of the coordinates. In a group of one point,
+differences of the constraints are linear: the point is on a line, and one quadratic equation leaves two
+signs. In a larger group one point is moved around its circle, by an angle, in place of another constraint;
+the others are again groups of one point. The product of that constraint over all signs is an analytic
+function of the angle, real also where the groups do not close, and its roots are eigenvalues. For the
+triad of a Stephenson linkage it is a sextic of the tangent of half the angle.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from itertools import pairwise, product
+from typing import Any
+
+import numpy as np
+from numpy.polynomial import chebyshev
+from numpy.typing import NDArray
+
+from symgen.runtime.rods.constraints import Bonds
+from symgen.runtime.rods.following.groups import groups_of
+
+Array = NDArray[np.float64]
+#: Coordinates in units of the linkage's size, from a pose; complex where a group does not close.
+Poses = NDArray[Any]
+
+#: Coordinates and poses up to which groups are solved, and unknowns of a group of one point.
+_LARGEST, _MOST, _POINT = 120, 1024, 3
+_NONE, _POLYNOMIAL, _DEGENERATE = 1e-13, 1e-10, 1e-10
+_OPEN = 1e-4
+#: Arcs of a circle at first and at most, degree of the series on each, size of their last terms, shortest
+#: half width [rad], and the part of it by which a pair of roots may be apart from a double root.
+_ARCS, _MOST_ARCS, _DEGREE, _ENDED, _SHORTEST, _PAIR = 16, 128, 20, 1e-11, 1e-3, 1e-3
+
+
+class NotInGroups(Exception):
+    """The constraints are not quadratic, or not of groups that are solved here."""
+
+
+@dataclass(frozen=True, slots=True)
+class Quadratics:
+    """Constraints c + g x + x H x / 2 = 0."""
+
+    constant: Array
+    slope: Array
+    curvature: Array
+
+    def values(self, rows: Sequence[int], x: Poses) -> Poses:
+        """Return the constraints of some rows at poses (..., n): (..., rows)."""
+        bent = np.einsum("...i,rij,...j->...r", x, self.curvature[rows], x)
+        found: Poses = self.constant[rows] + x @ self.slope[rows].T + bent / 2
+        return found
+
+    def slopes(self, rows: Sequence[int], columns: Sequence[int], x: Poses) -> Poses:
+        """Return the derivatives of rows by columns at poses (..., n): (..., rows, columns)."""
+        found: Poses = self.slope[np.ix_(rows, columns)] + np.einsum(
+            "rci,...i->...rc", self.curvature[np.ix_(rows, columns)], x
+        )
+        return found
+
+    def having(self, rows: Iterable[int], columns: Iterable[int]) -> dict[int, set[int]]:
+        """Return the columns on which each row depends."""
+        there = (self.slope != 0) | (self.curvature != 0).any(axis=2)
+        return {r: {c for c in columns if there[r, c]} for r in rows}
+
+
+@dataclass(frozen=True, slots=True)
+class _Point:
+    """A group whose quadratic terms are multiples of those of its first row; linear without ``bent``."""
+
+    rows: list[int]
+    columns: list[int]
+    multiples: Array
+    bent: bool
+
+    def solved(self, of: Quadratics, x: Poses) -> tuple[list[Poses], Poses]:
+        """Return the poses for each sign, and their divisor."""
+        x = x.copy()
+        x[..., self.columns] = 0
+        values, slopes = of.values(self.rows, x), of.slopes(self.rows, self.columns, x)
+        if not self.bent:
+            return [_placed(x, self.columns, -_solved(slopes, values))], np.linalg.det(slopes)
+        first, others = slopes[..., 0, :], slopes[..., 1:, :] - self.multiples[:, None] * slopes[..., :1, :]
+        line = _across(others)
+        squared = np.sum(line * line, axis=-1)
+        if np.any(np.abs(squared) < _DEGENERATE**2):
+            raise NotInGroups
+        left = np.concatenate(
+            [values[..., 1:] - self.multiples * values[..., :1], np.zeros_like(values[..., :1])], axis=-1
+        )
+        base = -_solved(np.concatenate([others, line[..., None, :]], axis=-2), left)
+        curvature = of.curvature[np.ix_([self.rows[0]], self.columns, self.columns)][0]
+        a = np.einsum("...i,ij,...j->...", line, curvature, line) / 2
+        b = np.sum((first + base @ curvature) * line, axis=-1) / 2
+        c = values[..., 0] + np.sum((first + base @ curvature / 2) * base, axis=-1)
+        if np.any(np.abs(a) < _DEGENERATE * np.abs(squared)):
+            raise NotInGroups
+        root = b * b - a * c
+        if not np.iscomplexobj(x):
+            root = np.where((root < 0) & (root > -_OPEN * b * b - _OPEN * np.abs(a)), 0.0, root)
+            root = np.where(root < 0, np.nan, root)
+        ways = [(-b + s * np.sqrt(root)) / a for s in (1, -1)]
+        return [_placed(x, self.columns, base + way[..., None] * line) for way in ways], squared
+
+
+def _solved(matrix: Poses, right: Poses) -> Poses:
+    if np.any(np.abs(np.linalg.det(matrix)) < _DEGENERATE**2):
+        raise NotInGroups
+    found: Poses = np.linalg.solve(matrix, right[..., None])[..., 0]
+    return found
+
+
+def _placed(x: Poses, columns: Sequence[int], values: Poses) -> Poses:
+    placed = x.astype(np.result_type(x, values))
+    placed[..., columns] = values
+    return placed
+
+
+def _across(rows: Poses) -> Poses:
+    """Return the vector across k - 1 rows of k entries, by their minors: (..., k)."""
+    k = rows.shape[-1]
+    if k == 1:
+        return np.ones_like(rows, shape=(*rows.shape[:-2], 1))
+    minors = [np.linalg.det(np.delete(rows, i, axis=-1)) * (-1) ** i for i in range(k)]
+    return np.stack(minors, axis=-1)
+
+
+@dataclass(frozen=True, slots=True)
+class _Circle:
+    """A larger group: a point on the circle of a row, groups of one point, and a row that they must meet."""
+
+    row: int
+    columns: list[int]
+    points: list[_Point]
+    last: int
+
+    def solved(self, of: Quadratics, x: Poses) -> list[Poses]:
+        """Return the poses of one pose of the preceding groups."""
+        x = x.copy()
+        x[[*self.columns, *(c for p in self.points for c in p.columns)]] = 0
+        bend = of.curvature[self.row, self.columns[0], self.columns[0]]
+        centre = -of.slopes([self.row], self.columns, x)[0] / bend
+        squared = centre @ centre - 2 * of.values([self.row], x)[0] / bend
+        if not squared > 0:
+            return []
+
+        def around(angles: Array) -> Array:
+            circle = squared**0.5 * np.stack([np.cos(angles), np.sin(angles)], axis=-1)
+            return _placed(np.broadcast_to(x, (len(angles), len(x))), self.columns, centre + circle)
+
+        found = []
+        for angle in _roots(lambda angles: self._missed(of, around(angles))):
+            for pose in _chosen(of, self.points, around(np.array([angle]))[0]):
+                if abs(of.values([self.last], pose)[0]) < _OPEN:
+                    found.append(pose)
+        return found
+
+    def _missed(self, of: Quadratics, poses: Poses) -> Array:
+        """Return the product over all signs of the last row and of the divisors of the poses."""
+        missed = np.ones(len(poses), dtype=complex)
+        signs: list[tuple[Poses, Poses]] = [(poses.astype(complex), missed)]
+        for point in self.points:
+            solved = [(*point.solved(of, pose), divisor) for pose, divisor in signs]
+            signs = [(way, divisor * squared) for ways, squared, divisor in solved for way in ways]
+        for pose, divisor in signs:
+            missed = missed * of.values([self.last], pose)[:, 0] * divisor
+        found: Array = missed.real
+        return found
+
+
+def _roots(function: Callable[[Array], Array]) -> list[float]:
+    """Return the angles at which an analytic function vanishes, pairs that nearly meet included.
+
+    Its Chebyshev series on arcs, halved until the series end, have the roots as eigenvalues.
+    """
+    nodes = chebyshev.chebpts1(_DEGREE + 1)
+    series = np.linalg.inv(chebyshev.chebvander(nodes, _DEGREE))
+    half, centres, found = np.pi / _ARCS, 2 * np.pi * (np.arange(_ARCS) + 0.5) / _ARCS, list[float]()
+    while len(centres):
+        values = function((centres[:, None] + half * nodes).ravel()).reshape(len(centres), -1)
+        size = np.max(np.abs(values), axis=1)
+        if len(centres) > _MOST_ARCS or not np.all(size > 0) or size.max() < _NONE:
+            raise NotInGroups  # it vanishes at all angles
+        terms = (values / size[:, None]) @ series.T
+        ended = (np.abs(terms[:, -3:]).max(axis=1) < _ENDED) | (half < _SHORTEST)
+        for centre, own in zip(centres[ended], terms[ended], strict=True):
+            roots = chebyshev.chebroots(own)
+            near = (np.abs(roots.imag) < _PAIR) & (np.abs(roots.real) < 1 + _PAIR)
+            found += (centre + half * roots.real[near]).tolist()
+        centres, half = np.concatenate([centres[~ended] - half / 2, centres[~ended] + half / 2]), half / 2
+    return found
+
+
+def modes_of_groups(bonds: Bonds, near: Array, t: float) -> list[Array] | None:
+    """Return coordinates of all poses that meet the constraints at a time, nearly to round-off.
+
+    None for linkages that are not of groups solved here: those with redundant constraints, with constraints
+    that are not quadratic, with groups larger than triads in general, or with more than 1,024 modes.
+    """
+    if bonds.m != bonds.n or bonds.n > _LARGEST:
+        return None
+    size = bonds.length(near)
+    try:
+        of = _quadratics(bonds, near, size, t)
+        poses = [np.zeros(bonds.n)]
+        for group in _groups(of, range(bonds.m), range(bonds.n)):
+            poses = [x for pose in poses for x in _ways(of, _solver(of, *group), pose)]
+            if len(poses) > _MOST:
+                return None
+    except NotInGroups:
+        return None
+    return [near + size * x for x in poses]
+
+
+def _ways(of: Quadratics, group: _Point | _Circle, x: Array) -> list[Array]:
+    found = group.solved(of, x)
+    ways = found if isinstance(found, list) else found[0]
+    return [way for way in ways if np.isfinite(way).all()]
+
+
+def _chosen(of: Quadratics, points: Sequence[_Point], x: Array) -> Iterator[Array]:
+    """Yield the poses by all signs of groups that close."""
+    if not points:
+        yield x
+        return
+    for way in _ways(of, points[0], x):
+        yield from _chosen(of, points[1:], way)
+
+
+def _quadratics(bonds: Bonds, near: Array, size: float, t: float) -> Quadratics:
+    """Return the constraints over the size by coordinates over the size, from the given pose."""
+    n, slope = bonds.n, bonds.jacobian(near, t)
+    moved = [bonds.jacobian(near + size * unit, t) for unit in np.eye(n)]
+    curvature = np.array(moved).transpose(1, 2, 0) - slope[:, :, None]
+    if not (np.isfinite(slope).all() and np.isfinite(curvature).all()):
+        raise NotInGroups
+    largest = np.maximum(np.abs(slope).max(axis=1), np.abs(curvature).max(axis=(1, 2)))
+    slope[np.abs(slope) < _NONE * largest[:, None]] = 0
+    curvature[np.abs(curvature) < _NONE * largest[:, None, None]] = 0
+    of = Quadratics(bonds.residual(near, t) / size, slope, curvature)
+    x = np.random.default_rng(0).uniform(-1, 1, n)
+    every = list(range(bonds.m))
+    away = of.values(every, x) - bonds.residual(near + size * x, t) / size
+    bent = of.slopes(every, every, x) - bonds.jacobian(near + size * x, t)
+    if not (np.abs(away).max() < _POLYNOMIAL and np.abs(bent).max() < _POLYNOMIAL):
+        raise NotInGroups
+    return of
+
+
+def _groups(of: Quadratics, rows: Sequence[int], columns: Sequence[int]) -> list[tuple[list[int], list[int]]]:
+    """Return the groups of some rows and as many columns, rows and columns of each."""
+    having = of.having(rows, columns)
+    places = [(row, i, 0) for row in rows for i, column in enumerate(columns) if column in having[row]]
+    try:
+        found = groups_of(np.array(places, dtype=np.intp).reshape(-1, 3), rows, len(columns))
+    except ValueError:
+        raise NotInGroups from None
+    return [
+        (list(found.rows[start:end]), [columns[i] for i in found.columns[start:end]])
+        for start, end in pairwise(found.starts)
+    ]
+
+
+def _solver(of: Quadratics, rows: list[int], columns: list[int]) -> _Point | _Circle:
+    """Return the solution of a group."""
+    point = _point(of, rows, columns)
+    if point is not None:
+        return point
+    having, best = of.having(rows, columns), None
+    for row, last in product(rows, rows):
+        on = sorted(having[row])
+        if row == last or not _round(of, row, on):
+            continue
+        try:
+            rest = [r for r in rows if r not in (row, last)]
+            parts = _groups(of, rest, [c for c in columns if c not in on])
+        except NotInGroups:
+            continue
+        points = [_point(of, *part) for part in parts]
+        found = [p for p in points if p is not None]
+        if len(found) == len(points) and (best is None or _signs(found) < _signs(best.points)):
+            best = _Circle(row, on, found, last)
+    if best is None:
+        raise NotInGroups
+    return best
+
+
+def _signs(points: Sequence[_Point]) -> int:
+    return sum(point.bent for point in points)
+
+
+def _point(of: Quadratics, rows: list[int], columns: list[int]) -> _Point | None:
+    """Return the group as one point, if its quadratic terms are multiples of those of one row."""
+    if len(rows) > _POINT:
+        return None
+    bends = {r: of.curvature[np.ix_([r], columns, columns)][0] for r in rows}
+    first = max(rows, key=lambda r: float(np.abs(bends[r]).max()))
+    others = [r for r in rows if r != first]
+    squared = float(np.sum(bends[first] ** 2))
+    if not squared:
+        return _Point(rows, columns, np.zeros(0), False)
+    multiples = np.array([np.sum(bends[r] * bends[first]) / squared for r in others])
+    for r, multiple in zip(others, multiples, strict=True):
+        if np.abs(bends[r] - multiple * bends[first]).max() > _NONE * squared**0.5:
+            return None
+    return _Point([first, *others], columns, multiples, True)
+
+
+def _round(of: Quadratics, row: int, columns: Sequence[int]) -> bool:
+    """Return True if a row holds one point on a circle."""
+    if len(columns) != 2:
+        return False
+    bends = of.curvature[np.ix_([row], columns, columns)][0]
+    bend = bends[0, 0]
+    return bool(bend != 0 and np.abs(bends - bend * np.eye(2)).max() <= _NONE * abs(bend))
