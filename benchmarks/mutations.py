@@ -3,8 +3,8 @@
 ``python benchmarks/mutations.py`` copies the tree, and for every fault of ``FAULTS`` replaces one piece of a
 file of ``symgen/mechanics`` in the copy: a sign, a factor, a missing term. What the file decides is derived
 anew, a scene is run, and the named test is run; then the file is put back. Kernels of building blocks are not
-compiled for this: their derived program runs in NumPy. ``--only WORD`` takes the faults whose file or name
-has the word.
+compiled for this: their derived program runs in NumPy. The element in large rotation, which runs call by its
+address, is compiled anew. ``--only WORD`` takes the faults whose file or name has the word.
 
 The equation of an elastic link in fixed axes (``turning_axes.py``) is for inspection, and the recursion of
 chains and rigid elements are compiled blocks: no fault is put there.
@@ -56,6 +56,8 @@ PARTICLES, LOADS = "tests/mechanics/test_particles.py", "tests/runtime/test_equi
 EULER, ROWS = "tests/mechanics/test_dual_euler.py", "tests/mechanics/test_dual_rows.py"
 LOOPS = "tests/loop/test_loop_kernels.py"
 HAMILTON, WEIGHTS = "tests/mechanics/test_hamilton.py", "tests/elastic/test_weights.py"
+LARGE, ENERGIES = "tests/elastic/test_corotational.py", "tests/elastic/test_elastic_energies.py"
+SYNTHESIS = "tests/synthesis/test_four_bar_synthesis.py"
 FAULTS = (
     Fault("end masses exchanged", "rods/particles.py", "EndMass(about_end / squared, between / squared, about_start / squared", "EndMass(about_start / squared, between / squared, about_end / squared", "rods", PARTICLES),
     Fault("inertia in the coupling of ends", "rods/particles.py", "centre * rest - across - inertia", "centre * rest - across + inertia", "rods", PARTICLES),
@@ -101,6 +103,25 @@ FAULTS = (
     Fault("arm of a rigid crank", "elastic/shaft.py", "sp.diff(length * c, theta)", "sp.diff(-length * c, theta)", "elastic", WEIGHTS),
     Fault("mass before a place", "elastic/beam_matrices.py", "(c, _L * _XI ** (k + 1) / (k + 1))", "(c, _L * _XI ** (k + 1))", "elastic", "tests/elements/test_elements.py"),
     Fault("integral over the element", "elastic/beam_matrices.py", "coefficient / (i + 1)", "coefficient / (i + 2)", "elastic", "tests/elements/test_elements.py"),
+    Fault("rotation of the chord reversed", "elastic/corotational.py", "sp.Integer(int(x == t)) - r for", "sp.Integer(int(x == t)) + r for", "large", LARGE),
+    Fault("strain by the stretched chord", "elastic/corotational.py", "axial = chord / length - 1", "axial = 1 - length / chord", "large", LARGE),
+    Fault("mean slopes in the axial strain", "elastic/corotational.py", "2 * b1**2 - b1 * b2 + 2 * b2**2", "2 * b1**2 + b1 * b2 + 2 * b2**2", "large", LARGE),
+    Fault("antisymmetric bending", "elastic/corotational.py", "3 * bending / (length", "2 * bending / (length", "large", LARGE),
+    Fault("damping reversed", "elastic/corotational.py", "strain + DAMPING.symbol * rate", "strain - DAMPING.symbol * rate", "large", LARGE),
+    Fault("slope of the kinetic energy left out", "elastic/corotational.py", "        - slope\n", "", "large", LARGE),
+    Fault("rate of the mass matrix reversed", "elastic/corotational.py", "+ sp.Add(*(d * u for d, u in zip(slopes(momentum)", "- sp.Add(*(d * u for d, u in zip(slopes(momentum)", "large", LARGE),
+    Fault("gravity on tangents reversed", "elastic/corotational.py", "ends / 2 + length * tangents / 12", "ends / 2 - length * tangents / 12", "large", LARGE),
+    Fault("normals for tangents", "elastic/corotational.py", "own[row + 1, column + 2] * normals[j]", "-own[row + 1, column + 2] * normals[j]", "large", LARGE),
+    Fault("coupling of end rotations", "elastic/corotational.py", "cosine[0] * cosine[1] + sine[0] * sine[1]", "cosine[0] * cosine[1] - sine[0] * sine[1]", "large", LARGE),
+    Fault("rotary inertia between ends", "elastic/corotational.py", "rotary / (3 if i == j else 6)", "rotary / (3 if i == j else 3)", "large", LARGE),
+    Fault("rate of gravity in rotating axes", "elastic/energies.py", "GY.symbol: -OMEGA.symbol * GX.symbol", "GY.symbol: OMEGA.symbol * GX.symbol", "weight", ENERGIES),
+    Fault("lift left out of the potential", "elastic/energies.py", '-steps["gravity_work"] - MU.symbol * LIFT.symbol', '-steps["gravity_work"]', "weight", ENERGIES),
+    Fault("masses along a link in its energy", "elastic/energies.py", "m * at**power for at, m", "2 * m * at**power for at, m", "elastic", ENERGIES),
+    Fault("crank and coupler in line", "synthesis/limits.py", "_triangle(b - a, c, d, folded)", "_triangle(b - a / 2, c, d, folded)", "limits", SYNTHESIS),
+    Fault("swing of the rocker doubled", "synthesis/limits.py", '- x["swing"]', '- 2 * x["swing"]', "limits", SYNTHESIS),
+    Fault("cosine rule", "synthesis/limits.py", "b**2 + c**2 - 2 * b * c", "b**2 + c**2 - b * c", "limits", SYNTHESIS),
+    Fault("rotation of the coupler reversed", "synthesis/points.py", "sin * joint[0] + cos * joint[1]", "cos * joint[1] - sin * joint[0]", "motion", SYNTHESIS),
+    Fault("Freudenstein's ratios exchanged", "synthesis/points.py", "first * sp.cos(rocker) - second * sp.cos(crank)", "second * sp.cos(rocker) - first * sp.cos(crank)", "function", SYNTHESIS),
 )  # fmt: skip
 
 #: A rod and a body with its centre off the line, a spring, gravity; what rods/ decides.
@@ -129,6 +150,21 @@ acceleration = ["0 m/s^2", "-9.81 m/s^2"]
 """
 #: Shipped scenes that are run for faults.
 SHIPPED = {"loop": "slider_crank", "rocker": "rssr", "motor": "elastic_four_bar_motor"}
+SHIPPED |= dict.fromkeys(("large", "weight"), "elastic_four_bar")
+#: Gravity and damping that this one does not have.
+HEAVY = {
+    "gravity.acceleration": ["2 m/s^2", "-9.81 m/s^2"],
+    "links.coupler.elastic.damping": {"stiffness": "1e-4 s"},
+}
+#: Tasks of synthesis: a limit task of the thesis, angles of a function, and poses with given pivots.
+TASKS = {
+    "limits": {"kind": "limits", "swing": "60 deg", "rocker_folded": "40 deg", "transmission_least": "40 deg", "fixed_link": "1 m"},
+    "function": {"kind": "function", "input": [0.3, 1.0, 1.7], "output": [1.2, 1.5, 1.9], "crank_start": 0, "rocker_start": 0},
+    "motion": {
+        "kind": "motion", "points": [["0 m", "0 m"], ["0.1 m", "0.2 m"], ["0.3 m", "0.3 m"]], "angles": [0.0, 0.2, 0.5],
+        "ground_x": ["0 m", "1 m"], "ground_y": ["-1 m", "-1 m"],
+    },
+}  # fmt: skip
 #: Links with every load, mass and kind of damping; what elastic/ decides.
 ELASTIC = """
 symgen = 1
@@ -288,17 +324,24 @@ def results(scene: str) -> dict[str, list[float]]:
     uncompiled_blocks()
     import symgen
 
+    if scene in TASKS:
+        designs = symgen.synthesise(TASKS[scene]).designs
+        return {f"design {i}": [*d.linkage.lengths.values()] for i, d in enumerate(designs)}
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "scene.toml"
         file.write_text({"rods": RODS, "elastic": ELASTIC}.get(scene, ""))
-        model = symgen.build(SHIPPED.get(scene, str(file)))
+        heavy = HEAVY if SHIPPED.get(scene) == "elastic_four_bar" else {}
+        model = symgen.build(SHIPPED.get(scene, str(file)), set=heavy)
     if scene in ("loop", "rocker"):
         run = model.inverse_dynamics(samples=7)
     elif scene == "rods":
         run = model.simulate(0.4, samples=5)
+    elif scene == "large":
+        run = model.large_rotation(elements=2, revolutions=0.02, rtol=0.5, samples=3)
     else:
         run = model.simulate(method="gauss", steps=90, samples=7, revolutions=0.25)
-    drift = {"energy drift": [run.drift.energy]} if scene == "rods" else {}
+    checks = {"rods": lambda: run.drift.energy, "weight": lambda: run.statistics["power_balance"]}
+    drift = {"drift": [checks[scene]()]} if scene in checks else {}
     return drift | {v.name: np.ravel(v.values).tolist() for v in run.variables}
 
 
@@ -315,6 +358,8 @@ def uncompiled_blocks() -> None:
     def module(name: str) -> Any:
         if name not in SHIPPED_BLOCKS or name == "rigid_element":  # that one is called by address
             return compiled(name)
+        if name == "corotational_beam":
+            made[name] = made.get(name) or compiled_block(name)
         if name not in made:
             program = lower_system(BLOCKS[name]())
             (source,) = emit(program, Target("numpy"), "")
@@ -333,6 +378,31 @@ def uncompiled_blocks() -> None:
         return made[name]
 
     library.shipped_module = module
+
+
+def compiled_block(name: str) -> Any:
+    """Return the kernels of a building block, derived and compiled as those of a user-defined system."""
+    import symgen
+
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / f"{name}.py"
+        file.write_text(
+            f"from symgen.models import BLOCKS\n\n\ndef system():\n    return BLOCKS[{name!r}]()\n"
+        )
+        model: Any = symgen.build(file)
+        model.operations  # noqa: B018  (derived while the file is there)
+
+    def call(kernel: str) -> Any:
+        def evaluate(q: Any = (), u: Any = None, p: Any = ()) -> Any:
+            rates = np.zeros(12) if u is None else u
+            blocks = model.evaluate(kernel, q=q, u=rates, p=p)
+            return np.concatenate([block.ravel() for block in blocks.values()])
+
+        return evaluate
+
+    return SimpleNamespace(
+        ADDRESSES=model._library.addresses, **{k: call(k) for k in model._library.addresses}
+    )
 
 
 def pytest_configure() -> None:

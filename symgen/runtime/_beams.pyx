@@ -44,7 +44,7 @@ cdef extern from "core/elastic.h" nogil:
 
     cdef struct beam_layout:
         Py_ssize_t unknowns, constraints, pieces, coordinates, masses, dampings, stiffnesses
-        Py_ssize_t shaft, shaft_slot, damped, coupled, damped_at, entries, band, inner, constant_count, most_joints
+        Py_ssize_t shaft, shaft_slot, damped, apart, damped_at, entries, band, inner, constant_count, most_joints
         const Py_ssize_t *sizes
         const Py_ssize_t *constants_at
         const Py_ssize_t *link_of
@@ -316,12 +316,8 @@ cdef int _check_layout(layout, Py_ssize_t links, Py_ssize_t joined, Py_ssize_t l
     if len(layout.damped):
         forces = len(layout.damped) * (int(np.sum(sizes)) + coordinates)
         at_least("constants", len(layout.constants), layout.damped_at + forces)
-        if layout.coupled not in (0, len(layout.damped)):
-            raise ValueError(f"expected no or {len(layout.damped)} modes apart from matrices, got {layout.coupled}")
-        if not layout.coupled:
+        if not layout.apart:
             at_least("entries of matrices with damped modes", entries, n * n)
-    elif layout.coupled:
-        raise ValueError(f"expected no modes apart from matrices, got {layout.coupled}")
     slots = layout.mass_slots, layout.damping_slots, layout.stiffness_slots
     blocks = [coordinates, *[len(s) - 1 for s in slots], *[m * coordinates] * 3]
     for start, count in zip(layout.joint_at, blocks):
@@ -362,7 +358,7 @@ cdef class BeamEquations(Integrable):
         wanted.masses, wanted.dampings = counts["masses"], counts["dampings"]
         wanted.stiffnesses, wanted.most_joints = counts["stiffnesses"], counts["most_joints"]
         wanted.shaft, wanted.shaft_slot = counts["shaft"], counts["shaft_slot"]
-        wanted.damped, wanted.coupled, wanted.damped_at = counts["damped"], counts["coupled"], counts["damped_at"]
+        wanted.damped, wanted.apart, wanted.damped_at = counts["damped"], counts["apart"], counts["damped_at"]
         wanted.entries, wanted.band, wanted.inner = counts["entries"], counts["band"], counts["inner"]
         wanted.constant_count, wanted.thesis = counts["constant_count"], thesis
         wanted.sizes, wanted.constants_at = _kept(kept, layout.sizes), _kept(kept, layout.constants_at)

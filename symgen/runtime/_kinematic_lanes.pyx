@@ -125,6 +125,17 @@ cdef class KinematicLanes:
     cdef kinematic_lanes *aligned(self) noexcept nogil:
         return <kinematic_lanes *>((<size_t>self.core + LINE - 1) // LINE * LINE)
 
+    cdef tuple padded(self, const double[:, ::1] parameters, const double[:, ::1] q, const double[::1] lengths, Py_ssize_t count):
+        """Return parameters, coordinates and lengths for all lanes, of which idle ones repeat the last run."""
+        cdef Py_ssize_t runs = parameters.shape[0], given = self.sizes.parameters, n = self.sizes.n
+        if count < 1 or runs < 1 or parameters.shape[1] != given or q.shape[0] != runs or q.shape[1] != n or lengths.shape[0] != runs:
+            raise ValueError(f"expected times, and one or more rows of {given} parameters and of {n} coordinates")
+        own = np.minimum(np.arange((runs + self.lanes - 1) // self.lanes * self.lanes), runs - 1)
+        return (
+            np.ascontiguousarray(np.asarray(parameters)[own]).reshape(len(own), given),
+            np.ascontiguousarray(np.asarray(q)[own]), np.asarray(lengths)[own],
+        )
+
     def follow(self, double t, const double[:, ::1] parameters, const double[:, ::1] q, const double[::1] lengths,
                const double[::1] times):
         """Follow a linkage for each row of parameters from its pose, a row of q, at t through monotone times.
@@ -141,17 +152,14 @@ cdef class KinematicLanes:
         cdef Py_ssize_t runs = parameters.shape[0], count = times.shape[0], n = self.sizes.n, w = self.lanes
         cdef Py_ssize_t forces = self.sizes.joint_forces, first, lane, run, given = self.sizes.parameters
         cdef kinematic_lane_task task
-        if count < 1 or parameters.shape[1] != given or q.shape[0] != runs or q.shape[1] != n or lengths.shape[0] != runs:
-            raise ValueError(f"expected times, and {runs} rows of {given} parameters and of {n} coordinates")
-        cdef Py_ssize_t padded = (runs + w - 1) // w * w
+        cdef const double[:, ::1] all_parameters, all_q
+        cdef const double[::1] all_lengths
+        all_parameters, all_q, all_lengths = self.padded(parameters, q, lengths, count)
+        cdef Py_ssize_t padded = all_q.shape[0]
         states, joints = np.empty((padded * count * 3 * n + 1)), np.empty(padded * count * forces + 1)
         reached = np.zeros(padded + 1, dtype=np.intp)
-        own = np.minimum(np.arange(padded), runs - 1)  # idle lanes repeat another
         cdef double[::1] to_states = states, to_joints = joints
         cdef Py_ssize_t[::1] to_reached = reached
-        cdef const double[:, ::1] all_q = np.ascontiguousarray(np.asarray(q)[own])
-        cdef const double[:, ::1] all_parameters = np.ascontiguousarray(np.asarray(parameters)[own]).reshape(padded, given)
-        cdef const double[::1] all_lengths = np.asarray(lengths)[own]
         cdef double none = 0.0
         task.t, task.times, task.count, task.extremes = t, &times[0], count, NULL
         with nogil:
@@ -191,27 +199,25 @@ cdef class KinematicLanes:
             violation of a constraint (runs,); which runs come to the end, and which of them with small rotations alone.
         """
         cdef Py_ssize_t runs = parameters.shape[0], count = times.shape[0], n = self.sizes.n, w = self.lanes, first = 0
-        cdef Py_ssize_t forces = self.sizes.joint_forces, given = self.sizes.parameters, padded = (runs + w - 1) // w * w
+        cdef Py_ssize_t forces = self.sizes.joint_forces, given = self.sizes.parameters
         cdef kinematic_lane_task task
         cdef kinematic_lane_extremes e
-        if count < 1 or runs < 1 or parameters.shape[1] != given or q.shape[0] != runs or q.shape[1] != n or lengths.shape[0] != runs:
-            raise ValueError(f"expected times, and rows of {given} parameters and of {n} coordinates")
+        cdef const double[:, ::1] all_parameters, all_q
+        cdef const double[::1] all_lengths
+        all_parameters, all_q, all_lengths = self.padded(parameters, q, lengths, count)
+        cdef Py_ssize_t padded = all_q.shape[0]
         if recorded.shape[0] != count or starts.shape[0] < 1 or links.shape[1] != 2:
             raise ValueError(f"expected {count} flags, starts of vectors, and pairs of points")
         if np.min(starts) < 0 or np.max(starts) > forces or np.any(np.diff(starts) < 1):
             raise ValueError(f"expected increasing starts of vectors up to {forces}")
         if links.shape[0] and not 0 <= np.min(links) <= np.max(links) <= self.sizes.coordinates - 2:
             raise ValueError(f"expected points among {self.sizes.coordinates} coordinates")
-        own = np.minimum(np.arange(padded), runs - 1)  # idle lanes repeat another
         rows, violation = np.empty((padded, 4, forces)), np.empty(padded)
         reached, steady = np.zeros(padded, dtype=np.intp), np.zeros(padded, dtype=np.uint8)
         cdef double[:, :, ::1] to_rows = rows
         cdef double[::1] to_violation = violation
         cdef Py_ssize_t[::1] to_reached = reached
         cdef unsigned char[::1] to_steady = steady
-        cdef const double[:, ::1] all_q = np.ascontiguousarray(np.asarray(q)[own])
-        cdef const double[:, ::1] all_parameters = np.ascontiguousarray(np.asarray(parameters)[own]).reshape(padded, given)
-        cdef const double[::1] all_lengths = np.asarray(lengths)[own]
         cdef double none = 0.0
         task.t, task.times, task.count, task.extremes = t, &times[0], count, &e
         e.recorded, e.starts, e.vectors = &recorded[0], &starts[0], starts.shape[0] - 1

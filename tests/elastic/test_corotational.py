@@ -7,7 +7,6 @@ import math
 import numpy as np
 import pytest
 from scipy.special import ellipk
-from symgen.generated import corotational_beam
 
 import symgen
 from symgen.errors import ModelError
@@ -21,7 +20,7 @@ SECTION = np.array([0.4, 1.3, 2e-3, 7e5, 40.0, 0.0, 0.0, 0.0, 0.0])
 
 
 def call(kernel, q, rates=None, p=SECTION):
-    return getattr(corotational_beam, kernel)(q=np.asarray(q, float), u=rates, p=p)
+    return getattr(kernels("corotational_beam"), kernel)(q=np.asarray(q, float), u=rates, p=p)
 
 
 def tangents(q, rates, p=SECTION):
@@ -68,10 +67,32 @@ def test_rigid_motions_have_their_energy_and_no_strain():
     assert strain < 1e-20 * SECTION[3]
 
 
+def test_energies_are_those_of_the_curve_between_the_nodes():
+    """Kinetic energy and potential of Hermite's cubic, by quadrature; sections rotate linearly along it."""
+    q, v, gravity = rotated(0.5) + 0.2 * RNG.standard_normal(6), RNG.standard_normal(6), np.array([1.0, -9.0])
+    length, mass, rotary = SECTION[:3]
+    nodes, weights = np.polynomial.legendre.leggauss(8)
+    s, weights = (nodes[:, None] + 1) / 2, weights / 2
+    by_ends = 2 * s**3 - 3 * s**2 + 1, 3 * s**2 - 2 * s**3
+    by_tangents = length * (s**3 - 2 * s**2 + s), length * (s**3 - s**2)
+    place, velocity = np.zeros((8, 2)), np.zeros((8, 2))
+    for k, (end, tangent) in enumerate(zip(by_ends, by_tangents, strict=True)):
+        (x, y, angle), (vx, vy, omega) = q[3 * k : 3 * k + 3], v[3 * k : 3 * k + 3]
+        direction = np.array([math.cos(angle), math.sin(angle)])
+        place += end * [x, y] + tangent * direction
+        velocity += end * [vx, vy] + tangent * omega * np.array([-direction[1], direction[0]])
+    turning = (1 - s[:, 0]) * v[2] + s[:, 0] * v[5]
+    kinetic = length * weights @ (mass * np.sum(velocity**2, axis=1) + rotary * turning**2) / 2
+    p = SECTION.copy()
+    p[7:] = gravity
+    found = call("energies", q, np.array([*v, *np.zeros(6)]), p)
+    assert found[[0, 2]] == pytest.approx([kinetic, -mass * length * weights @ place @ gravity], rel=1e-12)
+
+
 def test_forces_are_those_of_the_energies():
     """Power of the residual is the rate of all energies and what damping dissipates; slopes are differences."""
     p = SECTION.copy()
-    p[5:] = 0.3, 1e-3, 1.0, -9.0
+    p[3:] = 3.0, 0.05, 0.3, 1e-3, 1.0, -9.0  # soft, so that the forces of inertia count
     q, v, a = rotated(0.5) + 0.05 * RNG.standard_normal(6), RNG.standard_normal(6), RNG.standard_normal(6)
     h = 1e-5
 

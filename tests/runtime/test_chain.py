@@ -334,10 +334,10 @@ def test_a_step_too_large_ends_the_run():
     "arguments, options, message",
     [
         (([], []), {}, "one rod or more"),
-        (([1, 0], [1, 1]), {}, r"lengths\[1\] is 0, expected more than zero"),
+        (([1, 0], [1, 1]), {}, r"lengths\[1\] is 0 m, expected more than zero"),
         (([1, -2], [1, 1]), {}, r"lengths\[1\] is -2"),
-        (([1, np.nan], [1, 1]), {}, r"lengths\[1\] is nan, expected finite"),
-        (([1, 1], [1, -1]), {}, r"masses\[1\] is -1, expected zero or more"),
+        (([1, np.nan], [1, 1]), {}, r"lengths\[1\] is nan m, expected finite"),
+        (([1, 1], [1, -1]), {}, r"masses\[1\] is -1 kg, expected zero or more"),
         (([1, 1], [1, 1, 1]), {}, "masses: expected 2 numbers"),
         (([1, "x"], [1, 1]), {}, "expected numbers for lengths, got"),
         (([1, 1], [1, 0]), {}, "outer end of rod 1 carries no mass"),

@@ -155,7 +155,7 @@ def test_an_interrupt_waits_for_few_runs(model, monkeypatch):
     first = model.with_parameters(b=0.34).simulate(**given)
     with monkeypatch.context() as shorter:
         shorter.setattr(compiled, "_MOST_STEPS", 12)
-        assert compiled_runs(model, first, columns, None, given).most == 2
+        assert compiled_runs(model, first, columns, None, given).most(Keep(None, None)) == 2
     monkeypatch.setattr(runs.Runs, "result", slow)
     with pytest.raises(KeyboardInterrupt):
         model.simulate_many(columns, max_wall=60.0, threads=2, progress=interrupt, **given)

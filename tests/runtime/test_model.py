@@ -156,7 +156,7 @@ def test_states_are_checked():
         model.state({"D": [0, 0]})
     with pytest.raises(ModelError, match="the point B is missing"):
         model.state({"A": [0, 0]})
-    with pytest.raises(ModelError, match="expected 2 finite numbers for A"):
+    with pytest.raises(ModelError, match=r"expected 2 finite numbers \[m\] for A"):
         model.state({"A": [0, 0, 0], "B": [1, 1]})
 
 

@@ -19,7 +19,7 @@ from symgen.loads.torque import AppliedTorque
 from symgen.mechanics.elastic.energies import LIFT, energy_weights, rate, rigid_energies
 from symgen.mechanics.elastic.hamilton import GX, GY, PX, PY, VX, VY
 from symgen.mechanics.elastic.moving_frame import local, moving_frame
-from symgen.mechanics.elastic.shaft import KINETIC, POWER, RATE, TERMS, powers, rigid_crank, shaft
+from symgen.mechanics.elastic.shaft import TERMS, powers, rigid_crank, shaft
 from symgen.mechanics.elastic.turning_axes import COSINE, SINE
 from symgen.mechanics.elastic.weights import turning_ends, weights
 from symgen.models.rods.constraints import Constraint
@@ -52,8 +52,6 @@ ENERGIES = tuple(
     for name in (*(w.name for w in energy_weights()), "kinetic_rigid", "potential_rigid")
     for ending in ("", "_rate")
 )
-#: Columns of ``shaft_energy``, with the number of factors of each.
-SHAFT_ENERGY = {"kinetic": len(KINETIC), "rate": len(RATE), "power": len(POWER)}
 #: Matrices of a rigid crank.
 CRANK = ("rotation", "arm")
 #: Columns of ``properties``: see :class:`symgen.runtime.beams.links.Properties`.
@@ -325,7 +323,7 @@ def _shaft(model: RodsModel, crank: Crank, motion: Mapping[sp.Symbol, sp.Expr]) 
 def _shaft_energy(model: RodsModel, crank: Crank, motion: Mapping[sp.Symbol, sp.Expr]) -> NamedMatrix:
     angle, rate_of = (state_symbol(f"{crank.link}.{word}") for word in ("angle", "angular_velocity"))
     found = powers(crank.flywheel, crank.torque, angle, rate_of)
-    row = [e.xreplace(motion) for name in SHAFT_ENERGY for e in found[name]]
+    row = [e.xreplace(motion) for part in found.values() for e in part]
     return _table(model, "shaft_energy", [[e] for e in model.loads.with_state(row)], "J, W", ("factor",))
 
 

@@ -96,11 +96,10 @@ def energies(
     dissipated, rates = np.zeros((2, len(found.times)))
     for k, (beam, x) in enumerate(zip(motion.beams, weights, strict=True)):
         s, v, a = own_motion(motion, found, accelerations, k, frames(found.links[:, k]))
-        of = _Forms(beam)
-        for name, (energy, rate) in _energies(of, x, s, v, a).items():
+        for name, (energy, rate) in _energies(beam, x, s, v, a).items():
             summed[name] += energy
             rates += rate
-        dissipated += of.product(v, "damping", v)
+        dissipated += _product(beam, v, "damping", v)
     dissipated += np.sum(modal_rates(motion, found) ** 2, axis=1)
     still = np.zeros_like(found.displacements) if found.rates is None else found.rates
     moved = found.displacements, still, accelerations
@@ -163,23 +162,18 @@ def of_joints(
     return energy["kinetic_energy"][:, 0], energy["potential_energy"][:, 0], np.sum(load * u, axis=1)
 
 
-class _Forms:
-    """Products of the constants of a link with its unknowns in its axes, (times, n)."""
-
-    def __init__(self, beam: Beam) -> None:
-        self._pieces = beam.pieces
-
-    def product(self, x: Array, constant: str, y: Array) -> Array:
-        """Return x^T C y at all times."""
-        parts = ((x[:, list(p.at)], getattr(p, constant), y[:, list(p.at)]) for p in self._pieces)
-        return np.sum([np.sum((a @ matrix) * b, axis=1) for a, matrix, b in parts], axis=0)
-
-    def sum(self, constant: str, x: Array) -> Array:
-        """Return C^T x at all times."""
-        return np.sum([x[:, list(p.at)] @ getattr(p, constant) for p in self._pieces], axis=0)
+def _product(beam: Beam, x: Array, constant: str, y: Array) -> Array:
+    """Return x^T C y at all times, for unknowns of a link in its axes (times, n)."""
+    parts = ((x[:, list(p.at)], getattr(p, constant), y[:, list(p.at)]) for p in beam.pieces)
+    return np.sum([np.sum((a @ matrix) * b, axis=1) for a, matrix, b in parts], axis=0)
 
 
-def _energies(of: _Forms, x: Weights, s: Array, v: Array, a: Array) -> dict[str, tuple[Array, Array]]:
+def _sum(beam: Beam, constant: str, x: Array) -> Array:
+    """Return C^T x at all times, for unknowns of a link in its axes (times, n)."""
+    return np.sum([x[:, list(p.at)] @ getattr(p, constant) for p in beam.pieces], axis=0)
+
+
+def _energies(beam: Beam, x: Weights, s: Array, v: Array, a: Array) -> dict[str, tuple[Array, Array]]:
     """Return the energies of a link and their rates by name; s, v, a are its unknowns with their rates."""
     none = np.zeros(len(s))
     found = {
@@ -191,8 +185,8 @@ def _energies(of: _Forms, x: Weights, s: Array, v: Array, a: Array) -> dict[str,
         (
             name,
             factor,
-            of.product(left, constant, right),
-            of.product(dleft, constant, right) + of.product(left, constant, dright),
+            _product(beam, left, constant, right),
+            _product(beam, dleft, constant, right) + _product(beam, left, constant, dright),
         )
         for name, factor, constant, (left, dleft), (right, dright) in (
             ("kinetic", "kinetic_mass", "mass", (v, a), (v, a)),
@@ -202,7 +196,7 @@ def _energies(of: _Forms, x: Weights, s: Array, v: Array, a: Array) -> dict[str,
         )
     ]
     terms += [
-        (name, factor, of.sum(constant, own), of.sum(constant, rate))
+        (name, factor, _sum(beam, constant, own), _sum(beam, constant, rate))
         for name, factor, constant, (own, rate) in (
             ("kinetic", "kinetic_rate_load_x", "load_x", (v, a)),
             ("kinetic", "kinetic_rate_load_y", "load_y", (v, a)),

@@ -38,8 +38,7 @@ class Layout:
     damped
         Forces f of modes with damping f f^T of their own, (modes, forces): on the unknowns of all pieces, in
         the axes of links, then on those of the joints, in fixed axes. They begin at ``damped_at`` of
-        ``constants``. ``coupled`` of them, all where they are few, are kept apart from the matrices; else
-        these are full.
+        ``constants``. They are kept ``apart`` from the matrices where they are few; else these are full.
     loads_at
         For link k its forces are those from ``loads_at[k]`` to ``loads_at[k + 1]``.
     """
@@ -70,7 +69,7 @@ class Layout:
     shaft: int
     shaft_slot: int
     damped: Array
-    coupled: int
+    apart: bool
     damped_at: int
 
     @property
@@ -87,7 +86,7 @@ class Layout:
             "shaft": self.shaft,
             "shaft_slot": self.shaft_slot,
             "damped": len(self.damped),
-            "coupled": self.coupled,
+            "apart": int(self.apart),
             "damped_at": self.damped_at,
             "entries": len(self.rows),
             "band": self.band,
@@ -124,8 +123,8 @@ def layout(
     n = len(names)
     pairs = _pairs(beams, of_links, joints, joint, shaft)
     forces = _forces(beams, len(description.free) * len(description.axes), damped)
-    coupled = len(forces) if 2 * len(forces) < n else 0
-    if len(forces) and not coupled:
+    apart = 0 < 2 * len(forces) < n
+    if len(forces) and not apart:
         pairs = np.indices((n, n)).reshape(2, -1).T
     # Constraints are between unknowns of the joints, which `_unknowns` names first.
     first = len(description.free) * len(description.axes) if constraints else 0
@@ -157,7 +156,7 @@ def layout(
         band=int(np.max(np.abs(np.diff(pairs[np.all(pairs < inner, axis=1)])), initial=0)),
         **of_pieces | {"constants": np.concatenate([of_pieces["constants"], np.ravel(forces), np.zeros(1)])},
         damped=forces,
-        coupled=coupled,
+        apart=apart,
         damped_at=len(of_pieces["constants"]),
         joint_places=_spare(new[: len(description.free) * len(description.axes)].tolist()),
         joint_at=np.array([joints[b].offset if b in joints else 0 for b in BLOCKS], dtype=np.intp),

@@ -91,6 +91,11 @@ class Beam:
             found = found @ self.expansion
         return dict(zip(SHAPES, found, strict=True))
 
+    def fibres(self, fractions: Array) -> Array:
+        """Return distances [m] of the outer fibre from the neutral axis at fractions of the length."""
+        p = self.properties
+        return np.abs([value_at(p.fibre, x) for x in (fractions * p.length).tolist()])
+
     def greatest_stress(self, own: Array) -> tuple[Array, Array]:
         """Return the greatest stress [Pa] of both outer fibres over the length, and where it is, (times,).
 
@@ -99,7 +104,7 @@ class Beam:
         """
         places = np.linspace(0.0, 1.0, min(_PER_ELEMENT * self.info.elements + 1, _LOOKS))
         table, p = self.table(places.tolist()), self.properties
-        fibre = np.abs([value_at(p.fibre, x) for x in (places * p.length).tolist()])
+        fibre = self.fibres(places)
         bending, axial = (np.abs(own @ table[name].T) for name in ("curvature", "axial_strain"))
         stress = p.modulus * (axial + fibre * bending)
         return np.max(stress, axis=1), places[np.argmax(stress, axis=1)]

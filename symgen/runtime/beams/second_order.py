@@ -57,7 +57,7 @@ def _added(motion: ElasticMotion, k: int, kept: Motion, second: Array, inertia: 
     beam = motion.beams[k]
     places = np.linspace(0.0, 1.0, 4 * beam.info.elements + 1)
     rows = beam.table(places.tolist())
-    fibre = np.abs([at(beam.properties.fibre, x) for x in (places * beam.properties.length).tolist()])
+    fibre = beam.fibres(places)
 
     def largest(own: Array, *shapes: str) -> Array:
         found: Array = np.sqrt(np.sum([(own @ rows[shape].T) ** 2 for shape in shapes], axis=0))

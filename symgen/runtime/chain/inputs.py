@@ -13,6 +13,11 @@ Array = NDArray[np.float64]
 
 #: Relative error that the length of a rod may have.
 _ON_LENGTH = 1e-6
+#: Units of arrays by their names.
+_UNITS = {
+    "lengths": "m", "centres": "m", "base": "m", "masses": "kg", "point_masses": "kg", "inertias": "kg m^2",
+    "gravity": "m/s^2",
+}  # fmt: skip
 
 
 def vector(name: str, values: ArrayLike, size: int | None) -> Array:
@@ -34,7 +39,7 @@ def refuse(name: str, wrong: NDArray[np.bool_], array: Array, expected: str) -> 
     """Refuse an array that is wrong somewhere, and say where."""
     if wrong.any():
         k = int(np.argmax(wrong))
-        raise ModelError(f"{name}[{k}] is {array[k]:g}, expected {expected}")
+        raise ModelError(f"{name}[{k}] is {array[k]:g} {_UNITS[name]}, expected {expected}")
 
 
 def shaped(name: str, values: Any, shape: tuple[int, int]) -> Array:

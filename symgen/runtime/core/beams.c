@@ -21,7 +21,7 @@ static void count(struct beams *b, const struct beam_layout *x) {
     b->free = x->unknowns - x->constraints;
     b->inner = x->inner;
     b->border = b->free - b->inner;
-    b->modes = x->coupled;
+    b->modes = x->apart ? x->damped : 0;
     b->banded_entries = b->entries = x->entries;
     if (x->constraints == 0)
         return;
@@ -51,8 +51,8 @@ static size_t place(struct beams *b, const struct beam_layout *x, void *memory) 
         ARENA_ARRAY(b->load, m ? free + 1 : 0),
         ARENA_ARRAY(b->constants, x->constant_count + 1),
         ARENA_ARRAY(b->local, 3 * largest * largest + largest),
-        ARENA_ARRAY(b->full_forces, x->damped ? 2 * n * (x->coupled ? x->coupled : 1) : 0),
-        ARENA_ARRAY(b->forces, m ? 2 * free * x->coupled : 0),
+        ARENA_ARRAY(b->full_forces, x->damped ? 2 * n * (x->apart ? x->damped : 1) : 0),
+        ARENA_ARRAY(b->forces, m ? 2 * free * b->modes : 0),
         ARENA_ARRAY(b->bound, 3 * m * joints),
         ARENA_ARRAY(b->pivoted, m * joints),
         ARENA_ARRAY(b->basis, 3 * joints * b->border),
@@ -278,7 +278,7 @@ static void add_modes(struct beams *b) {
     const ptrdiff_t n = b->whole;
     const real *own = b->constants + x->damped_at;
     for (ptrdiff_t mode = 0; mode < x->damped; mode++) {
-        real *f = b->full_forces + (x->coupled ? 2 * n * mode : 0), *g = f + n;
+        real *f = b->full_forces + (x->apart ? 2 * n * mode : 0), *g = f + n;
         memset(f, 0, (size_t)(2 * n) * sizeof(real));
         for (ptrdiff_t k = 0; k < x->pieces; own += x->sizes[k++])
             add_force(b, k, own, f, g);
@@ -286,7 +286,7 @@ static void add_modes(struct beams *b) {
             if (x->joint_places[i] >= 0)
                 f[x->joint_places[i]] += own[i];
         own += x->coordinates;
-        for (ptrdiff_t i = 0; !x->coupled && i < n; i++)
+        for (ptrdiff_t i = 0; !x->apart && i < n; i++)
             for (ptrdiff_t j = 0; j < n; j++) {
                 b->full_damping[n * i + j] += f[i] * f[j];
                 b->full_stiffness[n * i + j] += f[i] * g[j];

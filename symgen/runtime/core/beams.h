@@ -28,7 +28,7 @@ struct beam_layout {
     const ptrdiff_t *mass_slots, *damping_slots, *stiffness_slots;
     const ptrdiff_t *loads_at;     /* forces of link k: from loads_at[k] to loads_at[k + 1] */
     ptrdiff_t shaft, shaft_slot;   /* unknown and slot of an elastic crank's turn, -1: none */
-    ptrdiff_t damped, coupled;     /* modes with damping of their own, all or none of them apart from the matrices */
+    ptrdiff_t damped, apart;       /* modes with damping of their own; whether they are kept apart from the matrices */
     ptrdiff_t damped_at;           /* where their forces begin in `constants`:
                                     * of each mode over the unknowns of all superelements, then over `coordinates` */
     ptrdiff_t entries, band;       /* of the matrices of all unknowns; the band is that of the first `inner` */

@@ -17,7 +17,7 @@ from symgen.runtime.kernels.batch import fits_lanes, lanes_of
 from symgen.runtime.kernels.evaluate import Evaluator
 from symgen.runtime.kernels.library import Library
 from symgen.runtime.kernels.typed import Typed
-from symgen.runtime.many.dataset import Keep, Kept
+from symgen.runtime.many.dataset import BLOCK, Keep, Kept
 from symgen.runtime.many.driven import Driven, driven_runs
 from symgen.runtime.many.loops import DrivenLoops, driven_loops
 from symgen.runtime.many.starts import given_of, is_stored, start_of
@@ -52,10 +52,9 @@ class Compiled:
     batched: Library | None
     steps: int
 
-    @property
-    def most(self) -> int:
-        """Number of runs of one call."""
-        return max(1, _MOST_STEPS // max(1, self.steps))
+    def most(self, keep: Keep) -> int:
+        """Return the number of runs of one call."""
+        return min(BLOCK, max(1, _MOST_STEPS // max(1, self.steps)))
 
     @property
     def grain(self) -> int:

@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 #: Name of the number of samples of each run, next to reductions.
 RECORDED = "recorded"
+#: Most runs that a thread takes at a time: progress is reported in these parts.
+BLOCK = 32
 
 
 @dataclass(frozen=True, slots=True)

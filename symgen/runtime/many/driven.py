@@ -16,7 +16,7 @@ from symgen.runtime._start import StartLanes
 from symgen.runtime.kernels.batch import fits_lanes, lanes_of
 from symgen.runtime.kernels.evaluate import Evaluator
 from symgen.runtime.kernels.typed import Typed
-from symgen.runtime.many.dataset import Keep, Kept
+from symgen.runtime.many.dataset import BLOCK, Keep, Kept
 from symgen.runtime.many.reductions import EXTREMES, of_extremes, reduced
 from symgen.runtime.many.starts import given_of, is_stored, start_of
 from symgen.runtime.model.arguments import LinkageForces, LinkageMotion
@@ -39,6 +39,8 @@ Array = NDArray[np.float64]
 Kernels = tuple["Description", "Library"]
 #: Number of starts from which kernels that assemble in lanes are compiled.
 _MANY = 128
+#: Most runs of one call without samples.
+_REDUCED = 256
 
 
 @dataclass(frozen=True, slots=True)
@@ -134,6 +136,10 @@ class Driven:
             of_time = None if along.name == "time" else times
             kept[run] = keep(tuple(own), along, of_time, {"constraint": float(missed[i])}, d.axes)
         return kept
+
+    def most(self, keep: Keep) -> int:
+        """Return the number of runs of one call."""
+        return _REDUCED if self.reduces(keep) else BLOCK
 
     def reduces(self, keep: Keep) -> bool:
         """Return whether forces are reduced to values that their extremes over the samples give."""

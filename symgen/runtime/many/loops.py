@@ -16,7 +16,7 @@ from symgen.runtime.kernels.library import Library
 from symgen.runtime.loop.driven import LEAST_RANGE, PARTS, STAGES
 from symgen.runtime.loop.kernels import CLOSE, LoopKernels
 from symgen.runtime.loop.limits import WEAK
-from symgen.runtime.many.dataset import Keep, Kept, chosen
+from symgen.runtime.many.dataset import BLOCK, Keep, Kept, chosen
 from symgen.runtime.many.reductions import reduced
 from symgen.runtime.many.starts import given_of
 from symgen.runtime.result.records import Coordinate, over_time
@@ -52,6 +52,10 @@ class DrivenLoops:
     def grain(self) -> int:
         """Number of runs that fill all lanes."""
         return lanes_of(self.batched, self.kernels.description.name)[0]
+
+    def most(self, keep: Keep) -> int:
+        """Return the number of runs of one call."""
+        return BLOCK
 
     def __call__(self, first: int, last: int, keep: Keep) -> list[Kept | None]:
         """Carry out some runs; None stands for those that are to be carried out singly."""

@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from symgen.errors import InitialStateError, ModelError, RangeError, SimulationError, nearest, shown
-from symgen.runtime.many.compiled import Compiled, compiled_runs
-from symgen.runtime.many.dataset import Keep, Kept, at_one_pose
+from symgen.runtime.many.compiled import compiled_runs
+from symgen.runtime.many.dataset import BLOCK, Keep, Kept, at_one_pose
 from symgen.runtime.many.driven import Driven, driven_runs
 
 if TYPE_CHECKING:
@@ -23,8 +23,6 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 #: Errors of single runs, which become entries of the dataset; all others end the call.
 FAILURES = (SimulationError, InitialStateError, RangeError)
-#: Most runs that a thread takes at a time, and those without samples: progress is reported in these parts.
-_BLOCK, _REDUCED = 32, 256
 #: Arguments of a single run that do not apply to many.
 _SINGLE = ("checkpoint", "checkpoint_every", "resume", "through", "state")
 
@@ -177,11 +175,7 @@ def carried_out(
         return last - first
 
     grain = compiled.grain if compiled else 1
-    most = _BLOCK
-    if isinstance(compiled, Compiled):
-        most = min(_BLOCK, compiled.most)
-    elif isinstance(compiled, Driven) and compiled.reduces(keep):
-        most = _REDUCED
+    most = compiled.most(keep) if compiled else BLOCK
     block = grain * -(-min(most, max(1, count // (4 * workers))) // grain)
     blocks = [(first, min(first + block, count)) for first in range(done, count, block)]
     for finished in _in_threads(carry_out, blocks, workers, ended):

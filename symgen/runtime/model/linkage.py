@@ -96,7 +96,10 @@ class LinkageModel(Model):
         is taken as it is: :meth:`simulate` projects it onto the constraints, :meth:`accelerations` does not.
         """
         d = self.description
-        q, u = coordinates(d, positions, "positions"), coordinates(d, velocities or {}, "velocities", 0.0)
+        q, u = (
+            coordinates(d, positions, "positions", "m"),
+            coordinates(d, velocities or {}, "velocities", "m/s", 0.0),
+        )
         return self._state(t, q, u)
 
     @property

@@ -38,7 +38,9 @@ def finite(state: State) -> tuple[float, Array]:
     """Return a time and (q, u) to start from; raise ModelError when a number is not finite."""
     y = np.concatenate((state.q, state.u))
     if not (math.isfinite(state.t) and np.isfinite(y).all()):
-        raise ModelError("the start state holds a number that is not finite")
+        raise ModelError(
+            f"expected finite times [s] and coordinates [m, m/s] of a start, got {state.t:g} s, {y.tolist()}"
+        )
     return state.t, y
 
 
@@ -82,9 +84,11 @@ class Accelerations:
 
 
 def coordinates(
-    d: Description, values: Mapping[str, ArrayLike], what: str, default: float | None = None
+    d: Description, values: Mapping[str, ArrayLike], what: str, unit: str, default: float | None = None
 ) -> Array:
-    """Return the coordinates, or rates, of the moving points given by name; ``what`` they are, for errors.
+    """Return the coordinates, or rates, of the moving points given by name.
+
+    Errors name ``what`` they are, and their unit.
 
     Raises
     ------
@@ -101,10 +105,12 @@ def coordinates(
         size = len(d.shown_axes)
         component = np.asarray(values.get(point, np.full(size, default)), dtype=float)
         if component.shape != (size,) or not np.all(np.isfinite(component)):
-            raise ModelError(f"{what}: expected {size} finite numbers for {point}, got {values[point]!r}")
+            raise ModelError(
+                f"{what}: expected {size} finite numbers [{unit}] for {point}, got {values[point]!r}"
+            )
         if d.plane:
             level = d.plane.level if default is None else default
-            component = _in_plane(d, d.plane.across, level, component, f"{what}: {point}")
+            component = _in_plane(d, d.plane.across, level, component, f"{what} [{unit}]: {point}")
         parts.append(component)
     return np.concatenate(parts)
 
