@@ -76,6 +76,10 @@ class Point(Table):
         None,
         description="Where on that line: 0 at the first point of the link, 1 at its second; any number.",
     )
+    offset: Value | None = Field(
+        None,
+        description="Distance from that line, to the left when looking along it; in the plane only.",
+    )
     ground: bool = Field(False, description="Fixed to the ground, or moved by it where motion is given.")
     motion: Vector | None = Field(
         None, description="Displacement of a ground point from its drawn position, by the time t."

@@ -24,24 +24,15 @@ _CHANGE_POINT = 1e-9
 #: Class of a Grashof linkage by its shortest link.
 _CLASSES = ("crank-rocker", "double-rocker", "rocker-crank", "double-crank")
 
-#: The scene of every design: places are tunable, so that all designs share its kernels.
-SCENE: dict[str, Any] = {
-    "symgen": 1,
-    "title": "Planar four-bar",
-    "parameters": {"speed": "1 rad/s"},
-    "points": {},
-    "links": {
-        "crank": {"points": ["O", "A"]},
-        "coupler": {"points": ["A", "B", "P"]},
-        "rocker": {"points": ["C", "B"]},
-    },
+_LINKS = {"crank": ["O", "A"], "coupler": ["A", "B"], "rocker": ["C", "B"]}
+_MOTION: dict[str, Any] = {
     "drivers": [{"link": "crank", "angle": "start + speed*t"}],
     "analysis": {
         "kind": "kinematics",
         "t_end": "6.283185307179586 s",
         "outputs": ["P.position", "crank.angle", "coupler.angle", "rocker.angle", "A.B.C.angle"],
     },
-}  # fmt: skip
+}
 
 
 @checked
@@ -106,7 +97,7 @@ class FourBar:
 
     @property
     def parameters(self) -> dict[str, float]:
-        """Values of the tunable parameters of :attr:`scene`: places [m] and the crank's angle [rad]."""
+        """Values of the tunable parameters of :attr:`model`: places [m] and the crank's angle [rad]."""
         crank = self.A - self.O
         places = {
             f"{name}{axis}": float(v)
@@ -117,7 +108,7 @@ class FourBar:
 
     @property
     def scene(self) -> Scene:
-        """The four-bar as a scene of kinematics, with its crank as the drive."""
+        """The four-bar as a scene of kinematics, with its crank as the drive, and its lengths tunable."""
         from symgen.scene.schema import Scene
 
         return Scene(**_tables(self))
@@ -158,22 +149,58 @@ class FourBar:
 
 
 def _tables(linkage: FourBar) -> dict[str, Any]:
-    grounds = {"O", "C"}
-    values = linkage.parameters
-    points = {n: {"at": [f"{n}x", f"{n}y"], **({"ground": True} if n in grounds else {})} for n in "OABCP"}
-    own = {
-        name: {"value": f"{value!r} {'rad' if name == 'start' else 'm'}", "tunable": True}
-        for name, value in values.items()
+    lengths = linkage.lengths
+    along, to_point = linkage.B - linkage.A, linkage.P - linkage.A
+    reach = float(along @ to_point) / lengths["coupler"]
+    across = float(along[0] * to_point[1] - along[1] * to_point[0]) / lengths["coupler"]
+    values = {
+        "start": (linkage.parameters["start"], "rad", "direction of the crank at the start"),
+        **{f"{name}_length": (lengths[name], "m", f"length of the {name}") for name in _LINKS},
+        "P_along": (reach / lengths["coupler"], "", "place of P along A B, over its length"),
+        "P_across": (across, "m", "distance of P from A B, to the left"),
     }
-    return {**SCENE, "points": points, "parameters": {**SCENE["parameters"], **own}}
+    points: dict[str, Any] = {
+        n: {"at": [f"{float(c)!r} m" for c in getattr(linkage, n)], **({"ground": True} if n in "OC" else {})}
+        for n in "OABC"
+    }
+    points["P"] = {"on": "coupler", "fraction": "P_along", "offset": "P_across"}
+    return {
+        "symgen": 1,
+        "title": f"Four-bar linkage, {linkage.grashof}",
+        "parameters": {
+            "speed": "1 rad/s",
+            **{
+                name: {"value": f"{value!r} {unit}".strip(), "tunable": True, "about": about}
+                for name, (value, unit, about) in values.items()
+            },
+        },
+        "points": points,
+        "links": {name: {"points": ends, "length": f"{name}_length"} for name, ends in _LINKS.items()},
+        **_MOTION,
+    }
 
 
 @cache
 def _model() -> KinematicModel:
+    """Return the linkage of all designs, which share its kernels: the places of its points are tunable."""
     from symgen.pipeline.build import build
+    from symgen.scene.schema import Scene
 
-    places = np.array([[0.0, 0.0], [0.0, 1.0], [2.0, 2.0], [3.0, 0.0], [1.0, 2.0]])
-    return cast("KinematicModel", build(FourBar(*places).scene))
+    drawn = FourBar(*np.array([[0.0, 0.0], [0.0, 1.0], [2.0, 2.0], [3.0, 0.0], [1.0, 2.0]]))
+    tables = {
+        "symgen": 1,
+        "title": "Planar four-bar",
+        "parameters": {
+            "speed": "1 rad/s",
+            **{
+                name: {"value": f"{value!r} {'rad' if name == 'start' else 'm'}", "tunable": True}
+                for name, value in drawn.parameters.items()
+            },
+        },
+        "points": {n: {"at": [f"{n}x", f"{n}y"], "ground": n in "OC"} for n in "OABCP"},
+        "links": {n: {"points": [*ends, "P"] if n == "coupler" else ends} for n, ends in _LINKS.items()},
+    }
+    return cast("KinematicModel", build(Scene(**tables, **_MOTION)))
 
 
 def _text(tables: dict[str, Any]) -> str:

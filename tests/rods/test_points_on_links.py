@@ -380,3 +380,101 @@ def test_every_name_the_derivation_gives_is_refused_for_a_tunable_parameter():
     for name in sorted(given):
         with pytest.raises(SceneError, match="is what symgen calls"):
             check_names(symgen.Scene(**tables | {"parameters": {name: {"value": 1, "tunable": True}}}))
+
+
+OFFSET = """
+symgen = 1
+[parameters]
+a = { value = "4 cm", tunable = true }
+b = { value = "10 cm", tunable = true }
+h = { value = "3 cm", tunable = true }
+w = "60 rpm"
+[points]
+A = { at = ["0 cm", "0 cm"], ground = true }
+D = { at = ["12 cm", "0 cm"], ground = true }
+B = { at = ["2 cm", "4 cm"] }
+C = { at = ["10 cm", "8 cm"] }
+P = { on = "coupler", fraction = 0.4, offset = "h" }
+[links]
+crank = { points = ["A", "B"], length = "a", mass = "0.5 kg" }
+coupler = { points = ["B", "C"], length = "b", mass = "0.5 kg" }
+rocker = { points = ["D", "C"], length = "9 cm", mass = "0.5 kg" }
+[[drivers]]
+link = "crank"
+angle = "w*t"
+[[masses]]
+point = "P"
+mass = "2 kg"
+[gravity]
+acceleration = ["0 m/s^2", "-9.81 m/s^2"]
+[analysis]
+t_end = "1 s"
+outputs = ["P.position", "crank.torque"]
+"""
+
+
+def four_bar(time, a, b, h):
+    """Return B, C and P of the four-bar at a time, which may be complex, by the triangle B, C, D."""
+    crank = 2 * np.pi * time
+    joint = np.array([a * np.cos(crank), a * np.sin(crank)])
+    d = np.array([0.12, 0.0]) - joint
+    squared = d @ d
+    along = (squared + b**2 - 0.09**2) / (2 * squared)
+    coupler = along * d + np.sqrt(b**2 / squared - along**2) * planar(d)
+    return np.array([joint, joint + coupler, joint + 0.4 * coupler + h * planar(coupler) / b])
+
+
+@pytest.mark.parametrize(("a", "b", "h"), [(0.04, 0.1, 0.03), (0.035, 0.11, -0.02)])
+def test_points_off_the_line_keep_their_offset_when_lengths_change(a, b, h, tmp_path):
+    file = tmp_path / "offset.toml"
+    file.write_text(OFFSET)
+    model = symgen.build(file).with_parameters(a=a, b=b, h=h)
+    times = np.array([0.0, 0.15, 0.4, 0.77])
+    places = model.kinematics(at=times, over="time")["P.position"].values
+    torques = model.inverse_dynamics(at=times, over="time")["crank.torque"].values
+    step = 1e-3
+
+    def velocities(time):
+        return four_bar(time + 1e-30j, a, b, h).imag / 1e-30
+
+    for k, t in enumerate(times):
+        assert places[k] == pytest.approx(four_bar(t, a, b, h)[2], abs=1e-14)
+        v = velocities(t)
+        before, last, following, after = (velocities(t + s * step) for s in (-2, -1, 1, 2))
+        felt = (before - 8 * last + 8 * following - after) / (12 * step) + np.array([0, 9.81])
+        ground = np.array([0, 9.81])
+        power = 2.0 * felt[2] @ v[2]  # of the mass at P, and of rods between points 1 and 2
+        for v1, v2, a1, a2 in (
+            (0 * v[0], v[0], ground, felt[0]),
+            (v[0], v[1], felt[0], felt[1]),
+            (0 * v[1], v[1], ground, felt[1]),
+        ):
+            power += 0.5 * ((v1 @ a1 + v2 @ a2) / 3 + (v1 @ a2 + v2 @ a1) / 6)
+        assert torques[k] == pytest.approx(power / (2 * np.pi), abs=1e-8)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "told"),
+    [
+        ('["B", "C"], length', '["B", "C", "A"], length', r"links.coupler\] length.*offset"),
+        ('length = "b"', 'length = "b + v*t"', r"points.P\] offset.*depends on the time"),
+        ('on = "coupler", fraction = 0.4', 'at = ["1 cm", "1 cm"]', r"points\] P.*either at, or on and"),
+        ('offset = "h"', 'offset = "h*h"', r"points.P\] offset.*length"),
+    ],
+)
+def test_offsets_that_mean_nothing_are_refused(old, new, told, tmp_path):
+    file = tmp_path / "offset.toml"
+    file.write_text(OFFSET.replace(old, new).replace("[parameters]", '[parameters]\nv = "1 m/s"'))
+    with pytest.raises(SceneError, match=f"(?s){told}"):
+        symgen.build(file)
+
+
+def test_elastic_links_and_lines_in_space_have_no_points_off_them(tmp_path):
+    strip = 'section = { width = "1 cm", thickness = "1 mm" }, density = "7800 kg/m^3", elastic = { E = "200 GPa" }'
+    elastic = OFFSET.replace('length = "b", mass = "0.5 kg"', strip)
+    space = OFFSET.replace(' cm"]', ' cm", "0 cm"]').replace('-9.81 m/s^2"]', '-9.81 m/s^2", "0 m/s^2"]')
+    for text, told in ((elastic, "coupler is elastic"), (space, "space has no left side")):
+        file = tmp_path / "offset.toml"
+        file.write_text(text)
+        with pytest.raises(SceneError, match=rf"(?s)points.P\] offset.*{told}"):
+            symgen.build(file)

@@ -289,8 +289,13 @@ def test_the_scene_of_a_design_runs_and_passes_the_point(tmp_path):
     file = tmp_path / "design.toml"
     file.write_text(found.designs[0].linkage.toml())
     assert tomllib.loads(file.read_text())["symgen"] == 1
-    run = symgen.build(file).kinematics(at=[0.9, 1.6], over="input")
+    model = symgen.build(file)
+    run = model.kinematics(at=[0.9, 1.6], over="input")
     assert np.allclose(run["P.position"].values, places[1:], atol=1e-12)
+    joint = model.with_parameters(crank_length=1.1 * A, P_along=0, P_across=0).kinematics(
+        at=[0.9], over="input"
+    )
+    assert np.hypot(*joint["P.position"].values[0]) == pytest.approx(1.1 * A, rel=1e-12)
 
 
 @pytest.mark.parametrize("size", [1e-5, 1.0, 1e4])

@@ -32,35 +32,78 @@ def _place(read: Reader, name: str, waiting: tuple[str, ...]) -> None:
     if name in waiting:
         ring = " on ".join((*waiting[waiting.index(name) :], name))
         raise SceneError(f"these points are placed by each other: {ring}", where=where)
-    if point.at is not None and point.on is None and point.fraction is None:
+    if point.at is not None and point.on is None and point.fraction is None and point.offset is None:
         read.points[name] = _drawn(read, name, point, point.at)
         return
     if point.at is not None or point.on is None or point.fraction is None:
         raise SceneError(
-            "expected either at, or on and fraction",
+            "expected either at, or on and fraction, with or without offset",
             where=where,
             hint='Write at = ["1 m", "0 m"], or on = "link" and fraction = 0.5 for a point of a link.',
         )
     if point.ground or point.motion is not None:
         raise SceneError("a point on a link moves with the link: it is no ground point", where=where)
     read.known_link(point.on, f"{where}.on")
-    ends = read.scene.links[point.on].points[:2]
-    for end in ends:
+    link = read.scene.links[point.on]
+    for end in link.points[:2]:
         _place(read, end, (*waiting, name))
-    first, second = (read.known_point(p, f"links.{point.on}.points").at for p in ends)
-    fraction = read.value(point.fraction, units.NUMBER, f"{where}.fraction")
-    at = tuple(a + fraction * (b - a) for a, b in zip(first, second, strict=True))
+    first, second = (read.known_point(p, f"links.{point.on}.points").at for p in link.points[:2])
+    drawn = tuple(b - a for a, b in zip(first, second, strict=True))
+    along, across = _on_line(read, name, _length(read, point.on, drawn))
+    at = tuple(a + along * d for a, d in zip(first, drawn, strict=True))
+    if across != 0:
+        at = at[0] - across * drawn[1], at[1] + across * drawn[0]
     read.points[name] = PlacedPoint(name, at, False, at)
 
 
-def on_link(read: Reader, link: str) -> Iterator[tuple[str, sp.Expr]]:
-    """Yield the points that are placed on a link, with their fraction of it."""
+def _length(read: Reader, name: str, drawn: Vector) -> sp.Expr:
+    """Return the length of a link [m]: that of the scene, or the drawn distance."""
+    text, where = read.scene.links[name].length, f"links.{name}.length"
+    if text is None:
+        return sp.sqrt(sp.Add(*(c**2 for c in drawn)))
+    length = read.positive(text, units.LENGTH, where, read.with_time)
+    read.moving(length, where)
+    return length
+
+
+def _on_line(read: Reader, name: str, length: sp.Expr) -> tuple[sp.Expr, sp.Expr]:
+    """Return the place of a point along the line of its link and to the left of it, over the length [m]."""
+    point, where = read.scene.points[name], f"points.{name}"
+    link = read.scene.links[point.on or ""]
+    along = read.value(point.fraction or 0, units.NUMBER, f"{where}.fraction")
+    if point.offset is None:
+        return along, _ZERO
+    offset, where = read.value(point.offset, units.LENGTH, f"{where}.offset"), f"{where}.offset"
+    if offset == 0 or read.number(length) == 0:  # links of zero length are refused when they are read
+        return along, _ZERO
+    if read.dimension == 3:
+        raise SceneError(
+            f"a line in space has no left side, to which {name} could be set off",
+            where=where,
+            hint="Write at = [x, y, z], and name it among the link's points: the link is a body then.",
+        )
+    if link.elastic is not None:
+        raise SceneError(
+            f"{point.on} is elastic: a point off its line would be rigidly joined to one section of it",
+            where=where,
+            hint="Leave the offset out, or use a rigid link.",
+        )
+    if TIME.symbol in length.free_symbols:
+        raise SceneError(
+            f"the length of {point.on} depends on the time: points off its line would stretch with it",
+            where=where,
+            hint="Put the point on another link.",
+        )
+    return along, offset / length
+
+
+def on_link(read: Reader, link: str) -> Iterator[str]:
+    """Yield the points that are placed on a link."""
     for name in read.placed_on.get(link, ()):
-        point = read.scene.points[name]
-        if point.fraction is not None:
+        if read.scene.points[name].fraction is not None:
             if name in read.scene.links[link].points:
                 raise SceneError(f"{name} is one of the base points of {link}", where=f"points.{name}.on")
-            yield name, read.value(point.fraction, units.NUMBER, f"points.{name}.fraction")
+            yield name
 
 
 def _drawn(read: Reader, name: str, point: Point, place: list[str | int | float]) -> PlacedPoint:
@@ -101,10 +144,8 @@ def link(read: Reader, name: str, link: Link) -> RigidLink:
             where=f"{where}.points",
             hint="Move one of the points, or join the other links at one point and leave this rod out.",
         )
-    length = sp.sqrt(squared)
+    length = _length(read, name, drawn)
     if link.length is not None:
-        length = read.positive(link.length, units.LENGTH, f"{where}.length", read.with_time)
-        read.moving(length, f"{where}.length")
         at_start = {TIME.symbol: _ZERO}
         places = ([c.xreplace(at_start) for c in (p.motion if p.ground else p.at)] for p in (start, end))
         if read.number(sp.Add(*((b - a) ** 2 for a, b in zip(*places, strict=True)))) == 0:
@@ -122,9 +163,11 @@ def link(read: Reader, name: str, link: Link) -> RigidLink:
         raise SceneError(
             "a body with more than two points, or a centre off its line, takes its length from the drawing",
             where=f"{where}.length",
+            hint=f'Name two points, and place the others on it: P = {{ on = "{name}", fraction = 0.5, '
+            'offset = "1 cm" }. They keep their offsets when the length changes.',
         )
     carried = [CarriedPoint(p.name, *in_frame(drawn, squared, start.at, p.at)) for p in others]
-    carried += [CarriedPoint(p, fraction, _ZERO) for p, fraction in on_link(read, name)]
+    carried += [CarriedPoint(p, *_on_line(read, p, length)) for p in on_link(read, name)]
     mass, centre, offset, inertia = body(read, link, length, drawn, start.at, bool(others), where)
     moving = start.ground and end.ground and (start.motion, end.motion) != (start.at, end.at)
     if moving and mass != 0:

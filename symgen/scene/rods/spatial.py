@@ -87,7 +87,7 @@ def _body(read: Reader, name: str, link: Link, rigid: Pairs) -> SpatialBody:
     carried = [WeightedPoint(p.name, weights(places[p.name])) for p in own if p.name not in names]
     carried += [
         WeightedPoint(p, weights(_exact(read.points[p].at, f"points.{p}.fraction")))
-        for p, _ in bodies.on_link(read, name)
+        for p in bodies.on_link(read, name)
     ]
     rigid |= _pairs([*names, *(p.name for p in carried)])
     gram = (edges.T * edges).inv()
