@@ -1,4 +1,4 @@
-"""``symgen run`` and the analyses that models of several methods support, named as in Python."""
+"""``symgen run`` and the analyses of models, named as in Python."""
 
 from __future__ import annotations
 
@@ -7,30 +7,19 @@ from typing import Annotated
 import typer
 
 from symgen.cli import options as o
-from symgen.cli.carrying import Request
-from symgen.cli.common import command, print_json
+from symgen.cli.carrying import Request, analysis
+from symgen.cli.common import print_json
 from symgen.errors import ModelError
 
+_SHOWN = "set_ out plot plot_of xy as_json"
+_COMPILED = "backend precision digits contraction vector"
 
-@command("symgen run four_bar --t-end 2 --plot run.png")
-def run(
-    ctx: typer.Context,
-    scene: o.Scene,
-    t_end: o.TEnd = None,
-    at: o.At = None,
-    samples: o.Samples = None,
-    set_: o.Set = None,
-    out: o.Out = None,
-    plot: o.Plot = None,
-    plot_of: o.PlotOf = None,
-    xy: o.XY = None,
-    as_json: o.Json = False,
-    backend: o.Backend = "auto",
-    precision: o.Precision = "float64",
-    digits: o.Digits = None,
-    contraction: o.Contraction = "off",
-    vector: o.Vector = "none",
-) -> None:
+
+@analysis(
+    "symgen run four_bar --t-end 2 --plot run.png",
+    f"t_end at samples {_SHOWN} {_COMPILED}",
+)
+def run(ctx: typer.Context) -> None:
     """Run the analysis that suits the scene.
 
     A mechanism under forces is simulated, elastic links over one revolution. A driven loop is evaluated
@@ -44,75 +33,35 @@ def run(
     if verb == "simulate" or "t_end" not in request.options:
         request.carry_out(verb)
         return
-    if at:
+    if "at" in request.options:
         raise ModelError("give --at or --t-end, not both")
     request.carry_out(verb, stop=request.options.pop("t_end"), over="time")
 
 
-@command("symgen simulate peaucellier --t-end 1 --rtol 1e-12")
-def simulate(
-    ctx: typer.Context,
-    scene: o.Scene,
-    t_end: o.TEnd = None,
-    method: o.Method = None,
-    rtol: o.Rtol = None,
-    atol: o.Atol = None,
-    step: o.Step = None,
-    samples: o.Samples = None,
-    stabilisation: o.Stabilisation = None,
-    stabilisation_rate: o.StabilisationRate = None,
-    max_drift: o.MaxDrift = None,
-    revolutions: o.Revolutions = None,
-    steps: o.Steps = None,
-    at: o.AtAngles = None,
-    form: o.Form = None,
-    geometric_stiffness: o.GeometricStiffness = None,
-    max_step: o.MaxStep = None,
-    max_wall: o.MaxWall = None,
-    checkpoint: o.Checkpoint = None,
-    checkpoint_every: o.CheckpointEvery = None,
-    resume: o.Resume = None,
-    set_: o.Set = None,
-    out: o.Out = None,
-    plot: o.Plot = None,
-    plot_of: o.PlotOf = None,
-    xy: o.XY = None,
-    as_json: o.Json = False,
-    backend: o.Backend = "auto",
-    precision: o.Precision = "float64",
-    digits: o.Digits = None,
-    contraction: o.Contraction = "off",
-    vector: o.Vector = "none",
-) -> None:
+@analysis(
+    "symgen simulate peaucellier --t-end 1 --rtol 1e-12",
+    "t_end method rtol atol step samples stabilisation stabilisation_rate max_drift revolutions steps at "
+    f"form geometric_stiffness max_step max_wall checkpoint checkpoint_every resume {_SHOWN} {_COMPILED}",
+    at=o.AtAngles,
+)
+def simulate(ctx: typer.Context) -> None:
     """Simulate the motion in time."""
     Request(ctx).carry_out("simulate")
 
 
-@command("symgen kinematics crank_rocker --of rocker --plot rocker.svg")
-def kinematics(
-    ctx: typer.Context,
-    scene: o.Scene,
-    start: o.From = None,
-    stop: o.To = None,
-    at: o.At = None,
-    samples: o.Samples = None,
-    of: Annotated[
+@analysis(
+    "symgen kinematics crank_rocker --of rocker --plot rocker.svg",
+    "start stop at samples of state through set_ out plot xy as_json backend",
+    of=Annotated[
         list[str] | None,
         o.option(
             "--of",
             metavar="NAME",
             help="A point, link or corner A.B.C to record; default: all that move.",
         ),
-    ] = None,
-    state: o.Branch = None,
-    through: o.Through = False,
-    set_: o.Set = None,
-    out: o.Out = None,
-    plot: o.Plot = None,
-    xy: o.XY = None,
-    as_json: o.Json = False,
-    backend: o.Backend = "auto",
-) -> None:
+    ],
+)
+def kinematics(ctx: typer.Context) -> None:
     """Compute the kinematics of a driven mechanism.
 
     Positions, velocities and accelerations are printed, and dead centres in the range. Links need no masses.
@@ -122,34 +71,23 @@ def kinematics(
     Request(ctx, build_kinematics).carry_out("kinematics")
 
 
-@command("symgen inverse-dynamics crank_rocker --at 0,60")
-def inverse_dynamics(
-    ctx: typer.Context,
-    scene: o.Scene,
-    start: o.From = None,
-    stop: o.To = None,
-    at: o.At = None,
-    samples: o.Samples = None,
-    elements: Annotated[
+@analysis(
+    "symgen inverse-dynamics crank_rocker --at 0,60",
+    "start stop at samples elements sections state through set_ out plot as_json backend",
+    elements=Annotated[
         int | None,
         o.option("--elements", metavar="N", help="Finite elements per link of a linkage (1)."),
-    ] = None,
-    sections: Annotated[
+    ],
+    sections=Annotated[
         list[float] | None,
         o.option(
             "--section",
             metavar="PART",
             help="Position of a section along the links of a linkage, 0 to 1 (0.5).",
         ),
-    ] = None,
-    state: o.Branch = None,
-    through: o.Through = False,
-    set_: o.Set = None,
-    out: o.Out = None,
-    plot: o.Plot = None,
-    as_json: o.Json = False,
-    backend: o.Backend = "auto",
-) -> None:
+    ],
+)
+def inverse_dynamics(ctx: typer.Context) -> None:
     """Compute joint forces and drive efforts of a driven motion.
 
     Elastic links are treated as rigid.
@@ -157,32 +95,27 @@ def inverse_dynamics(
     Request(ctx).carry_out("inverse_dynamics")
 
 
-@command('symgen equilibrium four_bar --set links.crank.mass="2 kg"')
-def equilibrium(
-    ctx: typer.Context,
-    scene: o.Scene,
-    t: Annotated[
+@analysis(
+    'symgen equilibrium four_bar --set links.crank.mass="2 kg"',
+    "t stable segments set_ as_json backend",
+    t=Annotated[
         float | None,
         o.option("--t", metavar="SECONDS", help="Time at which loads and drives are held [s] (0)."),
-    ] = None,
-    stable: Annotated[
+    ],
+    stable=Annotated[
         bool,
         o.option("--stable/--any", help="Descend to a stable equilibrium, or take one of any kind nearby."),
-    ] = True,
-    segments: o.Segments = None,
-    set_: o.Set = None,
-    as_json: o.Json = False,
-    backend: o.Backend = "auto",
-) -> None:
+    ],
+)
+def equilibrium(ctx: typer.Context) -> None:
     """Find a static equilibrium, its reactions and stability."""
     Request(ctx).carry_out("equilibrium")
 
 
-@command("symgen modes elastic_four_bar --at 0,60")
-def modes(
-    ctx: typer.Context,
-    scene: o.Scene,
-    at: Annotated[
+@analysis(
+    "symgen modes elastic_four_bar --at 0,60",
+    "at moving set_ as_json backend",
+    at=Annotated[
         list[str] | None,
         o.option(
             "--at",
@@ -190,15 +123,13 @@ def modes(
             group="Elastic links",
             help='Crank angles: "0,60" (bare: degrees), "0.5 rad"; default: start.',
         ),
-    ] = None,
-    moving: Annotated[
+    ],
+    moving=Annotated[
         bool,
         o.option("--moving", group="Elastic links", help="At the speed of the crank instead of at rest."),
-    ] = False,
-    set_: o.Set = None,
-    as_json: o.Json = False,
-    backend: o.Backend = "auto",
-) -> None:
+    ],
+)
+def modes(ctx: typer.Context) -> None:
     """Find frequencies and shapes of small vibrations.
 
     They refer to the static equilibrium, or to poses of elastic links.
@@ -207,42 +138,39 @@ def modes(
     arguments = request.arguments("modes")
     poses = [{"at": angle} for angle in arguments.pop("at", [])] or [{}]
     found = [request.result("modes", **arguments, **pose) for pose in poses]
-    if as_json and len(found) > 1:
-        print_json({"scene": request.model.name, "poses": [analysis.summary() for analysis in found]})
-    elif as_json:
-        request.show("modes", found[0], as_json)
+    if request.as_json and len(found) > 1:
+        print_json({"scene": request.model.name, "poses": [one.summary() for one in found]})
+    elif request.as_json:
+        request.show("modes", found[0])
     else:
-        request.show("modes", found, as_json)
+        request.show("modes", found)
 
 
-@command("symgen linearise four_bar --coordinate crank.angle --at equilibrium")
-def linearise(
-    ctx: typer.Context,
-    scene: o.Scene,
-    at: Annotated[
+@analysis(
+    "symgen linearise four_bar --coordinate crank.angle --at equilibrium",
+    "at inputs outputs coordinates set_ as_json backend",
+    at=Annotated[
         str | None,
         o.option("--at", metavar="STATE", help="start (default) or equilibrium."),
-    ] = None,
-    inputs: Annotated[
+    ],
+    inputs=Annotated[
         list[str] | None,
         o.option("--input", metavar="NAME", help="An input of the scene; default: all."),
-    ] = None,
-    outputs: Annotated[
+    ],
+    outputs=Annotated[
         list[str] | None,
         o.option("--output", metavar="NAME", help="An output, such as A.position.x; default: coordinates."),
-    ] = None,
-    coordinates: Annotated[
+    ],
+    coordinates=Annotated[
         list[str] | None,
         o.option(
             "--coordinate",
             metavar="NAME",
             help="An independent coordinate, such as crank.angle; default: positions of all moving points.",
         ),
-    ] = None,
-    set_: o.Set = None,
-    as_json: o.Json = False,
-    backend: o.Backend = "auto",
-) -> None:
+    ],
+)
+def linearise(ctx: typer.Context) -> None:
     """Compute the state-space matrices A, B, C, D.
 
     They are exact derivatives of the equations of motion at a state.
@@ -254,39 +182,37 @@ def linearise(
     arguments = request.arguments("linearise")
     if about == "equilibrium":
         arguments["at"] = request.result("equilibrium")
-    request.show("linearise", request.result("linearise", **arguments), as_json)
+    request.show("linearise", request.result("linearise", **arguments))
 
 
-@command("symgen sensitivity peaucellier --at equilibrium --output O.reaction")
-def sensitivity(
-    ctx: typer.Context,
-    scene: o.Scene,
-    outputs: Annotated[
+@analysis(
+    "symgen sensitivity peaucellier --at equilibrium --output O.reaction",
+    "outputs parameters at coordinates set_ as_json backend",
+    required="scene outputs",
+    outputs=Annotated[
         list[str],
         o.option(
             "--output", metavar="NAME", help="Output, such as A.position.x, or frequencies. May be repeated."
         ),
     ],
-    parameters: Annotated[
+    parameters=Annotated[
         list[str] | None,
         o.option("--parameter", metavar="NAME", help="Tunable parameter; default: all. May be repeated."),
-    ] = None,
-    at: Annotated[
+    ],
+    at=Annotated[
         str | None,
         o.option(
             "--at",
             metavar="STATE",
             help='start (default), equilibrium, or a time of a driven linkage, "0.3 s".',
         ),
-    ] = None,
-    coordinates: Annotated[
+    ],
+    coordinates=Annotated[
         list[str] | None,
         o.option("--coordinate", metavar="NAME", help="Independent coordinate to hold, such as crank.angle."),
-    ] = None,
-    set_: o.Set = None,
-    as_json: o.Json = False,
-    backend: o.Backend = "auto",
-) -> None:
+    ],
+)
+def sensitivity(ctx: typer.Context) -> None:
     """Compute exact derivatives of outputs with respect to tunable parameters.
 
     An equilibrium stays one as a parameter varies. At another state, drives and coordinates are held.
@@ -300,14 +226,13 @@ def sensitivity(
         arguments["at"] = request.result("equilibrium")
     elif about != "start":
         arguments["at"] = of_time(about, "--at", "start, equilibrium")
-    request.show("sensitivity", request.result("sensitivity", **arguments), as_json)
+    request.show("sensitivity", request.result("sensitivity", **arguments))
 
 
-@command("symgen assemblies crank_rocker --at 60")
-def assemblies(
-    ctx: typer.Context,
-    scene: o.Scene,
-    at: Annotated[
+@analysis(
+    "symgen assemblies crank_rocker --at 60",
+    "at set_ as_json backend",
+    at=Annotated[
         str | None,
         o.option(
             "--at",
@@ -315,19 +240,80 @@ def assemblies(
             help='Value of the input, "60" (degrees, or a loop\'s unit of length), or a time, "0.3 s"; '
             "default: the start.",
         ),
-    ] = None,
-    set_: o.Set = None,
-    as_json: o.Json = False,
-    backend: o.Backend = "auto",
-) -> None:
+    ],
+)
+def assemblies(ctx: typer.Context) -> None:
     """List the assembly modes of a mechanism, the drawn one first."""
     from symgen.pipeline.build import build_kinematics
 
     request = Request(ctx, build_kinematics)
     found = request.result("assemblies", **request.arguments("assemblies"))
-    if as_json:
+    if request.as_json:
         poses = [getattr(pose, "positions", pose) for pose in found]
         plain = [{k: v if isinstance(v, float) else v.tolist() for k, v in pose.items()} for pose in poses]
         print_json({"scene": request.model.name, "analysis": "assemblies", "assemblies": plain})
     else:
-        request.show("assemblies", found, as_json)
+        request.show("assemblies", found)
+
+
+@analysis(
+    "symgen periodic elastic_four_bar",
+    f"steps rtol samples at form geometric_stiffness max_step max_wall set_ out plot as_json {_COMPILED}",
+    at=o.AtAngles,
+)
+def periodic(ctx: typer.Context) -> None:
+    """Find the steady state of elastic links and its stability."""
+    Request(ctx).carry_out("periodic")
+
+
+@analysis(
+    "symgen quasi-static elastic_four_bar --at 0,60",
+    f"revolutions samples at form geometric_stiffness max_wall set_ out plot as_json {_COMPILED}",
+    at=o.AtAngles,
+)
+def quasi_static(ctx: typer.Context) -> None:
+    """Compute the static deformation of elastic links under the rigid motion."""
+    Request(ctx).carry_out("quasi_static")
+
+
+@analysis(
+    "symgen large-rotation elastic_four_bar --segments 8",
+    "segments elements revolutions rtol samples max_step max_wall checkpoint checkpoint_every resume "
+    "set_ out plot as_json backend",
+    elements=Annotated[
+        int | None,
+        o.option("--elements", metavar="N", help="Number of elements per elastic link, not rods."),
+    ],
+)
+def large_rotation(ctx: typer.Context) -> None:
+    """Simulate elastic links in large rotation, as chains of rods or as beam elements.
+
+    This is the reference solution for linear theory, on which the other analyses are based.
+    """
+    Request(ctx).carry_out("large_rotation")
+
+
+@analysis(
+    "symgen speed-response elastic_four_bar --speeds 60:400:18",
+    "speeds rtol samples max_wall set_ out plot as_json backend",
+    required="scene speeds",
+    speeds=Annotated[
+        str,
+        o.option(
+            "--speeds",
+            metavar="FROM:TO:COUNT",
+            help='Crank speeds in rpm: "20:400:39", or a list such as "60,95,120".',
+        ),
+    ],
+)
+def speed_response(ctx: typer.Context) -> None:
+    """Find steady states of elastic links over the crank speed.
+
+    Peak values, critical speeds and stability are printed.
+    """
+    from symgen.inspection.values import crank_speeds
+
+    wanted = crank_speeds(ctx.params["speeds"])
+    request = Request(ctx)
+    request.options["speeds"] = wanted
+    request.carry_out("speed_response")

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from contextlib import nullcontext
+from functools import wraps
+from inspect import Parameter, Signature
 from typing import Any
 
 import typer
 
-from symgen.cli.common import changes, console, kept_of_a_failure, print_json, progress_bar
+from symgen.cli.common import changes, command, console, kept_of_a_failure, print_json, progress_bar
+from symgen.cli.options import DEFAULTS, OF_ANALYSES
 from symgen.errors import ArgumentError, ModelError
 from symgen.methods import load, method_of
 
@@ -17,6 +20,38 @@ _TYPES = ("precision", "digits", "contraction", "vector")
 _COMMON = ("scene", "set_", "out", "plot", "plot_of", "xy", "as_json", "backend", *_TYPES)
 #: Options that select a range, which ``--at`` replaces.
 _RANGE = ("samples", "start", "stop", "through")
+
+
+def analysis(
+    example: str, options: str, required: str = "scene", **own: Any
+) -> Callable[[Callable[[typer.Context], None]], Callable[..., None]]:
+    """Register a command, with an example in its help and options by the arguments that they set.
+
+    ``options`` are names of ``OF_ANALYSES`` or of ``own``, which the command declares itself.
+    """
+    known = {**OF_ANALYSES, **own}
+
+    def declared(carry_out: Callable[[typer.Context], None]) -> Callable[..., None]:
+        @wraps(carry_out)
+        def call(ctx: typer.Context, **_: Any) -> None:
+            carry_out(ctx)
+
+        annotations = {"ctx": typer.Context, **{name: known[name] for name in ("scene", *options.split())}}
+        call.__annotations__ = annotations
+        vars(call)["__signature__"] = Signature(
+            [
+                Parameter(
+                    name,
+                    Parameter.KEYWORD_ONLY,
+                    default=Parameter.empty if name in ("ctx", *required.split()) else DEFAULTS.get(name),
+                    annotation=annotation,
+                )
+                for name, annotation in annotations.items()
+            ]
+        )
+        return command(example)(call)
+
+    return declared
 
 
 class Request:
@@ -39,6 +74,7 @@ class Request:
         self.options = {name: value for name, value in given.items() if name not in _COMMON}
         self.types = {name: given[name] for name in _TYPES if name in given}
         self.common = ctx.params
+        self.as_json = bool(ctx.params.get("as_json"))
         compiled = {name: given[name] for name in ("backend", *_TYPES) if name in given}
         self.model: Any = (build or build_asked)(
             ctx.params["scene"], set=changes(ctx.params["set_"]), **compiled
@@ -50,7 +86,7 @@ class Request:
 
     def carry_out(self, verb: str, **more: Any) -> None:
         """Carry out an analysis with its options and ``more``; save, plot and print its result."""
-        out, plot, as_json = (self.common.get(name) for name in ("out", "plot", "as_json"))
+        out, plot = self.common.get("out"), self.common.get("plot")
         plotted, path = self.common.get("plot_of") or (), self.common.get("xy") or ""
         if (plotted or path) and not plot:
             raise ModelError(f"{'--xy' if path else '--of'} selects part of a plot: give --plot FILE")
@@ -62,9 +98,9 @@ class Request:
             result.save(out)
         if plot:
             result.plot(*plotted, file=plot, xy=path)
-        self.show(verb, result, bool(as_json))
+        self.show(verb, result)
         for file in (out, plot):
-            if file and not as_json:
+            if file and not self.as_json:
                 console().print(f"wrote {file}", soft_wrap=True)
 
     def result(self, verb: str, **arguments: Any) -> Any:
@@ -81,7 +117,7 @@ class Request:
 
         analysis, title = getattr(self.model, verb), self.model.description.title
         silent = "progress" not in accepted(self.model, verb)
-        with nullcontext() if silent else progress_bar(title, bool(self.common.get("as_json"))) as progress:
+        with nullcontext() if silent else progress_bar(title, self.as_json) as progress:
             arguments |= {} if silent else {"progress": progress}
             try:
                 return analysis(**arguments)
@@ -141,9 +177,9 @@ class Request:
             )
         return states[branch - 1]
 
-    def show(self, verb: str, result: Any, as_json: bool) -> None:
+    def show(self, verb: str, result: Any) -> None:
         """Print a result as one JSON object, or as tables."""
-        if as_json:
+        if self.as_json:
             print_json({"scene": self.model.name, **result.summary()})
         else:
             load(method_of(self.model).commands[verb].table)(result, self.model, console())

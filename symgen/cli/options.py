@@ -286,3 +286,19 @@ Resume = Annotated[
         help="Continue from a checkpoint of the same run, with the same bits.",
     ),
 ]
+
+#: Options of analyses by the argument that each sets, and the defaults of those that have one.
+OF_ANALYSES: dict[str, Any] = {
+    "scene": Scene, "t_end": TEnd, "method": Method, "rtol": Rtol, "atol": Atol, "step": Step, "steps": Steps,
+    "revolutions": Revolutions, "start": From, "stop": To, "at": At, "samples": Samples, "state": Branch,
+    "through": Through, "segments": Segments, "form": Form, "geometric_stiffness": GeometricStiffness,
+    "stabilisation": Stabilisation, "stabilisation_rate": StabilisationRate, "max_drift": MaxDrift,
+    "max_step": MaxStep, "max_wall": MaxWall, "checkpoint": Checkpoint, "checkpoint_every": CheckpointEvery,
+    "resume": Resume, "set_": Set, "out": Out, "plot": Plot, "plot_of": PlotOf, "xy": XY, "as_json": Json,
+    "backend": Backend, "precision": Precision, "digits": Digits, "contraction": Contraction,
+    "vector": Vector,
+}  # fmt: skip
+DEFAULTS = {
+    "through": False, "stable": True, "moving": False, "as_json": False, "backend": "auto",
+    "precision": "float64", "contraction": "off", "vector": "none",
+}  # fmt: skip

@@ -16,6 +16,11 @@ cdef extern from "core/core.h" nogil:
         _UNSOLVED "UNSOLVED"
         _SLIDING "SLIDING"
 
+    enum stabilisation:
+        _PROJECTION "PROJECTION"
+        _BAUMGARTE "BAUMGARTE"
+        _RAW "RAW"
+
     cdef struct kernels:
         kernel_t accelerations
         kernel_t factor
@@ -33,6 +38,8 @@ cdef extern from "core/core.h" nogil:
         long n, m, extra, parameters, derived, tangent_derived, work, first_pivot, redundant, events, switches, windings, turns, choices, tangent
         const long *tangent_places
         double rank_tolerance, slack, stabilisation
+
+    long first_reference(const sizes *)
 
     cdef struct account:
         double soundness, missed

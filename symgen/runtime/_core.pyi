@@ -24,7 +24,7 @@ DRIFTED: int
 ENDED: int
 UNSOLVED: int
 SLIDING: int
-STABILISATIONS: tuple[str, ...]
+STABILISATIONS: dict[str, int]
 DOUBLE: Core
 
 def call(

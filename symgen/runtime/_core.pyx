@@ -16,8 +16,8 @@ from symgen.calls import raise_failure
 DONE, MORE, NOT_FINITE, STEP_TOO_SMALL, SINGULAR = _DONE, _MORE, _NOT_FINITE, _STEP_TOO_SMALL, _SINGULAR
 PROJECTION_FAILED, CONTRADICTED, DRIFTED, ENDED = _PROJECTION_FAILED, _CONTRADICTED, _DRIFTED, _ENDED
 UNSOLVED, SLIDING = _UNSOLVED, _SLIDING
-#: How a run is kept on the constraints: as ``enum stabilisation`` counts them.
-STABILISATIONS = ("projection", "baumgarte", "raw")
+#: How a run is kept on the constraints.
+STABILISATIONS = {"projection": _PROJECTION, "baumgarte": _BAUMGARTE, "raw": _RAW}
 
 # Events remembered in the core before Python takes them, for each event function.
 cdef long REMEMBERED = 64
@@ -615,7 +615,7 @@ cdef class Run:
         """Take at most a step for each row; note time, state and references of angles in loads after it. Return the
         status and the number of rows written. Runs in doubles only."""
         cdef const sizes *of = &self.equations.core.sizes
-        cdef Py_ssize_t rows = t.shape[0], first = of.parameters - of.switches - of.windings
+        cdef Py_ssize_t rows = t.shape[0], first = first_reference(of)
         cdef long taken = 0, steps = self.steps
         cdef int status = _MORE
         cdef report r

@@ -67,6 +67,11 @@ struct sizes {
     double stabilisation;  /* rate [1/s] of Baumgarte's terms in `derivative`; 0: none */
 };
 
+/* Where the references of angles in loads are among the parameters. */
+static inline long first_reference(const struct sizes *sizes) {
+    return sizes->parameters - sizes->switches - sizes->windings;
+}
+
 /* Results of the last evaluation, and counts: plain numbers of the same type in every core. */
 struct account {
     double soundness;                  /* least part that a multiplier's pivot keeps; infinite when none is watched */

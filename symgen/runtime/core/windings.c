@@ -12,8 +12,7 @@
 #include <string.h>
 
 real *references_of_angles(const struct equations *e) {
-    const struct sizes *sizes = &e->sizes;
-    return e->p + sizes->parameters - sizes->switches - sizes->windings;
+    return e->p + first_reference(&e->sizes);
 }
 
 /* Angles of links to a revolution, and behind them their rates, as look_at_events left them. */

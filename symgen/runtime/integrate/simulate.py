@@ -72,7 +72,7 @@ def run(
         chosen.atol,
         chosen.step,
         sample_times(t0, chosen, t_eval),
-        stabilisation=_core.STABILISATIONS.index(chosen.stabilisation),
+        stabilisation=_core.STABILISATIONS[chosen.stabilisation],
         max_drift=chosen.max_drift,
         max_step=chosen.max_step,
         places_only=evaluator.outputs_by_places,

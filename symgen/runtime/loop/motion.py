@@ -71,7 +71,7 @@ def run(
         chosen.atol,
         chosen.step,
         times,
-        stabilisation=_core.STABILISATIONS.index(chosen.stabilisation),
+        stabilisation=_core.STABILISATIONS[chosen.stabilisation],
         max_drift=chosen.max_drift,
         max_step=chosen.max_step,
     )

@@ -88,7 +88,7 @@ class Compiled:
             chosen.atol,
             chosen.step,
             self.times,
-            stabilisation=_core.STABILISATIONS.index(chosen.stabilisation),
+            stabilisation=_core.STABILISATIONS[chosen.stabilisation],
             max_drift=chosen.max_drift,
             max_step=chosen.max_step,
             places_only=self.evaluator.outputs_by_places,

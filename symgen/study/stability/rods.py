@@ -23,6 +23,11 @@ from symgen.study.stability.truths import (
     spatial_double_pendulum,
 )
 
+#: Integrators in the order of bounds of their errors.
+_METHODS = (
+    "dop853", "dopri5", "rk4", "rattle", "rattle4", "rattle6", "rattle8", "radau5", "generalized-alpha",
+    "newmark",
+)  # fmt: skip
 #: Maximum number of steps: a run that needs more counts as not completed.
 _MOST_STEPS = 50_000
 
@@ -136,23 +141,16 @@ def _of_four_bar(model: RodModel, result: Result) -> float:
     return _largest(np.stack(found, axis=1) - four_bar(float(result.time[-1]))(result.time))
 
 
+def _bounds(*errors: float) -> dict[str, float]:
+    return dict(zip(_METHODS, errors, strict=True))
+
+
 _PLACE = "position [m]"
 _CHAIN = _PLACE + " against Gauss's principle in the angles of the rods"
 #: Cranks of 1 kg/m with inertia m l^2/12 about their middle, the third of 0.09 kg m^2, and a coupler of 2 kg.
 _DOUBLE = _of_crank(3.5, 2 * (1 / 12 + 1 / 4) + 0.09 + 1 / 4 + 2)
 #: Errors of a crank of exact length [m].
-_DOUBLE_BOUNDS = {
-    "dop853": 1e-11,
-    "dopri5": 6e-12,
-    "rk4": 4e-11,
-    "rattle": 2e-5,
-    "rattle4": 7e-12,
-    "rattle6": 1e-12,
-    "rattle8": 1e-12,
-    "radau5": 6e-10,
-    "generalized-alpha": 4e-5,
-    "newmark": 4e-5,
-}
+_DOUBLE_BOUNDS = _bounds(1e-11, 6e-12, 4e-11, 2e-5, 7e-12, 1e-12, 1e-12, 6e-10, 4e-5, 4e-5)
 
 CASES: tuple[Case, ...] = (
     Rods(
@@ -162,18 +160,7 @@ CASES: tuple[Case, ...] = (
         error=_of_vertical_rods,
         rtol=1e-12,
         step=1e-3,
-        bounds={
-            "dop853": 4e-13,
-            "dopri5": 4e-12,
-            "rk4": 2e-10,
-            "rattle": 3e-5,
-            "rattle4": 4e-11,
-            "rattle6": 3e-13,
-            "rattle8": 3e-13,
-            "radau5": 6e-10,
-            "generalized-alpha": 6e-5,
-            "newmark": 6e-5,
-        },
+        bounds=_bounds(4e-13, 4e-12, 2e-10, 3e-5, 4e-11, 3e-13, 3e-13, 6e-10, 6e-5, 6e-5),
     ),
     Rods(
         name="collinear_chain",
@@ -182,18 +169,7 @@ CASES: tuple[Case, ...] = (
         error=_of_chain("collinear_chain"),
         rtol=1e-11,
         step=5e-4,
-        bounds={
-            "dop853": 8e-12,
-            "dopri5": 8e-12,
-            "rk4": 5e-12,
-            "rattle": 4e-7,
-            "rattle4": 1e-12,
-            "rattle6": 1e-12,
-            "rattle8": 1e-12,
-            "radau5": 5e-10,
-            "generalized-alpha": 6e-7,
-            "newmark": 6e-7,
-        },
+        bounds=_bounds(8e-12, 8e-12, 5e-12, 4e-7, 1e-12, 1e-12, 1e-12, 5e-10, 6e-7, 6e-7),
     ),
     Rods(
         name="whip",
@@ -261,18 +237,7 @@ CASES: tuple[Case, ...] = (
         error=_of_chain("mass_ratios"),
         rtol=1e-10,
         step=1e-5,
-        bounds={
-            "dop853": 1e-13,
-            "dopri5": 1e-13,
-            "rk4": 1e-13,
-            "rattle": 3e-10,
-            "rattle4": 1e-13,
-            "rattle6": 3e-13,
-            "rattle8": 1e-13,
-            "radau5": 2e-12,
-            "generalized-alpha": 6e-10,
-            "newmark": 6e-10,
-        },
+        bounds=_bounds(1e-13, 1e-13, 1e-13, 3e-10, 1e-13, 3e-13, 1e-13, 2e-12, 6e-10, 6e-10),
         samples=3,
     ),
     Rods(
@@ -282,18 +247,7 @@ CASES: tuple[Case, ...] = (
         error=_of_chain("length_ratios"),
         rtol=1e-10,
         step=1e-5,
-        bounds={
-            "dop853": 5e-14,
-            "dopri5": 1e-13,
-            "rk4": 2e-12,
-            "rattle": 3e-9,
-            "rattle4": 4e-13,
-            "rattle6": 2e-13,
-            "rattle8": 1e-13,
-            "radau5": 5e-14,
-            "generalized-alpha": 6e-9,
-            "newmark": 6e-9,
-        },
+        bounds=_bounds(5e-14, 1e-13, 2e-12, 3e-9, 4e-13, 2e-13, 1e-13, 5e-14, 6e-9, 6e-9),
         samples=3,
     ),
     Rods(
@@ -303,18 +257,7 @@ CASES: tuple[Case, ...] = (
         error=_of_four_bar,
         rtol=1e-7,
         step=1e-3,
-        bounds={
-            "dop853": 1e-7,
-            "dopri5": 5e-7,
-            "rk4": 8e-9,
-            "rattle": 3e-5,
-            "rattle4": 4e-8,
-            "rattle6": 1e-7,
-            "rattle8": 2e-7,
-            "radau5": 5e-9,
-            "generalized-alpha": 6e-5,
-            "newmark": 6e-5,
-        },
+        bounds=_bounds(1e-7, 5e-7, 8e-9, 3e-5, 4e-8, 1e-7, 2e-7, 5e-9, 6e-5, 6e-5),
         more=(Trial("dopri5", {"rtol": 1e-9}), Trial("radau5", {"rtol": 1e-8})),
         most_drift=1e-8,
         samples=3,
