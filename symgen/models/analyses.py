@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from symgen.errors import ModelError, SceneError, nearest
 from symgen.models.linearisation import (
@@ -16,6 +16,7 @@ from symgen.models.rods.linearised import kinematics_system, statics_system
 from symgen.models.tangent import tangent_system
 
 if TYPE_CHECKING:
+    from symgen.scene.loop.loop import Loop
     from symgen.scene.rods.linkage import Linkage
     from symgen.symbolic.system import System
 
@@ -36,6 +37,12 @@ def _forces(linkage: Linkage) -> System:
     return rigid_forces_system(linkage)
 
 
+def _of_loop(loop: Loop) -> System:
+    from symgen.models.loop.tangents import tangent_system as tangents  # no linkage needs it
+
+    return tangents(loop)
+
+
 #: The System of each kind of analysis besides the motion in time.
 ANALYSES: dict[str, Callable[[Linkage], System]] = {
     "kinematics": kinematics_system,
@@ -49,6 +56,8 @@ ANALYSES: dict[str, Callable[[Linkage], System]] = {
     "elastic_motion": _elastic("motion_system"),
     "elastic_joints": _elastic("joints_system"),
 }
+#: The same of loops.
+OF_LOOPS: dict[str, Callable[[Loop], System]] = {"loop_sensitivity": _of_loop}
 
 
 def elastic_systems(linkage: Linkage) -> dict[str, System]:
@@ -58,19 +67,20 @@ def elastic_systems(linkage: Linkage) -> dict[str, System]:
     return {kind: analysis_system(linkage, kind) for kind in ("elastic_motion", "elastic_joints")}
 
 
-def analysis_system(linkage: Linkage, kind: str) -> System:
-    """Return the System of one kind of analysis; see ``ANALYSES``.
+def analysis_system(mechanism: Any, kind: str) -> System:
+    """Return the System of one kind of analysis of a linkage or loop; see ``ANALYSES`` and ``OF_LOOPS``.
 
     Raises
     ------
     ModelError
         When there is no analysis of this kind.
     SceneError
-        As for the equations of motion of the same linkage.
+        As for the equations of motion of the same mechanism.
     """
-    if kind not in ANALYSES:
-        raise ModelError(f"there is no analysis {kind!r}. {nearest(kind, ANALYSES)}")
+    known: dict[str, Callable[[Any], System]] = {**ANALYSES, **OF_LOOPS}
+    if kind not in known:
+        raise ModelError(f"there is no analysis {kind!r}. {nearest(kind, known)}")
     try:
-        return ANALYSES[kind](linkage)
+        return known[kind](mechanism)
     except SceneError as error:
-        raise error.located(file=linkage.file) from None
+        raise error.located(file=mechanism.file) from None

@@ -14,12 +14,12 @@ from symgen.calls import checked
 from symgen.errors import ModelError, SlowBackendWarning
 from symgen.methods import method_of
 from symgen.pipeline import parameters as tuning
+from symgen.pipeline.analysis import kernels_of_analysis
 from symgen.pipeline.describe import describe, with_start
 from symgen.pipeline.source import Source
 from symgen.pipeline.user_system import is_own, load
 from symgen.precision import FLOAT64
 from symgen.scene.loading import SceneText, check_scene, override, text_of
-from symgen.toolchain.cache import key
 from symgen.toolchain.kernels import GET_A_COMPILER, Tools, no_collection, tools_for
 
 if TYPE_CHECKING:
@@ -211,7 +211,18 @@ def loop_model(made: Made) -> LoopModel:
     """Return the model of a loop."""
     from symgen.runtime.loop.model import LoopModel
 
-    return LoopModel(made.description, made.library, made.equations, typed=made.typed)
+    text, base, description = made.text, made.tools.in_float64, made.description
+
+    analyses = cache(
+        lambda kind, outputs: kernels_of_analysis(text, base, description, kind, outputs, resolved)
+    )
+
+    def resolved() -> Loop:
+        from symgen.scene.resolve import resolve
+
+        return cast("Loop", resolve(check_scene(text)))
+
+    return LoopModel(description, made.library, made.equations, typed=made.typed, analyses=analyses)
 
 
 def elastic_model(made: Made) -> ElasticModel:
@@ -242,7 +253,9 @@ def linkage_model(made: Made) -> RodModel | KinematicModel:
         # Kernels of runs are in the type of the model; all others are in double precision.
         in_type = stepping and not tools.digits and tools.precision != FLOAT64
         chosen, of = (tools, tools.precision.name) if in_type else (base, "")
-        return _analysis(text, chosen, description, kind, outputs, lambda: _linkage(text), of, lanes)
+        return kernels_of_analysis(
+            text, chosen, description, kind, outputs, lambda: _linkage(text), of, lanes
+        )
 
     analyses = cache(analysis)
     if description.plane is None:
@@ -320,40 +333,6 @@ def _linkage(text: SceneText) -> Linkage:
     return resolve_linkage(check_scene(text))
 
 
-def _analysis(
-    text: SceneText,
-    tools: Tools,
-    base: Description,
-    kind: str,
-    outputs: tuple[str, ...],
-    linkage: Callable[[], Linkage],
-    of: str = "",
-    lanes: bool = False,
-) -> tuple[Description, Library]:
-    """Return the kernels of one kind of analysis, which are compiled on first use.
-
-    ``outputs`` are those of the analysis. ``linkage`` returns the linkage of the scene, or one derived from
-    it, which ``of`` names. In ``lanes`` kernels take vectors.
-    """
-    from symgen.runtime.kernels.description import kernel_infos
-
-    made = tools.of_lanes if lanes else tools
-
-    def make(folder: Path) -> tuple[Description, Library]:
-        with no_collection():
-            from symgen.models.analyses import analysis_system
-
-            found = replace(linkage(), outputs=outputs)
-            program, equations, sources = made.lowered(analysis_system(found, kind), lanes)
-        with made.written(program, sources, folder, lanes) as compilation:
-            kernels = kernel_infos(program.kernels)
-            description = replace(base, name=program.name, equations=equations, kernels=kernels)
-            return description, made.opened(folder, description, compilation)
-
-    parts = of, kind, key(*outputs)[:12] if outputs else "", "lanes" if lanes else ""
-    return made.cached(text, "-".join(part for part in parts if part), make, base=base)
-
-
 def _remade(text: SceneText, tools: Tools, base: Description, segments: int | None) -> RodModel:
     """Return the linkage of a scene with elastic links in rigid segments; if None, rigid with its motor."""
 
@@ -375,7 +354,9 @@ def _made_of(
 
     description, library = tools.cached(text, name, lambda f: _of_resolved(linkage(), tools, f), base=base)
     analyses = cache(
-        lambda kind, _, of, lanes=False: _analysis(text, tools, description, kind, of, linkage, name, lanes)
+        lambda kind, _, of, lanes=False: kernels_of_analysis(
+            text, tools, description, kind, of, linkage, name, lanes
+        )
     )
     return RodModel(description, library, lambda: system_of(linkage()).by_name(), analyses=analyses)
 

@@ -19,7 +19,7 @@ ELASTIC = {"periodic", "quasi_static", "large_rotation", "speed_response", "in_s
 SUPPORTED = {
     "four_bar": RODS,
     "crank_rocker": (RODS | DRIVEN) - AT_REST,
-    "slider_crank": DRIVEN | {"batch"},
+    "slider_crank": DRIVEN | {"batch", "sensitivity"},
     "cssp": {"simulate", "assemblies", "batch"},
     "thesis_four_bar": RODS - {"accelerations", "equilibrium"} - LINEAR | DRIVEN | ELASTIC,
     "elastic_four_bar_motor": RODS - {"accelerations"} - LINEAR | DRIVEN | ELASTIC,

@@ -172,13 +172,18 @@ def asked(model: LoopModel) -> list[NamedMatrix]:
         try:
             if name in names[:i]:
                 raise SceneError(f"{name!r} is listed twice")
-            entries, unit, description = _entries(model, name)
+            found.append(output(model, name))
         except SceneError as error:
             raise (error if error.where else error.located(where=where)) from None
-        rows = tuple(AXES) if len(entries) == 3 else ()
-        matrix = sp.ImmutableMatrix(len(entries), 1, list(entries))
-        found.append(NamedMatrix(name, matrix, unit, description, rows))
     return found
+
+
+def output(model: LoopModel, name: str) -> NamedMatrix:
+    """Return the matrix of one output; raise SceneError as :func:`asked`."""
+    entries, unit, description = _entries(model, name)
+    rows = tuple(AXES) if len(entries) == 3 else ()
+    matrix = sp.ImmutableMatrix(len(entries), 1, list(entries))
+    return NamedMatrix(name, matrix, unit, description, rows)
 
 
 def default(model: LoopModel) -> list[str]:

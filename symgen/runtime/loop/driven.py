@@ -174,7 +174,13 @@ def followed(kernels: LoopKernels, begin: Closed, value: float) -> Closed:
 
 
 def moving(kernels: LoopKernels, begin: Closed, value: float) -> tuple[float, Array]:
-    """Return time and state at a value of the first input: variables, rates, accelerations, closing wrench.
+    """Return time and state at a value of the first input; errors and state as of :func:`moving_at`."""
+    t = kernels.time_of(value)
+    return t, moving_at(kernels, begin, t)
+
+
+def moving_at(kernels: LoopKernels, begin: Closed, t: float) -> Array:
+    """Return the state at a time: variables, rates, accelerations, closing wrench.
 
     Raises
     ------
@@ -182,13 +188,14 @@ def moving(kernels: LoopKernels, begin: Closed, value: float) -> tuple[float, Ar
         When it cannot be followed there.
     """
     d = kernels.description
-    equations, t = kernels.equations(d.having("dependent"), begin.rank), kernels.time_of(value)
+    equations = kernels.equations(d.having("dependent"), begin.rank)
     rows, q = _rows(d, 1), np.append(begin.q, 0.0)
     longest = max(abs(t - begin.t), LEAST_RANGE) / PARTS
     status, _, at = follow_over(kernels, equations, begin.t, q, np.array([t]), longest, rows)
     if status != _core.DONE:
         raise SimulationError(why_stopped(kernels, equations, status, at, q[:-1], t), time=at)
-    return t, rows[0][0]
+    state: Array = rows[0][0]
+    return state
 
 
 def _rows(d: LoopDescription, count: int) -> tuple[Array, Array, Array]:

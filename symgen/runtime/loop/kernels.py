@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from symgen.errors import ModelError, RangeError
 from symgen.runtime import _core, _loop
-from symgen.runtime.kernels.description import KernelInfo, LoopDescription, VariableInfo
+from symgen.runtime.kernels.description import BlockInfo, KernelInfo, LoopDescription, VariableInfo
 from symgen.runtime.kernels.evaluate import as_taken, part
 from symgen.runtime.kernels.library import Library
 from symgen.runtime.kernels.typed import Typed
@@ -94,6 +94,11 @@ class LoopKernels:
     def has(self, kernel: str) -> bool:
         """Return True if the loop has this kernel."""
         return kernel in self.library.addresses
+
+    def blocks(self, kernel: str) -> tuple[BlockInfo, ...]:
+        """Return the results of a kernel: names, units, rows; none where there is no such kernel."""
+        info = self._infos.get(kernel)
+        return info.blocks if info else ()
 
     def equations(self, solved: Sequence[int], rank: int) -> _loop.LoopEquations:
         """Return the compiled view of the kernels in double precision: solves for these variables."""

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from symgen.calls import checked
-from symgen.errors import InitialStateError, ModelError
+from symgen.errors import InitialStateError, ModelError, nearest
 from symgen.runtime import _core
 from symgen.runtime.closure.assemblies import assemblies
 from symgen.runtime.closure.later import closed_later
@@ -27,9 +27,14 @@ from symgen.runtime.model.model import Model
 from symgen.runtime.result.turn import Turn
 
 if TYPE_CHECKING:
+    from symgen.runtime.linearisation.record import Sensitivity
     from symgen.runtime.result.result import Result
 
 Array = NDArray[np.float64]
+
+
+#: Gives the kernels of a kind of analysis with some outputs.
+Analyses = Callable[[str, tuple[str, ...]], tuple[LoopDescription, Library]]
 
 
 @checked
@@ -52,8 +57,10 @@ class LoopModel(Model):
         derive: Callable[[], Any],
         parameters: Mapping[str, float] | None = None,
         typed: Typed | None = None,
+        analyses: Analyses | None = None,
     ) -> None:
         super().__init__(description, library, derive, parameters, typed)
+        self._analyses = analyses
         self._kernels = LoopKernels(description, library, self.given, typed)
         self._start: Closed | None = None
 
@@ -82,7 +89,7 @@ class LoopModel(Model):
     def with_parameters(self, /, **values: float) -> LoopModel:
         """Return the same loop with other values of its tunable parameters, in SI units."""
         changed = {**self.parameters, **values}
-        return LoopModel(self.description, self._library, self._derive, changed, self._typed)
+        return LoopModel(self.description, self._library, self._derive, changed, self._typed, self._analyses)
 
     @property
     def kernels(self) -> LoopKernels:
@@ -136,6 +143,8 @@ class LoopModel(Model):
                 "  Evaluate it over its range ('symgen inverse-dynamics SCENE', model.inverse_dynamics()), "
                 "or give a variable under loop.free."
             )
+        if name == "sensitivity" and (free or not d.having("input")):
+            return "it moves freely: derivatives are those of loops whose inputs prescribe the motion"
         if name in ("kinematics", "inverse_dynamics") and free:
             return (
                 f"it has free variables ({', '.join(free)}): its motion follows from forces\n"
@@ -188,6 +197,27 @@ class LoopModel(Model):
             t = at if over == "time" else self._kernels.time_of(at)
         names = [v.name for v in self.description.variables]
         return tuple(dict(zip(names, q.tolist(), strict=True)) for q in assemblies(self._kernels, t, begin.q))
+
+    def _sensitivity(
+        self, outputs: Sequence[str], parameters: Sequence[str] | None = None, at: float | None = None
+    ) -> Sensitivity:
+        from symgen.runtime.linearisation.loops import sensitivity
+
+        if self._analyses is None:
+            raise ModelError(f"{self.name} was made without its scene: build it with symgen.build")
+        by = tuple(self.parameters if parameters is None else parameters)
+        for name in by:
+            if name not in self.parameters:
+                raise ModelError(
+                    f"{self.name} has no tunable parameter {name!r}. {nearest(name, self.parameters)}"
+                )
+        if not by:
+            raise ModelError(
+                f"{self.name} has no tunable parameters to differentiate by\n"
+                "  Write tunable = true for some under [parameters] of the scene."
+            )
+        kernels = LoopKernels(*self._analyses("loop_sensitivity", tuple(outputs)), self.given)
+        return sensitivity(self._kernels, kernels, self.closed_start(), at, by)
 
     @takes(Run)
     def _simulate(self, asked: Run) -> Result:

@@ -116,8 +116,8 @@ class LinearAnalyses:
             ``coordinates`` and of their rates, called ``crank.angle`` and ``crank.angle'``.
         at
             An equilibrium, which moves with the parameters; or a state, which is held as far as drives and
-            ``coordinates`` determine it, together with its time. Where drives alone move the linkage, a time
-            [s] gives the state. The start when absent.
+            ``coordinates`` determine it, together with its time. Where drives alone move the linkage, and
+            of loops, a time [s] gives the state. The start when absent.
         coordinates
             Independent coordinates as for :meth:`linearise` that are held at a state, with their rates: one
             for each degree of freedom that is not driven.

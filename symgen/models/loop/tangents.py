@@ -1,0 +1,136 @@
+"""Tangents of a loop's closure, motion, efforts and outputs along a direction: forward mode.
+
+Every quantity x of the derivation has a tangent dx, linear in the tangents of variables, rates,
+accelerations, closing wrench and parameters, which follow the others in ``work``; the time is held.
+Derivatives by parameters follow from these by solving a linear system for each of variables, rates,
+accelerations and wrench: :mod:`symgen.runtime.linearisation.loops`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import sympy as sp
+
+from symgen.errors import ModelError, SceneError
+from symgen.models.loop import outputs
+from symgen.models.loop.derivation import REFERENCE, LoopModel
+from symgen.models.loop.system import groups
+from symgen.scene.rods.linkage import TIME
+from symgen.symbolic.calculus import partial
+from symgen.symbolic.quantity import AXES, Quantity, quantity
+from symgen.symbolic.system import Definition, Export, NamedMatrix, System
+
+if TYPE_CHECKING:
+    from symgen.scene.loop.loop import Loop
+
+
+def tangent_system(loop: Loop) -> System:
+    """Return the System of the tangents of a loop with inputs, and of the values of its outputs.
+
+    Its kernels: ``prescribed``, tangents of values, rates and accelerations of the inputs; ``closure``, those
+    of rotation and translation; ``motion``, those of the sums of screws by rates, and by accelerations with
+    their drift; ``efforts``, values and tangents of the efforts of all variables less the known ones, for
+    outputs with forces; ``values`` and ``slopes``, values and tangents of the outputs, one matrix for each.
+
+    Raises
+    ------
+    ModelError
+        For an output that the loop does not have.
+    """
+    model = LoopModel(loop)
+    try:
+        asked = [_component(model, name) for name in loop.outputs or ()]
+    except SceneError as error:
+        raise ModelError(str(error)) from None
+    forces = any("forces" in outputs.needs(_parted(name)[0]) for name in loop.outputs or ())
+    turn, origin = model.paths.closure.turn, model.paths.closure.origin
+    rotation = [(turn[k, j] - turn[j, k]) / 2 for j, k in ((1, 2), (2, 0), (0, 1))]
+    count = len(model.variables)
+    screws = model.paths.columns(model.paths.screws, count)
+    drift = model.paths.columns(model.paths.screw_rates(), count) * sp.Matrix(model.rates)
+    inputs = [v.motion for v in loop.having("input")]
+    time = TIME.symbol
+    of = {
+        "prescribed": [x for m in inputs for x in (m, sp.diff(m, time), sp.diff(m, time, 2))],
+        "closure": [*rotation, *origin],
+        "motion": [*(screws * sp.Matrix(model.rates)), *(screws * sp.Matrix(model.second) + drift)],
+    }
+    if forces:
+        pairs = zip(model.joints[1], model.given_efforts, strict=True)
+        of["efforts"] = [effort - given for effort, given in pairs]
+    tangents = _Tangents(model)
+    matrices = [_column(f"{name}_tangent", tangents.of(x), f"tangents of {name}") for name, x in of.items()]
+    exports = [Export(name, f"tangents of {name}", (f"{name}_tangent",)) for name in of]
+    if forces:
+        matrices.append(_column("efforts_left", of["efforts"], "efforts less the known ones"))
+        exports[-1] = replace(exports[-1], matrices=("efforts_left", "efforts_tangent"))
+    slopes = [x for m in asked for x in tangents.of(list(m.matrix))]
+    if asked:
+        names = [m.name for m in asked]
+        matrices += [*asked, _column("outputs_tangent", slopes, "tangents of outputs")]
+        exports.append(Export("values", "values of outputs", tuple(names)))
+        exports.append(Export("slopes", "tangents of outputs", ("outputs_tangent",)))
+    own = groups(model)
+    return System(
+        name=f"{loop.name}_sensitivity",
+        title=f"{loop.title}: tangents",
+        groups=(*own[:-1], replace(own[-1], quantities=(*own[-1].quantities, *tangents.seeds))),
+        matrices=tuple(matrices),
+        exports=tuple(exports),
+        definitions=(*model.names.definitions, *tangents.definitions),
+        references=(REFERENCE,),
+    )
+
+
+class _Tangents:
+    """Tangents of the derivation so far: ``definitions`` of those of its named quantities."""
+
+    def __init__(self, model: LoopModel) -> None:
+        variables = model.variables
+        given = [*(v.quantity for v in variables), *(v.rate for v in variables)]
+        given += [*(v.acceleration for v in variables), *model.closing]
+        given += [p.quantity for p in model.loop.parameters]
+        #: Tangents of the arguments, in the order of variables, rates, accelerations, wrench, parameters.
+        self.seeds = tuple(_tangent(x) for x in given)
+        self._known = {x.symbol: s.symbol for x, s in zip(given, self.seeds, strict=True)}
+        self.definitions: list[Definition] = []
+        for definition in model.names.definitions:
+            (slope,) = self.of([definition.expression])
+            if slope != 0:
+                made = _tangent(definition.quantity)
+                self.definitions.append(Definition(made, slope))
+                self._known[definition.quantity.symbol] = made.symbol
+
+    def of(self, expressions: Sequence[sp.Expr]) -> list[sp.Expr]:
+        """Return the tangents of expressions that use these quantities."""
+        found = []
+        for expression in map(sp.sympify, expressions):
+            used = sorted(expression.free_symbols & self._known.keys(), key=lambda s: str(s.name))
+            found.append(sp.Add(*(partial(expression, s) * self._known[s] for s in used)))
+        return found
+
+
+def _tangent(x: Quantity) -> Quantity:
+    return quantity(f"{x.name}_tangent", x.unit, f"tangent of {x.description}")
+
+
+def _component(model: LoopModel, name: str) -> NamedMatrix:
+    """Return an output, or a component of it such as ``crank.joint1.force.x``."""
+    whole, axis = _parted(name)
+    found = outputs.output(model, whole)
+    if axis and not found.rows:
+        raise SceneError(f"{whole} has no component {axis}")
+    return replace(found.part(rows=[axis]), name=name) if axis else found
+
+
+def _parted(name: str) -> tuple[str, str]:
+    """Return the name of an output and its component, empty for all."""
+    owner, _, last = name.rpartition(".")
+    return (owner, last) if last in AXES and owner else (name, "")
+
+
+def _column(name: str, entries: Sequence[sp.Expr], about: str) -> NamedMatrix:
+    return NamedMatrix(name, sp.ImmutableMatrix(len(entries), 1, list(entries)), "SI", about)
