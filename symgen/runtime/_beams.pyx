@@ -105,7 +105,7 @@ cdef extern from "core/elastic.h" nogil:
         void (*motion_follow)(rigid_motion *, const void *, const void *, long, double, long) noexcept nogil
         int (*motion_at)(rigid_motion *, double) noexcept nogil
         void (*motion_view)(const rigid_motion *, motion_view *) noexcept nogil
-        int (*motion_along)(rigid_motion *, const void *, long, void *, void *, void *) noexcept nogil
+        int (*motion_along)(rigid_motion *, const void *, long, void *, void *, void *, void *) noexcept nogil
         size_t (*beams_bytes)(const beam_layout *) noexcept nogil
         void (*beams_bind)(beams *, rigid_motion *, const beam_layout *, void *) noexcept nogil
         void *(*beams_constants)(beams *) noexcept nogil
@@ -249,21 +249,20 @@ cdef class RigidMotion:
                 _doubles(of, seen.loads, self.sizes.loads))
 
     def along(self, times):
-        """Return a status, and states, motion of links and point loads at rising times, a row each."""
+        """Return a status, and at rising times states, accelerations with multipliers, motion of links and point loads."""
         cdef Core of = self.equations.of
         cdef Py_ssize_t count = len(times)
-        states, rows, forces = (np.zeros((count, k)) for k in (self.equations.dim, self.sizes.links, self.sizes.loads))
-        cdef Reals when = Reals(of, times), y = Reals(of, states), x = Reals(of, rows), f = Reals(of, forces)
+        cdef Integrable rigid = self.equations
+        sizes = rigid.dim, rigid.n + rigid.m, self.sizes.links, self.sizes.loads
+        states, solutions, rows, forces = (np.zeros((count, k)) for k in sizes)
+        cdef Reals when = Reals(of, times), y = Reals(of, states), a = Reals(of, solutions)
+        cdef Reals x = Reals(of, rows), f = Reals(of, forces)
         cdef int status
         with nogil:
-            status = self.api.motion_along(self.core, when.at, count, y.at, x.at, f.at)
-        for made in (y, x, f):
+            status = self.api.motion_along(self.core, when.at, count, y.at, a.at, x.at, f.at)
+        for made in (y, a, x, f):
             (<Reals>made).back()
-        return status, states[:, :2 * self.equations.n], rows, forces
-
-    def solution(self):
-        """Return accelerations and multipliers where the motion is."""
-        return _doubles(self.equations.of, self.equations.core.out, self.equations.n + self.equations.m)
+        return status, states[:, :2 * rigid.n], solutions, rows, forces
 
 
 cdef int _within(str what, values, Py_ssize_t low, high) except -1:
@@ -437,10 +436,6 @@ cdef class BeamEquations(Integrable):
         self.api.beams_view(<beams *>self.core, &seen)
         count = seen.full_entries
         return _indices(seen.full_rows, count), _indices(seen.full_columns, count), self._array(seen.full_stiffness, count)
-
-    def accelerations(self, double t, y):
-        """Return S'' of a state (S, S') at a time."""
-        return self.solutions(np.array([t]), np.asarray(y).reshape(1, -1))[0, :self.whole]
 
     def residual(self, double t, s, v, a, int analysis=_IN_MOTION):
         """Return status, M S'' + C S' + K S - Q of all unknowns, and the rows of their constraints, (m, n).

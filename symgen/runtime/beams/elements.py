@@ -51,12 +51,19 @@ def shifted(polynomial: Sequence[float], by: float) -> list[float]:
 
 def at(polynomial: Sequence[float], x: float) -> float:
     """Return the value of a polynomial."""
-    return shifted(polynomial, x)[0]
+    return sum(c * x**k for k, c in enumerate(polynomial))
 
 
 def integral(polynomial: Sequence[float], x: float) -> float:
     """Return the integral of a polynomial from 0 to x."""
     return sum(c * x ** (k + 1) / (k + 1) for k, c in enumerate(polynomial))
+
+
+@cache
+def gauss(count: int) -> tuple[Array, Array]:
+    """Return points and weights of the Gauss rule from -1 to 1."""
+    points, weights = np.polynomial.legendre.leggauss(count)
+    return points, weights
 
 
 def point(x: float) -> dict[str, Array]:

@@ -101,9 +101,9 @@ def accelerations_of(motion: ElasticMotion, equations: BeamEquations, found: Mot
     """Return S'' at the times, (times, unknowns)."""
     made = np.zeros_like(found.displacements)
     if found.rates is not None:
-        for i in np.argsort(found.times, kind="stable"):
-            state = np.concatenate([found.displacements[i], found.rates[i]])
-            made[i] = equations.accelerations(float(found.times[i]), state)
+        order = np.argsort(found.times, kind="stable")
+        states = np.column_stack([found.displacements, found.rates])[order]
+        made[order] = equations.solutions(found.times[order], states)[:, : equations.whole]
     return made
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +22,8 @@ Array = NDArray[np.float64]
 
 #: Places on each element at which stresses along a link are compared, and the most of them.
 _PER_ELEMENT, _LOOKS = 16, 1025
+#: Tables of rows that a link keeps.
+_TABLES = 32
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,6 +61,9 @@ class Beam:
     damped: Array
     segments: tuple[Segment, ...]
     expansion: Array | None
+    _tables: dict[tuple[float, ...], Mapping[str, Array]] = field(
+        default_factory=dict, init=False, repr=False, compare=False
+    )
 
     def rows(self, at: float) -> StationRows:
         """Return the rows that recover displacement and strain at a fraction of the length, 0 to 1.
@@ -73,7 +78,18 @@ class Beam:
         return StationRows(*(rows[0] for rows in self.table((at,)).values()))
 
     def table(self, fractions: Sequence[float]) -> Mapping[str, Array]:
-        """Return the rows at many fractions, (fractions, n) each, by the names of ``StationRows``."""
+        """Return the rows at many fractions, (fractions, n) each, by the names of ``StationRows``.
+
+        Those of the last requests are kept: each run asks for the same.
+        """
+        key = tuple(fractions)
+        if key not in self._tables:
+            if len(self._tables) == _TABLES:
+                self._tables.clear()
+            self._tables[key] = self._table(key)
+        return self._tables[key]
+
+    def _table(self, fractions: Sequence[float]) -> Mapping[str, Array]:
         size = len(self.dofs) if self.expansion is None else len(self.expansion)
         found = np.zeros((len(SHAPES), len(fractions), size))
         for k, fraction in enumerate(fractions):
@@ -89,6 +105,7 @@ class Beam:
                 found[:, k, list(part.dofs)] += part.shape(local) / len(parts)
         if self.expansion is not None:
             found = found @ self.expansion
+        found.flags.writeable = False
         return dict(zip(SHAPES, found, strict=True))
 
     def fibres(self, fractions: Array) -> Array:

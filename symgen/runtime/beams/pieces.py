@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from symgen.runtime._beams import MATRICES, SPREAD, VECTORS
 from symgen.runtime.beams.data import Lump, Piece, Profile, Properties
-from symgen.runtime.beams.elements import Segment, integral, point, segment_at
+from symgen.runtime.beams.elements import Segment, gauss, integral, point, segment_at
 
 Array = NDArray[np.float64]
 
@@ -118,7 +118,7 @@ def _force(part: Segment, x: float) -> Array:
 
 def _gauss(part: Segment, start: float) -> tuple[Array, Array]:
     """Return places [m] from the first point of the link, and weights, from ``start`` in an element on."""
-    points, weights = np.polynomial.legendre.leggauss(GAUSS)
+    points, weights = gauss(GAUSS)
     half = (part.length - start) / 2
     return part.start + start + half * (1 + points), half * weights
 

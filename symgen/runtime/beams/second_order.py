@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symgen.runtime import _beams
-from symgen.runtime.beams.elements import SHAPES, at, kernels
+from symgen.runtime.beams.elements import SHAPES, at, gauss, kernels
 from symgen.runtime.beams.forces import Motion
 from symgen.runtime.beams.frames import frames
 from symgen.runtime.elastic.motion import ElasticMotion
@@ -44,10 +44,12 @@ def omitted(
     """
     times = _chosen(recorded, motion.layout.unknowns)
     kept = _at(recorded, times)
-    loads = _loads(motion, kept, axial_force)
+    loads, violated = _loads(motion, kept, axial_force), _violated(motion, kept)
     second, static = np.zeros_like(kept.displacements), np.zeros_like(kept.displacements)
     for i in np.argsort(kept.times, kind="stable"):
-        second[i], static[i] = _carried(motion, equations, kept, int(i), loads[i])
+        second[i], static[i] = _carried(
+            motion, equations, kept.displacements[i], float(kept.times[i]), loads[i], violated[i]
+        )
     inertia = kept.displacements - static
     return [_added(motion, k, kept, second, inertia) for k in range(len(motion.beams))]
 
@@ -98,7 +100,7 @@ def _at(recorded: Motion, places: NDArray[np.intp]) -> Motion:
 
 def _loads(motion: ElasticMotion, kept: Motion, axial_force: AxialForce) -> Array:
     """Return f2 of the elastic links on all unknowns, (times, unknowns)."""
-    points, weights = np.polynomial.legendre.leggauss(_GAUSS)
+    points, weights = gauss(_GAUSS)
     found = np.zeros((len(kept.times), motion.layout.unknowns + 1))
     for k, beam in enumerate(motion.beams):
         n, length = beam.info.elements, beam.properties.length
@@ -126,18 +128,20 @@ def _loads(motion: ElasticMotion, kept: Motion, axial_force: AxialForce) -> Arra
 
 
 def _carried(
-    motion: ElasticMotion, equations: _beams.BeamEquations, kept: Motion, i: int, load: Array
+    motion: ElasticMotion, equations: _beams.BeamEquations, s: Array, t: float, load: Array, violated: Array
 ) -> tuple[Array, Array]:
-    """Return S2, and the displacements under the loads of the rigid motion alone, at one recorded time."""
-    t, still = float(kept.times[i]), np.zeros(motion.layout.unknowns)
+    """Return S2, and the displacements under the loads of the rigid motion alone, at one recorded time.
+
+    ``load`` is f2 and ``violated`` by how much the displacements ``s`` violate the constraints.
+    """
+    still = np.zeros(motion.layout.unknowns)
     status, _, _, stiffness, rigid, basis = equations.matrices(t, _beams.QUASI_STATIC)
     motion.check(equations, status, t)
     forced: Array = still
     if basis is not None:
         _, empty, rows = equations.residual(t, still, still, still, _beams.QUASI_STATIC)
-        forced = np.asarray(
-            np.linalg.lstsq(rows, -_violation(motion, kept, i, rows), rcond=None)[0], dtype=float
-        )
+        second = violated - rows @ s
+        forced = np.asarray(np.linalg.lstsq(rows, -second, rcond=None)[0], dtype=float)
         load = load + equations.residual(t, forced, still, still, _beams.QUASI_STATIC)[1] - empty
     own = np.eye(len(still)) if basis is None else basis[0]
     sides = np.column_stack([-own.T @ load, rigid])
@@ -145,15 +149,14 @@ def _carried(
     return forced + found[:, 0], found[:, 1]
 
 
-def _violation(motion: ElasticMotion, kept: Motion, i: int, rows: Array) -> Array:
-    """Return c2: by how much the displacements violate the kept constraints, to the second order."""
+def _violated(motion: ElasticMotion, kept: Motion) -> Array:
+    """Return by how much the displacements violate the constraints that they keep, (times, constraints)."""
     rigid, d = motion.rigid, motion.rigid.description
-    t, q, s = float(kept.times[i]), kept.q[i], kept.displacements[i]
     columns = [motion.layout.names.index(f"{p}.{axis}") for p in d.free for axis in d.axes]
-    still = np.zeros(d.coordinates)
-    blocks = rigid.evaluator.blocks("constraints", t, q + s[columns], still)
-    first = rigid.evaluator.blocks("constraints", t, q, still)["constraints"]
+    still = np.zeros_like(kept.q)
+    moved = kept.q + kept.displacements[:, columns]
+    blocks = rigid.evaluator.many_blocks("constraints", kept.times, moved, still)
+    first = rigid.evaluator.many_blocks("constraints", kept.times, kept.q, still)["constraints"]
     violated = (blocks["constraints"] - first) / blocks["constraint_scale"]
-    of = {name: violated[j] for j, name in enumerate(d.constraints)}
-    found: Array = np.array([of[name] for name in motion.constraints]) - rows @ s
+    found: Array = violated[:, [d.constraints.index(name) for name in motion.constraints]]
     return found

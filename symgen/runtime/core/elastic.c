@@ -14,14 +14,16 @@ static void view_motion(const struct rigid_motion *m, struct motion_view *view) 
     *view = (struct motion_view){(double)*m->t, m->y, m->motion, m->joined, m->shaft, m->loads};
 }
 
-static int along(struct rigid_motion *m, const void *times, long count, void *y, void *motion, void *loads) {
-    const size_t state = (size_t)m->e->dim;
-    const size_t sizes[] = {state * sizeof(real), (size_t)m->sizes.links * sizeof(real), (size_t)m->sizes.loads * sizeof(real)};
+static int along(struct rigid_motion *m, const void *times, long count, void *y, void *solutions, void *motion, void *loads) {
+    const struct equations *e = m->e;
+    const size_t sizes[] = {(size_t)e->dim * sizeof(real), (size_t)m->sizes.links * sizeof(real), (size_t)m->sizes.loads * sizeof(real)};
+    const size_t solved = (size_t)(e->n + e->m) * sizeof(real);
     for (long k = 0; k < count; k++) {
         const int status = motion_at(m, ((const real *)times)[k]);
         if (status != DONE)
             return status;
         memcpy((char *)y + k * (ptrdiff_t)sizes[0], m->y, sizes[0]);
+        memcpy((char *)solutions + k * (ptrdiff_t)solved, e->out, solved);
         memcpy((char *)motion + k * (ptrdiff_t)sizes[1], m->motion, sizes[1]);
         if (sizes[2])
             memcpy((char *)loads + k * (ptrdiff_t)sizes[2], m->loads, sizes[2]);

@@ -33,7 +33,7 @@ struct elastic_api {
     int (*motion_at)(struct rigid_motion *m, double t);
     void (*motion_view)(const struct rigid_motion *m, struct motion_view *view);
     /* Rows of y, of the motion of links and of loads at times; DONE or what went wrong. */
-    int (*motion_along)(struct rigid_motion *m, const void *times, long count, void *y, void *motion, void *loads);
+    int (*motion_along)(struct rigid_motion *m, const void *times, long count, void *y, void *solutions, void *motion, void *loads);
 
     size_t (*beams_bytes)(const struct beam_layout *layout);
     void (*beams_bind)(struct beams *b, struct rigid_motion *motion, const struct beam_layout *layout, void *memory);

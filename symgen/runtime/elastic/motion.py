@@ -280,8 +280,7 @@ class ElasticMotion(ABC):
 
         ``q`` are the coordinates of the rigid linkage at the times, (times, coordinates) [m].
         """
-        of, still = self._motion, np.zeros(q.shape[1])
-        rows = np.array([of("crank_rotation", t, at, still) for t, at in zip(times.tolist(), q, strict=True)])
+        rows = self._motion.many("crank_rotation", times, q, np.zeros_like(q))
         return rows[:, :2], rows[:, 2:]
 
     def rigid_motion(self, equations: _beams.BeamEquations, times: Array) -> tuple[Array, Array, Array]:
@@ -290,24 +289,24 @@ class ElasticMotion(ABC):
         Coordinates (times, coordinates) [m], and the weights of links (times, links, columns) and of forces
         along links (times, forces, 3): see :mod:`symgen.runtime.beams.frames`.
         """
-        order = np.argsort(times, kind="stable")
-        status, *found = equations.motion.along(np.ascontiguousarray(times[order]))
-        self.check(equations, status, equations.motion.t)
-        back = np.argsort(order)
-        y, links, loads = (rows[back] for rows in found)
+        y, _, links, loads = self._along(equations, times)
         count = len(times)
         q = y[:, : self.rigid.description.coordinates]
         return q, links.reshape(count, -1, len(MOTION)), loads.reshape(count, -1, len(APPLIED))
 
-    def rigid_states(self, equations: _beams.BeamEquations, times: Array) -> list[Array]:
+    def rigid_states(self, equations: _beams.BeamEquations, times: Array) -> tuple[Array, Array, Array]:
         """Return q, q' (times, coordinates) of the rigid motion, and q'' followed by the multipliers."""
-        n, rows, order = self.rigid.description.coordinates, [], np.argsort(times, kind="stable")
-        for t in times[order].tolist():
-            status, y, *_ = equations.motion.evaluate(t)
-            self.check(equations, status, t)
-            solution = equations.motion.solution()
-            rows.append([*y, *(self._path.with_drive(solution, n) if self._path else solution)])
-        return np.split(np.array(rows)[np.argsort(order)], (n, 2 * n), axis=1)
+        n = self.rigid.description.coordinates
+        y, solutions, *_ = self._along(equations, times)
+        return y[:, :n], y[:, n:], self._path.with_drive(solutions, n) if self._path else solutions
+
+    def _along(self, equations: _beams.BeamEquations, times: Array) -> list[Array]:
+        """Return states, accelerations with multipliers, motion of links and point loads, a row per time."""
+        order = np.argsort(times, kind="stable")
+        status, *found = equations.motion.along(np.ascontiguousarray(times[order]))
+        self.check(equations, status, equations.motion.t)
+        back = np.argsort(order)
+        return [rows[back] for rows in found]
 
     def own_unknowns(self, k: int, links: Array, displacements: Array) -> Array:
         """Return the unknowns of a link in its own axes, (times, n).

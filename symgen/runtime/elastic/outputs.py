@@ -36,18 +36,24 @@ def outputs(motion: ElasticMotion, links: Array, displacements: Array) -> list[V
     displacements
         (times, unknowns).
     """
-    found = []
     own = [motion.own_unknowns(k, links, displacements) for k in range(len(motion.beams))]
-    for name, k, at, fibre in motion.stations:
-        beam = motion.beams[k]
-        rows = beam.rows(at)
-        bending, axial = own[k] @ rows.curvature * fibre, own[k] @ rows.axial_strain
-        found += strains(name, beam, at, bending, axial)
+    found = _strains(motion, own)
     names = motion.layout.names
     for point in motion.rigid.description.free:
         columns = [names.index(f"{point}.{axis}") for axis in "xy"]
         found.append(displacement(point, displacements[:, columns]))
     found += [length_change(b.info.link, _stretch(b, own[k])) for k, b in enumerate(motion.beams)]
+    return found
+
+
+def _strains(motion: ElasticMotion, own: Sequence[Array]) -> list[Variable]:
+    """Return strains at the stations by the unknowns of each link on its axes, (times, n)."""
+    found = []
+    for name, k, at, fibre in motion.stations:
+        beam = motion.beams[k]
+        rows = beam.rows(at)
+        bending, axial = own[k] @ rows.curvature * fibre, own[k] @ rows.axial_strain
+        found += strains(name, beam, at, bending, axial)
     return found
 
 
@@ -204,7 +210,9 @@ class Errors:
         if not (np.all(np.isfinite(coarse)) and np.all(np.isfinite(fine))):
             return found + math.inf
         links = self._links if places is None else self._links[places]
-        both = (outputs(self._motion, links, values) for values in (coarse, fine))
+        of, count = self._motion, len(self._motion.beams)
+        own = ([of.own_unknowns(k, links, values) for k in range(count)] for values in (coarse, fine))
+        both = (_strains(of, each) for each in own)
         pairs = [(a.values, b.values) for a, b in zip(*both, strict=True) if b.name.endswith(".stress")]
         if places is None or not self._peaks:
             self._peaks = [float(np.max(np.abs(b))) for _, b in pairs]

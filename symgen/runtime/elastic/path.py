@@ -64,9 +64,9 @@ class Path:
         """The last time [s]."""
         return self.spacing * (len(self.rows) - 1)
 
-    def with_drive(self, solution: Array, coordinates: int) -> Array:
-        """Return accelerations and multipliers with that of the crank's drive, which is zero."""
-        return np.insert(solution, coordinates + self.absent, 0.0)
+    def with_drive(self, solutions: Array, coordinates: int) -> Array:
+        """Return accelerations and multipliers (times, ...) with that of the crank's drive, which is zero."""
+        return np.insert(solutions, coordinates + self.absent, 0.0, axis=1)
 
     def angle_at(self, times: Array) -> Array:
         """Return directions of the crank [rad] at times [s]."""

@@ -210,22 +210,24 @@ def stepped(
     reached, taken = stages.resumed(steps, found, rates) if stages else (0, 0)
     now = float(times[order[reached - 1]]) if reached else 0.0
     cause = f", with {int(np.sum(counts))} steps"
-    jumps = motion.jumps.tolist()
+    jumps, unseen = motion.jumps.tolist(), 0
     while reached and jumps and jumps[0][0] <= now:
         now = max(now, jumps.pop(0)[1])
     for place in range(reached, len(times)):
         k, count = order[place], int(counts[place])
         t = float(times[k])
         while taken < count and t > now:
-            to = min(taken + pace.chunk(), count)
+            if unseen <= 0:
+                unseen = pace.chunk()
+            to = min(taken + unseen, count)
             status = steps.advance(now, t, count, taken, to)
             if status == _core.NOT_FINITE:
                 found[:] = np.nan
                 return stages.finished(found, rates) if stages else (found, rates)
             motion.check(equations, status, t)
-            taken = to
+            unseen, taken = unseen - (to - taken), to
             at = now + (t - now) * taken / count
-            over = pace.spent(at, cause)
+            over = unseen <= 0 and pace.spent(at, cause)
             if stages:
                 stages.look(at, steps, found, rates, (place, taken), last=over)
             if progress:
