@@ -26,6 +26,7 @@ from symgen.export.view import (
 from symgen.lowering.kernel import Program
 from symgen.runtime import _core
 from symgen.runtime.integrate.integrators import INTEGRATORS
+from symgen.runtime.integrate.simulate import effects_of
 from symgen.runtime.kernels.description import Description
 from symgen.runtime.kernels.evaluate import Evaluator
 from symgen.runtime.model.rods import RodModel
@@ -112,7 +113,7 @@ def _event_tables(d: Description) -> tuple[Table, ...]:
         return ()
     return (
         Table("signed char", "DIRECTIONS", braces(e.direction for e in d.events)),
-        Table("char", "TERMINAL", braces(e.ends_run | 2 * e.revolves for e in d.events)),
+        Table("char", "TERMINAL", braces(effects_of(d.events))),
     )
 
 
@@ -122,7 +123,7 @@ def _expected(model: RodModel, start: Any) -> tuple[tuple[Table, ...], float]:
     q = start[: d.coordinates]
     equations = model.evaluator.equations(len(redundant), slack(model.evaluator, q) if redundant else np.inf)
     until = min(d.t_end, COMPARED)
-    events = [e.direction for e in d.events], [e.ends_run | 2 * e.revolves for e in d.events]
+    events = [e.direction for e in d.events], effects_of(d.events)
     found = expected_of_run(equations, 0.0, start, until, *events)
     derivative, ends, t, last = found
     tables = (derivative, ends, doubles("STATE", last))

@@ -14,6 +14,7 @@ from symgen.models.linearisation import (
 )
 from symgen.models.rods.linearised import kinematics_system, statics_system
 from symgen.models.tangent import tangent_system
+from symgen.registry import load
 
 if TYPE_CHECKING:
     from symgen.scene.loop.loop import Loop
@@ -21,26 +22,14 @@ if TYPE_CHECKING:
     from symgen.symbolic.system import System
 
 
-def _elastic(name: str) -> Callable[[Linkage], System]:
-    def system(linkage: Linkage) -> System:
-        from symgen.models.elastic import links as elastic
+def _later(entry: str) -> Callable[[Any], System]:
+    """Return a derivation that few need; it is imported when it is called."""
 
-        made: System = getattr(elastic, name)(linkage)
+    def system(resolved: Any) -> System:
+        made: System = load(entry)(resolved)
         return made
 
     return system
-
-
-def _forces(linkage: Linkage) -> System:
-    from symgen.models.elastic.rigid_forces import rigid_forces_system  # no run needs it
-
-    return rigid_forces_system(linkage)
-
-
-def _of_loop(loop: Loop) -> System:
-    from symgen.models.loop.tangents import tangent_system as tangents  # no linkage needs it
-
-    return tangents(loop)
 
 
 #: The System of each kind of analysis besides the motion in time.
@@ -52,12 +41,14 @@ ANALYSES: dict[str, Callable[[Linkage], System]] = {
     "sensitivity": sensitivity_system,
     "variation": variation_system,
     "vibration": vibration_system,
-    "forces": _forces,
-    "elastic_motion": _elastic("motion_system"),
-    "elastic_joints": _elastic("joints_system"),
+    "forces": _later("symgen.models.elastic.rigid_forces:rigid_forces_system"),
+    "elastic_motion": _later("symgen.models.elastic.links:motion_system"),
+    "elastic_joints": _later("symgen.models.elastic.links:joints_system"),
 }
 #: The same of loops.
-OF_LOOPS: dict[str, Callable[[Loop], System]] = {"loop_sensitivity": _of_loop}
+OF_LOOPS: dict[str, Callable[[Loop], System]] = {
+    "loop_sensitivity": _later("symgen.models.loop.tangents:tangent_system")
+}
 
 
 def elastic_systems(linkage: Linkage) -> dict[str, System]:

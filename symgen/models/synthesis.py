@@ -9,7 +9,7 @@ from symgen.symbolic.quantity import Quantity, quantity
 from symgen.symbolic.system import Export, Group, NamedMatrix, System
 
 
-def limits_system() -> System:
+def synthesis_limits_system() -> System:
     """Return the conditions on limit positions and transmission angles of a crank-rocker."""
     quantities = tuple(quantity(*row) for row in limits.QUANTITIES)
     residual = limits.conditions({x.name: x.symbol for x in quantities})
@@ -20,7 +20,7 @@ def limits_system() -> System:
     )
 
 
-def dyad_system() -> System:
+def synthesis_dyad_system() -> System:
     """Return the condition on one dyad of a four-bar in one pose of its coupler."""
     quantities = (
         quantity("ground_x", "m", "x of the ground point"),
@@ -37,7 +37,7 @@ def dyad_system() -> System:
     return _conditions("synthesis_dyad", "A dyad in one pose of the coupler", quantities, residual, "m^2")
 
 
-def function_system() -> System:
+def synthesis_function_system() -> System:
     """Return Freudenstein's equation for one pair of angles, counted from unknown starts."""
     quantities = (
         quantity("d_over_a", "1", "fixed link over crank"),

@@ -16,6 +16,10 @@ cdef extern from "core/core.h" nogil:
         _UNSOLVED "UNSOLVED"
         _SLIDING "SLIDING"
 
+    enum:
+        _ENDS_RUN "ENDS_RUN"
+        _REVOLVES "REVOLVES"
+
     enum stabilisation:
         _PROJECTION "PROJECTION"
         _BAUMGARTE "BAUMGARTE"

@@ -24,6 +24,8 @@ DRIFTED: int
 ENDED: int
 UNSOLVED: int
 SLIDING: int
+ENDS_RUN: int
+REVOLVES: int
 STABILISATIONS: dict[str, int]
 DOUBLE: Core
 

@@ -9,7 +9,7 @@ import sympy as sp
 
 from symgen.errors import SceneError, nearest
 from symgen.symbolic.dual import cross
-from symgen.symbolic.quantity import AXES
+from symgen.symbolic.quantity import AXES, Quantity
 from symgen.symbolic.system import NamedMatrix
 
 if TYPE_CHECKING:
@@ -18,19 +18,8 @@ if TYPE_CHECKING:
 Entries = tuple[Sequence[sp.Expr], str, str]
 
 
-def _value(model: LoopModel, j: int) -> Entries:
-    v = model.variables[j]
-    return [v.quantity.symbol], v.quantity.unit, v.quantity.description
-
-
-def _rate(model: LoopModel, j: int) -> Entries:
-    v = model.variables[j]
-    return [v.rate.symbol], v.rate.unit, v.rate.description
-
-
-def _acceleration(model: LoopModel, j: int) -> Entries:
-    v = model.variables[j]
-    return [v.acceleration.symbol], v.acceleration.unit, v.acceleration.description
+def _of(quantity: Quantity) -> Entries:
+    return [quantity.symbol], quantity.unit, quantity.description
 
 
 def _drive(model: LoopModel, j: int) -> Entries:
@@ -57,14 +46,6 @@ def _moment(model: LoopModel, joint: int, sign: int, link: str) -> Entries:
 def _place(model: LoopModel, joint: int, sign: int, link: str) -> Entries:
     along = model.loop.rows[joint - 1].S if sign > 0 else sp.Integer(0)
     return model.frame(joint - 1).point((0, 0, along)), "m", f"point of {link} on the axis of joint {joint}"
-
-
-def _axis(model: LoopModel, joint: int, sign: int, link: str) -> Entries:
-    return model.frame(joint - 1).vector((0, 0, 1)), "1", f"direction of the axis of joint {joint}"
-
-
-def _position(model: LoopModel, k: int) -> Entries:
-    return model.frame(k).origin, "m", f"origin of the frame of {model.links[k - 1]}"
 
 
 def _velocity(model: LoopModel, k: int) -> Entries:
@@ -107,37 +88,29 @@ def _idle(model: LoopModel, k: int) -> bool:
     return body is not None and body.idle
 
 
-def _kinetic_energy(model: LoopModel) -> Entries:
-    return [model.kinetic_energy], "J", "kinetic energy"
-
-
-def _potential_energy(model: LoopModel) -> Entries:
-    return [model.potential_energy], "J", "potential of gravity"
-
-
-def _energy(model: LoopModel) -> Entries:
-    return [model.kinetic_energy + model.potential_energy], "J", "kinetic plus potential energy"
-
-
-def _power(model: LoopModel) -> Entries:
-    return [model.power], "W", "power of drives and loads"
-
-
 #: Outputs of a variable, of a joint of a link, of a link, and of the whole loop, by word.
 OF_VARIABLES: dict[str, Callable[[LoopModel, int], Entries]] = {
-    "": _value,
-    "rate": _rate,
-    "acceleration": _acceleration,
+    "": lambda model, j: _of(model.variables[j].quantity),
+    "rate": lambda model, j: _of(model.variables[j].rate),
+    "acceleration": lambda model, j: _of(model.variables[j].acceleration),
     "drive": _drive,
 }
 OF_JOINTS: dict[str, Callable[[LoopModel, int, int, str], Entries]] = {
     "force": _force,
     "moment": _moment,
     "position": _place,
-    "axis": _axis,
+    "axis": lambda model, joint, sign, link: (
+        model.frame(joint - 1).vector((0, 0, 1)),
+        "1",
+        f"direction of the axis of joint {joint}",
+    ),
 }
 OF_LINKS: dict[str, Callable[[LoopModel, int], Entries]] = {
-    "position": _position,
+    "position": lambda model, k: (
+        model.frame(k).origin,
+        "m",
+        f"origin of the frame of {model.links[k - 1]}",
+    ),
     "velocity": _velocity,
     "acceleration": _link_acceleration,
     "angular_velocity": _angular_velocity,
@@ -145,10 +118,14 @@ OF_LINKS: dict[str, Callable[[LoopModel, int], Entries]] = {
     "centre": _centre,
 }
 OF_THE_WHOLE: dict[str, Callable[[LoopModel], Entries]] = {
-    "kinetic_energy": _kinetic_energy,
-    "potential_energy": _potential_energy,
-    "energy": _energy,
-    "power": _power,
+    "kinetic_energy": lambda model: ([model.kinetic_energy], "J", "kinetic energy"),
+    "potential_energy": lambda model: ([model.potential_energy], "J", "potential of gravity"),
+    "energy": lambda model: (
+        [model.kinetic_energy + model.potential_energy],
+        "J",
+        "kinetic plus potential energy",
+    ),
+    "power": lambda model: ([model.power], "W", "power of drives and loads"),
 }
 #: Words that hold masses, and those that hold the closing wrench, so the forces of the loop.
 INERTIAL = {"kinetic_energy", "potential_energy", "energy"}

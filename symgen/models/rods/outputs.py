@@ -20,18 +20,6 @@ if TYPE_CHECKING:
 Entries = tuple[Sequence[sp.Expr], str, str]
 
 
-def _position(model: RodsModel, name: str) -> Entries:
-    return model.shown_position(name), "m", f"position of {name}"
-
-
-def _velocity(model: RodsModel, name: str) -> Entries:
-    return model.shown(model.velocity(name)), "m/s", f"velocity of {name}"
-
-
-def _acceleration(model: RodsModel, name: str) -> Entries:
-    return model.shown(model.acceleration(name)), "m/s^2", f"acceleration of {name}"
-
-
 def _reaction(model: RodsModel, name: str) -> Entries:
     if name not in model.ground:
         raise SceneError(
@@ -51,18 +39,6 @@ def _tension(model: RodsModel, name: str) -> Entries:
         "N",
         f"force of the length constraint of {name}, tension positive",
     )
-
-
-def _energy(model: RodsModel) -> Entries:
-    return [model.kinetic_energy + model.potential_energy], "J", "kinetic plus potential energy"
-
-
-def _kinetic_energy(model: RodsModel) -> Entries:
-    return [model.kinetic_energy], "J", "kinetic energy"
-
-
-def _potential_energy(model: RodsModel) -> Entries:
-    return [model.potential_energy], "J", "potential of gravity and springs"
 
 
 def _momentum(model: RodsModel) -> Entries:
@@ -118,9 +94,13 @@ def _torque(model: RodsModel, name: str) -> Entries:
 
 #: Outputs of a point, of a link, of a point of a link, and of the whole linkage, by word.
 OF_POINTS: dict[str, Callable[[RodsModel, str], Entries]] = {
-    "position": _position,
-    "velocity": _velocity,
-    "acceleration": _acceleration,
+    "position": lambda model, name: (model.shown_position(name), "m", f"position of {name}"),
+    "velocity": lambda model, name: (model.shown(model.velocity(name)), "m/s", f"velocity of {name}"),
+    "acceleration": lambda model, name: (
+        model.shown(model.acceleration(name)),
+        "m/s^2",
+        f"acceleration of {name}",
+    ),
     "reaction": _reaction,
 }
 OF_LINKS: dict[str, Callable[[RodsModel, str], Entries]] = {
@@ -130,9 +110,17 @@ OF_LINKS: dict[str, Callable[[RodsModel, str], Entries]] = {
     "angular_velocity": _angular_velocity,
 }
 OF_THE_WHOLE: dict[str, Callable[[RodsModel], Entries]] = {
-    "energy": _energy,
-    "kinetic_energy": _kinetic_energy,
-    "potential_energy": _potential_energy,
+    "energy": lambda model: (
+        [model.kinetic_energy + model.potential_energy],
+        "J",
+        "kinetic plus potential energy",
+    ),
+    "kinetic_energy": lambda model: ([model.kinetic_energy], "J", "kinetic energy"),
+    "potential_energy": lambda model: (
+        [model.potential_energy],
+        "J",
+        "potential of gravity and springs",
+    ),
     "momentum": _momentum,
     "angular_momentum": _angular_momentum,
 }

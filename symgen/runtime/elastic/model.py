@@ -12,6 +12,7 @@ import numpy as np
 
 from symgen.calls import checked
 from symgen.errors import ModelError, nearest
+from symgen.runtime.beams.methods import BEAM_METHODS
 from symgen.runtime.integrate.checkpoint import Keeping
 from symgen.runtime.integrate.options import sample_count
 from symgen.runtime.integrate.pace import limited, uncounted
@@ -32,15 +33,7 @@ if TYPE_CHECKING:
     from symgen.runtime.rods.equilibrium import Equilibrium
 
 #: Integration methods of elastic motions.
-METHODS = (
-    "gauss",
-    "gauss4",
-    "newmark",
-    "generalized-alpha",
-    "wilson-theta",
-    "dop853",
-    "rk4",
-)
+METHODS = (*BEAM_METHODS, "dop853", "rk4")
 FORMS = ("exact", "thesis")
 
 

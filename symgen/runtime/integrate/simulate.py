@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from functools import lru_cache
 
 import numpy as np
@@ -14,6 +14,7 @@ from symgen.runtime.integrate.checkpoint import Checkpoints, Keeping, mark_of
 from symgen.runtime.integrate.failures import problem
 from symgen.runtime.integrate.options import Options, recorded_at
 from symgen.runtime.integrate.pace import OUT_OF_TIME, Pace
+from symgen.runtime.kernels.description import EventInfo
 from symgen.runtime.kernels.evaluate import Evaluator
 from symgen.runtime.kernels.typed import Typed, library_of_runs
 from symgen.runtime.result.recording import Recording
@@ -27,6 +28,11 @@ Progress = Callable[[float], None]
 _KEPT = 10_000
 #: After so many steps an adaptive run is ended if, at their pace, ``max_steps`` would not reach its end.
 _JUDGED = 100_000
+
+
+def effects_of(events: Iterable[EventInfo]) -> list[int]:
+    """Return what events do to a run, in bits of the core."""
+    return [_core.ENDS_RUN * e.ends_run | _core.REVOLVES * e.revolves for e in events]
 
 
 def run(
@@ -76,8 +82,8 @@ def run(
         max_drift=chosen.max_drift,
         max_step=chosen.max_step,
         places_only=evaluator.outputs_by_places,
-        directions=[e.direction for e in events] if events else (),
-        terminal=[e.ends_run | 2 * e.revolves for e in events] if events else (),
+        directions=[e.direction for e in events],
+        terminal=effects_of(events),
     )
     library = library_of_runs(evaluator.library, typed)
     checkpoints = None

@@ -91,8 +91,8 @@ def follow(evaluator: Evaluator, redundant: int, start: State, chosen: Options, 
         stepper = _core.Run(
             equations, chosen.method, now, state, end, chosen.rtol, chosen.atol, step, np.zeros(0),
             max_step=chosen.max_step,
-            directions=[e.direction for e in d.events] if d.events else (),
-            terminal=[2 * e.revolves for e in d.events] if d.events else (),
+            directions=[e.direction for e in d.events],
+            terminal=[_core.REVOLVES * e.revolves for e in d.events],
         )  # fmt: skip
         status = stepper.begin()
         if not y:
