@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Any, Literal
 
-from pydantic import ConfigDict, Field, GetJsonSchemaHandler, PrivateAttr, ValidationError, model_validator
+from pydantic import ConfigDict, Field, PrivateAttr, ValidationError
 from pydantic.fields import FieldInfo
-from pydantic_core import CoreSchema
 
 from symgen.calls import checked
 from symgen.errors import ModelError, SceneError
@@ -18,7 +17,7 @@ from symgen.scene.faults import scene_error
 from symgen.scene.loop.schema import SpatialLoop
 from symgen.scene.repeated import written_out
 from symgen.scene.study_schema import Optimise, Study, Sweep
-from symgen.scene.table import Moments, Name, Table, Text, Value, Vector
+from symgen.scene.table import Bare, Moments, Name, Table, Text, Value, Vector, absent
 
 FORMAT_VERSION = 1
 
@@ -37,22 +36,12 @@ def _for_editors(schema: dict[str, Any]) -> None:
     ]
 
 
-class Named(Table):
+class Named(Bare):
     """A named value with its meaning; the bare value may stand for the table."""
 
+    BARE = "value"
     value: Value
     about: Text = Field("", description="Meaning, for reports.")
-
-    @model_validator(mode="before")
-    @classmethod
-    def _bare_value(cls, data: Any) -> Any:
-        return {"value": data} if isinstance(data, str | int | float) else data
-
-    @classmethod
-    def __get_pydantic_json_schema__(cls, core: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
-        """Tell editors that the bare value may stand for the table."""
-        table = handler(core)
-        return {"anyOf": [table, handler.resolve_ref_schema(table)["properties"]["value"]]}
 
 
 class Parameter(Named):
@@ -70,20 +59,16 @@ class Input(Named):
 class Point(Table):
     """A joint, a tip or a fixed point of the mechanism, where it is drawn."""
 
-    at: Vector | None = Field(None, description="Coordinates: two in the plane, three in space.")
-    on: Name | None = Field(None, description="Instead of coordinates: the link whose line it is fixed to.")
-    fraction: Value | None = Field(
-        None,
-        description="Where on that line: 0 at the first point of the link, 1 at its second; any number.",
+    at: Vector | None = absent("Coordinates: two in the plane, three in space.")
+    on: Name | None = absent("Instead of coordinates: the link whose line it is fixed to.")
+    fraction: Value | None = absent(
+        "Where on that line: 0 at the first point of the link, 1 at its second; any number."
     )
-    offset: Value | None = Field(
-        None,
-        description="Distance from that line, to the left when looking along it; in the plane only.",
+    offset: Value | None = absent(
+        "Distance from that line, to the left when looking along it; in the plane only."
     )
     ground: bool = Field(False, description="Fixed to the ground, or moved by it where motion is given.")
-    motion: Vector | None = Field(
-        None, description="Displacement of a ground point from its drawn position, by the time t."
-    )
+    motion: Vector | None = absent("Displacement of a ground point from its drawn position, by the time t.")
 
 
 class Link(Table):
@@ -92,25 +77,20 @@ class Link(Table):
     points: list[Name] = Field(min_length=2)
     mass: Value | None = None
     mass_per_length: Value | None = None
-    density: Value | None = Field(
-        None, description="Mass per volume, instead of the mass: mass, centre and inertia follow."
-    )
+    density: Value | None = absent("Mass per volume, instead of the mass: mass, centre and inertia follow.")
     section: Section | None = None
-    elastic: Elastic | None = Field(None, description="That it bends and stretches; rigid if absent.")
-    centre: Value | Vector | None = Field(
-        None,
-        description="Centre of mass: a fraction of the length, or its coordinates as drawn; the middle of a "
-        "rod if absent.",
+    elastic: Elastic | None = absent("That it bends and stretches; rigid if absent.")
+    centre: Value | Vector | None = absent(
+        "Centre of mass: a fraction of the length, or its coordinates as drawn; the middle of a "
+        "rod if absent."
     )
-    inertia: Value | Moments | None = Field(
-        None,
-        description="Moment of inertia about the centre of mass; mass*length^2/12 for a rod if absent. Of a "
-        "body in space: xx, yy, zz and, if they are not zero, xy, xz, yz of the inertia matrix as drawn.",
+    inertia: Value | Moments | None = absent(
+        "Moment of inertia about the centre of mass; mass*length^2/12 for a rod if absent. Of a "
+        "body in space: xx, yy, zz and, if they are not zero, xy, xz, yz of the inertia matrix as drawn."
     )
-    length: Value | None = Field(
-        None,
-        description="Length; the drawn distance if absent. If given, the drawing is only a first guess. A "
-        "massless rod may have a length that depends on the time t.",
+    length: Value | None = absent(
+        "Length; the drawn distance if absent. If given, the drawing is only a first guess. A "
+        "massless rod may have a length that depends on the time t."
     )
 
 
@@ -173,15 +153,14 @@ class Analysis(Table):
     t_end: Value = Field(
         default="1 s", description="By default one revolution of the crank if links are elastic."
     )
-    assembly_tolerance: Value | None = Field(
-        default=None, description="By how much redundant constraints, or closure of a loop, may be missed."
+    assembly_tolerance: Value | None = absent(
+        "By how much redundant constraints, or closure of a loop, may be missed."
     )
-    motion: Literal["space"] | None = Field(
-        default=None,
-        description="space: derive a linkage with three coordinates in space though it stays in a plane.",
+    motion: Literal["space"] | None = absent(
+        "space: derive a linkage with three coordinates in space though it stays in a plane."
     )
-    outputs: list[str] | None = Field(
-        default=None, description="Recorded outputs, such as C.position, OA.tension, O.reaction, energy."
+    outputs: list[str] | None = absent(
+        "Recorded outputs, such as C.position, OA.tension, O.reaction, energy."
     )
 
 

@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from symgen.scene.table import Name, Table, Text, Value
+from symgen.scene.table import Name, Table, Text, Value, absent
 
 Values = Annotated[list[Value], Field(min_length=1)]
 
@@ -41,14 +41,14 @@ class Sweep(Table):
         "normal(MEAN, DEVIATION)."
     )
     sampling: Literal["grid", "list", "sobol", "latin-hypercube", "random"] | None = None
-    count: int | None = Field(None, description="Number of samples of ranges and distributions.")
+    count: int | None = absent("Number of samples of ranges and distributions.")
     seed: int = 0
-    analysis: str | None = Field(None, description="Such as simulate; that which suits the scene if absent.")
-    outputs: list[str] | None = Field(None, description="Outputs to keep; all if absent.")
+    analysis: str | None = absent("Such as simulate; that which suits the scene if absent.")
+    outputs: list[str] | None = absent("Outputs to keep; all if absent.")
     reduce: list[str] = Field(["peak"], description="Reductions of the outputs of a run, or history.")
-    samples: int | None = Field(None, description="Number of samples of a run.")
-    t_end: float | None = Field(None, description="End of simulated runs [s].")
-    chunk: int | None = Field(None, description="Runs that are written at a time.")
+    samples: int | None = absent("Number of samples of a run.")
+    t_end: float | None = absent("End of simulated runs [s].")
+    chunk: int | None = absent("Runs that are written at a time.")
 
 
 class Bounds(Table):
@@ -66,8 +66,8 @@ class Optimise(Table):
     )
     objective: str = Field(description="The quantity to minimise, such as crank.torque.peak.")
     constraints: dict[str, Bounds] = Field(default_factory=dict, description="Bounds of further quantities.")
-    analysis: str | None = Field(None, description="Such as simulate; that which suits the scene if absent.")
+    analysis: str | None = absent("Such as simulate; that which suits the scene if absent.")
     method: Literal["SLSQP", "trust-constr", "differential-evolution"] = "SLSQP"
     seed: int = 0
-    samples: int | None = Field(None, description="Number of samples of a run.")
-    t_end: float | None = Field(None, description="End of simulated runs [s].")
+    samples: int | None = absent("Number of samples of a run.")
+    t_end: float | None = absent("End of simulated runs [s].")

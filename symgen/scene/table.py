@@ -2,9 +2,17 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Any, ClassVar
 
-from pydantic import BaseModel, ConfigDict, Field, StringConstraints
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Field,
+    GetJsonSchemaHandler,
+    StringConstraints,
+    model_validator,
+)
+from pydantic_core import CoreSchema
 
 Name = Annotated[str, StringConstraints(pattern=r"^[A-Za-z][A-Za-z0-9_]*$", max_length=40)]
 Value = Annotated[
@@ -20,7 +28,30 @@ Moments = Annotated[list[Value], Field(min_length=3, max_length=6)]
 Text = Annotated[str, StringConstraints(pattern=r"^[^\x00-\x08\x0b\x0c\x0e-\x1f\x7f]*$")]
 
 
+def absent(description: str) -> Any:
+    """Return the field of a key that may be absent."""
+    return Field(None, description=description)
+
+
 class Table(BaseModel):
     """A table of the scene: unknown keys are errors, and nothing changes after it was read."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=True)
+
+
+class Bare(Table):
+    """A table for which the bare value of its key ``BARE``, of one of the types ``OF``, may stand."""
+
+    BARE: ClassVar[str]
+    OF: ClassVar[tuple[type, ...]] = (str, int, float)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _bare(cls, data: Any) -> Any:
+        return {cls.BARE: data} if isinstance(data, cls.OF) else data
+
+    @classmethod
+    def __get_pydantic_json_schema__(cls, core: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+        """Tell editors that the bare value may stand for the table."""
+        table = handler(core)
+        return {"anyOf": [table, handler.resolve_ref_schema(table)["properties"][cls.BARE]]}

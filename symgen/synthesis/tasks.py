@@ -17,7 +17,7 @@ from symgen.scene.expressions import parse_value
 from symgen.scene.faults import scene_error
 from symgen.scene.loading import read_scene
 from symgen.scene.reading import at
-from symgen.scene.table import Table, Text, Value
+from symgen.scene.table import Table, Text, Value, absent
 from symgen.scene.units import LENGTH, NUMBER, Dimension
 
 Array = NDArray[np.float64]
@@ -61,20 +61,18 @@ class FunctionTask(Table):
     input: Values = Field(description="Rotations of the crank.")
     output: Values = Field(description="Rotations of the rocker.")
     fixed_link: Value = "1 m"
-    crank_start: Value | None = Field(None, description="Direction of the crank where its rotation is zero.")
-    rocker_start: Value | None = Field(
-        None, description="Direction of the rocker where its rotation is zero."
-    )
+    crank_start: Value | None = absent("Direction of the crank where its rotation is zero.")
+    rocker_start: Value | None = absent("Direction of the rocker where its rotation is zero.")
     starts: Starts = 200
     seed: Seed = 0
 
 
 class _Dyads(Table):
-    ground_x: Pair | None = Field(None, description="x of the ground points of crank and rocker.")
+    ground_x: Pair | None = absent("x of the ground points of crank and rocker.")
     ground_y: Pair | None = None
-    joint_x: Pair | None = Field(None, description="Places of the joints along the coupler's axis.")
+    joint_x: Pair | None = absent("Places of the joints along the coupler's axis.")
     joint_y: Pair | None = None
-    length: Pair | None = Field(None, description="Lengths of crank and rocker.")
+    length: Pair | None = absent("Lengths of crank and rocker.")
     starts: Starts = 200
     seed: Seed = 0
     points: Annotated[list[Pair], Field(min_length=2, max_length=100)]

@@ -203,7 +203,7 @@ def test_runs_that_have_no_derivatives_are_refused():
     with pytest.raises(ModelError, match="loads that jump: sign"):
         jumps.sensitivity(["rod.angle"], coordinates=["rod.angle"], t_end=1.0)
     with pytest.raises(CapabilityError, match="does not support sensitivity"):
-        symgen.build("rssr").sensitivity  # noqa: B018
+        symgen.build("elastic_four_bar").sensitivity  # noqa: B018
 
 
 def test_integrals_that_are_not_finite_are_refused():

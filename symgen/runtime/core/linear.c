@@ -1,11 +1,30 @@
 #include "linear.h"
 
+#include "lanes.h"
+
 real largest_or_nan(const real *values, ptrdiff_t count) {
     real largest = 0;
     for (ptrdiff_t i = 0; i < count && largest == largest; i++)
         if (!(real_fabs(values[i]) <= largest))
             largest = real_fabs(values[i]);
     return largest;
+}
+
+LANES void add_multiple(ptrdiff_t count, real factor, const real *restrict from, real *restrict to) {
+    for (ptrdiff_t i = 0; i < count; i++)
+        to[i] += factor * from[i];
+}
+
+LANES void multiply_dense(ptrdiff_t rows, ptrdiff_t inner, ptrdiff_t columns, const real *restrict a, ptrdiff_t stride,
+                          const real *restrict b, real *restrict c) {
+    for (ptrdiff_t i = 0; i < rows; i++) {
+        real *restrict to = c + i * columns;
+        for (ptrdiff_t j = 0; j < columns; j++)
+            to[j] = 0;
+        for (ptrdiff_t r = 0; r < inner; r++)
+            for (ptrdiff_t j = 0; j < columns; j++)
+                to[j] += a[i * stride + r] * b[r * columns + j];
+    }
 }
 
 /* -- LU factorisation ------------------------------------------------------------------------------------ */

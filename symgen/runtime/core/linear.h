@@ -13,6 +13,13 @@
 /* The largest magnitude; not a number where one of them is none. */
 real largest_or_nan(const real *values, ptrdiff_t count);
 
+/* to += factor * from, along so many numbers. */
+void add_multiple(ptrdiff_t count, real factor, const real *from, real *to);
+
+/* c = a b: a has `rows` rows of `inner` numbers, a `stride` from one row to the next, b and c have rows of `columns`. */
+void multiply_dense(ptrdiff_t rows, ptrdiff_t inner, ptrdiff_t columns, const real *a, ptrdiff_t stride, const real *b,
+                    real *c);
+
 /* LU factorisation of a, n by n, in place, with partial pivoting; swaps (n) receives the row exchanged at each step.
  * Returns 0 where a pivot is zero or not finite, else 1. */
 int factor_dense(ptrdiff_t n, real *a, ptrdiff_t *swaps);

@@ -4,6 +4,7 @@
 
 #include "arena.h"
 #include "lanes.h"
+#include "linear.h"
 #include "tableau.h"
 
 static size_t place(struct variations *v, const struct equations *e, void *memory) {
@@ -66,12 +67,6 @@ static void call(struct variations *v, kernel of, real t, const real *y, const r
     of(&t, y, y + e->n, v->p, v->work, v->out);
 }
 
-/* to += factor * from, along so many columns. */
-LANES static void add(ptrdiff_t count, real factor, const real *restrict from, real *restrict to) {
-    for (ptrdiff_t i = 0; i < count; i++)
-        to[i] += factor * from[i];
-}
-
 /* Rows of `to` += factor times the slopes in v->out along the directions: of (q, u) that change by `moved`, and of w by
  * `turned`. */
 LANES static void add_slopes(const struct variations *v, enum slopes_of of, real factor, const real *restrict moved,
@@ -121,29 +116,13 @@ static void invert(struct variations *v, real t, const real *y, real *factors, p
     }
 }
 
-/* Leave in v->solved these rows of the inverse times v->right, whose rows before `first` are zero. */
-LANES static void multiply(struct variations *v, ptrdiff_t rows, ptrdiff_t first) {
-    const ptrdiff_t k = v->sizes.columns, whole = v->e->n + v->e->m;
-    for (ptrdiff_t i = 0; i < rows; i++) {
-        real *restrict to = v->solved + i * k;
-        for (ptrdiff_t j = 0; j < k; j++)
-            to[j] = 0;
-        for (ptrdiff_t r = first; r < whole; r++) {
-            const real factor = v->inverse[i * whole + r];
-            const real *restrict from = v->right + r * k;
-            for (ptrdiff_t j = 0; j < k; j++)
-                to[j] += factor * from[j];
-        }
-    }
-}
-
 /* Leave in v->solved the first rows of the solutions of [M J^T; J 0] x = v->right, whose rows before `first` are zero,
  * after `invert` for the same. */
 static void solve_columns(struct variations *v, real t, const real *y, real *factors, ptrdiff_t rows, ptrdiff_t first) {
     struct equations *e = v->e;
     const ptrdiff_t k = v->sizes.columns, whole = e->n + e->m;
     if (rows < k) {
-        multiply(v, rows, first);
+        multiply_dense(rows, whole - first, k, v->inverse + first, whole, v->right + first * k, v->solved);
         return;
     }
     for (ptrdiff_t j = 0; j < k; j++) {
@@ -160,7 +139,7 @@ static void add_stages(const struct tableau *x, long s, real h, const real *base
     memcpy(out, base, (size_t)dim * sizeof(real));
     for (long j = 0; j < s; j++)
         if (x->a[s * x->all + j] != 0)
-            add(dim, h * x->a[s * x->all + j], rows + j * dim, out);
+            add_multiple(dim, h * x->a[s * x->all + j], rows + j * dim, out);
 }
 
 /* Evaluate a stage: leave its dy/dt in v->rates, w in e->out and the factorisation in e->work. */
@@ -185,7 +164,7 @@ static int close_tangents(struct variations *v, real t, const real *y) {
         memset(v->right, 0, (size_t)((n + e->m) * k) * sizeof(real));
         add_slopes(v, rates ? OF_RATES : OF_PLACES, R(-1), v->moved, NULL, v->right + n * k);
         solve_columns(v, t, y, e->factors, n, n);
-        add(n * k, R(1), v->solved, v->moved + (rates ? n * k : 0));
+        add_multiple(n * k, R(1), v->solved, v->moved + (rates ? n * k : 0));
     }
     return DONE;
 }
@@ -212,7 +191,7 @@ static int forward_step(struct variations *v, real t, real h, const real *y, con
         memcpy(turned + n * k, v->solved, (size_t)(n * k) * sizeof(real));
         if (v->sizes.integrals && x.b[s] != 0) {
             call(v, v->kernels.integrands, t_s, v->state, e->out);
-            add(v->sizes.integrals, h * x.b[s], v->out, v->sums);
+            add_multiple(v->sizes.integrals, h * x.b[s], v->out, v->sums);
             if (v->kernels.integrand_slopes != NULL) {
                 call(v, v->kernels.integrand_slopes, t_s, v->state, e->out);
                 add_slopes(v, OF_INTEGRANDS, h * x.b[s], v->by_stage, v->solved, v->summed);
@@ -221,7 +200,7 @@ static int forward_step(struct variations *v, real t, real h, const real *y, con
     }
     for (long s = 0; s < x.stages; s++)
         if (x.b[s] != 0)
-            add(row, h * x.b[s], v->turned + s * row, v->moved);
+            add_multiple(row, h * x.b[s], v->turned + s * row, v->moved);
     int status = e->m ? close_tangents(v, t + h, y_new) : DONE;
     if (status != DONE)
         return status;
@@ -268,7 +247,7 @@ static int backward_step(struct variations *v, real t, real h, const real *y, co
             from[i] = h * x.b[s] * v->seed[i];
         for (long j = s + 1; j < x.stages; j++)
             if (x.a[j * x.all + s] != 0)
-                add(states, h * x.a[j * x.all + s], v->back + j * states, from);
+                add_multiple(states, h * x.a[j * x.all + s], v->back + j * states, from);
         memset(back, 0, (size_t)states * sizeof(real));
         memcpy(back + n, from, (size_t)n * sizeof(real));
         memcpy(e->rhs, from + n, (size_t)n * sizeof(real));
@@ -284,7 +263,7 @@ static int backward_step(struct variations *v, real t, real h, const real *y, co
         }
     }
     for (long s = 0; s < x.stages; s++)
-        add(states, R(1), v->back + s * states, v->seed);
+        add_multiple(states, R(1), v->back + s * states, v->seed);
     return all_finite(v->seed, states) && all_finite(v->gradient, v->sizes.columns) ? DONE : NOT_FINITE;
 }
 

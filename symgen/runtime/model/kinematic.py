@@ -31,11 +31,6 @@ class KinematicModel(LinkageModel):
         """Numbers of coordinates and constraints, a line of text."""
         return (f"{self.description.extent}: drives prescribe the motion",)
 
-    def with_parameters(self, /, **values: float) -> KinematicModel:
-        """Return the same model with other values of its tunable parameters, in SI units."""
-        changed = {**self.parameters, **values}
-        return KinematicModel(self.description, self._library, self._derive, changed, typed=self._typed)
-
     def _found(self) -> Start:
         if self._start is None and self.is_changed:
             self._start = posed(self._evaluator)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -56,6 +56,18 @@ class LinkageModel(Model):
             f"<{type(self).__name__} {d.name!r}: {len(d.free)} moving points, "
             f"{len(d.constraints)} constraints, {self.backend} backend>"
         )
+
+    def with_parameters(self, /, **values: float) -> Self:
+        """Return the same model with other values of its tunable parameters, in SI units."""
+        changed = {**self.parameters, **values}
+        return type(self)(
+            self.description, self._library, self._derive, changed, self._analyses, self._typed, **self._more
+        )
+
+    @property
+    def _more(self) -> dict[str, Any]:
+        """Further arguments of the class."""
+        return {}
 
     #: Whether its inputs alone move it; a linkage's motion is followed in time.
     is_driven = False

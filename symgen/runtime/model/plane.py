@@ -39,18 +39,9 @@ class PlaneModel(RodModel):
         super().__init__(*args, **kwargs)
         self._made_in_space = in_space
 
-    def with_parameters(self, /, **values: float) -> RodModel:
-        """Return the same model with other values of its tunable parameters, in SI units."""
-        changed = {**self.parameters, **values}
-        return PlaneModel(
-            self.description,
-            self._library,
-            self._derive,
-            changed,
-            self._analyses,
-            self._typed,
-            in_space=self._made_in_space,
-        )
+    @property
+    def _more(self) -> dict[str, Any]:
+        return {"in_space": self._made_in_space}
 
     @cached_property
     def in_space(self) -> RodModel:

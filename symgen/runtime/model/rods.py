@@ -62,11 +62,6 @@ class RodModel(LinkageModel):
             f"redundant: {implied}",
         )
 
-    def with_parameters(self, /, **values: float) -> RodModel:
-        """Return the same model with other values of its tunable parameters, in SI units."""
-        changed = {**self.parameters, **values}
-        return RodModel(self.description, self._library, self._derive, changed, self._analyses, self._typed)
-
     def _found(self) -> Start:
         """Return the start: the one stored with the scene, unless a parameter was changed."""
         d = self.description

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
-from pydantic import Field, GetJsonSchemaHandler, model_validator
-from pydantic_core import CoreSchema
+from pydantic import Field
 
-from symgen.scene.table import Name, Table, Value
+from symgen.scene.table import Bare, Name, Table, Value, absent
 
 #: Two values; their number is checked by the reader, which has the better message.
 Ends = Annotated[list[Value], Field(json_schema_extra={"minItems": 2, "maxItems": 2})]
@@ -19,56 +18,38 @@ class Section(Table):
     A list of two values is a taper: at the first point and at the second, linear between them.
     """
 
-    width: Value | Ends | None = Field(
-        default=None, description="Of a rectangle, across the plane of the bending."
-    )
-    thickness: Value | Ends | None = Field(
-        default=None, description="Of a rectangle, in the plane of the bending."
-    )
-    diameter: Value | Ends | None = Field(default=None, description="Of a circle.")
-    area: Value | Ends | None = Field(default=None, description="Of any other section.")
-    second_moment: Value | Ends | None = Field(
-        default=None, description="Of the area, about the neutral axis."
-    )
-    fibre: Value | Ends | None = Field(default=None, description="From the neutral axis to the outer fibre.")
+    width: Value | Ends | None = absent("Of a rectangle, across the plane of the bending.")
+    thickness: Value | Ends | None = absent("Of a rectangle, in the plane of the bending.")
+    diameter: Value | Ends | None = absent("Of a circle.")
+    area: Value | Ends | None = absent("Of any other section.")
+    second_moment: Value | Ends | None = absent("Of the area, about the neutral axis.")
+    fibre: Value | Ends | None = absent("From the neutral axis to the outer fibre.")
 
 
 class Damping(Table):
     """Damping of the bending and stretching of a link, relative to its own axes."""
 
-    ratio: Value | None = Field(default=None, description="Of the critical damping of each of its modes.")
-    mass: Value | None = Field(default=None, description="Times its mass matrix [1/s].")
-    stiffness: Value | None = Field(default=None, description="Times its stiffness matrix [s].")
+    ratio: Value | None = absent("Of the critical damping of each of its modes.")
+    mass: Value | None = absent("Times its mass matrix [1/s].")
+    stiffness: Value | None = absent("Times its stiffness matrix [s].")
 
 
 class Shear(Table):
     """Shear of the section, for elements that have it."""
 
-    modulus: Value | None = Field(default=None, description="Shear modulus.")
-    poisson: Value | None = Field(default=None, description="Poisson's ratio, instead of the shear modulus.")
-    factor: Value | None = Field(
-        default=None, description="Shear factor; 5/6 of a rectangle and 9/10 of a circle if absent."
-    )
+    modulus: Value | None = absent("Shear modulus.")
+    poisson: Value | None = absent("Poisson's ratio, instead of the shear modulus.")
+    factor: Value | None = absent("Shear factor; 5/6 of a rectangle and 9/10 of a circle if absent.")
 
 
-class Reduction(Table):
+class Reduction(Bare):
     """Which degrees of freedom of a link are kept."""
 
+    BARE, OF = "kind", (str,)
     kind: Literal["guyan", "craig-bampton"] = Field(
         description="guyan: those of its two ends; craig-bampton: and some modes with held ends."
     )
-    modes: int | None = Field(default=None, description="How many modes (craig-bampton).")
-
-    @model_validator(mode="before")
-    @classmethod
-    def _bare_kind(cls, data: Any) -> Any:
-        return {"kind": data} if isinstance(data, str) else data
-
-    @classmethod
-    def __get_pydantic_json_schema__(cls, core: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
-        """Tell editors that the bare kind may stand for the table."""
-        table = handler(core)
-        return {"anyOf": [table, handler.resolve_ref_schema(table)["properties"]["kind"]]}
+    modes: int | None = absent("How many modes (craig-bampton).")
 
 
 class Elastic(Table):
@@ -76,15 +57,13 @@ class Elastic(Table):
 
     E: Value = Field(description="Young's modulus.")
     element: str = Field("beam8", description="The finite element: beam8, cubic, timoshenko, ...")
-    elements: int | None = Field(
-        None, description="How many of them; so many that their error is small if absent."
-    )
+    elements: int | None = absent("How many of them; so many that their error is small if absent.")
     axial: bool = Field(True, description="Whether it stretches; otherwise it keeps its length.")
     geometric_stiffness: bool = Field(True, description="Whether tension stiffens it and pressure softens.")
     damping: Damping = Field(default=Damping())
     shear: Shear | None = None
     reduction: Reduction | None = None
-    yield_stress: Value | None = Field(default=None, description="Stress beyond which a result warns.")
+    yield_stress: Value | None = absent("Stress beyond which a result warns.")
 
 
 class Crank(Table):
@@ -94,17 +73,12 @@ class Crank(Table):
     mode: Literal["held", "free", "motor"] = Field(
         "held", description="Whether its shaft turns exactly so, runs freely, or is driven by a motor."
     )
-    speed: Value | None = Field(
-        default=None, description="Constant; absent if the angle depends on the time."
+    speed: Value | None = absent("Constant; absent if the angle depends on the time.")
+    angle: Value | None = absent("Its direction at t = 0, or at the time t; as drawn at t = 0 if absent.")
+    torque: Value | None = absent(
+        "Of the motor. May use the time t, and the crank's this.angle and this.rate."
     )
-    angle: Value | None = Field(
-        default=None, description="Its direction at t = 0, or at the time t; as drawn at t = 0 if absent."
-    )
-    torque: Value | None = Field(
-        default=None,
-        description="Of the motor. May use the time t, and the crank's this.angle and this.rate.",
-    )
-    flywheel: Value | None = Field(default=None, description="Moment of inertia on its shaft.")
+    flywheel: Value | None = absent("Moment of inertia on its shaft.")
 
 
 class Weld(Table):
@@ -127,11 +101,7 @@ class Station(Table):
 
     link: Name
     at: Value = Field(description="Where along it: 0 at its first point, 1 at its second.")
-    fibre: Value | None = Field(
-        default=None,
-        description="Distance from the neutral axis, positive to the right of the link; the outer fibre "
-        "there if absent.",
+    fibre: Value | None = absent(
+        "Distance from the neutral axis, positive to the right of the link; the outer fibre there if absent."
     )
-    name: Name | None = Field(
-        default=None, description="Name in the results; link and percent of its length by default."
-    )
+    name: Name | None = absent("Name in the results; link and percent of its length by default.")

@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from symgen.scene.table import Moments, Name, SpatialVector, Table, Value
+from symgen.scene.table import Moments, Name, SpatialVector, Table, Value, absent
 
 
 class LoopUnits(Table):
@@ -26,22 +26,20 @@ class LoopRow(Table):
 
     joint: str = Field(description="Letter of the joint: R, P, C, H, S or U.")
     link: Name = Field(description="The link the row ends on; that of the last row is the ground.")
-    theta: Value | None = Field(None, description="Rotation about k.")
-    S: Value | None = Field(None, description="Way along k.")
-    eta: Value | None = Field(None, description="Rotation about j, after theta.")
-    alpha: Value | None = Field(None, description="Rotation about i, after eta: the twist of the link.")
-    a: Value | None = Field(None, description="Way along i: the length of the link.")
-    pitch: Value | None = Field(None, description="Of a helical joint: its way along k for each radian.")
+    theta: Value | None = absent("Rotation about k.")
+    S: Value | None = absent("Way along k.")
+    eta: Value | None = absent("Rotation about j, after theta.")
+    alpha: Value | None = absent("Rotation about i, after eta: the twist of the link.")
+    a: Value | None = absent("Way along i: the length of the link.")
+    pitch: Value | None = absent("Of a helical joint: its way along k for each radian.")
 
 
 class LoopLink(Table):
     """Mass properties of a link, in its frame: at its far joint, i outward along the link."""
 
     mass: Value
-    centre: SpatialVector | None = Field(None, description="Centre of mass; the origin if absent.")
-    inertia: Moments | None = Field(
-        None, description="About the centre of mass: xx, yy, zz, and xy, xz, yz; zero if absent."
-    )
+    centre: SpatialVector | None = absent("Centre of mass; the origin if absent.")
+    inertia: Moments | None = absent("About the centre of mass: xx, yy, zz, and xy, xz, yz; zero if absent.")
 
 
 class LinkLoad(Table):
@@ -49,9 +47,7 @@ class LinkLoad(Table):
 
     link: Name
     force: SpatialVector | None = None
-    at: SpatialVector | None = Field(
-        None, description="Where the force acts, in the link's frame; its origin if absent."
-    )
+    at: SpatialVector | None = absent("Where the force acts, in the link's frame; its origin if absent.")
     torque: SpatialVector | None = None
     frame: Literal["link", "ground"] = Field("link", description="Whose axes force and torque are given in.")
 
@@ -71,8 +67,8 @@ class SpatialLoop(Table):
     inputs: dict[Name, Value] = Field(
         default_factory=dict, description="Prescribed motions, by the time t and by the inputs before them."
     )
-    range: Annotated[list[Value], Field(min_length=2, max_length=2)] | None = Field(
-        None, description="Range of the first input; one revolution by default."
+    range: Annotated[list[Value], Field(min_length=2, max_length=2)] | None = absent(
+        "Range of the first input; one revolution by default."
     )
     free: dict[Name, FreeStart] = Field(
         default_factory=dict, description="Independent coordinates whose motion follows from the forces."
