@@ -146,6 +146,7 @@ _OF_LOOP = {
     "kinematics": _POSES_OF_LOOP,
     "inverse_dynamics": _POSES_OF_LOOP,
     "assemblies": Command("symgen.report.loops:print_assemblies", _INPUT),
+    "linearise": _OF_RODS["linearise"],
     "sensitivity": _OF_RODS["sensitivity"],
 }
 

@@ -47,7 +47,8 @@ ANALYSES: dict[str, Callable[[Linkage], System]] = {
 }
 #: The same of loops.
 OF_LOOPS: dict[str, Callable[[Loop], System]] = {
-    "loop_sensitivity": _later("symgen.models.loop.tangents:tangent_system")
+    "loop_sensitivity": _later("symgen.models.loop.tangents:tangent_system"),
+    "loop_linearisation": _later("symgen.models.loop.tangents:balanced_tangent_system"),
 }
 
 

@@ -20,7 +20,7 @@ SUPPORTED = {
     "four_bar": RODS,
     "crank_rocker": (RODS | DRIVEN) - AT_REST,
     "slider_crank": DRIVEN | {"batch", "sensitivity"},
-    "cssp": {"simulate", "assemblies", "batch"},
+    "cssp": {"simulate", "assemblies", "batch", "linearise"},
     "thesis_four_bar": RODS - {"accelerations", "equilibrium"} - LINEAR | DRIVEN | ELASTIC,
     "elastic_four_bar_motor": RODS - {"accelerations"} - LINEAR | DRIVEN | ELASTIC,
 }

@@ -27,13 +27,14 @@ if TYPE_CHECKING:
     from symgen.scene.loop.loop import Loop
 
 
-def tangent_system(loop: Loop) -> System:
-    """Return the System of the tangents of a loop with inputs, and of the values of its outputs.
+def tangent_system(loop: Loop, balanced: bool = False) -> System:
+    """Return the System of the tangents of a loop, and of the values of its outputs.
 
     Its kernels: ``prescribed``, tangents of values, rates and accelerations of the inputs; ``closure``, those
     of rotation and translation; ``motion``, those of the sums of screws by rates, and by accelerations with
-    their drift; ``efforts``, values and tangents of the efforts of all variables less the known ones, for
-    outputs with forces; ``values`` and ``slopes``, values and tangents of the outputs, one matrix for each.
+    their drift; ``efforts``, values and tangents of the efforts of all variables less the known ones, where
+    ``balanced`` or for outputs with forces; ``values``, one matrix for each output, and ``slopes``, the
+    tangents of all outputs.
 
     Raises
     ------
@@ -45,7 +46,10 @@ def tangent_system(loop: Loop) -> System:
         asked = [_component(model, name) for name in loop.outputs or ()]
     except SceneError as error:
         raise ModelError(str(error)) from None
-    forces = any("forces" in outputs.needs(_parted(name)[0]) for name in loop.outputs or ())
+    needs = [outputs.needs(_parted(name)[0]) for name in loop.outputs or ()]
+    forces = balanced or any("forces" in of_one for of_one in needs)
+    if balanced:
+        model.check_masses("the motion of free variables")
     turn, origin = model.paths.closure.turn, model.paths.closure.origin
     rotation = [(turn[k, j] - turn[j, k]) / 2 for j, k in ((1, 2), (2, 0), (0, 1))]
     count = len(model.variables)
@@ -53,8 +57,8 @@ def tangent_system(loop: Loop) -> System:
     drift = model.paths.columns(model.paths.screw_rates(), count) * sp.Matrix(model.rates)
     inputs = [v.motion for v in loop.having("input")]
     time = TIME.symbol
-    of = {
-        "prescribed": [x for m in inputs for x in (m, sp.diff(m, time), sp.diff(m, time, 2))],
+    of = {"prescribed": [x for m in inputs for x in (m, sp.diff(m, time), sp.diff(m, time, 2))]}
+    of = (of if inputs else {}) | {
         "closure": [*rotation, *origin],
         "motion": [*(screws * sp.Matrix(model.rates)), *(screws * sp.Matrix(model.second) + drift)],
     }
@@ -83,6 +87,11 @@ def tangent_system(loop: Loop) -> System:
         definitions=(*model.names.definitions, *tangents.definitions),
         references=(REFERENCE,),
     )
+
+
+def balanced_tangent_system(loop: Loop) -> System:
+    """Return the System of :func:`tangent_system` with the balance of efforts, whatever the outputs are."""
+    return tangent_system(loop, balanced=True)
 
 
 class _Tangents:

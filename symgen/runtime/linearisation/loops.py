@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -45,16 +46,20 @@ def sensitivity(
         When the loop does not reach that time; when a derivative is not finite.
     """
     t = begin.t if at is None else at
-    return _Pose(loop, tangents, t, moving_at(loop, begin, t)).derivatives(tuple(parameters))
+    row = moving_at(loop, begin, t)
+    n = loop.description.coordinates
+    return _Driven(loop, tangents, t, row[:n], row[n : 2 * n], row[2 * n : 3 * n]).derivatives(parameters)
 
 
-class _Pose:
+class LoopPose:
     """A pose in motion, and tangents at it."""
 
-    def __init__(self, loop: LoopKernels, tangents: LoopKernels, t: float, row: Array) -> None:
+    def __init__(
+        self, loop: LoopKernels, tangents: LoopKernels, t: float, q: Array, u: Array, acceleration: Array
+    ) -> None:
         d, n = loop.description, loop.description.coordinates
         self.loop, self.tangents, self.t = loop, tangents, t
-        self.q, self.u, self.acceleration = row[:n], row[n : 2 * n], row[2 * n : 3 * n]
+        self.q, self.u, self.acceleration = q, u, acceleration
         self.dependent, self.inputs = d.having("dependent"), loop.inputs
         self.known = [i for i, v in enumerate(d.variables) if not v.unknown]
         #: Places of rates, accelerations, closing wrench and parameters among the tangents.
@@ -69,100 +74,128 @@ class _Pose:
         values = np.linalg.svd(self.screws, compute_uv=False)
         if np.count_nonzero(values > _RANK * values.max(initial=0.0)) < len(self.dependent):
             raise ModelError(
-                f"{d.name} is at a singular position at {loop.value_at(t)}: parameters do not determine "
-                "how it moves"
+                f"{d.name} is at a singular position at {loop.value_at(t)}: its inputs and free "
+                "variables do not determine how it moves"
             )
-        self._balance()
 
     def along(self, kernel: str, direction: Array) -> Array:
         """Return the tangents that a kernel gives along a direction."""
         name = "outputs" if kernel == "slopes" else kernel
-        return self._called(kernel, direction)[f"{name}_tangent"].ravel()
+        return self.called(kernel, direction)[f"{name}_tangent"].ravel()
 
-    def _called(self, kernel: str, direction: Array) -> dict[str, Array]:
+    def called(self, kernel: str, direction: Array) -> dict[str, Array]:
+        """Return all that a kernel gives along a direction, by name."""
         work = np.concatenate([self.acceleration, self.wrench, direction])
         return self.tangents(kernel, self.t, self.q, self.u, work)
 
-    def _balance(self) -> None:
-        """Find the closing wrench."""
-        if self.tangents.has("efforts"):
-            left = self._called("efforts", np.zeros(self.size))["efforts_left"].ravel()
-            self.wrench = self._balanced(left)
-
     @cached_property
-    def _by_wrench(self) -> Array:
+    def by_wrench(self) -> Array:
         """Slopes of the known efforts by the closing wrench (known, 6), all in units of moments."""
-        slopes = np.array([self.along("efforts", x) for x in self._wrenches])[:, self.known].T
+        slopes = np.array([self.along("efforts", x) for x in self.wrenches])[:, self.known].T
         return np.asarray(slopes * self.columns[self.known, None])
 
     @property
-    def _wrenches(self) -> Array:
+    def wrenches(self) -> Array:
         """Directions of the components of the closing wrench, moments times the size: (6, tangents)."""
         directions = np.zeros((6, self.size))
         directions[:, self.places[2] : self.places[3]] = np.diag(self.lengths)
         return directions
 
+    def carry(self, direction: Array, order: int, cause: str) -> None:
+        """Set the tangents of dependent variables (order 0), their rates (1) or accelerations (2).
+
+        Raises
+        ------
+        ModelError
+            When the direction opens redundant closure equations, with its cause.
+        """
+        n = len(self.q)
+        kernel, first = ("closure", 0) if order == 0 else ("motion", 6 * order - 6)
+        opened = self.along(kernel, direction)[first : first + 6] / self.lengths
+        moved = np.linalg.lstsq(self.screws, -opened, rcond=_RANK)[0]
+        if np.max(np.abs(self.screws @ moved + opened)) > _LEFT * np.max(np.abs(opened), initial=1.0):
+            raise ModelError(
+                f"a change of {cause} alone opens the redundant closure equations of "
+                f"{self.loop.description.name}\n  Give parameters that keep the loop closed."
+            )
+        direction[order * n + np.array(self.dependent)] = moved * self.columns[self.dependent]
+
+    @cached_property
+    def outputs(self) -> dict[str, str]:
+        """Unit of every scalar output by name."""
+        units: dict[str, str] = {}
+        for block in self.tangents.blocks("values"):
+            parts = [f"{block.name}.{row}" for row in block.rows] if len(block.rows) > 1 else [block.name]
+            units |= dict.fromkeys(parts, block.unit)
+        return units
+
+    @property
+    def values(self) -> Array:
+        """Values of all outputs."""
+        found = self.called("values", np.zeros(self.size)).values() if self.outputs else ()
+        return np.concatenate([x.ravel() for x in found]) if found else np.zeros(0)
+
+    def check_determined(self, free: Array) -> None:
+        """Raise ModelError for an output that changes along any of some directions (directions, tangents)."""
+        if not len(free) or not self.outputs:
+            return
+        by = np.array([self.along("slopes", x) for x in self.wrenches])
+        found = np.array([self.along("slopes", x) for x in free])
+        changed = np.max(np.abs(found), axis=0) > _LEFT * np.max(np.abs(by), axis=0)
+        for name in (name for name, moves in zip(self.outputs, changed, strict=True) if moves):
+            raise ModelError(
+                f"{name} is not determined: closure equations of {self.loop.description.name} are redundant"
+            )
+
+
+class _Driven(LoopPose):
+    """A pose that inputs prescribe."""
+
+    def __init__(self, *given: Any) -> None:
+        super().__init__(*given)
+        if self.tangents.has("efforts"):
+            left = self.called("efforts", np.zeros(self.size))["efforts_left"].ravel()
+            self.wrench = self._balanced(left)
+
     def _balanced(self, left: Array) -> Array:
         """Return the closing wrench of minimum norm that changes the efforts by minus these."""
         scaled = left[self.known] * self.columns[self.known]
-        return np.asarray(-self.lengths * np.linalg.lstsq(self._by_wrench, scaled, rcond=_RANK)[0])
+        return np.asarray(-self.lengths * np.linalg.lstsq(self.by_wrench, scaled, rcond=_RANK)[0])
 
-    def derivatives(self, parameters: tuple[str, ...]) -> Sensitivity:
+    def derivatives(self, parameters: Sequence[str]) -> Sensitivity:
         """Return the derivatives of all outputs by parameters."""
-        d, units = self.loop.description, dict[str, str]()
-        for block in self.tangents.blocks("values"):
-            several = len(block.rows) > 1
-            units |= {
-                f"{block.name}.{row}" if several else block.name: block.unit for row in block.rows or ("",)
-            }
-        names = [*units]
-        self._check_determined(names)
+        if self.tangents.has("efforts"):
+            self.check_determined(null_space(self.by_wrench) @ self.wrenches)
         slopes = np.array([self.along("slopes", self._direction(name)) for name in parameters]).T
-        values = np.concatenate([x.ravel() for x in self._called("values", np.zeros(self.size)).values()])
-        by = {p.name: p.unit for p in d.tunable}
+        units = {p.name: p.unit for p in self.loop.description.tunable}
         return finite(
             Sensitivity(
                 derivatives=slopes,
-                outputs=tuple(names),
-                parameters=parameters,
-                values=values,
-                units=units | {name: by[name] for name in parameters},
+                outputs=tuple(self.outputs),
+                parameters=tuple(parameters),
+                values=self.values,
+                units=self.outputs | {name: units[name] for name in parameters},
                 t=self.t,
             )
         )
 
     def _direction(self, parameter: str) -> Array:
         """Return the direction of variables, rates, accelerations and wrench by a parameter."""
-        d, n = self.loop.description, len(self.q)
+        names, n = [p.name for p in self.loop.description.parameters], len(self.q)
         direction = np.zeros(self.size)
-        direction[self.places[-1] + [p.name for p in d.parameters].index(parameter)] = 1.0
+        direction[self.places[-1] + names.index(parameter)] = 1.0
         prescribed = self.along("prescribed", direction).reshape(-1, 3)
-        for order, (kernel, rows) in enumerate(
-            (("closure", slice(0, 6)), ("motion", slice(0, 6)), ("motion", slice(6, 12)))
-        ):
+        for order in range(3):
             direction[order * n + np.array(self.inputs)] = prescribed[:, order]
-            opened = self.along(kernel, direction)[rows] / self.lengths
-            moved = np.linalg.lstsq(self.screws, -opened, rcond=_RANK)[0]
-            if np.max(np.abs(self.screws @ moved + opened)) > _LEFT * np.max(np.abs(opened), initial=1.0):
-                raise ModelError(
-                    f"a change of {parameter} alone opens the redundant closure equations of {d.name}\n"
-                    "  Give parameters that keep the loop closed."
-                )
-            direction[order * n + np.array(self.dependent)] = moved * self.columns[self.dependent]
+            self.carry(direction, order, parameter)
         if self.tangents.has("efforts"):
             wrench = self._balanced(self.along("efforts", direction))
             direction[self.places[2] : self.places[3]] = wrench
         return direction
 
-    def _check_determined(self, names: Sequence[str]) -> None:
-        """Raise ModelError for an output that a wrench in balance with all efforts changes."""
-        if not self.tangents.has("efforts"):
-            return
-        _, values, right = np.linalg.svd(self._by_wrench)
-        free = right[np.count_nonzero(values > _RANK * values.max(initial=0.0)) :]
-        by = np.array([self.along("slopes", x) for x in self._wrenches])
-        changed = np.max(np.abs(free @ by), axis=0, initial=0.0) > _LEFT * np.max(np.abs(by), axis=0)
-        for name in (name for name, moves in zip(names, changed, strict=True) if moves):
-            raise ModelError(
-                f"{name} is not determined: closure equations of {self.loop.description.name} are redundant"
-            )
+
+def null_space(matrix: Array) -> Array:
+    """Return an orthonormal basis of the null space of a matrix, a row each."""
+    _, values, right = np.linalg.svd(matrix)
+    basis: Array = right[np.count_nonzero(values > _RANK * values.max(initial=0.0)) :]
+    return basis

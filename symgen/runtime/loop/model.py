@@ -27,7 +27,7 @@ from symgen.runtime.model.model import Model
 from symgen.runtime.result.turn import Turn
 
 if TYPE_CHECKING:
-    from symgen.runtime.linearisation.record import Sensitivity
+    from symgen.runtime.linearisation.record import Linearisation, Sensitivity
     from symgen.runtime.result.result import Result
 
 Array = NDArray[np.float64]
@@ -143,6 +143,11 @@ class LoopModel(Model):
                 "  Evaluate it over its range ('symgen inverse-dynamics SCENE', model.inverse_dynamics()), "
                 "or give a variable under loop.free."
             )
+        if name == "linearise" and not free:
+            return (
+                "its inputs prescribe its motion, so that no state is free to deviate\n"
+                "  Move a variable from loop.inputs to loop.free to let forces move it."
+            )
         if name == "sensitivity" and (free or not d.having("input")):
             return "it moves freely: derivatives are those of loops whose inputs prescribe the motion"
         if name in ("kinematics", "inverse_dynamics") and free:
@@ -203,8 +208,6 @@ class LoopModel(Model):
     ) -> Sensitivity:
         from symgen.runtime.linearisation.loops import sensitivity
 
-        if self._analyses is None:
-            raise ModelError(f"{self.name} was made without its scene: build it with symgen.build")
         by = tuple(self.parameters if parameters is None else parameters)
         for name in by:
             if name not in self.parameters:
@@ -216,8 +219,24 @@ class LoopModel(Model):
                 f"{self.name} has no tunable parameters to differentiate by\n"
                 "  Write tunable = true for some under [parameters] of the scene."
             )
-        kernels = LoopKernels(*self._analyses("loop_sensitivity", tuple(outputs)), self.given)
+        if not outputs:
+            raise ModelError("expected outputs to differentiate, got none")
+        kernels = self._tangents("loop_sensitivity", outputs)
         return sensitivity(self._kernels, kernels, self.closed_start(), at, by)
+
+    def _linearise(self, outputs: Sequence[str] | None = None) -> Linearisation:
+        from symgen.runtime.linearisation.free_loops import free_state_space
+
+        d = self.description
+        shown = [d.variables[i].name for i in d.having("free")] if outputs is None else outputs
+        kernels = self._tangents("loop_linearisation", shown)
+        return free_state_space(self._kernels, kernels, self.closed_start())
+
+    def _tangents(self, kind: str, outputs: Sequence[str]) -> LoopKernels:
+        """Return the kernels of an analysis by tangents."""
+        if self._analyses is None:
+            raise ModelError(f"{self.name} was made without its scene: build it with symgen.build")
+        return LoopKernels(*self._analyses(kind, tuple(outputs)), self.given)
 
     @takes(Run)
     def _simulate(self, asked: Run) -> Result:

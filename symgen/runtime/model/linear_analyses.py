@@ -76,6 +76,7 @@ class LinearAnalyses:
             Independent scalars of the pose, one for each degree of freedom: angles of links (plane),
             components of positions. The states are these and their rates. When absent, the positions and
             velocities of all moving points: A is then the Jacobian of :attr:`rhs`, constraints included.
+            Loops have their free variables, at the start.
 
         Raises
         ------
