@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -33,6 +34,17 @@ _JUDGED = 100_000
 def effects_of(events: Iterable[EventInfo]) -> list[int]:
     """Return what events do to a run, in bits of the core."""
     return [_core.ENDS_RUN * e.ends_run | _core.REVOLVES * e.revolves for e in events]
+
+
+def stepper_of(equations: Any, chosen: Options, t0: float, y0: Array, times: Array, **more: Any) -> _core.Run:
+    """Return a run from y0 at t0 [s] with checked options, which records ``times`` [s]."""
+    return _core.Run(
+        equations, chosen.method, t0, y0, chosen.t_end, chosen.rtol, chosen.atol, chosen.step, times,
+        stabilisation=_core.STABILISATIONS[chosen.stabilisation],
+        max_drift=chosen.max_drift,
+        max_step=chosen.max_step,
+        **more,
+    )  # fmt: skip
 
 
 def run(
@@ -68,19 +80,12 @@ def run(
     )
     y0 = np.append(y, 0.0) if equations.extra else y
     events = evaluator.description.events
-    stepper = _core.Run(
+    stepper = stepper_of(
         equations,
-        chosen.method,
+        chosen,
         t0,
         y0,
-        chosen.t_end,
-        chosen.rtol,
-        chosen.atol,
-        chosen.step,
         sample_times(t0, chosen, t_eval),
-        stabilisation=_core.STABILISATIONS[chosen.stabilisation],
-        max_drift=chosen.max_drift,
-        max_step=chosen.max_step,
         places_only=evaluator.outputs_by_places,
         directions=[e.direction for e in events],
         terminal=effects_of(events),

@@ -15,16 +15,22 @@ from symgen.runtime.closure.redundancy import note, ranges_of
 from symgen.runtime.closure.start import Closed
 from symgen.runtime.integrate.checkpoint import Keeping, mark_of
 from symgen.runtime.integrate.failures import of_sliding, unfinished
-from symgen.runtime.integrate.options import Options, recorded_at
+from symgen.runtime.integrate.options import Options
 from symgen.runtime.integrate.pace import OUT_OF_TIME, out_of_time
-from symgen.runtime.integrate.simulate import drive
+from symgen.runtime.integrate.simulate import drive, sample_times, stepper_of
 from symgen.runtime.kernels.typed import library_of_runs, made_with
 from symgen.runtime.loop.ball_poles import ball_pole, in_other_angles
 from symgen.runtime.loop.kernels import LoopKernels, in_words
 from symgen.runtime.loop.limits import CLOSED, REPORTED
 from symgen.runtime.loop.samples import Samples
-from symgen.runtime.result.recording import of_switches
-from symgen.runtime.result.records import Drift, over_time
+from symgen.runtime.result.recording import (
+    counts_of,
+    drift_of,
+    losses_of_rank,
+    of_switches,
+    options_of,
+)
+from symgen.runtime.result.records import over_time
 from symgen.runtime.result.result import Result
 from symgen.runtime.result.turn import converters, variables
 
@@ -58,23 +64,8 @@ def run(
     if ball_pole(kernels, begin.t, begin.q):
         own, q = in_other_angles(kernels, equations, begin.q)
     y0 = np.concatenate([q, rates_at_start(own, replace(begin, q=q)), [0.0]])
-    times = np.linspace(begin.t, chosen.t_end, chosen.samples)
-    if t_eval is not None:
-        times = recorded_at(t_eval, begin.t, chosen.t_end)
-    stepper = _core.Run(
-        equations,
-        chosen.method,
-        begin.t,
-        y0,
-        chosen.t_end,
-        chosen.rtol,
-        chosen.atol,
-        chosen.step,
-        times,
-        stabilisation=_core.STABILISATIONS[chosen.stabilisation],
-        max_drift=chosen.max_drift,
-        max_step=chosen.max_step,
-    )
+    times = sample_times(begin.t, chosen, t_eval)
+    stepper = stepper_of(equations, chosen, begin.t, y0, times)
     checkpoints = None
     if keeping is not None:
         library = library_of_runs(kernels.library, kernels.typed)
@@ -122,35 +113,19 @@ def _recorded(
         axes=_AXES,
         coordinate=over_time(times),
         variables=made,
-        drift=Drift(
-            stepper.position_drift,
-            stepper.velocity_drift,
-            stepper.energy_drift,
-            max(
-                stepper.kinetic_max - stepper.kinetic_min, stepper.potential_max - stepper.potential_min, 0.0
-            ),
-        ),
+        drift=drift_of(stepper),
         final={
             v.name: {"value": x, "rate": s, "unit": v.unit}
             for v, x, s in zip(d.variables, q.tolist(), u.tolist(), strict=True)
         },
         statistics={
-            "t": stepper.t,
-            "steps": stepper.steps,
-            "rejected": stepper.rejected,
-            "evaluations": equations.evaluations,
-            "factorisations": equations.factorisations,
+            **counts_of(stepper, equations),
             "undetermined": ranges,
             "wall_s": wall,
         },
         provenance={
             "equations": d.equations,
-            "method": chosen.method.name,
-            "rtol": chosen.rtol,
-            "atol": chosen.atol,
-            "step": chosen.step,
-            "t_end": chosen.t_end,
-            "stabilisation": chosen.stabilisation,
+            **options_of(chosen),
             **made_with(kernels.library, kernels.typed),
             "parameters": {p.name: x for p, x in zip(d.parameters, kernels.given.tolist(), strict=True)},
         },
@@ -169,14 +144,8 @@ def _of_passages(stepper: _core.Run, samples: Samples) -> Iterator[str]:
     if not stepper.passages:
         return
     d = samples.kernels.description
-    times = ", ".join(f"{t:.9g}" for t, _, _ in stepper.passages[:_SHOWN])
-    more = ", ..." if len(stepper.passages) > _SHOWN else ""
-    names = ", ".join(dict.fromkeys(d.variables[k].name for _, _, k in stepper.passages))
-    losses = "1 loss" if len(stepper.passages) == 1 else f"{len(stepper.passages)} losses"
-    yield (
-        f"passed {losses} of rank of the screws ({names}) at t = {times}{more} s: the motion may branch, and "
-        "continued smoothly; rounding errors are magnified there "
-        f"(energy drift {stepper.energy_drift:.1e} J)"
+    yield losses_of_rank(stepper, "screws", (d.variables[k].name for _, _, k in stepper.passages)) + (
+        f"continued smoothly; rounding errors are magnified there (energy drift {stepper.energy_drift:.1e} J)"
     )
     solved = [*d.having("dependent"), *d.having("free")]
     sound = np.ones(len(samples.times))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -100,9 +100,7 @@ class Recording:
 
     def drift(self) -> Drift:
         """Return how far the run strayed."""
-        run = self.stepper
-        exchanged = max(run.kinetic_max - run.kinetic_min, run.potential_max - run.potential_min, 0.0)
-        return Drift(run.position_drift, run.velocity_drift, run.energy_drift, exchanged)
+        return drift_of(self.stepper)
 
     def final(self) -> dict[str, dict[str, list[float]]]:
         """Return the motion of all points at the end."""
@@ -110,28 +108,15 @@ class Recording:
 
     def statistics(self) -> dict[str, float]:
         """Return counts, the last time and the wall time [s]."""
-        return {
-            "t": self.stepper.t,
-            "steps": self.stepper.steps,
-            "rejected": self.stepper.rejected,
-            "evaluations": self.equations.evaluations,
-            "factorisations": self.equations.factorisations,
-            "wall_s": self.wall,
-        }
+        return {**counts_of(self.stepper, self.equations), "wall_s": self.wall}
 
     def provenance(self) -> dict[str, Any]:
         """Return equations, method, options, build and parameters of the run."""
-        d, chosen = self.evaluator.description, self.chosen
+        d = self.evaluator.description
         parameters = zip(d.tunable, self.evaluator.given.tolist(), strict=False)
         return {
             "equations": d.equations,
-            "method": chosen.method.name,
-            "rtol": chosen.rtol,
-            "atol": chosen.atol,
-            "step": chosen.step,
-            "t_end": chosen.t_end,
-            "stabilisation": chosen.stabilisation,
-            **({"stabilisation_rate": chosen.rate} if chosen.rate else {}),
+            **options_of(self.chosen),
             "backend": self.library.backend,
             **self.library.provenance,
             "parameters": {p.name: value for p, value in parameters},
@@ -156,6 +141,41 @@ class Recording:
             Event(known[i].name, t, rising, motion(self.evaluator, t, y))
             for t, i, rising, y in self.stepper.events
         )
+
+
+def drift_of(stepper: _core.Run) -> Drift:
+    """Return how far a run strayed."""
+    kinetic, potential = (
+        stepper.kinetic_max - stepper.kinetic_min,
+        stepper.potential_max - stepper.potential_min,
+    )
+    exchanged = max(kinetic, potential, 0.0)
+    return Drift(stepper.position_drift, stepper.velocity_drift, stepper.energy_drift, exchanged)
+
+
+def counts_of(stepper: _core.Run, equations: Any) -> dict[str, Any]:
+    """Return the last time [s] of a run, and the numbers of its steps and evaluations."""
+    return {
+        **{name: getattr(stepper, name) for name in ("t", "steps", "rejected")},
+        **{name: getattr(equations, name) for name in ("evaluations", "factorisations")},
+    }
+
+
+def options_of(chosen: Options) -> dict[str, Any]:
+    """Return the options of a run by name."""
+    names = ("rtol", "atol", "step", "t_end", "stabilisation")
+    found = {"method": chosen.method.name, **{name: getattr(chosen, name) for name in names}}
+    return found | ({"stabilisation_rate": chosen.rate} if chosen.rate else {})
+
+
+def losses_of_rank(stepper: _core.Run, of: str, names: Iterable[str]) -> str:
+    """Begin a note on losses of rank that a run passed; ``names`` are those of the lost unknowns."""
+    times = ", ".join(f"{t:.9g}" for t, _, _ in stepper.passages[:_SHOWN])
+    more = ", ..." if len(stepper.passages) > _SHOWN else ""
+    losses = "1 loss" if len(stepper.passages) == 1 else f"{len(stepper.passages)} losses"
+    lost = ", ".join(dict.fromkeys(names))
+    where = f"of rank of the {of} ({lost}), at t = {times}{more} s"
+    return f"passed {losses} {where}: the motion may branch there, and "
 
 
 def motion(evaluator: Evaluator, t: float, y: Array) -> dict[str, dict[str, list[float]]]:
@@ -253,15 +273,8 @@ def _of_redundancy(evaluator: Evaluator, stepper: _core.Run, redundant: tuple[in
 def _of_passages(evaluator: Evaluator, stepper: _core.Run) -> Iterator[str]:
     """Say where the run passed configurations in which constraints lose rank."""
     if stepper.passages:
-        d = evaluator.description
-        times = ", ".join(f"{t:.9g}" for t, _, _ in stepper.passages[:_SHOWN])
-        more = ", ..." if len(stepper.passages) > _SHOWN else ""
-        names = ", ".join(dict.fromkeys(d.unknown(index) for _, _, index in stepper.passages))
-        losses = "1 loss" if len(stepper.passages) == 1 else f"{len(stepper.passages)} losses"
-        yield (
-            f"passed {losses} of rank of the constraints ({names}), at "
-            f"t = {times}{more} s: the motion may branch there, and went on smoothly"
-        )
+        names = (evaluator.description.unknown(index) for _, _, index in stepper.passages)
+        yield losses_of_rank(stepper, "constraints", names) + "went on smoothly"
     if stepper.moved:
         samples = "1 sample" if stepper.moved == 1 else f"{stepper.moved} samples"
         yield f"{samples} moved in time from where rank is lost and forces are not determined"
