@@ -1,4 +1,5 @@
 /* The angles of a loop's balls in a run: see balls.h. */
+#include <math.h>
 #include <string.h>
 
 #include "loop.h"
@@ -6,11 +7,19 @@
 /* Sine of the angle from a pole at which the angles change, and at which the table's own serve again. */
 #define NEAR_POLE R(0.1)
 #define FAR_POLE R(0.3)
+/* Distance from a multiple of pi, over pi, below which an angle has a cosine of more than NEAR_POLE either way. */
+#define CLEAR 0.465
 #define RIGHT_ANGLE R(1.570796326794896619231321691639751442L)
 
 /* The turns in front of the balls are the parameters before the branches of switching points. */
 static real *turn_of(const struct loop *l, long k) {
     return l->base.p + l->sizes.parameters - l->sizes.switches - l->sizes.balls + k;
+}
+
+/* Whether the table's own angles of a ball are seen to be off their pole without a cosine. */
+static int is_clear(const struct ball *b, const real *q) {
+    const double x = (double)q[b->angles[1]] / 3.14159265358979323846;
+    return fabs(x - rint(x)) < CLEAR;
 }
 
 static int is_turned(const struct loop *l, long k) {
@@ -46,6 +55,9 @@ static int choose(struct loop *l, const real *seen, int back, char *turned) {
     int changed = 0;
     for (long k = 0; k < l->sizes.balls; k++) {
         const int now = is_turned(l, k);
+        turned[k] = 0;
+        if (!now && !changed && is_clear(l->balls + k, seen))
+            continue;
         const real off = ball_off_pole(l->balls + k, changed ? 0 : now, changed ? q : seen);
         turned[k] = now && !changed ? !(back && off > FAR_POLE) : off < NEAR_POLE;
         if (turned[k] != now && !changed) {

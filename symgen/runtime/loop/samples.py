@@ -57,10 +57,12 @@ class Samples:
     @cached_property
     def parts(self) -> tuple[Part, ...]:
         """The samples by the angles they are recorded in."""
-        found = []
-        kinds, which = self.turns[:1], np.zeros(len(self.turns), dtype=np.intp)
-        if self.turns.any():
-            kinds, which = np.unique(self.turns, axis=0, return_inverse=True)
+        if not self.turns.any():
+            rows, found = np.arange(len(self.times)), self._solver.solutions(self.times, self.states)
+            whole = Part(rows, False, self.kernels, self.times, self.states, found)
+            return (whole,) if len(rows) else ()
+        parts = []
+        kinds, which = np.unique(self.turns, axis=0, return_inverse=True)
         for kind, turns in enumerate(kinds):
             rows = np.flatnonzero(which.ravel() == kind)
             held = self._hold(turns)
@@ -69,9 +71,9 @@ class Samples:
             part = Part(
                 rows, bool(turns.any()), kernels, times, states, self._solver.solutions(times, states)
             )
-            found.append(part)
+            parts.append(part)
         self._hold(np.zeros(self.turns.shape[1]))
-        return tuple(found)
+        return tuple(parts)
 
     def _hold(self, turns: Array) -> Array:
         held = self.kernels.given.copy()
@@ -102,6 +104,8 @@ class Samples:
     @cached_property
     def _in_table(self) -> list[tuple[int, Array, Array, Array]]:
         """Number, variables, rates and accelerations of samples in other angles, in those of the table."""
+        if not self.turns.any():
+            return []
         n = self.kernels.description.coordinates
         solved = np.zeros((len(self.times), n))
         for part in self.parts:
