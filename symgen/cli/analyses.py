@@ -52,14 +52,7 @@ def simulate(ctx: typer.Context) -> None:
 @analysis(
     "symgen kinematics crank_rocker --of rocker --plot rocker.svg",
     "start stop at samples of state through set_ out plot xy as_json backend",
-    of=Annotated[
-        list[str] | None,
-        o.option(
-            "--of",
-            metavar="NAME",
-            help="A point, link or corner A.B.C to record; default: all that move.",
-        ),
-    ],
+    of=o.maybe(list[str], "--of", "NAME", "A point, link or corner A.B.C to record; default: all that move."),
 )
 def kinematics(ctx: typer.Context) -> None:
     """Compute the kinematics of a driven mechanism.
@@ -74,18 +67,10 @@ def kinematics(ctx: typer.Context) -> None:
 @analysis(
     "symgen inverse-dynamics crank_rocker --at 0,60",
     "start stop at samples elements sections state through set_ out plot as_json backend",
-    elements=Annotated[
-        int | None,
-        o.option("--elements", metavar="N", help="Finite elements per link of a linkage (1)."),
-    ],
-    sections=Annotated[
-        list[float] | None,
-        o.option(
-            "--section",
-            metavar="PART",
-            help="Position of a section along the links of a linkage, 0 to 1 (0.5).",
-        ),
-    ],
+    elements=o.maybe(int, "--elements", "N", "Finite elements per link of a linkage (1)."),
+    sections=o.maybe(
+        list[float], "--section", "PART", "Position of a section along the links of a linkage, 0 to 1 (0.5)."
+    ),
 )
 def inverse_dynamics(ctx: typer.Context) -> None:
     """Compute joint forces and drive efforts of a driven motion.
@@ -98,10 +83,7 @@ def inverse_dynamics(ctx: typer.Context) -> None:
 @analysis(
     'symgen equilibrium four_bar --set links.crank.mass="2 kg"',
     "t stable segments set_ as_json backend",
-    t=Annotated[
-        float | None,
-        o.option("--t", metavar="SECONDS", help="Time at which loads and drives are held [s] (0)."),
-    ],
+    t=o.maybe(float, "--t", "SECONDS", "Time at which loads and drives are held [s] (0)."),
     stable=Annotated[
         bool,
         o.option("--stable/--any", help="Descend to a stable equilibrium, or take one of any kind nearby."),
@@ -115,15 +97,13 @@ def equilibrium(ctx: typer.Context) -> None:
 @analysis(
     "symgen modes elastic_four_bar --at 0,60",
     "at moving set_ as_json backend",
-    at=Annotated[
-        list[str] | None,
-        o.option(
-            "--at",
-            metavar="ANGLE,...",
-            group="Elastic links",
-            help='Crank angles: "0,60" (bare: degrees), "0.5 rad"; default: start.',
-        ),
-    ],
+    at=o.maybe(
+        list[str],
+        "--at",
+        "ANGLE,...",
+        'Crank angles: "0,60" (bare: degrees), "0.5 rad"; default: start.',
+        "Elastic links",
+    ),
     moving=Annotated[
         bool,
         o.option("--moving", group="Elastic links", help="At the speed of the crank instead of at rest."),
@@ -149,26 +129,15 @@ def modes(ctx: typer.Context) -> None:
 @analysis(
     "symgen linearise four_bar --coordinate crank.angle --at equilibrium",
     "at inputs outputs coordinates set_ as_json backend",
-    at=Annotated[
-        str | None,
-        o.option("--at", metavar="STATE", help="start (default) or equilibrium."),
-    ],
-    inputs=Annotated[
-        list[str] | None,
-        o.option("--input", metavar="NAME", help="An input of the scene; default: all."),
-    ],
-    outputs=Annotated[
-        list[str] | None,
-        o.option("--output", metavar="NAME", help="An output, such as A.position.x; default: coordinates."),
-    ],
-    coordinates=Annotated[
-        list[str] | None,
-        o.option(
-            "--coordinate",
-            metavar="NAME",
-            help="An independent coordinate, such as crank.angle; default: positions of all moving points.",
-        ),
-    ],
+    at=o.maybe(str, "--at", "STATE", "start (default) or equilibrium."),
+    inputs=o.maybe(list[str], "--input", "NAME", "An input of the scene; default: all."),
+    outputs=o.maybe(list[str], "--output", "NAME", "An output, such as A.position.x; default: coordinates."),
+    coordinates=o.maybe(
+        list[str],
+        "--coordinate",
+        "NAME",
+        "An independent coordinate, such as crank.angle; default: positions of all moving points.",
+    ),
 )
 def linearise(ctx: typer.Context) -> None:
     """Compute the state-space matrices A, B, C, D.
@@ -195,22 +164,11 @@ def linearise(ctx: typer.Context) -> None:
             "--output", metavar="NAME", help="Output, such as A.position.x, or frequencies. May be repeated."
         ),
     ],
-    parameters=Annotated[
-        list[str] | None,
-        o.option("--parameter", metavar="NAME", help="Tunable parameter; default: all. May be repeated."),
-    ],
-    at=Annotated[
-        str | None,
-        o.option(
-            "--at",
-            metavar="STATE",
-            help='start (default), equilibrium, or a time of a driven linkage, "0.3 s".',
-        ),
-    ],
-    coordinates=Annotated[
-        list[str] | None,
-        o.option("--coordinate", metavar="NAME", help="Independent coordinate to hold, such as crank.angle."),
-    ],
+    parameters=o.maybe(list[str], "--parameter", "NAME", "Tunable parameter; default: all. May be repeated."),
+    at=o.maybe(str, "--at", "STATE", 'start (default), equilibrium, or a time of a driven linkage, "0.3 s".'),
+    coordinates=o.maybe(
+        list[str], "--coordinate", "NAME", "Independent coordinate to hold, such as crank.angle."
+    ),
 )
 def sensitivity(ctx: typer.Context) -> None:
     """Compute exact derivatives of outputs with respect to tunable parameters.
@@ -232,15 +190,13 @@ def sensitivity(ctx: typer.Context) -> None:
 @analysis(
     "symgen assemblies crank_rocker --at 60",
     "at set_ as_json backend",
-    at=Annotated[
-        str | None,
-        o.option(
-            "--at",
-            metavar="VALUE",
-            help='Value of the input, "60" (degrees, or a loop\'s unit of length), or a time, "0.3 s"; '
-            "default: the start.",
-        ),
-    ],
+    at=o.maybe(
+        str,
+        "--at",
+        "VALUE",
+        'Value of the input, "60" (degrees, or a loop\'s unit of length), or a time, "0.3 s"; '
+        "default: the start.",
+    ),
 )
 def assemblies(ctx: typer.Context) -> None:
     """List the assembly modes of a mechanism, the drawn one first."""
@@ -280,10 +236,7 @@ def quasi_static(ctx: typer.Context) -> None:
     "symgen large-rotation elastic_four_bar --segments 8",
     "segments elements revolutions rtol samples max_step max_wall checkpoint checkpoint_every resume "
     "set_ out plot as_json backend",
-    elements=Annotated[
-        int | None,
-        o.option("--elements", metavar="N", help="Number of elements per elastic link, not rods."),
-    ],
+    elements=o.maybe(int, "--elements", "N", "Number of elements per elastic link, not rods."),
 )
 def large_rotation(ctx: typer.Context) -> None:
     """Simulate elastic links in large rotation, as chains of rods or as beam elements.

@@ -60,38 +60,10 @@ Set = Annotated[
         help='Set a parameter, or a key by its path: rho="2 kg/m", links.OA.mass="1 kg". May be repeated.',
     ),
 ]
-Out = Annotated[
-    Path | None,
-    option(
-        "--out",
-        metavar="FILE",
-        group=_OUTPUT,
-        callback=_result_file,
-        help="Save the result: .nc, .npz or .csv.",
-    ),
-]
 Plot = Annotated[
     Path | None,
     option(
         "--plot", metavar="FILE", group=_OUTPUT, callback=_plot_file, help="Save a plot: .png, .svg or .pdf."
-    ),
-]
-PlotOf = Annotated[
-    list[str] | None,
-    option(
-        "--of",
-        metavar="NAME",
-        group=_OUTPUT,
-        help="An output, point or link in the plot; default: all outputs. May be repeated.",
-    ),
-]
-XY = Annotated[
-    str | None,
-    option(
-        "--xy",
-        metavar="NAME",
-        group=_OUTPUT,
-        help="A point whose path is plotted, y over x with equal axes, such as a coupler curve.",
     ),
 ]
 Json = Annotated[bool, option("--json", group=_OUTPUT, help="Print one JSON object and nothing else.")]
@@ -131,173 +103,134 @@ TEnd = Annotated[
 Samples = Annotated[
     int | None, option("--samples", metavar="N", help="Number of equally spaced samples recorded.")
 ]
-At = Annotated[
-    list[str] | None,
-    option(
-        "--at",
-        metavar="VALUE,...",
-        help='Values to evaluate instead of a range: of the input, "45,100" (bare: degrees, or a loop\'s '
-        'unit of length), "0.5 rad", or of the time, "0.3 s".',
-    ),
-]
-AtAngles = Annotated[
-    list[str] | None,
-    option(
-        "--at",
-        metavar="ANGLE,...",
-        help='Crank angles to record: "0,60" (bare numbers are degrees), "0.5 rad".',
-    ),
-]
-From = Annotated[
-    str | None,
-    option(
-        "--from",
-        metavar="VALUE",
-        help="Start of the range; bare numbers are seconds, or the input of a loop in its unit.",
-    ),
-]
-To = Annotated[str | None, option("--to", metavar="VALUE", help="End of the range; default: the scene's.")]
-Branch = Annotated[
-    int | None,
-    option("--branch", metavar="N", help="Assembly mode of a linkage at the start; 1 is the drawn one."),
-]
-Through = Annotated[bool, option("--through", help="Continue past turning points of the input.")]
-Rtol = Annotated[
-    float | None,
-    option(
-        "--rtol",
-        metavar="X",
-        help="Relative tolerance of the local error; elastic links: error over the peak stress.",
-    ),
-]
-Steps = Annotated[
-    int | None,
-    option(
-        "--steps",
-        metavar="N",
-        group=_ELASTIC,
-        help="Steps per revolution; default: doubled until --rtol is met.",
-    ),
-]
-Revolutions = Annotated[
-    float | None,
-    option("--revolutions", metavar="N", group=_ELASTIC, help="Number of revolutions of the crank (1)."),
-]
-Segments = Annotated[
-    int | None,
-    option("--segments", metavar="N", group=_ELASTIC, help="Number of rods per elastic link (12)."),
-]
-Form = Annotated[
-    str | None,
-    option(
-        "--form",
-        metavar="FORM",
-        group=_ELASTIC,
-        help="exact, or thesis: constant transformations, for comparison only.",
-    ),
-]
-GeometricStiffness = Annotated[
-    bool | None,
-    option(
-        "--no-geometric-stiffness",
-        callback=lambda omitted: False if omitted else None,
-        group=_ELASTIC,
-        help="Omit the stiffness of axial forces.",
-    ),
-]
-Method = Annotated[
-    str | None,
-    option(
+
+
+def maybe(kind: Any, name: str, metavar: str, help: str, group: str = "Run", **more: Any) -> Any:
+    """Return the annotation of an option that may be absent."""
+    return Annotated[kind | None, option(name, metavar=metavar, help=help, group=group, **more)]
+
+
+AtAngles = maybe(
+    list[str], "--at", "ANGLE,...", 'Crank angles to record: "0,60" (bare numbers are degrees), "0.5 rad".'
+)
+#: Options of analyses by the argument that each sets, and the defaults of those that have one.
+OF_ANALYSES: dict[str, Any] = {
+    "scene": Scene,
+    "t_end": TEnd,
+    "method": maybe(
+        str,
         "--method",
-        metavar="NAME",
-        help="Integrator. Adaptive: dop853, dopri5, radau5 (stiff). Fixed step: rk4, rattle, rattle4, "
+        "NAME",
+        "Integrator. Adaptive: dop853, dopri5, radau5 (stiff). Fixed step: rk4, rattle, rattle4, "
         "rattle6, rattle8, generalized-alpha, newmark. Elastic links: gauss, gauss4, newmark, "
         "generalized-alpha, wilson-theta, dop853, rk4.",
     ),
-]
-Atol = Annotated[
-    float | None, option("--atol", metavar="X", help="Absolute tolerance of the local error [m, m/s].")
-]
-Step = Annotated[float | None, option("--step", metavar="SECONDS", help="Fixed step [s].")]
-Stabilisation = Annotated[
-    str | None,
-    option(
+    "rtol": maybe(
+        float,
+        "--rtol",
+        "X",
+        "Relative tolerance of the local error; elastic links: error over the peak stress.",
+    ),
+    "atol": maybe(float, "--atol", "X", "Absolute tolerance of the local error [m, m/s]."),
+    "step": maybe(float, "--step", "SECONDS", "Fixed step [s]."),
+    "steps": maybe(
+        int, "--steps", "N", "Steps per revolution; default: doubled until --rtol is met.", _ELASTIC
+    ),
+    "revolutions": maybe(float, "--revolutions", "N", "Number of revolutions of the crank (1).", _ELASTIC),
+    "start": maybe(
+        str,
+        "--from",
+        "VALUE",
+        "Start of the range; bare numbers are seconds, or the input of a loop in its unit.",
+    ),
+    "stop": maybe(str, "--to", "VALUE", "End of the range; default: the scene's."),
+    "at": maybe(
+        list[str],
+        "--at",
+        "VALUE,...",
+        'Values to evaluate instead of a range: of the input, "45,100" (bare: degrees, or a loop\'s '
+        'unit of length), "0.5 rad", or of the time, "0.3 s".',
+    ),
+    "samples": Samples,
+    "state": maybe(int, "--branch", "N", "Assembly mode of a linkage at the start; 1 is the drawn one."),
+    "through": Annotated[bool, option("--through", help="Continue past turning points of the input.")],
+    "segments": maybe(int, "--segments", "N", "Number of rods per elastic link (12).", _ELASTIC),
+    "form": maybe(
+        str, "--form", "FORM", "exact, or thesis: constant transformations, for comparison only.", _ELASTIC
+    ),
+    "geometric_stiffness": Annotated[
+        bool | None,
+        option(
+            "--no-geometric-stiffness",
+            callback=lambda omitted: False if omitted else None,
+            group=_ELASTIC,
+            help="Omit the stiffness of axial forces.",
+        ),
+    ],
+    "stabilisation": maybe(
+        str,
         "--stabilisation",
-        metavar="NAME",
-        group=_CONSTRAINTS,
-        help="projection; for comparison only: baumgarte (linkages), raw.",
+        "NAME",
+        "projection; for comparison only: baumgarte (linkages), raw.",
+        _CONSTRAINTS,
     ),
-]
-StabilisationRate = Annotated[
-    float | None,
-    option(
-        "--stabilisation-rate",
-        metavar="X",
-        group=_CONSTRAINTS,
-        help="Rate of Baumgarte stabilisation [1/s] (10).",
+    "stabilisation_rate": maybe(
+        float, "--stabilisation-rate", "X", "Rate of Baumgarte stabilisation [1/s] (10).", _CONSTRAINTS
     ),
-]
-MaxDrift = Annotated[
-    float | None,
-    option(
+    "max_drift": maybe(
+        float,
         "--max-drift",
-        metavar="METRES",
-        group=_CONSTRAINTS,
-        help="End the run at this constraint or closure error [m]; default: never.",
+        "METRES",
+        "End the run at this constraint or closure error [m]; default: never.",
+        _CONSTRAINTS,
     ),
-]
-MaxStep = Annotated[
-    float | None,
-    option(
+    "max_step": maybe(
+        float,
         "--max-step",
-        metavar="SECONDS",
-        group=_LIMITS,
-        help="Largest step [s] of an adaptive method, so that short loads are not stepped over.",
+        "SECONDS",
+        "Largest step [s] of an adaptive method, so that short loads are not stepped over.",
+        _LIMITS,
     ),
-]
-MaxWall = Annotated[
-    float | None,
-    option(
+    "max_wall": maybe(
+        float,
         "--max-wall",
-        metavar="SECONDS",
-        group=_LIMITS,
-        help="End the run, with the samples recorded so far, after this wall time [s]; default: never.",
+        "SECONDS",
+        "End the run, with the samples recorded so far, after this wall time [s]; default: never.",
+        _LIMITS,
     ),
-]
-Checkpoint = Annotated[
-    Path | None,
-    option("--checkpoint", metavar="FILE", group=_LIMITS, help="File for periodic checkpoints of the run."),
-]
-CheckpointEvery = Annotated[
-    float | None,
-    option(
-        "--checkpoint-every",
-        metavar="SECONDS",
-        group=_LIMITS,
-        help="Wall time [s] between checkpoints (10).",
+    "checkpoint": maybe(Path, "--checkpoint", "FILE", "File for periodic checkpoints of the run.", _LIMITS),
+    "checkpoint_every": maybe(
+        float, "--checkpoint-every", "SECONDS", "Wall time [s] between checkpoints (10).", _LIMITS
     ),
-]
-Resume = Annotated[
-    Path | None,
-    option(
-        "--resume",
-        metavar="FILE",
-        group=_LIMITS,
-        help="Continue from a checkpoint of the same run, with the same bits.",
+    "resume": maybe(
+        Path, "--resume", "FILE", "Continue from a checkpoint of the same run, with the same bits.", _LIMITS
     ),
-]
-
-#: Options of analyses by the argument that each sets, and the defaults of those that have one.
-OF_ANALYSES: dict[str, Any] = {
-    "scene": Scene, "t_end": TEnd, "method": Method, "rtol": Rtol, "atol": Atol, "step": Step, "steps": Steps,
-    "revolutions": Revolutions, "start": From, "stop": To, "at": At, "samples": Samples, "state": Branch,
-    "through": Through, "segments": Segments, "form": Form, "geometric_stiffness": GeometricStiffness,
-    "stabilisation": Stabilisation, "stabilisation_rate": StabilisationRate, "max_drift": MaxDrift,
-    "max_step": MaxStep, "max_wall": MaxWall, "checkpoint": Checkpoint, "checkpoint_every": CheckpointEvery,
-    "resume": Resume, "set_": Set, "out": Out, "plot": Plot, "plot_of": PlotOf, "xy": XY, "as_json": Json,
-    "backend": Backend, "precision": Precision, "digits": Digits, "contraction": Contraction,
+    "set_": Set,
+    "out": maybe(
+        Path, "--out", "FILE", "Save the result: .nc, .npz or .csv.", _OUTPUT, callback=_result_file
+    ),
+    "plot": Plot,
+    "plot_of": maybe(
+        list[str],
+        "--of",
+        "NAME",
+        "An output, point or link in the plot; default: all outputs. May be repeated.",
+        _OUTPUT,
+    ),
+    "xy": maybe(
+        str,
+        "--xy",
+        "NAME",
+        "A point whose path is plotted, y over x with equal axes, such as a coupler curve.",
+        _OUTPUT,
+    ),
+    "as_json": Json,
+    "backend": Backend,
+    "precision": Precision,
+    "digits": Digits,
+    "contraction": Contraction,
     "vector": Vector,
-}  # fmt: skip
+}
 DEFAULTS = {
     "through": False, "stable": True, "moving": False, "as_json": False, "backend": "auto",
     "precision": "float64", "contraction": "off", "vector": "none",
