@@ -19,6 +19,7 @@ import mpmath as mp
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from shared.full import full
 from shared.inches import in_inches
 from shared.wrong_calls import judge, sample, wrong_calls
 from typer.testing import CliRunner
@@ -1348,7 +1349,7 @@ def test_20_runs_estimate_their_time_and_end_at_max_wall(tmp_path):
     )
     for backend, end in (("auto", 1e6), ("numpy", 1e4)):
         model = symgen.build(spin, backend=backend)
-        error = ended(lambda model=model, end=end: model.simulate(end, samples=int(end) + 1, max_wall=1.0))
+        error = ended(lambda model=model, end=end: model.simulate(end, samples=int(end) + 1, max_wall=0.3))
         places = error.partial.variable("A.position").values
         t = np.arange(len(places))
         assert error.partial.time == pytest.approx(t)
@@ -1356,11 +1357,11 @@ def test_20_runs_estimate_their_time_and_end_at_max_wall(tmp_path):
         few = slice(0, 20)  # the angle is 2 t
         assert places[few] == pytest.approx(np.stack([np.cos(2 * t), np.sin(2 * t)], axis=1)[few], abs=1e-6)
     model = symgen.build(CASES / "free_par.toml", backend="numpy")
-    ended(lambda: model.simulate(1e3, max_wall=1.0))
+    ended(lambda: model.simulate(1e3, max_wall=0.3))
     model = symgen.build("thesis_four_bar", backend="numpy")
     model.simulate(steps=4, samples=2)  # its equations are derived by the first run
     for options in ({"rtol": 1e-9}, {"method": "dop853", "rtol": 1e-12}):
-        ended(lambda options=options: model.simulate(revolutions=1000, max_wall=1.0, **options), set_up=5.0)
+        ended(lambda options=options: model.simulate(revolutions=1000, max_wall=0.3, **options), set_up=5.0)
 
 
 def test_20_max_wall_counts_assembling_and_ends_sweeps_and_chains(empty_cache):
@@ -1375,7 +1376,7 @@ def test_20_max_wall_counts_assembling_and_ends_sweeps_and_chains(empty_cache):
     }
     partial = {}
     for name, call in calls.items():
-        for limit in (1e-3, 1.0):
+        for limit in (1e-3, 0.3):
             begun = time.perf_counter()
             with pytest.raises(SimulationError, match=rf"ended after max_wall = {limit:g} s") as caught:
                 call(limit)
@@ -1398,11 +1399,13 @@ def test_20_max_wall_counts_assembling_and_ends_sweeps_and_chains(empty_cache):
 
 
 def ended(run, set_up=2.0):
-    """Return the error of a run that is limited to one second of wall time, and was estimated to take longer."""
+    """Return the error of a run that is limited to 0.3 s of wall time, and was estimated to take longer."""
     begun = time.perf_counter()
-    with pytest.raises(SimulationError, match=r"ended after max_wall = 1 s of wall time, at t = ") as caught:
+    with pytest.raises(
+        SimulationError, match=r"ended after max_wall = 0\.3 s of wall time, at t = "
+    ) as caught:
         run()
-    assert time.perf_counter() - begun < 1.0 + set_up
+    assert time.perf_counter() - begun < 0.3 + set_up
     return caught.value
 
 
@@ -1412,8 +1415,8 @@ def test_20_a_long_run_announces_its_remaining_time_once():
     model = symgen.build("four_bar", backend="numpy")
     begun = time.perf_counter()
     with pytest.warns(SlowRunWarning) as notes, pytest.raises(SimulationError):
-        model.simulate(1e5, max_wall=5.0)
-    assert time.perf_counter() - begun < 7.0
+        model.simulate(1e5, max_wall=2.5)
+    assert time.perf_counter() - begun < 4.5
     (note,) = notes
     assert re.search(
         r"of 100000 s after [1-4]\.\d s: about [\d.]+ (hours|days|min) remain at this pace", str(note.message)
@@ -1637,16 +1640,14 @@ def test_18_files_are_checked_before_anything_else(tmp_path, command, option):
     assert isinstance(done.exception, ResultError)
 
 
-CALLS = 600
-
-
-def test_22_wrong_calls_give_a_named_error(tmp_path, monkeypatch):
+@pytest.mark.parametrize("count", [200, full(600)])
+def test_22_wrong_calls_give_a_named_error(count, tmp_path, monkeypatch):
     """All of them: ``benchmarks/mutated_calls.py``."""
     monkeypatch.setenv("SYMGEN_CACHE", str(tmp_path / "cache"))
     monkeypatch.chdir(tmp_path)
     calls = wrong_calls(tmp_path)
     assert len(calls) > 5000
-    chosen = sample(calls, CALLS, seed=22)
+    chosen = sample(calls, count, seed=22)
     outcomes = {str(call): judge(call) for call in chosen}
     assert len({call.callee.name for call in chosen}) > 60
     refused = sum(outcome != "accepted" for outcome in outcomes.values())
@@ -2107,12 +2108,12 @@ def test_30_mean_power_of_the_shaft_is_compared_with_dissipation():
     energy = load**2 * length**5 / (40 * modulus * area * height**2 / 12) + load**2 * length**3 / (
         6 * modulus * area
     )
-    result = model.periodic(rtol=1e-6)
+    result = model.periodic(steps=2048)
     expected = damping * speed**2 * energy
     assert result.statistics["mean_powers_w"] == pytest.approx([expected, expected], rel=2e-3)
     assert not [note for note in result.notes if "mean power" in note]
     assert result.summary()["statistics"]["mean_powers_w"] == result.statistics["mean_powers_w"]
-    without = model.periodic(rtol=1e-6, geometric_stiffness=False)
+    without = model.periodic(steps=2048, geometric_stiffness=False)
     assert [note for note in without.notes if "mean power of the shaft" in note and "differ" in note]
 
 

@@ -273,7 +273,6 @@ COMMANDS = [c.callback.__name__.replace("_", "-") for c in app.registered_comman
 @pytest.mark.parametrize("command", COMMANDS)
 def test_help_fits_80_columns_and_has_an_example_that_parses(command):
     shown = call(command, "-h")
-    assert shown == call(command, "--help")
     lines = shown.splitlines()
     assert max(map(len, lines)) <= 80 and not any("…" in line for line in lines)
     (example,) = (x for x in re.findall(r"Example: (.*)", " ".join(shown.split())))

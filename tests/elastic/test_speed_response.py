@@ -26,14 +26,14 @@ def model():
 
 @pytest.fixture(scope="module")
 def swept(model):
-    return model.speed_response([s * RPM for s in (120, 150, 160, 170, 200)], samples=91)
+    return model.speed_response([s * RPM for s in (150, 160, 170)], samples=91)
 
 
 def test_each_speed_is_the_periodic_run_there(model, swept):
     alone = model.with_parameters(speed=160 * RPM).periodic(samples=91)
     for name, peak in alone.peaks.items():
-        assert swept.variable(name).values[2] == pytest.approx(peak, rel=1e-12)
-    assert swept.variable("floquet").values[2] == pytest.approx(abs(alone.floquet[0]), rel=1e-12)
+        assert swept.variable(name).values[1] == pytest.approx(peak, rel=1e-12)
+    assert swept.variable("floquet").values[1] == pytest.approx(abs(alone.floquet[0]), rel=1e-12)
 
 
 def test_resonance_and_instability(model, swept):
