@@ -6,6 +6,7 @@ import json
 
 import numpy as np
 import pytest
+from shared.full import full
 from typer.testing import CliRunner
 
 import symgen
@@ -38,11 +39,15 @@ def operations(text):
     ("scene", "every"),
     [
         ("four_bar", 1),
-        ("crank_rocker", 1),
-        ("vertical_rods", 1),
-        ("screw_jack", 2),
-        ("planar_4r", 9),
-        ("thesis_four_bar", 1),
+        full("crank_rocker", 1),
+        ("vertical_rods", 4),
+        full("vertical_rods", 1),
+        ("screw_jack", 4),
+        full("screw_jack", 2),
+        ("planar_4r", 18),
+        full("planar_4r", 9),
+        ("thesis_four_bar", 4),
+        full("thesis_four_bar", 1),
     ],
 )
 def test_one_output_less_never_costs_more(scene, every):

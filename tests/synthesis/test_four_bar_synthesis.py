@@ -239,7 +239,8 @@ def test_a_path_and_the_faults_of_branch_and_order():
     }
     found = symgen.synthesise({**task, "starts": 80})
     assert has(found, (A, B, C, D))
-    assert lengths(symgen.synthesise({**task, "starts": 80})) == lengths(found)  # the seed is the same
+    few = {**task, "starts": 8}
+    assert lengths(symgen.synthesise(few)) == lengths(symgen.synthesise(few))  # the seed is the same
     seen = set()
     for design in found.designs:
         k = design.linkage
