@@ -26,8 +26,9 @@ Array = NDArray[np.float64]
 #: Coordinates in units of the linkage's size, from a pose; complex where a group does not close.
 Poses = NDArray[Any]
 
-#: Coordinates and poses up to which groups are solved, and unknowns of a group of one point.
-_LARGEST, _MOST, _POINT = 120, 1024, 3
+#: Coordinates and poses up to which groups are solved; unknowns of a group of one point, and of a larger one
+#: at most; poses for which such a group is solved.
+_LARGEST, _MOST, _POINT, _GROUP, _FEW = 120, 1024, 3, 12, 64
 _NONE, _POLYNOMIAL, _DEGENERATE = 1e-13, 1e-10, 1e-10
 _OPEN = 1e-4
 #: Arcs of a circle at first and at most, degree of the series on each, size of their last terms, shortest
@@ -197,7 +198,7 @@ def modes_of_groups(bonds: Bonds, near: Array, t: float) -> list[Array] | None:
     """Return coordinates of all poses that meet the constraints at a time, nearly to round-off.
 
     None for linkages that are not of groups solved here: those with redundant constraints, with constraints
-    that are not quadratic, with groups larger than triads in general, or with more than 1,024 modes.
+    that are not quadratic, with groups larger than triads in general, or with very many poses.
     """
     if bonds.m != bonds.n or bonds.n > _LARGEST:
         return None
@@ -206,9 +207,10 @@ def modes_of_groups(bonds: Bonds, near: Array, t: float) -> list[Array] | None:
         of = _quadratics(bonds, near, size, t)
         poses = [np.zeros(bonds.n)]
         for group in _groups(of, range(bonds.m), range(bonds.n)):
-            poses = [x for pose in poses for x in _ways(of, _solver(of, *group), pose)]
-            if len(poses) > _MOST:
+            solver = _solver(of, *group)
+            if len(poses) > (_FEW if isinstance(solver, _Circle) else _MOST):
                 return None
+            poses = [x for pose in poses for x in _ways(of, solver, pose)]
     except NotInGroups:
         return None
     return [near + size * x for x in poses]
@@ -268,6 +270,8 @@ def _solver(of: Quadratics, rows: list[int], columns: list[int]) -> _Point | _Ci
     point = _point(of, rows, columns)
     if point is not None:
         return point
+    if len(rows) > _GROUP:
+        raise NotInGroups
     having, best = of.having(rows, columns), None
     for row, last in product(rows, rows):
         on = sorted(having[row])
