@@ -71,10 +71,6 @@ class LoopView(View):
         found: Result = getattr(model, verb)(samples=samples, **asked)
         return found
 
-    def unit(self, resolved: Loop) -> tuple[str, float]:
-        """Return the unit of length of the loop's table and its size [m]."""
-        return resolved.length.name, float(resolved.length.size)
-
     def sketch_at(self, resolved: Loop, drawn: Mapping[str, NDArray[np.float64]]) -> Sketch:
         """Return the links between their joint axes."""
         return loop_sketch(resolved, drawn)

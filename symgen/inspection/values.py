@@ -27,7 +27,7 @@ def of_input(model: Any, texts: Sequence[str], option: str) -> Values:
     d = model.description
     first = d.variables[d.having("input")[0]] if d.having("input") else None
     if first is not None and first.is_length:
-        size, bare = LENGTH, (d.units["length"][1], "input")
+        size, bare = LENGTH, (d.units.get("length", ("m", 1.0))[1], "input")
     else:
         size, bare = NUMBER, _DEGREES
     example = "3 in" if size == LENGTH else "45 deg"

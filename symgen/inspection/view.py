@@ -105,7 +105,8 @@ class View:
 
     def unit(self, resolved: Any) -> tuple[str, float]:
         """Return the unit of length of drawings and its size [m]."""
-        return "m", 1.0
+        found: tuple[str, float] = resolved.units.get("length", ("m", 1.0))
+        return found
 
     def sketch_at(self, resolved: Any, drawn: Mapping[str, NDArray[np.float64]]) -> Sketch:
         """Return the mechanism in the pose of its drawn outputs, in which all places are linear."""

@@ -119,6 +119,7 @@ def _described(file: str, program: Program, equations: str) -> SystemDescription
         name=program.name,
         file=file,
         title=program.title,
+        units={},
         equations=equations,
         parameters=(),
         kernels=kernel_infos(program.kernels),

@@ -11,6 +11,7 @@ from rich.console import Console
 from symgen.report.extremes import Components, texts
 from symgen.report.tables import MODES, table
 from symgen.runtime.result.motion import Motion
+from symgen.runtime.result.records import converters
 from symgen.runtime.result.result import Variable
 from symgen.runtime.result.state import State
 from symgen.runtime.rods.equilibrium import Equilibrium
@@ -54,22 +55,25 @@ def print_modes_of_assembly(variables: Sequence[Variable], count: int, model: An
 
 def print_equilibrium(found: Equilibrium, model: Any, console: Console) -> None:
     """Print pose, reactions and outputs."""
-    axes = "xyz"[: len(model.description.axes)]
-    where = texts("m", np.array([*found.state.positions.values()]))
-    reactions = dict(zip(found.reactions, texts("N", np.array([*found.reactions.values()])), strict=True))
+    axes, units = "xyz"[: len(model.description.axes)], converters(model.description.units)
+    (length, per_length), (force, per_force) = (units.get(u, (u, 1.0)) for u in ("m", "N"))
+    where = texts(length, np.array([*found.state.positions.values()]) / per_length)
+    forces = texts(force, np.array([*found.reactions.values()]) / per_force)
+    reactions = dict(zip(found.reactions, forces, strict=True))
     rows = [
         (p, *r, *reactions.get(p, [""] * len(axes)))
         for p, r in zip(found.state.positions, where, strict=True)
     ]
-    head = ("point", *(f"{a} [m]" for a in axes), *(f"reaction {a} [N]" for a in axes))
+    head = ("point", *(f"{a} [{length}]" for a in axes), *(f"reaction {a} [{force}]" for a in axes))
     console.print(
         table(f"{model.description.title}: {found.stability} equilibrium, {found.freedoms} free", head, rows)
     )
     if found.outputs:
-        variables = [
-            Variable(name, found.units[name], "", tuple(axes) if value.size > 1 else (), value.reshape(1, -1))
-            for name, value in ((name, np.asarray(value)) for name, value in found.outputs.items())
-        ]
+        variables = []
+        for name, value in ((name, np.asarray(value)) for name, value in found.outputs.items()):
+            unit, size = units.get(found.units[name], (found.units[name], 1.0))
+            components = tuple(axes) if value.size > 1 else ()
+            variables.append(Variable(name, unit, "", components, value.reshape(1, -1) / size))
         console.print(Components(variables, 1).values("Recorded", ("value",)))
     console.print(f"unbalanced {found.residual:.1e} N of {found.scale:.3g} N")
 

@@ -18,13 +18,14 @@ def print_forces(found: Forces, _: Any, console: Console) -> None:
     """Print forces at a few poses, or the largest of many and where they occur."""
     along, label = found.over
     if len(along) <= _FEW:
-        rows = [(v.name, v.unit, *v.values) for v in columns(found.variables)]
+        rows = [(v.name, v.unit, *v.values) for v in columns(found.shown)]
         head: tuple[str, ...] = ("output", "unit", *(f"{x:.9g}" for x in along))
         title = f"{found.title}: forces over {label}"
     else:
-        units = {v.name: v.unit for v in found.variables}
+        units = {v.name: found.units.get(v.unit, (v.unit, 1.0)) for v in found.variables}
         shown = dict(zip(found.coordinate.values.tolist(), along.tolist(), strict=True))
-        rows = [(name, units[name], value, shown[at]) for name, (value, at) in found.greatest.items()]
+        greatest = ((name, *units[name], *most) for name, most in found.greatest.items())
+        rows = [(name, unit, value / size, shown[at]) for name, unit, size, value, at in greatest]
         head, title = ("output", "unit", "largest", f"at {label}"), f"{found.title}: {len(along)} poses"
     console.print(table(title, head, rows, keys=2))
     for note in found.notes:

@@ -50,7 +50,7 @@ def print_motion_of_loop(result: Result, _: Any, console: Console) -> None:
     """Print final joint variables, the range of every output, and the errors of the run."""
     rows = []
     for name, v in result.final.items():
-        unit, size = result.units[v["unit"]]
+        unit, size = result.units.get(v["unit"], (v["unit"], 1.0))
         rows.append((name, unit, v["value"] / size, v["rate"] / size))
     t = result.statistics["t"]
     console.print(

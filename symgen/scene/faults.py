@@ -58,6 +58,8 @@ def scene_error(scene: type[Table], error: ValidationError) -> SceneError:
             )
             if where == "synthesis":
                 hint = "'symgen synthesise' reads files with this table."
+            if where == "loop.units":
+                hint = "Units of results are a table of every scene: [units]."
             if _LOOPS.fullmatch(where) or (place[0] == "loop" and _is_a_loop(fault["input"])):
                 hint = ONE_LOOP
         case "missing":

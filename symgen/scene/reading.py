@@ -12,13 +12,16 @@ from symgen.errors import SceneError, nearest
 from symgen.scene import units
 from symgen.scene.expressions import Names, parse_any, parse_value
 from symgen.scene.rods.linkage import TIME, Parameter, PlacedPoint, number, state_symbol
-from symgen.scene.schema import Scene
-from symgen.scene.units import Dimension, is_quantity
+from symgen.scene.schema import Scene, Units
+from symgen.scene.units import Dimension, Shown, is_quantity, parse_quantity
 from symgen.symbolic.quantity import AXES, quantity
 from symgen.symbolic.switch import Sign
 
 #: Names in an expression, as far as they matter here.
 _NAME = re.compile(r"[A-Za-z]\w*", re.ASCII)
+_ANGLES = ("rad", "deg", "rev")
+_DIMENSIONS = {"length": units.LENGTH, "force": units.FORCE, "angle": units.NUMBER, "stress": units.PRESSURE}
+_SUCH_AS = {"length": "mm", "force": "kN", "stress": "MPa"}
 
 
 @contextmanager
@@ -237,3 +240,33 @@ def _got(text: str | int | float, value: float, dim: Dimension) -> str:
     """Return the written text, and its value unless the text shows it."""
     plain = not isinstance(text, str) or is_quantity(text)
     return repr(text) if plain else f"{text!r}, which is {value:g} {dim.unit}"
+
+
+def shown_units(table: Units) -> Shown:
+    """Return the units that a scene names.
+
+    Raises
+    ------
+    SceneError
+        For a text that is no unit, or one of another quantity.
+    """
+    named = {of: getattr(table, of) for of in _DIMENSIONS}
+    return {of: _unit(of, text.strip(), _DIMENSIONS[of]) for of, text in named.items() if text is not None}
+
+
+def _unit(of: str, name: str, dim: Dimension) -> tuple[str, float]:
+    where = f"units.{of}"
+    if of == "angle":
+        if name not in _ANGLES:
+            raise SceneError(
+                f"expected rad, deg or rev, got {name!r}", where=where, hint=nearest(name, _ANGLES)
+            )
+    elif not name or not is_quantity(f"1 {name}"):
+        raise SceneError(f"expected a unit such as {_SUCH_AS[of]!r}, got {name!r}", where=where)
+    with at(where):
+        size, found = parse_quantity(f"1 {name}")
+    if found != dim:
+        raise SceneError(
+            f"expected the unit of {units.describe(dim)}, got {name!r}, {units.describe(found)}", where=where
+        )
+    return name, float(size)

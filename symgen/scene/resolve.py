@@ -18,7 +18,7 @@ from symgen.scene.loop.loop import Loop
 from symgen.scene.loop.resolve import loop_of
 from symgen.scene.loop.schema import SpatialLoop
 from symgen.scene.names import check_names
-from symgen.scene.reading import Reader
+from symgen.scene.reading import Reader, shown_units
 from symgen.scene.rods import bodies, loads
 from symgen.scene.rods import constraints as bonds
 from symgen.scene.rods.events import events
@@ -97,6 +97,7 @@ def _linkage(scene: Scene) -> Linkage:
         name=scene.name,
         file=scene.file,
         title=scene.title or scene.name,
+        units=shown_units(scene.units),
         dimension=read.dimension,
         parameters=tuple(read.parameters),
         points=tuple(read.points.values()),

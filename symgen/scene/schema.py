@@ -22,7 +22,9 @@ from symgen.scene.table import Bare, Moments, Name, Table, Text, Value, Vector, 
 FORMAT_VERSION = 1
 
 #: Tables that every scene may have; all others are of points and links, or of a loop.
-_SHARED = {"symgen", "title", "about", "parameters", "gravity", "analysis", "studies", "sweep", "optimise"}
+_SHARED = {
+    "symgen", "title", "about", "units", "parameters", "gravity", "analysis", "studies", "sweep", "optimise",
+}  # fmt: skip
 
 
 def _for_editors(schema: dict[str, Any]) -> None:
@@ -48,6 +50,15 @@ class Parameter(Named):
     """A named value, for use in expressions."""
 
     tunable: bool = Field(False, description="Keep it as an argument of the kernels instead of folding it.")
+
+
+class Units(Table):
+    """Units in which tables and plots show results; those of SI if absent."""
+
+    length: str | None = Field(None, description="Such as mm or in; also of velocities and accelerations.")
+    force: str | None = Field(None, description="Such as kN or lbf; torques, energies and powers follow.")
+    angle: str | None = Field(None, description="rad, deg or rev; also of their rates.")
+    stress: str | None = Field(None, description="Such as MPa or psi.")
 
 
 class Input(Named):
@@ -179,6 +190,7 @@ class Scene(Table):
     symgen: Literal[1] = Field(1, description="Version of the scene format.")
     title: Text = ""
     about: Text = ""
+    units: Units = Field(default_factory=lambda: Units.model_validate({}))
     parameters: dict[Name, Parameter] = Field(default_factory=dict)
     inputs: dict[Name, Input] = Field(default_factory=dict)
     points: dict[Name, Point] = Field(default_factory=dict, min_length=1)
@@ -266,6 +278,7 @@ class Scene(Table):
 
 #: The table model behind each top-level key, to name the nearest known key in errors.
 TABLES: dict[str, type[Table]] = {
+    "units": Units,
     "parameters": Parameter, "inputs": Input, "points": Point, "links": Link, "gravity": Gravity,
     "masses": PointMass, "guides": Guide, "drivers": Driver, "crank": Crank, "modal_damping": ModalDamping,
     "welds": Weld, "stations": Station, "start": Start, "events": Event, "analysis": Analysis,

@@ -47,6 +47,8 @@ def dimension(length: int = 0, mass: int = 0, time: int = 0) -> Dimension:
     return Dimension(Fraction(length), Fraction(mass), Fraction(time))
 
 
+#: Units for results, by ``length``, ``force``, ``angle``, ``stress``: name and size in SI.
+Shown = dict[str, tuple[str, float]]
 NUMBER = dimension()
 LENGTH = dimension(1)
 MASS = dimension(0, 1)

@@ -118,10 +118,10 @@ def test_the_first_written_input_leads():
     ]
     model = symgen.build(
         symgen.Scene(
+            units={"length": "in"},
             parameters={"w": "1 rad/s", "v": "1 in/s"},
             loop={
                 "rows": rows,
-                "units": {"length": "in"},
                 "inputs": {"s1": "v*t", "theta1": "w*t"},
                 "range": ["0 in", "5 in"],
                 "start": {"S4": "40 in"},

@@ -14,6 +14,7 @@ from rich.console import Console
 from rich.table import Table
 from shared.commands import call
 
+import symgen
 from symgen.cli import carrying, inspection
 from symgen.report import sweeps
 from symgen.report.extremes import Components
@@ -223,3 +224,30 @@ def test_ground_that_moves_is_shown(tmp_path, monkeypatch):
     table = {row[0]: row[1:] for row in columns(printed(file, 80, monkeypatch)) if row}
     assert table["O"] == ["0.005", "0", "0.01", "0"]
     assert table["B"] == ["2", "-1", "0", "0"] and "Q" not in table
+
+
+def test_tables_and_plots_show_the_units_of_the_scene_and_values_stay_in_si():
+    tables = {
+        "parameters": {"w": "60 rpm"},
+        "points": {"O": {"at": ["0 m", "0 m"], "ground": True}, "A": {"at": ["20 mm", "0 m"]}},
+        "links": {"arm": {"points": ["O", "A"], "mass": "3 kg", "centre": 1, "inertia": 0}},
+        "drivers": [{"link": "arm", "angle": "w*t"}],
+        "gravity": {"acceleration": ["0 m/s^2", "-10 m/s^2"]},
+        "analysis": {
+            "t_end": "1 s",
+            "outputs": ["A.position", "A.velocity", "arm.angle", "arm.torque", "energy"],
+        },
+    }
+    units = {"length": "mm", "force": "kN", "angle": "deg"}
+    plain, named = (symgen.build(symgen.Scene(units=u, **tables)).simulate(0.125) for u in ({}, units))
+    assert [v.unit for v in plain.shown] == ["m", "m/s", "rad", "N*m", "J"]
+    assert [v.unit for v in named.shown] == ["mm", "mm/s", "deg", "kN*mm", "kN*mm"]
+    final = {v.name: v.values[-1] for v in named.shown}
+    rate, half = 2 * math.pi, math.sqrt(0.5)
+    assert final["A.position"] == pytest.approx([20 * half, 20 * half], rel=1e-9)
+    assert final["A.velocity"] == pytest.approx([-20 * rate * half, 20 * rate * half], rel=1e-9)
+    assert final["arm.angle"] == pytest.approx(45.0, rel=1e-9)
+    assert final["arm.torque"] == pytest.approx(3 * 10 * 0.02 * half, rel=1e-9)  # N m are kN mm
+    for name in plain:
+        assert named[name].attrs["units"] == plain[name].attrs["units"]
+        assert np.array_equal(named[name].values, plain[name].values)

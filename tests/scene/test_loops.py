@@ -75,7 +75,7 @@ def loop_of(*changes):
 
 
 def test_what_a_table_resolves_to():
-    loop = loop_of(("loop.units", {"length": "in", "force": "lbf", "angle": "deg"}))
+    loop = loop_of(("units", {"length": "in", "force": "lbf", "angle": "deg"}))
     w, t, r = (sp.Symbol(name, real=True) for name in "wtr")
     assert [v.name for v in loop.variables] == [
         "theta1",
@@ -101,8 +101,9 @@ def test_what_a_table_resolves_to():
     assert [b.idle for b in loop.bodies] == [False, True, False]
     assert loop.bodies[1].row == 1 and loop.bodies[0].centre == (-r / 2, 0, 0)
     assert loop.span == (0, 2 * sp.pi) and loop.size == 0.45
-    assert (loop.length.size, loop.force.size, loop.angle.name) == (0.0254, 4.4482216152605, "deg")
-    assert loop.angle.size == pytest.approx(math.pi / 180, rel=1e-16)
+    assert loop.units["length"] == ("in", 0.0254) and loop.units["angle"][0] == "deg"
+    assert loop.units["force"] == ("lbf", 4.4482216152605)
+    assert loop.units["angle"][1] == pytest.approx(math.pi / 180, rel=1e-16)
     assert loop.loads[0].row == 2 and not loop.loads[0].in_ground
     assert loop.gravity == (0, 0, 0) and loop.outputs is None
 
@@ -435,9 +436,11 @@ FAULTS = {
         "only a force acts at a point",
     ),
     "gravity in the plane": ([("gravity", {"acceleration": [0, "-9.81 m/s^2"]})], "gravity.acceleration", "3 components"),
-    "unit of another kind": ([("loop.units", {"length": "lbf"})], "loop.units.length", "the unit of a length"),
-    "no unit": ([("loop.units", {"force": "2 N"})], "loop.units.force", "expected a unit such as 'kN'"),
-    "no angle": ([("loop.units", {"angle": "degree"})], "loop.units.angle", "expected rad, deg or rev, got 'degree'"),
+    "unit of another kind": ([("units", {"length": "lbf"})], "units.length", "the unit of a length"),
+    "no unit": ([("units", {"force": "2 N"})], "units.force", "expected a unit such as 'kN'"),
+    "no stress": ([("units", {"stress": "N"})], "units.stress", "the unit of a stress"),
+    "units of the loop": ([("loop.units", {"angle": "deg"})], "loop.units", "[units]"),
+    "no angle": ([("units", {"angle": "degree"})], "units.angle", "expected rad, deg or rev, got 'degree'"),
     "link called like a variable": ([(ROW + "1.link", "eta3")], ROW + "1.link", "is a variable of the loop"),
     "parameter called like a variable": ([("parameters.eta2", 3)], "parameters.eta2", "is a variable of the loop"),
     "parameter called like a rate": (
@@ -547,7 +550,7 @@ def test_slider_crank_has_the_data_of_the_reference():
     golden = reference("dual_slider_crank")
     text = read_scene("slider_crank")
     loop = resolve(check_scene(text))
-    pound = loop.force.size / loop.length.size
+    pound = loop.units["force"][1] / loop.units["length"][1]
     for body, name in zip(loop.bodies, ("m1", "m2", "m3"), strict=True):
         assert loop.number(body.mass) / pound == pytest.approx(golden["parameters"][name], rel=1e-12)
     assert loop.number(loop.variables[0].motion.diff(sp.Symbol("t", real=True))) == pytest.approx(

@@ -145,7 +145,6 @@ def test_the_schema_and_symgen_agree(change):
 
 GOOD_LOOPS = [
     {},
-    {"units": {"length": "in"}},
     {"range": ["0 deg", "90 deg"]},
     {"free": {"theta2": {"at": "1 deg"}}},
 ]
@@ -158,7 +157,7 @@ GOOD_LOOPS = [
         {"rows": LOOP["rows"][:1]},
         {"rows": [{**LOOP["rows"][0], "thta": "1 deg"}, LOOP["rows"][1]]},
         {"rows": [{"link": "shaft"}, LOOP["rows"][1]]},
-        {"units": {"lenght": "in"}},
+        {"units": {"length": "in"}},
         {"range": ["0 deg"]},
         {"free": {"theta2": {"rate": "1 rad/s"}}},
         {"links": {"shaft": {"inertia": LOOP["links"]["shaft"]["inertia"]}}},
@@ -200,7 +199,6 @@ def test_a_scene_is_of_points_and_links_or_of_a_loop(change, where):
     "change, where, known",
     [
         ({"rows": [{**LOOP["rows"][0], "thta": "1 deg"}, LOOP["rows"][1]]}, "loop.rows.0.thta", "theta"),
-        ({"units": {"lenght": "in"}}, "loop.units.lenght", "length"),
         ({"links": {"links": {"mas": "1 kg"}}}, "loop.links.links.mas", "mass"),
         ({"loads": [{"link": "shaft", "forse": [0, 0, 0]}]}, "loop.loads.0.forse", "force"),
         ({"free": {"theta2": {"att": 0}}}, "loop.free.theta2.att", "at"),

@@ -12,10 +12,10 @@ import symgen
 RPM = {"rpm": "60 rpm"}
 
 
-def scene(rows, *, gravity=None, outputs=None, parameters=None, **loop):
+def scene(rows, *, gravity=None, outputs=None, parameters=None, units=None, **loop):
     """A scene of one loop; rows as (joint, link, entries)."""
     tables = [{"joint": joint, "link": link, **entries} for joint, link, entries in rows]
-    made = {"parameters": parameters or {}, "loop": {"rows": tables, **loop}}
+    made = {"units": units or {}, "parameters": parameters or {}, "loop": {"rows": tables, **loop}}
     if gravity is not None:
         made["gravity"] = {"acceleration": [f"{g} m/s^2" for g in gravity]}
     if outputs:

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import sympy as sp
 
-from symgen.scene.loop.loop import ENTRIES, Loop, LoopBody, LoopLoad, Row, Unit, Variable
+from symgen.scene.loop.loop import ENTRIES, Loop, LoopBody, LoopLoad, Row, Variable
 from symgen.scene.rods.linkage import TIME, Parameter
 from symgen.symbolic.quantity import quantity
 
@@ -69,7 +69,7 @@ def loop(
         variables=tuple(variable(*v) for v in variables), bodies=tuple(bodies),
         gravity=tuple(sp.sympify(g) for g in gravity), loads=tuple(loads), span=(ZERO, 2 * sp.pi),
         lead=next((v[0] for v in variables if v[2] == "input"), ""),
-        t_end=sp.Integer(1), size=1.0, length=Unit("m", 1.0), force=Unit("N", 1.0), angle=Unit("rad", 1.0),
+        t_end=sp.Integer(1), size=1.0, units={},
         outputs=None if outputs is None else tuple(outputs),
     )  # fmt: skip
 

@@ -19,7 +19,7 @@ _ROLES = {"input": "prescribed", "free": "free", "dependent": "to be found"}
 
 def loop_structure(loop: Loop, system: System) -> Iterator[str]:
     """Yield the structure of a loop line by line."""
-    yield f"rows, from the ground around to it; lengths in {loop.length.name}, angles in deg:"
+    yield f"rows, from the ground around to it; lengths in {loop.unit_of_length[0]}, angles in deg:"
     links = [row.link for row in loop.rows]
     for i, row in enumerate(loop.rows):
         joint = f"{row.joint}, {JOINTS[row.joint].name}, from {links[i - 1]} to {row.link}"
@@ -58,4 +58,6 @@ def _entries(loop: Loop, row: Row) -> str:
 def _text(loop: Loop, entry: str, value: sp.Expr) -> str:
     if value.free_symbols:
         return str(value)
-    return f"{loop.number(value) / (loop.length.size if entry in ('S', 'a') else float(sp.pi / 180)):.6g}"
+    return (
+        f"{loop.number(value) / (loop.unit_of_length[1] if entry in ('S', 'a') else float(sp.pi / 180)):.6g}"
+    )

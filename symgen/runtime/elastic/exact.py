@@ -22,7 +22,7 @@ from symgen.runtime.elastic.steps import check_revolutions
 from symgen.runtime.model.arguments import LargeRotation
 from symgen.runtime.model.rods import RodModel
 from symgen.runtime.result.elastic import ElasticResult
-from symgen.runtime.result.records import Variable
+from symgen.runtime.result.records import Variable, converters
 from symgen.runtime.result.result import Result
 from symgen.runtime.result.state import State
 
@@ -170,6 +170,7 @@ def _result(
         name=d.name,
         title=d.title,
         axes=d.axes,
+        units=converters(d.units),
         coordinate=coordinate_of(motion, times),
         variables=selected(variables, motion),
         drift=result.drift,

@@ -375,6 +375,7 @@ def _swept(
         name=model.name,
         title=model.description.title,
         axes=first.axes,
+        units=first.units,
         coordinate=Coordinate("speed", "rad/s", "crank speed", np.array(speeds, dtype=float)),
         variables=tuple(peaks),
         drift=Drift(),
@@ -395,6 +396,4 @@ def _notes(runs: Sequence[ElasticResult]) -> tuple[str, ...]:
     beyond = sum(any("linear theory" in note for note in r.notes) for r in runs)
     if not beyond:
         return ()
-    return (
-        f"linear theory does not hold at {beyond} of {len(runs)} speeds: 'symgen periodic' there states why",
-    )
+    return (f"linear theory does not hold at {beyond} of {len(runs)} speeds: 'symgen periodic' states why",)

@@ -43,7 +43,7 @@ from symgen.runtime.integrate.pace import (
 from symgen.runtime.kernels.typed import made_with
 from symgen.runtime.result.elastic import ElasticResult, is_stable
 from symgen.runtime.result.recording import of_switches
-from symgen.runtime.result.records import Drift
+from symgen.runtime.result.records import Drift, converters
 from symgen.runtime.structure import UnstableError
 
 Array = NDArray[np.float64]
@@ -256,6 +256,7 @@ def _result(
         name=d.name,
         title=d.title,
         axes=d.axes,
+        units=converters(d.units),
         coordinate=coordinate_of(motion, times),
         variables=selected(variables, motion),
         drift=Drift(),

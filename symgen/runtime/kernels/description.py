@@ -77,11 +77,16 @@ class KernelInfo:
 
 @dataclass(frozen=True, slots=True)
 class Described(ABC):
-    """Runtime data of any model, without its code."""
+    """Runtime data of any model, without its code.
+
+    ``units`` are those of tables and plots by ``length``, ``force``, ``angle`` and ``stress``: their names
+    and sizes in SI; SI where one is missing.
+    """
 
     name: str
     file: str
     title: str
+    units: dict[str, tuple[str, float]]
     equations: str
     parameters: tuple[ParameterInfo, ...]
     kernels: tuple[KernelInfo, ...]
@@ -282,8 +287,7 @@ class LoopDescription(Described):
 
     ``joints`` and ``links`` name each row of the table. ``span`` is the range of the first input, empty where
     variables are free; ``lead`` is the name of that input, the first written in the scene, empty where there
-    is none. ``units`` gives the name and the size in SI of the scene's units of length, force
-    and angle. ``start`` are the variables at the start, at the scene's own parameters, ``rank`` is the rank
+    is none. ``start`` are the variables at the start, at the scene's own parameters, ``rank`` is the rank
     of the screws of the dependent variables. ``begin`` is the value of the first input at the start: the
     beginning of the range, or the first value of it at which the loop closes. ``assembly_tolerance`` is the
     defect of closure [m], of rotations times the size of the loop, that dependent equations may leave.
@@ -297,7 +301,6 @@ class LoopDescription(Described):
     lead: str
     t_end: float
     size: float
-    units: dict[str, list[Any]]
     start: tuple[float, ...]
     rank: int
     begin: float = 0.0

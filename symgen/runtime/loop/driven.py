@@ -23,8 +23,8 @@ from symgen.runtime.loop.kernels import LoopKernels, in_words
 from symgen.runtime.loop.limits import Samples, of_blind, refine
 from symgen.runtime.loop.obstacles import why_stopped
 from symgen.runtime.loop.poles import OF_MOTION, PoleAt, beside_pole, poles
-from symgen.runtime.result.records import Coordinate, Drift, Variable, over_time
-from symgen.runtime.result.turn import Pole, Turn, converters, variables
+from symgen.runtime.result.records import Coordinate, Drift, Variable, converters, over_time
+from symgen.runtime.result.turn import Pole, Turn, variables
 
 Array = NDArray[np.float64]
 
@@ -287,7 +287,7 @@ def _recorded(
             *_notes(kernels, times, states, told, ranges),
         ),
         times=times if over == "input" else None,
-        units=converters(d),
+        units=converters(d.units),
     )
 
 

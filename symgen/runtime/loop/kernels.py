@@ -243,6 +243,6 @@ class LoopKernels:
 def in_words(value: float, is_length: bool, description: LoopDescription) -> str:
     """Return an angle in degrees or a displacement in the scene's unit, as messages give it."""
     if is_length:
-        name, size = description.units["length"]
+        name, size = description.units.get("length", ("m", 1.0))
         return f"{value / size:.9g} {name}"
     return f"{math.degrees(value):.9g} deg"

@@ -30,9 +30,9 @@ from symgen.runtime.result.recording import (
     of_switches,
     options_of,
 )
-from symgen.runtime.result.records import over_time
+from symgen.runtime.result.records import converters, over_time
 from symgen.runtime.result.result import Result
-from symgen.runtime.result.turn import converters, variables
+from symgen.runtime.result.turn import variables
 
 Array = NDArray[np.float64]
 
@@ -135,7 +135,7 @@ def _recorded(
             *note(kernels, ranges, len(times)),
             *of_switches(d.switches, stepper.switchings),
         ),
-        units=converters(d),
+        units=converters(d.units),
     )
 
 

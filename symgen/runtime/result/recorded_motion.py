@@ -13,7 +13,7 @@ from symgen.runtime.kernels.description import Description
 from symgen.runtime.result.findings import SingularPose
 from symgen.runtime.result.motion import Motion, Range
 from symgen.runtime.result.recording import nearest_turn
-from symgen.runtime.result.records import Coordinate, Drift, Variable, over_time
+from symgen.runtime.result.records import Coordinate, Drift, Variable, converters, over_time
 from symgen.runtime.rods.constraints import Bonds
 from symgen.runtime.rods.poses import Poses
 
@@ -95,6 +95,7 @@ def recorded(
         name=d.name,
         title=d.title,
         axes=d.axes,
+        units=converters(d.units),
         coordinate=coordinate,
         variables=tuple(variables),
         drift=Drift(float(errors[0]), float(errors[1])),

@@ -14,7 +14,7 @@ from symgen.runtime.integrate.options import Options
 from symgen.runtime.kernels.description import KernelInfo
 from symgen.runtime.kernels.evaluate import Evaluator, part
 from symgen.runtime.kernels.library import Library
-from symgen.runtime.result.records import Coordinate, Drift, Event, Variable, over_time
+from symgen.runtime.result.records import Coordinate, Drift, Event, Variable, converters, over_time
 from symgen.runtime.rods.redundancy import least_norm, not_unique
 
 Array = NDArray[np.float64]
@@ -58,8 +58,8 @@ class Recording:
         """Return no further times: the coordinate is the time."""
 
     def units(self) -> dict[str, tuple[str, float]]:
-        """Return no units of tables and plots: they are those of SI."""
-        return {}
+        """Return the units of tables and plots."""
+        return converters(self.evaluator.description.units)
 
     def variables(self) -> tuple[Variable, ...]:
         """Return the scene's outputs at those times."""

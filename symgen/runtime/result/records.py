@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+_SI = {"length": ("m", 1.0), "force": ("N", 1.0), "angle": ("rad", 1.0), "stress": ("Pa", 1.0)}
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,3 +119,34 @@ def plain(data: Any) -> Any:
     if isinstance(data, np.generic):
         return data.item()
     return data
+
+
+def converters(units: Mapping[str, tuple[str, float]]) -> dict[str, tuple[str, float]]:
+    """Return name and size in SI of the unit in which an SI unit is shown, by SI unit.
+
+    Parameters
+    ----------
+    units
+        Those of a description, by ``length``, ``force``, ``angle`` and ``stress``.
+    """
+    if not units:
+        return {}
+    (length, per_length), (force, per_force), (angle, per_angle), (stress, per_stress) = (
+        {**_SI, **units}
+    ).values()
+    in_si = (length, force) == ("m", "N")
+    work = per_length * per_force
+    return {
+        "m": (length, per_length),
+        "m/s": (f"{length}/s", per_length),
+        "m/s^2": (f"{length}/s^2", per_length),
+        "rad": (angle, per_angle),
+        "rad/s": (f"{angle}/s", per_angle),
+        "rad/s^2": (f"{angle}/s^2", per_angle),
+        "N": (force, per_force),
+        "N*m": (f"{force}*{length}", work),
+        "J": ("J" if in_si else f"{force}*{length}", work),
+        "W": ("W" if in_si else f"{force}*{length}/s", work),
+        "Pa": (stress, per_stress),
+        "1": ("1", 1.0),
+    }

@@ -98,28 +98,6 @@ class Turn(Result):
         return f"{self.count} poses, closed within {self.closure:.1e}"
 
 
-def converters(description: LoopDescription) -> dict[str, tuple[str, float]]:
-    """Return the unit in which tables and plots of a scene show an SI unit, and its size in SI."""
-    (length, per_length), (force, per_force), (angle, per_angle) = (
-        description.units[what] for what in ("length", "force", "angle")
-    )
-    work = ("J" if (length, force) == ("m", "N") else f"{force}*{length}", per_length * per_force)
-    power = ("W" if (length, force) == ("m", "N") else f"{force}*{length}/s", per_length * per_force)
-    return {
-        "m": (length, per_length),
-        "m/s": (f"{length}/s", per_length),
-        "m/s^2": (f"{length}/s^2", per_length),
-        "rad": (angle, per_angle),
-        "rad/s": (f"{angle}/s", per_angle),
-        "rad/s^2": (f"{angle}/s^2", per_angle),
-        "N": (force, per_force),
-        "N*m": (f"{force}*{length}", per_length * per_force),
-        "J": work,
-        "W": power,
-        "1": ("1", 1.0),
-    }
-
-
 def variables(description: LoopDescription, out: Array) -> list[Variable]:
     """Return the outputs in rows of the kernel 'outputs', (samples, entries), or blocks of rows, as views."""
     info = description.kernel("outputs")

@@ -11,6 +11,7 @@ import sympy as sp
 
 from symgen.scene.rods.held import Switch
 from symgen.scene.rods.linkage import Parameter, number
+from symgen.scene.units import Shown
 from symgen.symbolic.quantity import Quantity
 
 Vector = tuple[sp.Expr, sp.Expr, sp.Expr]
@@ -139,14 +140,6 @@ class LoopLoad:
     in_ground: bool
 
 
-@dataclass(frozen=True, slots=True)
-class Unit:
-    """A unit results are given in: its name, and its size in SI units."""
-
-    name: str
-    size: float
-
-
 @dataclass(frozen=True)
 class Loop:
     """A single closed loop, resolved. ``variables`` are in the order of the rows, and of their entries.
@@ -174,13 +167,16 @@ class Loop:
     lead: str
     t_end: sp.Expr
     size: float
-    length: Unit
-    force: Unit
-    angle: Unit
+    units: Shown
     outputs: tuple[str, ...] | None
     assembly_tolerance: sp.Expr = sp.S.Zero
     balls: tuple[Ball, ...] = ()
     switches: tuple[Switch, ...] = ()
+
+    @property
+    def unit_of_length(self) -> tuple[str, float]:
+        """Name and size [m] of the unit of length of its results."""
+        return self.units.get("length", ("m", 1.0))
 
     @cached_property
     def defaults(self) -> Mapping[sp.Symbol, sp.Expr]:

@@ -7,25 +7,22 @@ from collections.abc import Iterator, Mapping, Sequence
 
 import sympy as sp
 
-from symgen.errors import SceneError, nearest
+from symgen.errors import SceneError
 from symgen.scene import units
 from symgen.scene.angles import with_pi
 from symgen.scene.loop.ball_turns import with_ball_turns
 from symgen.scene.loop.bodies import NOWHERE, bodies, efforts, loads
-from symgen.scene.loop.loop import Loop, LoopBody, Row, Unit, Variable, Vector
+from symgen.scene.loop.loop import Loop, LoopBody, Row, Variable, Vector
 from symgen.scene.loop.reading import ZERO, LoopReader, symbols
 from symgen.scene.loop.rows import Rows, rows_of
 from symgen.scene.loop.schema import SpatialLoop
-from symgen.scene.reading import at
+from symgen.scene.reading import shown_units
 from symgen.scene.schema import Scene
-from symgen.scene.units import Dimension, is_quantity, parse_quantity
 
 #: Names of components of vectors of a motion or a link, and of the closing wrench, in the derivation.
 _OF_LOOP = re.compile(
     r"[a-z]+(_own)?_(link|net|theta|S|eta|alpha|a)\d+_(.*_)?[xyz]|vc2_link\d+|fall\d+|closing_[fm][xyz]"
 )
-_SUCH_AS = {units.LENGTH: "mm", units.FORCE: "kN", units.NUMBER: "deg"}
-_ANGLES = ("rad", "deg", "rev")
 #: Largest assembly tolerance, over the size of the loop.
 _MOST_OPEN = 1e-3
 
@@ -62,9 +59,7 @@ def loop_of(scene: Scene, table: SpatialLoop) -> Loop:
         ),
         size=size,
         assembly_tolerance=_assembly_tolerance(read, size),
-        length=_unit(table.units.length, units.LENGTH, "loop.units.length"),
-        force=_unit(table.units.force, units.FORCE, "loop.units.force"),
-        angle=_angle(table.units.angle),
+        units=shown_units(scene.units),
         outputs=_outputs(scene),
     )
     return with_ball_turns(resolved)
@@ -174,28 +169,6 @@ def _size(
     for lengths in ((*table, *guesses), [c for body in masses for c in body.centre]):
         largest = largest or max((abs(read.number(x)) for x in lengths), default=0.0)
     return largest or 1.0
-
-
-def _unit(text: str, dim: Dimension, where: str) -> Unit:
-    name = text.strip()
-    if not name or not is_quantity(f"1 {name}"):
-        raise SceneError(f"expected a unit such as {_SUCH_AS[dim]!r}, got {text!r}", where=where)
-    with at(where):
-        size, found = parse_quantity(f"1 {name}")
-    if found != dim:
-        raise SceneError(
-            f"expected the unit of {units.describe(dim)}, got {text!r}, {units.describe(found)}", where=where
-        )
-    return Unit(name, float(size))
-
-
-def _angle(text: str) -> Unit:
-    where = "loop.units.angle"
-    if text.strip() not in _ANGLES:
-        raise SceneError(
-            f"expected rad, deg or rev, got {text!r}", where=where, hint=nearest(text.strip(), _ANGLES)
-        )
-    return _unit(text, units.NUMBER, where)
 
 
 def _assembly_tolerance(read: LoopReader, size: float) -> sp.Expr:

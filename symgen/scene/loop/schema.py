@@ -9,14 +9,6 @@ from pydantic import Field
 from symgen.scene.table import Moments, Name, SpatialVector, Table, Value, absent
 
 
-class LoopUnits(Table):
-    """Units that results are given in."""
-
-    length: str = Field(default="m", description="Such as in, mm, m.")
-    force: str = Field(default="N", description="Such as lbf, kN, N.")
-    angle: str = Field(default="rad", description="rad, deg or rev.")
-
-
 class LoopRow(Table):
     """A joint, and the link from it to the next one: Z(theta + eps S) Y(eta) X(alpha + eps a).
 
@@ -63,7 +55,6 @@ class SpatialLoop(Table):
     """A single closed loop of links, one row per joint."""
 
     rows: list[LoopRow] = Field(min_length=2)
-    units: LoopUnits = Field(default=LoopUnits())
     inputs: dict[Name, Value] = Field(
         default_factory=dict, description="Prescribed motions, by the time t and by the inputs before them."
     )

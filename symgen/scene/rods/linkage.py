@@ -16,6 +16,7 @@ from symgen.loads.load import Load
 from symgen.loads.measure import Measure
 from symgen.scene.elastic.links import Crank, ElasticLink, ModalDamping, Station
 from symgen.scene.rods.held import Switch, Winding
+from symgen.scene.units import Shown
 from symgen.symbolic.constants import rounded
 from symgen.symbolic.quantity import AXES, Quantity, quantity
 
@@ -227,13 +228,15 @@ class Linkage:
     """A linkage, resolved: exact expressions over the tunable parameters and time, in SI units.
 
     ``plane`` is the plane of a linkage written in space; all components then refer to it. ``leaves_plane``
-    names the component by which a linkage in space leaves every coordinate plane; ``kinematic`` restricts it
+    names the component by which a linkage in space leaves every coordinate plane; ``units`` are those of
+    :func:`symgen.scene.reading.shown_units`; ``kinematic`` restricts it
     to the motion prescribed by the drives. ``remarks`` are for the notes of results.
     """
 
     name: str
     file: str
     title: str
+    units: Shown
     dimension: int
     parameters: tuple[Parameter, ...]
     points: tuple[PlacedPoint, ...]

@@ -18,7 +18,7 @@ from symgen.runtime.kernels.evaluate import Evaluator
 from symgen.runtime.model.rhs import right_hand_side
 from symgen.runtime.model.rods import RodModel
 from symgen.runtime.result.recording import outputs
-from symgen.runtime.result.records import Drift, over_time
+from symgen.runtime.result.records import Drift, converters, over_time
 from symgen.runtime.result.result import Result
 from symgen.runtime.result.state import State
 
@@ -172,6 +172,7 @@ def _result(
         name=d.name,
         title=d.title,
         axes=d.axes,
+        units=converters(d.units),
         coordinate=over_time(times),
         variables=outputs(evaluator, evaluator.equations(redundant), times, states, redundant),
         drift=_drift(evaluator, times, states),

@@ -33,7 +33,7 @@ from symgen.runtime.kernels.arguments import real
 from symgen.runtime.kernels.typed import made_with
 from symgen.runtime.model.arguments import LargeRotation
 from symgen.runtime.result.elastic import ElasticResult
-from symgen.runtime.result.records import Drift, Variable
+from symgen.runtime.result.records import Drift, Variable, converters
 
 Array = NDArray[np.float64]
 
@@ -191,6 +191,7 @@ def _result(
         name=d.name,
         title=d.title,
         axes=d.axes,
+        units=converters(d.units),
         coordinate=coordinate_of(motion, times),
         variables=selected(one.variables, motion),
         drift=Drift(),

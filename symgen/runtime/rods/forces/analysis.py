@@ -17,7 +17,7 @@ from symgen.runtime.kernels.evaluate import Evaluator
 from symgen.runtime.result.findings import SingularPose
 from symgen.runtime.result.forces import Forces
 from symgen.runtime.result.recorded_motion import coordinate_of
-from symgen.runtime.result.records import Drift, Variable
+from symgen.runtime.result.records import Drift, Variable, converters
 from symgen.runtime.rods.constraints import Bonds
 from symgen.runtime.rods.forces.assembly import Assembly, Solution, Unknown, solve
 from symgen.runtime.rods.forces.multipliers import by_multipliers
@@ -289,6 +289,7 @@ def _recorded(
         name=d.name,
         title=d.title,
         axes=d.axes,
+        units=converters(d.units),
         coordinate=coordinate,
         variables=tuple(variables),
         drift=Drift(float(errors[0]), float(errors[1])),
