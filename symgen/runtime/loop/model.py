@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symgen.calls import checked
-from symgen.errors import InitialStateError, ModelError, nearest
+from symgen.errors import InitialStateError, ModelError
 from symgen.runtime import _core
 from symgen.runtime.closure.assemblies import assemblies
 from symgen.runtime.closure.later import closed_later
@@ -208,17 +208,7 @@ class LoopModel(Model):
     ) -> Sensitivity:
         from symgen.runtime.linearisation.loops import sensitivity
 
-        by = tuple(self.parameters if parameters is None else parameters)
-        for name in by:
-            if name not in self.parameters:
-                raise ModelError(
-                    f"{self.name} has no tunable parameter {name!r}. {nearest(name, self.parameters)}"
-                )
-        if not by:
-            raise ModelError(
-                f"{self.name} has no tunable parameters to differentiate by\n"
-                "  Write tunable = true for some under [parameters] of the scene."
-            )
+        by = self._differentiated(parameters)
         if not outputs:
             raise ModelError("expected outputs to differentiate, got none")
         kernels = self._tangents("loop_sensitivity", outputs)

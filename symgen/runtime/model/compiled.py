@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, NoReturn
 
 from numpy.typing import ArrayLike
@@ -159,6 +159,27 @@ class Compiled:
     def is_changed(self) -> bool:
         """Whether a parameter has another value than in the scene."""
         return any(self.parameters[p.name] != p.default for p in self.description.tunable)
+
+    def _differentiated(self, names: Sequence[str] | None, further: Sequence[str] = ()) -> tuple[str, ...]:
+        """Return the tunable parameters, or ``further`` quantities, to differentiate by; all when absent.
+
+        Raises
+        ------
+        ModelError
+            For an unknown name, and where there are none.
+        """
+        by = tuple([*self.parameters, *further] if names is None else names)
+        for name in by:
+            if name not in self.parameters and name not in further:
+                raise ModelError(
+                    f"{self.name} has no tunable parameter {name!r}. {nearest(name, self.parameters)}"
+                )
+        if not by:
+            raise ModelError(
+                f"{self.name} has no tunable parameters to differentiate by\n"
+                "  Write tunable = true for some under [parameters] of the scene."
+            )
+        return by
 
     def _batch(
         self,

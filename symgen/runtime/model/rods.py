@@ -226,17 +226,7 @@ class RodModel(LinkageModel):
             given = ", ".join(name for name, x in of_run.items() if x is not None)
             raise ModelError(f"{given} is for derivatives along a run: give t_end or t_eval, too")
         initial = [*coordinates, *(f"{name}'" for name in coordinates)] if along else []
-        by = tuple([*self.parameters, *initial] if parameters is None else parameters)
-        for name in by:
-            if name not in self.parameters and name not in initial:
-                raise ModelError(
-                    f"{self.name} has no tunable parameter {name!r}. {nearest(name, self.parameters)}"
-                )
-        if not by:
-            raise ModelError(
-                f"{self.name} has no tunable parameters to differentiate by\n"
-                "  Write tunable = true for some under [parameters] of the scene."
-            )
+        by = self._differentiated(parameters, initial)
         frequencies = "frequencies" in outputs
         if frequencies and (along or at is None or isinstance(at, State | float | int)):
             raise ModelError("frequencies are those of an equilibrium: give model.equilibrium() for at")
