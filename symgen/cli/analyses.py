@@ -12,12 +12,11 @@ from symgen.cli.common import print_json
 from symgen.errors import ModelError
 
 _SHOWN = "set_ out plot plot_of xy as_json"
-_COMPILED = "backend precision digits contraction vector"
 
 
 @analysis(
     "symgen run four_bar --t-end 2 --plot run.png",
-    f"t_end at samples {_SHOWN} {_COMPILED}",
+    f"t_end at samples {_SHOWN} {o.COMPILED}",
 )
 def run(ctx: typer.Context) -> None:
     """Run the analysis that suits the scene.
@@ -41,7 +40,7 @@ def run(ctx: typer.Context) -> None:
 @analysis(
     "symgen simulate peaucellier --t-end 1 --rtol 1e-12",
     "t_end method rtol atol step samples stabilisation stabilisation_rate max_drift revolutions steps at "
-    f"form geometric_stiffness max_step max_wall checkpoint checkpoint_every resume {_SHOWN} {_COMPILED}",
+    f"form geometric_stiffness max_step max_wall checkpoint checkpoint_every resume {_SHOWN} {o.COMPILED}",
     at=o.AtAngles,
 )
 def simulate(ctx: typer.Context) -> None:
@@ -214,7 +213,7 @@ def assemblies(ctx: typer.Context) -> None:
 
 @analysis(
     "symgen periodic elastic_four_bar",
-    f"steps rtol samples at form geometric_stiffness max_step max_wall set_ out plot as_json {_COMPILED}",
+    f"steps rtol samples at form geometric_stiffness max_step max_wall set_ out plot as_json {o.COMPILED}",
     at=o.AtAngles,
 )
 def periodic(ctx: typer.Context) -> None:
@@ -224,7 +223,7 @@ def periodic(ctx: typer.Context) -> None:
 
 @analysis(
     "symgen quasi-static elastic_four_bar --at 0,60",
-    f"revolutions samples at form geometric_stiffness max_wall set_ out plot as_json {_COMPILED}",
+    f"revolutions samples at form geometric_stiffness max_wall set_ out plot as_json {o.COMPILED}",
     at=o.AtAngles,
 )
 def quasi_static(ctx: typer.Context) -> None:

@@ -33,7 +33,8 @@ def analysis(
 
     def declared(carry_out: Callable[[typer.Context], None]) -> Callable[..., None]:
         @wraps(carry_out)
-        def call(ctx: typer.Context, **_: Any) -> None:
+        def call(ctx: typer.Context, **given: Any) -> None:
+            ctx.params.update(given)  # lists and paths
             carry_out(ctx)
 
         annotations = {"ctx": typer.Context, **{name: known[name] for name in ("scene", *options.split())}}

@@ -7,6 +7,7 @@ from typing import Annotated
 import typer
 
 from symgen.cli import options as o
+from symgen.cli.carrying import analysis
 from symgen.cli.common import app, changes, command, console, progress_bar
 
 #: Number of matrix entries printed without --all.
@@ -64,29 +65,18 @@ def generate(
     print("generated/ is current")
 
 
-@command("symgen build four_bar --vector native")
-def build(
-    scene: o.Source,
-    set_: o.Set = None,
-    backend: o.Backend = "auto",
-    precision: o.Precision = "float64",
-    digits: o.Digits = None,
-    contraction: o.Contraction = "off",
-    vector: o.Vector = "none",
-) -> None:
+@analysis(
+    "symgen build four_bar --vector native",
+    f"set_ {o.COMPILED}",
+    scene=o.Source,
+)
+def build(ctx: typer.Context) -> None:
     """Compile a scene or a user-defined system into the cache."""
     from symgen.pipeline.build import build as build_model
     from symgen.report.summary import model_lines
 
-    model = build_model(
-        scene,
-        set=changes(set_),
-        backend=backend,
-        precision=precision,
-        digits=digits,
-        contraction=contraction,
-        vector=vector,
-    )
+    given = dict(ctx.params)
+    model = build_model(given.pop("scene"), set=changes(given.pop("set_")), **given)
     console().print(*model_lines(model), sep="\n")
 
 

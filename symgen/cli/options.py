@@ -231,6 +231,8 @@ OF_ANALYSES: dict[str, Any] = {
     "contraction": Contraction,
     "vector": Vector,
 }
+#: Options of compilation, by their arguments.
+COMPILED = "backend precision digits contraction vector"
 DEFAULTS = {
     "through": False, "stable": True, "moving": False, "as_json": False, "backend": "auto",
     "precision": "float64", "contraction": "off", "vector": "none",

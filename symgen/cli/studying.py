@@ -8,6 +8,7 @@ from typing import Annotated, Any
 import typer
 
 from symgen.cli import options as o
+from symgen.cli.carrying import analysis
 from symgen.cli.common import changes, command, console, print_json, progress_bar
 from symgen.errors import ModelError
 
@@ -73,76 +74,37 @@ def synthesise(
         console().print(f"{len(result.designs)} scenes in {out}", soft_wrap=True)
 
 
-@command("symgen sweep slider_crank --vary a4=0in:30in:7 --output theta1.drive --out offsets.zarr")
-def sweep(
-    scene: o.Scene,
-    vary: Annotated[
-        list[str] | None,
-        o.option(
-            "--vary",
-            metavar="KEY=VALUES",
-            group=_DESIGN,
-            help="A parameter or key, and START:STOP:COUNT, V1,V2,..., LOW:HIGH or normal(MEAN, DEVIATION), "
-            "with units. May be repeated.",
-        ),
-    ] = None,
-    list_: Annotated[
-        Path | None,
-        o.option("--list", metavar="FILE", group=_DESIGN, help="CSV file: a column per key, a row per run."),
-    ] = None,
-    sobol: Annotated[
-        int | None,
-        o.option("--sobol", metavar="N", group=_DESIGN, help="Sample ranges by a scrambled Sobol sequence."),
-    ] = None,
-    latin_hypercube: Annotated[
-        int | None,
-        o.option("--latin-hypercube", metavar="N", group=_DESIGN, help="Sample ranges by a Latin hypercube."),
-    ] = None,
-    random: Annotated[
-        int | None,
-        o.option("--random", metavar="N", group=_DESIGN, help="Sample ranges by random numbers."),
-    ] = None,
-    seed: Annotated[
-        int | None, o.option("--seed", metavar="N", group=_DESIGN, help="Seed of the samples (0).")
-    ] = None,
-    analysis: Annotated[
-        str | None,
-        o.option("--analysis", metavar="NAME", help="Such as simulate; default: that which suits the scene."),
-    ] = None,
-    outputs: Annotated[
-        list[str] | None, o.option("--output", metavar="NAME", help="An output to keep; default: all.")
-    ] = None,
-    reduce: Annotated[
-        list[str] | None,
-        o.option(
-            "--reduce",
-            metavar="NAME",
-            help="peak (default), greatest, least, range, mean, rms, final or history. May be repeated.",
-        ),
-    ] = None,
-    samples: o.Samples = None,
-    t_end: o.TEnd = None,
-    chunk: Annotated[
-        int | None, o.option("--chunk", metavar="N", help="Runs that are written at a time.")
-    ] = None,
-    part: Annotated[
-        str | None,
-        o.option("--part", metavar="I/N", help="Only every N-th chunk from the I-th, for job arrays."),
-    ] = None,
-    threads: Annotated[
-        int | None, o.option("--threads", metavar="N", help="Number of threads; default: all processors.")
-    ] = None,
-    set_: o.Set = None,
-    out: Annotated[
-        Path | None,
-        o.option(
-            "--out", metavar="FILE", group="Output", help="Zarr store of the results; continued if there."
-        ),
-    ] = None,
-    plot: o.Plot = None,
-    as_json: o.Json = False,
-    backend: o.Backend = "auto",
-) -> None:
+@analysis(
+    "symgen sweep slider_crank --vary a4=0in:30in:7 --output theta1.drive --out offsets.zarr",
+    "vary list_ sobol latin_hypercube random seed analysis outputs reduce samples t_end chunk part threads "
+    "set_ out plot as_json backend",
+    vary=o.maybe(
+        list[str],
+        "--vary",
+        "KEY=VALUES",
+        "A parameter or key, and START:STOP:COUNT, V1,V2,..., LOW:HIGH or normal(MEAN, DEVIATION), "
+        "with units. May be repeated.",
+        _DESIGN,
+    ),
+    list_=o.maybe(Path, "--list", "FILE", "CSV file: a column per key, a row per run.", _DESIGN),
+    sobol=o.maybe(int, "--sobol", "N", "Sample ranges by a scrambled Sobol sequence.", _DESIGN),
+    latin_hypercube=o.maybe(int, "--latin-hypercube", "N", "Sample ranges by a Latin hypercube.", _DESIGN),
+    random=o.maybe(int, "--random", "N", "Sample ranges by random numbers.", _DESIGN),
+    seed=o.maybe(int, "--seed", "N", "Seed of the samples (0).", _DESIGN),
+    analysis=o.maybe(str, "--analysis", "NAME", "Such as simulate; default: that which suits the scene."),
+    outputs=o.maybe(list[str], "--output", "NAME", "An output to keep; default: all."),
+    reduce=o.maybe(
+        list[str],
+        "--reduce",
+        "NAME",
+        "peak (default), greatest, least, range, mean, rms, final or history. May be repeated.",
+    ),
+    chunk=o.maybe(int, "--chunk", "N", "Runs that are written at a time."),
+    part=o.maybe(str, "--part", "I/N", "Only every N-th chunk from the I-th, for job arrays."),
+    threads=o.maybe(int, "--threads", "N", "Number of threads; default: all processors."),
+    out=o.maybe(Path, "--out", "FILE", "Zarr store of the results; continued if there.", "Output"),
+)
+def sweep(ctx: typer.Context) -> None:
     r"""Carry out an analysis over many values of parameters.
 
     Options replace those of the table \[sweep] of the scene. Extremes of all outputs are printed.
@@ -151,10 +113,12 @@ def sweep(
     from symgen.scene.loading import load_scene
     from symgen.study.sweeps import of_file, of_options, varied
 
-    plan: Any = load_scene(scene, set=changes(set_)).sweep
+    asked = ctx.params
+    scene, vary, list_ = (asked[name] for name in ("scene", "vary", "list_"))
+    plan: Any = load_scene(scene, set=changes(asked["set_"])).sweep
     own = {} if plan is None else plan.model_dump(exclude_unset=True)
-    counts = {"sobol": sobol, "latin-hypercube": latin_hypercube, "random": random}
-    kinds = [(kind, count) for kind, count in counts.items() if count is not None]
+    kinds = [(k, asked[k.replace("-", "_")]) for k in ("sobol", "latin-hypercube", "random")]
+    kinds = [(kind, count) for kind, count in kinds if count is not None]
     if len(kinds) + (list_ is not None) > 1 or (vary and list_ is not None):
         raise ModelError(
             "give --vary, with --sobol, --latin-hypercube or --random for ranges, or --list alone"
@@ -167,19 +131,19 @@ def sweep(
         own["vary"] = of_options(vary)
     if kinds:
         own["sampling"], own["count"] = kinds[0]
-    given = {
-        "seed": seed, "analysis": analysis, "outputs": outputs, "reduce": reduce, "samples": samples,
-        "t_end": t_end, "chunk": chunk,
-    }  # fmt: skip
-    own |= {name: value for name, value in given.items() if value is not None}
+    given = ("seed", "analysis", "outputs", "reduce", "samples", "t_end", "chunk")
+    own |= {name: asked[name] for name in given if asked[name] is not None}
     if "vary" not in own:
         raise ModelError("expected parameters to vary: --vary KEY=START:STOP:COUNT, or [sweep] in the scene")
-    model, own["vary"] = varied(scene, own["vary"], set=changes(set_), backend=backend)
-    with progress_bar(f"sweep of {model.name}", as_json) as progress:
-        runs = model.sweep(**own, file=out, part=_part(part), threads=threads, progress=progress)
+    out, plot = asked["out"], asked["plot"]
+    model, own["vary"] = varied(scene, own["vary"], set=changes(asked["set_"]), backend=asked["backend"])
+    with progress_bar(f"sweep of {model.name}", asked["as_json"]) as progress:
+        runs = model.sweep(
+            **own, file=out, part=_part(asked["part"]), threads=asked["threads"], progress=progress
+        )
     if plot:
         sweeps.plot(runs, file=plot)
-    if as_json:
+    if asked["as_json"]:
         print_json({"scene": model.name, "kind": "sweep", **sweeps.summary(runs)})
         return
     sweeps.print_sweep(runs, console())
