@@ -55,7 +55,7 @@ def ranges_of(made: Sequence[Variable], masks: Mapping[str, Mask]) -> dict[str, 
         for v in made
         if v.name in masks
         for name, mask in zip(component_names(v), masks[v.name].T, strict=True)
-        if np.any(mask)
+        if mask.any()
     }
 
 
@@ -65,6 +65,8 @@ def component_names(v: Variable) -> list[str]:
 
 
 def _ranges(mask: Mask) -> list[list[int]]:
+    if mask.all():  # as in most loops
+        return [[0, len(mask) - 1]]
     edges = np.flatnonzero(np.diff(mask, prepend=False, append=False))  # begin and end of each run of True
     return [[first, after - 1] for first, after in edges.reshape(-1, 2).tolist()]
 
