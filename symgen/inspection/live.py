@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -67,6 +68,7 @@ def live_of(text: SceneText, vary: Mapping[str, str], frames: int) -> Live:
         raise ModelError(f"no value of {text.name} has a slider\n  Give one a range: --vary KEY=LOW:HIGH.")
     if "kinematics" not in model.capabilities:
         _check_start(model, sliders)
+    keys_by_name = {name: key for key, name in names.items()}
     return Live(
         title=d.title,
         caption=view.film_caption,
@@ -78,7 +80,7 @@ def live_of(text: SceneText, vary: Mapping[str, str], frames: int) -> Live:
         plotted=[k for k, name in enumerate(entries) if name in plotted],
         drawn={place: [k for k, name in enumerate(entries) if name == place] for place in places},
         sketch=lambda drawn: view.sketch_at(resolved, drawn),
-        sliders=sliders,
+        sliders=[replace(s, name=keys_by_name.get(s.name, s.name)) for s in sliders],
     )
 
 

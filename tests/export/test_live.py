@@ -81,7 +81,7 @@ def draws_the_animation(data, outputs, film):
 
 def test_a_linkage_with_other_lengths_is_that_of_symgen(page_of):
     page, data, code = page_of("crank_rocker")
-    assert [s.name for s in page.sliders] == [f"links_{k}_length" for k in ("crank", "coupler", "rocker")]
+    assert [s.name for s in page.sliders] == [f"links.{k}.length" for k in ("crank", "coupler", "rocker")]
     assert (page.sliders[0].low, page.sliders[0].value, page.sliders[0].high) == pytest.approx(
         (0.05, 0.1, 0.15)
     )

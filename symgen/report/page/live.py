@@ -18,7 +18,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class Slider:
-    """A parameter [SI unit] and the range of its slider; None for a parameter without one."""
+    """A parameter [SI unit] by name or key, and the range of its slider; None for one without a slider."""
 
     name: str
     unit: str
