@@ -32,11 +32,10 @@ def test_the_scenes_run(tmp_path):
     result = symgen.build(scene).simulate()
     assert result.final["B"]["position"] == pytest.approx([0.25, 0.0], abs=1e-9)
     assert {v.name for v in result.variables} >= {"crank.torque", "B.acceleration"}
-    shipped = read_scene("slider_crank").data["loop"]
-    shown = tomllib.loads(loop)["loop"]
-    assert {key: shown[key] for key in ("units", "rows", "drives")} == {
-        key: shipped[key] for key in ("units", "rows", "drives")
-    }
+    shipped, shown = read_scene("slider_crank").data, tomllib.loads(loop)
+    assert shown["units"] == shipped["units"]
+    for key in ("rows", "drives"):
+        assert shown["loop"][key] == shipped["loop"][key]
     data, words = read_scene("thesis_four_bar").data, tomllib.loads(bent)
     data["links"] |= words["links"]
     model = symgen.build(symgen.Scene(**(data | {"crank": words["crank"]})))
