@@ -11,7 +11,8 @@ link: the exponent of this linkage is that from 20 elements on, and the one from
 Error estimates are those of the shipped elastic scenes: of runs and of steady states at tolerances from 1e-2
 to 1e-8, and of runs with given steps; and the same with damping ratios of all modes of the structure. The
 true error is the difference of stresses from a run or steady state with many more steps, over their peak, the
-largest of all stations and times. Errors below that of round-off have no ratio.
+largest of all stations and times. Errors below that of round-off have no ratio. ``--short`` takes
+up to 100 elements, three tolerances and two numbers of steps.
 """
 
 from __future__ import annotations
@@ -41,9 +42,11 @@ COLUMNS = (
     *("linkage", "elements per link", "step [ms]"),
     *("call", "rtol", "steps", "estimate", "true error", "ratio"),
 )
-SAMPLES, TOLERANCES = 361, tuple(10.0**-k for k in range(2, 9))
+SAMPLES = 361
+#: Tolerances of estimated errors; those of a short measurement.
+TOLERANCES, SHORT_TOLERANCES = tuple(10.0**-k for k in range(2, 9)), (1e-2, 1e-5, 1e-8)
 #: Steps per revolution of runs with given steps; steps between recorded times of references.
-GIVEN, FINE, FINE_STEADY = (400, 720, 1100, 1500, 2200, 3600), 80, 12
+GIVEN, SHORT_GIVEN, FINE, FINE_STEADY = (400, 720, 1100, 1500, 2200, 3600), (720, 2200), 80, 12
 #: Round-off of stresses of steady states of undamped linkages.
 ROUND_OFF = 1e-10
 #: The least and the largest part of an error estimate that the true error may be.
@@ -115,15 +118,16 @@ def modally_damped(scene: str) -> Any:
     return symgen.build(symgen.Scene(**data, modal_damping={"ratio": 0.01}))
 
 
-def estimates(scene: str, modal: bool) -> list[dict[str, Any]]:
+def estimates(scene: str, modal: bool, short: bool) -> list[dict[str, Any]]:
     """Return call, tolerance, steps, error estimate and true error of runs of a scene."""
     model = modally_damped(scene) if modal else symgen.build(scene)
     exact = model.simulate(steps=(SAMPLES - 1) * FINE, samples=SAMPLES)
     steady = model.periodic(steps=(SAMPLES - 1) * FINE_STEADY, samples=SAMPLES)
+    tolerances, given = (SHORT_TOLERANCES, SHORT_GIVEN) if short else (TOLERANCES, GIVEN)
     calls = [
-        *(("run", rtol, model.simulate, exact, {"rtol": rtol}) for rtol in TOLERANCES),
-        *(("given steps", None, model.simulate, exact, {"steps": steps}) for steps in GIVEN),
-        *(("steady state", rtol, model.periodic, steady, {"rtol": rtol}) for rtol in TOLERANCES),
+        *(("run", rtol, model.simulate, exact, {"rtol": rtol}) for rtol in tolerances),
+        *(("given steps", None, model.simulate, exact, {"steps": steps}) for steps in given),
+        *(("steady state", rtol, model.periodic, steady, {"rtol": rtol}) for rtol in tolerances),
     ]
     rows = []
     for call, rtol, verb, reference, options in calls:
@@ -153,14 +157,14 @@ def exponent(costs: dict[int, float]) -> float:
     return float(np.polyfit(np.log(list(costs)), np.log(list(costs.values())), 1)[0])
 
 
-def measured(slack: float) -> Measurement:
+def measured(slack: float, short: bool) -> Measurement:
     """Measure once."""
     rows: list[dict[str, Any]] = []
     required = []
     notes = [f"Best of {ROUNDS} rounds of {STEPS} steps; exponents by least squares of logarithms."]
     for name in LINKAGES:
         costs = {}
-        for elements in ELEMENTS:
+        for elements in ELEMENTS[:-1] if short else ELEMENTS:
             costs[elements] = measure({"": step(name, elements)}, ROUNDS, 1)[""].processor
             rows.append(row(name, {"elements per link": elements, "step [ms]": costs[elements] * 1e3}))
         least = BANDED.get(name, ELEMENTS[0])
@@ -171,7 +175,7 @@ def measured(slack: float) -> Measurement:
             notes.append(f"Exponent of a step, {name}, from {ELEMENTS[0]} on: {exponent(costs):.2f}.")
     for scene in SCENES:
         for modal in (False, True)[: 1 + (scene in MODAL)]:
-            runs = estimates(scene, modal)
+            runs = estimates(scene, modal, short)
             rows += runs
             for call in ("run", "given steps", "steady state"):
                 name = f"{scene}{', modal damping' if modal else ''}, {call}"
@@ -183,8 +187,10 @@ def measured(slack: float) -> Measurement:
 
 def main() -> int:
     """Measure, print, and return the exit code."""
-    options = arguments(__doc__, slack=True)
-    return report_repeats(lambda: measured(options.slack), repeats=options.repeats, as_json=options.json)
+    options = arguments(__doc__, short=True, slack=True)
+    return report_repeats(
+        lambda: measured(options.slack, options.short), repeats=options.repeats, as_json=options.json
+    )
 
 
 if __name__ == "__main__":
