@@ -120,7 +120,7 @@ def test_rigid_motion_needs_the_torque_of_the_rigid_linkage():
     model = symgen.build("thesis_four_bar")
     motion = model._motion(True)
     equations, none = motion.equations(), np.zeros((1, motion.layout.unknowns))
-    q, u, solutions = motion.rigid_states(equations, np.zeros(1))
+    q, u, solutions = motion.rigid_motion(equations, np.zeros(1))[0]
     links, _ = of_links(motion, np.zeros(1), q, u, solutions)
     joints, _, power = of_joints(motion, np.zeros(1), (q, u, solutions), (none, none, none))
     rates = sum(x["kinetic_rigid_rate"][0] for x in links) - power[0]

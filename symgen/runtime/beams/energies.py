@@ -8,7 +8,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from symgen.runtime._beams import BeamEquations
 from symgen.runtime.beams.forces import Motion, modal_rates, own_motion
 from symgen.runtime.beams.frames import frames
 from symgen.runtime.beams.links import Beam
@@ -74,7 +73,7 @@ class Energies:
 
 def energies(
     motion: ElasticMotion,
-    equations: BeamEquations,
+    rigid: tuple[Array, Array, Array],
     found: Motion,
     accelerations: Array,
     torque: Array | None,
@@ -83,6 +82,8 @@ def energies(
 
     Parameters
     ----------
+    rigid
+        Coordinates, rates, and accelerations with multipliers of :meth:`ElasticMotion.rigid_motion`.
     accelerations
         S'' (times, unknowns).
     torque
@@ -90,7 +91,6 @@ def energies(
     """
     if found.thesis:
         return None
-    rigid = motion.rigid_states(equations, found.times)
     weights, of_shaft = of_links(motion, found.times, *rigid)
     summed = {name: np.zeros(len(found.times)) for name in ("kinetic", "strain", "potential")}
     dissipated, rates = np.zeros((2, len(found.times)))
@@ -130,7 +130,7 @@ def of_links(
 ) -> tuple[Sequence[Weights], Array | None]:
     """Return factors in the energies of each link, and those of the shaft, (times, factors), if any.
 
-    The other parameters are those of :meth:`ElasticMotion.rigid_states`.
+    The other parameters are the first result of :meth:`ElasticMotion.rigid_motion`.
     """
     kernels = motion.rigid.analysis("elastic_motion")
     found = kernels.many_blocks("energies", times, q, u, solutions)
@@ -147,7 +147,7 @@ def of_joints(
     Parameters
     ----------
     rigid
-        What :meth:`ElasticMotion.rigid_states` returns.
+        The first result of :meth:`ElasticMotion.rigid_motion`.
     elastic
         S, S' and S'' (times, unknowns), which are added.
     """

@@ -283,30 +283,24 @@ class ElasticMotion(ABC):
         rows = self._motion.many("crank_rotation", times, q, np.zeros_like(q))
         return rows[:, :2], rows[:, 2:]
 
-    def rigid_motion(self, equations: _beams.BeamEquations, times: Array) -> tuple[Array, Array, Array]:
+    def rigid_motion(
+        self, equations: _beams.BeamEquations, times: Array
+    ) -> tuple[tuple[Array, Array, Array], Array, Array]:
         """Return the rigid motion at times.
 
-        Coordinates (times, coordinates) [m], and the weights of links (times, links, columns) and of forces
-        along links (times, forces, 3): see :mod:`symgen.runtime.beams.frames`.
+        Coordinates and rates (times, coordinates) [m, m/s], and accelerations followed by the multipliers;
+        then the weights of links (times, links, columns) and of forces along links (times, forces, 3): see
+        :mod:`symgen.runtime.beams.frames`.
         """
-        y, _, links, loads = self._along(equations, times)
-        count = len(times)
-        q = y[:, : self.rigid.description.coordinates]
-        return q, links.reshape(count, -1, len(MOTION)), loads.reshape(count, -1, len(APPLIED))
-
-    def rigid_states(self, equations: _beams.BeamEquations, times: Array) -> tuple[Array, Array, Array]:
-        """Return q, q' (times, coordinates) of the rigid motion, and q'' followed by the multipliers."""
-        n = self.rigid.description.coordinates
-        y, solutions, *_ = self._along(equations, times)
-        return y[:, :n], y[:, n:], self._path.with_drive(solutions, n) if self._path else solutions
-
-    def _along(self, equations: _beams.BeamEquations, times: Array) -> list[Array]:
-        """Return states, accelerations with multipliers, motion of links and point loads, a row per time."""
         order = np.argsort(times, kind="stable")
         status, *found = equations.motion.along(np.ascontiguousarray(times[order]))
         self.check(equations, status, equations.motion.t)
         back = np.argsort(order)
-        return [rows[back] for rows in found]
+        y, solutions, links, loads = (rows[back] for rows in found)
+        n, count = self.rigid.description.coordinates, len(times)
+        solutions = self._path.with_drive(solutions, n) if self._path else solutions
+        links, loads = links.reshape(count, -1, len(MOTION)), loads.reshape(count, -1, len(APPLIED))
+        return (y[:, :n], y[:, n:], solutions), links, loads
 
     def own_unknowns(self, k: int, links: Array, displacements: Array) -> Array:
         """Return the unknowns of a link in its own axes, (times, n).

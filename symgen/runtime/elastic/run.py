@@ -221,9 +221,9 @@ def _result(
     wall: float,
 ) -> ElasticResult:
     d, found = motion.rigid.description, found.at(np.arange(len(times)))
-    q, links, loads = motion.rigid_motion(equations, times)
+    rigid, links, loads = motion.rigid_motion(equations, times)
     thesis = task.form == "thesis"
-    whole = Motion(times, q, links, loads, found.displacements, found.rates, thesis)
+    whole = Motion(times, rigid[0], links, loads, found.displacements, found.rates, thesis)
     variables = [*outputs(motion, links, found.displacements), *recovered(motion, whole)]
     accelerations = accelerations_of(motion, equations, whole)
     variables += forces(motion, equations, whole, accelerations)
@@ -236,7 +236,7 @@ def _result(
     shaft = next((v.values for v in variables if v.name == f"{motion.info.crank}.torque"), None)
     steady = task.method == "periodic" and task.at is None
     held = shaft if motion.info.mode == "held" else None
-    balance = energies(motion, equations, whole, accelerations, held)
+    balance = energies(motion, rigid, whole, accelerations, held)
     variables += balance.variables() if balance else ()
     powers = balance.mean_powers() if balance and steady and held is not None else None
     notes += d.remarks
