@@ -11,6 +11,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from shared.full import full
 from shared.timing import holds
 
 import symgen
@@ -81,7 +82,10 @@ def test_a_change_concerns_only_its_own_kernels(made):
     assert found == DEPENDENTS
 
 
-def test_what_a_description_is_made_by_counts(tmp_path):
+@pytest.mark.parametrize(
+    ("scene", "decides"), [("four_bar", "rods/redundancy"), full("rssr", "closure/closed_form")]
+)
+def test_what_a_description_is_made_by_counts(scene, decides, tmp_path):
     """Modules that describe a scene count, and no others of the runtime, whatever else is loaded."""
     program = (
         "import json, sys\n"
@@ -92,21 +96,14 @@ def test_what_a_description_is_made_by_counts(tmp_path):
         "print(json.dumps([own, sorted(graph.needs())]))\n"
     )
     environment = {**os.environ, "SYMGEN_CACHE": str(tmp_path)}
-    for scene, decides in (("four_bar", "rods/redundancy"), ("rssr", "closure/closed_form")):
-        done = subprocess.run(
-            [sys.executable, "-c", program, scene],
-            capture_output=True,
-            text=True,
-            check=True,
-            env=environment,
-        )
-        own, later = ({n for n in needs if "symgen:runtime/" in n} for needs in json.loads(done.stdout))
-        assert f"symgen:runtime/{decides}.py" in own
-        assert (
-            not {f"symgen:runtime/{name}.py" for name in ("chain/chain", "chain/inputs", "result/result")}
-            & later
-        )
-        assert own <= later
+    done = subprocess.run(
+        [sys.executable, "-c", program, scene], capture_output=True, text=True, check=True, env=environment
+    )
+    own, later = ({n for n in needs if "symgen:runtime/" in n} for needs in json.loads(done.stdout))
+    assert f"symgen:runtime/{decides}.py" in own
+    others = {f"symgen:runtime/{name}.py" for name in ("chain/chain", "chain/inputs", "result/result")}
+    assert not others & later
+    assert own <= later
 
 
 def test_what_changed_after_it_was_loaded_is_never_current(monkeypatch):

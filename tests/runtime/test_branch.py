@@ -6,6 +6,7 @@ import gc
 
 import numpy as np
 import pytest
+from shared.full import full_unless
 from shared.linkages import at, circles, four_bar, ground, rod
 
 import symgen
@@ -98,7 +99,7 @@ def test_crank_rockers_against_two_circles(tuned, followed, lengths):
     )
 
 
-@pytest.mark.parametrize("seed", range(30))
+@pytest.mark.parametrize("seed", full_unless(lambda seed: seed < 10, range(30)))
 def test_it_is_the_curve_by_arc_length(tuned, followed, monkeypatch, seed):
     """Linkages of any lengths, turned as far as they go: dead centres end both ways of following in the same pose."""
     random = np.random.default_rng(seed)

@@ -7,6 +7,7 @@ from math import sqrt
 import mpmath
 import numpy as np
 import pytest
+from shared.full import full_unless
 from shared.golden import reference
 
 import symgen
@@ -185,9 +186,18 @@ def test_a_tree_agrees_with_the_scene_of_it(dimension):
 
 
 @pytest.mark.parametrize(
-    "case", ["tip 1e6", "masses 1 to 1e12", "alternating 1e6", "lengths 1e6", "far centre", "straight 45"]
-)
-@pytest.mark.parametrize("dimension", [2, 3])
+    ("dimension", "case"),
+    full_unless(
+        lambda dimension, case: dimension == 3 or case == "masses 1 to 1e12",
+        [
+            (dimension, case)
+            for dimension in (2, 3)
+            for case in (
+                "tip 1e6", "masses 1 to 1e12", "alternating 1e6", "lengths 1e6", "far centre", "straight 45",
+            )
+        ],
+    ),
+)  # fmt: skip
 def test_bad_scales_are_refined(dimension, case):
     n = 12
     lengths, masses, points, options = np.ones(n), np.ones(n), np.zeros(n + 1), {}
