@@ -139,7 +139,9 @@ def draw(
     no_paths: Annotated[bool, typer.Option("--no-paths", help="Draw no paths.")] = False,
     unit: Annotated[
         str | None,
-        typer.Option(help="Unit of length of DXF and of the scale bar; default: a loop's own, else m."),
+        typer.Option(
+            help="Unit of length of DXF and of the scale bar; default: that of the scene's [units], else m."
+        ),
     ] = None,
     out: Annotated[
         Path | None, typer.Option(help="Output file: .svg or .dxf; default: SCENE.svg in this folder.")

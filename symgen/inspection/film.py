@@ -138,7 +138,7 @@ def sheet_of(
     paths
         Points, or joints of a loop, whose paths are drawn; all that move when absent.
     unit
-        Unit of length of the drawing; the unit of a loop's table, otherwise metres, when absent.
+        Unit of length of the drawing; that of ``[units]`` of the scene, otherwise metres, when absent.
     parameters
         Values of tunable parameters [SI].
     samples

@@ -17,6 +17,7 @@ from symgen.inspection.view import drawn_scene
 from symgen.pipeline.build import build_asked
 from symgen.report.page.live import Live, Slider
 from symgen.runtime.kernels.description import ParameterInfo
+from symgen.runtime.result.records import converters
 from symgen.runtime.sweeps.designs import Uniform
 from symgen.scene.loading import SceneText
 from symgen.study.sweeps import tunable, values_of
@@ -68,7 +69,8 @@ def live_of(text: SceneText, vary: Mapping[str, str], frames: int) -> Live:
         raise ModelError(f"no value of {text.name} has a slider\n  Give one a range: --vary KEY=LOW:HIGH.")
     if "kinematics" not in model.capabilities:
         _check_start(model, sliders)
-    keys_by_name = {name: key for key, name in names.items()}
+    keys_by_name, units = {name: key for key, name in names.items()}, converters(d.units)
+    shown = [(slot.name.replace(" ", "."), *units.get(slot.unit, (slot.unit, 1.0))) for slot in code.outputs]
     return Live(
         title=d.title,
         caption=view.film_caption,
@@ -76,12 +78,18 @@ def live_of(text: SceneText, vary: Mapping[str, str], frames: int) -> Live:
         duration=float(code.t_end) - float(code.t_start),
         code=wasm_of(code, frames),
         frames=frames,
-        outputs=[(slot.name.replace(" ", "."), slot.unit) for slot in code.outputs],
+        outputs=shown,
         plotted=[k for k, name in enumerate(entries) if name in plotted],
         drawn={place: [k for k, name in enumerate(entries) if name == place] for place in places},
         sketch=lambda drawn: view.sketch_at(resolved, drawn),
-        sliders=[replace(s, name=keys_by_name.get(s.name, s.name)) for s in sliders],
+        sliders=[_shown(s, keys_by_name, units) for s in sliders],
     )
+
+
+def _shown(slider: Slider, keys: Mapping[str, str], units: Mapping[str, tuple[str, float]]) -> Slider:
+    """Return a slider with the key of the scene and the unit that the scene names."""
+    unit, size = units.get(slider.unit, (slider.unit, 1.0))
+    return replace(slider, name=keys.get(slider.name, slider.name), unit=unit, size=size)
 
 
 def _has_tunable(text: SceneText) -> bool:

@@ -18,6 +18,7 @@ from symgen.scene.loading import SceneText, check_scene
 from symgen.study.speed.work_precision import WorkPrecision, work_precision
 
 #: Facts of a run shown at the head of the page.
+_OF_POINTS = (("position", "m"), ("velocity", "m/s"))
 _TELLING = ("energy drift", "constraint drift", "closed within", "estimated error")
 #: Repeats per setting, and recorded times.
 _REPEATS, _SAMPLES = 2, 11
@@ -77,14 +78,13 @@ def _final(result: Result) -> TableView | None:
     """Return the final positions of the points of a linkage."""
     if not result.final:
         return None
+    shown = [(of, *result.units.get(unit, (unit, 1.0))) for of, unit in _OF_POINTS]
     rows = tuple(
-        (point, *(f"{x:.6g}" for what in ("position", "velocity") for x in np.atleast_1d(motion[what])))
+        (point, *(f"{x / size:.6g}" for of, _, size in shown for x in np.atleast_1d(motion[of])))
         for point, motion in result.final.items()
-        if {"position", "velocity"} <= set(motion)
+        if all(of in motion for of, _ in _OF_POINTS)
     )
-    head = tuple(
-        f"{what} {a} [{unit}]" for what, unit in (("position", "m"), ("velocity", "m/s")) for a in result.axes
-    )
+    head = tuple(f"{of} {a} [{unit}]" for of, unit, _ in shown for a in result.axes)
     return TableView(("point at the end", *head), rows) if rows else None
 
 

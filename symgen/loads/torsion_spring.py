@@ -20,7 +20,7 @@ class TorsionSpring(table.Table):
     """A torsion spring, with damping if given, between two links, or a link and the ground (plane)."""
 
     link: table.Name
-    against: table.Name | None = Field(None, description="The other link; the ground if absent.")
+    against: table.Name | None = table.absent("The other link; the ground if absent.")
     stiffness: table.Value = Field(description="Torque per radian.")
     angle: table.Value = Field(0, description="Angle of the link from the other one at which it is slack.")
     damping: table.Value | None = None

@@ -11,7 +11,7 @@ from rich.console import Console
 from symgen.report.extremes import Components, texts
 from symgen.report.tables import MODES, table
 from symgen.runtime.result.motion import Motion
-from symgen.runtime.result.records import converters
+from symgen.runtime.result.records import converted, converters
 from symgen.runtime.result.result import Variable
 from symgen.runtime.result.state import State
 from symgen.runtime.rods.equilibrium import Equilibrium
@@ -50,7 +50,8 @@ def print_assemblies(found: Sequence[State], model: Any, console: Console) -> No
 def print_modes_of_assembly(variables: Sequence[Variable], count: int, model: Any, console: Console) -> None:
     """Print the values of variables in every assembly mode, the scene's own first."""
     title = f"{model.description.title}: {count} assembly mode{'s' if count > 1 else ''}"
-    console.print(Components(variables, count).values(title, [str(i + 1) for i in range(count)]))
+    shown = converted(variables, converters(model.description.units))
+    console.print(Components(shown, count).values(title, [str(i + 1) for i in range(count)]))
 
 
 def print_equilibrium(found: Equilibrium, model: Any, console: Console) -> None:
@@ -69,12 +70,11 @@ def print_equilibrium(found: Equilibrium, model: Any, console: Console) -> None:
         table(f"{model.description.title}: {found.stability} equilibrium, {found.freedoms} free", head, rows)
     )
     if found.outputs:
-        variables = []
-        for name, value in ((name, np.asarray(value)) for name, value in found.outputs.items()):
-            unit, size = units.get(found.units[name], (found.units[name], 1.0))
-            components = tuple(axes) if value.size > 1 else ()
-            variables.append(Variable(name, unit, "", components, value.reshape(1, -1) / size))
-        console.print(Components(variables, 1).values("Recorded", ("value",)))
+        variables = [
+            Variable(name, found.units[name], "", tuple(axes) if value.size > 1 else (), value.reshape(1, -1))
+            for name, value in ((name, np.asarray(value)) for name, value in found.outputs.items())
+        ]
+        console.print(Components(converted(variables, units), 1).values("Recorded", ("value",)))
     console.print(f"unbalanced {found.residual:.1e} N of {found.scale:.3g} N")
 
 

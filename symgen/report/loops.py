@@ -65,10 +65,9 @@ def print_motion_of_loop(result: Result, _: Any, console: Console) -> None:
 
 
 def print_assemblies(found: Sequence[Mapping[str, float]], model: Any, console: Console) -> None:
-    """Print the joint variables in every assembly mode: angles in degrees, lengths in metres."""
-    variables = []
-    for v in model.description.variables:
-        values = np.array([pose[v.name] for pose in found])
-        values = values if v.is_length else np.degrees(values)
-        variables.append(Variable(v.name, "m" if v.is_length else "deg", "", (), values))
+    """Print the joint variables in every assembly mode."""
+    variables = [
+        Variable(v.name, v.unit, "", (), np.array([pose[v.name] for pose in found]))
+        for v in model.description.variables
+    ]
     print_modes_of_assembly(variables, len(found), model, console)

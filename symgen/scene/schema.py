@@ -55,10 +55,10 @@ class Parameter(Named):
 class Units(Table):
     """Units in which tables and plots show results; those of SI if absent."""
 
-    length: str | None = Field(None, description="Such as mm or in; also of velocities and accelerations.")
-    force: str | None = Field(None, description="Such as kN or lbf; torques, energies and powers follow.")
-    angle: str | None = Field(None, description="rad, deg or rev; also of their rates.")
-    stress: str | None = Field(None, description="Such as MPa or psi.")
+    length: str | None = absent("Such as mm or in; also of velocities and accelerations.")
+    force: str | None = absent("Such as kN or lbf; torques, energies and powers follow.")
+    angle: str | None = absent("rad, deg or rev; also of their rates.")
+    stress: str | None = absent("Such as MPa or psi.")
 
 
 class Input(Named):

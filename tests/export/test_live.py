@@ -87,7 +87,7 @@ def test_a_linkage_with_other_lengths_is_that_of_symgen(page_of):
     )
     keys = {f"links.{k}.length": "{} m" for k in ("crank", "coupler", "rocker")}
     rng = np.random.default_rng(3)
-    names = [name for name, _ in page.outputs]
+    names = [name for name, _, _ in page.outputs]
     for _ in range(3):
         lengths = rng.uniform((0.05, 0.33, 0.28), (0.1, 0.4, 0.35))
         status, times, outputs = code.follow(*lengths)
@@ -114,7 +114,7 @@ def test_a_linkage_with_other_lengths_is_that_of_symgen(page_of):
 def test_starts_far_from_that_of_the_scene_are_reached(page_of):
     """Lengths at which a projection of the scene's start alone does not meet the constraints."""
     page, _, code = page_of("crank_rocker")
-    names = [name for name, _ in page.outputs]
+    names = [name for name, _, _ in page.outputs]
     status, times, outputs = code.follow(0.076, 0.279, 0.394)
     assert status == 0 and len(times) == FRAMES
     b = outputs[:, [names.index(f"B.position.{c}") for c in "xy"]]
@@ -127,12 +127,13 @@ def test_starts_far_from_that_of_the_scene_are_reached(page_of):
 
 def test_a_loop_with_other_parameters_is_that_of_symgen(page_of):
     page, data, code = page_of("slider_crank", {"a4": "0 in:20 in", "S1": "0 in:9 in"})
+    assert ("S4", "in", 0.0254) in page.outputs
     assert {s.name: s.high for s in page.sliders if s.high is not None} == pytest.approx(
         {"a4": 20 * 0.0254, "S1": 9 * 0.0254}
     )
     values = [s.value for s in page.sliders]
     model = symgen.build("slider_crank")
-    names, rng = [name for name, _ in page.outputs], np.random.default_rng(4)
+    names, rng = [name for name, _, _ in page.outputs], np.random.default_rng(4)
     for _ in range(3):
         given = {"a4": rng.uniform(0.0, 0.3), "S1": rng.uniform(0.0, 0.1)}
         parameters = [given.get(s.name, x) for s, x in zip(page.sliders, values, strict=True)]

@@ -69,7 +69,9 @@ def test_what_a_four_bar_saves_and_how_it_is_solved():
 
 def test_the_cheaper_order_is_used():
     text = said("andrews_squeezer")
-    assert re.search(r"solution, minimum degree: \d+; along the tree: over \d+", text)  # the first is used
+    found = re.search(r"solution, minimum degree: (\d+); along the tree: over (\d+)", text)
+    used, other = map(int, found.groups())
+    assert used <= other
 
 
 def test_offsets_cost_what_they_bring():

@@ -18,7 +18,10 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class Slider:
-    """A parameter [SI unit] by name or key, and the range of its slider; None for one without a slider."""
+    """A parameter by name or key, and the range of its slider; None for one without a slider.
+
+    Values are in SI; they are shown in ``unit``, which has this ``size`` in SI.
+    """
 
     name: str
     unit: str
@@ -26,6 +29,7 @@ class Slider:
     value: float
     low: float | None
     high: float | None
+    size: float = 1.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,7 +47,7 @@ class Live:
     frames
         Number of frames that it computes.
     outputs
-        Names and units of the numbers of a frame, in its order.
+        Names of the numbers of a frame, in its order, with unit and its size in SI.
     plotted
         Which of them are plotted.
     drawn
@@ -60,7 +64,7 @@ class Live:
     duration: float
     code: bytes
     frames: int
-    outputs: Sequence[tuple[str, str]]
+    outputs: Sequence[tuple[str, str, float]]
     plotted: Sequence[int]
     drawn: Mapping[str, Sequence[int]]
     sketch: Callable[[Mapping[str, Array]], Sketch]
@@ -94,7 +98,7 @@ def live(page: Live) -> str:
             "lines": lines_of(first),
             "nodes": nodes_of(first),
             "curves": [
-                {"name": page.outputs[k][0], "unit": page.outputs[k][1], "output": k}
+                dict(zip(("name", "unit", "size"), page.outputs[k], strict=True), output=k)
                 for k in page.plotted[:CURVES]
             ],
         },

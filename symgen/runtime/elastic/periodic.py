@@ -396,4 +396,4 @@ def _notes(runs: Sequence[ElasticResult]) -> tuple[str, ...]:
     beyond = sum(any("linear theory" in note for note in r.notes) for r in runs)
     if not beyond:
         return ()
-    return (f"linear theory does not hold at {beyond} of {len(runs)} speeds: 'symgen periodic' states why",)
+    return (f"linear theory does not hold at {beyond} of {len(runs)} speeds: see 'symgen periodic' at one",)

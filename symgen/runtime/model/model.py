@@ -355,7 +355,7 @@ class Model(LinearAnalyses, ManyRuns, Sweeps, ElasticAnalyses, KernelCalls, Comp
         paths
             Points, or joints of a loop, whose paths over the motion are drawn; all that move when absent.
         unit
-            Unit of length of DXF and of the scale bar, such as ``mm``; that of a loop's table, otherwise m.
+            Unit of length of DXF and of the scale bar, such as ``mm``; that of ``[units]``, otherwise m.
         file
             File to write: ``.svg``, or ``.dxf`` (``pip install 'symgen[dxf]'``).
 

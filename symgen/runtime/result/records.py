@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -150,3 +150,11 @@ def converters(units: Mapping[str, tuple[str, float]]) -> dict[str, tuple[str, f
         "Pa": (stress, per_stress),
         "1": ("1", 1.0),
     }
+
+
+def converted(variables: Iterable[Variable], units: Mapping[str, tuple[str, float]]) -> tuple[Variable, ...]:
+    """Return outputs in units as of :func:`converters`."""
+    return tuple(
+        replace(v, unit=units[v.unit][0], values=v.values / units[v.unit][1]) if v.unit in units else v
+        for v in variables
+    )

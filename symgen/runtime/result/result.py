@@ -7,7 +7,7 @@ import json
 import math
 import os
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import asdict, dataclass, field, fields, replace
+from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Self, cast
 
@@ -18,7 +18,7 @@ from symgen.calls import checked
 from symgen.display import seconds
 from symgen.errors import ResultError, nearest
 from symgen.runtime.result.findings import Findings, Pictures
-from symgen.runtime.result.records import Coordinate, Drift, Event, Variable, columns, plain
+from symgen.runtime.result.records import Coordinate, Drift, Event, Variable, columns, converted, plain
 
 if TYPE_CHECKING:
     import xarray
@@ -178,11 +178,7 @@ class Result(Findings, Pictures):
     @property
     def shown(self) -> tuple[Variable, ...]:
         """Outputs in the units of tables and plots."""
-        known = self.units
-        return tuple(
-            replace(v, unit=known[v.unit][0], values=v.values / known[v.unit][1]) if v.unit in known else v
-            for v in self.variables
-        )
+        return converted(self.variables, self.units)
 
     def panel(self, variable: Variable) -> str:
         """Return the panel of a plot that an output is drawn in, named by its axis label."""
