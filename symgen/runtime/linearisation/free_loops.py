@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from symgen.errors import ModelError
 from symgen.runtime.closure.start import Closed
-from symgen.runtime.linearisation.loops import LoopPose, null_space
+from symgen.runtime.linearisation.loops import RANK, LoopPose, null_space
 from symgen.runtime.linearisation.record import Linearisation
 from symgen.runtime.loop.kernels import LoopKernels
 from symgen.runtime.loop.motion import rates_at_start
@@ -74,32 +74,42 @@ class _Free(LoopPose):
         units = np.zeros((n, self.size))
         units[:, 2 * n : 3 * n] = np.diag(self.columns)
         #: Directions of the accelerations that are not prescribed, and of the closing wrench.
-        self.unknowns = np.vstack([units[self.moving], self.wrenches])
+        accelerating = units[self.moving]
+        # rank must not depend on masses: the largest effort by an acceleration is the unit of efforts
+        self.effort = max((float(np.max(np.abs(self._efforts(x)))) for x in accelerating), default=0.0) or 1.0
+        self.unknowns = np.vstack([accelerating, self.wrenches])
         self.matrix = np.array([self._equations(x) for x in self.unknowns]).T
-        undetermined = null_space(self.matrix)
-        if np.max(np.abs(undetermined[:, : len(self.moving)]), initial=0.0) > 1e-6:
+        undetermined, count = null_space(self.matrix), len(self.moving)
+        if np.max(np.abs(undetermined[:, :count]), initial=0.0) > 1e-6:
             raise ModelError(
-                f"{loop.description.name}: accelerations are not determined at the start: links without mass"
+                f"{loop.description.name}: accelerations are not determined at the start: links that move "
+                f"freely have no mass, or less than {RANK:g} of that of the others"
             )
-        self.check_determined(undetermined @ self.unknowns)
+        self.check_determined(undetermined[:, count:] @ self.wrenches)
         if self.inputs:
             self.acceleration = acceleration.copy()
             self.acceleration[self.inputs] = loop.prescribed(t)[:, 2]
         motion = loop("motion", t, q, u)
         drift = motion["screw_drift"].ravel() + motion["screws"] @ self.acceleration
         left = self.called("efforts", np.zeros(self.size))["efforts_left"].ravel()
-        solved = self._solved(np.concatenate([drift / self.lengths, (left * self.columns)[self.known]]))
+        left = (left * self.columns)[self.known] / self.effort
+        solved = self._solved(np.concatenate([drift / self.lengths, left]))
         self.acceleration = self.acceleration + solved[2 * n : 3 * n]
         self.wrench = solved[self.places[2] : self.places[3]]
 
     def _equations(self, direction: Array) -> Array:
         """Return the tangents of accelerations of closure and of known efforts, scaled."""
         closure = self.along("motion", direction)[6:] / self.lengths
-        return np.concatenate([closure, (self.along("efforts", direction) * self.columns)[self.known]])
+        return np.concatenate([closure, self._efforts(direction) / self.effort])
+
+    def _efforts(self, direction: Array) -> Array:
+        """Return the tangents of known efforts [N m]."""
+        efforts: Array = (self.along("efforts", direction) * self.columns)[self.known]
+        return efforts
 
     def _solved(self, left: Array) -> Array:
         """Return the direction of accelerations and wrench that changes the equations by minus these."""
-        found: Array = -np.linalg.lstsq(self.matrix, left, rcond=1e-12)[0] @ self.unknowns
+        found: Array = -np.linalg.lstsq(self.matrix, left, rcond=RANK)[0] @ self.unknowns
         return found
 
     def direction(self, order: int, variable: int) -> Array:

@@ -19,13 +19,14 @@ from symgen.errors import ModelError
 from symgen.runtime.closure.start import Closed
 from symgen.runtime.linearisation.record import Sensitivity
 from symgen.runtime.linearisation.sensitivity import finite
+from symgen.runtime.loop.ball_poles import ball_pole
 from symgen.runtime.loop.driven import moving_at
 from symgen.runtime.loop.kernels import LoopKernels
 
 Array = NDArray[np.float64]
 
 #: Relative sizes of singular values, and of residuals of equations, that count as none.
-_RANK, _LEFT = 1e-9, 1e-9
+RANK, _LEFT = 1e-9, 1e-9
 
 
 def sensitivity(
@@ -66,13 +67,22 @@ class LoopPose:
         self.places = np.cumsum([n, n, n, 6])
         self.size = self.places[-1] + len(loop.given)
         self.wrench = np.zeros(6)
+        #: Unit of efforts [N m]; the wrench has it too.
+        self.effort = d.size
         lengths = np.array([1.0, 1.0, 1.0, d.size, d.size, d.size])
         screws = loop("motion", t, self.q, self.u)["screws"] / lengths[:, None]
         columns = np.array([d.size if v.is_length else 1.0 for v in d.variables])
         self.lengths, self.columns = lengths, columns
         self.screws = (screws * columns)[:, self.dependent]
         values = np.linalg.svd(self.screws, compute_uv=False)
-        if np.count_nonzero(values > _RANK * values.max(initial=0.0)) < len(self.dependent):
+        if np.count_nonzero(values > RANK * values.max(initial=0.0)) < len(self.dependent):
+            if names := ball_pole(loop, t, q):
+                raise ModelError(
+                    f"{d.name} at {loop.value_at(t)}: the angles {', '.join(names)} of a ball joint have a "
+                    "pole there, a property of these angles and not of the loop\n"
+                    "  Take another pose, or turn the axes of the rows next to the ball (theta, alpha) so "
+                    "that its pole lies elsewhere."
+                )
             raise ModelError(
                 f"{d.name} is at a singular position at {loop.value_at(t)}: its inputs and free "
                 "variables do not determine how it moves"
@@ -96,9 +106,10 @@ class LoopPose:
 
     @property
     def wrenches(self) -> Array:
-        """Directions of the components of the closing wrench, moments times the size: (6, tangents)."""
+        """Directions of the components of the closing wrench, of the unit of efforts: (6, tangents)."""
         directions = np.zeros((6, self.size))
-        directions[:, self.places[2] : self.places[3]] = np.diag(self.lengths)
+        units = self.lengths * (self.effort / self.loop.description.size)
+        directions[:, self.places[2] : self.places[3]] = np.diag(units)
         return directions
 
     def carry(self, direction: Array, order: int, cause: str) -> None:
@@ -112,7 +123,7 @@ class LoopPose:
         n = len(self.q)
         kernel, first = ("closure", 0) if order == 0 else ("motion", 6 * order - 6)
         opened = self.along(kernel, direction)[first : first + 6] / self.lengths
-        moved = np.linalg.lstsq(self.screws, -opened, rcond=_RANK)[0]
+        moved = np.linalg.lstsq(self.screws, -opened, rcond=RANK)[0]
         if np.max(np.abs(self.screws @ moved + opened)) > _LEFT * np.max(np.abs(opened), initial=1.0):
             raise ModelError(
                 f"a change of {cause} alone opens the redundant closure equations of "
@@ -160,7 +171,7 @@ class _Driven(LoopPose):
     def _balanced(self, left: Array) -> Array:
         """Return the closing wrench of minimum norm that changes the efforts by minus these."""
         scaled = left[self.known] * self.columns[self.known]
-        return np.asarray(-self.lengths * np.linalg.lstsq(self.by_wrench, scaled, rcond=_RANK)[0])
+        return np.asarray(-self.lengths * np.linalg.lstsq(self.by_wrench, scaled, rcond=RANK)[0])
 
     def derivatives(self, parameters: Sequence[str]) -> Sensitivity:
         """Return the derivatives of all outputs by parameters."""
@@ -197,5 +208,5 @@ class _Driven(LoopPose):
 def null_space(matrix: Array) -> Array:
     """Return an orthonormal basis of the null space of a matrix, a row each."""
     _, values, right = np.linalg.svd(matrix)
-    basis: Array = right[np.count_nonzero(values > _RANK * values.max(initial=0.0)) :]
+    basis: Array = right[np.count_nonzero(values > RANK * values.max(initial=0.0)) :]
     return basis

@@ -223,10 +223,10 @@ class LoopModel(Model):
         return free_state_space(self._kernels, kernels, self.closed_start())
 
     def _tangents(self, kind: str, outputs: Sequence[str]) -> LoopKernels:
-        """Return the kernels of an analysis by tangents."""
+        """Return the kernels of an analysis by tangents, of each output once."""
         if self._analyses is None:
             raise ModelError(f"{self.name} was made without its scene: build it with symgen.build")
-        return LoopKernels(*self._analyses(kind, tuple(outputs)), self.given)
+        return LoopKernels(*self._analyses(kind, tuple(dict.fromkeys(outputs))), self.given)
 
     @takes(Run)
     def _simulate(self, asked: Run) -> Result:
