@@ -66,7 +66,10 @@ def test_redundant_closure_determines_some_derivatives():
         set={
             "parameters.coupler": {"value": "0.35 m", "tunable": True},
             "parameters.h": {"value": "0 m", "tunable": True},
-            "loop.rows.0.S": "h",
+            "parameters.modulus": {"value": "200 GPa", "tunable": True},
+            "parameters.nominal": "200 GPa",
+            "parameters.compliance": "1e-15 m/Pa",
+            "loop.rows.0.S": "h + compliance*(modulus - nominal)",
         },
     )
     found = model.sensitivity(
@@ -87,6 +90,8 @@ def test_redundant_closure_determines_some_derivatives():
     assert found["theta4", "speed"] != 0.0
     with pytest.raises(ModelError, match="a change of h alone opens the redundant closure equations"):
         model.sensitivity(["theta4"], ["h"])
+    with pytest.raises(ModelError, match="a change of modulus alone opens the redundant closure equations"):
+        model.sensitivity(["theta4"], ["modulus"])
     with pytest.raises(ModelError, match=r"rocker.joint3.moment.x is not determined"):
         model.sensitivity(["rocker.joint3.moment"], ["speed"])
     with pytest.raises(ModelError, match="no tunable parameter 'w'"):

@@ -112,8 +112,10 @@ class LoopPose:
         directions[:, self.places[2] : self.places[3]] = np.diag(units)
         return directions
 
-    def carry(self, direction: Array, order: int, cause: str) -> None:
+    def carry(self, direction: Array, order: int, cause: str, change: float = 1.0) -> None:
         """Set the tangents of dependent variables (order 0), their rates (1) or accelerations (2).
+
+        Closure that opens by less than ``_LEFT`` when the cause changes by ``change`` counts as closed.
 
         Raises
         ------
@@ -124,7 +126,8 @@ class LoopPose:
         kernel, first = ("closure", 0) if order == 0 else ("motion", 6 * order - 6)
         opened = self.along(kernel, direction)[first : first + 6] / self.lengths
         moved = np.linalg.lstsq(self.screws, -opened, rcond=RANK)[0]
-        if np.max(np.abs(self.screws @ moved + opened)) > _LEFT * np.max(np.abs(opened), initial=1.0):
+        none = _LEFT * np.max(np.abs(opened), initial=1.0 / change)
+        if np.max(np.abs(self.screws @ moved + opened)) > none:
             raise ModelError(
                 f"a change of {cause} alone opens the redundant closure equations of "
                 f"{self.loop.description.name}\n  Give parameters that keep the loop closed."
@@ -193,12 +196,15 @@ class _Driven(LoopPose):
     def _direction(self, parameter: str) -> Array:
         """Return the direction of variables, rates, accelerations and wrench by a parameter."""
         names, n = [p.name for p in self.loop.description.parameters], len(self.q)
-        direction = np.zeros(self.size)
-        direction[self.places[-1] + names.index(parameter)] = 1.0
+        direction, place = np.zeros(self.size), names.index(parameter)
+        direction[self.places[-1] + place] = 1.0
+        d = self.loop.description
+        length = d.parameters[place].unit == "m"
+        change = d.size if length else max(1.0, abs(float(self.loop.given[place])))
         prescribed = self.along("prescribed", direction).reshape(-1, 3)
         for order in range(3):
             direction[order * n + np.array(self.inputs)] = prescribed[:, order]
-            self.carry(direction, order, parameter)
+            self.carry(direction, order, parameter, change)
         if self.tangents.has("efforts"):
             wrench = self._balanced(self.along("efforts", direction))
             direction[self.places[2] : self.places[3]] = wrench
