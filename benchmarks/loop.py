@@ -154,7 +154,7 @@ class Loop:
         run = self.model.inverse_dynamics(at=angles)
         return np.column_stack(
             [
-                run.variable(b.name).values.reshape(len(angles), -1) / run.units[b.unit][1]
+                run.variable(b.name).values.reshape(len(angles), -1) / run.units.get(b.unit, (b.unit, 1.0))[1]
                 for b in self.model.description.kernel("outputs").blocks
             ]
         )
@@ -164,7 +164,7 @@ class Lambdified:
     """The same loop with the same matrices, lambdified, and NumPy for every linear system."""
 
     def __init__(self, loop: Loop, functions: str) -> None:
-        from symgen.runtime.result.turn import converters
+        from symgen.runtime.result.records import converters
 
         d = loop.model.description
         system = symgen.derive(loop.name)
@@ -179,8 +179,8 @@ class Lambdified:
         # displacements over the size of the loop, to balance the rows of the equations
         self.scale = np.array([d.size if v.is_length else 1.0 for v in d.variables])
         self.rows = np.array([1.0, 1.0, 1.0, d.size, d.size, d.size])
-        units, info = converters(d), d.kernel("outputs")
-        shapes = [(units[b.unit][1], b.shape[0] * b.shape[1]) for b in info.blocks]
+        units, info = converters(d.units), d.kernel("outputs")
+        shapes = [(units.get(b.unit, (b.unit, 1.0))[1], b.shape[0] * b.shape[1]) for b in info.blocks]
         self.units = np.repeat([size for size, _ in shapes], [n for _, n in shapes])
         begun = loop.model.inverse_dynamics(at=loop.angles(2)[:1])
         # the input is linear in time
