@@ -46,7 +46,7 @@ class RodModel(LinkageModel):
     """Compiled equations of motion of a linkage of points and links.
 
     Made by :func:`symgen.build`. Parameters that the scene declares tunable can be changed with
-    :meth:`with_parameters` without compiling again.
+    :meth:`~symgen.Model.with_parameters` without compiling again.
     """
 
     MISSING: ClassVar[Mapping[str, str]] = {"": "it has no elastic links"}
