@@ -153,7 +153,7 @@ def converters(units: Mapping[str, tuple[str, float]]) -> dict[str, tuple[str, f
 
 
 def converted(variables: Iterable[Variable], units: Mapping[str, tuple[str, float]]) -> tuple[Variable, ...]:
-    """Return outputs in units as of :func:`converters`."""
+    """Return outputs with their values in other units; these are of the form of :func:`converters`."""
     return tuple(
         replace(v, unit=units[v.unit][0], values=v.values / units[v.unit][1]) if v.unit in units else v
         for v in variables

@@ -29,7 +29,10 @@ Poses = NDArray[Any]
 #: Coordinates and poses up to which groups are solved; unknowns of a group of one point, and of a larger one
 #: at most; poses for which such a group is solved.
 _LARGEST, _MOST, _POINT, _GROUP, _FEW = 120, 1024, 3, 12, 64
+#: Relative sizes that count as none: of derivatives, of what the quadratic form of a constraint leaves,
+#: and of determinants and leading coefficients.
 _NONE, _POLYNOMIAL, _DEGENERATE = 1e-13, 1e-10, 1e-10
+#: How far a pose may be open, of the size, before Newton's method closes it.
 _OPEN = 1e-4
 #: Arcs of a circle at first and at most, degree of the series on each, size of their last terms, shortest
 #: half width [rad], and the part of it by which a pair of roots may be apart from a double root.
