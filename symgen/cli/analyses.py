@@ -206,7 +206,8 @@ def assemblies(ctx: typer.Context) -> None:
     if request.as_json:
         poses = [getattr(pose, "positions", pose) for pose in found]
         plain = [{k: v if isinstance(v, float) else v.tolist() for k, v in pose.items()} for pose in poses]
-        print_json({"scene": request.model.name, "analysis": "assemblies", "assemblies": plain})
+        told = {"complete": found.complete, "incomplete": found.incomplete}
+        print_json({"scene": request.model.name, "analysis": "assemblies", "assemblies": plain, **told})
     else:
         request.show("assemblies", found)
 

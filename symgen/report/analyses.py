@@ -13,7 +13,7 @@ from symgen.report.tables import MODES, table
 from symgen.runtime.result.motion import Motion
 from symgen.runtime.result.records import converted, converters
 from symgen.runtime.result.result import Variable
-from symgen.runtime.result.state import State
+from symgen.runtime.result.state import AssemblyModes, State
 from symgen.runtime.rods.equilibrium import Equilibrium
 from symgen.runtime.rods.modes import Modes
 
@@ -36,7 +36,7 @@ def print_motion(motion: Motion, _: Any, console: Console) -> None:
     )
 
 
-def print_assemblies(found: Sequence[State], model: Any, console: Console) -> None:
+def print_assemblies(found: AssemblyModes[State], model: Any, console: Console) -> None:
     """Print the positions of moving points in every assembly mode."""
     free = model.description.free
     axes = "xyz"[: len(model.description.axes)]
@@ -44,14 +44,18 @@ def print_assemblies(found: Sequence[State], model: Any, console: Console) -> No
         Variable(f"{p}.position", "m", "", tuple(axes), np.array([state.positions[p] for state in found]))
         for p in free
     ]
-    print_modes_of_assembly(variables, len(found), model, console)
+    print_modes_of_assembly(variables, found, model, console)
 
 
-def print_modes_of_assembly(variables: Sequence[Variable], count: int, model: Any, console: Console) -> None:
-    """Print the values of variables in every assembly mode, the scene's own first."""
+def print_modes_of_assembly(
+    variables: Sequence[Variable], found: AssemblyModes[Any], model: Any, console: Console
+) -> None:
+    """Print the values of variables in every assembly mode, and whether these are all."""
+    count = len(found)
     title = f"{model.description.title}: {count} assembly mode{'s' if count > 1 else ''}"
     shown = converted(variables, converters(model.description.units))
     console.print(Components(shown, count).values(title, [str(i + 1) for i in range(count)]))
+    console.print(f"There may be others: {found.incomplete}." if found.incomplete else "These are all.")
 
 
 def print_equilibrium(found: Equilibrium, model: Any, console: Console) -> None:

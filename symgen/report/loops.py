@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -12,6 +12,7 @@ from symgen.report.analyses import print_modes_of_assembly
 from symgen.report.extremes import Components
 from symgen.report.tables import run_table, table
 from symgen.runtime.result.result import Result, Variable
+from symgen.runtime.result.state import AssemblyModes
 from symgen.runtime.result.turn import Turn
 
 #: Maximum number of input values listed individually; otherwise the range of every output.
@@ -64,10 +65,10 @@ def print_motion_of_loop(result: Result, _: Any, console: Console) -> None:
         console.print(f"Note: {note}.")
 
 
-def print_assemblies(found: Sequence[Mapping[str, float]], model: Any, console: Console) -> None:
+def print_assemblies(found: AssemblyModes[Mapping[str, float]], model: Any, console: Console) -> None:
     """Print the joint variables in every assembly mode."""
     variables = [
         Variable(v.name, v.unit, "", (), np.array([pose[v.name] for pose in found]))
         for v in model.description.variables
     ]
-    print_modes_of_assembly(variables, len(found), model, console)
+    print_modes_of_assembly(variables, found, model, console)

@@ -356,7 +356,9 @@ def test_tables_at_an_equilibrium_are_headed_so():
 
 
 def test_assemblies_are_those_of_the_model():
-    found = json.loads(call("assemblies", "crank_rocker", "--at", "60", "--json"))["assemblies"]
+    printed = json.loads(call("assemblies", "crank_rocker", "--at", "60", "--json"))
+    found = printed["assemblies"]
+    assert printed["complete"] is True and printed["incomplete"] == ""
     # Crank 0.1 m, coupler and rocker from the crank's end to the ground: one mode on either side of the diagonal.
     crank = np.array([0.05, 0.05 * math.sqrt(3)])
     (first, second), ground = [np.array(pose["B"]) for pose in found], np.array(found[0]["C"])
@@ -368,7 +370,9 @@ def test_assemblies_are_those_of_the_model():
     assert len(angles) == 2 and set(angles[0]) == {
         v.name for v in symgen.build("slider_crank").description.variables
     }
-    assert "2 assembly modes" in " ".join(call("assemblies", "slider_crank").split())
+    shown = " ".join(call("assemblies", "slider_crank").split())
+    assert "2 assembly modes" in shown and "There may be others: closures of loops of joints" in shown
+    assert call("assemblies", "crank_rocker").splitlines()[-1] == "These are all."
 
 
 def test_the_shell_completes_commands_and_scenes():

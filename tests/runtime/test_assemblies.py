@@ -48,6 +48,7 @@ def test_dyads_have_two_signs_each():
     model = symgen.build(scene)
     found = model.assemblies()
     same_poses(found, expected)
+    assert found.complete and found.incomplete == ""
     assert found[0].positions["G"] == pytest.approx(places["G"])  # the drawn one first
     motion = model.kinematics(0, 0.1, samples=2, of=["G"], state=found[5])
     assert motion["G.position"].values[0] == pytest.approx(found[5].positions["G"], abs=1e-14)
@@ -88,4 +89,26 @@ def test_a_stephenson_linkage_has_the_roots_of_its_sextic():
     tip = np.array([0.9, 0.3]) + np.hypot(0.03, 0.03) * np.array([np.cos(2.0), np.sin(2.0)])
     expected = on_the_curve_of_the_coupler(scene.model_dump(), tip)
     assert len(expected) == 6
-    same_poses(symgen.build(scene).assemblies(at=2.0), expected)
+    found = symgen.build(scene).assemblies(at=2.0)
+    same_poses(found, expected)
+    assert found.complete
+
+
+def test_a_search_is_told_with_its_reason():
+    """Three parallel links of one length: one constraint is redundant."""
+    fixed = {"O": (0.0, 0.0), "C": (0.6, 0.0), "F": (0.3, 0.1)}
+    moving = {p: np.add(x, CRANK) for p, x in zip("ABE", fixed.values(), strict=True)}
+    scene = symgen.Scene(
+        parameters={"w": "1 rad/s"},
+        points={p: ground(*x) for p, x in fixed.items()} | {p: at(*x) for p, x in moving.items()},
+        links={
+            "crank": {"points": ["O", "A"]},
+            "rocker": {"points": ["C", "B"]},
+            "third": {"points": ["F", "E"]},
+        }
+        | {"coupler": {"points": ["A", "B", "E"]}},
+        drivers=[{"link": "crank", "angle": "0.4 + w*t"}],
+        analysis={"kind": "kinematics", "t_end": "1 s"},
+    )
+    found = symgen.build(scene).assemblies()
+    assert not found.complete and found.incomplete.startswith("constraints are redundant: searched")

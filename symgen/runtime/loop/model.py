@@ -24,6 +24,7 @@ from symgen.runtime.loop.kernels import LoopKernels
 from symgen.runtime.model.arguments import Poses, Run, takes
 from symgen.runtime.model.compiled import degrees
 from symgen.runtime.model.model import Model
+from symgen.runtime.result.state import AssemblyModes
 from symgen.runtime.result.turn import Turn
 
 if TYPE_CHECKING:
@@ -194,14 +195,18 @@ class LoopModel(Model):
         given = {"times": values} if in_time else {"values": values}
         return follow(self._kernels, self.closed_start(), forces=forces, **given)
 
-    def _assemblies(self, at: float | None = None, over: str | None = None) -> tuple[dict[str, float], ...]:
+    def _assemblies(
+        self, at: float | None = None, over: str | None = None
+    ) -> AssemblyModes[dict[str, float]]:
         begin = self.closed_start()
         t = begin.t
         if at is not None:
             driven(self.description)
             t = at if over == "time" else self._kernels.time_of(at)
         names = [v.name for v in self.description.variables]
-        return tuple(dict(zip(names, q.tolist(), strict=True)) for q in assemblies(self._kernels, t, begin.q))
+        found = assemblies(self._kernels, t, begin.q)
+        poses = (dict(zip(names, q.tolist(), strict=True)) for q in found)
+        return AssemblyModes(poses, "closures of loops of joints are searched from many starts")
 
     def _sensitivity(
         self, outputs: Sequence[str], parameters: Sequence[str] | None = None, at: float | None = None

@@ -18,7 +18,7 @@ from symgen.runtime.kernels.library import Library
 from symgen.runtime.kernels.typed import Typed
 from symgen.runtime.model.arguments import LinkageMotion, takes
 from symgen.runtime.model.model import Model
-from symgen.runtime.result.state import State, coordinates
+from symgen.runtime.result.state import AssemblyModes, State, coordinates
 from symgen.runtime.rods.start import Start
 
 if TYPE_CHECKING:
@@ -159,7 +159,7 @@ class LinkageModel(Model):
             )
         return super()._refused(name)
 
-    def _assemblies(self, at: float | None = None, over: str | None = None) -> tuple[State, ...]:
+    def _assemblies(self, at: float | None = None, over: str | None = None) -> AssemblyModes[State]:
         from symgen.runtime.rods.assemblies import assemblies
         from symgen.runtime.rods.instants import instants
 
@@ -167,8 +167,8 @@ class LinkageModel(Model):
         if at is not None:
             asked = instants(None, None, at, over or "input", 2, self.description.t_end)
             t = float(asked.times(self.name, bonds.driving)[0])
-        found = assemblies(bonds, q, t)
-        return tuple(self._state(t, pose, np.zeros_like(pose)) for pose in found)
+        found, incomplete = assemblies(bonds, q, t)
+        return AssemblyModes((self._state(t, pose, np.zeros_like(pose)) for pose in found), incomplete)
 
     @takes(LinkageMotion)
     def _kinematics(self, asked: LinkageMotion) -> Motion:

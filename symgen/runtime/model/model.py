@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from symgen.runtime._rhs import Rhs
     from symgen.runtime.result.modes import ElasticModes
     from symgen.runtime.result.result import Result
-    from symgen.runtime.result.state import Accelerations, State
+    from symgen.runtime.result.state import Accelerations, AssemblyModes, State
     from symgen.runtime.rods.equilibrium import Equilibrium
     from symgen.runtime.rods.modes import Modes
 
@@ -314,11 +314,12 @@ class Model(LinearAnalyses, ManyRuns, Sweeps, ElasticAnalyses, KernelCalls, Comp
     @verb
     def assemblies(
         self, at: float | None = None, *, over: str | None = None
-    ) -> tuple[State, ...] | tuple[dict[str, float], ...]:
+    ) -> AssemblyModes[State] | AssemblyModes[dict[str, float]]:
         """Return the assembly modes, the scene's own first: states of a linkage, joint variables of a loop.
 
         They are all modes of linkages of driven cranks, dyads and triads; those of others are searched from
-        many starts, the same every time. Velocities are zero.
+        many starts, the same every time: ``complete`` and ``incomplete`` of the tuple tell. Velocities are
+        zero.
 
         Parameters
         ----------

@@ -14,7 +14,7 @@ from symgen.calls import checked
 from symgen.runtime.model.arguments import LinkageForces, LinkageMotion, LinkageRun, takes
 from symgen.runtime.model.rods import RodModel
 from symgen.runtime.result.result import Result
-from symgen.runtime.result.state import Accelerations, State
+from symgen.runtime.result.state import Accelerations, AssemblyModes, State
 
 if TYPE_CHECKING:
     from symgen.runtime.linearisation.record import Linearisation, Sensitivity
@@ -67,7 +67,7 @@ class PlaneModel(RodModel):
     def _simulate(self, asked: LinkageRun) -> Result:
         return super()._simulate(replace(asked, state=self._own(asked.state)))
 
-    def _assemblies(self, at: float | None = None, over: str | None = None) -> tuple[State, ...]:
+    def _assemblies(self, at: float | None = None, over: str | None = None) -> AssemblyModes[State]:
         return self.in_space._assemblies(at, over)
 
     @takes(LinkageMotion)

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Self, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -15,6 +15,7 @@ from symgen.errors import ModelError, nearest
 from symgen.runtime.kernels.description import Description
 
 Array = NDArray[np.float64]
+Pose = TypeVar("Pose")
 
 #: Part of a vector that may lead out of a plane, as what rounding left of an analysis in space.
 _ROUNDING = 1e-12
@@ -32,6 +33,29 @@ class State:
     u: Array
     positions: dict[str, Array]
     velocities: dict[str, Array]
+
+
+class AssemblyModes(tuple[Pose, ...]):
+    """The poses in which a mechanism can be assembled, the scene's own first.
+
+    Attributes
+    ----------
+    incomplete
+        Why there may be others; empty where these are all.
+    """
+
+    incomplete: str
+
+    def __new__(cls, poses: Iterable[Pose], incomplete: str = "") -> Self:
+        """Return a tuple of the poses."""
+        made = super().__new__(cls, poses)
+        made.incomplete = incomplete
+        return made
+
+    @property
+    def complete(self) -> bool:
+        """Whether these are all."""
+        return not self.incomplete
 
 
 def finite(state: State) -> tuple[float, Array]:

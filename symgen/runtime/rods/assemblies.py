@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 
 import numpy as np
 from numpy.typing import NDArray
 
 from symgen.errors import ModelError
-from symgen.runtime.rods.assur import modes_of_groups
+from symgen.runtime.rods.assur import NotInGroups, modes_of_groups
 from symgen.runtime.rods.constraints import Bonds
 
 Array = NDArray[np.float64]
@@ -16,14 +16,15 @@ Array = NDArray[np.float64]
 _SEED, _SAME, _CLOSED = 20, 1e-6, 1e-12
 
 
-def assemblies(bonds: Bonds, near: Array, t: float, *, tries: int = 40) -> list[Array]:
+def assemblies(bonds: Bonds, near: Array, t: float, *, tries: int = 40) -> tuple[list[Array], str]:
     """Return coordinates of the assembly modes at the time t, the nearest to ``near`` first.
 
-    These are all modes where the linkage consists of groups that are solved by signs and roots
-    (:mod:`symgen.runtime.rods.assur`). Otherwise they are those of a search from ``near``, its mirror images
-    and ``tries`` random poses of the same seed every time: others may exist, though that is unlikely for
-    linkages of few loops. Every pose is a solution to round-off. Poses in which the drives do not determine
-    the motion are omitted. There must be at least as many constraints, drives among them, as coordinates.
+    With them why modes may be missing, as :attr:`AssemblyModes.incomplete`: empty where the linkage consists
+    of groups that are solved by signs and roots (:mod:`symgen.runtime.rods.assur`). Otherwise they are those
+    of a search from ``near``, its mirror images and ``tries`` random poses of the same seed every time:
+    others may exist, though that is unlikely for linkages of few loops. Every pose is a solution to
+    round-off. Poses in which the drives do not determine the motion are left out. There must be at least as
+    many constraints, drives among them, as coordinates.
 
     Raises
     ------
@@ -32,16 +33,23 @@ def assemblies(bonds: Bonds, near: Array, t: float, *, tries: int = 40) -> list[
     """
     if not np.all(np.isfinite(bonds.residual(near, t))):
         raise ModelError(f"the drives have no finite values at t = {t:g} s")
-    length = bonds.length(near)
-    poses = modes_of_groups(bonds, near, t)
+    length, incomplete = bonds.length(near), ""
+    poses: Iterable[Array]
+    try:
+        poses = modes_of_groups(bonds, near, t)
+    except NotInGroups as problem:
+        poses, incomplete = _search(bonds, near, t, tries), f"{problem}: searched from many poses"
     found: list[Array] = []
-    for pose in _search(bonds, near, t, tries) if poses is None else poses:
+    for pose in poses:
         q = polished(bonds, pose, t)
-        if q is None or bonds.turned_over(q, t) or not _isolated(bonds, q, t):
+        if q is None or bonds.turned_over(q, t):
             continue
-        if all(np.max(np.abs(q - other)) > _SAME * length for other in found):
+        if not _isolated(bonds, q, t):
+            incomplete = incomplete or "poses at dead centres are left out"
+        elif all(np.max(np.abs(q - other)) > _SAME * length for other in found):
             found.append(q)
-    return sorted(found, key=lambda q: (round(float(np.linalg.norm(q - near) / length), 6), q.tolist()))
+    found.sort(key=lambda q: (round(float(np.linalg.norm(q - near) / length), 6), q.tolist()))
+    return found, incomplete
 
 
 def _search(bonds: Bonds, near: Array, t: float, tries: int) -> Iterator[Array]:

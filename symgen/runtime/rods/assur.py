@@ -40,7 +40,11 @@ _ARCS, _MOST_ARCS, _DEGREE, _ENDED, _SHORTEST, _PAIR = 16, 128, 20, 1e-11, 1e-3,
 
 
 class NotInGroups(Exception):
-    """The constraints are not quadratic, or not of groups that are solved here."""
+    """The constraints are not quadratic, or not of groups that are solved here; the text tells which."""
+
+
+_CURVED = "constraints are not quadratic in the coordinates"
+_SINGULAR = "a group of one point is singular for this value of the drives"
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,7 +94,7 @@ class _Point:
         line = _across(others)
         squared = np.sum(line * line, axis=-1)
         if np.any(np.abs(squared) < _DEGENERATE**2):
-            raise NotInGroups
+            raise NotInGroups(_SINGULAR)
         left = np.concatenate(
             [values[..., 1:] - self.multiples * values[..., :1], np.zeros_like(values[..., :1])], axis=-1
         )
@@ -100,7 +104,7 @@ class _Point:
         b = np.sum((first + base @ curvature) * line, axis=-1) / 2
         c = values[..., 0] + np.sum((first + base @ curvature / 2) * base, axis=-1)
         if np.any(np.abs(a) < _DEGENERATE * np.abs(squared)):
-            raise NotInGroups
+            raise NotInGroups(_SINGULAR)
         root = b * b - a * c
         if not np.iscomplexobj(x):
             root = np.where((root < 0) & (root > -_OPEN * b * b - _OPEN * np.abs(a)), 0.0, root)
@@ -111,7 +115,7 @@ class _Point:
 
 def _solved(matrix: Poses, right: Poses) -> Poses:
     if np.any(np.abs(np.linalg.det(matrix)) < _DEGENERATE**2):
-        raise NotInGroups
+        raise NotInGroups(_SINGULAR)
     found: Poses = np.linalg.solve(matrix, right[..., None])[..., 0]
     return found
 
@@ -186,7 +190,7 @@ def _roots(function: Callable[[Array], Array]) -> list[float]:
         values = function((centres[:, None] + half * nodes).ravel()).reshape(len(centres), -1)
         size = np.max(np.abs(values), axis=1)
         if len(centres) > _MOST_ARCS or not np.all(size > 0) or size.max() < _NONE:
-            raise NotInGroups  # it vanishes at all angles
+            raise NotInGroups("the last constraint of a group has no separate roots")
         terms = (values / size[:, None]) @ series.T
         ended = (np.abs(terms[:, -3:]).max(axis=1) < _ENDED) | (half < _SHORTEST)
         for centre, own in zip(centres[ended], terms[ended], strict=True):
@@ -197,25 +201,27 @@ def _roots(function: Callable[[Array], Array]) -> list[float]:
     return found
 
 
-def modes_of_groups(bonds: Bonds, near: Array, t: float) -> list[Array] | None:
+def modes_of_groups(bonds: Bonds, near: Array, t: float) -> list[Array]:
     """Return coordinates of all poses that meet the constraints at a time, nearly to round-off.
 
-    None for linkages that are not of groups solved here: those with redundant constraints, with constraints
-    that are not quadratic, with groups larger than triads in general, or with very many poses.
+    Raises
+    ------
+    NotInGroups
+        For linkages that are not of groups solved here: those with redundant constraints, with constraints
+        that are not quadratic, with groups larger than triads in general, or with very many poses.
     """
-    if bonds.m != bonds.n or bonds.n > _LARGEST:
-        return None
+    if bonds.m != bonds.n:
+        raise NotInGroups("constraints are redundant")
+    if bonds.n > _LARGEST:
+        raise NotInGroups(f"there are {bonds.n} coordinates, more than {_LARGEST}")
     size = bonds.length(near)
-    try:
-        of = _quadratics(bonds, near, size, t)
-        poses = [np.zeros(bonds.n)]
-        for group in _groups(of, range(bonds.m), range(bonds.n)):
-            solver = _solver(of, *group)
-            if len(poses) > (_FEW if isinstance(solver, _Circle) else _MOST):
-                return None
-            poses = [x for pose in poses for x in _ways(of, solver, pose)]
-    except NotInGroups:
-        return None
+    of = _quadratics(bonds, near, size, t)
+    poses = [np.zeros(bonds.n)]
+    for group in _groups(of, range(bonds.m), range(bonds.n)):
+        solver = _solver(of, *group)
+        if len(poses) > (_FEW if isinstance(solver, _Circle) else _MOST):
+            raise NotInGroups(f"{len(poses)} poses of some groups are too many to go on from each")
+        poses = [x for pose in poses for x in _ways(of, solver, pose)]
     return [near + size * x for x in poses]
 
 
@@ -240,7 +246,7 @@ def _quadratics(bonds: Bonds, near: Array, size: float, t: float) -> Quadratics:
     moved = [bonds.jacobian(near + size * unit, t) for unit in np.eye(n)]
     curvature = np.array(moved).transpose(1, 2, 0) - slope[:, :, None]
     if not (np.isfinite(slope).all() and np.isfinite(curvature).all()):
-        raise NotInGroups
+        raise NotInGroups(_CURVED)
     largest = np.maximum(np.abs(slope).max(axis=1), np.abs(curvature).max(axis=(1, 2)))
     slope[np.abs(slope) < _NONE * largest[:, None]] = 0
     curvature[np.abs(curvature) < _NONE * largest[:, None, None]] = 0
@@ -250,7 +256,7 @@ def _quadratics(bonds: Bonds, near: Array, size: float, t: float) -> Quadratics:
     away = of.values(every, x) - bonds.residual(near + size * x, t) / size
     bent = of.slopes(every, every, x) - bonds.jacobian(near + size * x, t)
     if not (np.abs(away).max() < _POLYNOMIAL and np.abs(bent).max() < _POLYNOMIAL):
-        raise NotInGroups
+        raise NotInGroups(_CURVED)
     return of
 
 
@@ -261,7 +267,7 @@ def _groups(of: Quadratics, rows: Sequence[int], columns: Sequence[int]) -> list
     try:
         found = groups_of(np.array(places, dtype=np.intp).reshape(-1, 3), rows, len(columns))
     except ValueError:
-        raise NotInGroups from None
+        raise NotInGroups("some constraints do not determine as many coordinates") from None
     return [
         (list(found.rows[start:end]), [columns[i] for i in found.columns[start:end]])
         for start, end in pairwise(found.starts)
@@ -274,7 +280,7 @@ def _solver(of: Quadratics, rows: list[int], columns: list[int]) -> _Point | _Ci
     if point is not None:
         return point
     if len(rows) > _GROUP:
-        raise NotInGroups
+        raise NotInGroups(f"a group has {len(rows)} unknowns, more than {_GROUP}")
     having, best = of.having(rows, columns), None
     for row, last in product(rows, rows):
         on = sorted(having[row])
@@ -290,7 +296,7 @@ def _solver(of: Quadratics, rows: list[int], columns: list[int]) -> _Point | _Ci
         if len(found) == len(points) and (best is None or _signs(found) < _signs(best.points)):
             best = _Circle(row, on, found, last)
     if best is None:
-        raise NotInGroups
+        raise NotInGroups(f"one angle does not break up a group of {len(rows)} unknowns into points")
     return best
 
 

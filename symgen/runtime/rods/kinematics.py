@@ -315,7 +315,7 @@ def _elsewhere(
         for t in low + (high - low) * (np.arange(_PROBES) + 0.5) / _PROBES:
             if any(a <= t <= b for a, b in apart) or not np.isfinite(curve.bonds.residual(q, t)).all():
                 continue
-            found = assemblies(curve.bonds, q, float(t), tries=8)
+            found, _ = assemblies(curve.bonds, q, float(t), tries=8)
             if not found:
                 continue
             whole = Task(asked.start, asked.stop, 2, False)
