@@ -6,12 +6,13 @@ import math
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_bvp
 from scipy.special import ellipk
 
 import symgen
 from symgen.errors import ModelError
 from symgen.runtime.beams.elements import kernels
-from symgen.runtime.elastic.large.linkage import LargeLinkage, moved
+from symgen.runtime.elastic.large.linkage import LargeLinkage, moved, solved
 from symgen.runtime.integrate.pace import Pace
 
 RNG = np.random.default_rng(19)
@@ -165,6 +166,86 @@ def test_cantilever_beyond_buckling():
     assert abs(errors[0] / errors[1]) > 8  # fourth order, and the stretch by P/E A
 
 
+STRIP = """
+symgen = 1
+title = "Strip"
+
+[points]
+O = { at = ["0 m", "0 m"], ground = true }
+tip = { at = ["1 m", "0 m"] }
+hook = { at = ["0.3 m", "0.7 m"], ground = true }
+
+[links.strip]
+points = ["O", "tip"]
+mass_per_length = "2 kg/m"
+section = { area = "1 mm^2", second_moment = "1 mm^4", fibre = "1 mm" }
+elastic = { E = "1e12 Pa", element = "cubic" }
+
+[crank]
+link = "strip"
+speed = "0 rpm"
+
+[gravity]
+acceleration = ["0 m/s^2", "-3 m/s^2"]
+"""
+#: Bending stiffness, weight per length [N/m], force at the tip [N]; stiffness and free length of a spring.
+STIFF, WEIGHT, FORCE, SPRING, FREE = 1.0, np.array([0.0, -6.0]), np.array([1.0, -2.0]), 8.0, 0.4
+PULLED = '[[forces]]\npoint = "tip"\nforce = ["1 N", "-2 N"]\n'
+HELD = '[[springs]]\nbetween = ["hook", "tip"]\nstiffness = "8 N/m"\nlength = "0.4 m"\n'
+
+
+def elastica(force, spring):
+    """Return the tip (x, y) of an inextensible strip of length one, clamped, under its weight."""
+
+    def at_tip(x, y):
+        apart = np.array([0.3 - x, 0.7 - y])
+        return force + spring * (1 - FREE / np.linalg.norm(apart)) * apart
+
+    def rates(s, state):
+        angle, moment, _, _, fx, fy = state
+        zero = np.zeros_like(s)
+        turning = fx * np.sin(angle) - fy * np.cos(angle)
+        return np.array([moment / STIFF, turning, np.cos(angle), np.sin(angle), zero, zero - WEIGHT[1]])
+
+    def ends(first, last):
+        return np.array([first[0], first[2], first[3], last[1], *(last[4:] - at_tip(*last[2:4]))])
+
+    s = np.linspace(0.0, 1.0, 41)
+    guess = np.array([-s, 0 * s, s, -(s**2) / 2, 0 * s, 0 * s])
+    found = solve_bvp(rates, ends, s, guess, tol=1e-9, max_nodes=20000)
+    assert found.success
+    return found.sol(1.0)[2:4]
+
+
+@pytest.mark.parametrize(
+    ("loads", "force", "spring"),
+    [
+        ("", np.zeros(2), 0.0),
+        (PULLED + HELD, FORCE, SPRING),
+    ],
+)
+def test_loads_against_the_elastica(tmp_path, loads, force, spring):
+    """Gravity, a force and a spring at the tip: the resting shape, by Newton's method on the linkage."""
+    file = tmp_path / "strip.toml"
+    file.write_text(STRIP + loads)
+    motion, exact, errors = symgen.build(str(file))._motion(True), elastica(force, spring), []
+    for count in (3, 6):
+        linkage = LargeLinkage(motion, count)
+        q, multipliers = linkage.start().q, np.zeros(linkage.multipliers)
+        still = np.zeros_like(q)
+        for _ in range(60):
+            residual, matrix = linkage.system(0.0, q, still, still, multipliers, (1.0, 0.0, 0.0))
+            change = -solved(matrix, residual)
+            q, multipliers = q + np.clip(change[: len(q)], -0.3, 0.3), multipliers + change[len(q) :]
+            if np.max(np.abs(change[: len(q)])) < 1e-9:
+                break
+        else:
+            raise AssertionError("Newton's method did not converge")
+        errors.append(np.linalg.norm(q[linkage.links[0].places[-1, :2]] - exact))
+    assert errors[1] < 1e-4
+    assert errors[0] / errors[1] > 8  # fourth order
+
+
 def test_kinetic_and_strain_energy_of_a_free_crank_are_kept():
     """The energy of a generalized-alpha step changes by the square of its length."""
     motion = symgen.build("elastic_four_bar_free", set={"speed": "95 rpm"})._motion(True)
@@ -191,3 +272,24 @@ def test_kinetic_and_strain_energy_of_a_free_crank_are_kept():
 def test_wrong_options(scene, options, said):
     with pytest.raises(ModelError, match=said):
         symgen.build(scene).large_rotation(**options)
+
+
+MIDDLE = '[points.X]\non = "strip"\nfraction = 0.5\n'
+
+
+@pytest.mark.parametrize(
+    ("added", "said"),
+    [
+        (MIDDLE + '[[masses]]\npoint = "X"\nmass = "1 kg"\n', "masses between the ends of elastic links"),
+        (
+            '[[distributed_forces]]\nlink = "strip"\nforce = ["0 N/m", "1 N/m"]\n',
+            "forces along elastic links",
+        ),
+        ('[[welds]]\npoint = "O"\nlinks = ["strip"]\n', "welds"),
+    ],
+)
+def test_loads_between_the_ends_and_welds_are_refused_by_name(tmp_path, added, said):
+    file = tmp_path / "strip.toml"
+    file.write_text(STRIP + added)
+    with pytest.raises(ModelError, match=f"elements in large rotation do not support {said}"):
+        symgen.build(str(file)).large_rotation(elements=2)

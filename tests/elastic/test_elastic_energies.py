@@ -210,3 +210,18 @@ def test_greatest_stress_of_a_bar_under_its_own_weight(tmp_path, kind, factor, p
     expected = factor * load * bars.LENGTH**2 / (bars.WIDTH * bars.HEIGHT**2 / 6)
     assert found["bar.greatest_stress"].values == pytest.approx(expected, rel=2e-3)
     assert found["bar.greatest_stress_at"].values == pytest.approx(place, abs=0.02)
+
+
+def test_greatest_stress_where_elements_of_different_moments_meet(tmp_path):
+    """Cubic elements under a load q are exact at nodes; the moment at their ends is q h^2 / 12 too high."""
+    bars.pinned(tmp_path, ', element = "cubic", elements = 1')
+    text = (tmp_path / "scene.toml").read_text()
+    assert "[links]\n" in text
+    text = text.replace("[links]\n", 'X = { on = "bar", fraction = 0.6 }\n[links]\n', 1)
+    file = tmp_path / "two.toml"
+    file.write_text(text + WEIGHT + '[[masses]]\npoint = "X"\nmass = "1e-12 kg"\n')
+    found = symgen.build(str(file)).quasi_static()
+    load = bars.RHO * bars.AREA * 9.81 * bars.LENGTH**2
+    expected = load * (0.6 * 0.4 / 2 + 0.6**2 / 12) / (bars.WIDTH * bars.HEIGHT**2 / 6)
+    assert found["bar.greatest_stress"].values == pytest.approx(expected, rel=1e-9)
+    assert found["bar.greatest_stress_at"].values == pytest.approx(0.6, abs=1e-12)

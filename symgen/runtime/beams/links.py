@@ -20,8 +20,8 @@ __all__ = ["Beam", "BeamInfo", "Lump", "Piece", "Profile", "Properties", "Statio
 
 Array = NDArray[np.float64]
 
-#: Places on each element at which stresses along a link are compared, and the most of them.
-_PER_ELEMENT, _LOOKS = 16, 1025
+#: Intervals of each element between whose ends stresses are compared, and the most of a link.
+_PER_ELEMENT, _LOOKS = 16, 1024
 #: Tables of rows that a link keeps.
 _TABLES = 32
 
@@ -90,16 +90,22 @@ class Beam:
         return self._tables[key]
 
     def _table(self, fractions: Sequence[float]) -> Mapping[str, Array]:
-        size = len(self.dofs) if self.expansion is None else len(self.expansion)
-        found = np.zeros((len(SHAPES), len(fractions), size))
-        for k, fraction in enumerate(fractions):
+        places = []
+        for fraction in fractions:
             if not 0.0 <= fraction <= 1.0:
                 raise ModelError(
                     f"a station of link {self.info.link!r} is a fraction of its length from 0 to 1, "
                     f"got {fraction!r}"
                 )
             x = fraction * self.properties.length
-            parts = segment_at(self.segments, x)
+            places.append((x, segment_at(self.segments, x)))
+        return self._rows_at(places)
+
+    def _rows_at(self, places: Sequence[tuple[float, Sequence[Segment]]]) -> Mapping[str, Array]:
+        """Return the rows at places x [m], each the mean of the elements given there."""
+        size = len(self.dofs) if self.expansion is None else len(self.expansion)
+        found = np.zeros((len(SHAPES), len(places), size))
+        for k, (x, parts) in enumerate(places):
             for part in parts:
                 local = min(max(x - part.start, 0.0), part.length)
                 found[:, k, list(part.dofs)] += part.shape(local) / len(parts)
@@ -116,11 +122,19 @@ class Beam:
     def greatest_stress(self, own: Array) -> tuple[Array, Array]:
         """Return the greatest stress [Pa] of both outer fibres over the length, and where it is, (times,).
 
-        It is tension or compression; its place is a fraction of the length. ``own`` are the unknowns of the
-        link in its axes, (times, n).
+        It is tension or compression; its place is a fraction of the length. Where two elements meet it is the
+        larger of both. ``own`` are the unknowns of the link in its axes, (times, n).
         """
-        places = np.linspace(0.0, 1.0, min(_PER_ELEMENT * self.info.elements + 1, _LOOKS))
-        table, p = self.table(places.tolist()), self.properties
+        p, count = self.properties, max(1, min(_PER_ELEMENT, _LOOKS // len(self.segments)))
+        within = [
+            (x, (part,))
+            for part in self.segments
+            for x in np.linspace(part.start, part.start + part.length, count + 1).tolist()
+        ]
+        # No fractions stand for every element from its own first node to its second.
+        if () not in self._tables:
+            self._tables[()] = self._rows_at(within)
+        table, places = self._tables[()], np.array([x for x, _ in within]) / p.length
         fibre = self.fibres(places)
         bending, axial = (np.abs(own @ table[name].T) for name in ("curvature", "axial_strain"))
         stress = p.modulus * (axial + fibre * bending)
