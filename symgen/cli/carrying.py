@@ -17,7 +17,9 @@ from symgen.methods import load, method_of
 
 #: Options that decide how kernels are compiled, and all others that are not arguments of an analysis.
 _TYPES = ("precision", "digits", "contraction", "vector")
-_COMMON = ("scene", "set_", "out", "plot", "plot_of", "xy", "as_json", "backend", *_TYPES)
+#: Options that select what a plot shows; without one they mean nothing.
+_OF_PLOTS = ("plot_of", "xy", "plot_over", "compare")
+_COMMON = ("scene", "set_", "out", "plot", *_OF_PLOTS, "as_json", "backend", *_TYPES)
 #: Options that select a range, which ``--at`` replaces.
 _RANGE = ("samples", "start", "stop", "through")
 
@@ -87,18 +89,22 @@ class Request:
 
     def carry_out(self, verb: str, **more: Any) -> None:
         """Carry out an analysis with its options and ``more``; save, plot and print its result."""
+        from symgen.runtime.result.files import load_result
+
         out, plot = self.common.get("out"), self.common.get("plot")
-        plotted, path = self.common.get("plot_of") or (), self.common.get("xy") or ""
-        if (plotted or path) and not plot:
-            raise ModelError(f"{'--xy' if path else '--of'} selects part of a plot: give --plot FILE")
-        if plotted and path:
-            raise ModelError("give --of or --xy, not both")
+        names, path, over, files = (self.common.get(name) for name in _OF_PLOTS)
+        selected = self.shown(name for name in _OF_PLOTS if self.common.get(name))
+        if selected and not plot:
+            raise ModelError(f"{selected} selects what a plot shows: give --plot FILE")
+        if path and (names or over):
+            raise ModelError("give --xy, or --of and --over, not both")
+        others = {str(file): load_result(file) for file in files or ()}
         with kept_of_a_failure(out):
             result = self.result(verb, **self.arguments(verb), **more)
         if out:
             result.save(out)
         if plot:
-            result.plot(*plotted, file=plot, xy=path)
+            result.plot(*(names or ()), file=plot, xy=path or "", over=over or "", compare=others)
         self.show(verb, result)
         for file in (out, plot):
             if file and not self.as_json:

@@ -137,14 +137,25 @@ def test_plot_writes_a_picture(tmp_path):
 
 def test_a_plot_of_some_outputs_or_of_a_path(tmp_path, entry, monkeypatch):
     drawn = []
-    monkeypatch.setattr(Result, "plot", lambda _, *names, file, xy: drawn.append((names, xy, file)))
+    monkeypatch.setattr(Result, "plot", lambda _, *names, file, xy, **more: drawn.append((names, xy, file)))
     file = tmp_path / "run.svg"
     for words in (["--of", "energy"], ["--of", "A", "--of", "energy"], ["--xy", "B"], []):
         call("run", "four_bar", "--t-end", "0.1", "--plot", file, *words)
     assert drawn == [(("energy",), "", file), (("A", "energy"), "", file), ((), "B", file), ((), "", file)]
     for words in (("--of", "energy"), ("--xy", "B")):
         code, _, said = entry("run", "four_bar", *words)
-        assert code == 2 and said == f"symgen: {words[0]} selects part of a plot: give --plot FILE\n"
+        assert code == 2 and said == f"symgen: {words[0]} selects what a plot shows: give --plot FILE\n"
+    code, _, said = entry("run", "four_bar", "--xy", "B", "--over", "energy", "--plot", file)
+    assert code == 2 and "give --xy, or --of and --over, not both" in said
+
+
+def test_a_plot_compares_with_a_saved_result(tmp_path):
+    saved, file = tmp_path / "slow.nc", tmp_path / "both.svg"
+    given = "kinematics", "crank_rocker", "--samples", "5", "--of", "B", "--of", "A.B.C"
+    call(*given, "--set", "speed=30 rpm", "--out", saved)
+    over = "--over", "A.B.C.transmission_angle", "--compare", saved, "--plot", file
+    assert call(*given, *over).splitlines()[-1] == f"wrote {file}"
+    assert "<!-- A.B.C.transmission" in file.read_text() and f"B.position.y, {saved}" in file.read_text()
 
 
 def test_files_that_were_written_are_named_behind_the_tables_and_not_in_json(tmp_path):

@@ -7,7 +7,7 @@ import pytest
 from shared.linkages import GRAVITY, at, chain, circles, four_bar, ground, rod
 
 import symgen
-from symgen.errors import CapabilityError, ModelError, SimulationError
+from symgen.errors import CapabilityError, ModelError, SceneError, SimulationError
 from symgen.runtime.rods import kinematics
 
 A, B, C, D = 0.1, 0.35, 0.3, 0.4
@@ -298,7 +298,10 @@ def test_transmission_angle_by_the_law_of_cosines():
     a, b, c, d = 0.1, 0.35, 0.3, 0.4
     scene = four_bar(a, b, c, d, 0.3).model_dump(exclude_unset=True)
     model = symgen.build(
-        symgen.Scene(**scene, analysis={"t_end": "2 s", "outputs": ["A.B.C.angle", "O.A.B.angle"]})
+        symgen.Scene(
+            **scene,
+            analysis={"t_end": "2 s", "outputs": ["A.B.C.angle", "O.A.B.angle", "A.B.C.transmission_angle"]},
+        )
     )
 
     def expected(time):
@@ -310,8 +313,46 @@ def test_transmission_angle_by_the_law_of_cosines():
     run = model.simulate()
     assert run["A.B.C.angle"].values == pytest.approx(expected(run.time), abs=1e-9)
     assert run.variable("A.B.C.angle").unit == "rad"
+    acute = [np.minimum(expected(x.time), np.pi - expected(x.time)) for x in (motion, run)]
+    assert acute[0].max() < expected(motion.time).max()  # some of these angles are obtuse
+    assert motion["A.B.C.transmission_angle"].values == pytest.approx(acute[0], abs=1e-14)
+    assert run["A.B.C.transmission_angle"].values == pytest.approx(acute[1], abs=1e-9)
     with pytest.raises(ModelError, match="no point or moving link 'A.B.A'"):
         model.kinematics(0, 1, of=["A.B.A"])
+
+
+def test_speed_ratio_of_a_four_bar():
+    """Rates of rocker and coupler by the law of sines at their joints, at two speeds of the crank."""
+    a, b, c, d = 0.1, 0.35, 0.3, 0.4
+    outputs = ["rocker.speed_ratio", "coupler.speed_ratio", "rocker.angle", "coupler.angle", "crank.angle"]
+    for speed in (0.7, -3.0):
+        scene = four_bar(a, b, c, d, 0.3).model_dump(exclude_unset=True)
+        scene["drivers"] = [{"link": "crank", "angle": "0.3 + w*t"}]
+        scene["parameters"] = {"w": f"{speed} rad/s"}
+        motion = symgen.build(
+            symgen.Scene(**scene, analysis={"kind": "kinematics", "t_end": "2 s", "outputs": outputs})
+        ).kinematics(0, 2)
+        crank, coupler, rocker = (motion[f"{k}.angle"].values for k in ("crank", "coupler", "rocker"))
+        ratio = a * np.sin(crank - coupler) / (c * np.sin(rocker - coupler))
+        assert motion["rocker.speed_ratio"].values == pytest.approx(ratio, abs=1e-13)
+        ratio = a * np.sin(rocker - crank) / (b * np.sin(coupler - rocker))
+        assert motion["coupler.speed_ratio"].values == pytest.approx(ratio, abs=1e-13)
+        assert motion.variable("rocker.speed_ratio").unit == "1"
+
+
+@pytest.mark.parametrize(
+    ("angle", "output", "message"),
+    [
+        ("0.3 + sin(w*t)", "rocker.speed_ratio", "needs a drive at constant speed"),
+        ("0.3 + w*t", "rocker.mechanical_advantage", "its reciprocal, which is unbounded at the limit"),
+        ("0.3 + w*t", "swing", "the swing is its range"),
+    ],
+)
+def test_outputs_that_would_divide_by_zero_are_refused(angle, output, message):
+    scene = four_bar(0.1, 0.35, 0.3, 0.4, 0.3).model_dump(exclude_unset=True)
+    scene |= {"drivers": [{"link": "crank", "angle": angle}], "parameters": {"w": "1 rad/s"}}
+    with pytest.raises(SceneError, match=message):
+        symgen.build(symgen.Scene(**scene, analysis={"t_end": "1 s", "outputs": [output]}))
 
 
 def test_an_angle_at_a_point_in_space():

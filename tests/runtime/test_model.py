@@ -287,6 +287,22 @@ def test_plot(result, tmp_path):
     assert (tmp_path / "run.png").stat().st_size > 10_000
     with pytest.raises(ResultError, match="holds no 'Z'"):
         result.plot("Z")
+    assert result.plot("time").axes[0].get_ylabel() == "s"
+
+
+def test_a_plot_over_an_output_with_curves_of_another_result(result):
+    slow = symgen.build("four_bar").simulate(0.5, samples=7)
+    panel, _ = result.plot("A.position.x", "energy", over="A.position.y", compare={"slow": slow}).axes
+    here, there = panel.lines
+    for line, of in ((here, result), (there, slow)):
+        x, y = line.get_data()
+        assert x.tolist() == of["A.position.y"].values.tolist()
+        assert y.tolist() == of["A.position.x"].values.tolist()
+    assert there.get_label() == "A.position.x, slow" and there.get_linestyle() == "--"
+    with pytest.raises(ResultError, match="choose of A.position.x, A.position.y"):
+        result.plot(over="A.position")
+    (axes,) = result.plot(xy="A", compare={"slow": slow}).axes
+    assert axes.lines[2].get_xdata().tolist() == slow["A.position.x"].values.tolist()
 
 
 def test_the_path_of_a_point_has_equal_axes(result):

@@ -11,6 +11,7 @@ from symgen.errors import SceneError, nearest
 from symgen.mechanics.rods.particles import cross, dot
 from symgen.models.rods.loads import product
 from symgen.models.rods.matrix import named
+from symgen.scene.rods.linkage import TIME
 from symgen.symbolic.calculus import ZERO
 from symgen.symbolic.system import NamedMatrix
 
@@ -70,13 +71,44 @@ def _angular_velocity(model: RodsModel, name: str) -> Entries:
     return model.angular_velocity(name), "rad/s", f"angular velocity of {name}"
 
 
-def _angle_at(model: RodsModel, first: str, vertex: str, second: str) -> Entries:
+def _speed_ratio(model: RodsModel, name: str) -> Entries:
+    """Return the rate of a link over that of the drive, which must be constant and so cannot vanish."""
+    drivers = model.linkage.drivers
+    if len(drivers) != 1 or len(model.axes) != 2:
+        raise SceneError(f"a speed ratio needs a planar linkage with one driven link, not {len(drivers)}")
+    driven = sp.diff(drivers[0].angle, TIME.symbol)
+    if driven == 0 or TIME.symbol in driven.free_symbols:
+        raise SceneError(
+            f"a speed ratio needs a drive at constant speed, got the angle {drivers[0].angle}",
+            hint=f'Write angle = "speed*t" for {drivers[0].link}: the ratio does not depend on the speed.',
+        )
+    rate, _, _ = _angular_velocity(model, name)
+    return [rate[0] / driven], "1", f"angular velocity of {name} over that of {drivers[0].link}"
+
+
+def _across_and_along(model: RodsModel, first: str, vertex: str, second: str) -> tuple[sp.Expr, sp.Expr]:
+    """Return |a x b| and a.b of the lines from a vertex to two other points."""
     a, b = (
         tuple(x - y for x, y in zip(model.shown_position(p), model.shown_position(vertex), strict=True))
         for p in (first, second)
     )
     area = abs(cross(a, b)) if len(a) == 2 else sp.sqrt(sp.Add(*(x**2 for x in product(a, b))))
-    return [sp.atan2(area, dot(a, b))], "rad", f"angle at {vertex} from {first} to {second}"
+    return area, dot(a, b)
+
+
+def _angle_at(model: RodsModel, *corner: str) -> Entries:
+    first, vertex, second = corner
+    return (
+        [sp.atan2(*_across_and_along(model, *corner))],
+        "rad",
+        f"angle at {vertex} from {first} to {second}",
+    )
+
+
+def _transmission_angle(model: RodsModel, *corner: str) -> Entries:
+    across, along = _across_and_along(model, *corner)
+    about = "acute angle at {1} between the lines to {0} and {2}".format(*corner)
+    return [sp.atan2(across, abs(along))], "rad", about
 
 
 def _force(model: RodsModel, link: str, point: str) -> Entries:
@@ -108,6 +140,19 @@ OF_LINKS: dict[str, Callable[[RodsModel, str], Entries]] = {
     "torque": _torque,
     "angle": _angle,
     "angular_velocity": _angular_velocity,
+    "speed_ratio": _speed_ratio,
+}
+#: Outputs of a corner: a point between two others.
+OF_CORNERS: dict[str, Callable[..., Entries]] = {
+    "angle": _angle_at,
+    "transmission_angle": _transmission_angle,
+}
+#: Words of the field that are no outputs, and what to record in their place.
+ELSEWHERE = {
+    "mechanical_advantage": "Record LINK.speed_ratio: the mechanical advantage is its reciprocal, which is "
+    "unbounded at the limit positions of the link.",
+    "swing": "Record LINK.angle: the swing is its range, which tables of results and sweeps (--reduce range) "
+    "show.",
 }
 OF_THE_WHOLE: dict[str, Callable[[RodsModel], Entries]] = {
     "energy": lambda model: (
@@ -130,7 +175,10 @@ OF_ELASTIC = (
     *("strain_energy", "dissipated_power", "shaft_power", "greatest_stress", "greatest_stress_at"),
 )
 #: Outputs that need no masses and no forces.
-KINEMATIC = ("position", "velocity", "acceleration", "angle", "angular_velocity")
+KINEMATIC = (
+    *("position", "velocity", "acceleration", "angle", "angular_velocity"),
+    *("transmission_angle", "speed_ratio"),
+)
 #: Outputs of a point of a link.
 OF_JOINTS: dict[str, Callable[[RodsModel, str, str], Entries]] = {"force": _force}
 
@@ -174,6 +222,8 @@ def _owners(model: RodsModel, word: str) -> list[str]:
 def entries(model: RodsModel, name: str) -> Entries:
     """Return the scalars of an output, their unit and its description; raise SceneError if there is none."""
     owner, _, word = name.rpartition(".")
+    if word in ELSEWHERE:
+        raise SceneError(f"there is no output {name!r}", hint=ELSEWHERE[word])
     if model.linkage.kinematic and word not in KINEMATIC:
         raise SceneError(
             f"{name!r} is no output of kinematics: those are {', '.join(KINEMATIC)}",
@@ -183,6 +233,7 @@ def entries(model: RodsModel, name: str) -> Entries:
         if word in OF_THE_WHOLE:
             return OF_THE_WHOLE[word](model)
         owners = [f"{owner}.{word}" for owner in _owners(model, word)]
+        owners += ["A.B.C." + word] if word in OF_CORNERS else []
         hint = (
             f"It belongs to a point or link: {', '.join(owners)}." if owners else nearest(name, OF_THE_WHOLE)
         )
@@ -193,8 +244,8 @@ def entries(model: RodsModel, name: str) -> Entries:
     if word in OF_LINKS and owner in links:
         return OF_LINKS[word](model, owner)
     corner = owner.split(".")
-    if word == "angle" and len(set(corner)) == len(corner) == 3 and set(corner) <= set(model.points):
-        return _angle_at(model, *corner)
+    if word in OF_CORNERS and len(set(corner)) == len(corner) == 3 and set(corner) <= set(model.points):
+        return OF_CORNERS[word](model, *corner)
     link, _, point = owner.partition(".")
     if word in OF_JOINTS and point in links.get(link, ()):
         return OF_JOINTS[word](model, link, point)

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 from symgen.errors import ResultError
-from symgen.runtime.result.records import Variable, columns
+from symgen.runtime.result.records import Variable, columns, converted
 from symgen.runtime.result.result import Result
 
 #: Supported file name extensions of plots.
@@ -16,8 +17,15 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-def plot(result: Result, *names: str, file: str | os.PathLike[str] | None = None, xy: str = "") -> Figure:
-    """Plot outputs over time or input, in the panels of the result; save the figure if ``file`` is given.
+def plot(
+    result: Result,
+    *names: str,
+    file: str | os.PathLike[str] | None = None,
+    xy: str = "",
+    over: str = "",
+    compare: Mapping[str, Result] | None = None,
+) -> Figure:
+    """Plot outputs in the panels of the result; save the figure if ``file`` is given.
 
     Parameters
     ----------
@@ -30,6 +38,10 @@ def plot(result: Result, *names: str, file: str | os.PathLike[str] | None = None
         Output file; its extension selects the format.
     xy
         A point, or an output with components: its path, y over x with equal axes, is drawn instead.
+    over
+        Output or component on the horizontal axis; by default the coordinate of the result.
+    compare
+        Further results by the labels of their curves, which are dashed; they need the same outputs.
 
     Raises
     ------
@@ -39,27 +51,55 @@ def plot(result: Result, *names: str, file: str | os.PathLike[str] | None = None
     from matplotlib.figure import Figure
 
     if xy:
-        return _path(result, xy, file)
+        return _path(result, xy, file, compare or {})
     chosen = _chosen(result, names)
-    along, label = result.over
     labels = list(dict.fromkeys(result.panel(v) for v in chosen))
     figure = Figure(figsize=(9, 1.2 + 2.4 * len(labels)), layout="constrained")
-    panels = figure.subplots(len(labels), 1, sharex=True, squeeze=False)[:, 0]
-    for panel, panel_label in zip(panels, labels, strict=True):
-        for variable in (v for v in chosen if result.panel(v) == panel_label):
-            for part in columns([variable]):
-                panel.plot(along, part.values, label=part.name)
+    panels = dict(zip(labels, figure.subplots(len(labels), 1, sharex=True, squeeze=False)[:, 0], strict=True))
+    for label, source, style in _curves(result, compare or {}):
+        along, words = _along(source, over)
+        for variable in chosen:
+            for part in columns([_in_units_of(result, source, variable)]):
+                panels[result.panel(variable)].plot(along, part.values, style, label=part.name + label)
+        panels[labels[-1]].set_xlabel(words)
+    for panel_label, panel in panels.items():
         panel.set_ylabel(panel_label)
         panel.grid(alpha=0.3)
         panel.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize="small", frameon=False)
-    panels[-1].set_xlabel(label)
+    return _titled(figure, result, file)
+
+
+def _curves(result: Result, compare: Mapping[str, Result]) -> list[tuple[str, Result, str]]:
+    """Return the results of a plot with what their labels end with and their line style."""
+    return [("", result, "-"), *((f", {label}", other, "--") for label, other in compare.items())]
+
+
+def _along(result: Result, name: str) -> tuple[Any, str]:
+    """Return values and label of the horizontal axis."""
+    if name in ("", result.coordinate.name):
+        return result.over
+    variable = _shown(result, name)
+    if variable.components:
+        parts = ", ".join(f"{name}.{c}" for c in variable.components)
+        raise ResultError(f"expected one output for the horizontal axis, got {name!r}: choose of {parts}")
+    return variable.values, f"{variable.name} [{variable.unit}]"
+
+
+def _in_units_of(result: Result, source: Result, variable: Variable) -> Variable:
+    """Return an output of another result in the units of the first one."""
+    return converted([source.variable(variable.name)], result.units)[0]
+
+
+def _titled(figure: Figure, result: Result, file: str | os.PathLike[str] | None) -> Figure:
     figure.suptitle(f"{result.title}\n{result.headline}", fontsize="medium")
     if file is not None:
         save(figure, file)
     return figure
 
 
-def _path(result: Result, name: str, file: str | os.PathLike[str] | None) -> Figure:
+def _path(
+    result: Result, name: str, file: str | os.PathLike[str] | None, compare: Mapping[str, Result]
+) -> Figure:
     """Plot the y of an output over its x, such as the path of a point; a dot marks the start."""
     from matplotlib.figure import Figure
 
@@ -69,17 +109,17 @@ def _path(result: Result, name: str, file: str | os.PathLike[str] | None) -> Fig
         raise ResultError(f"expected a point or an output with components x and y for xy, got {name!r}")
     figure = Figure(figsize=(7, 7), layout="constrained")
     axes = figure.subplots()
-    x, y = variable.values[:, 0], variable.values[:, 1]
-    (line,) = axes.plot(x, y)
-    axes.plot(x[:1], y[:1], "o", color=line.get_color())
+    for label, source, style in _curves(result, compare):
+        x, y = _in_units_of(result, source, variable).values.T[:2]
+        (line,) = axes.plot(x, y, style, label=f"{variable.name}{label}")
+        axes.plot(x[:1], y[:1], "o", color=line.get_color())
+    if compare:
+        axes.legend(fontsize="small", frameon=False)
     axes.set_aspect("equal", adjustable="datalim")
     axes.set_xlabel(f"{variable.name}.{variable.components[0]} [{variable.unit}]")
     axes.set_ylabel(f"{variable.name}.{variable.components[1]} [{variable.unit}]")
     axes.grid(alpha=0.3)
-    figure.suptitle(f"{result.title}\n{result.headline}", fontsize="medium")
-    if file is not None:
-        save(figure, file)
-    return figure
+    return _titled(figure, result, file)
 
 
 def save(figure: Any, file: str | os.PathLike[str]) -> None:
@@ -96,8 +136,7 @@ def save(figure: Any, file: str | os.PathLike[str]) -> None:
 
 def _shown(result: Result, name: str) -> Variable:
     """Return an output in the unit of plots; raise ResultError if it was not recorded."""
-    result.variable(name)
-    return next(v for v in (*result.shown, *columns(result.shown)) if v.name == name)
+    return converted([result.variable(name)], result.units)[0]
 
 
 def _chosen(result: Result, names: tuple[str, ...]) -> list[Variable]:

@@ -119,9 +119,16 @@ class Pictures:
         """Model, analysis and arguments of the result; None for one that was loaded or copied."""
         return self._cache.get("origin")
 
-    def plot(self, *names: str, file: str | os.PathLike[str] | None = None, xy: str = "") -> Any:
+    def plot(
+        self,
+        *names: str,
+        file: str | os.PathLike[str] | None = None,
+        xy: str = "",
+        over: str = "",
+        compare: Mapping[str, Any] | None = None,
+    ) -> Any:
         """Draw outputs over the coordinate, or a path; see :func:`symgen.report.page.plots.plot`."""
-        return display("plot", self, *names, file=file, xy=xy)
+        return display("plot", self, *names, file=file, xy=xy, over=over, compare=compare)
 
     def animate(self, file: str | os.PathLike[str] | None = None, *, frames: int = 241) -> Any:
         """Return the moving picture of the result, which notebooks play, next to plots of its outputs.

@@ -163,12 +163,18 @@ def _of_point(i: int, name: str, axes: tuple[str, ...], r: Array, v: Array, a: A
 
 
 def _of_corner(points: list[int], name: str, r: Array) -> list[Variable]:
-    """Return the angle at the second of three points."""
+    """Return the angle at the second of three points, and the acute one between the two lines."""
     places = np.pad(r[:, points], ((0, 0), (0, 0), (0, 3 - r.shape[2])))
     a, b = places[:, 0] - places[:, 1], places[:, 2] - places[:, 1]
-    area = np.linalg.norm(np.cross(a, b), axis=1)
-    about = "angle at {1} from {0} to {2}".format(*name.split("."))
-    return [Variable(f"{name}.angle", "rad", about, (), np.arctan2(area, np.sum(a * b, axis=1)))]
+    area, along = np.linalg.norm(np.cross(a, b), axis=1), np.sum(a * b, axis=1)
+    about, acute = (
+        words.format(*name.split("."))
+        for words in ("angle at {1} from {0} to {2}", "acute angle at {1} between the lines to {0} and {2}")
+    )
+    return [
+        Variable(f"{name}.angle", "rad", about, (), np.arctan2(area, along)),
+        Variable(f"{name}.transmission_angle", "rad", acute, (), np.arctan2(area, np.abs(along))),
+    ]
 
 
 def _of_link(d: Description, counted: Counted, name: str, r: Array, v: Array, a: Array) -> list[Variable]:
