@@ -57,6 +57,23 @@ def test_the_caption_counts_the_curves_that_are_not_drawn():
     assert len(data["curves"]) == 12 and "not drawn" not in text
 
 
+def test_arrows_of_forces_stand_at_their_joints():
+    """Forces on both links of a joint are opposite; those of loops are in frames of links and not drawn."""
+    asked = ["C.reaction", "coupler.A.force", "crank.A.force", "coupler.tension", "B.velocity"]
+    text, data = page_of("crank_rocker", 5, {"analysis.outputs": asked})
+    forces = {force["name"]: force for force in data["forces"]}
+    joints = [data["nodes"][force["node"]]["name"] for force in forces.values()]
+    assert list(forces) == asked[:3] and joints == ["C", "A", "A"]
+    one, other = (
+        np.array([part["values"] for part in forces[name]["parts"]])
+        for name in ("coupler.A.force", "crank.A.force")
+    )
+    assert one.shape == (2, 5) and one == pytest.approx(-other, rel=1e-4) and np.ptp(one) > 1
+    assert "Arrows are the recorded forces" in text
+    text, data = page_of("slider_crank", samples=3)
+    assert data["forces"] == [] and "Arrows are" not in text
+
+
 def test_a_loop_keeps_its_lengths_and_its_lines():
     """The nut of the screw jack stands where its rod has no length: every frame has the same lines."""
     _, data = page_of("slider_crank", samples=13)

@@ -24,6 +24,8 @@ _DIGITS = 5
 _ROUNDING = 1e-9
 #: Maximum number of curves next to the mechanism.
 CURVES = 12
+#: Caption of arrows.
+ARROWS = " Arrows are the recorded forces on links at their joints, and of the ground on the linkage."
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,6 +52,7 @@ def animation(film: Film) -> str:
     size = float(np.max(high - low)) or 1.0
     along, label = film.result.over
     curves = _curves(film.result.shown)
+    nodes = nodes_of(first)
     data = {
         "title": film.result.title,
         "along": {
@@ -64,12 +67,13 @@ def animation(film: Film) -> str:
             line if long else {**line, "name": ""}
             for line, long in zip(lines_of(first), _long(film.sketches, size), strict=True)
         ],
-        "nodes": nodes_of(first),
+        "nodes": nodes,
+        "forces": forces_of(curves, nodes),
         "frames": [_rounded(places.ravel(), size) for places in every],
         "curves": curves[:CURVES],
     }
     left = max(0, len(curves) - CURVES)
-    caption = film.caption + not_drawn(left)
+    caption = film.caption + (ARROWS if data["forces"] else "") + not_drawn(left)
     template = environment().get_template("animation.html.j2")
     text: str = template.render(title=film.result.title, caption=caption, data=as_script(data))
     return text
@@ -93,6 +97,23 @@ def lines_of(sketch: Sketch) -> list[dict[str, Any]]:
 def nodes_of(sketch: Sketch) -> list[dict[str, Any]]:
     """Return the nodes of a sketch without their places."""
     return [{"kind": node.kind, "name": node.name} for node in sketch.nodes]
+
+
+def forces_of(curves: Sequence[dict[str, Any]], nodes: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Return the forces ``POINT.reaction`` and ``LINK.POINT.force`` among curves of components.
+
+    Each has the number of its node and its curves. Forces of loops, in frames of their links, are omitted.
+    """
+    numbers = {node["name"]: i for i, node in enumerate(nodes)}
+    found: dict[str, dict[str, Any]] = {}
+    for curve in curves:
+        name, _, component = curve["name"].rpartition(".")
+        owner, _, word = name.rpartition(".")
+        place = owner.rpartition(".")[2]
+        if component in ("x", "y", "z") and word in ("reaction", "force") and place in numbers:
+            force = found.setdefault(name, {"name": name, "node": numbers[place], "parts": []})
+            force["parts"].append(curve)
+    return list(found.values())
 
 
 def _long(sketches: Sequence[Sketch], size: float) -> list[bool]:

@@ -9,7 +9,7 @@ from dataclasses import asdict, dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from symgen.report.page.animation import CURVES, as_script, lines_of, nodes_of
+from symgen.report.page.animation import ARROWS, CURVES, as_script, forces_of, lines_of, nodes_of
 from symgen.report.page.drawing import Sketch, not_drawn, places_of, view_of_paper
 from symgen.report.page.page import environment
 
@@ -83,6 +83,11 @@ def live(page: Live) -> str:
             one[i] = 1.0
             change = (places_of(page.sketch({**none, name: one})) - constant).ravel()
             weights += [[int(v), output, float(change[v])] for v in np.flatnonzero(change)]
+    nodes = nodes_of(first)
+    curves = [
+        dict(zip(("name", "unit", "size"), page.outputs[k], strict=True), output=k) for k in page.plotted
+    ]
+    forces = forces_of(curves, nodes)
     data = {
         "code": base64.b64encode(page.code).decode("ascii"),
         "frames": page.frames,
@@ -96,15 +101,13 @@ def live(page: Live) -> str:
             "duration": page.duration,
             "view": np.round(view_of_paper(first), 6).tolist(),
             "lines": lines_of(first),
-            "nodes": nodes_of(first),
-            "curves": [
-                dict(zip(("name", "unit", "size"), page.outputs[k], strict=True), output=k)
-                for k in page.plotted[:CURVES]
-            ],
+            "nodes": nodes,
+            "forces": forces,
+            "curves": curves[:CURVES],
         },
     }
     left = max(0, len(page.plotted) - CURVES)
-    caption = page.caption + not_drawn(left)
+    caption = page.caption + (ARROWS if forces else "") + not_drawn(left)
     template = environment().get_template("live.html.j2")
     text: str = template.render(title=page.title, caption=caption, data=as_script(data))
     return text
