@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import math
 import os
 import sys
 import warnings
@@ -55,6 +56,15 @@ def made(made_in: Path) -> dict:
     store = Cache(made_in)
     with store.locked("all"):
         return up_to_date(store)[0]
+
+
+@pytest.fixture(scope="session")
+def speed_response():
+    """Return steady states of an elastic linkage at two speeds, for tests of what results have in common."""
+    import symgen
+
+    speeds = [200 * math.pi / 30, 300 * math.pi / 30]
+    return symgen.build("thesis_four_bar").speed_response(speeds, rtol=0.1, samples=5)
 
 
 @pytest.fixture

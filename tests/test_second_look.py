@@ -71,7 +71,7 @@ def four_bar(lengths, inputs, start=None, **more):
     return loop_scene(rows, inputs, "second_look_four_bar", start=guess, **more)
 
 
-@pytest.mark.parametrize("lead", [400.0, 4.0, 0.5])
+@pytest.mark.parametrize("lead", [full(400.0), full(4.0), 0.5])
 def test_1_whole_revolutions_of_a_screw_carry_their_translation(lead):
     """A slider-crank whose slider is a nut on a screw closes at two turns of the nut, near to the guess or far."""
     crank, rod, first = 0.1, 0.15, math.radians(40)
@@ -1349,7 +1349,7 @@ def test_20_runs_estimate_their_time_and_end_at_max_wall(tmp_path):
     )
     for backend, end in (("auto", 1e6), ("numpy", 1e4)):
         model = symgen.build(spin, backend=backend)
-        error = ended(lambda model=model, end=end: model.simulate(end, samples=int(end) + 1, max_wall=0.3))
+        error = ended(lambda model=model, end=end: model.simulate(end, samples=int(end) + 1, max_wall=0.1))
         places = error.partial.variable("A.position").values
         t = np.arange(len(places))
         assert error.partial.time == pytest.approx(t)
@@ -1357,11 +1357,11 @@ def test_20_runs_estimate_their_time_and_end_at_max_wall(tmp_path):
         few = slice(0, 20)  # the angle is 2 t
         assert places[few] == pytest.approx(np.stack([np.cos(2 * t), np.sin(2 * t)], axis=1)[few], abs=1e-6)
     model = symgen.build(CASES / "free_par.toml", backend="numpy")
-    ended(lambda: model.simulate(1e3, max_wall=0.3))
+    ended(lambda: model.simulate(1e3, max_wall=0.1))
     model = symgen.build("thesis_four_bar", backend="numpy")
     model.simulate(steps=4, samples=2)  # its equations are derived by the first run
     for options in ({"rtol": 1e-9}, {"method": "dop853", "rtol": 1e-12}):
-        ended(lambda options=options: model.simulate(revolutions=1000, max_wall=0.3, **options), set_up=5.0)
+        ended(lambda options=options: model.simulate(revolutions=1000, max_wall=0.1, **options), set_up=5.0)
 
 
 def test_20_max_wall_counts_assembling_and_ends_sweeps_and_chains(empty_cache):
@@ -1376,7 +1376,7 @@ def test_20_max_wall_counts_assembling_and_ends_sweeps_and_chains(empty_cache):
     }
     partial = {}
     for name, call in calls.items():
-        for limit in (1e-3, 0.3):
+        for limit in (1e-3, 0.1):
             begun = time.perf_counter()
             with pytest.raises(SimulationError, match=rf"ended after max_wall = {limit:g} s") as caught:
                 call(limit)
@@ -1394,32 +1394,33 @@ def test_20_max_wall_counts_assembling_and_ends_sweeps_and_chains(empty_cache):
         model.speed_response(speeds, samples=8, rtol=0.5, max_wall=600.0, progress=expire)
     assert caught.value.partial.speeds == pytest.approx([900.0 * math.pi / 30])
     chain = partial["chain"]
-    assert 0.1 < chain.times[-1] < 1e4
+    assert 0.01 < chain.times[-1] < 1e4
     assert np.ptp(chain.energy) < 1e-6
 
 
 def ended(run, set_up=2.0):
-    """Return the error of a run that is limited to 0.3 s of wall time, and was estimated to take longer."""
+    """Return the error of a run that is limited to 0.1 s of wall time, and was estimated to take longer."""
     begun = time.perf_counter()
     with pytest.raises(
-        SimulationError, match=r"ended after max_wall = 0\.3 s of wall time, at t = "
+        SimulationError, match=r"ended after max_wall = 0\.1 s of wall time, at t = "
     ) as caught:
         run()
-    assert time.perf_counter() - begun < 0.3 + set_up
+    assert time.perf_counter() - begun < 0.1 + set_up
     return caught.value
 
 
-def test_20_a_long_run_announces_its_remaining_time_once():
+def test_20_a_long_run_announces_its_remaining_time_once(monkeypatch):
     from symgen.errors import SlowRunWarning
 
+    monkeypatch.setattr("symgen.runtime.integrate.pace._SPAN", 0.2)
     model = symgen.build("four_bar", backend="numpy")
     begun = time.perf_counter()
     with pytest.warns(SlowRunWarning) as notes, pytest.raises(SimulationError):
-        model.simulate(1e5, max_wall=2.5)
-    assert time.perf_counter() - begun < 4.5
+        model.simulate(1e5, max_wall=0.6)
+    assert time.perf_counter() - begun < 2.5
     (note,) = notes
     assert re.search(
-        r"of 100000 s after [1-4]\.\d s: about [\d.]+ (hours|days|min) remain at this pace", str(note.message)
+        r"of 100000 s after 0\.\d+ s: about [\d.]+ (hours|days|min) remain at this pace", str(note.message)
     )
 
 
@@ -1640,7 +1641,7 @@ def test_18_files_are_checked_before_anything_else(tmp_path, command, option):
     assert isinstance(done.exception, ResultError)
 
 
-@pytest.mark.parametrize("count", [200, full(600)])
+@pytest.mark.parametrize("count", [80, full(600)])
 def test_22_wrong_calls_give_a_named_error(count, tmp_path, monkeypatch):
     """All of them: ``benchmarks/mutated_calls.py``."""
     monkeypatch.setenv("SYMGEN_CACHE", str(tmp_path / "cache"))
@@ -1649,7 +1650,7 @@ def test_22_wrong_calls_give_a_named_error(count, tmp_path, monkeypatch):
     assert len(calls) > 5000
     chosen = sample(calls, count, seed=22)
     outcomes = {str(call): judge(call) for call in chosen}
-    assert len({call.callee.name for call in chosen}) > 60
+    assert len({call.callee.name for call in chosen}) > 40
     refused = sum(outcome != "accepted" for outcome in outcomes.values())
     assert refused > 0.85 * len(outcomes)
 
@@ -1866,7 +1867,7 @@ def test_26_speed_recovers_after_a_revolution_as_that_of_the_rigid_machine():
     """The four-bar was "unstable". Of stiff links the largest multiplier is that of the speed of the rigid machine."""
     assert symgen.build("elastic_four_bar_motor").periodic(samples=31, rtol=1e-2).stable is True
     stiff = symgen.build("elastic_four_bar_motor", set={"E": "1.03e11 psi"})
-    run = stiff.periodic(samples=11, rtol=1e-2, steps=4096)
+    run = stiff.periodic(samples=11, rtol=1e-2, steps=2048)
     inch, slug, foot = 0.0254, 14.593902937206364, 0.3048
     lengths = tuple(inch * x for x in (7.0, 10.0, 12.0, 11.0))
     crank, coupler, output = (5.292 * slug / foot**3 * inch * 0.125 * inch * x for x in lengths[:3])
@@ -1889,25 +1890,6 @@ def test_26_speed_recovers_after_a_revolution_as_that_of_the_rigid_machine():
 def test_26_a_crank_that_turns_away_from_its_rigid_motion_is_noted():
     run = symgen.build("elastic_four_bar_free", set={"speed": "95 rpm"}).simulate(revolutions=0.5, samples=31)
     assert any("rad off its rigid motion" in note for note in run.notes)
-
-
-def test_27_linear_theory_that_is_off_is_noted():
-    """Peaks of the first quarter revolution, linear and in rods; an independent chain of particles has 387 at 95 rpm.
-
-    In rods the output link comes to 96 at 60 rpm and to 391 at 95 rpm, linear theory to 62 and to 155.
-    """
-    model = symgen.build("thesis_four_bar")
-    for rpm, off in ((20, ()), (60, ("output",)), (95, ("coupler", "output"))):
-        turning = model.with_parameters(speed=rpm * math.pi / 30)
-        linear = turning.simulate(revolutions=0.25, samples=181)
-        exact = turning.large_rotation(4, revolutions=0.25, samples=181)
-        noted = {note.partition(":")[0] for note in linear.notes if "linear theory" in note}
-        for link in ("crank", "coupler", "output"):
-            name = f"{link}.bending_strain"
-            ratio = exact.peaks[name] / linear.peaks[name]
-            assert (abs(ratio - 1) > 0.12) == (link in off)
-            assert link in noted or abs(ratio - 1) < 0.12
-        assert bool(noted) == bool(off)
 
 
 def test_28_axial_forces_bend_links_at_rest():

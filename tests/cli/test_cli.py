@@ -108,17 +108,13 @@ def test_set_changes_tunable_and_folded_values():
     assert other["provenance"]["equations"] != plain["provenance"]["equations"]
 
 
-def test_set_takes_lists_as_they_stand_in_the_file(tmp_path):
+def test_set_takes_lists_as_they_stand_in_the_file(tmp_path, entry):
     file = tmp_path / "run.npz"
     wanted = 'analysis.outputs=["energy", "B.velocity"]'
     call("run", "four_bar", "--t-end", "0.1", "--set", wanted, "--out", file)
     assert list(symgen.load_result(file)) == ["energy", "B.velocity"]
-    done = subprocess.run(
-        [sys.executable, "-m", "symgen", "run", "four_bar", "--set", "gravity.acceleration=[0, 1 m/s^2"],
-        capture_output=True,
-        text=True,
-    )
-    assert done.returncode == 3 and "expected a list in square brackets, got '[0, 1 m/s^2'" in done.stderr
+    code, _, said = entry("run", "four_bar", "--set", "gravity.acceleration=[0, 1 m/s^2")
+    assert code == 3 and "expected a list in square brackets, got '[0, 1 m/s^2'" in said
 
 
 @pytest.mark.parametrize("ending", [".nc", ".npz"])
@@ -445,10 +441,7 @@ def test_wrong_options(entry, arguments, words, tmp_path, monkeypatch):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_the_entry_point_gives_0_when_all_is_well(entry):
-    code, out, err = entry("run", "peaucellier", "--json", "--samples", "2")
-    assert (code, err) == (0, "")
-    assert json.loads(out)["scene"] == "peaucellier"
+def test_an_unknown_command_is_refused(entry):
     code, out, err = entry("nonsense")
     assert code == 2 and out == "" and "nonsense" in err
 

@@ -138,22 +138,26 @@ QUARTER = {
 }
 
 
-@pytest.mark.parametrize("speed", QUARTER)
-def test_linear_theory_at_its_limit(speed):
-    """The method's arbiter, a chain of particles, has 387 of the output link at 95 rpm, linear theory 156."""
+#: In rods the output link comes to 96 at 60 rpm, linear theory to 62.
+@pytest.mark.parametrize(
+    ("speed", "off"), [("20 rpm", ()), ("60 rpm", ("output",)), ("95 rpm", ("coupler", "output"))]
+)
+def test_linear_theory_at_its_limit(speed, off):
+    """An independent chain of particles has 387 of the output link at 95 rpm, linear theory 156; notes name it."""
     model = symgen.build("thesis_four_bar", set={"speed": speed})
-    names = [f"{link}.bending_strain" for link in ("crank", "coupler", "output")]
+    exact = model.large_rotation(6, revolutions=0.25, samples=91)
+    linear = model.simulate(revolutions=0.25, samples=91)
+    noted = {note.partition(":")[0] for note in linear.notes if "linear theory" in note}
     # The stored numbers are the largest of these samples, without what lies between them.
-    exact, linear = (
-        {n: np.max(np.abs(run[n].values)) for n in names}
-        for run in (
-            model.large_rotation(6, revolutions=0.25, samples=91),
-            model.simulate(revolutions=0.25, samples=91),
-        )
-    )
-    converged, expected = QUARTER[speed]
-    assert [1e6 * exact[n] for n in names] == pytest.approx(converged, rel=0.03)
-    assert [1e6 * linear[n] for n in names] == pytest.approx(expected, rel=0.005)
+    for k, link in enumerate(("crank", "coupler", "output")):
+        rods, theory = (1e6 * np.max(np.abs(run[f"{link}.bending_strain"].values)) for run in (exact, linear))
+        assert (abs(rods / theory - 1) > 0.12) == (link in off)
+        assert link in noted or abs(rods / theory - 1) < 0.12
+        if speed in QUARTER:
+            converged, expected = QUARTER[speed]
+            assert rods == pytest.approx(converged[k], rel=0.03)
+            assert theory == pytest.approx(expected[k], rel=0.005)
+    assert bool(noted) == bool(off)
 
 
 @pytest.mark.parametrize("crank", ["free", "motor"])

@@ -46,18 +46,19 @@ def models():
 GAUSS = {"rtol": 0.1, "samples": 20}
 RUNS = [
     ("gauss", GAUSS),
-    ("gauss4", {"steps": 150, "samples": 7}),
-    ("newmark", {"steps": 400, "at": (1.0,)}),
-    ("generalized-alpha", {"steps": 180, "at": (1.0, 1.0, 0.0)}),
-    ("wilson-theta", {"steps": 180, "samples": 5, "revolutions": 2.0}),
+    ("gauss4", {"steps": 60, "samples": 7}),
+    ("newmark", {"steps": 120, "at": (1.0,)}),
+    ("generalized-alpha", {"steps": 60, "at": (1.0, 1.0, 0.0)}),
+    ("wilson-theta", {"steps": 60, "samples": 5, "revolutions": 2.0}),
 ]
 
 
 @pytest.mark.parametrize(
     ("name", "method", "asked"),
     [
-        *(("thesis_four_bar", *run) for run in RUNS),
+        *(("thesis_four_bar", *run) for run in (RUNS[0], RUNS[2])),
         ("elastic_slider_crank", *RUNS[0]),
+        *(full("thesis_four_bar", *run) for run in (RUNS[1], *RUNS[3:])),
         *(full("elastic_slider_crank", *run) for run in RUNS[1:]),
     ],
 )
@@ -80,7 +81,7 @@ def test_a_resumed_run_is_the_same_to_the_bit_wherever_it_was_stopped(
 
 def test_a_run_may_be_stopped_again_and_again(models, tmp_path, monkeypatch):
     """Each time from the last checkpoint, which holds all that was found before, and the time that it took."""
-    model, file, asked = models["elastic_slider_crank"], tmp_path / "kept", {"rtol": 1e-6, "samples": 40}
+    model, file, asked = models["elastic_slider_crank"], tmp_path / "kept", {"rtol": 1e-4, "samples": 20}
     whole = model.simulate(method="gauss", **asked)
     kept, stops = {"checkpoint": file, "checkpoint_every": 0}, 0
     while True:
@@ -109,10 +110,10 @@ def test_explicit_runs_resume(name, asked, models, tmp_path, monkeypatch):
         assert bits(model.simulate(**asked, resume=file)) == bits(whole)
 
 
-@pytest.mark.parametrize("asked", [{"method": "gauss", "rtol": 1e-6}, {"method": "dop853", "rtol": 1e-8}])
+@pytest.mark.parametrize("asked", [{"method": "gauss", "rtol": 1e-4}, {"method": "dop853", "rtol": 1e-6}])
 def test_runs_that_max_wall_ended_are_resumed_without_it(asked, models, tmp_path):
     model, file = models["thesis_four_bar"], tmp_path / "kept"
-    asked = {**asked, "revolutions": 2.0, "samples": 11}
+    asked = {**asked, "revolutions": 0.5, "samples": 11}
     whole = model.simulate(**asked)
     for limit in np.geomspace(1e-3, 10.0, 60):  # the shortest that leaves time for a step
         with pytest.raises(SimulationError, match="max_wall"):

@@ -48,7 +48,7 @@ def test_a_long_response_announces_its_remaining_time(model, monkeypatch):
     monkeypatch.setattr(pace, "_SPAN", 0.0)
     monkeypatch.setattr(pace, "_LONG", 1e-9)
     with pytest.warns(SlowRunWarning, match=r"1 of 2 crank speeds after .* s: about .* remain at this pace"):
-        model.speed_response([160 * RPM, 200 * RPM], samples=8, rtol=0.5)
+        model.speed_response([400 * RPM, 500 * RPM], samples=8, rtol=0.5)
 
 
 def test_saved_and_read_back(swept, tmp_path):
@@ -61,16 +61,17 @@ def test_saved_and_read_back(swept, tmp_path):
 
 
 def test_command_line(tmp_path):
+    quick = ["--rtol", "1e-2", "--samples", "11"]
     done = CliRunner().invoke(
-        app, ["speed-response", "elastic_slider_crank", "--speeds", "60:90:2", "--json"]
+        app, ["speed-response", "elastic_slider_crank", *quick, "--speeds", "60:90:2", "--json"]
     )
     assert done.exit_code == 0, done.output
     found = json.loads(done.stdout)
     ends = {"first": 60 * RPM, "last": 90 * RPM}
     assert found["coordinate"] == pytest.approx({"name": "speed", "unit": "rad/s", "count": 2, **ends})
     assert all(np.isfinite(v["maximum"]) for v in found["outputs"].values())
-    assert found["statistics"]["error"] <= 1e-4
-    shown = CliRunner().invoke(app, ["speed-response", "elastic_slider_crank", "--speeds", "60,90"])
+    assert found["statistics"]["error"] <= 1e-2
+    shown = CliRunner().invoke(app, ["speed-response", "elastic_slider_crank", *quick, "--speeds", "60,90"])
     assert "first critical speed" in shown.output
 
 

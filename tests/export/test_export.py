@@ -10,6 +10,7 @@ import subprocess
 import numpy as np
 import pytest
 from shared.ball_poles import CASE, CRANK, Straight
+from shared.full import full
 from typer.testing import CliRunner
 
 import symgen
@@ -115,7 +116,7 @@ def test_a_driven_loop_ends_where_python_ends(folders):
 
 
 @needs("gcc")
-@pytest.mark.parametrize("past", [0.0, 1e-5])
+@pytest.mark.parametrize("past", [0.0, full(1e-5)])
 def test_a_free_loop_runs_past_the_poles_of_its_balls(tmp_path, past):
     """In C: through the poles at 180 deg, and past them by little; against the library and the energy alone."""
     offset = CRANK + past

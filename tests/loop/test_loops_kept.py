@@ -77,11 +77,11 @@ def test_errors_of_rotation_are_named(model):
 )
 def test_a_resumed_run_is_the_same_to_the_bit_wherever_it_was_stopped(asked, precision, tmp_path):
     model, file = symgen.build("cssp", precision=precision), tmp_path / "kept"
-    whole = model.simulate(0.5, **asked)
+    whole = model.simulate(0.2, **asked)
     for k in np.random.default_rng(2).integers(1, whole.statistics["steps"], 4).tolist():
         with pytest.raises(SimulationError, match="max_steps"):
-            model.simulate(0.5, **asked, max_steps=k, checkpoint=file, checkpoint_every=0)
-        again = model.simulate(0.5, **asked, resume=file)
+            model.simulate(0.2, **asked, max_steps=k, checkpoint=file, checkpoint_every=0)
+        again = model.simulate(0.2, **asked, resume=file)
         assert bits(again) == bits(whole)
         assert again.statistics | {"wall_s": 0} == whole.statistics | {"wall_s": 0}
 

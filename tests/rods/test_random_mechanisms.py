@@ -36,7 +36,9 @@ def drawn(case):
 
 @pytest.mark.parametrize(
     ("case",),
-    full_unless(lambda case: CASES.index(case) % 8 in (0, 3), [(case,) for case in CASES]),
+    full_unless(
+        lambda case: CASES.index(case) % 8 == 3 or case[2:] == (10, True), [(case,) for case in CASES]
+    ),
     ids=lambda c: f"{c[0]}D-{c[1]}-{c[2]}-{'free' if c[3] else 'pinned'}",
 )
 def test_against_minimal_coordinates(case):

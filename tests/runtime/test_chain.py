@@ -188,7 +188,7 @@ def test_a_tree_agrees_with_the_scene_of_it(dimension):
 @pytest.mark.parametrize(
     ("dimension", "case"),
     full_unless(
-        lambda dimension, case: dimension == 3 or case == "masses 1 to 1e12",
+        lambda dimension, case: dimension == 3 and case in ("tip 1e6", "masses 1 to 1e12", "lengths 1e6", "straight 45"),
         [
             (dimension, case)
             for dimension in (2, 3)

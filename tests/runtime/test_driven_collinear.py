@@ -5,6 +5,7 @@ from functools import cache
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from shared.full import full
 
 import symgen
 
@@ -55,7 +56,7 @@ def hanging_angle(speed, phase):
 
 
 @pytest.mark.parametrize("method", METHODS)
-@pytest.mark.parametrize("rtol", [1e-3, 1e-6, 1e-9, 1e-10, 1e-11, 1e-12, 3e-14])
+@pytest.mark.parametrize("rtol", [1e-3, full(1e-6), 1e-9, full(1e-10), full(1e-11), full(1e-12), 3e-14])
 @pytest.mark.parametrize(
     ("speed", "phase"), [(10, 0.9272952180016122), (3.7, 0.9272952180016122), (-6.3, 2.1)]
 )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from shared.full import full
 from shared.linkages import at, ground, stephenson
 from shared.variants import crank_rocker_with_lengths, pins
 
@@ -48,7 +49,7 @@ def singly(model, times):
     return states, loads.many("joint_forces", times, states[:, 0], states[:, 1], motion)
 
 
-@pytest.mark.parametrize("flags", [None, (), ("-mavx2",)], ids=["native", "baseline", "avx2"])
+@pytest.mark.parametrize("flags", [None, (), full(("-mavx2",))], ids=["native", "baseline", "avx2"])
 @pytest.mark.parametrize("scene", [stephenson, lambda: "crank_rocker"], ids=["triad", "dyad"])
 def test_lanes_of_any_width_have_the_bits_of_a_single_linkage(scene, flags, monkeypatch):
     if flags is not None and not compiler._has_wide_vectors():

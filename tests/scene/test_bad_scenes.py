@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
-
 import pytest
+from shared.commands import call
 
 GOOD = """
 symgen = 1
@@ -195,21 +193,18 @@ def test_bad_scene(case, tmp_path, monkeypatch, entry):
 def test_the_good_scene_is_good(text, tmp_path):
     scene = tmp_path / "good.toml"
     scene.write_text(text, encoding="utf-8")
-    subprocess.run(
-        [sys.executable, "-m", "symgen", "run", str(scene), "--json"], check=True, capture_output=True
-    )
+    call("run", scene, "--json")
 
 
-def test_empty_and_missing_files(tmp_path):
+def test_empty_and_missing_files(tmp_path, monkeypatch, entry):
+    monkeypatch.chdir(tmp_path)
     (tmp_path / "empty.toml").write_text("")
     for name, words in (
         ("empty.toml", "no such key"),
         ("missing.toml", "no scene and no file"),
         (".", "cannot read"),
     ):
-        done = subprocess.run(
-            [sys.executable, "-m", "symgen", "run", name], capture_output=True, text=True, cwd=tmp_path
-        )
-        assert done.returncode == 3
-        assert words in done.stderr
-        assert "Traceback" not in done.stderr
+        code, _, said = entry("run", name)
+        assert code == 3
+        assert words in said
+        assert "Traceback" not in said

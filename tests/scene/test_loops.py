@@ -611,7 +611,7 @@ def places(data, at=()):
             yield from places(value, (*at, key))
 
 
-@settings(max_examples=400, deadline=5000, suppress_health_check=[HealthCheck.too_slow])
+@settings(max_examples=150, deadline=5000, suppress_health_check=[HealthCheck.too_slow])
 @given(st.data())
 def test_a_mutated_loop_is_a_loop_or_a_scene_error(data):
     """Any values of a loop replaced by nonsense, or by another's sense, removed or renamed."""

@@ -16,8 +16,8 @@ from pathlib import Path
 import symgen
 from symgen.runtime.elastic.model import ElasticModel
 
-OPTIONS = {"t_end": 4.0, "method": "rk4", "step": 1e-4, "samples": 3001}
-OF_ELASTIC_LINKS = {"method": "gauss", "steps": 8000, "samples": 21}
+OPTIONS = {"t_end": 2.0, "method": "rk4", "step": 1e-4, "samples": 1501}
+OF_ELASTIC_LINKS = {"method": "gauss", "steps": 3000, "samples": 21}
 
 
 def bits(result):

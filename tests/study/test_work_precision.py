@@ -80,7 +80,7 @@ def test_sweeps_end_when_they_gain_nothing_more():
 
 @pytest.fixture(scope="module")
 def found():
-    return work_precision("peaucellier", t_end=1.0, repeats=2, longest=0.2)
+    return work_precision("peaucellier", t_end=1.0, repeats=1, longest=0.1)
 
 
 def test_every_integrator_is_measured_with_its_order(found):
