@@ -4,6 +4,10 @@ Processor times are those of the process, all threads together, per run, step or
 machine hardly affects them. Wall times are of one and of two threads. The loop in Python, with
 ``with_parameters`` and ``simulate``, is timed for a part of the variants. Positions are compared with two
 circles, and all with the same runs by themselves.
+
+MuJoCo, where it is installed, carries out the same swings by its threaded rollout. Its Runge-Kutta method has
+the same order, and the same step, with which symgen must have the smaller error. Its connection is soft, with
+the smallest time constant that it accepts. References have tolerances of 1e-12.
 """
 
 from __future__ import annotations
@@ -11,6 +15,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable
 from functools import partial
+from importlib.util import find_spec
 from time import perf_counter, process_time
 from typing import Any
 
@@ -27,6 +32,10 @@ VARIANTS, POSES, SINGLE = 10_000, 361, 200
 #: Runs in lanes: so many that Python, in which one thread works, takes a tenth of the time at most. Otherwise
 #: two threads cannot be 1.8 times as fast.
 SWINGS, STEPS, STEP = 512, 2000, 1e-3
+#: Calls by one and by two threads in turn, of which the fastest count.
+CALLS = 20
+#: Step of the swings in MuJoCo and symgen [s], and how much faster symgen must be.
+ROLLED_OUT, THAN_ROLLOUT = 4e-3, 5.0
 OFFSETS, ANGLES = 1000, 361
 #: Lengths of ``crank_rocker`` [m]; its coupler is varied.
 CRANK, COUPLERS, ROCKER, BASE = 0.1, np.linspace(0.33, 0.37, VARIANTS), 0.3, 0.4
@@ -55,6 +64,8 @@ def measured(slack: float) -> Measurement:
         f"{SWINGS} swings of four_bar with {STEPS} steps of RK4; {OFFSETS} variants of slider_crank at "
         f"{ANGLES} angles."
     ]
+    if find_spec("mujoco") is None:
+        notes.append("Skipped: MuJoCo is not installed (pip install 'symgen[peers]').")
     return Measurement("Many runs in one call", rows, required, notes)
 
 
@@ -173,34 +184,110 @@ def _rocker(coupler: Array, angle: Array) -> Array:
 
 def _steps(rows: list[dict[str, Any]], slack: float) -> list[Required]:
     options = {"t_end": STEPS * STEP, "step": STEP, "samples": 2}
-    same, each, walls = True, np.inf, []
     model = symgen.build("four_bar")
     start = model.initial_state()
     states = [
         model.state(start.positions, {p: f * v for p, v in start.velocities.items()})
         for f in np.linspace(0.5, 1.5, SWINGS).tolist()
     ]
-    model.simulate_many(states=states[:16], **options)
-    for threads in (1, 2):
-        found, one = _timed(
-            f"four_bar by rk4, {threads} thread{'s' if threads > 1 else ''}",
-            "step",
-            SWINGS * STEPS,
-            partial(model.simulate_many, states=states, threads=threads, **options),
-            rows,
-            calls=8,
-        )
-        walls.append(rows[-1]["wall [s]"])
-        each = min(one, each)
-        alone = model.simulate(state=states[7], **options)
-        same = same and np.array_equal(found["B.position"].values[7], alone["B.position"].values)
+    runs = {n: partial(model.simulate_many, states=states, threads=n, **options) for n in (1, 2)}
+    found, times = _in_turn(runs, SWINGS * STEPS, rows)
+    alone = model.simulate(state=states[7], **options)
+    same = all(np.array_equal(f["B.position"].values[7], alone["B.position"].values) for f in found.values())
+    each, both = min(x for x, _ in times.values()) / (SWINGS * STEPS), times[1][1] / times[2][1]
     return [
         Required("four_bar by rk4: steps per second and core", 1 / each, STEPS_A_SECOND / slack, True, True),
-        Required(
-            "four_bar by rk4: steps of two threads for one", walls[0] / walls[1], BOTH / slack, True, True
-        ),
+        Required("four_bar by rk4: steps of two threads for one", both, BOTH / slack, True, True),
         Required("four_bar by rk4: same bits as single runs", float(same), 1.0, True),
+        *_rollout(model, states, rows, slack),
     ]
+
+
+def _in_turn(
+    runs: dict[int, Callable[[], Any]], steps: int, rows: list[dict[str, Any]]
+) -> tuple[dict[int, Any], dict[int, tuple[float, float]]]:
+    """Call by each number of threads in turn; return results, and least processor and wall times [s]."""
+    found = {n: run() for n, run in runs.items()}
+    least = dict.fromkeys(runs, (np.inf, np.inf))
+    for _ in range(CALLS):
+        for n, run in runs.items():
+            began, busy_before = perf_counter(), process_time()
+            run()
+            spent = process_time() - busy_before, perf_counter() - began
+            least[n] = min(least[n][0], spent[0]), min(least[n][1], spent[1])
+    for n, (busy, wall) in least.items():
+        rows.append(
+            {
+                "runs": f"four_bar by rk4, {n} thread{'s' if n > 1 else ''}",
+                "unit": "step",
+                "units": steps,
+                "wall [s]": wall,
+                "processor [s]": busy,
+                "processor time per unit [us]": busy / steps * 1e6,
+            }
+        )
+    return found, least
+
+
+def _rollout(model: Any, states: list[Any], rows: list[dict[str, Any]], slack: float) -> list[Required]:
+    """Compare with MuJoCo's rollout; nothing without it."""
+    try:
+        from mujoco import MjData, rollout
+    except ImportError:
+        return []
+    t_end, step = STEPS * STEP, ROLLED_OUT
+    steps = round(t_end / step)
+    other, start = _four_bar_of_mujoco(states, step)
+    data = [MjData(other) for _ in range(2)]
+    peer, of_peer = _timed(
+        "four_bar in MuJoCo, rollout by RK4, 2 threads", "step", SWINGS * steps,
+        lambda: rollout.rollout(other, data, start, nstep=steps)[0][:, -1, 3], rows, calls=2,
+    )  # fmt: skip
+    swings = partial(model.simulate_many, states=states, t_end=t_end, samples=2)
+    found, own = _timed(
+        "four_bar by rk4, 2 threads, steps as in MuJoCo", "step", SWINGS * steps,
+        lambda: swings(step=step, threads=2), rows, calls=8,
+    )  # fmt: skip
+    truth = swings(rtol=1e-12, atol=1e-12)["B.position"].values[:, -1]
+    c, b = (np.array(states[0].positions[p]) for p in "CB")
+    there = c + np.linalg.norm(b - c) * np.stack([np.cos(peer), np.sin(peer)], axis=1)
+    wrong, of_rollout = (float(np.max(np.abs(x - truth))) for x in (found["B.position"].values[:, -1], there))
+    return [
+        Required("MuJoCo's rollout: its time over symgen's", of_peer / own, THAN_ROLLOUT / slack, True, True),
+        Required("MuJoCo's rollout: its error over symgen's", of_rollout / wrong, 1.0, True),
+    ]
+
+
+def _four_bar_of_mujoco(states: list[Any], step: float) -> tuple[Any, Array]:
+    """Return ``four_bar`` of crank and coupler in a tree, a rocker, and a soft connection, and all starts."""
+    from mujoco import MjModel
+
+    axial = 1e-6  # moment of inertia about the axis of a rod [kg m^2], which nothing turns about
+
+    def rod(name: str, length: float, pos: str, then: str = "") -> str:
+        across = length**3 / 12  # rods have 1 kg/m
+        return (
+            f'<body pos="{pos}"><joint type="hinge" axis="0 -1 0"/><site name="{name}" pos="{length} 0 0"/>'
+            f'<inertial pos="{length / 2} 0 0" mass="{length}" diaginertia="{axial} {across} {across}"/>'
+            f"{then}</body>"
+        )
+
+    model = MjModel.from_xml_string(
+        f'<mujoco><option integrator="RK4" timestep="{step}" gravity="0 0 -9.81"/><worldbody>'
+        f"{rod('crank', 1.0, '0 0 0', rod('coupler', 1.8, '1 0 0'))}{rod('rocker', 1.4, '2 0 0')}</worldbody>"
+        f'<equality><connect site1="coupler" site2="rocker" solref="{2 * step} 1" '
+        'solimp="0.9999 0.9999 0.001"/></equality></mujoco>'
+    )
+    starts = []
+    for state in states:
+        turned = []
+        for inner, outer in ("OA", "AB", "CB"):
+            along, rate = (np.subtract(x[outer], x[inner]) for x in (state.positions, state.velocities))
+            spin = (along[0] * rate[1] - along[1] * rate[0]) / (along @ along)
+            turned.append((np.arctan2(along[1], along[0]), spin))
+        crank, coupler, rocker = np.array(turned)
+        starts.append([0.0, *np.stack([crank, coupler - crank, rocker], axis=1).ravel()])
+    return model, np.array(starts)
 
 
 def _angles(rows: list[dict[str, Any]], slack: float) -> list[Required]:

@@ -71,11 +71,7 @@ class Compiled:
             info = replace(info, blocks=tuple(b for b in info.blocks if b.name in keep.outputs))
         variables = continued(shaped(info, out), d.turns, turned) if info else ()
         drift = dict(zip(("constraint", "energy"), drifts.T, strict=True))
-        done = regular & ~self.single[rows]
-        return [
-            keep(variables, along, None, drift, d.shown_axes, i) if own else None
-            for i, own in enumerate(done.tolist())
-        ]
+        return keep.of_rows(variables, along, drift, d.shown_axes, (regular & ~self.single[rows]).tolist())
 
     def _runs(self) -> Runs:
         chosen, start = self.chosen, start_of(self.evaluator, self.chosen.rate)

@@ -99,6 +99,22 @@ class Keep:
             return Kept(along, times, samples, (*single, *strayed), axes)
         return Kept(single=(*single, *strayed), axes=axes)
 
+    def of_rows(
+        self,
+        variables: tuple[Variable, ...],
+        along: Coordinate,
+        drift: Mapping[str, Array],
+        axes: tuple[str, ...],
+        done: Sequence[bool],
+    ) -> list[Kept | None]:
+        """Return what is kept of each run of a block that is done, None for the others."""
+        if self.reduce is not None:
+            return [
+                self(variables, along, None, drift, axes, i) if own else None for i, own in enumerate(done)
+            ]
+        block = self(variables, along, None, drift, axes)
+        return [replace(block, row=i) if own else None for i, own in enumerate(done)]
+
     def of_block(
         self,
         variables: Sequence[Variable],
@@ -186,7 +202,8 @@ def dataset_of(
     blocks, whole = list(_blocks(kept)), all(isinstance(p, slice) and p == slice(None) for p in places)
     errors = np.array([k.error for k in kept], dtype=object)
     data: dict[str, Any] = {"error": ("run", errors, {"long_name": "why the run failed"})}
-    shared = all(p is None or _agree(k.along, along, p) for k, p in zip(kept, places, strict=True))
+    own = {id(k.along): (k.along, p) for k, p in zip(kept, places, strict=True) if p is not None}
+    shared = all(_agree(of_run, along, p) for of_run, p in own.values())
     over = (along.name if shared else "sample",) if along else ()
     for sampled, variables in ((True, model_of.samples), (False, model_of.single)):
         for k, v in enumerate(variables):
@@ -205,8 +222,8 @@ def dataset_of(
     if along:
         labels = {"units": along.unit, "long_name": along.about}
         of_runs = [k.along.values if k.along else None for k in kept]
-        own = (("run", *over), _rows(of_runs, places, size))
-        coordinates[along.name] = (*((over, along.values) if shared else own), labels)
+        apart = (("run", *over), _rows(of_runs, places, size))
+        coordinates[along.name] = (*((over, along.values) if shared else apart), labels)
     if model_of.times is not None:
         times = _rows([k.times for k in kept], places, size)
         coordinates["time"] = (("run", *over), times, {"units": "s", "long_name": "time"})
