@@ -57,6 +57,7 @@ EULER, ROWS = "tests/mechanics/test_dual_euler.py", "tests/mechanics/test_dual_r
 LOOPS = "tests/loop/test_loop_kernels.py"
 HAMILTON, WEIGHTS = "tests/mechanics/test_hamilton.py", "tests/elastic/test_weights.py"
 LARGE, ENERGIES = "tests/elastic/test_corotational.py", "tests/elastic/test_elastic_energies.py"
+ROTATING = "tests/elastic/test_rotor.py"
 SYNTHESIS = "tests/synthesis/test_four_bar_synthesis.py"
 FAULTS = (
     Fault("end masses exchanged", "rods/particles.py", "EndMass(about_end / squared, between / squared, about_start / squared", "EndMass(about_start / squared, between / squared, about_end / squared", "rods", PARTICLES),
@@ -114,6 +115,11 @@ FAULTS = (
     Fault("normals for tangents", "elastic/corotational.py", "own[row + 1, column + 2] * normals[j]", "-own[row + 1, column + 2] * normals[j]", "large", LARGE),
     Fault("coupling of end rotations", "elastic/corotational.py", "cosine[0] * cosine[1] + sine[0] * sine[1]", "cosine[0] * cosine[1] - sine[0] * sine[1]", "large", LARGE),
     Fault("rotary inertia between ends", "elastic/corotational.py", "rotary / (3 if i == j else 6)", "rotary / (3 if i == j else 3)", "large", LARGE),
+    Fault("twist that lengthens fibres", "elastic/spatial.py", '"phi_x": force *', '"phi_x": -force *', "rotor", ROTATING),
+    Fault("principal axes exchanged", "elastic/spatial.py", "(2, 0): JZ.symbol, (0, 2): JY.symbol", "(2, 0): JY.symbol, (0, 2): JZ.symbol", "rotor", ROTATING),
+    Fault("mass in the axial force doubled", "elastic/spatial.py", "MU.symbol * sp.integrate", "2 * MU.symbol * sp.integrate", "rotor", ROTATING),
+    Fault("rotation of fibres to the first degree", "elastic/spatial.py", " + rotation.cross(once) / 2", "", "rotor", ROTATING),
+    Fault("centrifugal load reversed", "elastic/spatial.py", "f.name: sp.diff(energy, f)", "f.name: -sp.diff(energy, f)", "rotor", ROTATING),
     Fault("rate of gravity in rotating axes", "elastic/energies.py", "GY.symbol: -OMEGA.symbol * GX.symbol", "GY.symbol: OMEGA.symbol * GX.symbol", "weight", ENERGIES),
     Fault("lift left out of the potential", "elastic/energies.py", '-steps["gravity_work"] - MU.symbol * LIFT.symbol', '-steps["gravity_work"]', "weight", ENERGIES),
     Fault("masses along a link in its energy", "elastic/energies.py", "m * at**power for at, m", "2 * m * at**power for at, m", "elastic", ENERGIES),
@@ -199,6 +205,28 @@ acceleration = ["0 m/s^2", "-9.81 m/s^2"]
 [crank]
 link = "crank"
 speed = "120 rpm"
+"""
+#: A blade of some pitch with a mass at its tip.
+ROTOR = """
+symgen = 1
+title = "Blade"
+[points]
+root = { at = ["0.2 m", "0 m", "0 m"], ground = true }
+tip = { at = ["1.2 m", "0 m", "0.1 m"] }
+[links.blade]
+points = ["root", "tip"]
+density = "2700 kg/m^3"
+section = { width = "80 mm", thickness = "20 mm", width_along = [0, 1, 0.4] }
+elastic = { E = "70 GPa", elements = 2, shear = { poisson = 0.3 } }
+[[welds]]
+point = "root"
+links = ["blade"]
+[[masses]]
+point = "tip"
+mass = "0.3 kg"
+[rotor]
+axis = [0, 0, 1]
+speed = "900 rpm"
 """
 
 
@@ -329,9 +357,11 @@ def results(scene: str) -> dict[str, list[float]]:
         return {f"design {i}": [*d.linkage.lengths.values()] for i, d in enumerate(designs)}
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "scene.toml"
-        file.write_text({"rods": RODS, "elastic": ELASTIC}.get(scene, ""))
+        file.write_text({"rods": RODS, "elastic": ELASTIC, "rotor": ROTOR}.get(scene, ""))
         heavy = HEAVY if SHIPPED.get(scene) == "elastic_four_bar" else {}
         model = symgen.build(SHIPPED.get(scene, str(file)), set=heavy)
+    if scene == "rotor":
+        return {"frequencies": model.modes().frequencies.tolist()}
     if scene in ("loop", "rocker"):
         run = model.inverse_dynamics(samples=7)
     elif scene == "rods":

@@ -1,4 +1,4 @@
-"""What pages show of user-defined systems."""
+"""What pages show of user-defined systems, and of rotors: models that are not run in time."""
 
 from __future__ import annotations
 
@@ -28,3 +28,12 @@ class SystemView(View):
 
 def _kernels(model: Any) -> list[str]:
     return [k.name for k in model.description.kernels if k.name != SETUP]
+
+
+class RotorView(View):
+    """Elastic links in space that rotate as a whole; there is no motion to run."""
+
+    def facts(self, resolved: Any, model: Any) -> tuple[Fact, ...]:
+        """Return the links and the number of free points."""
+        links = ", ".join(link.link for link in resolved.links)
+        return Fact("elastic links in space", links), Fact("free points", str(len(resolved.free)))

@@ -39,6 +39,7 @@ BLOCKS: dict[str, Callable[[], System]] = {
     "rigid_element": partial(_made, "models.elastic.rigid_element:rigid_element_system"),
     "elastic_place": partial(_made, "models.elastic.place:elastic_place_system"),
     "corotational_beam": partial(_made, "models.elastic.corotational:corotational_beam_system"),
+    "spatial_beam": partial(_made, "models.elastic.spatial:spatial_beam_system"),
     **{name: partial(_made, f"models.loop.blocks:{name}_system") for name in _OF_LOOPS},
     **{name: partial(_made, f"models.synthesis:{name}_system") for name in SYNTHESIS},
 }
@@ -47,7 +48,7 @@ BLOCKS: dict[str, Callable[[], System]] = {
 #: The others are for inspection, and compiled nowhere.
 SHIPPED_BLOCKS = (
     *(f"element_{name}" for name in ELEMENTS), "rigid_element", "elastic_place", "corotational_beam",
-    "loop_row", *SYNTHESIS,
+    "spatial_beam", "loop_row", *SYNTHESIS,
 )  # fmt: skip
 
 #: Steps of the derivation of a building block, for inspection, by the block's name.

@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from symgen.runtime.model.model import Model
     from symgen.runtime.model.rods import RodModel
     from symgen.runtime.model.system import SystemModel
+    from symgen.runtime.rotor.model import RotorModel
     from symgen.scene.loop.loop import Loop
     from symgen.scene.rods.linkage import Linkage
     from symgen.scene.schema import Scene
@@ -223,6 +224,13 @@ def loop_model(made: Made) -> LoopModel:
         return cast("Loop", resolve(check_scene(text)))
 
     return LoopModel(description, made.library, made.equations, typed=made.typed, analyses=analyses)
+
+
+def rotor_model(made: Made) -> RotorModel:
+    """Return the model of a rotor."""
+    from symgen.runtime.rotor.model import RotorModel
+
+    return RotorModel(made.description, made.library, made.equations, None, made.typed)
 
 
 def elastic_model(made: Made) -> ElasticModel:

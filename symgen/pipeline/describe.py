@@ -13,6 +13,8 @@ if TYPE_CHECKING:
     from symgen.runtime.kernels.description import Description, LoopDescription, ParameterInfo
     from symgen.runtime.kernels.elastic_description import ElasticInfo
     from symgen.runtime.kernels.library import Library
+    from symgen.runtime.rotor.description import RotorDescription
+    from symgen.scene.elastic.rotor import RotorScene
     from symgen.scene.loop.loop import Loop
     from symgen.scene.rods.linkage import Linkage, Parameter
     from symgen.symbolic.system import System
@@ -204,6 +206,32 @@ def of_linkage(linkage: Linkage, program: Program, equations: str) -> Descriptio
         turns=turning(linkage),
         steady=_steady(linkage),
     )
+
+
+def of_rotor(rotor: RotorScene, program: Program, equations: str) -> RotorDescription:
+    """Return the description of a rotor."""
+    from symgen.runtime.kernels.description import kernel_infos
+    from symgen.runtime.rotor.description import RotorDescription, RotorLink
+
+    return RotorDescription(
+        name=program.name,
+        file=rotor.file,
+        title=program.title,
+        units=rotor.units,
+        equations=equations,
+        parameters=_parameters(rotor.parameters),
+        kernels=kernel_infos(program.kernels),
+        references=program.references,
+        left_out=program.left_out,
+        free=rotor.free,
+        links=tuple(RotorLink(k.link, k.start, k.end, k.elements, k.welds) for k in rotor.links),
+        masses=tuple(point for point, _ in rotor.masses),
+    )
+
+
+def at_rest(system: System, description: RotorDescription, library: Library) -> RotorDescription:
+    """Return the description of a rotor, whose structure starts as drawn."""
+    return description
 
 
 def _steady(linkage: Linkage) -> tuple[str, ...]:

@@ -30,6 +30,8 @@ OF_ELEMENTS = {f"element_{name}" for name in ELEMENTS}
 #: The element in large rotation has the masses of the cubic one.
 ROTATING = {"corotational_beam"}
 OF_LINKS = OF_ELEMENTS | {"elastic_place"} | ROTATING
+#: The element in space has shape functions of two planar ones.
+SPATIAL = {"spatial_beam"}
 #: Files of derivations, and the models that are regenerated when they change: those and no others.
 DEPENDENTS = {
     "models/rod.py": set(),
@@ -41,13 +43,17 @@ DEPENDENTS = {
     },
     "mechanics/rods/topology.py": {"peaucellier"},
     **{f"elements/{name}.py": {f"element_{name}"} for name in ELEMENTS},
-    "elements/cubic.py": {"element_cubic"} | ROTATING,
-    "elements/element.py": OF_LINKS,
+    "elements/cubic.py": {"element_cubic"} | ROTATING | SPATIAL,
+    "elements/beam8.py": {"element_beam8"} | SPATIAL,
+    "elements/element.py": OF_LINKS | SPATIAL,
     "elements/__init__.py": set(),
     "mechanics/elastic/hamilton.py": OF_LINKS,
     "mechanics/elastic/beam_matrices.py": OF_ELEMENTS | ROTATING,
     "mechanics/elastic/corotational.py": ROTATING,
     "models/elastic/corotational.py": ROTATING,
+    "mechanics/elastic/spatial.py": SPATIAL,
+    "models/elastic/spatial.py": SPATIAL,
+    "models/elastic/rotor.py": set(),
     "mechanics/elastic/weights.py": OF_LINKS,
     "mechanics/elastic/places.py": OF_LINKS,
     "mechanics/elastic/moving_frame.py": set(),
@@ -252,6 +258,7 @@ def test_a_new_element_is_a_file_and_a_name(checkout):
         "derived corotational_beam: elements/cubic.py changed",
         "derived element_cubic: elements/cubic.py changed",
         "derived element_hermite: not in the cache",
+        "derived spatial_beam: elements/cubic.py changed",
     ]
     after = content(checkout)
     assert {name for name in after if after[name] != before.get(name)} == {

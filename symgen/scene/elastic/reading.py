@@ -49,7 +49,11 @@ def elastic_links(read: Reader, links: Sequence[RigidLink]) -> Iterator[ElasticL
     for name, link in read.scene.links.items():
         if link.elastic is not None:
             if read.dimension != 2:
-                raise SceneError("links bend in the plane, not in space", where=f"links.{name}.elastic")
+                raise SceneError(
+                    "links bend in the plane, not in space",
+                    where=f"links.{name}.elastic",
+                    hint="Links that rotate as a whole do: write [rotor] with axis and speed.",
+                )
             read.moving_link(name, f"links.{name}.elastic")
     _check_neighbours(read)
     for rigid in links:
@@ -195,11 +199,12 @@ def _shear(read: Reader, elastic: Elastic, modulus: sp.Expr, shape: sections.Sha
             where=f"{where}.shear.factor",
             hint="It is 5/6 of a rectangle, 9/10 of a circle, and about 1/2 of a thin tube.",
         )
-    stiffness = factor * _shear_modulus(read, shear, modulus, f"{where}.shear")
+    stiffness = factor * shear_modulus(read, shear, modulus, f"{where}.shear")
     return tuple(stiffness * c for c in shape.area)
 
 
-def _shear_modulus(read: Reader, shear: Shear, modulus: sp.Expr, where: str) -> sp.Expr:
+def shear_modulus(read: Reader, shear: Shear, modulus: sp.Expr, where: str) -> sp.Expr:
+    """Return the shear modulus [Pa]; ``modulus`` is Young's."""
     if (shear.modulus is None) == (shear.poisson is None):
         raise SceneError("give modulus or poisson, one of them", where=where)
     if shear.modulus is not None:

@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from symgen.scene.table import Bare, Name, Table, Value, absent
+from symgen.scene.table import Bare, Name, SpatialVector, Table, Value, absent
 
 #: Two values; their number is checked by the reader, which has the better message.
 Ends = Annotated[list[Value], Field(json_schema_extra={"minItems": 2, "maxItems": 2})]
@@ -24,6 +24,7 @@ class Section(Table):
     area: Value | Ends | None = absent("Of any other section.")
     second_moment: Value | Ends | None = absent("Of the area, about the neutral axis.")
     fibre: Value | Ends | None = absent("From the neutral axis to the outer fibre.")
+    width_along: SpatialVector | None = absent("Direction of the width of a rectangle, in space.")
 
 
 class Damping(Table):
@@ -86,6 +87,14 @@ class Weld(Table):
 
     point: Name
     links: list[Name] = Field(description="One or more at a ground point, else two or more.")
+
+
+class Rotor(Table):
+    """Elastic links in space that rotate as a whole: ground points rotate too. At no speed it is a frame."""
+
+    axis: SpatialVector = Field(description="Direction of the axis of rotation.")
+    speed: Value = Field(description="Constant angular velocity.")
+    through: Name | None = absent("A point on the axis; the origin if absent.")
 
 
 class ModalDamping(Table):

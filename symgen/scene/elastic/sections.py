@@ -58,8 +58,8 @@ def is_line(link: Link) -> bool:
     return any(x is not None for x in (link.density, link.section, link.elastic))
 
 
-def line(read: Reader, link: Link, length: sp.Expr, where: str) -> Line:
-    """Return the properties of a rod along its line.
+def line(read: Reader, link: Link, length: sp.Expr, where: str, in_space: bool = False) -> Line:
+    """Return the properties of a rod along its line; ``in_space`` a rectangle has the direction of its width.
 
     Raises
     ------
@@ -88,7 +88,7 @@ def line(read: Reader, link: Link, length: sp.Expr, where: str) -> Line:
             where=f"{where}.section",
             hint='Write density = "7850 kg/m^3" instead of the mass, or leave the section out.',
         )
-    shape = _shape(read, link.section, length, f"{where}.section")
+    shape = _shape(read, link.section, length, f"{where}.section", in_space)
     given = [key for key in ("density", "mass", "mass_per_length") if getattr(link, key) is not None]
     if len(given) != 1:
         problem = f"give one of {', '.join(given)}, not all" if given else "this link has no mass"
@@ -144,14 +144,15 @@ def rigid(line: Line, length: sp.Expr, rotary: bool) -> tuple[sp.Expr, sp.Expr, 
     return mass, centre, inertia
 
 
-def _shape(read: Reader, section: Section, length: sp.Expr, where: str) -> Shape:
+def _shape(read: Reader, section: Section, length: sp.Expr, where: str, in_space: bool) -> Shape:
     """Return the properties of a section of one of the kinds."""
     written = {key for key in section.model_fields_set if getattr(section, key) is not None}
     found = next(((keys, factor) for keys, factor in _KINDS if written & set(keys)), None)
     if found is None:
         raise SceneError("this section has no size", where=where, hint=_HINT)
     keys, factor = found
-    for key in sorted(written - set(keys)):
+    placed = {"width_along"} if in_space and "width" in keys else set()
+    for key in sorted(written - set(keys) - placed):
         raise SceneError(f"a section by its {keys[0]} has no {key}", where=f"{where}.{key}", hint=_HINT)
     for key in keys:
         if key not in written:

@@ -1,0 +1,42 @@
+"""Description of a compiled rotor: its points, links and welds."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from symgen.runtime.kernels.description import Described
+
+
+@dataclass(frozen=True, slots=True)
+class RotorLink:
+    """An elastic link between two points, and those of them at which it is welded."""
+
+    link: str
+    start: str
+    end: str
+    elements: int
+    welds: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class RotorDescription(Described):
+    """Runtime data of a rotor: free points, links, and the points with masses in the order of the kernel."""
+
+    free: tuple[str, ...]
+    links: tuple[RotorLink, ...]
+    masses: tuple[str, ...]
+
+    @property
+    def method(self) -> str:
+        """``rotor``."""
+        return "rotor"
+
+    @property
+    def coordinates(self) -> int:
+        """Zero: the kernels read parameters alone."""
+        return 0
+
+    @property
+    def extent(self) -> str:
+        """Numbers of links and free points, in words."""
+        return f"{len(self.links)} elastic links in space, {len(self.free)} free points"

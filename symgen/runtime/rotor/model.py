@@ -1,0 +1,167 @@
+"""A compiled rotor, and its modes."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symgen.calls import checked
+from symgen.errors import ModelError
+from symgen.runtime import _core
+from symgen.runtime.kernels.evaluate import as_taken, part
+from symgen.runtime.model.model import Model
+from symgen.runtime.result.modes import relative
+from symgen.runtime.rotor.description import RotorDescription
+from symgen.runtime.rotor.structure import Structure, parts, structure
+from symgen.runtime.structure import UnstableError, modes_at_rest
+
+Array = NDArray[np.float64]
+
+#: Unknowns up to which frequencies are compared with those of halved elements.
+_REFINED = 400
+#: Rotation [rad] of the steady deflection above which a note is given.
+_ROTATED = 0.01
+
+
+@checked
+@dataclass(frozen=True, slots=True, repr=False)
+class RotorModes:
+    """Modes of a rotor about its drawn shape, by rising frequency.
+
+    Attributes
+    ----------
+    speed
+        [rad/s].
+    frequencies
+        [Hz], seen in the rotating axes.
+    shapes
+        (unknowns, modes), complex, in the order of ``names``; 1 is the largest component.
+    parts
+        Parts of the strain energy by kind, (modes,) each: ``stretch``, ``bending_width`` (displacements along
+        the width of sections), ``bending_thickness`` and ``torsion``.
+    errors_of_elements
+        Frequencies over those of elements divided in two, less one; empty beyond 400 unknowns.
+    notes
+        Where the theory may not hold.
+    """
+
+    name: str
+    speed: float
+    frequencies: Array
+    shapes: NDArray[Any]
+    names: tuple[str, ...]
+    parts: Mapping[str, Array]
+    errors_of_elements: Array
+    notes: tuple[str, ...]
+
+    def __repr__(self) -> str:
+        found = ", ".join(f"{f:.6g}" for f in self.frequencies[:3].tolist())
+        return f"<RotorModes {self.name!r}: {found}, ... Hz, {len(self.frequencies)} modes>"
+
+    def summary(self) -> dict[str, Any]:
+        """Return them in plain numbers."""
+        return {
+            "scene": self.name,
+            "analysis": "modes",
+            "speed": self.speed,
+            "unknowns": len(self.frequencies),
+            "frequencies_hz": self.frequencies.tolist(),
+            "parts": {k: x.tolist() for k, x in self.parts.items()},
+            "errors_of_elements": self.errors_of_elements.tolist(),
+            "notes": list(self.notes),
+        }
+
+
+@checked
+class RotorModel(Model):
+    """Elastic links in space that rotate as a whole at constant speed.
+
+    Made by :func:`symgen.build`.
+    """
+
+    description: RotorDescription
+    MISSING: ClassVar[Mapping[str, str]] = dict.fromkeys(
+        ("", "batch"), "it is a rotor, whose modes alone are found"
+    )
+
+    def __repr__(self) -> str:
+        return f"<RotorModel {self.name!r}: {self.description.extent}, {self.backend} backend>"
+
+    def with_parameters(self, /, **values: float) -> RotorModel:
+        """Return the same rotor with other values of its tunable parameters, in SI units."""
+        changed = {**self.parameters, **values}
+        return RotorModel(self.description, self._library, self._derive, changed, self._typed)
+
+    def _numbers(self) -> dict[str, Array]:
+        """Return the numbers of links, masses and axis by name."""
+        d = self.description
+        info = d.kernels[[k.name for k in d.kernels].index("rotor")]
+        taken = as_taken(self._library, self.given)
+        out = _core.evaluate(
+            self._library.addresses["rotor"],
+            (*d.sizes, info.work_size, info.out_size),
+            0.0,
+            np.zeros(0),
+            np.zeros(0),
+            taken,
+            None,
+        )
+        found = {b.name: part(out, b) for b in info.blocks}
+        if not all(np.all(np.isfinite(x)) for x in found.values()):
+            raise ModelError(f"{self.name}: a number of the scene is not finite at these parameters")
+        return {"masses": np.zeros(0), **found}
+
+    def _modes(self) -> RotorModes:
+        self._refuse_types("modes of rotors are")
+        numbers = self._numbers()
+        made = structure(self.description, numbers)
+        frequencies, shapes = _modes_of(self.name, made)
+        errors = np.zeros(0)
+        if len(frequencies) <= _REFINED:
+            finer, _ = _modes_of(self.name, structure(self.description, numbers, divided=2))
+            errors = relative(frequencies, finer[: len(frequencies)])
+        notes: tuple[str, ...] = ()
+        if made.rotation > _ROTATED:
+            notes = (
+                f"the rotation bends or twists links by {made.rotation:.3g} rad; frequencies are those about "
+                "the drawn shape",
+            )
+        speed = float(numbers["rotation"].ravel()[3])
+        return RotorModes(
+            self.name, speed, frequencies, shapes, made.names, parts(made, shapes), errors, notes
+        )
+
+
+def _modes_of(name: str, made: Structure) -> tuple[Array, NDArray[Any]]:
+    """Return frequencies [Hz] by rising size and complex shapes (n, modes) of M s'' + C s' + K s = 0.
+
+    In the modes of M and K, of squared frequencies w^2, the state (w q, q') has a skew-symmetric matrix, so
+    that its eigenvalues are imaginary to the last digit.
+
+    Raises
+    ------
+    ModelError
+        Above the first critical speed, where K is not positive.
+    """
+    try:
+        speeds, modes, _ = modes_at_rest(name, made.mass, made.stiffness, made.sizes)
+    except UnstableError:
+        raise ModelError(
+            f"{name} rotates above its first critical speed: rotation takes more stiffness than links have\n"
+            "  Modes are found below it: give a lower speed, or stiffer links."
+        ) from None
+    n = len(speeds)
+    gyroscopic = modes.T @ made.gyroscopic @ modes
+    skew = np.block(
+        [[np.zeros((n, n)), np.diag(speeds)], [-np.diag(speeds), (gyroscopic.T - gyroscopic) / 2]]
+    )
+    values, vectors = np.linalg.eigh(1j * skew)
+    shapes = modes @ vectors[n:, n:]
+    largest = shapes[np.argmax(np.abs(shapes), axis=0), np.arange(n)]
+    shapes = np.divide(shapes, largest, out=np.zeros_like(shapes), where=np.abs(largest) > 0.0)
+    return np.maximum(values[n:], 0.0) / (2 * math.pi), shapes

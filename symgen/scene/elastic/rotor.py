@@ -1,0 +1,251 @@
+"""Elastic links in space that rotate as a whole about a fixed axis: the values of a scene."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import sympy as sp
+
+from symgen.errors import SceneError
+from symgen.scene import units
+from symgen.scene.elastic.reading import shear_modulus
+from symgen.scene.elastic.schema import Elastic, Rotor
+from symgen.scene.elastic.sections import line
+from symgen.scene.reading import Reader, shown_units
+from symgen.scene.rods.bodies import points
+from symgen.scene.rods.linkage import Parameter
+from symgen.scene.rods.loads import masses
+from symgen.scene.schema import Link, Scene
+from symgen.scene.units import Shown
+
+#: Tables that the scene of a rotor may have, and keys of its links, their elasticity and their sections.
+_TABLES = {
+    "symgen", "title", "about", "units", "parameters", "points", "links", "masses", "welds", "rotor",
+}  # fmt: skip
+_LINK = {"points", "density", "mass", "mass_per_length", "section", "elastic"}
+_ELASTIC = {"E", "elements", "shear"}
+_ELEMENTS, _MOST_ELEMENTS = 4, 100
+#: Terms of the series of the torsion of a rectangle.
+_TERMS = 6
+
+
+@dataclass(frozen=True, slots=True)
+class RotorLink:
+    """An elastic link: its points, those at which it is welded, number of elements, and its numbers.
+
+    ``width`` is the direction of the y axis of the section. ``section`` are mu, J_y, J_z, EA, EI_y, EI_z and
+    GJ, as :mod:`symgen.mechanics.elastic.spatial` has them.
+    """
+
+    link: str
+    start: str
+    end: str
+    elements: int
+    welds: tuple[str, ...]
+    width: tuple[sp.Expr, ...]
+    section: tuple[sp.Expr, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class RotorScene:
+    """A resolved scene: places [m], links, masses [kg], axis, speed [rad/s] and a point of the axis."""
+
+    name: str
+    file: str
+    title: str
+    units: Shown
+    parameters: tuple[Parameter, ...]
+    places: dict[str, tuple[sp.Expr, ...]]
+    free: tuple[str, ...]
+    links: tuple[RotorLink, ...]
+    masses: tuple[tuple[str, sp.Expr], ...]
+    axis: tuple[sp.Expr, ...]
+    speed: sp.Expr
+    through: tuple[sp.Expr, ...]
+
+    @property
+    def method(self) -> str:
+        """``rotor``."""
+        return "rotor"
+
+
+def resolved_rotor(scene: Scene) -> RotorScene:
+    """Return the rotor of a scene.
+
+    Raises
+    ------
+    SceneError
+        For what a rotor does not have, a wrong unit, an unknown name, or a value that is not physical.
+    """
+    for key in sorted(scene.model_fields_set - _TABLES):
+        if getattr(scene, key):
+            raise SceneError(
+                f"a scene with a rotor has no {key}",
+                where=key,
+                hint="It has points, links, masses and welds, and the loads of its rotation alone.",
+            )
+    for key in ("points", "links"):
+        if key not in scene.model_fields_set:
+            raise SceneError("this key is missing", where=key, hint="A rotor has points and links.")
+    read = Reader(scene)
+    if read.dimension != 3:
+        raise SceneError("expected points with three coordinates: a rotor is in space", where="points")
+    points(read)
+    for name, point in scene.points.items():
+        if point.motion is not None:
+            raise SceneError(
+                "the ground of a rotor rotates and has no other motion", where=f"points.{name}.motion"
+            )
+    table: Rotor = getattr(scene, "rotor")  # noqa: B009  (a table that the method adds)
+    axis = read.vector(table.axis, units.NUMBER, "rotor.axis")
+    if all(read.number(c) == 0 for c in axis):
+        raise SceneError("expected a direction, got zero", where="rotor.axis")
+    through = (sp.Integer(0),) * 3
+    if table.through is not None:
+        through = read.known_point(table.through, "rotor.through").at
+    welds = dict(_welds(read))
+    links = tuple(_link(read, name, link, welds) for name, link in scene.links.items())
+    used = {p for link in links for p in (link.start, link.end)}
+    for name, placed in read.points.items():
+        if name not in used and not placed.ground:
+            raise SceneError(f"the point {name} is on no link", where=f"points.{name}")
+    free = tuple(name for name, placed in read.points.items() if not placed.ground)
+    return RotorScene(
+        name=scene.name,
+        file=scene.file,
+        title=scene.title or scene.name,
+        units=shown_units(scene.units),
+        parameters=tuple(read.parameters),
+        places={name: placed.at for name, placed in read.points.items()},
+        free=free,
+        links=links,
+        masses=tuple((mass.point, mass.mass) for mass in masses(read)),
+        axis=axis,
+        speed=read.value(table.speed, units.ANGULAR_RATE, "rotor.speed"),
+        through=through,
+    )
+
+
+def _welds(read: Reader) -> Iterator[tuple[str, tuple[str, ...]]]:
+    """Yield the points of welds with the links welded there."""
+    for i, weld in enumerate(read.scene.welds):
+        where = f"welds.{i}"
+        read.known_point(weld.point, f"{where}.point")
+        if sum(other.point == weld.point for other in read.scene.welds) > 1:
+            raise SceneError(f"{weld.point} has two welds", where=f"{where}.point", hint="Write them as one.")
+        for name in weld.links:
+            read.known_link(name, f"{where}.links")
+            if weld.point not in read.scene.links[name].points:
+                raise SceneError(f"{weld.point} is no end of {name}", where=f"{where}.point")
+        yield weld.point, tuple(weld.links)
+
+
+def _link(read: Reader, name: str, link: Link, welds: dict[str, tuple[str, ...]]) -> RotorLink:
+    where = f"links.{name}"
+    elastic = link.elastic
+    if elastic is None:
+        raise SceneError(
+            "every link of a rotor is elastic",
+            where=where,
+            hint="Write elastic = { E, shear }, or make its points ground, which is rigid.",
+        )
+    for keys, given, place in (
+        (_LINK, link.model_fields_set, where),
+        (_ELASTIC, elastic.model_fields_set, f"{where}.elastic"),
+    ):
+        for key in sorted(given - keys):
+            raise SceneError(
+                f"a link of a rotor has no {key}",
+                where=f"{place}.{key}",
+                hint=f"It has {', '.join(sorted(keys))}.",
+            )
+    ends = [read.known_point(p, f"{where}.points").at for p in link.points[:2]]
+    length = sp.sqrt(sp.Add(*((b - a) ** 2 for a, b in zip(*ends, strict=True))))
+    if read.number(length) == 0:
+        raise SceneError("this link has no length: its two points are at one place", where=f"{where}.points")
+    elements = _ELEMENTS if elastic.elements is None else elastic.elements
+    if not 1 <= elements <= _MOST_ELEMENTS:
+        raise SceneError(
+            f"expected a whole number from 1 to {_MOST_ELEMENTS}, got {elements}",
+            where=f"{where}.elastic.elements",
+        )
+    width, of_section = _section(read, link, elastic, length, where)
+    own = tuple(p for p in link.points[:2] if name in welds.get(p, ()))
+    return RotorLink(name, link.points[0], link.points[1], elements, own, width, of_section)
+
+
+def _section(
+    read: Reader, link: Link, elastic: Elastic, length: sp.Expr, where: str
+) -> tuple[tuple[sp.Expr, ...], tuple[sp.Expr, ...]]:
+    """Return the direction of the width, and mu, J_y, J_z, EA, EI_y, EI_z, GJ."""
+    along = line(read, link, length, where, in_space=True)
+    shape, section, here = along.shape, link.section, f"{where}.section"
+    if not shape.uniform:
+        raise SceneError("a link of a rotor is uniform along its length", where=here, hint="Divide it.")
+    if elastic.shear is None or elastic.shear.factor is not None:
+        raise SceneError(
+            "a link of a rotor needs the shear modulus for its torsion, and no shear factor",
+            where=f"{where}.elastic.shear",
+            hint='Write shear = { poisson = 0.3 }, or shear = { modulus = "80 GPa" }.',
+        )
+    modulus = read.positive(elastic.E, units.PRESSURE, f"{where}.elastic.E")
+    shear = shear_modulus(read, elastic.shear, modulus, f"{where}.elastic.shear")
+    area, about_y = shape.area[0], shape.second_moment[0]
+    mu, round_ = along.mass[0], section is not None and section.diameter is not None
+    if section is None or section.width_along is None:
+        if not round_:
+            raise SceneError(
+                "expected a circle, or a rectangle with the direction of its width in space",
+                where=here,
+                hint="Write { width, thickness, width_along = [0, 1, 0] }, or { diameter }.",
+            )
+        about_z, torsion, width = about_y, 2 * about_y, _any_across(read, link)
+    else:
+        width = read.vector(section.width_along, units.NUMBER, f"{here}.width_along")
+        wide = read.positive(section.width, units.LENGTH, f"{here}.width")  # type: ignore[arg-type]
+        about_z = area * wide**2 / 12
+        torsion = torsion_constant(read, wide, area / wide)
+        _check_across(read, link, width, f"{here}.width_along")
+    density = mu / area
+    return width, (
+        mu,
+        density * about_y,
+        density * about_z,
+        modulus * area,
+        modulus * about_y,
+        modulus * about_z,
+        shear * torsion,
+    )
+
+
+def torsion_constant(read: Reader, width: sp.Expr, thickness: sp.Expr) -> sp.Expr:
+    """Return Saint-Venant's torsion constant [m^4] of a rectangle.
+
+    a b^3 [1/3 - 64/pi^5 (b/a) sum of tanh(n pi a/(2 b))/n^5 over odd n], a >= b: S. P. Timoshenko,
+    J. N. Goodier, Theory of Elasticity, Art. 109. The sum is 31 zeta(5)/32 less terms that fall
+    exponentially.
+    """
+    a, b = (width, thickness) if read.number(width) >= read.number(thickness) else (thickness, width)
+    less = sp.Add(*(2 / ((sp.exp(n * sp.pi * a / b) + 1) * n**5) for n in range(1, 2 * _TERMS, 2)))
+    zeta = sp.Rational(31, 32) * sp.Float("1.03692775514336992633136548645703416805708092", 40)
+    return a * b**3 * (sp.Rational(1, 3) - 64 / sp.pi**5 * b / a * (zeta - less))
+
+
+def _ends(read: Reader, link: Link) -> list[float]:
+    first, second = (read.points[p].at for p in link.points[:2])
+    return [read.number(b - a) for a, b in zip(first, second, strict=True)]
+
+
+def _check_across(read: Reader, link: Link, width: tuple[sp.Expr, ...], where: str) -> None:
+    d, w = _ends(read, link), [read.number(c) for c in width]
+    cross = [d[1] * w[2] - d[2] * w[1], d[2] * w[0] - d[0] * w[2], d[0] * w[1] - d[1] * w[0]]
+    if sum(c * c for c in cross) <= 1e-12 * sum(c * c for c in d) * sum(c * c for c in w):
+        raise SceneError("expected a direction across the link, got one along it, or zero", where=where)
+
+
+def _any_across(read: Reader, link: Link) -> tuple[sp.Expr, ...]:
+    """Return the axis of coordinates most across the link: a round section has no direction of its own."""
+    sizes = [abs(c) for c in _ends(read, link)]
+    least = sizes.index(min(sizes))
+    return tuple(sp.Integer(int(k == least)) for k in range(3))
