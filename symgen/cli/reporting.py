@@ -58,22 +58,39 @@ def animate(
     ] = None,
     t_end: o.TEnd = None,
     samples: o.Samples = None,
+    mode: Annotated[
+        int | None, typer.Option(metavar="N", help="A mode of vibration in place of the motion, from 1.")
+    ] = None,
+    at: Annotated[
+        str | None,
+        typer.Option(
+            metavar="ANGLE", help="Crank angle of modes of elastic links: 60 or '1 rad'; default: start."
+        ),
+    ] = None,
     set_: o.Set = None,
 ) -> None:
     """Write an HTML page on which the mechanism moves, or a GIF or MP4 of the same picture.
 
     The page plays, pauses and scrubs the motion next to plots of the scene's outputs; it works offline.
     """
-    from symgen.inspection.film import FRAMES, film_of
+    from symgen.errors import ModelError
+    from symgen.inspection.film import FRAMES, film_of, film_of_mode
+    from symgen.inspection.values import of_crank
     from symgen.report.page.movie import film_file, save
     from symgen.scene.loading import override, read_scene
 
     text = override(read_scene(scene), changes(set_))
     file = out or Path(f"{text.name}_moving.html")
     film_file(file)
+    frames = FRAMES if samples is None else samples
+    if mode is None and at is not None:
+        raise ModelError("--at selects the pose of a mode: give --mode N")
+    if mode is not None and t_end is not None:
+        raise ModelError("give --mode or --t-end, not both")
     with _status(f"animation of {text.name}") as told:
         asked = {} if t_end is None else {"t_end": t_end}
-        film = film_of(text, FRAMES if samples is None else samples, **asked)
+        angle = None if at is None else of_crank(None, [at], "--at")[0][0]
+        film = film_of(text, frames, **asked) if mode is None else film_of_mode(text, mode, angle, frames)
         told("writing")
         save(film, file)
     print(file)

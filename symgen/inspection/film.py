@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from symgen.errors import ModelError, ResultError, SymgenError, nearest
 from symgen.inspection.values import of_time
-from symgen.inspection.view import Drawn, drawn_scene
+from symgen.inspection.view import Drawn, bare, drawn_scene
 from symgen.methods import load, method_of
 from symgen.pipeline.build import build_asked
 from symgen.report.page.animation import Film, traces_of
@@ -21,6 +21,7 @@ from symgen.report.page.drawing import Sketch
 from symgen.report.page.movie import film_file, save
 from symgen.report.page.sheet import Sheet
 from symgen.runtime.kernels.arguments import count, reals
+from symgen.runtime.result.records import Coordinate
 from symgen.runtime.result.result import Result
 from symgen.scene.loading import SceneText
 from symgen.scene.units import LENGTH, describe, parse_quantity
@@ -53,6 +54,33 @@ def film_of(text: SceneText, samples: int, **asked: Any) -> Film:
     result = drawn.view.filmed(model, samples, **asked)
     sketches = drawn.view.sketches(drawn.resolved, model, result)
     return Film(_shown(result, drawn.plotted), sketches, drawn.view.film_text(drawn.resolved, result))
+
+
+def film_of_mode(text: SceneText, number: int, angle: float | None, samples: int) -> Film:
+    """Return the moving picture of a mode of vibration over one period.
+
+    Parameters
+    ----------
+    text
+        The scene.
+    number
+        Number of the mode, from 1.
+    angle
+        Direction of the crank that holds elastic links [rad]; that of the start when absent.
+    samples
+        Number of frames.
+
+    Raises
+    ------
+    SceneError, BuildError, CacheError, ModelError
+        As for building the scene and its modes, and for a mode that does not vibrate.
+    """
+    of = drawn_scene(text)
+    model = _built(of)
+    phases = np.linspace(0.0, 2 * np.pi, samples)
+    sketches, hertz, words = of.view.vibrating(of.resolved, model, number, angle, phases)
+    along = Coordinate("phase", "rad", "phase", phases)
+    return Film(bare(model.description, along, (), hertz), sketches, words)
 
 
 def animate(result: Result, file: str | os.PathLike[str] | None, frames: int) -> Film:

@@ -8,7 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from symgen.errors import ModelError
 from symgen.inspection.picture import (
+    SEEN,
     bent_outputs,
     bent_sketches,
     deflected,
@@ -16,7 +18,7 @@ from symgen.inspection.picture import (
     magnification,
     stations_of,
 )
-from symgen.inspection.view import View
+from symgen.inspection.view import View, bare, vibration
 from symgen.mechanics.elastic.hamilton import THESIS
 from symgen.models.generality import general
 from symgen.models.structure import structure
@@ -26,6 +28,7 @@ from symgen.report.page.drawing import Drawing, Sketch
 from symgen.report.page.page import Fact
 from symgen.report.page.structure import elastic_lines
 from symgen.runtime.elastic.model import ElasticModel
+from symgen.runtime.result.records import Coordinate
 from symgen.runtime.result.result import Result
 from symgen.scene.rods.linkage import Linkage
 from symgen.symbolic.system import System
@@ -33,6 +36,7 @@ from symgen.symbolic.system import System
 #: Error over the peak stress of the run on a page.
 _ERROR = 1e-3
 _POSITION = ".position"
+Array = NDArray[np.float64]
 #: Arguments that the kinematics of a linkage shares with its other analyses over prescribed values.
 _OF_MOTION = ("start", "stop", "at", "over", "samples", "state", "through")
 
@@ -98,6 +102,23 @@ class RodsView(View):
     def sketch_at(self, resolved: Linkage, drawn: Mapping[str, NDArray[np.float64]]) -> Sketch:
         """Return points and links."""
         return linkage_sketch(resolved, {name.removesuffix(_POSITION): x for name, x in drawn.items()}, None)
+
+    def vibrating(
+        self, resolved: Linkage, model: Any, number: int, angle: float | None, phases: Array
+    ) -> tuple[list[Sketch], float, str]:
+        """Return points and links about the equilibrium."""
+        if angle is not None:
+            raise ModelError(f"modes of {resolved.name} are about its equilibrium: leave the angle out")
+        modes = model.modes()
+        frequency, words = vibration(resolved.name, number, [m.frequency for m in modes])
+        rest, mode = modes.equilibrium.state.positions, modes[number - 1]
+        places, shape = np.array([*rest.values()]), np.array([mode.shape[p] for p in rest])
+        moved = np.real(np.exp(1j * phases)[:, None, None] * shape)
+        moved *= SEEN * float(np.max(np.ptp(places, axis=0))) / float(np.max(np.abs(moved)))
+        sketches = [
+            linkage_sketch(resolved, dict(zip(rest, places + off, strict=True)), None) for off in moved
+        ]
+        return sketches, frequency, words
 
     def caption(self, drawn: Drawing) -> str:
         """Return the caption of the drawing."""
@@ -188,6 +209,19 @@ class ElasticView(RodsView):
         if verb != "large_rotation":
             return View.repeated(self, model, verb, given, result)
         return model.kinematics(at=result.time, over="time", of=model.description.points)
+
+    def vibrating(
+        self, resolved: Linkage, model: ElasticModel, number: int, angle: float | None, phases: Array
+    ) -> tuple[list[Sketch], float, str]:
+        """Return the links bent about the pose of the modes, at rest."""
+        modes: Any = model.modes() if angle is None else model.modes(angle)
+        frequency, words = vibration(resolved.name, number, modes.frequencies.tolist())
+        start = model.rigid.initial_state().positions
+        size = SEEN * float(np.max(np.ptp(np.array([*start.values()]), axis=0)))
+        along = Coordinate("phase", "rad", "phase", phases)
+        outputs = tuple(model.in_mode(modes, number - 1, phases, size))
+        sketches = bent_sketches(resolved, start, bare(model.description, along, outputs))
+        return sketches, frequency, f"{words} Grey: the rigid links."
 
     def run(self, model: ElasticModel) -> Result:
         """Return the motion at a tolerance that suits a page."""

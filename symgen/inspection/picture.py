@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 _PARTS = 8
 #: Largest deflection drawn over the size of the mechanism. Deflections that need more magnification than the
 #: second are round-off.
-_SEEN, _ROUND_OFF = 0.08, 1e9
+SEEN, _ROUND_OFF = 0.08, 1e9
 #: Drawn length of a joint axis relative to the size of the loop.
 _AXIS = 0.09
 #: The freedoms of a joint that has no axis.
@@ -111,14 +111,14 @@ def deflected(linkage: Linkage, result: Result) -> bool:
 def magnification(linkage: Linkage, result: Result) -> float:
     """Return the magnification of deflections: 1, 2 or 5 times a power of ten, at least 1.
 
-    The largest then has a part ``_SEEN`` of the size of the mechanism or less.
+    The largest then has a part ``SEEN`` of the size of the mechanism or less.
     """
     found = {name: result.variable(name).values for name in bent_outputs(linkage)}
     ground = [[[linkage.number(x) for x in p.at]] for p in linkage.as_written.points if p.ground]
     places = np.vstack([*ground, *(x for name, x in found.items() if name.endswith(".position"))])
     others = [x for name, x in found.items() if not name.endswith(".position")]
     largest = max(float(np.max(np.abs(x), initial=0.0)) for x in others)
-    exact = _SEEN * float(np.max(np.ptp(places, axis=0))) / max(largest, 1e-300)
+    exact = SEEN * float(np.max(np.ptp(places, axis=0))) / max(largest, 1e-300)
     if not 1.0 < exact < _ROUND_OFF:
         return 1.0
     power = 10.0 ** np.floor(np.log10(exact))

@@ -12,6 +12,7 @@ from symgen.errors import ModelError
 from symgen.methods import method_of
 from symgen.report.page.drawing import Drawing, Sketch
 from symgen.report.page.page import Fact, TableView
+from symgen.runtime.result.records import Coordinate, Drift, Variable
 from symgen.runtime.result.result import Result
 from symgen.scene.loading import SceneText, check_scene
 from symgen.scene.resolve import resolve
@@ -103,6 +104,19 @@ class View:
         found: Result = getattr(model, verb)(**given)
         return found
 
+    def vibrating(
+        self, resolved: Any, model: Any, number: int, angle: float | None, phases: NDArray[np.float64]
+    ) -> tuple[list[Sketch], float, str]:
+        """Return the mechanism over the phase [rad] of a mode, counted from 1; frequency [Hz] and caption.
+
+        Raises
+        ------
+        ModelError
+            For a mode that does not vibrate, and a number or an angle of the crank that there is not.
+        """
+        model.modes()  # raises the reason if there are none
+        raise ModelError(f"modes of {resolved.name} have no picture")
+
     def unit(self, resolved: Any) -> tuple[str, float]:
         """Return the unit of length of drawings and its size [m]."""
         found: tuple[str, float] = resolved.units.get("length", ("m", 1.0))
@@ -171,3 +185,38 @@ def view_of(thing: Any) -> View:
     """Return the view of the method of a resolved scene or a model."""
     view: View = method_of(thing).load("view")()
     return view
+
+
+def bare(d: Any, along: Coordinate, variables: Sequence[Variable], hertz: float = 0.0) -> Result:
+    """Return a result of a picture alone, over the phase of a vibration of a frequency [Hz]."""
+    return Result(
+        name=d.name,
+        title=d.title,
+        axes=d.axes,
+        coordinate=along,
+        variables=tuple(variables),
+        drift=Drift(),
+        final={},
+        statistics={},
+        provenance={},
+        times=along.values / (2 * np.pi * hertz) if hertz else None,
+    )
+
+
+def vibration(name: str, number: int, frequencies: Sequence[float]) -> tuple[float, str]:
+    """Return the frequency [Hz] of a mode, counted from 1, and the caption of its picture.
+
+    Raises
+    ------
+    ModelError
+        For a number that there is not, and a mode without frequency.
+    """
+    if not 1 <= number <= len(frequencies):
+        raise ModelError(f"there is no mode {number}: {name} has {len(frequencies)}, counted from 1")
+    frequency = frequencies[number - 1]
+    if not frequency > 0.0:
+        raise ModelError(f"mode {number} of {name} does not vibrate: it has no frequency")
+    words = (
+        f"Mode {number} of {len(frequencies)}, {frequency:.6g} Hz. Its amplitude is chosen for the picture."
+    )
+    return frequency, words

@@ -145,6 +145,14 @@ def test_a_plot_of_some_outputs_or_of_a_path(tmp_path, entry, monkeypatch):
     assert code == 2 and "give --xy, or --of and --over, not both" in said
 
 
+def test_animate_a_mode(tmp_path, entry):
+    file = tmp_path / "mode.html"
+    done = call("animate", "elastic_four_bar", "--mode", "1", "--at", "60", "--samples", "5", "--out", file)
+    assert done == f"{file}\n" and "Mode 1 of 10" in file.read_text()
+    code, _, said = entry("animate", "four_bar", "--at", "60", "--out", file)
+    assert code == 2 and said == "symgen: --at selects the pose of a mode: give --mode N\n"
+
+
 def test_a_plot_compares_with_a_saved_result(tmp_path):
     saved, file = tmp_path / "slow.nc", tmp_path / "both.svg"
     given = "kinematics", "crank_rocker", "--samples", "5", "--of", "B", "--of", "A.B.C"

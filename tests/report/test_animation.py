@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 import symgen
-from symgen.errors import ModelError
-from symgen.inspection.film import film_of
+from symgen.errors import CapabilityError, ModelError
+from symgen.inspection.film import film_of, film_of_mode
 from symgen.inspection.view import View
 from symgen.report.page.animation import animation
 from symgen.scene.loading import override, read_scene
@@ -146,3 +146,48 @@ def test_the_command_writes_a_page(tmp_path, monkeypatch, entry):
     assert (tmp_path / "crank_rocker_moving.html").stat().st_size < 100_000
     code, out, said = entry("animate", "crank_rocker", "--out", "page.png")
     assert (code, out) == (2, "") and ".html" in said
+
+
+def test_a_mode_of_a_strip_is_that_of_a_cantilever():
+    """Closed form: cosh bx - cos bx - s (sinh bx - sin bx) with cos b cosh b = -1, here of the second mode."""
+    film = film_of_mode(read_scene("rotating_cantilever"), 2, None, 9)
+    b = 4.694091132974175
+    s = (np.cosh(b) + np.cos(b)) / (np.sinh(b) + np.sin(b))
+    x = b * np.linspace(0.0, 1.0, 9)
+    shape = np.cosh(x) - np.cos(x) - s * (np.sinh(x) - np.sin(x))
+    strips = np.array([next(k.at for k in one.lines if k.kind == "elastic") for one in film.sketches])
+    phases = np.cos(np.linspace(0.0, 2 * np.pi, 9))
+    tip = strips[0, -1, 1]
+    assert strips[:, :, 1] == pytest.approx(tip * phases[:, None] * shape / shape[-1], abs=2e-3 * abs(tip))
+    assert np.ptp(strips[:, :, 0], axis=0) == pytest.approx(np.zeros(9), abs=1e-12)
+    bow = strips[0, :, 1] - np.linspace(0.0, tip, 9)
+    assert max(abs(tip), np.max(np.abs(bow))) == pytest.approx(0.08 * strips[0, -1, 0])  # of the length
+    found = symgen.build("rotating_cantilever").modes().frequencies[1]
+    assert f"Mode 2 of 16, {found:.6g} Hz" in film.caption
+    assert film.result.time[-1] == pytest.approx(1 / found)
+
+
+def test_a_mode_of_a_four_bar_keeps_the_lengths_of_its_links():
+    film = film_of_mode(read_scene("four_bar"), 1, None, 5)
+    first, last = ({node.name: np.array(node.at) for node in film.sketches[k].nodes} for k in (0, 2))
+    moved = {name: (first[name] - last[name]) / 2 for name in first}
+    rest = {name: (first[name] + last[name]) / 2 for name in first}
+    largest = max(np.linalg.norm(x) for x in moved.values())
+    for p, q in ("OA", "AB", "CB"):
+        assert (moved[q] - moved[p]) @ (rest[q] - rest[p]) == pytest.approx(0.0, abs=1e-9 * largest)
+    assert largest > 0.01 and moved["O"] == pytest.approx([0, 0], abs=0)
+
+
+@pytest.mark.parametrize(
+    ("scene", "number", "angle", "words"),
+    [
+        ("four_bar", 2, None, "there is no mode 2: four_bar has 1"),
+        ("four_bar", 1, 0.5, "about its equilibrium: leave the angle out"),
+        ("elastic_four_bar", 0, None, "there is no mode 0"),
+        ("slider_crank", 1, None, "does not support modes"),
+        ("elastic_four_bar_free", 1, None, "mode 1 of elastic_four_bar_free does not vibrate"),
+    ],
+)
+def test_modes_without_a_picture_are_refused(scene, number, angle, words):
+    with pytest.raises((ModelError, CapabilityError), match=words):
+        film_of_mode(read_scene(scene), number, angle, 5)

@@ -9,6 +9,7 @@ from functools import cache, cached_property
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from symgen.calls import checked
 from symgen.errors import ModelError, nearest
@@ -29,6 +30,7 @@ if TYPE_CHECKING:
     from symgen.runtime.model.rods import RodModel
     from symgen.runtime.result.elastic import ElasticResult
     from symgen.runtime.result.modes import ElasticModes
+    from symgen.runtime.result.records import Variable
     from symgen.runtime.result.speed_response import SpeedResponse
     from symgen.runtime.rods.equilibrium import Equilibrium
 
@@ -183,6 +185,14 @@ class ElasticModel(Model):
         motion = self._motion(True)
         angle = motion.angle if at is None else real(at, "the direction of the crank")
         return modes_with_errors(motion, motion.time_at(angle), moving)
+
+    def in_mode(
+        self, modes: ElasticModes, number: int, phases: NDArray[np.float64], largest: float
+    ) -> list[Variable]:
+        """Return the outputs of a mode over its phase; see :func:`symgen.runtime.elastic.outputs.in_mode`."""
+        from symgen.runtime.elastic.outputs import in_mode
+
+        return in_mode(self._motion(True), modes, number, phases, largest)
 
     @takes(ElasticRun)
     def _simulate(self, asked: ElasticRun) -> ElasticResult:

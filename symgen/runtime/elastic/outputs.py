@@ -14,6 +14,7 @@ from symgen.runtime import _beams
 from symgen.runtime.beams.forces import Motion
 from symgen.runtime.beams.links import Beam
 from symgen.runtime.elastic.motion import ElasticMotion
+from symgen.runtime.result.modes import ElasticModes
 from symgen.runtime.result.records import Coordinate, Variable, over_time
 
 Array = NDArray[np.float64]
@@ -173,6 +174,35 @@ def of_powers(powers: tuple[float, float] | None) -> Iterator[str]:
             "joint forces are of first order in the deflections, mean power is of second order; compare with "
             "large rotation"
         )
+
+
+def in_mode(
+    motion: ElasticMotion, modes: ElasticModes, number: int, phases: Array, largest: float
+) -> list[Variable]:
+    """Return the outputs of a shape over the phase of its vibration, in the pose of the modes.
+
+    Parameters
+    ----------
+    number
+        Number of the mode, from 0.
+    phases
+        [rad].
+    largest
+        Largest displacement or deflection over the phases [m].
+    """
+    t, count = motion.time_at(modes.angle), len(phases)
+    rigid, links, loads = motion.rigid_motion(motion.equations(), np.array([t]))
+    q, links, loads = (np.repeat(x, count, axis=0) for x in (rigid[0], links, loads))
+
+    def shaped(factor: float) -> list[Variable]:
+        y = factor * np.real(np.exp(1j * phases)[:, None] * modes.shapes[:, number])
+        return [
+            *outputs(motion, links, y),
+            *recovered(motion, Motion(np.full(count, t), q, links, loads, y, None)),
+        ]
+
+    sizes = (v.values for v in shaped(1.0) if v.name.endswith((".displacement", ".deflection")))
+    return shaped(largest / max(float(np.max(np.abs(x))) for x in sizes))
 
 
 class Errors:
