@@ -130,34 +130,10 @@ FAULTS = (
     Fault("Freudenstein's ratios exchanged", "synthesis/points.py", "first * sp.cos(rocker) - second * sp.cos(crank)", "second * sp.cos(rocker) - first * sp.cos(crank)", "function", SYNTHESIS),
 )  # fmt: skip
 
-#: A rod and a body with its centre off the line, a spring, gravity; what rods/ decides.
-RODS = """
-symgen = 1
-title = "Body and rod with a spring"
-[points]
-O = { at = ["0 m", "0 m"], ground = true }
-A = { at = ["0.6 m", "0.1 m"] }
-B = { at = ["1.2 m", "-0.3 m"] }
-[links.rod]
-points = ["O", "A"]
-mass = "1 kg"
-centre = 0.4
-[links.body]
-points = ["A", "B"]
-mass = "2 kg"
-inertia = "0.09 kg*m^2"
-centre = ["0.8 m", "0.15 m"]
-[[springs]]
-between = ["O", "B"]
-stiffness = "40 N/m"
-length = "0.8 m"
-[gravity]
-acceleration = ["0 m/s^2", "-9.81 m/s^2"]
-"""
 #: Shipped scenes that are run for faults.
 SHIPPED = {"loop": "slider_crank", "rocker": "rssr", "motor": "elastic_four_bar_motor"}
 SHIPPED |= dict.fromkeys(("large", "weight"), "elastic_four_bar")
-#: Gravity and damping that this one does not have.
+#: Gravity and damping that the elastic four-bar does not have.
 HEAVY = {
     "gravity.acceleration": ["2 m/s^2", "-9.81 m/s^2"],
     "links.coupler.elastic.damping": {"stiffness": "1e-4 s"},
@@ -171,63 +147,6 @@ TASKS = {
         "ground_x": ["0 m", "1 m"], "ground_y": ["-1 m", "-1 m"],
     },
 }  # fmt: skip
-#: Links with every load, mass and kind of damping; what elastic/ decides.
-ELASTIC = """
-symgen = 1
-title = "Loads and masses along elastic links"
-[points]
-M = { at = ["0 m", "0 m"], ground = true }
-A = { at = ["0.18 m", "0 m"] }
-B = { at = ["0.09 m", "0.24 m"] }
-Q = { at = ["0.28 m", "0 m"], ground = true }
-X = { on = "coupler", fraction = 0.3 }
-[links.crank]
-points = ["M", "A"]
-mass_per_length = "0.2 kg/m"
-[links.coupler]
-points = ["A", "B"]
-density = "2700 kg/m^3"
-section = { width = "25 mm", thickness = ["3 mm", "2.5 mm"] }
-elastic = { E = "70 GPa", elements = 1, element = "rayleigh", damping = { mass = "2 1/s", stiffness = "1e-4 s" } }
-[links.output]
-points = ["B", "Q"]
-density = "2700 kg/m^3"
-section = { width = "25 mm", thickness = "3 mm" }
-elastic = { E = "70 GPa", elements = 1, element = "rayleigh" }
-[[masses]]
-point = "X"
-mass = "0.03 kg"
-[[forces]]
-point = "X"
-force = ["4 N", "-7 N"]
-[gravity]
-acceleration = ["0 m/s^2", "-9.81 m/s^2"]
-[crank]
-link = "crank"
-speed = "120 rpm"
-"""
-#: A blade of some pitch with a mass at its tip.
-ROTOR = """
-symgen = 1
-title = "Blade"
-[points]
-root = { at = ["0.2 m", "0 m", "0 m"], ground = true }
-tip = { at = ["1.2 m", "0 m", "0.1 m"] }
-[links.blade]
-points = ["root", "tip"]
-density = "2700 kg/m^3"
-section = { width = "80 mm", thickness = "20 mm", width_along = [0, 1, 0.4] }
-elastic = { E = "70 GPa", elements = 2, shear = { poisson = 0.3 } }
-[[welds]]
-point = "root"
-links = ["blade"]
-[[masses]]
-point = "tip"
-mass = "0.3 kg"
-[rotor]
-axis = [0, 0, 1]
-speed = "900 rpm"
-"""
 
 
 def main() -> int:
@@ -328,19 +247,8 @@ def probe(tree: Path, scene: str) -> Any:
 
 def failing(tree: Path, test: str) -> str:
     """Return the first test that fails of those named, "" where none does."""
-    command = [
-        sys.executable,
-        "-m",
-        "pytest",
-        "-q",
-        "-x",
-        "--no-header",
-        "-p",
-        "no:cacheprovider",
-        "-p",
-        "mutations",
-        test,
-    ]
+    options = ["-q", "-x", "--no-header", "-p", "no:cacheprovider", "-p", "mutations"]
+    command = [sys.executable, "-m", "pytest", *options, test]
     done = _done(tree, command)
     lines = done.stdout.splitlines()
     failed = [x.split(" ")[1] for x in lines if x.startswith(("FAILED ", "ERROR "))]
@@ -355,11 +263,9 @@ def results(scene: str) -> dict[str, list[float]]:
     if scene in TASKS:
         designs = symgen.synthesise(TASKS[scene]).designs
         return {f"design {i}": [*d.linkage.lengths.values()] for i, d in enumerate(designs)}
-    with tempfile.TemporaryDirectory() as folder:
-        file = Path(folder) / "scene.toml"
-        file.write_text({"rods": RODS, "elastic": ELASTIC, "rotor": ROTOR}.get(scene, ""))
-        heavy = HEAVY if SHIPPED.get(scene) == "elastic_four_bar" else {}
-        model = symgen.build(SHIPPED.get(scene, str(file)), set=heavy)
+    file = ROOT / "tests" / "cases" / f"mutated_{scene}.toml"
+    heavy = HEAVY if SHIPPED.get(scene) == "elastic_four_bar" else {}
+    model = symgen.build(SHIPPED.get(scene, str(file)), set=heavy)
     if scene == "rotor":
         return {"frequencies": model.modes().frequencies.tolist()}
     if scene in ("loop", "rocker"):

@@ -72,7 +72,7 @@ def elastic(
             doubles("CONSTANTS", x.constants),
             Table("double", "RIGID_START", braces([*rigid.q, *rigid.u, *np.zeros(extra)], 1)),
             Table("double", "RIGID_PARAMETERS", braces(model.rigid.given)),
-            doubles("GAUSS_NUMBERS", GAUSS.numbers),
+            *(doubles(f"GAUSS_{name.upper()}", values) for name, values in GAUSS.arrays.items()),
             *method_tables(),
         ),
         records=(
@@ -80,8 +80,18 @@ def elastic(
             Record("sizes", "RIGID_SIZES", sizes),
             Record("motion_sizes", "MOTION_SIZES", members(**motion.kernel_sizes)),
             Record("motion_kernels", "MOTION_KERNELS", members(**_motion_kernels(motion, prefixes))),
-            Record("beam_layout", "LAYOUT", members(**x.counts, **{n: n.upper() for n in _INDEXED})),
-            Record("beam_scheme", "GAUSS", members(stages=len(GAUSS.c), numbers="GAUSS_NUMBERS")),
+            Record(
+                "beam_layout",
+                "LAYOUT",
+                members(
+                    **{f"counts.{n}": k for n, k in x.counts.items()}, **{n: n.upper() for n in _INDEXED}
+                ),
+            ),
+            Record(
+                "beam_scheme",
+                "GAUSS",
+                members(stages=len(GAUSS.c), **{n: f"GAUSS_{n.upper()}" for n in GAUSS.arrays}),
+            ),
         ),
         expected=_expected(motion),
         notes=_notes(motion),

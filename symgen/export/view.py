@@ -216,6 +216,5 @@ def functions(prefix: str, known: Iterable[str], there: Iterable[str]) -> dict[s
 
 def method_tables() -> tuple[Table, Table]:
     """Return the coefficients of the integration method in the layout of the core."""
-    method = INTEGRATORS["dop853"]
-    counts = Table("long", "DOP853_COUNTS", braces(method.counts))
-    return counts, doubles("DOP853_NUMBERS", method.numbers)
+    counts, numbers = _core.scheme_of(INTEGRATORS["dop853"])
+    return Table("long", "DOP853_COUNTS", braces(counts)), doubles("DOP853_NUMBERS", numbers)

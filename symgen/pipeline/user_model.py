@@ -112,8 +112,7 @@ def _described(file: str, program: Program, equations: str) -> SystemDescription
     from symgen.runtime.kernels.description import ArrayInfo, SystemDescription, kernel_infos
 
     def info(about: str, slots: tuple[Slot, ...]) -> ArrayInfo:
-        names, units, meanings = zip(*((s.name, s.unit, s.description) for s in slots), strict=True)
-        return ArrayInfo(about, names, units, meanings)
+        return ArrayInfo(about, tuple(s.name for s in slots), tuple(s.unit for s in slots))
 
     return SystemDescription(
         name=program.name,

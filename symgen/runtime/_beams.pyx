@@ -42,9 +42,12 @@ cdef extern from "core/elastic.h" nogil:
         const void *shaft
         const void *loads
 
-    cdef struct beam_layout:
+    cdef struct beam_counts:
         Py_ssize_t unknowns, constraints, pieces, coordinates, masses, dampings, stiffnesses
         Py_ssize_t shaft, shaft_slot, damped, apart, damped_at, entries, band, inner, constant_count, most_joints
+
+    cdef struct beam_layout:
+        beam_counts counts
         const Py_ssize_t *sizes
         const Py_ssize_t *constants_at
         const Py_ssize_t *link_of
@@ -92,7 +95,11 @@ cdef extern from "core/elastic.h" nogil:
         double[2] inertia
         double[2] rate
         double[2] place
-        const double *numbers
+        const double *a
+        const double *aa
+        const double *b
+        const double *ba
+        const double *c
 
     cdef struct beam_steps:
         pass
@@ -351,15 +358,7 @@ cdef class BeamEquations(Integrable):
                       motion.sizes.loads // len(APPLIED))
         self.motion, self.kept, self.thesis = motion, kept, thesis
         self.of, self.api = motion.equations.of, motion.api
-        counts = layout.counts
-        wanted.unknowns, wanted.constraints = counts["unknowns"], counts["constraints"]
-        wanted.pieces, wanted.coordinates = counts["pieces"], counts["coordinates"]
-        wanted.masses, wanted.dampings = counts["masses"], counts["dampings"]
-        wanted.stiffnesses, wanted.most_joints = counts["stiffnesses"], counts["most_joints"]
-        wanted.shaft, wanted.shaft_slot = counts["shaft"], counts["shaft_slot"]
-        wanted.damped, wanted.apart, wanted.damped_at = counts["damped"], counts["apart"], counts["damped_at"]
-        wanted.entries, wanted.band, wanted.inner = counts["entries"], counts["band"], counts["inner"]
-        wanted.constant_count, wanted.thesis = counts["constant_count"], thesis
+        wanted.counts, wanted.thesis = layout.counts, thesis
         wanted.sizes, wanted.constants_at = _kept(kept, layout.sizes), _kept(kept, layout.constants_at)
         wanted.link_of, wanted.joints = _kept(kept, layout.link_of), _kept(kept, layout.joints)
         wanted.places, wanted.places_at = _kept(kept, layout.places), _kept(kept, layout.places_at)
@@ -376,7 +375,7 @@ cdef class BeamEquations(Integrable):
         if self.core == NULL or self.memory == NULL:
             raise MemoryError
         self.api.beams_bind(<beams *>self.core, motion.core, &wanted, self.memory)
-        self.of.api.widen(wanted.constant_count, &constants[0], NULL, self.api.beams_constants(<beams *>self.core))
+        self.of.api.widen(wanted.counts.constant_count, &constants[0], NULL, self.api.beams_constants(<beams *>self.core))
         self.bound(np.zeros(1))
         self.whole = layout.unknowns
 
@@ -488,7 +487,9 @@ cdef class BeamSteps:
 
     def __init__(self, BeamEquations equations, method, Py_ssize_t columns):
         cdef beam_scheme scheme
-        cdef const double[::1] numbers = np.array([*method.numbers, 0.0])
+        arrays = method.arrays
+        cdef double[:, ::1] a = arrays["a"], aa = arrays["aa"]
+        cdef double[::1] b = arrays["b"], ba = arrays["ba"], c = arrays["c"]
         if columns < 1:
             raise ValueError(f"expected at least one column of states, got {columns}")
         self.equations, self.columns, self.steps = equations, columns, 0
@@ -496,7 +497,7 @@ cdef class BeamSteps:
         scheme.at, scheme.gamma, scheme.beta = method.at, method.gamma, method.beta
         for i in range(2):
             scheme.inertia[i], scheme.rate[i], scheme.place[i] = method.inertia[i], method.rate[i], method.place[i]
-        scheme.numbers = &numbers[0]
+        scheme.a, scheme.aa, scheme.b, scheme.ba, scheme.c = &a[0, 0], &aa[0, 0], &b[0], &ba[0], &c[0]
         self.core = <beam_steps *>calloc(1, equations.api.steps_struct)
         self.bytes = equations.api.steps_bytes(<beams *>equations.core, &scheme, columns)
         self.memory = calloc(1, self.bytes)

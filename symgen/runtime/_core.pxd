@@ -69,7 +69,8 @@ cdef extern from "core/core.h" nogil:
         double *energies
 
     cdef struct kind:
-        pass
+        const char *counts
+        const char *arrays
 
     cdef struct scheme:
         const kind *kind

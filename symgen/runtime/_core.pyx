@@ -188,23 +188,35 @@ cdef class Core:
         return self.schemes[method]
 
 
+cdef const kind *_kind_of(const core_api *api, method) except NULL:
+    cdef const kind *found = api.find_kind(method.kind.encode())
+    if found == NULL:
+        raise ValueError(f"the core knows no kind of method {method.kind!r}")
+    return found
+
+
+def scheme_of(method):
+    """Return the counts and the numbers of a method, in the order in which the core reads those of its kind."""
+    cdef const kind *known = _kind_of(&symgen_core, method)
+    counts = tuple(int(method.coefficients[name]) for name in known.counts.decode().split())
+    arrays = [np.ravel(method.coefficients[name]) for name in known.arrays.decode().split()]
+    return counts, np.concatenate(arrays).astype(float)
+
+
 cdef class Scheme:
     """The coefficients of a method, in numbers of a core."""
 
     def __init__(self, Core core, method):
-        cdef const double[::1] numbers = np.ascontiguousarray([*method.numbers, 0.0])
+        counts, found = scheme_of(method)
+        cdef const double[::1] numbers = np.append(found, 0.0)
         cdef Py_ssize_t i
-        self.filled.kind = core.api.find_kind(method.kind.encode())
-        if self.filled.kind == NULL:
-            raise ValueError(f"the core knows no kind of method {method.kind!r}")
-        if len(method.counts) > MOST_COUNTS:
-            raise ValueError(f"expected at most {MOST_COUNTS} counts, got {len(method.counts)}")
-        for i, count in enumerate(method.counts):
+        self.filled.kind = _kind_of(core.api, method)
+        for i, count in enumerate(counts):
             self.counts[i] = count
         needed = core.api.numbers_of(self.filled.kind, self.counts)
         if needed < 0:
             raise ValueError(
-                f"a method of kind {method.kind!r} cannot have the counts {method.counts}: an explicit one has at "
+                f"a method of kind {method.kind!r} cannot have the counts {counts}: an explicit one has at "
                 f"most {MOST_STAGES} stages and two estimates of its error, a composition an odd number of parts"
             )
         at_least(f"numbers of a method of kind {method.kind!r}", numbers.shape[0], needed)

@@ -396,7 +396,7 @@ cdef class Runs(Starts):
         self.asked.samples = times.shape[0]
         self.solutions = np.zeros(times.shape[0] * self.work + 1)
         if lanes is not None:
-            if self.turns or self.filled.kind != self.api.find_kind(b"explicit") or self.filled.counts[4] or rtol or atol \
+            if self.turns or self.filled.kind != self.api.find_kind(b"explicit") or method.coefficients["same_as_last"] or rtol or atol \
                     or stabilisation or not step > 0.0:
                 raise ValueError("lanes are for fixed explicit steps with projection")
             lanes.bound(&self.filled, &self.asked)

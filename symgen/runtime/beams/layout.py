@@ -74,7 +74,7 @@ class Layout:
 
     @property
     def counts(self) -> dict[str, int]:
-        """Numbers of ``struct beam_layout`` of the core, by the names of its members."""
+        """Numbers of ``struct beam_counts`` of the core, by the names of its members."""
         return {
             "unknowns": self.unknowns,
             "constraints": self.constraints,

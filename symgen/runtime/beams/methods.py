@@ -40,10 +40,9 @@ class BeamMethod:
     beta: float = 0.25
 
     @property
-    def numbers(self) -> Array:
-        """The coefficients of a collocated method, as ``struct beam_scheme`` of the core lists them."""
-        a, b = self.a, self.b
-        return np.concatenate([a.ravel(), (a @ a).ravel(), b, b @ a, self.c])
+    def arrays(self) -> dict[str, Array]:
+        """Coefficients of a collocated method by their names in ``struct beam_scheme`` of the core."""
+        return {"a": self.a, "aa": self.a @ self.a, "b": self.b, "ba": self.b @ self.a, "c": self.c}
 
 
 def _generalized_alpha(radius: float) -> BeamMethod:

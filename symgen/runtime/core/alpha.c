@@ -9,8 +9,6 @@
  * Where they solve the constraints themselves together with a_1 (index 3), here a(q, u, t) is that of index 1, as for
  * every other method, and the end of the step is projected: positions and velocities both stay on the constraints,
  * and redundant ones are dealt with in one place. Newton's iterations use the kernel `tangent`.
- *
- * numbers: alpha_m, alpha_f, beta, gamma.
  */
 #include "arena.h"
 #include "linear.h"
@@ -202,5 +200,5 @@ static void accept(struct run *run) {
 }
 
 const struct kind alpha_kind = {
-    "alpha", 0, bytes, numbers, bind, begin, step, finish, prepare, interpolate, accept,
+    "alpha", "", "alpha_m alpha_f beta gamma", 0, bytes, numbers, bind, begin, step, finish, prepare, interpolate, accept,
 };

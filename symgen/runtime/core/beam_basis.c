@@ -4,7 +4,7 @@
 #include <string.h>
 
 int beams_choose(struct beams *b) {
-    const ptrdiff_t m = b->layout.constraints, joints = b->whole - b->inner;
+    const ptrdiff_t m = b->layout.counts.constraints, joints = b->whole - b->inner;
     struct account *account = b->base.account;
     struct least_pivot least;
     memcpy(b->pivoted, b->bound, (size_t)(m * joints) * sizeof(real));
@@ -16,7 +16,7 @@ int beams_choose(struct beams *b) {
 
 /* The right-hand sides of J R = 0 and its rates for derivative k, rows of `border` in `product`. */
 static void right_sides(const struct beams *b, int k) {
-    const ptrdiff_t m = b->layout.constraints, joints = b->whole - b->inner, border = b->border;
+    const ptrdiff_t m = b->layout.counts.constraints, joints = b->whole - b->inner, border = b->border;
     const real *value = b->basis, *rate = value + joints * border;
     for (ptrdiff_t i = 0; i < m; i++) {
         const real *j0 = b->bound + joints * i, *j1 = j0 + joints * m, *j2 = j1 + joints * m;
@@ -37,7 +37,7 @@ static void right_sides(const struct beams *b, int k) {
 
 /* Factorise the columns of J that belong to the dependent unknowns; false when they are singular. */
 static int factor_dependent(struct beams *b) {
-    const ptrdiff_t m = b->layout.constraints, joints = b->whole - b->inner;
+    const ptrdiff_t m = b->layout.counts.constraints, joints = b->whole - b->inner;
     for (ptrdiff_t i = 0; i < m; i++)
         for (ptrdiff_t j = 0; j < m; j++)
             b->pivoted[m * i + j] = b->bound[joints * i + b->dependent[j]];
@@ -46,7 +46,7 @@ static int factor_dependent(struct beams *b) {
 
 /* Solve for the rows of dependent unknowns, with the right-hand sides in `product`. */
 static void solve_dependent(struct beams *b, real *into) {
-    const ptrdiff_t m = b->layout.constraints, border = b->border;
+    const ptrdiff_t m = b->layout.counts.constraints, border = b->border;
     solve_dense_wide(m, b->pivoted, b->swaps, border, b->product);
     for (ptrdiff_t j = 0; j < m; j++)
         memcpy(into + border * b->dependent[j], b->product + border * j, (size_t)border * sizeof(real));
@@ -64,7 +64,7 @@ static void project_matrices(struct beams *b) {
     memset(own_mass, 0, rest);
     memset(own_damping, 0, rest);
     memset(own_stiffness, 0, rest);
-    for (ptrdiff_t e = 0; e < x->entries; e++) {
+    for (ptrdiff_t e = 0; e < x->counts.entries; e++) {
         const ptrdiff_t i = x->rows[e], j = x->columns[e];
         const real m = b->full_mass[e], c = b->full_damping[e], k = b->full_stiffness[e];
         if (i < n && j < n) {
@@ -125,17 +125,17 @@ static void project_modes(struct beams *b) {
 
 int beams_reduce(struct beams *b, int choose) {
     const struct beam_layout *x = &b->layout;
-    const ptrdiff_t m = x->constraints, n = b->inner, joints = b->whole - n, border = b->border;
+    const ptrdiff_t m = x->counts.constraints, n = b->inner, joints = b->whole - n, border = b->border;
     const int turns = !x->thesis && b->analysis != QUASI_STATIC;
     real *found = b->motion->joined;
     if (b->analysis == AT_REST)
-        memset(found + x->joint_at[BLOCK_JACOBIAN_RATE], 0, (size_t)(2 * m * x->coordinates) * sizeof(real));
+        memset(found + x->joint_at[BLOCK_JACOBIAN_RATE], 0, (size_t)(2 * m * x->counts.coordinates) * sizeof(real));
     memset(b->bound, 0, (size_t)(3 * m * joints) * sizeof(real));
     for (int k = 0; k < 3; k++)
         for (ptrdiff_t i = 0; i < m; i++)
-            for (ptrdiff_t j = 0; j < x->coordinates; j++)
+            for (ptrdiff_t j = 0; j < x->counts.coordinates; j++)
                 if (x->joint_places[j] >= 0)
-                    b->bound[joints * (k * m + i) + x->joint_places[j] - n] = found[x->joint_at[BLOCK_JACOBIAN + k] + i * x->coordinates + j];
+                    b->bound[joints * (k * m + i) + x->joint_places[j] - n] = found[x->joint_at[BLOCK_JACOBIAN + k] + i * x->counts.coordinates + j];
     const int status = choose ? beams_choose(b) : DONE;
     if (status != DONE)
         return status;

@@ -64,7 +64,7 @@ static int factorise_beams(struct equations *e, real t, const real *y) {
 static int project_beams(struct equations *e, real t, real *y) {
     struct beams *b = of(e);
     real *p = b->state, *v = p + b->free;
-    if (b->layout.constraints == 0)
+    if (b->layout.counts.constraints == 0)
         return DONE;
     const int status = factorise_beams(e, t, y);
     if (status != DONE)
@@ -83,7 +83,7 @@ static void make_tangent_beams(struct equations *e, real t, const real *y, real 
     struct beams *b = of(e);
     (void)t;
     (void)y;
-    if (b->layout.constraints == 0)
+    if (b->layout.counts.constraints == 0)
         return;
     for (ptrdiff_t i = 0; i < b->free; i++)
         b->state[i] = change[independent_unknown(b, i)];

@@ -61,14 +61,14 @@ size_t beam_steps_bytes(const struct beams *b, const struct beam_scheme *scheme,
 void beam_steps_bind(struct beam_steps *x, struct beams *b, const struct beam_scheme *scheme, long columns,
                      void *memory) {
     const long k = scheme->stages;
-    const double *from = scheme->numbers;
+    const double *const from[] = {scheme->a, scheme->aa, scheme->b, scheme->ba, scheme->c};
     fill(x, b, scheme, columns);
     place(x, memory);
     real *to[] = {x->a, x->aa, x->weights, x->weights_a, x->nodes};
     const long counts[] = {k * k, k * k, k, k, k};
     for (int i = 0; i < 5; i++)
         for (long j = 0; j < counts[i]; j++)
-            to[i][j] = R(*from++);
+            to[i][j] = R(from[i][j]);
 }
 
 /* Take from S and S' the unknowns that are free with the present choice. */
@@ -85,7 +85,7 @@ static void take_free(struct beam_steps *x) {
 /* Write S, S' and S'' from the independent unknowns, then select the independent unknowns for the next step. */
 static int finish(struct beam_steps *x, real t) {
     struct beams *b = x->b;
-    const int bound = b->layout.constraints != 0;
+    const int bound = b->layout.counts.constraints != 0;
     if (bound) {
         const int status = beams_assemble(b, t, 0);
         if (status != DONE)
@@ -95,7 +95,7 @@ static int finish(struct beam_steps *x, real t) {
     beams_expand(b, 1, x->p, x->pv, x->pa, x->columns, x->v);
     if (!x->scheme.stages)
         beams_expand(b, 2, x->p, x->pv, x->pa, x->columns, x->acc);
-    if (!all_finite(x->s, (long)b->layout.unknowns * x->columns))
+    if (!all_finite(x->s, (long)b->layout.counts.unknowns * x->columns))
         return NOT_FINITE;
     if (bound) {
         const int status = beams_choose(b);

@@ -6,14 +6,14 @@
 
 /* A method: collocation at `stages` nodes, or, with none, one with accelerations at both ends of the step h.
  *
- * Of a collocation `numbers` are a (stages squared), a a, b, b a, c. The others meet the equation at a part `at` of
+ * A collocation has a and a a (stages squared), the weights b and b a, and the nodes c. The others meet the equation at a part `at` of
  * the step, where S'' = inertia . (S''_0, S''_1), S' = S'_0 + h rate . (S''_0, S''_1) and
  * S = S_0 + at h S'_0 + h^2 place . (S''_0, S''_1); the step ends as Newmark's does with gamma and beta. */
 struct beam_scheme {
     long stages;
     double at, gamma, beta;
     double inertia[2], rate[2], place[2];
-    const double *numbers;
+    const double *a, *aa, *b, *ba, *c;
 };
 
 struct beam_steps {

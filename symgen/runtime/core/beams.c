@@ -8,8 +8,8 @@
 
 static struct sizes as_equations(const struct beam_layout *x) {
     struct sizes made = {0};
-    made.n = (long)x->unknowns;
-    made.m = (long)x->constraints;
+    made.n = (long)x->counts.unknowns;
+    made.m = (long)x->counts.constraints;
     made.work = 1;
     made.rank_tolerance = (double)RANK_TOLERANCE;
     return made;
@@ -17,16 +17,16 @@ static struct sizes as_equations(const struct beam_layout *x) {
 
 /* Set the numbers of unknowns and of entries. */
 static void count(struct beams *b, const struct beam_layout *x) {
-    b->whole = x->unknowns;
-    b->free = x->unknowns - x->constraints;
-    b->inner = x->inner;
+    b->whole = x->counts.unknowns;
+    b->free = x->counts.unknowns - x->counts.constraints;
+    b->inner = x->counts.inner;
     b->border = b->free - b->inner;
-    b->modes = x->apart ? x->damped : 0;
-    b->banded_entries = b->entries = x->entries;
-    if (x->constraints == 0)
+    b->modes = x->counts.apart ? x->counts.damped : 0;
+    b->banded_entries = b->entries = x->counts.entries;
+    if (x->counts.constraints == 0)
         return;
     b->banded_entries = 0;
-    for (ptrdiff_t e = 0; e < x->entries; e++)
+    for (ptrdiff_t e = 0; e < x->counts.entries; e++)
         b->banded_entries += x->rows[e] < b->inner && x->columns[e] < b->inner;
     b->entries = b->banded_entries + (2 * b->inner + b->border) * b->border;
 }
@@ -34,10 +34,10 @@ static void count(struct beams *b, const struct beam_layout *x) {
 /* Point all arrays into memory, or only count their bytes. */
 static size_t place(struct beams *b, const struct beam_layout *x, void *memory) {
     count(b, x);
-    const ptrdiff_t n = x->unknowns, m = x->constraints, free = b->free, joints = n - b->inner;
-    const ptrdiff_t own = m ? b->entries + 1 : 0, all = x->entries + 1;
+    const ptrdiff_t n = x->counts.unknowns, m = x->counts.constraints, free = b->free, joints = n - b->inner;
+    const ptrdiff_t own = m ? b->entries + 1 : 0, all = x->counts.entries + 1;
     ptrdiff_t largest = 0;
-    for (ptrdiff_t k = 0; k < x->pieces; k++)
+    for (ptrdiff_t k = 0; k < x->counts.pieces; k++)
         if (x->sizes[k] > largest)
             largest = x->sizes[k];
     const struct arena_array arrays[] = {
@@ -49,19 +49,19 @@ static size_t place(struct beams *b, const struct beam_layout *x, void *memory) 
         ARENA_ARRAY(b->damping, own),
         ARENA_ARRAY(b->stiffness, own),
         ARENA_ARRAY(b->load, m ? free + 1 : 0),
-        ARENA_ARRAY(b->constants, x->constant_count + 1),
+        ARENA_ARRAY(b->constants, x->counts.constant_count + 1),
         ARENA_ARRAY(b->local, 3 * largest * largest + largest),
-        ARENA_ARRAY(b->full_forces, x->damped ? 2 * n * (x->apart ? x->damped : 1) : 0),
+        ARENA_ARRAY(b->full_forces, x->counts.damped ? 2 * n * (x->counts.apart ? x->counts.damped : 1) : 0),
         ARENA_ARRAY(b->forces, m ? 2 * free * b->modes : 0),
         ARENA_ARRAY(b->bound, 3 * m * joints),
         ARENA_ARRAY(b->pivoted, m * joints),
         ARENA_ARRAY(b->basis, 3 * joints * b->border),
         ARENA_ARRAY(b->product, m * b->border),
-        ARENA_ARRAY(b->system.banded, (3 * x->band + 1) * (b->inner > 0 ? b->inner : 1)),
+        ARENA_ARRAY(b->system.banded, (3 * x->counts.band + 1) * (b->inner > 0 ? b->inner : 1)),
         ARENA_ARRAY(b->system.right, b->inner * b->border),
         ARENA_ARRAY(b->system.below, b->inner * b->border),
         ARENA_ARRAY(b->system.corner, b->border * b->border),
-        ARENA_ARRAY(b->system.panel, panel_size(b->border, x->band)),
+        ARENA_ARRAY(b->system.panel, panel_size(b->border, x->counts.band)),
         ARENA_ARRAY(b->solution, n + 1),
         ARENA_ARRAY(b->state, 2 * n + 1),
         ARENA_ARRAY(b->dependent, m + 1),
@@ -74,7 +74,7 @@ static size_t place(struct beams *b, const struct beam_layout *x, void *memory) 
     };
     b->system.inner = b->inner;
     b->system.border = b->border;
-    b->system.band = x->band;
+    b->system.band = x->counts.band;
     return ARENA_PLACE(arrays, memory);
 }
 
@@ -93,7 +93,7 @@ size_t beams_bytes(const struct beam_layout *layout) {
 static void number_entries(struct beams *b) {
     const ptrdiff_t n = b->inner, m = b->border;
     ptrdiff_t *row = b->own_rows, *column = b->own_columns;
-    for (ptrdiff_t e = 0; e < b->layout.entries; e++)
+    for (ptrdiff_t e = 0; e < b->layout.counts.entries; e++)
         if (b->layout.rows[e] < n && b->layout.columns[e] < n) {
             *row++ = b->layout.rows[e];
             *column++ = b->layout.columns[e];
@@ -121,7 +121,7 @@ void beams_bind(struct beams *b, struct rigid_motion *motion, const struct beam_
     b->layout = *layout;
     b->analysis = IN_MOTION;
     place(b, layout, (char *)memory + rounded(equations_bytes(&plain)));
-    if (layout->constraints) {
+    if (layout->counts.constraints) {
         number_entries(b);
         b->rows = b->own_rows;
         b->columns = b->own_columns;
@@ -193,7 +193,7 @@ static void add_turning_ends(const struct beams *b, ptrdiff_t k, const real *w, 
     const real *matrices = b->constants + x->constants_at[k], *mass = matrices + OF_MASS * nn;
     const real *gyroscopic = matrices + OF_GYROSCOPIC * nn, *damping = matrices + OF_DAMPING * nn;
     const real ends = w[STIFFNESS_MASS_ENDS];
-    for (ptrdiff_t e = k * x->most_joints; e < (k + 1) * x->most_joints; e++) {
+    for (ptrdiff_t e = k * x->counts.most_joints; e < (k + 1) * x->counts.most_joints; e++) {
         if (x->joints[2 * e] < 0)
             continue;
         /* u and w at this joint rotated by -90 deg: the columns are minus the column w, and the column u. */
@@ -222,7 +222,7 @@ static void add_piece(struct beams *b, ptrdiff_t k) {
     in_link_axes(b, k, weights, m, d, g, q);
     if (!x->thesis && b->analysis != QUASI_STATIC)
         add_turning_ends(b, k, weights, d, g);
-    for (ptrdiff_t e = k * x->most_joints; e < (k + 1) * x->most_joints; e++) {
+    for (ptrdiff_t e = k * x->counts.most_joints; e < (k + 1) * x->counts.most_joints; e++) {
         const ptrdiff_t u = x->joints[2 * e], w = x->joints[2 * e + 1];
         if (u < 0)
             continue;
@@ -253,7 +253,7 @@ static void add_force(const struct beams *b, ptrdiff_t k, const real *own, real 
     real *a = b->local, *rate = a + n;
     memcpy(a, own, (size_t)n * sizeof(real));
     memset(rate, 0, (size_t)n * sizeof(real));
-    for (ptrdiff_t e = k * x->most_joints; e < (k + 1) * x->most_joints; e++) {
+    for (ptrdiff_t e = k * x->counts.most_joints; e < (k + 1) * x->counts.most_joints; e++) {
         const ptrdiff_t u = x->joints[2 * e], w = x->joints[2 * e + 1];
         if (u < 0)
             continue;
@@ -276,17 +276,17 @@ static void add_force(const struct beams *b, ptrdiff_t k, const real *own, real 
 static void add_modes(struct beams *b) {
     const struct beam_layout *x = &b->layout;
     const ptrdiff_t n = b->whole;
-    const real *own = b->constants + x->damped_at;
-    for (ptrdiff_t mode = 0; mode < x->damped; mode++) {
-        real *f = b->full_forces + (x->apart ? 2 * n * mode : 0), *g = f + n;
+    const real *own = b->constants + x->counts.damped_at;
+    for (ptrdiff_t mode = 0; mode < x->counts.damped; mode++) {
+        real *f = b->full_forces + (x->counts.apart ? 2 * n * mode : 0), *g = f + n;
         memset(f, 0, (size_t)(2 * n) * sizeof(real));
-        for (ptrdiff_t k = 0; k < x->pieces; own += x->sizes[k++])
+        for (ptrdiff_t k = 0; k < x->counts.pieces; own += x->sizes[k++])
             add_force(b, k, own, f, g);
-        for (ptrdiff_t i = 0; i < x->coordinates; i++)
+        for (ptrdiff_t i = 0; i < x->counts.coordinates; i++)
             if (x->joint_places[i] >= 0)
                 f[x->joint_places[i]] += own[i];
-        own += x->coordinates;
-        for (ptrdiff_t i = 0; !x->apart && i < n; i++)
+        own += x->counts.coordinates;
+        for (ptrdiff_t i = 0; !x->counts.apart && i < n; i++)
             for (ptrdiff_t j = 0; j < n; j++) {
                 b->full_damping[n * i + j] += f[i] * f[j];
                 b->full_stiffness[n * i + j] += f[i] * g[j];
@@ -303,22 +303,22 @@ static void add_block(real *to, const ptrdiff_t *slots, ptrdiff_t count, const r
 static void add_joints(struct beams *b) {
     const struct beam_layout *x = &b->layout;
     const real *found = b->motion->joined, *shaft = b->motion->shaft;
-    for (ptrdiff_t i = 0; i < x->coordinates; i++)
+    for (ptrdiff_t i = 0; i < x->counts.coordinates; i++)
         if (x->joint_places[i] >= 0)
             b->full_load[x->joint_places[i]] += found[x->joint_at[BLOCK_LOAD] + i];
-    add_block(b->full_mass, x->mass_slots, x->masses, found + x->joint_at[BLOCK_MASS_MATRIX]);
-    add_block(b->full_damping, x->damping_slots, x->dampings, found + x->joint_at[BLOCK_DAMPING]);
-    add_block(b->full_stiffness, x->stiffness_slots, x->stiffnesses, found + x->joint_at[BLOCK_STIFFNESS]);
-    if (x->shaft >= 0 && b->motion->kernels.shaft) {
-        b->full_mass[x->shaft_slot] += shaft[SHAFT_MASS];
-        b->full_damping[x->shaft_slot] += shaft[SHAFT_DAMPING];
-        b->full_stiffness[x->shaft_slot] += shaft[SHAFT_STIFFNESS];
-        b->full_load[x->shaft] += shaft[SHAFT_LOAD];
+    add_block(b->full_mass, x->mass_slots, x->counts.masses, found + x->joint_at[BLOCK_MASS_MATRIX]);
+    add_block(b->full_damping, x->damping_slots, x->counts.dampings, found + x->joint_at[BLOCK_DAMPING]);
+    add_block(b->full_stiffness, x->stiffness_slots, x->counts.stiffnesses, found + x->joint_at[BLOCK_STIFFNESS]);
+    if (x->counts.shaft >= 0 && b->motion->kernels.shaft) {
+        b->full_mass[x->counts.shaft_slot] += shaft[SHAFT_MASS];
+        b->full_damping[x->counts.shaft_slot] += shaft[SHAFT_DAMPING];
+        b->full_stiffness[x->counts.shaft_slot] += shaft[SHAFT_STIFFNESS];
+        b->full_load[x->counts.shaft] += shaft[SHAFT_LOAD];
     }
 }
 
 int beams_assemble(struct beams *b, real t, int choose) {
-    const size_t entries = (size_t)b->layout.entries * sizeof(real);
+    const size_t entries = (size_t)b->layout.counts.entries * sizeof(real);
     const int status = b->analysis == AT_REST ? motion_at_rest(b->motion, t) : motion_at(b->motion, t);
     if (status != DONE)
         return status;
@@ -326,15 +326,15 @@ int beams_assemble(struct beams *b, real t, int choose) {
     memset(b->full_damping, 0, entries);
     memset(b->full_stiffness, 0, entries);
     memset(b->full_load, 0, (size_t)b->whole * sizeof(real));
-    for (ptrdiff_t k = 0; k < b->layout.pieces; k++)
+    for (ptrdiff_t k = 0; k < b->layout.counts.pieces; k++)
         add_piece(b, k);
     add_joints(b);
     if (b->analysis != QUASI_STATIC)
         add_modes(b);
-    else if (b->layout.damped)
+    else if (b->layout.counts.damped)
         memset(b->full_forces, 0, (size_t)(2 * b->whole * b->modes) * sizeof(real));
     b->base.account->evaluations++;
-    return b->layout.constraints ? beams_reduce(b, choose) : DONE;
+    return b->layout.counts.constraints ? beams_reduce(b, choose) : DONE;
 }
 
 void subtract_forces_of_modes(const struct beams *b, long columns, const real *p, const real *v, ptrdiff_t lead, real *rhs) {

@@ -13,28 +13,32 @@
 
 /* Where everything goes: unknowns, superelements and constraints; slots are places in `rows` and `columns`, and
  * -1 is nowhere. Owned by the caller. */
-struct beam_layout {
+struct beam_counts {
     ptrdiff_t unknowns, constraints, pieces;
+    ptrdiff_t most_joints;       /* of a superelement */
+    ptrdiff_t coordinates;       /* unknowns of joints */
+    ptrdiff_t masses, dampings, stiffnesses; /* slots of the blocks of joints */
+    ptrdiff_t shaft, shaft_slot; /* unknown and slot of an elastic crank's turn, -1: none */
+    ptrdiff_t damped, apart;     /* modes with damping of their own; whether they are kept apart from the matrices */
+    ptrdiff_t damped_at;         /* where their forces begin in `constants`:
+                                  * of each mode over the unknowns of all superelements, then over `coordinates` */
+    ptrdiff_t entries, band;     /* of the matrices of all unknowns; the band is that of the first `inner` */
+    ptrdiff_t inner;             /* unknowns before those of joints; with constraints these come last */
+    ptrdiff_t constant_count;
+};
+
+struct beam_layout {
+    struct beam_counts counts;
     const ptrdiff_t *sizes;        /* of each superelement */
     const ptrdiff_t *constants_at; /* where its matrices begin in `constants` */
     const ptrdiff_t *link_of;
-    ptrdiff_t most_joints;         /* of a superelement */
     const ptrdiff_t *joints;       /* so many pairs a superelement: its own numbers of u, w there, -1 without a joint */
     const ptrdiff_t *places, *places_at, *slots, *slots_at;
-    ptrdiff_t coordinates;         /* unknowns of joints; their places follow */
-    const ptrdiff_t *joint_places;
+    const ptrdiff_t *joint_places; /* of the unknowns of joints */
     const ptrdiff_t *joint_at;     /* of each of BLOCKS, where the kernel `joints` writes it */
-    ptrdiff_t masses, dampings, stiffnesses;
     const ptrdiff_t *mass_slots, *damping_slots, *stiffness_slots;
     const ptrdiff_t *loads_at;     /* forces of link k: from loads_at[k] to loads_at[k + 1] */
-    ptrdiff_t shaft, shaft_slot;   /* unknown and slot of an elastic crank's turn, -1: none */
-    ptrdiff_t damped, apart;       /* modes with damping of their own; whether they are kept apart from the matrices */
-    ptrdiff_t damped_at;           /* where their forces begin in `constants`:
-                                    * of each mode over the unknowns of all superelements, then over `coordinates` */
-    ptrdiff_t entries, band;       /* of the matrices of all unknowns; the band is that of the first `inner` */
-    ptrdiff_t inner;               /* unknowns before those of joints; with constraints these come last */
     const ptrdiff_t *rows, *columns;
-    ptrdiff_t constant_count;
     long thesis;                   /* take rotations of ends and the basis as constant in time */
 };
 

@@ -55,7 +55,7 @@ static void view_matrices(const struct beams *b, struct matrices_view *view) {
         .stiffness = b->stiffness,
         .load = b->load,
         .basis = b->basis,
-        .full_entries = (long)b->layout.entries,
+        .full_entries = (long)b->layout.counts.entries,
         .full_rows = b->layout.rows,
         .full_columns = b->layout.columns,
         .full_mass = b->full_mass,

@@ -1,11 +1,8 @@
 /* Explicit Runge-Kutta methods.
  *
- * counts: stages of the solution, all stages, degree of the interpolant, rows of error weights, and whether these
- * use the derivative at the end (first same as last).
- * numbers: a (all stages squared, row by row), b (stages), c (all stages), error weights (rows of stages + 1),
- * interpolant (all stages by degree), and the edge of stability (0: not known). Stage number `stages` is the
- * derivative at the projected end of the step, which closes the interpolant and is the first stage of the next
- * step; stages behind it serve the interpolant.
+ * tableau.h has the counts and arrays of its schemes. Stage number `stages` is the derivative at the projected end of
+ * the step, which closes the interpolant and is the first stage of the next step; stages behind it serve the
+ * interpolant.
  */
 #include "lanes.h"
 #include "run.h"
@@ -14,20 +11,21 @@
 
 /* `own` holds the derivatives of all stages, a row each, and a row of scratch. */
 static size_t bytes(const struct equations *e, const long *counts) {
-    return (size_t)((counts[1] + 1) * e->dim) * sizeof(real);
+    return (size_t)((counts[ALL_STAGES] + 1) * e->dim) * sizeof(real);
 }
 
 static ptrdiff_t numbers(const long *counts) {
-    const ptrdiff_t stages = counts[0], all = counts[1], degree = counts[2], rows = counts[3];
-    if (stages < 1 || all < stages || all > MOST_STAGES || degree < 0 || degree > MOST_STAGES || rows < 0 ||
-        rows > MOST_ESTIMATES || counts[4] < 0 || counts[4] > 1 || stages + counts[4] > all)
+    const struct tableau x = tableau_sizes(counts);
+    if (x.stages < 1 || x.all < x.stages || x.all > MOST_STAGES || x.degree < 0 || x.degree > MOST_STAGES ||
+        x.rows < 0 || x.rows > MOST_ESTIMATES || x.same_as_last < 0 || x.same_as_last > 1 ||
+        x.stages + x.same_as_last > x.all)
         return -1;
-    return all * all + stages + all + rows * (stages + 1) + all * degree + 1;
+    return x.all * x.all + x.stages + x.all + x.rows * (x.stages + 1) + x.all * x.degree + 1;
 }
 
 static void bind(struct run *run) {
     run->f = run->own;
-    run->f_new = run->f + run->scheme.counts[0] * run->dim;
+    run->f_new = run->f + run->scheme.counts[SOLUTION_STAGES] * run->dim;
 }
 
 static int begin(struct run *run) {
@@ -151,5 +149,5 @@ static void accept(struct run *run) {
 }
 
 const struct kind explicit_kind = {
-    "explicit", 0, bytes, numbers, bind, begin, step, finish, prepare, interpolate, accept,
+    "explicit", EXPLICIT_COUNTS, EXPLICIT_ARRAYS, 0, bytes, numbers, bind, begin, step, finish, prepare, interpolate, accept,
 };

@@ -16,7 +16,7 @@ static size_t place(struct lane_runs *l, const struct lane_sizes *s, const struc
         ARENA_ARRAY(l->y, w * dim),
         ARENA_ARRAY(l->y_new, w * dim),
         ARENA_ARRAY(l->stage, w * dim),
-        ARENA_ARRAY(l->own, w * dim * (scheme->counts[1] + 1)),
+        ARENA_ARRAY(l->own, w * dim * (scheme->counts[ALL_STAGES] + 1)),
         ARENA_ARRAY(l->work, w * (s->work + 1)),
         ARENA_ARRAY(l->factors, w * (s->work + 1)),
         ARENA_ARRAY(l->out, w * out),
@@ -316,7 +316,7 @@ static ptrdiff_t record_step(struct lane_runs *l, real t, real h, real t_new, co
 
 static void run(struct lane_runs *l, const void *given, const void *y0, const void *times_, void *samples, void *drifts,
                 char *failed) {
-    const ptrdiff_t w = l->sizes.lanes, row = l->dim * w, stages = l->scheme.counts[0];
+    const ptrdiff_t w = l->sizes.lanes, row = l->dim * w, stages = l->scheme.counts[SOLUTION_STAGES];
     const real *times = times_, t_end = R(l->task.t_end);
     real t = R(l->task.t0), t_left = 0;
     ptrdiff_t recorded = 0;

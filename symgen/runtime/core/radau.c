@@ -5,7 +5,7 @@
  * with the Jacobian da/dq, da/du from the kernel `tangent`; the rates are eliminated from every linear system. The
  * work of loads follows by the same quadrature. The interpolant is the collocation polynomial, of degree 3.
  *
- * numbers: T and its inverse, row by row, which bring the inverse of the method's matrix to block diagonal form;
+ * Arrays: T and its inverse, row by row, which bring the inverse of the method's matrix to block diagonal form;
  * they only steer the iterations.
  */
 #include "arena.h"
@@ -368,5 +368,5 @@ static void accept(struct run *run) {
 }
 
 const struct kind radau_kind = {
-    "radau", 0, bytes, numbers, bind, begin, step, finish, prepare, interpolate, accept,
+    "radau", "", "t t_inverse", 0, bytes, numbers, bind, begin, step, finish, prepare, interpolate, accept,
 };

@@ -10,7 +10,7 @@
  * force depends on velocities, u_1 is found by iteration. Instead of M^-1 f the acceleration of the constrained
  * motion is taken: it differs by M^-1 J^T times something, which the multipliers make up for.
  *
- * counts: parts of a step, an odd number. numbers: lengths of the parts before the middle one over that of the
+ * counts: parts of a step, an odd number. side: lengths of the parts before the middle one over that of the
  * step; the parts after the middle one mirror those before it, and the middle one takes the rest of the step.
  */
 #include "arena.h"
@@ -330,5 +330,5 @@ static void accept(struct run *run) {
 }
 
 const struct kind rattle_kind = {
-    "rattle", 1, bytes, numbers, bind, begin, step, finish, prepare, interpolate, accept,
+    "rattle", "parts", "side", 1, bytes, numbers, bind, begin, step, finish, prepare, interpolate, accept,
 };

@@ -47,6 +47,8 @@ enum { MOST_COUNTS = 16, MOST_STAGES = 32, MOST_ESTIMATES = 2 };
  * The file of the kind defines the meaning of the method's `counts` and `numbers` (see struct scheme). */
 struct kind {
     const char *name;
+    /* Names of the counts and of the arrays of numbers of its schemes, in the order of `struct scheme`. */
+    const char *counts, *arrays;
     /* Whether its steps keep positions and velocities on the constraints: then the loop does not project. */
     int keeps_constraints;
     size_t (*bytes)(const struct equations *e, const long *counts);

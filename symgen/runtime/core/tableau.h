@@ -1,18 +1,32 @@
-/* The coefficients of an explicit Runge-Kutta method; explicit.c states their meaning. */
+/* The coefficients of an explicit Runge-Kutta method. */
 #ifndef SYMGEN_TABLEAU_H
 #define SYMGEN_TABLEAU_H
 
 #include "run.h"
+
+/* Stages of the solution, all stages, degree of the interpolant, rows of error weights, and whether these use the
+ * derivative at the end (first same as last). */
+#define EXPLICIT_COUNTS "stages all_stages degree estimates same_as_last"
+enum { SOLUTION_STAGES, ALL_STAGES, DEGREE, ESTIMATES, SAME_AS_LAST };
+
+/* a (all stages squared, row by row), b (stages), c (all stages), error weights (rows of stages + 1), interpolant (all
+ * stages by degree), and the edge of stability (0: not known). */
+#define EXPLICIT_ARRAYS "a b c error dense edge"
 
 struct tableau {
     long stages, all, degree, rows, same_as_last;
     const real *a, *b, *c, *e, *dense, *edge;
 };
 
+static inline struct tableau tableau_sizes(const long *counts) {
+    struct tableau x = {.stages = counts[SOLUTION_STAGES], .all = counts[ALL_STAGES], .degree = counts[DEGREE]};
+    x.rows = counts[ESTIMATES];
+    x.same_as_last = counts[SAME_AS_LAST];
+    return x;
+}
+
 static inline struct tableau tableau_of(const struct scheme *scheme) {
-    const long *counts = scheme->counts;
-    struct tableau x = {.stages = counts[0], .all = counts[1], .degree = counts[2], .rows = counts[3]};
-    x.same_as_last = counts[4];
+    struct tableau x = tableau_sizes(scheme->counts);
     x.a = scheme->numbers;
     x.b = x.a + x.all * x.all;
     x.c = x.b + x.stages;

@@ -9,7 +9,7 @@
 
 static size_t place(struct variations *v, const struct equations *e, void *memory) {
     const struct variation_sizes *s = &v->sizes;
-    const ptrdiff_t n = e->n, whole = e->n + e->m, stages = v->scheme.counts[0], k = s->columns;
+    const ptrdiff_t n = e->n, whole = e->n + e->m, stages = v->scheme.counts[SOLUTION_STAGES], k = s->columns;
     const struct arena_array arrays[] = {
         ARENA_ARRAY(v->p, s->parameters + s->derived + 1),
         ARENA_ARRAY(v->work, s->work + whole + 1),

@@ -65,8 +65,8 @@ def mark_of(
     """
     method = chosen.method
     options = [getattr(chosen, name) for name in chosen.__slots__ if name not in _OF_NO_RUN]
-    numbers = np.asarray(method.numbers).tobytes().hex()
-    how = (method.name, method.kind, method.counts, numbers, options, t0, y0.tobytes().hex())
+    counts, numbers = _core.scheme_of(method)
+    how = (method.name, method.kind, counts, numbers.tobytes().hex(), options, t0, y0.tobytes().hex())
     return mark_of_kernels(kernels, library, equations, *how, *more)
 
 

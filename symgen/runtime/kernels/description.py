@@ -340,12 +340,11 @@ class LoopDescription(Described):
 
 @dataclass(frozen=True, slots=True)
 class ArrayInfo:
-    """An argument array: its purpose, and name, unit and meaning of each entry."""
+    """An argument array: its purpose, and name and unit of each entry."""
 
     about: str
     names: tuple[str, ...]
     units: tuple[str, ...]
-    meanings: tuple[str, ...]
 
 
 @dataclass(frozen=True, slots=True)

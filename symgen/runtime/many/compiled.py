@@ -134,5 +134,5 @@ def _in_lanes(chosen: Options) -> bool:
     """Return whether steps have a fixed length and an explicit method, and end on the constraints."""
     method = chosen.method
     fixed = chosen.rtol == chosen.atol == 0.0 and chosen.step > 0.0
-    explicit = method.kind == "explicit" and not method.counts[4]
+    explicit = method.kind == "explicit" and not method.coefficients["same_as_last"]
     return fixed and explicit and chosen.stabilisation == "projection"

@@ -6,8 +6,6 @@ J. Chung, G. M. Hulbert, J. Appl. Mech. 60 (1993) 371; M. Arnold, O. Bruls, Mult
 
 from __future__ import annotations
 
-import numpy as np
-
 from symgen.runtime.integrate.integrators.method import Method
 
 
@@ -21,8 +19,7 @@ def _method(name: str, about: str, inertia: float, force: float) -> Method:
         order=2,
         dense_order=3,
         error_order=0,
-        counts=(),
-        numbers=np.array([inertia, force, beta, gamma]),
+        coefficients={"alpha_m": inertia, "alpha_f": force, "beta": beta, "gamma": gamma},
         needs_tangent=True,
     )
 

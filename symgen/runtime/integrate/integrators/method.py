@@ -1,13 +1,11 @@
-"""A method by its coefficients, as the compiled step loop reads them: see ``core/NAME.c`` of its kind."""
+"""A method by its coefficients; the compiled step loop reads them."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
-
-Array = NDArray[np.float64]
+from numpy.typing import ArrayLike
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -26,8 +24,8 @@ class Method:
         Order with which the local error of the interpolant falls, for states between them.
     error_order
         Order of the error estimate, which sets the exponent of the step control; 0 for a fixed step.
-    counts, numbers
-        Sizes and coefficients, as the file of its kind reads them.
+    coefficients
+        Sizes and coefficients, by the names that ``core/KIND.c`` lists.
     needs_tangent
         Whether it needs the Jacobian of the accelerations: kernel ``tangent``.
     """
@@ -38,8 +36,7 @@ class Method:
     order: int
     dense_order: int
     error_order: int
-    counts: tuple[int, ...]
-    numbers: Array
+    coefficients: Mapping[str, ArrayLike]
     needs_tangent: bool
 
     @property

@@ -5,8 +5,6 @@ E. Hairer, G. Wanner, *Solving Ordinary Differential Equations II*, second editi
 
 from __future__ import annotations
 
-import numpy as np
-
 from symgen.runtime.integrate.integrators.method import Method
 
 # Bring the inverse of the method's matrix to block diagonal form, T^-1 A^-1 T; the first column is that of
@@ -29,7 +27,6 @@ METHOD = Method(
     order=5,
     dense_order=4,
     error_order=3,
-    counts=(),
-    numbers=np.array([*_T, *_T_INVERSE]).ravel(),
+    coefficients={"t": _T, "t_inverse": _T_INVERSE},
     needs_tangent=True,
 )

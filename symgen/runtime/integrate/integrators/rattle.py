@@ -7,8 +7,6 @@ C. Lubich, G. Wanner, *Geometric Numerical Integration*, second edition, section
 
 from __future__ import annotations
 
-import numpy as np
-
 from symgen.runtime.integrate.integrators.method import Method
 
 _SUZUKI = 1 / (4 - 4 ** (1 / 3))
@@ -25,8 +23,7 @@ def _composed(order: int, dense_order: int, *side: float) -> Method:
         order=order,
         dense_order=dense_order,
         error_order=0,
-        counts=(parts,),
-        numbers=np.array(side),
+        coefficients={"parts": parts, "side": side},
         needs_tangent=False,
     )
 

@@ -72,18 +72,17 @@ class ExplicitRungeKutta:
         return "explicit"
 
     @property
-    def counts(self) -> tuple[int, ...]:
-        """Sizes of the coefficients, as ``core/explicit.c`` reads them."""
-        same_as_last = self.error.shape[1] > self.stages
-        return self.stages, self.all_stages, self.dense.shape[1], len(self.error), int(same_as_last)
+    def same_as_last(self) -> bool:
+        """Whether error estimates use the derivative at the end of the step, the first stage of the next."""
+        return self.error.shape[1] > self.stages
 
     @property
-    def numbers(self) -> Array:
-        """The coefficients, as ``core/explicit.c`` reads them."""
+    def coefficients(self) -> dict[str, Any]:
+        """Sizes and coefficients, by the names that ``core/tableau.h`` lists."""
+        own = {name: getattr(self, name) for name in ("stages", "all_stages", "same_as_last", "a", "b", "c")}
         error = np.pad(self.error, ((0, 0), (0, self.stages + 1 - self.error.shape[1])))
-        return np.concatenate(
-            [x.ravel() for x in (self.a, self.b, self.c, error, self.dense)] + [[self.edge]]
-        )
+        sizes = {"degree": self.dense.shape[1], "estimates": len(self.error)}
+        return {**own, **sizes, "error": error, "dense": self.dense, "edge": self.edge}
 
     @property
     def all_stages(self) -> int:
