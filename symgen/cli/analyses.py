@@ -40,7 +40,8 @@ def run(ctx: typer.Context) -> None:
 @analysis(
     "symgen simulate peaucellier --t-end 1 --rtol 1e-12",
     "t_end method rtol atol step samples stabilisation stabilisation_rate max_drift revolutions steps at "
-    f"form geometric_stiffness max_step max_wall checkpoint checkpoint_every resume {_SHOWN} {o.COMPILED}",
+    "form geometric_stiffness initial max_step max_wall checkpoint checkpoint_every resume "
+    f"{_SHOWN} {o.COMPILED}",
     at=o.AtAngles,
 )
 def simulate(ctx: typer.Context) -> None:

@@ -158,6 +158,9 @@ OF_ANALYSES: dict[str, Any] = {
     "form": maybe(
         str, "--form", "FORM", "exact, or thesis: constant transformations, for comparison only.", _ELASTIC
     ),
+    "initial": maybe(
+        str, "--initial", "STATE", "undeformed, or quasi-static: bent by the loads at the start.", _ELASTIC
+    ),
     "geometric_stiffness": Annotated[
         bool | None,
         option(

@@ -12,7 +12,7 @@ from symgen.errors import ModelError
 from symgen.precision import FLOAT64
 from symgen.runtime import _beams, _core
 from symgen.runtime.elastic.motion import ElasticMotion
-from symgen.runtime.elastic.steps import Found, Progress, Task, turn
+from symgen.runtime.elastic.steps import Found, Progress, Start, Task, turn
 from symgen.runtime.integrate.checkpoint import Keeping, mark_of
 from symgen.runtime.integrate.pace import OUT_OF_TIME, OutOfTime, check_wall
 from symgen.runtime.kernels.typed import library_of_runs
@@ -176,6 +176,7 @@ def explicit(
     times: Array,
     progress: Progress | None,
     keeping: Keeping | None = None,
+    start: Start = None,
 ) -> Found:
     """Step from jump to jump of the loads, each a run of its own.
 
@@ -208,7 +209,8 @@ def explicit(
             "  Take the method gauss, or leave the checkpoint out."
         )
     order = np.argsort(times, kind="stable")
-    found, state = np.zeros((len(times), 2 * n)), np.zeros(2 * n)
+    found = np.zeros((len(times), 2 * n))
+    state = np.zeros(2 * n) if start is None else np.concatenate(start)[:, 0]
     begin, done, steps, spent = 0.0, 0, 0, 0.0
     for until, after in [*motion.jumps.tolist(), (end, end)]:
         last = int(np.searchsorted(times[order], until, side="right"))

@@ -37,6 +37,8 @@ if TYPE_CHECKING:
 #: Integration methods of elastic motions.
 METHODS = (*BEAM_METHODS, "dop853", "rk4")
 FORMS = ("exact", "thesis")
+#: Initial states of motions in time.
+INITIAL = ("undeformed", "quasi-static")
 
 
 #: Gives the linkage with its elastic links in so many rods; for None with rigid links and its motor.
@@ -204,6 +206,9 @@ class ElasticModel(Model):
                 command = own[method].replace("_", "-")
                 hint = f"It is model.{own[method]}(), on the command line 'symgen {command} {self.name}'."
             raise ModelError(f"there is no method {method!r} of integration. {hint}")
+        if asked.initial not in INITIAL:
+            known = nearest(asked.initial, INITIAL)
+            raise ModelError(f"there is no initial state {asked.initial!r} of elastic links. {known}")
         if t_end is not None:
             if revolutions is not None:
                 raise ModelError("give t_end or revolutions, not both")
@@ -225,6 +230,7 @@ class ElasticModel(Model):
             max_step=asked.max_step,
             t_end=t_end,
             t_eval=times,
+            initial=asked.initial,
         )
 
     @takes(Periodic)

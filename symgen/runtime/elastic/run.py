@@ -20,7 +20,7 @@ from symgen.runtime.elastic.mesh import mesh_error
 from symgen.runtime.elastic.motion import ElasticMotion
 from symgen.runtime.elastic.outputs import coordinate_of, of_powers, outputs, recovered, selected
 from symgen.runtime.elastic.periodic import again, periodic
-from symgen.runtime.elastic.static import held
+from symgen.runtime.elastic.static import held, initial
 from symgen.runtime.elastic.steps import (
     Found,
     Task,
@@ -97,9 +97,11 @@ def run(
         elif task.method == "periodic":
             found = periodic(motion, equations, task, times, pace, passes)
         elif task.method in BEAM_METHODS:
-            found = adapted(motion, equations, task, times, progress, keeping, pace, passes)
+            begun = initial(motion, equations, task)
+            found = adapted(motion, equations, task, times, progress, keeping, pace, passes, begun)
         else:
-            found = explicit(motion, equations, task, times, progress, keeping)
+            begun = initial(motion, equations, task)
+            found = explicit(motion, equations, task, times, progress, keeping, begun)
     except OutOfTime as stop:
         raise _out_of_time(motion, equations, task, times[:count], stop, passes, pace) from None
     if not np.all(np.isfinite(found.displacements)):
@@ -152,7 +154,7 @@ def _error_of_halves(
             to_last = int(np.sum(counts))
             per_turn = to_last if last is None else max(to_last, last.steps - to_last)
             return again(one, of, times, counts, per_turn, pace)
-        return stepped(one, of, method, times, counts, pace=pace)[0]
+        return stepped(one, of, method, times, counts, initial(one, of, task), pace=pace)[0]
 
     try:
         # The phase of a crank with a motor is taken out of the final displacements only.

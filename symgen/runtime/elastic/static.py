@@ -11,13 +11,15 @@ from symgen.errors import ModelError, SimulationError
 from symgen.runtime import _beams
 from symgen.runtime.elastic.modes import stiffness_sizes
 from symgen.runtime.elastic.motion import ElasticMotion
-from symgen.runtime.elastic.steps import Found
+from symgen.runtime.elastic.steps import Found, Start, Task, turn
 from symgen.runtime.integrate.pace import OutOfTime, Pace
 
 Array = NDArray[np.float64]
 
 #: Poses of a quasi-static motion between two looks at the clock.
 _HELD = 32
+#: Time between poses, over a revolution, for the rates of a start.
+_APART = 1e-4
 
 
 def quasi_static(motion: ElasticMotion, equations: _beams.BeamEquations, times: Array) -> Array:
@@ -43,6 +45,31 @@ def quasi_static(motion: ElasticMotion, equations: _beams.BeamEquations, times: 
             raise _no_shape(motion, equations, t, stiffness, sizes)
         found[k] = shape if basis is None else basis[0] @ shape
     return found
+
+
+def initial(motion: ElasticMotion, equations: _beams.BeamEquations, task: Task) -> Start:
+    """Return the start of a motion in time: the quasi-static shape with its rates, or None if undeformed.
+
+    The rates are differences of fourth order of the shapes in five poses.
+
+    Raises
+    ------
+    ModelError
+        For a free crank, and as :func:`quasi_static`.
+    SimulationError
+        As :func:`quasi_static`.
+    """
+    if task.initial == "undeformed":
+        return None
+    if motion.info.mode == "free":
+        raise ModelError(
+            f"{motion.rigid.name}: nothing holds its free crank, so that loads do not determine its shape\n"
+            "  Start it undeformed, or hold the crank."
+        )
+    apart = _APART * turn(motion)
+    shapes = quasi_static(motion, equations, apart * np.arange(5.0))
+    rates = np.array([-25.0, 48.0, -36.0, 16.0, -3.0]) @ shapes / (12 * apart)
+    return shapes[0][:, None].copy(), rates[:, None]
 
 
 def _solved(stiffness: Array, load: Array, sizes: Array) -> Array | None:

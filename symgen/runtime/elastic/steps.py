@@ -25,6 +25,8 @@ from symgen.runtime.kernels.typed import library_of_runs
 Array = NDArray[np.float64]
 Counts = NDArray[np.intp]
 Progress = Callable[[float], None]
+#: S and S' at time zero, (unknowns, 1) each; None at rest and undeformed.
+Start = tuple[Array, Array] | None
 
 #: Steps per revolution that a run begins with, and the most that it is doubled to.
 _FIRST, _MOST = 256, 1 << 18
@@ -51,6 +53,7 @@ class Task:
     max_step: float | None = None
     t_end: float | None = None
     t_eval: tuple[float, ...] | None = None
+    initial: str = "undeformed"
 
 
 @dataclass(frozen=True, slots=True)
@@ -168,7 +171,7 @@ def stepped(
     method: BeamMethod,
     times: Array,
     counts: Counts,
-    start: tuple[Array, Array] | None = None,
+    start: Start = None,
     progress: Progress | None = None,
     stages: Stages | None = None,
     pace: Pace | None = None,
@@ -182,7 +185,7 @@ def stepped(
     counts
         See :func:`step_counts`.
     start
-        S and S' at time zero, (unknowns, 1) each; at rest and undeformed if absent.
+        S and S' at time zero.
     stages
         Checkpoints of this run and those before it.
     pace
@@ -253,6 +256,7 @@ def adapted(
     keeping: Keeping | None,
     pace: Pace,
     passes: list[Found],
+    start: Start = None,
 ) -> Found:
     """Take the requested steps, or as many as ``rtol`` needs; append complete runs to ``passes``.
 
@@ -284,7 +288,7 @@ def adapted(
 
     def run(counts: Counts, shown: Progress | None = None) -> tuple[Array, Array]:
         found, rates = stepped(
-            motion, equations, method, times, counts, progress=shown, stages=stages, pace=pace
+            motion, equations, method, times, counts, start, progress=shown, stages=stages, pace=pace
         )
         passes.append(Found(found, rates, int(np.sum(counts)), spent=spent, counts=counts))
         return found, rates
@@ -314,7 +318,7 @@ def adapted(
         counts = np.where(early, np.ceil(more * counts - 1e-9).astype(np.intp), counts)
         before = error
         if lasts:
-            counts, before = _counts_by_part(motion, equations, task, times, counts, errors), math.inf
+            counts, before = _counts_by_part(motion, equations, task, times, counts, errors, start), math.inf
         found = compared if np.array_equal(counts, finer) else run(counts, progress)
     raise SimulationError(
         f"{motion.rigid.name}: {task.method} does not come within {task.rtol:g} of the peak stress "
@@ -331,6 +335,7 @@ def _counts_by_part(
     times: Array,
     counts: Counts,
     errors: Errors,
+    start: Start,
 ) -> Counts:
     """Return the counts that the first part of a run needs, and the whole if its error grows evenly."""
     method = BEAM_METHODS[task.method]
@@ -340,7 +345,7 @@ def _counts_by_part(
         own = counts[: len(part)]
         finer = finer_counts(own)
         found, compared = (
-            stepped(motion, equations, method, times[part], c, pace=pace)[0] for c in (own, finer)
+            stepped(motion, equations, method, times[part], c, start, pace=pace)[0] for c in (own, finer)
         )
         error = float(np.max(errors.of(found, compared, part)))
         if error <= task.rtol:

@@ -94,6 +94,7 @@ class Model(LinearAnalyses, ManyRuns, Sweeps, ElasticAnalyses, KernelCalls, Comp
         at: ArrayLike | None = None,
         form: str | None = None,
         geometric_stiffness: bool | None = None,
+        initial: str | None = None,
         max_steps: int | None = None,
         stabilisation: str | None = None,
         stabilisation_rate: float | None = None,
@@ -115,7 +116,7 @@ class Model(LinearAnalyses, ManyRuns, Sweeps, ElasticAnalyses, KernelCalls, Comp
         method
             An integrator's name (``docs/integrators.md``): ``dop853`` when absent, ``rk4`` with a ``step``.
             Elastic links: ``gauss`` when absent, ``gauss4``, ``newmark``, ``generalized-alpha``,
-            ``wilson-theta``, ``dop853``, ``rk4``; all start undeformed, at rest relative to the rigid motion.
+            ``wilson-theta``, ``dop853``, ``rk4``.
         rtol, atol
             Tolerances of the local error of adaptive methods: relative (1e-9), in m and m/s (rtol/1000).
             Elastic links: ``rtol`` is the error over the peak stress (1e-4) of methods with fixed steps.
@@ -133,6 +134,9 @@ class Model(LinearAnalyses, ManyRuns, Sweeps, ElasticAnalyses, KernelCalls, Comp
         form, geometric_stiffness
             Elastic links: ``exact`` or ``thesis`` (rotations of axes taken as constant, for comparison only);
             false omits geometric stiffness, whatever the scene says.
+        initial
+            Elastic links: ``undeformed``, at rest relative to the rigid motion (the default), or
+            ``quasi-static``, with the shape under the loads of the rigid motion at the start, and its rates.
         max_steps
             A run that needs more steps (1e9) ends with an error.
         stabilisation, stabilisation_rate

@@ -1,0 +1,59 @@
+"""Runs that start from the quasi-static shape, against closed forms and the motion without vibration."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from shared import elastic_scenes as bars
+
+import symgen
+from symgen.errors import ModelError
+
+WEIGHT = '[gravity]\nacceleration = ["0 m/s^2", "-9.81 m/s^2"]\n[analysis]\nt_end = "0.1 s"\n'
+LOAD = bars.RHO * bars.AREA * 9.81
+SAG = LOAD * bars.LENGTH**4 / (8 * bars.E * bars.INERTIA)
+
+
+@pytest.fixture(scope="module")
+def heavy(tmp_path_factory):
+    return bars.cantilever(tmp_path_factory.mktemp("heavy"), ", elements = 1", more=WEIGHT)
+
+
+@pytest.mark.parametrize("method", ["gauss", "newmark", "dop853"])
+def test_a_cantilever_stays_in_its_static_shape(heavy, method):
+    options = {"rtol": 1e-3} if method != "newmark" else {"steps": 400}
+    run = heavy.simulate(method=method, initial="quasi-static", samples=21, **options)
+    tip = run["tip.displacement"].values[:, 1]
+    assert tip == pytest.approx(-SAG, rel=1e-6)
+    assert run["kinetic_energy"].values == pytest.approx(0, abs=1e-9 * np.max(run["strain_energy"].values))
+
+
+def test_undeformed_it_overshoots_to_twice_the_sag(heavy):
+    tip = heavy.simulate(rtol=1e-3, samples=201)["tip.displacement"].values[:, 1]
+    assert tip[0] == 0 and np.min(tip) < -1.8 * SAG
+
+
+def test_a_rotating_strip_starts_with_the_rates_of_its_stretch(tmp_path):
+    """Stretched by its rotation, with nothing to vibrate but the centrifugal force of the stretch itself."""
+    speed = 20.0
+    model = bars.cantilever(tmp_path, ", elements = 2", speed=f"{speed} rad/s")
+    run = model.simulate(initial="quasi-static", steps=2000, samples=41, revolutions=0.1)
+    change = run["bar.length_change"].values
+    still = bars.RHO * speed**2 * bars.LENGTH**3 / (3 * bars.E)
+    # The square of the speed over that of the first frequency of stretching.
+    vibrates = speed**2 * bars.RHO / bars.E * (2 * bars.LENGTH / np.pi) ** 2
+    assert change == pytest.approx(still, rel=3 * vibrates + 1e-7)
+    tip, angle = run["tip.displacement"].values, run.coordinate.values
+    along = np.column_stack([np.cos(angle), np.sin(angle)])
+    assert tip == pytest.approx(still * along, abs=1e-4 * still)
+
+
+def test_an_unknown_start_is_refused(heavy):
+    with pytest.raises(ModelError, match="no initial state 'static' of elastic links"):
+        heavy.simulate(initial="static")
+
+
+def test_a_free_crank_has_no_quasi_static_shape():
+    model = symgen.build("elastic_four_bar_free")
+    with pytest.raises(ModelError, match="nothing holds its free crank"):
+        model.simulate(initial="quasi-static", revolutions=0.01)
