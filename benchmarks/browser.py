@@ -15,16 +15,16 @@ from pathlib import Path
 _MEASURE = """
 <script>
 addEventListener("load", () => {
+  for (const folded of document.querySelectorAll("details")) folded.open = true;
   const width = document.documentElement.clientWidth;
   const within = (e) => e.closest(".scroll, pre, svg");
   const wide = [...document.body.querySelectorAll("*")]
     .filter((e) => !within(e.parentElement) && e.getBoundingClientRect().right > width + 0.5)
     .map((e) => e.tagName + "." + e.className + " " + Math.round(e.getBoundingClientRect().right));
-  const shown = (e) => !e.closest("details:not([open])");
-  const math = [...document.querySelectorAll("math")].filter(shown);
+  const math = [...document.querySelectorAll("math")];
   const box = (e) => e.getBoundingClientRect();
   const seen = math.filter((e) => box(e).width > 3 && box(e).height > 5);
-  const tables = [...document.querySelectorAll("mtable")].filter(shown);
+  const tables = [...document.querySelectorAll("mtable")];
   const flat = tables.filter((e) => e.querySelectorAll(":scope > mtr").length > 1
     && e.getBoundingClientRect().height < 12 * e.querySelectorAll(":scope > mtr").length);
   const images = [...document.images].filter((e) => !e.complete || e.naturalWidth === 0).length;
