@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -27,13 +27,26 @@ def element(name: str) -> System:
     return made
 
 
+def tangents(block: str, kernels: Sequence[str], groups: Sequence[str]) -> System:
+    """Return the System of the tangents of kernels of a building block, by its name."""
+    made: System = _made("models.forward_mode:tangents_of", BLOCKS[block](), kernels, groups)
+    return made
+
+
 #: Conditions of the synthesis of four-bars.
 SYNTHESIS = ("synthesis_limits", "synthesis_dyad", "synthesis_function")
+#: Kernels of an element, all of which have tangents.
+_OF_ELEMENTS = ("mass", "gyroscopic", "stiffness", "geometric", "load", "shape")
 _OF_LOOPS = ("loop_row", "loop_screws", "loop_inertia")
 
 #: Building blocks by name: one line each, and one for each element.
 BLOCKS: dict[str, Callable[[], System]] = {
     **{f"element_{name}": partial(element, name) for name in ELEMENTS},
+    **{
+        f"element_{name}_tangents": partial(tangents, f"element_{name}", _OF_ELEMENTS, ("q", "u"))
+        for name in ELEMENTS
+    },
+    "elastic_place_tangents": partial(tangents, "elastic_place", ("point",), ("q",)),
     "rod": partial(_made, "models.rod:rod_system", 2),
     "rod_spatial": partial(_made, "models.rod:rod_system", 3),
     "rigid_element": partial(_made, "models.elastic.rigid_element:rigid_element_system"),
@@ -47,8 +60,9 @@ BLOCKS: dict[str, Callable[[], System]] = {
 #: Building blocks that runs call: their kernels are committed under ``generated/`` and compiled at install.
 #: The others are for inspection, and compiled nowhere.
 SHIPPED_BLOCKS = (
-    *(f"element_{name}" for name in ELEMENTS), "rigid_element", "elastic_place", "corotational_beam",
-    "spatial_beam", "loop_row", *SYNTHESIS,
+    *(f"element_{name}{ending}" for name in ELEMENTS for ending in ("", "_tangents")),
+    "rigid_element", "elastic_place", "elastic_place_tangents", "corotational_beam", "spatial_beam", "loop_row",
+    *SYNTHESIS,
 )  # fmt: skip
 
 #: Steps of the derivation of a building block, for inspection, by the block's name.

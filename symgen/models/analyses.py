@@ -44,6 +44,8 @@ ANALYSES: dict[str, Callable[[Linkage], System]] = {
     "forces": _later("symgen.models.elastic.rigid_forces:rigid_forces_system"),
     "elastic_motion": _later("symgen.models.elastic.links:motion_system"),
     "elastic_joints": _later("symgen.models.elastic.links:joints_system"),
+    "elastic_motion_tangents": _later("symgen.models.elastic.tangents:motion_tangent_system"),
+    "elastic_joints_tangents": _later("symgen.models.elastic.tangents:joints_tangent_system"),
 }
 #: The same of loops.
 OF_LOOPS: dict[str, Callable[[Loop], System]] = {

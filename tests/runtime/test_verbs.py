@@ -16,13 +16,14 @@ RODS = {"simulate", "equilibrium", "modes", "accelerations", "batch"} | LINEAR
 DRIVEN = {"kinematics", "inverse_dynamics", "assemblies"}
 AT_REST = {"equilibrium", "modes"}
 ELASTIC = {"periodic", "quasi_static", "large_rotation", "speed_response", "in_segments"}
+EXACT = {"sensitivity"}
 SUPPORTED = {
     "four_bar": RODS,
     "crank_rocker": (RODS | DRIVEN) - AT_REST,
     "slider_crank": DRIVEN | {"batch", "sensitivity"},
     "cssp": {"simulate", "assemblies", "batch", "linearise"},
-    "thesis_four_bar": RODS - {"accelerations", "equilibrium"} - LINEAR | DRIVEN | ELASTIC,
-    "elastic_four_bar_motor": RODS - {"accelerations"} - LINEAR | DRIVEN | ELASTIC,
+    "thesis_four_bar": RODS - {"accelerations", "equilibrium"} - LINEAR | DRIVEN | ELASTIC | EXACT,
+    "elastic_four_bar_motor": RODS - {"accelerations"} - LINEAR | DRIVEN | ELASTIC | EXACT,
 }
 KINEMATIC = {"analysis.kind": "kinematics", "analysis.outputs": []}
 

@@ -9,6 +9,7 @@ import sympy as sp
 from symgen.mechanics.elastic.hamilton import AX, AY, N0, OMEGA, OMEGA_RATE
 from symgen.mechanics.elastic.turning_axes import COSINE, SINE
 from symgen.symbolic.names import Names
+from symgen.symbolic.quantity import Quantity
 
 Vector = tuple[sp.Expr, ...]  # two components
 
@@ -44,15 +45,15 @@ def moving_frame(
     known = {r: length, r_t: stretching, v_n: turning, a_n: across}
     felt_along, felt_across = local(felt, cosine, sine)
     found = {COSINE.symbol: cosine, SINE.symbol: sine}
-    for q, e in (
-        (OMEGA, omega_of),
-        (OMEGA_RATE, omega_rate_of),
-        (AX, felt_along),
-        (AY, felt_across),
-        (N0, -local(force, cosine, sine)[0]),
-    ):
-        value = e.xreplace(known | found)
+
+    def name(q: Quantity, value: sp.Expr) -> None:
         found[q.symbol] = names.scalar(f"{link}_{q.name}", value, q.unit, f"{q.description}, {link}")
+
+    name(OMEGA, omega_of.xreplace(known))
+    name(OMEGA_RATE, omega_rate_of.xreplace(known | found))
+    # These are of the linkage, whose parameters may be called like the symbols above.
+    for q, value in ((AX, felt_along), (AY, felt_across), (N0, -local(force, cosine, sine)[0])):
+        name(q, value)
     return found
 
 

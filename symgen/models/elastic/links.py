@@ -22,6 +22,7 @@ from symgen.mechanics.elastic.moving_frame import local, moving_frame
 from symgen.mechanics.elastic.shaft import TERMS, powers, rigid_crank, shaft
 from symgen.mechanics.elastic.turning_axes import COSINE, SINE
 from symgen.mechanics.elastic.weights import turning_ends, weights
+from symgen.models.elastic.apart import apart
 from symgen.models.rods.constraints import Constraint
 from symgen.models.rods.linearised import analysis_of, linearised
 from symgen.models.rods.linkage import RodsModel
@@ -84,16 +85,10 @@ def motion_system(linkage: Linkage) -> System:
     model, names = RodsModel(linkage), Names()
     of_links = [k.link for k in linkage.elastic]
     moving = {k.link: _motion(model, k, names) for k in linkage.elastic}
+    properties = [_properties(linkage, k) for k in linkage.elastic]
     matrices = [
         _table(model, "links", [_row(MOTION, m) for m in moving.values()], "1, SI", MOTION, of_links),
-        _table(
-            model,
-            "properties",
-            [_properties(linkage, k) for k in linkage.elastic],
-            "SI",
-            PROPERTIES,
-            of_links,
-        ),
+        _table(model, "properties", properties, "SI", PROPERTIES, of_links),
     ]
     constants, along = ["properties"], list(loads_along(linkage))
     crank = linkage.crank
@@ -278,12 +273,14 @@ def _energies(
     model: RodsModel, linkage: Linkage, beam: ElasticLink, motion: Mapping[sp.Symbol, sp.Expr]
 ) -> list[sp.Expr]:
     """Return a row of ``ENERGIES``."""
-    own = [(at, mass) for link, at, mass in lumps(linkage) if link == beam.link]
-    length = linkage.link(beam.link).length
-    rotary = beam.section.rotary if ELEMENTS[beam.element].rotary else ()
-    rigid = rigid_energies(beam.section.mass, rotary, length, own)
+    hidden, shown = apart(linkage, motion)
+    own = [(hidden(at), hidden(mass)) for link, at, mass in lumps(linkage) if link == beam.link]
+    turned = beam.section.rotary if ELEMENTS[beam.element].rotary else ()
+    mass, rotary = ([*map(hidden, of)] for of in (beam.section.mass, turned))
+    rigid = rigid_energies(mass, rotary, hidden(linkage.link(beam.link).length), own)
     values = {w.name: w.value for w in energy_weights()} | rigid
-    return [e.xreplace(motion) for value in values.values() for e in (sp.sympify(value), rate(value))]
+    found = (e for value in values.values() for e in (sp.sympify(value), rate(value)))
+    return [shown(e.xreplace(motion)) for e in found]
 
 
 def _row(columns: Sequence[str], motion: Mapping[sp.Symbol, sp.Expr]) -> list[sp.Expr]:
@@ -316,14 +313,17 @@ def _stations(linkage: Linkage) -> list[list[sp.Expr]]:
 
 def _shaft(model: RodsModel, crank: Crank, motion: Mapping[sp.Symbol, sp.Expr]) -> NamedMatrix:
     angle, rate = (state_symbol(f"{crank.link}.{word}") for word in ("angle", "angular_velocity"))
-    row = [e.xreplace(motion) for e in shaft(crank.flywheel, crank.torque, angle, rate)]
+    hidden, shown = apart(model.linkage, motion)
+    terms = shaft(hidden(crank.flywheel), hidden(crank.torque), angle, rate)
+    row = [shown(e.xreplace(motion)) for e in terms]
     return _table(model, "shaft", [model.loads.with_state(row)], "kg*m^2, N*m*s/rad, N*m/rad, N*m", TERMS)
 
 
 def _shaft_energy(model: RodsModel, crank: Crank, motion: Mapping[sp.Symbol, sp.Expr]) -> NamedMatrix:
     angle, rate_of = (state_symbol(f"{crank.link}.{word}") for word in ("angle", "angular_velocity"))
-    found = powers(crank.flywheel, crank.torque, angle, rate_of)
-    row = [e.xreplace(motion) for part in found.values() for e in part]
+    hidden, shown = apart(model.linkage, motion)
+    found = powers(hidden(crank.flywheel), hidden(crank.torque), angle, rate_of)
+    row = [shown(e.xreplace(motion)) for part in found.values() for e in part]
     return _table(model, "shaft_energy", [[e] for e in model.loads.with_state(row)], "J, W", ("factor",))
 
 

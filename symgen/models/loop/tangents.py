@@ -15,13 +15,13 @@ from typing import TYPE_CHECKING
 import sympy as sp
 
 from symgen.errors import ModelError, SceneError
+from symgen.models.forward_mode import Tangents
 from symgen.models.loop import outputs
 from symgen.models.loop.derivation import REFERENCE, LoopModel
 from symgen.models.loop.system import groups
 from symgen.scene.rods.linkage import TIME
-from symgen.symbolic.calculus import partial
-from symgen.symbolic.quantity import AXES, Quantity, quantity
-from symgen.symbolic.system import Definition, Export, NamedMatrix, System
+from symgen.symbolic.quantity import AXES
+from symgen.symbolic.system import Export, NamedMatrix, System
 
 if TYPE_CHECKING:
     from symgen.scene.loop.loop import Loop
@@ -65,7 +65,10 @@ def tangent_system(loop: Loop, balanced: bool = False) -> System:
     if forces:
         pairs = zip(model.joints[1], model.given_efforts, strict=True)
         of["efforts"] = [effort - given for effort, given in pairs]
-    tangents = _Tangents(model)
+    given = [*(v.quantity for v in model.variables), *(v.rate for v in model.variables)]
+    given += [*(v.acceleration for v in model.variables), *model.closing]
+    given += [p.quantity for p in model.loop.parameters]
+    tangents = Tangents(given, model.names.definitions)
     matrices = [_column(f"{name}_tangent", tangents.of(x), f"tangents of {name}") for name, x in of.items()]
     exports = [Export(name, f"tangents of {name}", (f"{name}_tangent",)) for name in of]
     if forces:
@@ -92,38 +95,6 @@ def tangent_system(loop: Loop, balanced: bool = False) -> System:
 def balanced_tangent_system(loop: Loop) -> System:
     """Return the System of :func:`tangent_system` with the balance of efforts, whatever the outputs are."""
     return tangent_system(loop, balanced=True)
-
-
-class _Tangents:
-    """Tangents of the derivation so far: ``definitions`` of those of its named quantities."""
-
-    def __init__(self, model: LoopModel) -> None:
-        variables = model.variables
-        given = [*(v.quantity for v in variables), *(v.rate for v in variables)]
-        given += [*(v.acceleration for v in variables), *model.closing]
-        given += [p.quantity for p in model.loop.parameters]
-        #: Tangents of the arguments, in the order of variables, rates, accelerations, wrench, parameters.
-        self.seeds = tuple(_tangent(x) for x in given)
-        self._known = {x.symbol: s.symbol for x, s in zip(given, self.seeds, strict=True)}
-        self.definitions: list[Definition] = []
-        for definition in model.names.definitions:
-            (slope,) = self.of([definition.expression])
-            if slope != 0:
-                made = _tangent(definition.quantity)
-                self.definitions.append(Definition(made, slope))
-                self._known[definition.quantity.symbol] = made.symbol
-
-    def of(self, expressions: Sequence[sp.Expr]) -> list[sp.Expr]:
-        """Return the tangents of expressions that use these quantities."""
-        found = []
-        for expression in map(sp.sympify, expressions):
-            used = sorted(expression.free_symbols & self._known.keys(), key=lambda s: str(s.name))
-            found.append(sp.Add(*(partial(expression, s) * self._known[s] for s in used)))
-        return found
-
-
-def _tangent(x: Quantity) -> Quantity:
-    return quantity(f"{x.name}_tangent", x.unit, f"tangent of {x.description}")
 
 
 def _component(model: LoopModel, name: str) -> NamedMatrix:

@@ -1,4 +1,8 @@
-"""The finite elements along a link: arguments and results of the kernels ``element_NAME``."""
+"""The finite elements along a link: arguments and results of the kernels ``element_NAME``.
+
+Numbers of a link may be complex where derivatives are taken: imaginary parts are then tangents, so small that
+their products vanish, and those of results follow from the kernels ``element_NAME_tangents``.
+"""
 
 from __future__ import annotations
 
@@ -43,6 +47,25 @@ def _shipped(block: str) -> Any:
     return shipped_module(block)
 
 
+def _evaluated(block: str, name: str, q: Array, u: Array | None = None) -> Array:
+    """Return what a kernel of a building block gives, with its tangent where arguments have them."""
+    station = np.zeros(1) if u is None else u
+    if not (np.iscomplexobj(q) or np.iscomplexobj(station)):
+        found: Array = getattr(kernels(block), name)(q=q, u=u)
+        return found
+    given = {"q": np.real(q).copy(), "u": np.real(station).copy()}
+    seeds = np.concatenate([np.imag(q), np.imag(station)])
+    value, tangent = (
+        getattr(kernels(module), kernel)(**given, **more)
+        for module, kernel, more in (
+            (block, name, {}),
+            (f"{block}_tangents", f"{name}_tangent", {"work": seeds}),
+        )
+    )
+    whole: Array = value + 1j * tangent
+    return whole
+
+
 def shifted(polynomial: Sequence[float], by: float) -> list[float]:
     """Return the coefficients by power of p(x + by), for those of p(x)."""
     n = len(polynomial)
@@ -71,7 +94,7 @@ def point(x: float) -> dict[str, Array]:
 
     By name, (6, 6) or (6,) over the rows ``SHAPES``: see :mod:`symgen.mechanics.elastic.places`.
     """
-    n, found = len(SHAPES), kernels("elastic_place").point(q=np.array([x]))
+    n, found = len(SHAPES), _evaluated("elastic_place", "point", np.array([x]))
     matrices, vectors = found[: 3 * n * n].reshape(3, n, n), found[3 * n * n :].reshape(-1, n)
     return dict(zip(AT_A_PLACE, (*matrices, *vectors), strict=True))
 
@@ -118,8 +141,7 @@ class Segment:
         return self._call("shape", self.arguments, np.array([x])).reshape(len(SHAPES), len(self.dofs))
 
     def _call(self, name: str, arguments: Array, x: Array | None = None) -> Array:
-        found: Array = getattr(kernels(self.block), name)(q=arguments, u=x)
-        return found
+        return _evaluated(self.block, name, arguments, x)
 
 
 def names(info: BeamInfo) -> tuple[str, ...]:
@@ -151,7 +173,7 @@ def segments(info: BeamInfo, properties: Properties) -> tuple[Segment, ...]:
             *range(second, second + per_node),
             *range(first + per_node, second),
         )
-        arguments = np.array([stop - start, *moved], dtype=float)
+        arguments = np.array([stop - start, *moved])
         found.append(Segment(info.element, info.block, start, stop - start, dofs, arguments))
     return tuple(found)
 
@@ -179,5 +201,5 @@ def _place(info: BeamInfo, length: float, node: int) -> float:
 def segment_at(parts: Sequence[Segment], x: float) -> tuple[Segment, ...]:
     """Return the element at x [m] from the first point of the link; both where two of them meet."""
     length = parts[-1].start + parts[-1].length
-    close = 1e-12 * length
-    return tuple(s for s in parts if s.start - close <= x <= s.start + s.length + close)
+    close = 1e-12 * length.real
+    return tuple(s for s in parts if s.start.real - close <= x.real <= (s.start + s.length).real + close)

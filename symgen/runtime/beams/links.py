@@ -92,7 +92,7 @@ class Beam:
     def _table(self, fractions: Sequence[float]) -> Mapping[str, Array]:
         places = []
         for fraction in fractions:
-            if not 0.0 <= fraction <= 1.0:
+            if not 0.0 <= fraction.real <= 1.0:
                 raise ModelError(
                     f"a station of link {self.info.link!r} is a fraction of its length from 0 to 1, "
                     f"got {fraction!r}"
@@ -104,10 +104,10 @@ class Beam:
     def _rows_at(self, places: Sequence[tuple[float, Sequence[Segment]]]) -> Mapping[str, Array]:
         """Return the rows at places x [m], each the mean of the elements given there."""
         size = len(self.dofs) if self.expansion is None else len(self.expansion)
-        found = np.zeros((len(SHAPES), len(places), size))
+        found = np.zeros((len(SHAPES), len(places), size), self.pieces[0].stiffness.dtype)
         for k, (x, parts) in enumerate(places):
             for part in parts:
-                local = min(max(x - part.start, 0.0), part.length)
+                local = min(max(x - part.start, 0.0, key=_real), part.length, key=_real)
                 found[:, k, list(part.dofs)] += part.shape(local) / len(parts)
         if self.expansion is not None:
             found = found @ self.expansion
@@ -185,6 +185,10 @@ def beam(
     return Beam(info, properties, tuple(lumps), dofs, joints, fixed, found, forces, parts, expansion)
 
 
+def _real(x: complex) -> float:
+    return x.real
+
+
 def _joints(info: BeamInfo, dofs: Sequence[str]) -> tuple[tuple[int, int], ...]:
     """Return the places of (u, w) of the nodes at joints."""
     return tuple((dofs.index(f"u@{i}"), dofs.index(f"w@{i}")) for i in info.joint_nodes)
@@ -214,7 +218,7 @@ def _fixed(info: BeamInfo, properties: Properties, dofs: Sequence[str]) -> tuple
     return tuple(
         dofs.index(f"kappa@{node}")
         for node, x, bent in ends
-        if not bent and f"kappa@{node}" in dofs and value_at(properties.bending, x) > 1e-9 * largest
+        if not bent and f"kappa@{node}" in dofs and value_at(properties.bending, x).real > 1e-9 * largest
     )
 
 
@@ -222,13 +226,13 @@ def _check(info: BeamInfo, properties: Properties, lumps: Sequence[Lump]) -> Non
     where = f"elastic link {info.link!r}"
     if info.elements < 1:
         raise ModelError(f"{where} needs one element or more, got {info.elements}")
-    if not 0.0 < properties.length < float("inf"):
+    if not 0.0 < properties.length.real < float("inf"):
         raise ModelError(f"{where} needs a length above zero, got {properties.length!r} m")
     for lump in lumps:
-        if not 0.0 <= lump.at <= properties.length:
+        if not 0.0 <= lump.at.real <= properties.length.real:
             raise ModelError(
                 f"a lumped mass of {where} lies at {lump.at!r} m, expected 0 to its length "
                 f"{properties.length!r} m"
             )
-        if not 0.0 <= lump.mass < float("inf"):
+        if not 0.0 <= lump.mass.real < float("inf"):
             raise ModelError(f"a lumped mass of {where} is zero or more, got {lump.mass!r} kg")

@@ -36,7 +36,7 @@ def pieces(
     for part in parts:
         own = [lump for lump, owner in zip(lumps, owners, strict=True) if owner is part]
         before = [
-            lump for lump, owner in zip(lumps, owners, strict=True) if owner.start < part.start
+            lump for lump, owner in zip(lumps, owners, strict=True) if owner.start.real < part.start.real
         ]  # of whole elements
         found.append(_piece(part, properties, own, before, rotary, stiffening))
         spread = [_spread(part, profile, segment_at(parts, profile.at)[0]) for profile in profiles]
@@ -101,7 +101,7 @@ def _spread(part: Segment, profile: Profile, owner: Segment) -> tuple[Array, Arr
         place = profile.at - part.start
         x, y = _force(part, profile.at) if owner is part else np.zeros((2, len(part.dofs)))
         behind = np.zeros((len(part.dofs), len(part.dofs)))
-        if owner.start <= part.start:
+        if owner.start.real <= part.start.real:
             behind = stiffened(part, place if owner is part else 0.0)
         return x, y, behind
     places, weights = _gauss(part, 0.0)
@@ -129,7 +129,7 @@ def stiffened(part: Segment, start: float, force: Callable[[Array], Array] = np.
     ``force`` is the axial force [N] at places [m] from the first point of the link; 1 N by default.
     """
     places, weights = _gauss(part, start)
-    made = np.zeros((len(part.dofs), len(part.dofs)))
+    made = np.zeros((len(part.dofs), len(part.dofs)), part.arguments.dtype)
     for x, weight in zip(places.tolist(), (weights * force(places)).tolist(), strict=True):
         shape = part.shape(x - part.start)
         made += weight * (shape.T @ point(x)["geometric0"] @ shape)
@@ -138,12 +138,11 @@ def stiffened(part: Segment, start: float, force: Callable[[Array], Array] = np.
 
 def whole(found: Sequence[Piece], n: int) -> Piece:
     """Return all pieces as one over the n unknowns of their link."""
-    fields: dict[str, Array] = {name: np.zeros((n, n)) for name in MATRICES}
-    fields.update({name: np.zeros(n) for name in VECTORS})
-    count = len(found[0].force_x)
-    fields.update(
-        zip(SPREAD, (np.zeros((count, n)), np.zeros((count, n)), np.zeros((count, n, n))), strict=True)
-    )
+    count, kind = len(found[0].force_x), found[0].stiffness.dtype
+    fields: dict[str, Array] = {name: np.zeros((n, n), kind) for name in MATRICES}
+    fields.update({name: np.zeros(n, kind) for name in VECTORS})
+    fields.update({name: np.zeros((count, n), kind) for name in SPREAD[:2]})
+    fields[SPREAD[2]] = np.zeros((count, n, n), kind)
     for piece in found:
         at = np.array(piece.at)
         for name in MATRICES:

@@ -30,7 +30,7 @@ def of_one_length(
     along = {dofs.index(f"u@{i}"): info.node(i) for i in range(1, n)}
     inner = [j for part in parts for j in part.dofs[2 * len(info.node_dofs) :] if _is_along(part, j)]
     kept = [j for j in range(len(dofs)) if j not in along and j not in inner]
-    basis = np.zeros((len(dofs), len(kept)))
+    basis = np.zeros((len(dofs), len(kept)), stiffness.dtype)
     basis[kept, np.arange(len(kept))] = 1.0
     first, last = kept.index(dofs.index("u@0")), kept.index(dofs.index(f"u@{n}"))
     for j, part_of_length in along.items():
@@ -72,7 +72,7 @@ def reduced(
             where=f"links.{info.link}.elastic.reduction.modes",
             hint="Give fewer modes, or more elements.",
         )
-    basis = np.zeros((len(dofs), len(ends) + modes))
+    basis = np.zeros((len(dofs), len(ends) + modes), piece.stiffness.dtype)
     basis[ends, np.arange(len(ends))] = 1.0
     if inside:
         try:
@@ -102,6 +102,4 @@ def held_modes(piece: Piece, inside: Sequence[int], count: int) -> tuple[Array, 
 
 def _followers(stiffness: Array, inside: Sequence[int], outside: Sequence[int]) -> Array:
     """Return the unknowns inside by those outside, where no force acts inside."""
-    return np.asarray(
-        -np.linalg.solve(stiffness[np.ix_(inside, inside)], stiffness[np.ix_(inside, outside)]), dtype=float
-    )
+    return np.asarray(-np.linalg.solve(stiffness[np.ix_(inside, inside)], stiffness[np.ix_(inside, outside)]))

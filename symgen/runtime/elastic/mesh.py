@@ -78,7 +78,7 @@ class MeshedMotion(ElasticMotion):
         rows = self._tables["properties"]
         made = []
         for k, (info, row) in enumerate(zip(infos, rows, strict=True)):
-            properties, lumps, profiles = _properties(row), self.lumps(info.link), self.profiles(info.link)
+            properties, lumps, profiles = properties_of(row), self.lumps(info.link), self.profiles(info.link)
             if not info.nodes:
                 info = replace(info, between=self.between(info.link))  # noqa: PLW2901
             if not info.elements:
@@ -143,9 +143,9 @@ class MeshedMotion(ElasticMotion):
         return made
 
 
-def _properties(row: Array) -> Properties:
+def properties_of(row: Array) -> Properties:
     """Return the properties in a row of the table ``properties``."""
-    x = [float(v) for v in row]
+    x = row.tolist()
     return Properties(
         length=x[0],
         mass=(x[1], x[2], x[3]),

@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from symgen.runtime.beams.layout import Layout
     from symgen.runtime.beams.links import Beam
     from symgen.runtime.elastic.motion import ElasticMotion
+    from symgen.runtime.linearisation.record import Sensitivity
     from symgen.runtime.model.rods import RodModel
     from symgen.runtime.result.elastic import ElasticResult
     from symgen.runtime.result.modes import ElasticModes
@@ -195,6 +196,14 @@ class ElasticModel(Model):
         from symgen.runtime.elastic.outputs import in_mode
 
         return in_mode(self._motion(True), modes, number, phases, largest)
+
+    def _sensitivity(
+        self, outputs: Sequence[str], parameters: Sequence[str] | None = None, at: float | None = None
+    ) -> Sensitivity:
+        from symgen.runtime.linearisation.elastic import sensitivity
+
+        t = 0.0 if at is None else real(at, "the time of derivatives")
+        return sensitivity(self._motion(True), outputs, self.rigid._differentiated(parameters), t)
 
     @takes(ElasticRun)
     def _simulate(self, asked: ElasticRun) -> ElasticResult:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import copy
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
 
 import numpy as np
@@ -90,6 +90,13 @@ class ElasticMotion(ABC):
         made._path, made._driven = path, self
         return made
 
+    def with_constants(self, tables: Mapping[str, Array], beams: Sequence[Beam] = ()) -> ElasticMotion:
+        """Return the motion with other constants, and other elastic links of the same unknowns."""
+        made = copy.copy(self)
+        vars(made).update(_tables=dict(tables), layout=self.layout, beams=tuple(beams))
+        vars(made).pop("stations", None)
+        return made
+
     def ending_on(self, jumps: Array) -> ElasticMotion:
         """Return the motion with steps that end on jumps of the loads (jumps, 2) [s]."""
         if not len(jumps):
@@ -171,12 +178,12 @@ class ElasticMotion(ABC):
     def lumps(self, link: str) -> tuple[Lump, ...]:
         """Return the masses along a link."""
         rows = zip(self.info.lumps, self._tables.get("lumps", ()), strict=True)
-        return tuple(Lump(float(at), float(mass)) for name, (at, mass) in rows if name == link)
+        return tuple(Lump(*row.tolist()) for name, row in rows if name == link)
 
     def profiles(self, link: str) -> tuple[Profile, ...]:
         """Return how the forces along a link lie, in the order of those in ``rigid_motion``."""
         rows = zip(self.info.loads, self._tables.get("profiles", ()), strict=True)
-        return tuple(Profile(*map(float, row)) for name, row in rows if name == link)
+        return tuple(Profile(*row.tolist()) for name, row in rows if name == link)
 
     def between(self, link: str) -> tuple[tuple[str, float], ...]:
         """Return the joints between the ends of a link, checked: names of points, fractions of its length."""
@@ -196,7 +203,7 @@ class ElasticMotion(ABC):
         """Name, number of the link, fraction of its length and fibre [m] of every station."""
         links = [b.link for b in self.info.beams]
         rows = zip(self.info.stations, self._tables.get("stations", ()), strict=True)
-        return tuple((name, links.index(link), float(at), float(h)) for (name, link), (at, h) in rows)
+        return tuple((name, links.index(link), *row.tolist()) for (name, link), row in rows)
 
     @cached_property
     def layout(self) -> Layout:

@@ -1,0 +1,281 @@
+"""Exact derivatives of linkages with elastic links by parameters, in the pose of a time.
+
+Parameters change the rigid motion, whose differentials are those of :mod:`.sensitivity`, and through it and
+the properties of links all matrices. These are assembled once for each parameter with complex numbers, whose
+imaginary parts are tangents: those of kernels are derived, and those of sums and products follow, since the
+tangents are so small that their products vanish.
+
+Unknowns S obey constraints J S = 0 with forces J^T mu. A mode (K - w^2 M) phi + J^T mu = 0 of the structure
+at rest has d(w^2) = phi^T (dK - w^2 dM) phi + 2 mu^T dJ phi where phi^T M phi = 1. Quasi-static
+displacements, K S + J^T mu = Q, have K dS + J^T dmu = dQ - dK S - dJ^T mu and J dS = -dJ S.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symgen.errors import ModelError, nearest
+from symgen.runtime._beams import APPLIED, MOTION
+from symgen.runtime.beams.frames import frames
+from symgen.runtime.beams.links import Beam, beam
+from symgen.runtime.beams.pieces import whole
+from symgen.runtime.elastic.mesh import properties_of
+from symgen.runtime.elastic.modes import elastic_modes
+from symgen.runtime.elastic.motion import ElasticMotion
+from symgen.runtime.elastic.outputs import outputs as outputs_of
+from symgen.runtime.elastic.static import quasi_static
+from symgen.runtime.linearisation.record import Sensitivity
+from symgen.runtime.linearisation.sensitivity import finite, moved_pose
+from symgen.runtime.linearisation.state_space import Tangents
+
+Array = NDArray[np.float64]
+#: Numbers with tangents.
+Dual = NDArray[Any]
+
+#: Unit of tangents as imaginary parts: their products are below every number of a linkage.
+_UNIT = 1e-80
+#: The part of their size by which frequencies must differ, and by which places along a link may move over it.
+_APART, _MOVED = 1e-6, 1e-12
+#: Analyses of the kernels of motion and joints; that with tangents has the ending.
+_KINDS, _TANGENTS = ("elastic_motion", "elastic_joints"), "_tangents"
+
+
+def sensitivity(
+    motion: ElasticMotion, outputs: Sequence[str], parameters: Sequence[str], t: float
+) -> Sensitivity:
+    """Return the derivatives of frequencies at rest and of quasi-static outputs in the pose of a time.
+
+    Raises
+    ------
+    ModelError
+        For an unknown output, equal frequencies, links reduced to modes, places along a link that move over
+        it with a parameter, and parameters that contradict redundant constraints.
+    SimulationError
+        Where the linkage cannot be assembled; when a derivative is not finite.
+    """
+    motion.check_determined()
+    pose = _Pose(motion, parameters, t)
+    units = {p.name: p.unit for p in motion.rigid.description.tunable}
+    found = Sensitivity(
+        np.zeros((0, len(parameters))),
+        (),
+        tuple(parameters),
+        np.zeros(0),
+        {p: units[p] for p in parameters},
+        t,
+    )
+    if "frequencies" in outputs:
+        values, slopes = pose.frequencies()
+        names = [f"frequency.{i}" for i in range(1, len(values) + 1)]
+        found = _with(found, dict.fromkeys(names, "Hz"), values, slopes)
+    asked = [name for name in outputs if name != "frequencies"]
+    if asked:
+        found = _with(found, *pose.static(asked))
+    return finite(found)
+
+
+def _with(found: Sensitivity, units: Mapping[str, str], values: Array, slopes: Array) -> Sensitivity:
+    return replace(
+        found,
+        derivatives=np.vstack([found.derivatives, slopes]),
+        outputs=(*found.outputs, *units),
+        values=np.append(found.values, values),
+        units=found.units | dict(units),
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class _Assembled:
+    """Matrices of all unknowns of the structure, and the rows of its constraints."""
+
+    mass: Dual
+    stiffness: Dual
+    load: Dual
+    bound: Dual
+
+
+class _Pose:
+    """The rigid motion at a time, with its differentials."""
+
+    def __init__(self, motion: ElasticMotion, parameters: Sequence[str], t: float) -> None:
+        self.motion, self.parameters, self.t = motion, tuple(parameters), t
+        rigid = motion.rigid
+        self.equations = motion.equations()
+        (q, u, _), _, _ = motion.rigid_motion(self.equations, np.array([t]))
+        self.q, self.u = q[0], u[0]
+        tangents: Tangents = rigid._tangents(rigid._state(t, self.q, self.u), (), "sensitivity")
+        self.work = np.asarray(tangents.solution)
+        dq, du = moved_pose(tangents, parameters, ())
+        residual, by = tangents.slopes.residual, tangents.columns(parameters)
+        forced = residual[:, tangents.by_q] @ dq + residual[:, tangents.by_u] @ du + residual[:, by]
+        own = np.zeros((len(rigid.parameters), len(parameters)))
+        own[[[*rigid.parameters].index(name) for name in parameters], range(len(parameters))] = 1.0
+        #: Differentials of coordinates, rates, parameters, and accelerations with multipliers.
+        self.moved = [dq, du, own, tangents.solved(forced)]
+        self.kernels = {kind: (rigid.analysis(kind), rigid.analysis(kind + _TANGENTS)) for kind in _KINDS}
+
+    def duals(self, kind: str, kernel: str, j: int, resting: bool = False) -> dict[str, Dual]:
+        """Return the results of a kernel by name, with tangents along parameter j."""
+        values, tangents = self.kernels[kind]
+        q, u, p, w = (moved[:, j] for moved in self.moved)
+        rates, work = self.u, self.work
+        if resting:
+            rates, work, u, w = (np.zeros_like(x) for x in (rates, work, u, w))
+        at = self.t, self.q, rates
+        found = values.blocks(kernel, *at, np.append(work, 0.0))
+        direction = np.concatenate([work, q, u, p, w, work, [0.0]])
+        slopes = tangents.blocks(f"{kernel}_tangent", *at, direction)
+        return {name: value + 1j * _UNIT * slopes[f"{name}_tangent"] for name, value in found.items()}
+
+    def linkage(self, j: int) -> ElasticMotion:
+        """Return the motion with links and tables that have tangents along parameter j."""
+        tables = self.duals("elastic_motion", "constants", j)
+        tables = {name: np.atleast_2d(rows) for name, rows in tables.items()}
+        bare = self.motion.with_constants(tables)
+        links = [self._link(bare, k, row) for k, row in enumerate(tables["properties"])]
+        return self.motion.with_constants(tables, links)
+
+    def _link(self, made: ElasticMotion, k: int, row: Dual) -> Beam:
+        info = self.motion.beams[k].info
+        if info.modes:
+            raise ModelError(
+                f"link {info.link} is reduced to modes, of which derivatives are not available\n"
+                '  Leave out the reduction, or take reduction = "guyan".'
+            )
+        properties = replace(properties_of(row), ratio=0.0)
+        lumps, profiles = made.lumps(info.link), made.profiles(info.link)
+        places = [*(x.at for x in lumps), *(x.at for x in profiles)] if info.nodes else []
+        if any(abs((at / properties.length).imag) > _MOVED * _UNIT / properties.length.real for at in places):
+            raise ModelError(
+                f"elements of link {info.link} end at loads or masses that move along it with one of "
+                f"{', '.join(self.parameters)}: derivatives by it are not available"
+            )
+        return beam(info, properties, lumps, profiles)
+
+    def assembled(self, j: int, resting: bool) -> tuple[ElasticMotion, Dual, _Assembled]:
+        """Return links with tangents along parameter j, their rigid motion, and the matrices.
+
+        ``resting``: of the structure at rest, else of quasi-static displacements.
+        """
+        layout, made = self.motion.layout, self.linkage(j)
+        n = layout.unknowns
+        rows = self.duals("elastic_motion", "links", j)["links"].reshape(-1, len(MOTION))
+        loads = np.zeros((0, len(APPLIED)), complex)
+        if self.motion.info.loads:
+            loads = self.duals("elastic_motion", "loads", j)["loads"].reshape(-1, len(APPLIED))
+        mass, stiffness = (np.zeros((n + 1, n + 1), complex) for _ in range(2))
+        load = np.zeros(n + 1, complex)
+        for k, link in enumerate(made.beams):
+            own, axes = whole(link.pieces, len(link.dofs)), frames(rows[k][None])
+            places = layout.of_links[k]
+            turned = np.eye(len(link.dofs), dtype=complex)
+            for end in link.joints:
+                turned[np.ix_(end, end)] = np.array(axes.local(*np.eye(2)))
+            stiff, forces = own.stiffness.astype(complex), np.zeros(len(link.dofs), complex)
+            if not resting:
+                forces = axes.load(own.load_x, own.load_y, own.load_out, own.load_turn)[0]
+                stiff += axes.stiffness_geometric0 * own.axial0 + axes.stiffness_geometric1 * own.axial1
+                stiff += axes.stiffness_geometric2 * own.axial2
+                along = [i for i, name in enumerate(self.motion.info.loads) if name == link.info.link]
+                spread = zip(own.force_x, own.force_y, own.force_axial, strict=True)
+                for (x, y, pull), (by_x, by_y, axial) in zip(loads[along], spread, strict=True):
+                    forces = forces + x * by_x + y * by_y
+                    stiff += pull * axial
+            at = np.ix_(places, places)
+            np.add.at(mass, at, turned.T @ own.mass @ turned)
+            np.add.at(stiffness, at, turned.T @ stiff @ turned)
+            np.add.at(load, places, turned.T @ forces)
+        joined = self.duals("elastic_joints", "joints", j, resting)
+        for matrix, name, slots in (
+            (mass, "mass_matrix", layout.mass_slots),
+            (stiffness, "stiffness", layout.stiffness_slots),
+        ):
+            if name in joined:
+                to = layout.rows[slots[:-1]], layout.columns[slots[:-1]]
+                np.add.at(matrix, to, joined[name].ravel())
+        np.add.at(load, layout.joint_places[:-1], joined["load"].ravel())
+        if self.motion.has_motor and layout.shaft >= 0:
+            shaft = self.duals("elastic_motion", "shaft", j)["shaft"].ravel()
+            mass[layout.shaft, layout.shaft] += shaft[0]
+        bound = np.zeros((layout.constraints, n + 1), complex)
+        if layout.constraints:
+            bound[:, layout.joint_places[:-1]] = joined["jacobian"].reshape(layout.constraints, -1)
+        return made, rows, _Assembled(mass[:n, :n], stiffness[:n, :n], load[:n], bound[:, :n])
+
+    def frequencies(self) -> tuple[Array, Array]:
+        """Return the frequencies at rest of modes with strain [Hz], and their derivatives."""
+        modes = elastic_modes(self.motion, self.equations, self.t)
+        found, shapes = modes.frequencies[modes.rigid :], modes.shapes[:, modes.rigid :]
+        close = np.diff(found) < _APART * found[1:]
+        if np.any(close):
+            first = int(np.argmax(close)) + 1
+            raise ModelError(
+                f"frequencies {first} and {first + 1} of {self.motion.rigid.name} are equal, so that they "
+                "have no derivatives one by one"
+            )
+        slopes = np.zeros((len(found), len(self.parameters)))
+        for j in range(len(self.parameters)):
+            _, _, at = self.assembled(j, resting=True)
+            stiffness = (at.stiffness + at.stiffness.T) / 2
+            for i, square in enumerate((2 * np.pi * found) ** 2):
+                phi = shapes[:, i]
+                held = stiffness - square * at.mass
+                mu = np.linalg.lstsq(at.bound.real.T, -held.real @ phi, rcond=None)[0]
+                change = phi @ held.imag @ phi + 2 * mu @ at.bound.imag @ phi
+                slopes[i, j] = change / _UNIT / (phi @ at.mass.real @ phi)
+        return found, slopes / (8 * np.pi**2 * found[:, None])
+
+    def static(self, asked: Sequence[str]) -> tuple[dict[str, str], Array, Array]:
+        """Return units of scalar quasi-static outputs by name, their values and their derivatives."""
+        if self.motion.rigid.redundant:
+            raise ModelError(
+                f"{self.motion.rigid.name}: redundant constraints leave axial forces undetermined, and "
+                "derivatives of quasi-static outputs with them"
+            )
+        shape = quasi_static(self.motion, self.equations, np.array([self.t]))[0]
+        columns: list[Array] = []
+        units: dict[str, str] = {}
+        values = np.zeros(0)
+        for j in range(len(self.parameters)):
+            made, rows, at = self.assembled(j, resting=False)
+            moved = shape + 1j * _UNIT * _differential(at, shape)
+            known = {v.name: v for v in outputs_of(made, rows[None], moved[None])}
+            scalars: dict[str, tuple[str, Any]] = {}
+            for name in asked:
+                if name not in known:
+                    raise ModelError(
+                        f"there are no derivatives of {name!r} with elastic links. "
+                        f"{nearest(name, ['frequencies', *known])}"
+                    )
+                v = known[name]
+                scalars |= {
+                    f"{name}.{c}" if c else name: (v.unit, x)
+                    for c, x in zip(v.components or ("",), np.atleast_1d(v.values[0]), strict=True)
+                }
+            units = {name: unit for name, (unit, _) in scalars.items()}
+            duals = np.array([x for _, x in scalars.values()])
+            values = duals.real
+            columns.append(duals.imag / _UNIT)
+        return units, values, np.array(columns).T
+
+
+def _differential(at: _Assembled, shape: Array) -> Array:
+    """Return the differential of quasi-static displacements over the unit of tangents."""
+    n, m = len(shape), len(at.bound)
+    sizes = np.sqrt(np.abs(np.diagonal(at.stiffness.real)))
+    sizes = np.where(sizes > 0.0, sizes, 1.0)
+    rows = at.bound / sizes
+    scale = np.max(np.abs(rows.real), axis=1, initial=0.0)
+    rows = rows / scale[:, None]
+    stiffness = at.stiffness / np.outer(sizes, sizes)
+    whole_matrix = np.block([[stiffness, rows.T], [rows, np.zeros((m, m))]])
+    scaled = shape * sizes
+    mu = np.linalg.lstsq(rows.real.T, at.load.real / sizes - stiffness.real @ scaled, rcond=None)[0]
+    right = np.concatenate([at.load / sizes, np.zeros(m)]) - whole_matrix @ np.concatenate([scaled, mu])
+    found: Array = np.linalg.solve(whole_matrix.real, right.imag / _UNIT)[:n] / sizes
+    return found
