@@ -111,14 +111,15 @@ class LinearAnalyses:
         outputs
             Scalars that a scene can record, as for :meth:`linearise`: poses, velocities, accelerations,
             reactions, drive efforts, energies. At an equilibrium also ``frequencies`` [Hz] of all modes that
-            oscillate, sorted by the modulus of their eigenvalues; they come last.
+            oscillate, sorted by the modulus of their eigenvalues; they come last. Of elastic links
+            ``frequencies`` at rest in the pose, which come first, and outputs of :meth:`quasi_static`.
         parameters
             Tunable parameters and inputs, all when absent. Of a run also the initial values of
             ``coordinates`` and of their rates, called ``crank.angle`` and ``crank.angle'``.
         at
             An equilibrium, which moves with the parameters; or a state, which is held as far as drives and
             ``coordinates`` determine it, together with its time. Where drives alone move the linkage, and
-            of loops, a time [s] gives the state. The start when absent.
+            of loops and elastic links, a time [s] gives the state. The start when absent.
         coordinates
             Independent coordinates as for :meth:`linearise` that are held at a state, with their rates: one
             for each degree of freedom that is not driven.
