@@ -61,8 +61,8 @@ BLOCKS: dict[str, Callable[[], System]] = {
 #: The others are for inspection, and compiled nowhere.
 SHIPPED_BLOCKS = (
     *(f"element_{name}{ending}" for name in ELEMENTS for ending in ("", "_tangents")),
-    "rigid_element", "elastic_place", "elastic_place_tangents", "corotational_beam", "spatial_beam", "loop_row",
-    *SYNTHESIS,
+    "rigid_element", "elastic_place", "elastic_place_tangents", "corotational_beam", "spatial_beam",
+    "loop_row", *SYNTHESIS,
 )  # fmt: skip
 
 #: Steps of the derivation of a building block, for inspection, by the block's name.
