@@ -40,7 +40,9 @@ def stiffness_sizes(equations: _beams.BeamEquations, basis: Array | None) -> Arr
     else:
         from scipy.sparse import csr_array
 
-        terms = csr_array((np.abs(entries), (rows, columns)), shape=(len(basis), len(basis)))
+        # Entries are by rising row: CSR as it stands, without the sorting of coordinates.
+        starts = np.searchsorted(rows, np.arange(len(basis) + 1))
+        terms = csr_array((np.abs(entries), columns, starts), shape=(len(basis), len(basis)))
         sums = np.sum(np.abs(basis) * (terms @ np.abs(basis)), axis=0)
     found = np.sqrt(sums)
     return np.where(found > 0.0, found, 1.0)

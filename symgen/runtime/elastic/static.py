@@ -77,18 +77,15 @@ def _solved(stiffness: Array, load: Array, sizes: Array) -> Array | None:
 
     Pivots are compared with the round-off of their own unknown: see :func:`stiffness_sizes`.
     """
-    from scipy.linalg import cho_solve_banded, cholesky_banded
+    from scipy.linalg.lapack import dpbtrf, dpbtrs  # for small matrices the checks of scipy.linalg cost more
 
-    try:
-        factor = cholesky_banded(
-            _banded((stiffness + stiffness.T) / (2 * np.outer(sizes, sizes))), lower=True
-        )
-    except np.linalg.LinAlgError:
+    factor, failed = dpbtrf(
+        _banded((stiffness + stiffness.T) / (2 * (sizes[:, None] * sizes))), lower=True, overwrite_ab=True
+    )
+    if failed or np.min(factor[0]) ** 2 <= len(load) * np.finfo(float).eps:
         return None
-    if np.min(factor[0]) ** 2 <= len(load) * np.finfo(float).eps:
-        return None
-    found: Array = cho_solve_banded((factor, True), load / sizes) / sizes
-    return found
+    found, _ = dpbtrs(factor, load / sizes, lower=True)
+    return np.asarray(found / sizes, dtype=float)
 
 
 def _no_shape(
@@ -119,9 +116,10 @@ def _no_shape(
 def _banded(matrix: Array) -> Array:
     """Return the diagonals of a symmetric matrix from the main one down, for banded solvers."""
     rows, columns = np.nonzero(matrix)
-    made = np.zeros((int(np.max(rows - columns, initial=0)) + 1, len(matrix)))
-    for k in range(len(made)):
-        made[k, : len(matrix) - k] = np.diagonal(matrix, -k)
+    below = rows - columns
+    made = np.zeros((len(matrix), int(np.max(below, initial=0)) + 1)).T
+    lower = below >= 0
+    made[below[lower], columns[lower]] = matrix[rows[lower], columns[lower]]
     return made
 
 
