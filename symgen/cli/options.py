@@ -66,6 +66,10 @@ Plot = Annotated[
         "--plot", metavar="FILE", group=_OUTPUT, callback=_plot_file, help="Save a plot: .png, .svg or .pdf."
     ),
 ]
+Page = Annotated[
+    Path | None,
+    option("--page", metavar="FILE", group=_OUTPUT, help="Write an HTML page with the results."),
+]
 Json = Annotated[bool, option("--json", group=_OUTPUT, help="Print one JSON object and nothing else.")]
 Difference = Annotated[
     str, option("--format", metavar="FORMAT", group=_OUTPUT, help="Matrix entries as text, or latex.")

@@ -47,6 +47,7 @@ def synthesise(
     out: Annotated[
         Path | None, typer.Option(help="Folder for one scene for each linkage, four_bar_1.toml and so on.")
     ] = None,
+    page: o.Page = None,
     as_json: o.Json = False,
 ) -> None:
     r"""Find all planar four-bars with prescribed properties.
@@ -56,28 +57,36 @@ def synthesise(
     points = \[\["0 m", "0 m"], \["4 cm", "3 cm"], ...], angles = \["0 deg", "20 deg", ...].
     Each linkage is run, and faults of its motion are listed.
     """
+    from symgen.atomic import writable, write_text
+    from symgen.report.page.study import render_study
+    from symgen.report.synthesis import print_synthesis, synthesis_page
     from symgen.study.folder import writable_folder, write
     from symgen.synthesis.synthesise import synthesise as found
 
     if out:
         writable_folder(out)
+    if page:
+        writable(page, (".html",), "page")
     result = found(task)
+    if page:
+        write_text(page, render_study(synthesis_page(result, task.stem)))
     if out:
         write(out, {f"four_bar_{i}.toml": d.linkage.toml().encode() for i, d in enumerate(result.designs, 1)})
     if as_json:
         print_json(result.summary())
         return
-    from symgen.report.synthesis import print_synthesis
-
     print_synthesis(result, console())
     if out:
         console().print(f"{len(result.designs)} scenes in {out}", soft_wrap=True)
+    if page:
+        console().print(f"wrote {page}", soft_wrap=True)
 
 
 @analysis(
     "symgen sweep slider_crank --vary a4=0in:30in:7 --output theta1.drive --out offsets.zarr",
     "vary list_ sobol latin_hypercube random seed analysis outputs reduce samples t_end chunk part threads "
-    "set_ out plot as_json backend",
+    "set_ out plot page as_json backend",
+    page=o.Page,
     vary=o.maybe(
         list[str],
         "--vary",
@@ -109,7 +118,9 @@ def sweep(ctx: typer.Context) -> None:
 
     Options replace those of the table \[sweep] of the scene. Extremes of all outputs are printed.
     """
+    from symgen.atomic import writable, write_text
     from symgen.report import sweeps
+    from symgen.report.page.study import render_study
     from symgen.scene.loading import load_scene
     from symgen.study.sweeps import of_file, of_options, varied
 
@@ -135,7 +146,9 @@ def sweep(ctx: typer.Context) -> None:
     own |= {name: asked[name] for name in given if asked[name] is not None}
     if "vary" not in own:
         raise ModelError("expected parameters to vary: --vary KEY=START:STOP:COUNT, or [sweep] in the scene")
-    out, plot = asked["out"], asked["plot"]
+    out, plot, page = asked["out"], asked["plot"], asked["page"]
+    if page:
+        writable(page, (".html",), "page")
     model, own["vary"] = varied(scene, own["vary"], set=changes(asked["set_"]), backend=asked["backend"])
     with progress_bar(f"sweep of {model.name}", asked["as_json"]) as progress:
         runs = model.sweep(
@@ -143,11 +156,13 @@ def sweep(ctx: typer.Context) -> None:
         )
     if plot:
         sweeps.plot(runs, file=plot)
+    if page:
+        write_text(page, render_study(sweeps.sweep_page(runs, model.name)))
     if asked["as_json"]:
         print_json({"scene": model.name, "kind": "sweep", **sweeps.summary(runs)})
         return
     sweeps.print_sweep(runs, console())
-    for file in (out, plot):
+    for file in (out, plot, page):
         if file:
             console().print(f"wrote {file}", soft_wrap=True)
 
@@ -171,6 +186,7 @@ def optimise(
         int | None, o.option("--seed", metavar="N", help="Seed of differential evolution (0).")
     ] = None,
     set_: o.Set = None,
+    page: o.Page = None,
     as_json: o.Json = False,
     backend: o.Backend = "auto",
 ) -> None:
@@ -178,6 +194,9 @@ def optimise(
 
     The table \[optimise] of the scene has the variables with their bounds, the objective and the constraints.
     """
+    from symgen.atomic import writable, write_text
+    from symgen.report import sweeps
+    from symgen.report.page.study import render_study
     from symgen.scene.loading import load_scene
     from symgen.study.sweeps import varied
 
@@ -190,10 +209,14 @@ def optimise(
     own["constraints"] = {name: (b.least, b.greatest) for name, b in plan.constraints.items()}
     own |= {name: value for name, value in (("method", method), ("seed", seed)) if value is not None}
     model, own["variables"] = varied(scene, own["variables"], set=changes(set_), backend=backend)
+    if page:
+        writable(page, (".html",), "page")
     found = model.optimise(**own)
+    if page:
+        write_text(page, render_study(sweeps.optimum_page(found, own["objective"], model.name)))
     if as_json:
         print_json({"scene": model.name, "kind": "optimum", **found.summary()})
         return
-    from symgen.report.sweeps import print_optimum
-
-    print_optimum(found, own["objective"], console())
+    sweeps.print_optimum(found, own["objective"], console())
+    if page:
+        console().print(f"wrote {page}", soft_wrap=True)

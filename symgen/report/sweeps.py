@@ -1,4 +1,4 @@
-"""Tables and plots of sweeps."""
+"""Tables, plots and pages of sweeps and optimisations."""
 
 from __future__ import annotations
 
@@ -9,7 +9,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from symgen.errors import ResultError, nearest
+from symgen.report.page.figures import plain_figure
+from symgen.report.page.page import Fact, TableView
 from symgen.report.page.plots import save
+from symgen.report.page.study import StudyPage
 from symgen.report.tables import table
 from symgen.runtime.many.dataset import RECORDED
 
@@ -81,41 +84,88 @@ def _extremes(runs: xarray.Dataset, name: str, component: int | None) -> dict[st
     return found
 
 
-def print_sweep(runs: xarray.Dataset, console: Console) -> None:
-    """Print the extremes of all outputs, where they occur, and the number of failed runs."""
-    about = summary(runs)
-    rows = []
+#: Head of the table of extremes.
+_EXTREMES = ("output", "", "value", "unit", "at (SI)")
+
+
+def _rows(about: dict[str, Any]) -> Iterator[tuple[Any, ...]]:
+    """Yield the extremes of all outputs and where they occur, of a :func:`summary`."""
     for name, extremes in about["outputs"].items():
         for key in ("least", "greatest"):
             if extremes[key]:
                 place = ", ".join(f"{p} = {v:.6g}" for p, v in extremes[key]["parameters"].items())
-                rows.append(
-                    (name if key == "least" else "", key, extremes[key]["value"], extremes["unit"], place)
-                )
-    console.print(
-        table(str(runs.attrs["title"]), ("output", "", "value", "unit", "at (SI)"), rows, (0, 1, 3, 4))
-    )
+                yield name if key == "least" else "", key, extremes[key]["value"], extremes["unit"], place
+
+
+def _notes(about: dict[str, Any]) -> Iterator[str]:
+    """Yield the numbers of runs that failed or ended early."""
     if about["failed"]:
-        console.print(f"{about['failed']} of {about['runs']} runs failed, the first: {about['first_error']}")
+        yield f"{about['failed']} of {about['runs']} runs failed, the first: {about['first_error']}"
     if about["ended_early"]:
-        console.print(
+        yield (
             f"{about['ended_early']} of {about['runs']} runs ended early, at dead centres or events: their "
             "values are of the part before"
         )
 
 
+def print_sweep(runs: xarray.Dataset, console: Console) -> None:
+    """Print the extremes of all outputs, where they occur, and the number of failed runs."""
+    about = summary(runs)
+    console.print(table(str(runs.attrs["title"]), _EXTREMES, _rows(about), (0, 1, 3, 4)))
+    for note in _notes(about):
+        console.print(note)
+
+
+def sweep_page(runs: xarray.Dataset, name: str) -> StudyPage:
+    """Return the page of a sweep of a scene: plots, extremes and where they occur, failures."""
+    about = summary(runs)
+    varied = parameters_of(runs)
+    ranges = [
+        f"{float(runs[p].min()):.6g} to {float(runs[p].max()):.6g} {runs[p].attrs.get('units', '')}".strip()
+        for p in varied
+    ]
+    rows = [(n, key, f"{x:.6g}", unit, place) for n, key, x, unit, place in _rows(about)]
+    return StudyPage(
+        name=name,
+        title=str(runs.attrs["title"]),
+        facts=(
+            Fact("runs", str(about["runs"])),
+            Fact("failed", str(about["failed"])),
+            *(Fact(p, r) for p, r in zip(varied, ranges, strict=True)),
+        ),
+        tables=(TableView(_EXTREMES, tuple(rows)),),
+        figures=(plain_figure(lambda: plot(runs), f"Outputs over {' and '.join(varied)}"),),
+        notes=tuple(_notes(about)),
+    )
+
+
 def print_optimum(found: Optimum, objective: str, console: Console) -> None:
     """Print the variables, the objective and the constrained quantities."""
-    units = {p.name: p.unit for p in found.model.description.tunable}
-    rows = [(name, value, units[name]) for name, value in found.parameters.items()]
-    quantities = {objective: found.objective, **found.constraints}
-    rows += [(name, value, "SI") for name, value in quantities.items()]
-    console.print(
-        table(f"{found.model.description.title}: least {objective}", ("", "value", "unit"), rows, (0, 2))
-    )
+    title = f"{found.model.description.title}: least {objective}"
+    console.print(table(title, ("", "value", "unit"), _quantities(found, objective), (0, 2)))
     console.print(f"{found.message} ({found.runs} runs, gradients: {found.gradients})")
     if not found.converged:
         console.print("The method did not meet its tolerance.")
+
+
+def _quantities(found: Optimum, objective: str) -> Iterator[tuple[str, float, str]]:
+    """Yield name, value and unit of the variables, of the objective and of the constrained quantities."""
+    units = {p.name: p.unit for p in found.model.description.tunable} | found.units
+    quantities = {**found.parameters, objective: found.objective, **found.constraints}
+    return ((name, value, units[name]) for name, value in quantities.items())
+
+
+def optimum_page(found: Optimum, objective: str, name: str) -> StudyPage:
+    """Return the page of an optimisation of a scene."""
+    rows = tuple((key, f"{x:.6g}", unit) for key, x, unit in _quantities(found, objective))
+    unmet = () if found.converged else ("The method did not meet its tolerance",)
+    return StudyPage(
+        name=name,
+        title=f"{found.model.description.title}: least {objective}",
+        facts=(Fact("runs", str(found.runs)), Fact("gradients", found.gradients)),
+        tables=(TableView(("", "value", "unit"), rows),),
+        notes=(found.message.rstrip("."), *unmet),
+    )
 
 
 def plot(runs: xarray.Dataset, *names: str, file: str | os.PathLike[str] | None = None) -> Figure:

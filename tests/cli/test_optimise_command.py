@@ -26,10 +26,24 @@ def test_the_example_is_carried_out():
     assert found["kind"] == "optimum" and found["converged"] and found["gradients"] == "exact"
     assert found["objective"] == pytest.approx(np.max(np.abs(torque)), rel=1e-9)
     shown = CliRunner().invoke(app, [*arguments, "--set", 'optimise.objective="arm.torque.rms"']).stdout
-    assert "least arm.torque.rms" in shown and "stiffness" in shown and "gradients: exact" in shown
+    assert (
+        " N*m" in shown
+        and "least arm.torque.rms" in shown
+        and "stiffness" in shown
+        and "gradients: exact" in shown
+    )
 
 
 def test_a_scene_without_optimisation_is_refused():
     with pytest.raises(ModelError, match="no optimisation in this scene"):
         done = CliRunner().invoke(app, ["optimise", "four_bar"])
         raise done.exception
+
+
+def test_the_page_has_the_result(tmp_path):
+    page = tmp_path / "least.html"
+    done = CliRunner().invoke(app, ["optimise", EXAMPLE, "--set", "optimise.samples=5", "--page", str(page)])
+    text = page.read_text(encoding="utf-8")
+    value = next(line.split()[1] for line in done.stdout.splitlines() if line.startswith("arm.torque.peak"))
+    assert f"wrote {page}" in done.stdout.replace("\n", "")
+    assert f'<td class="n">{value}</td><td class="n">N*m</td>' in text and "Barrier" in text

@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 
 import symgen
 from symgen.cli import app
-from symgen.errors import ModelError, SceneError
+from symgen.errors import ModelError, ResultError, SceneError
 from symgen.report.sweeps import plot, summary
 from symgen.runtime.sweeps.designs import Normal, Uniform
 from symgen.study.sweeps import of_file, of_options, varied
@@ -163,3 +163,15 @@ def test_plots_of_one_parameter_of_samples_and_of_failures():
     assert points.collections[0].get_offsets().tolist() == [[1.0, 3.0], [1.5, 3.5], [2.0, 4.0]]
     with pytest.raises(symgen.SymgenError, match="no output 'G.peak'"):
         plot(runs([1.0], [1.0], [1.0]), "G.peak")
+
+
+def test_the_page_has_extremes_and_a_plot(scene, tmp_path):
+    """The moment at the start is mass*g*length/2, greatest for the heaviest and longest."""
+    page = tmp_path / "sweep.html"
+    command(scene, "--page", page)
+    text = page.read_text(encoding="utf-8")
+    assert f"{3 * 9.81 * 0.4 / 2:.6g}" in text and "data:image/svg+xml" in text
+    assert "length = 0.4, links_rod_mass = 3" in text and ">6</dd>" in text
+    with pytest.raises(ResultError, match=".html"):
+        command(scene, "--page", tmp_path / "sweep.pdf")
+    assert not (tmp_path / "sweep.pdf").exists()

@@ -11,6 +11,8 @@ import pytest
 
 import symgen
 from symgen.errors import SceneError
+from symgen.report.page.study import render_study
+from symgen.report.synthesis import synthesis_page
 
 #: Case I of the method file: swing, rocker angle folded, least transmission angle [deg]; a, b, c for d = 1.
 CASE_1 = {
@@ -201,6 +203,9 @@ def test_motion_generation_with_given_pivots():
          "ground_x": ["0 m", "1 m"], "ground_y": ["0 m", "0 m"]}
     )  # fmt: skip
     assert lengths(found)[0] == pytest.approx((A, B, C, D), rel=1e-9) and not found.designs[0].faults
+    page = render_study(synthesis_page(found, "task"))
+    assert page.count("<svg ") == len(found.designs)
+    assert all(f'<td class="n">{x:.6g}</td>' in page for x in (A, B, C, D))
 
 
 @pytest.mark.parametrize(

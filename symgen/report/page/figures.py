@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import base64
 import io
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -16,6 +16,7 @@ from symgen.runtime.result.result import Result
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 #: Width of a figure and height of a panel [in]; maximum number of curves per panel and panels per page.
 _WIDTH, _PANEL, _CURVES, _PANELS = 7.4, 1.75, 6, 6
@@ -71,6 +72,12 @@ def run_figure(result: Result) -> FigureView:
     return FigureView(
         uri, f"Curves over {label}: {names}", f"Recorded outputs over {label}.{not_drawn(left)}"
     )
+
+
+def plain_figure(draw: Callable[[], Figure], alt: str) -> FigureView:
+    """Return a figure that a function draws, in the style of pages."""
+    with _styled():
+        return FigureView(_uri(draw()), alt, "")
 
 
 def error_figure(curves: Sequence[tuple[str, Sequence[tuple[float, float]]]], measured: str) -> FigureView:

@@ -30,7 +30,9 @@ class Optimum:
     parameters
         Values of the variables in SI units.
     objective, constraints
-        Values of the objective and of the constrained quantities there.
+        Values of the objective and of the constrained quantities there, in SI units.
+    units
+        These units, by the name of the quantity.
     converged, message
         Whether the method met its tolerance, and its own message.
     gradients
@@ -44,6 +46,7 @@ class Optimum:
     parameters: dict[str, float]
     objective: float
     constraints: dict[str, float]
+    units: dict[str, str]
     converged: bool
     message: str
     gradients: str
@@ -99,6 +102,7 @@ def optimum_of(
         values,
         problem.value(goal, x),
         {name: problem.value(quantity, x) for name, quantity in kept.items()},
+        {name: problem.unit(quantity) for name, quantity in {objective: goal, **kept}.items()},
         bool(found.success),
         str(found.message),
         "exact" if problem.exact else "differences",

@@ -88,6 +88,7 @@ class Problem:
         self._held: dict[bytes, dict[str, Array]] = {}
         self._slopes: dict[bytes, dict[str, Array]] = {}
         self._components: dict[str, tuple[str, ...]] = {}
+        self._units: dict[str, str] = {}
         self._times: Array | None = None
         self._size = 0.0
 
@@ -142,6 +143,7 @@ class Problem:
             values[[i for i, _ in failed]] = np.nan
             vector = "axis" in arrays[name].dims
             self._components[name] = tuple(map(str, arrays["axis"].values)) if vector else ()
+            self._units[name] = str(arrays[name].attrs.get("units", ""))
             found[name] = values if vector else values[..., None]
         return found
 
@@ -227,6 +229,10 @@ class Problem:
         """Return the samples and their derivatives (variables, samples) of a quantity at a point."""
         values, slopes = self.at(x)[quantity.output], self.slopes(x)[quantity.output]
         return self.of(quantity, values), self.slopes_of(quantity, values, slopes)
+
+    def unit(self, quantity: Quantity) -> str:
+        """Return the unit of a quantity after a run."""
+        return self._units[quantity.output]
 
     def value(self, quantity: Quantity, x: Array) -> float:
         """Return a quantity at a point."""
