@@ -34,7 +34,7 @@ from symgen.scene.loading import read_scene
 ELEMENTS, STEPS, ROUNDS, EXPONENT = (5, 10, 20, 50, 100, 200), 3, 4, 1.2
 SCENES = (
     *("thesis_four_bar", "elastic_four_bar_free", "elastic_four_bar_motor"),
-    *("elastic_slider_crank", "rotating_cantilever"),
+    *("elastic_slider_crank", "rotating_cantilever", "elastic_four_bar"),
 )
 #: Elements per link from which costs are compared, where fewer have full matrices.
 BANDED = {"damping ratios of links": 20}
@@ -47,8 +47,9 @@ SAMPLES = 361
 TOLERANCES, SHORT_TOLERANCES = tuple(10.0**-k for k in range(2, 9)), (1e-2, 1e-5, 1e-8)
 #: Steps per revolution of runs with given steps; steps between recorded times of references.
 GIVEN, SHORT_GIVEN, FINE, FINE_STEADY = (400, 720, 1100, 1500, 2200, 3600), (720, 2200), 80, 12
-#: Round-off of stresses of steady states of undamped linkages.
-ROUND_OFF = 1e-10
+#: Round-off of stresses of steady states of undamped linkages; that of a slow one, whose 15,000 steps differ
+#: by as much from references of 4,320 and of 30,240.
+ROUND_OFF, SLOW = 1e-10, {"elastic_four_bar": 4e-10}
 #: The least and the largest part of an error estimate that the true error may be.
 OVER, AT_MOST = 3.0, 30.0
 SHORT = {"axial": False}
@@ -134,7 +135,7 @@ def estimates(scene: str, modal: bool, short: bool) -> list[dict[str, Any]]:
         run = verb(**options, samples=SAMPLES)
         true, estimate = error(run, reference), run.statistics["error"]
         found = {"call": call, "rtol": rtol, "steps": run.statistics["steps"], "estimate": estimate}
-        ratio = estimate / true if true > ROUND_OFF else None
+        ratio = estimate / true if true > SLOW.get(scene, ROUND_OFF) else None
         rows.append(row(scene, {**found, "true error": true, "ratio": ratio}))
     return rows
 

@@ -1,11 +1,12 @@
 """Random driven linkages of the plane: compiled steps in lanes against the curve by arc length.
 
-``python benchmarks/random_linkages.py --count 10000`` draws the lengths of four-bars, slider-cranks and
-six-bars, these with two dyads or a triad, drawn in both branches of the dyads. ``model.kinematics_many``
-follows them in SIMD lanes, and the solution curve by pseudo-arc-length, which takes other steps from the same
-start, one by one. Positions must agree to 1e-11 of the size of the linkage, and both must reach the same
-angles of the crank. Dead centres of four-bars and slider-cranks must be where their circles touch. Linkages
-that do not close at the start are counted as refused. Equal values of ``--seed`` give equal linkages.
+``python benchmarks/random_linkages.py`` draws the lengths of four-bars, slider-cranks and six-bars, these
+with two dyads or a triad, drawn in both branches of the dyads. ``model.kinematics_many`` follows them in
+SIMD lanes, and the solution curve by pseudo-arc-length, which takes other steps from the same start, one
+by one. Positions must agree to 1e-11 of the size of the linkage, and both must reach the same angles of
+the crank. Dead centres of four-bars and slider-cranks must be where their circles touch. Linkages that do
+not close at the start are counted as refused; more than 10,000 close. Equal values of ``--seed`` give
+equal linkages.
 """
 
 from __future__ import annotations
@@ -184,9 +185,13 @@ def measured(count: int, seed: int, processes: int) -> Measurement:
         if own:
             total = {key: (max if "apart" in key else sum)(part[key] for part in own) for key in own[0]}
             rows.append({"family": family, **total})
+    closed = sum(r["linkages"] - r["refused"] for r in rows)
     required = [
         Required(
-            f"{count} linkages: positions apart, over the size", max(r["apart"] for r in rows), APART, False
+            f"{closed} linkages that close: positions apart, over the size",
+            max(r["apart"] for r in rows),
+            APART,
+            False,
         ),
         Required(
             "dead centres from where circles touch [rad]",
@@ -203,7 +208,7 @@ def measured(count: int, seed: int, processes: int) -> Measurement:
 def main() -> int:
     """Compare, print, and return the exit code."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
-    parser.add_argument("--count", type=int, default=10_000, help="linkages of all families together")
+    parser.add_argument("--count", type=int, default=11_600, help="linkages of all families together")
     parser.add_argument("--seed", type=int, default=0, help="seed of the first linkage")
     parser.add_argument("--processes", type=int, default=os.cpu_count(), help="number of processes")
     parser.add_argument("--json", action="store_true", help="print one JSON object")

@@ -71,7 +71,8 @@ class Compiled:
             info = replace(info, blocks=tuple(b for b in info.blocks if b.name in keep.outputs))
         variables = continued(shaped(info, out), d.turns, turned) if info else ()
         drift = dict(zip(("constraint", "energy"), drifts.T, strict=True))
-        return keep.of_rows(variables, along, drift, d.shown_axes, (regular & ~self.single[rows]).tolist())
+        done = regular & ~self.single[rows]
+        return keep.of_rows(variables, along, None, drift, d.shown_axes, done.tolist())
 
     def _runs(self) -> Runs:
         chosen, start = self.chosen, start_of(self.evaluator, self.chosen.rate)

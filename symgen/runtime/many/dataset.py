@@ -103,6 +103,7 @@ class Keep:
         self,
         variables: tuple[Variable, ...],
         along: Coordinate,
+        times: Array | None,
         drift: Mapping[str, Array],
         axes: tuple[str, ...],
         done: Sequence[bool],
@@ -110,9 +111,9 @@ class Keep:
         """Return what is kept of each run of a block that is done, None for the others."""
         if self.reduce is not None:
             return [
-                self(variables, along, None, drift, axes, i) if own else None for i, own in enumerate(done)
+                self(variables, along, times, drift, axes, i) if own else None for i, own in enumerate(done)
             ]
-        block = self(variables, along, None, drift, axes)
+        block = self(variables, along, times, drift, axes)
         return [replace(block, row=i) if own else None for i, own in enumerate(done)]
 
     def of_block(

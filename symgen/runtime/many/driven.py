@@ -131,10 +131,17 @@ class Driven:
                 runs, keep.of_block(sampled, missed, d.axes, len(self.asked), partial(reduced, axis=1)), kept
             )
             return kept
+        driven = [v.values for v in made if v.name == self.drive]
+        if all(np.array_equal(x, np.broadcast_to(x[:1], x.shape)) for x in driven):
+            one = [replace(v, values=v.values[0]) if v.name == self.drive else v for v in made]
+            along, own = coordinate_of(times, one, self.drive)
+            of_time = None if along.name == "time" else times
+            drift = {"constraint": missed}
+            _placed(runs, keep.of_rows(tuple(own), along, of_time, drift, d.axes, [True] * len(runs)), kept)
+            return kept
         for i, run in enumerate(runs.tolist()):
             along, own = coordinate_of(times, [replace(v, values=v.values[i]) for v in made], self.drive)
-            of_time = None if along.name == "time" else times
-            kept[run] = keep(tuple(own), along, of_time, {"constraint": float(missed[i])}, d.axes)
+            kept[run] = keep(tuple(own), along, times, {"constraint": float(missed[i])}, d.axes)
         return kept
 
     def most(self, keep: Keep) -> int:
@@ -253,7 +260,7 @@ def _assembling(model: Any, count: int, states: Sequence[State] | None, lanes: i
     return library if lanes_of(library, model.description.name)[0] == lanes else None
 
 
-def _placed(runs: NDArray[np.intp], found: list[Kept], kept: list[Kept | None]) -> None:
+def _placed(runs: NDArray[np.intp], found: Sequence[Kept | None], kept: list[Kept | None]) -> None:
     for run, one in zip(runs.tolist(), found, strict=True):
         kept[run] = one
 
