@@ -204,7 +204,7 @@ def test_motion_generation_with_given_pivots():
     )  # fmt: skip
     assert lengths(found)[0] == pytest.approx((A, B, C, D), rel=1e-9) and not found.designs[0].faults
     page = render_study(synthesis_page(found, "task"))
-    assert page.count("<svg ") == len(found.designs)
+    assert page.count('<figure class="drawing">') == len(found.designs)
     assert all(f'<td class="n">{x:.6g}</td>' in page for x in (A, B, C, D))
 
 
