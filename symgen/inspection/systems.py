@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
+from symgen.errors import ModelError
 from symgen.inspection.view import View
 from symgen.lowering.kernel import SETUP
 from symgen.report.page.page import Fact
@@ -37,3 +39,7 @@ class RotorView(View):
         """Return the links and the number of free points."""
         links = ", ".join(link.link for link in resolved.links)
         return Fact("elastic links in space", links), Fact("free points", str(len(resolved.free)))
+
+    def drawn_outputs(self, resolved: Any) -> Sequence[str]:
+        """Refuse moving pictures."""
+        raise ModelError(f"{resolved.name} is a rotor, which has modes alone: symgen modes {resolved.name}")

@@ -225,7 +225,7 @@ def of_rotor(rotor: RotorScene, program: Program, equations: str) -> RotorDescri
         left_out=program.left_out,
         free=rotor.free,
         links=tuple(RotorLink(k.link, k.start, k.end, k.elements, k.welds) for k in rotor.links),
-        masses=tuple(point for point, _ in rotor.masses),
+        masses=tuple(k.point for k in rotor.masses),
     )
 
 

@@ -17,7 +17,17 @@ from symgen.scene.faults import scene_error
 from symgen.scene.loop.schema import SpatialLoop
 from symgen.scene.repeated import written_out
 from symgen.scene.study_schema import Optimise, Study, Sweep
-from symgen.scene.table import Bare, Moments, Name, Table, Text, Value, Vector, absent
+from symgen.scene.table import (
+    Bare,
+    Moments,
+    Name,
+    SpatialVector,
+    Table,
+    Text,
+    Value,
+    Vector,
+    absent,
+)
 
 FORMAT_VERSION = 1
 
@@ -116,6 +126,7 @@ class PointMass(Table):
 
     point: Name
     mass: Value
+    inertia: SpatialVector | None = absent("Of a rotor: moments of inertia about the axes of the drawing.")
 
 
 class Guide(Table):

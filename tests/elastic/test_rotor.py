@@ -321,6 +321,35 @@ def test_whirling_shaft_with_a_disc_of_no_inertia(tmp_path):
         shaft.with_parameters(speed=1.1 * natural).modes()
 
 
+def test_overhung_disc(tmp_path):
+    """A disc at the tip of a light shaft: complex whirl of two unknowns, seen in the rotating axes.
+
+    -w^2 [m, 0; 0, Id] + w Omega [0, 0; 0, Ip] + EI [12/L^3, -6/L^2; -6/L^2, 4/L] is singular at forward whirl w.
+    """
+    square = '{ width = "thickness", thickness = "thickness", width_along = [0, 1, 0] }'
+    text = BLADE.replace("axis = [0, 0, 1]", "axis = [1, 0, 0]").replace(square, '{ diameter = "20 mm" }')
+    text = (
+        text.replace("12e16 Pa", "2e11 Pa")
+        .replace('"1 kg/m"', '"1e-5 kg/m"')
+        .replace("elements = 8", "elements = 1")
+    )
+    text += '[[masses]]\npoint = "tip"\nmass = "5 kg"\ninertia = ["0.6 kg*m^2", "0.4 kg*m^2", "0.4 kg*m^2"]\n'
+    shaft, stiff = built(tmp_path, text), 2e11 * math.pi * 0.02**4 / 64
+    natural = math.sqrt(3 * stiff / 5)
+    for speed in (0.0, 0.3 * natural):
+        stiffness = stiff * np.array([[12, -6], [-6, 4]])
+        determinant = (
+            np.polynomial.Polynomial([stiffness[0, 0], 0, -5])
+            * np.polynomial.Polynomial([stiffness[1, 1], 0.6 * speed, -0.4])
+            - stiffness[0, 1] ** 2
+        )
+        whirls = determinant.roots().real
+        found = 2 * math.pi * shaft.with_parameters(speed=speed).modes().frequencies
+        # The shaft twists and stretches too.
+        for whirl in whirls:
+            assert np.min(np.abs(found - abs(whirl - speed))) < 1e-5 * natural
+
+
 BENT = """
 symgen = 1
 [points]
@@ -392,6 +421,11 @@ def test_torsion_constant_of_rectangles(tmp_path):
         ('links = ["blade"]', 'links = ["hub"]', "there is no link called 'hub'"),
         ("[rotor]", "[gravity]\nacceleration = [0, 0, 1]\n[rotor]", "a scene with a rotor has no gravity"),
         ("elements = 8", "elements = 0", "from 1 to 100"),
+        (
+            "[rotor]",
+            '[[masses]]\npoint = "tip"\nmass = "1 kg"\ninertia = ["3 kg*m^2", "1 kg*m^2", "1 kg*m^2"]\n[rotor]',
+            "above the sum of the other",
+        ),
     ],
 )
 def test_wrong_scenes(tmp_path, old, new, said):

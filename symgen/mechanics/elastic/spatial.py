@@ -42,6 +42,9 @@ OMEGA = tuple(quantity(f"Omega_{a}", "rad/s", f"{a} component of the rate of rot
 PLACED = tuple(quantity(f"c_{a}", "m", f"{a} component of the first node from the axis") for a in AXES)
 N0 = quantity("N0", "N", "axial force at the first node, tension positive")
 MOTION = (*OMEGA, *PLACED, N0)
+MASS = quantity("m", "kg", "mass of a rigid body")
+MOMENTS = tuple(quantity(f"I_{a}", "kg*m^2", f"moment of inertia of a rigid body about {a}") for a in AXES)
+BODY = (MASS, *MOMENTS)
 
 #: Unknowns of a node: fields and their derivatives by x.
 NODE_DOFS = ("u", "u_x", "v", "v_x", "v_xx", "w", "w_x", "w_xx", "phi", "phi_x")
@@ -82,17 +85,32 @@ class SpatialBeam:
 def kinetic_energy() -> sp.Expr:
     """Return the kinetic energy per length at x, to the second degree in the fields and their rates."""
     u, v, w, phi, v_x, w_x = _FIELDS
-    y, z, small = sp.symbols("y z small", real=True)
+    displaced = sp.Matrix([_X + u, v, w])
+    # Centroid and principal axes: the integrals of y, z and y z over the section are zero.
+    density = {(0, 0, 0): MU.symbol, (0, 2, 0): JZ.symbol, (0, 0, 2): JY.symbol}
+    return _kinetic(displaced, sp.Matrix([phi, -w_x, v_x]), density, _FIELDS, _RATES)
+
+
+def _kinetic(
+    displaced: sp.Matrix,
+    rotation: sp.Matrix,
+    density: Mapping[tuple[int, int, int], sp.Expr],
+    fields: Sequence[sp.Expr],
+    rates: Sequence[sp.Expr],
+) -> sp.Expr:
+    """Return the kinetic energy of fibres about a place that is displaced from c, and rotate by a vector.
+
+    ``density`` has the mass and its second moments by the powers of the coordinates of fibres.
+    """
+    fibres = sp.symbols("fibre_x:z", real=True)
+    small = sp.Symbol("small", real=True)
     omega = sp.Matrix([q.symbol for q in OMEGA])
-    centroid = sp.Matrix([q.symbol for q in PLACED]) + sp.Matrix([_X + u, v, w])
-    fibre, rotation = sp.Matrix([0, y, z]), sp.Matrix([phi, -w_x, v_x])
+    fibre, centroid = sp.Matrix(fibres), sp.Matrix([q.symbol for q in PLACED]) + displaced
     once = rotation.cross(fibre)
     place = centroid + fibre + once + rotation.cross(once) / 2
-    velocity = place.jacobian(_FIELDS) * sp.Matrix(_RATES) + omega.cross(place)
-    scaled = {f: small * f for f in (*_FIELDS, *_RATES)}
-    square = sp.Poly(sp.expand((velocity.T * velocity)[0].xreplace(scaled)), small, y, z)
-    # Centroid and principal axes: the integrals of y, z and y z over the section are zero.
-    density = {(0, 0): MU.symbol, (2, 0): JZ.symbol, (0, 2): JY.symbol}
+    velocity = place.jacobian(sp.Matrix(fields)) * sp.Matrix(rates) + omega.cross(place)
+    scaled = {f: small * f for f in (*fields, *rates)}
+    square = sp.Poly(sp.expand((velocity.T * velocity)[0].xreplace(scaled)), small, *fibres)
     found = sp.Integer(0)
     for (degree, *powers), coefficient in square.terms():
         if degree <= 2:
@@ -131,15 +149,22 @@ def spatial_beam() -> SpatialBeam:
     )
 
 
-def point_mass() -> tuple[sp.ImmutableMatrix, sp.ImmutableMatrix, sp.ImmutableMatrix]:
-    """Return gyroscopic matrix, centrifugal matrix and load of a unit mass at c, in the rotating axes."""
-    d, d_t = sp.Matrix(_FIELDS[:3]), sp.Matrix(_RATES[:3])
-    omega, place = (sp.Matrix([q.symbol for q in group]) for group in (OMEGA, PLACED))
-    velocity = d_t + omega.cross(place + d)
-    energy = sp.expand((velocity.T * velocity)[0] / 2)
-    mixed = sp.Matrix([[sp.diff(energy, a, b) for b in d] for a in d_t])
-    load = sp.Matrix([sp.diff(energy, x) for x in d]).xreplace(dict.fromkeys((*d, *d_t), 0))
-    return tuple(sp.ImmutableMatrix(m) for m in (mixed - mixed.T, sp.hessian(energy, list(d)), load))
+def body() -> tuple[sp.ImmutableMatrix, ...]:
+    """Return mass, gyroscopic and centrifugal matrix and load of a rigid body at c, in the rotating axes.
+
+    Over its displacement and its rotation, (6, 6) and (6, 1); its principal axes are those of the axes.
+    """
+    fields, rates = sp.symbols("body_0:6", real=True), sp.symbols("body_t_0:6", real=True)
+    moments = [q.symbol for q in MOMENTS]
+    # The integral of the square of each coordinate.
+    squares = [sp.Add(*moments) / 2 - moment for moment in moments]
+    powers = ((2, 0, 0), (0, 2, 0), (0, 0, 2))
+    density = {(0, 0, 0): MASS.symbol, **dict(zip(powers, squares, strict=True))}
+    energy = _kinetic(sp.Matrix(fields[:3]), sp.Matrix(fields[3:]), density, fields, rates)
+    mixed = sp.Matrix([[sp.diff(energy, a, b) for b in fields] for a in rates])
+    load = sp.Matrix([sp.diff(energy, x) for x in fields]).xreplace(dict.fromkeys((*fields, *rates), 0))
+    square = sp.hessian(energy, rates), mixed - mixed.T, sp.hessian(energy, fields)
+    return tuple(sp.ImmutableMatrix(m) for m in (*square, load))
 
 
 def _rows() -> dict[str, list[_Shape | None]]:

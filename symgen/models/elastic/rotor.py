@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import sympy as sp
 
-from symgen.mechanics.elastic.spatial import SECTION
+from symgen.mechanics.elastic.spatial import BODY, SECTION
 from symgen.models.elastic.spatial import REFERENCES
 from symgen.scene.elastic.rotor import RotorScene
 from symgen.symbolic.quantity import AXES
@@ -41,9 +41,10 @@ def rotor_system(rotor: RotorScene) -> System:
         ),
     ]
     if rotor.masses:
-        rows = [(mass, *rotor.places[point]) for point, mass in rotor.masses]
-        labels = [point for point, _ in rotor.masses]
-        matrices.append(matrix("masses", rows, "point masses and their places", labels, ("mass", *AXES)))
+        rows = [(*rotor.places[k.point], k.mass, *k.inertia) for k in rotor.masses]
+        labels = [k.point for k in rotor.masses]
+        columns = (*AXES, *(q.name for q in BODY))
+        matrices.append(matrix("masses", rows, "places of masses, and their inertia", labels, columns))
     return System(
         rotor.name,
         rotor.title,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sympy as sp
 
-from symgen.mechanics.elastic.spatial import DOFS, MOTION, SECTION, point_mass, spatial_beam
+from symgen.mechanics.elastic.spatial import BODY, DOFS, MOTION, SECTION, body, spatial_beam
 from symgen.symbolic.quantity import AXES
 from symgen.symbolic.system import Export, Group, NamedMatrix, System
 
@@ -30,20 +30,21 @@ def spatial_beam_system() -> System:
         square("geometric", made.geometric, "N/m", "geometric stiffness of the axial force"),
         NamedMatrix("load", made.load, f"N; *{_PER}", "centrifugal load", DOFS),
     )
-    axes = tuple(AXES)
-    gyroscopic, centrifugal, load = point_mass()
-    of_point = (
-        NamedMatrix("point_gyroscopic", gyroscopic, "1/s", "gyroscopic matrix of a unit mass", axes, axes),
-        NamedMatrix(
-            "point_centrifugal",
-            centrifugal,
-            "1/s^2",
-            "what rotation subtracts from its stiffness",
-            axes,
-            axes,
-            True,
+    rows = (*AXES, *(f"rotation_{a}" for a in AXES))
+    kinds = (
+        ("mass", "kg", "mass matrix of a rigid body"),
+        ("gyroscopic", "kg/s", "gyroscopic matrix of a rigid body"),
+        ("centrifugal", "N/m", "what rotation subtracts from the stiffness at a rigid body"),
+    )
+    *squares, load = body()
+    of_body = (
+        *(
+            NamedMatrix(
+                f"body_{name}", m, f"{unit}; *m per rotation", about, rows, rows, name != "gyroscopic"
+            )
+            for m, (name, unit, about) in zip(squares, kinds, strict=True)
         ),
-        NamedMatrix("point_load", load, "m/s^2", "its centrifugal load", axes),
+        NamedMatrix("body_load", load, "N; *m per rotation", "centrifugal load of a rigid body", rows),
     )
     return System(
         "spatial_beam",
@@ -51,11 +52,12 @@ def spatial_beam_system() -> System:
         (
             Group("q", "length and section", SECTION),
             Group("u", "rotation, place and axial force", MOTION),
+            Group("p", "rigid body", BODY),
         ),
-        (*matrices, *of_point),
+        (*matrices, *of_body),
         (
             *(Export(m.name, m.description, (m.name,)) for m in matrices),
-            Export("point", "a unit mass in the rotating axes", tuple(m.name for m in of_point)),
+            Export("body", "a rigid body in the rotating axes", tuple(m.name for m in of_body)),
         ),
         references=REFERENCES,
     )

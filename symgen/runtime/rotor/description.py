@@ -38,5 +38,6 @@ class RotorDescription(Described):
 
     @property
     def extent(self) -> str:
-        """Numbers of links and free points, in words."""
-        return f"{len(self.links)} elastic links in space, {len(self.free)} free points"
+        """Number of links, in words."""
+        links = "1 elastic link" if len(self.links) == 1 else f"{len(self.links)} elastic links"
+        return f"{links} in space"

@@ -27,6 +27,8 @@ _SIGNS = np.array([[1.0], [-1.0], [1.0]])
 STRAINS = {"stretch": 4, "bending_thickness": 5, "bending_width": 6, "torsion": 7}
 #: Part of the load that may be without balance by round-off.
 _BALANCED = 1e-8
+#: Matrices of the kernel ``body``, in its order; the load follows.
+_OF_BODY = ("mass", "gyroscopic", "centrifugal")
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,10 +82,10 @@ def structure(d: RotorDescription, numbers: Mapping[str, Array], divided: int = 
         balance as drawn.
     """
     axis, speed, through = np.split(numbers["rotation"].ravel(), [3, 4])
-    size = float(np.linalg.norm(axis))
-    if not size > 0.0:
+    length = float(np.linalg.norm(axis))
+    if not length > 0.0:
         raise ModelError(f"{d.name}: the axis of its rotation has no direction")
-    omega = speed * axis / size
+    omega = speed * axis / length
     names = _Names(d)
     for info in d.links:
         names.add(info, divided)
@@ -96,16 +98,16 @@ def structure(d: RotorDescription, numbers: Mapping[str, Array], divided: int = 
         for kernel in sums:
             sums[kernel] += link.matrix(kernel, link.motions)
         load += link.matrix("load", link.motions)
-    for point, (mass, *place) in zip(d.masses, numbers["masses"].reshape(-1, 4), strict=True):
+    for point, (x, y, z, *body) in zip(d.masses, numbers["masses"].reshape(-1, 7), strict=True):
         if point not in d.free:
             continue
-        motion = np.concatenate([omega, np.array(place) - through, [0.0]])
-        found = kernels(_BLOCK).point(q=np.ones(8), u=motion)
-        at = names.point(point)
-        sums["mass"][at, at] += mass
-        sums["gyroscopic"][np.ix_(at, at)] += mass * found[:9].reshape(3, 3)
-        sums["centrifugal"][np.ix_(at, at)] += mass * found[9:18].reshape(3, 3)
-        load[at] += mass * found[18:]
+        motion = np.concatenate([omega, np.array([x, y, z]) - through, [0.0]])
+        found = kernels(_BLOCK).body(q=np.ones(8), u=motion, p=np.array(body))
+        at = names.point(point) + (names.welded(point) if any(body[1:]) else [])
+        size = len(at)
+        for kernel, matrix in zip(_OF_BODY, found[:108].reshape(3, 6, 6), strict=True):
+            sums[kernel][np.ix_(at, at)] += matrix[:size, :size]
+        load[at] += found[108 : 108 + size]
     steady = _steady(d, sums["stiffness"], load)
     tensed = [_tensed(link, steady) for link in links]
     geometric = sum(
@@ -143,6 +145,10 @@ class _Names:
     def point(self, point: str) -> list[int]:
         """Return the unknowns of a free point."""
         return [self.all.index(f"{point}.{axis}") for axis in "xyz"]
+
+    def welded(self, point: str) -> list[int]:
+        """Return the unknowns of the rotation of links that are welded at a free point."""
+        return [self.all.index(f"{point}.r{axis}") for axis in "xyz"]
 
     def rotation(self, link: RotorLink, point: str) -> list[int] | None:
         """Return the unknowns of the rotation of a link's end; None where it is welded to the ground."""

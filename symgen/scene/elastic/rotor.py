@@ -15,7 +15,6 @@ from symgen.scene.elastic.sections import line
 from symgen.scene.reading import Reader, shown_units
 from symgen.scene.rods.bodies import points
 from symgen.scene.rods.linkage import Parameter
-from symgen.scene.rods.loads import masses
 from symgen.scene.schema import Link, Scene
 from symgen.scene.units import Shown
 
@@ -48,8 +47,17 @@ class RotorLink:
 
 
 @dataclass(frozen=True, slots=True)
+class RotorMass:
+    """A mass [kg] at a point, and its moments of inertia [kg m^2] about the axes of the drawing."""
+
+    point: str
+    mass: sp.Expr
+    inertia: tuple[sp.Expr, ...]
+
+
+@dataclass(frozen=True, slots=True)
 class RotorScene:
-    """A resolved scene: places [m], links, masses [kg], axis, speed [rad/s] and a point of the axis."""
+    """A resolved scene: places [m], links, masses, axis, speed [rad/s] and a point of the axis."""
 
     name: str
     file: str
@@ -59,7 +67,7 @@ class RotorScene:
     places: dict[str, tuple[sp.Expr, ...]]
     free: tuple[str, ...]
     links: tuple[RotorLink, ...]
-    masses: tuple[tuple[str, sp.Expr], ...]
+    masses: tuple[RotorMass, ...]
     axis: tuple[sp.Expr, ...]
     speed: sp.Expr
     through: tuple[sp.Expr, ...]
@@ -104,7 +112,7 @@ def resolved_rotor(scene: Scene) -> RotorScene:
     through = (sp.Integer(0),) * 3
     if table.through is not None:
         through = read.known_point(table.through, "rotor.through").at
-    welds = dict(_welds(read))
+    welds = dict(_welds(read)) | dict(_turned(read))
     links = tuple(_link(read, name, link, welds) for name, link in scene.links.items())
     used = {p for link in links for p in (link.start, link.end)}
     for name, placed in read.points.items():
@@ -120,7 +128,7 @@ def resolved_rotor(scene: Scene) -> RotorScene:
         places={name: placed.at for name, placed in read.points.items()},
         free=free,
         links=links,
-        masses=tuple((mass.point, mass.mass) for mass in masses(read)),
+        masses=tuple(_masses(read)),
         axis=axis,
         speed=read.value(table.speed, units.ANGULAR_RATE, "rotor.speed"),
         through=through,
@@ -139,6 +147,44 @@ def _welds(read: Reader) -> Iterator[tuple[str, tuple[str, ...]]]:
             if weld.point not in read.scene.links[name].points:
                 raise SceneError(f"{weld.point} is no end of {name}", where=f"{where}.point")
         yield weld.point, tuple(weld.links)
+
+
+def _ending_at(read: Reader, point: str) -> tuple[str, ...]:
+    return tuple(name for name, link in read.scene.links.items() if point in link.points[:2])
+
+
+def _turned(read: Reader) -> Iterator[tuple[str, tuple[str, ...]]]:
+    """Yield the points at which a mass with inertia rotates with the one link that ends there."""
+    welded = {weld.point for weld in read.scene.welds}
+    for i, mass in enumerate(read.scene.masses):
+        if mass.inertia is None or mass.point in welded:
+            continue
+        links = _ending_at(read, mass.point)
+        if len(links) != 1:
+            raise SceneError(
+                f"a mass with inertia rotates with the links at {mass.point}, and these rotate apart",
+                where=f"masses.{i}.inertia",
+                hint="Weld the links there.",
+            )
+        yield mass.point, links
+
+
+def _masses(read: Reader) -> Iterator[RotorMass]:
+    for i, mass in enumerate(read.scene.masses):
+        where = f"masses.{i}"
+        point = read.known_point(mass.point, f"{where}.point").name
+        inertia: tuple[sp.Expr, ...] = (sp.Integer(0),) * 3
+        if mass.inertia is not None:
+            inertia = tuple(
+                read.not_negative(text, units.INERTIA, f"{where}.inertia.{k}")
+                for k, text in enumerate(mass.inertia)
+            )
+            sizes = sorted(read.number(x) for x in inertia)
+            if sizes[2] > (sizes[0] + sizes[1]) * (1 + 1e-9):
+                raise SceneError(
+                    "no body has a moment of inertia above the sum of the other two", where=f"{where}.inertia"
+                )
+        yield RotorMass(point, read.not_negative(mass.mass, units.MASS, f"{where}.mass"), inertia)
 
 
 def _link(read: Reader, name: str, link: Link, welds: dict[str, tuple[str, ...]]) -> RotorLink:
