@@ -16,7 +16,10 @@ from symgen.mechanics.elastic import hamilton
 from symgen.mechanics.elastic.energies import LIFT, energy_weights, rate, rigid_energies
 from symgen.mechanics.elastic.places import at_a_place
 from symgen.mechanics.elastic.shaft import KINETIC, POWER, RATE, powers
-from symgen.runtime.beams.energies import of_joints, of_links
+from symgen.runtime.beams.energies import energies, of_joints, of_links
+from symgen.runtime.beams.forces import own_motion
+from symgen.runtime.beams.frames import frames
+from symgen.runtime.elastic import run as run_of_elastic
 
 SCENES = (
     *("thesis_four_bar", "elastic_four_bar_free", "elastic_four_bar_motor"),
@@ -194,6 +197,30 @@ def test_energies_of_a_slow_crank_in_gravity():
     lost = 1e-3 * speed**2 * (2 * bent * np.sin(angle) ** 2 + 2 * stretched * np.cos(angle) ** 2)
     assert run["dissipated_power"].values == pytest.approx(lost, rel=5e-3, abs=5e-3 * np.max(lost))
     assert [v.name for v in run.variables] == ["strain_energy", "potential_energy", "dissipated_power"]
+
+
+def test_imbalance_of_a_crank_alone_is_its_angular_momentum_of_second_degree(tmp_path, monkeypatch):
+    """T - (rate of energy)/omega = -d/dt (omega s^T Mc s - s'^T A s), of displacements in the axes of the crank."""
+    taken = {}
+
+    def kept(motion, rigid, found, accelerations, torque):
+        taken.update(motion=motion, found=found, accelerations=accelerations)
+        taken["energies"] = energies(motion, rigid, found, accelerations, torque)
+        return taken["energies"]
+
+    monkeypatch.setattr(run_of_elastic, "energies", kept)
+    speed = 12.0
+    model = bars.cantilever(tmp_path, ", elements = 2", speed=f"{speed} rad/s", height="5 mm")
+    model.simulate(steps=4000, revolutions=0.02, samples=11)
+    motion, found, made = taken["motion"], taken["found"], taken["energies"]
+    s, v, a = own_motion(motion, found, taken["accelerations"], 0, frames(found.links[:, 0]))
+    rate = np.zeros(len(s))
+    for piece in motion.beams[0].pieces:
+        at = list(piece.at)
+        rate -= np.sum((a[:, at] @ piece.gyroscopic) * s[:, at], axis=1)
+        rate += 2 * speed * np.sum((v[:, at] @ piece.centrifugal) * s[:, at], axis=1)
+    assert np.max(np.abs(rate)) > 0.05 * np.max(np.abs(made.shaft)) / speed
+    assert made.imbalance == pytest.approx(-speed * rate, abs=1e-4 * speed * np.max(np.abs(rate)))
 
 
 WEIGHT = '[gravity]\nacceleration = ["0 m/s^2", "-9.81 m/s^2"]\n'
