@@ -29,7 +29,7 @@ def entries(folder: Path) -> list[str]:
     return sorted(p.name for p in folder.iterdir())
 
 
-@pytest.mark.parametrize("count", [4, full(8)])
+@pytest.mark.parametrize("count", [3, full(8)])
 def test_processes_build_one_entry_at_once(cache, count):
     running = [
         subprocess.Popen(
