@@ -34,6 +34,7 @@ LARGEST, FORWARD, BACKWARD = 1e-9, 5.0, 10.0
 #: Parameters that contradict redundant constraints: ``sensitivity`` refuses them by name.
 CONTRADICTING = {"double_four_bar": ("excess",)}
 #: Starts in doubles have too few digits for differences where lengths, masses or places differ that much.
+#: Derivatives at these starts are compared in tests/runtime/test_sensitivity_scenes.py.
 OMITTED = ("far_origin", "length_ratios", "mass_ratios")
 #: Directions at most of each linkage.
 DIRECTIONS = 8

@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 import json
+from functools import cache
 
 import mpmath as mp
 import numpy as np
 import pytest
 from shared.elastic_exact import CASES, OF_JOINTS, REFERENCE, slopes
+from shared.full import full_unless
 
 import symgen
 from symgen.errors import ModelError
 from symgen.scene.loading import SHIPPED, read_scene
 
+#: The scene that is compared in every run of the tests.
+QUICK = {"elastic_four_bar"}
 #: Numbers of scenes that are parameters here, by key.
 PLACED = {
     "elastic_four_bar_motor": {"crank.flywheel": "flywheel"},
@@ -30,6 +34,7 @@ UNITS = {
 }  # fmt: skip
 
 
+@cache
 def tunable(scene):
     """A shipped scene with all parameters of the reference tunable."""
     values, _ = CASES[scene]
@@ -55,7 +60,7 @@ def compared(found, stored, parameters, natural):
     assert np.all(away <= 1e-9 * np.abs(expected) + np.where(vanish, 1e-9, 1e-12) * size)
 
 
-@pytest.mark.parametrize("scene", CASES)
+@pytest.mark.parametrize("scene", full_unless(lambda scene: scene in QUICK, CASES))
 def test_frequencies_of_shipped_scenes_have_exact_derivatives(scene):
     (values, t), stored = CASES[scene], json.loads(REFERENCE.read_text())["frequencies"][scene]
     model = tunable(scene)
@@ -64,9 +69,9 @@ def test_frequencies_of_shipped_scenes_have_exact_derivatives(scene):
     compared(found, stored, [model.parameters[name] for name in values], natural)
 
 
-@pytest.mark.parametrize("scene", OF_JOINTS)
+@pytest.mark.parametrize("scene", full_unless(lambda scene: scene in QUICK, OF_JOINTS))
 def test_quasi_static_displacements_of_shipped_scenes_have_exact_derivatives(scene):
-    """Two of their parameters, c and r, are called like symbols of the derivation."""
+    """Their parameters c and r are called like symbols of the derivation."""
     (values, t), stored = CASES[scene], json.loads(REFERENCE.read_text())["displacements"][scene]
     model = tunable(scene)
     points = dict.fromkeys(name.rpartition(".")[0] for name in OF_JOINTS[scene])
@@ -96,6 +101,7 @@ def test_what_has_no_derivatives_is_refused_by_name():
         symgen.build("elastic_four_bar").sensitivity(["B.position"])
 
 
+@pytest.mark.full
 def test_names_of_parameters_do_not_change_energies():
     """Densities called like the velocity and the angular velocity of a link, and one called unlike anything."""
 

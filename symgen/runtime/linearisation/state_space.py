@@ -24,6 +24,8 @@ Array = NDArray[np.float64]
 
 #: Coordinates whose directions are closer to dependent than this do not determine the motion.
 _DEPENDENT = 1e-9
+#: Steps of iterative refinement of solutions of the equations of motion.
+_REFINEMENTS = 2
 #: The part of its largest singular value at which the constraint Jacobian has lost rank.
 _LOST = 1e-12
 #: The part of the linkage's size, and of the speeds, by which a state may violate the constraints.
@@ -123,7 +125,18 @@ class Tangents:
         return [self._first + self.parameters.index(name) for name in parameters]
 
     def solved(self, right: Array) -> Array:
-        """Return the solutions of [M J^T; J 0] w = b for the columns of ``right``."""
+        """Return the solutions of [M J^T; J 0] w = b for the columns of ``right``.
+
+        They are refined by residuals in long double: forces of masses of very different sizes cancel.
+        """
+        matrix = np.block([[self.mass, self.jacobian.T], [self.jacobian, np.zeros((self.m, self.m))]])
+        found = self._solved(right)
+        for _ in range(_REFINEMENTS):
+            left = right.astype(np.longdouble) - matrix.astype(np.longdouble) @ found
+            found = found + self._solved(left.astype(float))
+        return found
+
+    def _solved(self, right: Array) -> Array:
         force, gamma = right[: self.n], right[self.n :]
         a = self.bound @ (gamma / self.scale[:, None])
         reduced = self.free.T @ self.mass @ self.free
