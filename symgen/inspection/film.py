@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
@@ -99,7 +100,7 @@ def animate(result: Result, file: str | os.PathLike[str] | None, frames: int) ->
     model, verb, given = result.origin
     of = drawn_scene(_scene_of(model))
     built = _built(of, model.parameters, model.source.options[0])
-    rows = np.unique(np.linspace(0, result.count - 1, min(result.count, frames)).round().astype(int))
+    rows = np.arange(0, result.count, max(1, math.ceil((result.count - 1) / (frames - 1))))
     poses = _thinned(of.view.repeated(built, verb, given, result), rows)
     sketches = of.view.sketches(of.resolved, built, poses)
     film = Film(_thinned(result, rows), sketches, of.view.film_text(of.resolved, poses))

@@ -37,8 +37,8 @@ from symgen.symbolic.system import System
 _ERROR = 1e-3
 _POSITION = ".position"
 Array = NDArray[np.float64]
-#: Arguments that the kinematics of a linkage shares with its other analyses over prescribed values.
-_OF_MOTION = ("start", "stop", "at", "over", "samples", "state", "through")
+#: Arguments of a range of prescribed values.
+_OF_RANGE = ("start", "stop", "at", "over", "samples")
 
 
 class RodsView(View):
@@ -95,7 +95,11 @@ class RodsView(View):
         """Return the positions of points at the samples of a result."""
         if verb == "simulate":
             return super().repeated(model, verb, given, result)
-        same = {name: value for name, value in given.items() if name in _OF_MOTION}
+        same = {name: given[name] for name in ("state", "through") if name in given}
+        if given.get("through"):  # which passes a time twice
+            same |= {name: given[name] for name in _OF_RANGE if name in given}
+        else:
+            same |= {"at": result.time, "over": "time"}
         found: Result = model.kinematics(of=model.description.points, **same)
         return found
 

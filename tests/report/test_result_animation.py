@@ -28,6 +28,15 @@ def test_frames_are_the_values_in_their_order(verb):
     assert film.result.coordinate.values == pytest.approx(angles)
 
 
+def test_frames_of_long_results_are_evenly_spaced():
+    """361 poses by default, of which 241 frames at most cannot be: every second one is shown."""
+    film = symgen.build("crank_rocker").inverse_dynamics().animate()
+    times = np.linspace(0.0, 1.0, 181)
+    assert film.result.time == pytest.approx(times)
+    tip = 0.1 * np.array([np.cos(2 * np.pi * times), np.sin(2 * np.pi * times)]).T
+    assert places(film, "A") == pytest.approx(tip, abs=1e-9)
+
+
 def test_frames_of_a_run_have_its_state_and_its_times(tmp_path):
     """A run from another start: the crank is where its own output says, at chosen samples."""
     model = symgen.build("four_bar", set={"analysis.outputs": ["crank.angle"]})

@@ -56,11 +56,15 @@ def plot(
     labels = list(dict.fromkeys(result.panel(v) for v in chosen))
     figure = Figure(figsize=(9, 1.2 + 2.4 * len(labels)), layout="constrained")
     panels = dict(zip(labels, figure.subplots(len(labels), 1, sharex=True, squeeze=False)[:, 0], strict=True))
+    colours: dict[str, Any] = {}
     for label, source, style in _curves(result, compare or {}):
         along, words = _along(source, over)
         for variable in chosen:
             for part in columns([_in_units_of(result, source, variable)]):
-                panels[result.panel(variable)].plot(along, part.values, style, label=part.name + label)
+                (line,) = panels[result.panel(variable)].plot(
+                    along, part.values, style, label=part.name + label, color=colours.get(part.name)
+                )
+                colours.setdefault(part.name, line.get_color())
         panels[labels[-1]].set_xlabel(words)
     for panel_label, panel in panels.items():
         panel.set_ylabel(panel_label)

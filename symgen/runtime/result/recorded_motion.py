@@ -59,7 +59,10 @@ def chosen_names(bonds: Bonds, of: Sequence[str] | None) -> list[str]:
     for name in of:
         corner = name.split(".")
         if name not in known and not (len(set(corner)) == len(corner) == 3 and set(corner) <= set(d.points)):
-            raise ModelError(f"there is no point or moving link {name!r} to record. {nearest(name, known)}")
+            raise ModelError(
+                f"there is no point or moving link {name!r} to record. {nearest(name, known)}\n"
+                "  A.B.C records the angles at B between A and C."
+            )
     return list(dict.fromkeys(of))
 
 
