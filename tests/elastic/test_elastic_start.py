@@ -57,3 +57,5 @@ def test_a_free_crank_has_no_quasi_static_shape():
     model = symgen.build("elastic_four_bar_free")
     with pytest.raises(ModelError, match="nothing holds its free crank"):
         model.simulate(initial="quasi-static", revolutions=0.01)
+    with pytest.raises(ModelError, match="nothing holds its free crank"):
+        model.quasi_static()

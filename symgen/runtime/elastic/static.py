@@ -34,6 +34,11 @@ def quasi_static(motion: ElasticMotion, equations: _beams.BeamEquations, times: 
     SimulationError
         When the axial forces of a pose are beyond the buckling load of the structure.
     """
+    if motion.info.mode == "free":
+        raise ModelError(
+            f"{motion.rigid.name}: nothing holds its free crank, so that loads do not determine its shape\n"
+            '  Hold the crank: mode = "held" under [crank]. Runs may start undeformed.'
+        )
     found = np.zeros((len(times), motion.layout.unknowns))
     for k in np.argsort(times, kind="stable").tolist():
         t = float(times[k])
@@ -55,17 +60,12 @@ def initial(motion: ElasticMotion, equations: _beams.BeamEquations, task: Task) 
     Raises
     ------
     ModelError
-        For a free crank, and as :func:`quasi_static`.
+        As :func:`quasi_static`.
     SimulationError
         As :func:`quasi_static`.
     """
     if task.initial == "undeformed":
         return None
-    if motion.info.mode == "free":
-        raise ModelError(
-            f"{motion.rigid.name}: nothing holds its free crank, so that loads do not determine its shape\n"
-            "  Start it undeformed, or hold the crank."
-        )
     apart = _APART * turn(motion)
     shapes = quasi_static(motion, equations, apart * np.arange(5.0))
     rates = np.array([-25.0, 48.0, -36.0, 16.0, -3.0]) @ shapes / (12 * apart)
