@@ -125,11 +125,11 @@ def test_shipped_blocks(name):
         values = block_values(system, rng)
         for export in system.exports:
             exact = [x for matrix in export.matrices for x in oracle.matrix(matrix, values)]
-            arrays = {k: values[k] for k in ("q", "u", "p")}
+            arrays = {k: values[k].copy() for k in ("q", "u", "p", "work")}
             found = getattr(module, export.kernel)(**arrays)
             assert relative_error(found, exact) < TOLERANCE
             slow = np.zeros(len(found))
-            namespace[export.kernel](None, values["q"], values["u"], values["p"], None, slow)
+            namespace[export.kernel](None, *(values[k].copy() for k in ("q", "u", "p", "work")), slow)
             assert relative_error(slow, exact) < TOLERANCE
 
 
