@@ -192,7 +192,7 @@ class ElasticModel(Model):
     def in_mode(
         self, modes: ElasticModes, number: int, phases: NDArray[np.float64], largest: float
     ) -> list[Variable]:
-        """Return the outputs of a mode over its phase; see :func:`symgen.runtime.elastic.outputs.in_mode`."""
+        """Return the outputs of a mode, counted from 0, over its phase [rad], at most ``largest`` [m] off."""
         from symgen.runtime.elastic.outputs import in_mode
 
         return in_mode(self._motion(True), modes, number, phases, largest)
