@@ -48,6 +48,24 @@ def test_a_rotating_strip_starts_with_the_rates_of_its_stretch(tmp_path):
     assert tip == pytest.approx(still * along, abs=1e-4 * still)
 
 
+@pytest.mark.parametrize("t_end", ["1 s", "1000 s"])
+def test_rates_follow_a_load_however_long_the_run(tmp_path, t_end):
+    """Of a tip force F sin(w t): F w L^3 / (3 E I), at the start."""
+    load = '[parameters]\nw = "12.6 rad/s"\nF = "1 N"\n[[forces]]\npoint = "tip"\nforce = ["0 N", "F*sin(w*t)"]\n'
+    model = bars.cantilever(tmp_path, ", elements = 1", more=f'{load}[analysis]\nt_end = "{t_end}"\n')
+    run = model.simulate(initial="quasi-static", t_eval=[0.0, 1e-7], steps=10, t_end=1e-6)
+    tip = run["tip.displacement"].values[:, 1]
+    exact = 12.6 * bars.LENGTH**3 / (3 * bars.E * bars.INERTIA)
+    assert (tip[1] - tip[0]) / 1e-7 == pytest.approx(exact, rel=1e-3)
+
+
+def test_loads_that_jump_at_the_start_have_no_quasi_static_rates(tmp_path):
+    load = '[parameters]\nw = "1 rad/s"\nF = "1 N"\n[[forces]]\npoint = "tip"\nforce = ["0 N", "F*sign(w*t)"]\n[analysis]\nt_end = "1 s"\n'
+    model = bars.cantilever(tmp_path, ", elements = 1", more=load)
+    with pytest.raises(ModelError, match="the loads jump at the start"):
+        model.simulate(initial="quasi-static")
+
+
 def test_an_unknown_start_is_refused(heavy):
     with pytest.raises(ModelError, match="no initial state 'static' of elastic links"):
         heavy.simulate(initial="static")

@@ -83,11 +83,12 @@ class Beam:
         Those of the last requests are kept: each run asks for the same.
         """
         key = tuple(fractions)
-        if key not in self._tables:
-            if len(self._tables) == _TABLES:
+        found = self._tables.get(key)
+        if found is None:
+            if len(self._tables) >= _TABLES:
                 self._tables.clear()
-            self._tables[key] = self._table(key)
-        return self._tables[key]
+            found = self._tables[key] = self._table(key)
+        return found
 
     def _table(self, fractions: Sequence[float]) -> Mapping[str, Array]:
         places = []
@@ -132,9 +133,10 @@ class Beam:
             for x in np.linspace(part.start, part.start + part.length, count + 1).tolist()
         ]
         # No fractions stand for every element from its own first node to its second.
-        if () not in self._tables:
-            self._tables[()] = self._rows_at(within)
-        table, places = self._tables[()], np.array([x for x, _ in within]) / p.length
+        table = self._tables.get(())
+        if table is None:
+            table = self._tables[()] = self._rows_at(within)
+        places = np.array([x for x, _ in within]) / p.length
         fibre = self.fibres(places)
         bending, axial = (np.abs(own @ table[name].T) for name in ("curvature", "axial_strain"))
         stress = p.modulus * (axial + fibre * bending)

@@ -20,6 +20,8 @@ Array = NDArray[np.float64]
 _HELD = 32
 #: Time between poses, over a revolution, for the rates of a start.
 _APART = 1e-4
+#: Number of intervals that are tried; change over the rates that they may settle to; round-off of shapes.
+_SHORTER, _SETTLED, _ROUNDED = 12, 1e-5, 1e-13
 
 
 def quasi_static(motion: ElasticMotion, equations: _beams.BeamEquations, times: Array) -> Array:
@@ -55,21 +57,31 @@ def quasi_static(motion: ElasticMotion, equations: _beams.BeamEquations, times: 
 def initial(motion: ElasticMotion, equations: _beams.BeamEquations, task: Task) -> Start:
     """Return the start of a motion in time: the quasi-static shape with its rates, or None if undeformed.
 
-    The rates are differences of fourth order of the shapes in five poses.
+    The rates are differences of fourth order of the shapes in five poses, at intervals that are shortened
+    until they no longer change the rates.
 
     Raises
     ------
     ModelError
-        As :func:`quasi_static`.
+        For loads that jump at the start, and as :func:`quasi_static`.
     SimulationError
         As :func:`quasi_static`.
     """
     if task.initial == "undeformed":
         return None
-    apart = _APART * turn(motion)
-    shapes = quasi_static(motion, equations, apart * np.arange(5.0))
-    rates = np.array([-25.0, 48.0, -36.0, 16.0, -3.0]) @ shapes / (12 * apart)
-    return shapes[0][:, None].copy(), rates[:, None]
+    found: list[Array] = []
+    for apart in turn(motion) * _APART / np.pi ** np.arange(_SHORTER):  # no multiples of a load's period
+        shapes = quasi_static(motion, equations, apart * np.arange(5.0))
+        found.append(np.array([-25.0, 48.0, -36.0, 16.0, -3.0]) @ shapes / (12 * apart))
+        size = float(np.max(np.abs(found[-1])))
+        round_off = _ROUNDED * float(np.max(np.abs(shapes))) / apart
+        changes = [float(np.max(np.abs(a - found[-1]))) for a in found[-3:-1]]
+        if len(changes) == 2 and max(changes) <= _SETTLED * size + round_off:
+            return shapes[0][:, None].copy(), found[-3][:, None]
+    raise ModelError(
+        f"{motion.rigid.name}: the loads jump at the start, so that the quasi-static shape has no rate\n"
+        "  Start it undeformed."
+    )
 
 
 def _solved(stiffness: Array, load: Array, sizes: Array) -> Array | None:
@@ -82,8 +94,8 @@ def _solved(stiffness: Array, load: Array, sizes: Array) -> Array | None:
     factor, failed = dpbtrf(
         _banded((stiffness + stiffness.T) / (2 * (sizes[:, None] * sizes))), lower=True, overwrite_ab=True
     )
-    if failed or np.min(factor[0]) ** 2 <= len(load) * np.finfo(float).eps:
-        return None
+    if failed or not np.min(factor[0]) ** 2 > len(load) * np.finfo(float).eps:
+        return None  # where numbers are not finite, too
     found, _ = dpbtrs(factor, load / sizes, lower=True)
     return np.asarray(found / sizes, dtype=float)
 

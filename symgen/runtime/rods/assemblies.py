@@ -42,7 +42,10 @@ def assemblies(bonds: Bonds, near: Array, t: float, *, tries: int = 40) -> tuple
     found: list[Array] = []
     for pose in poses:
         q = polished(bonds, pose, t)
-        if q is None or bonds.turned_over(q, t):
+        if q is None:
+            incomplete = incomplete or "a pose that was found could not be refined"
+            continue
+        if bonds.turned_over(q, t):
             continue
         if not _isolated(bonds, q, t):
             incomplete = incomplete or "poses at dead centres are left out"
