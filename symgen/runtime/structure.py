@@ -59,10 +59,13 @@ def modes_at_rest(name: str, mass: Array, stiffness: Array, sizes: Array) -> tup
     UnstableError
         When the structure is unstable at rest.
     ModelError
-        When something moves without mass.
+        When something moves without mass, or a number of the matrices is not finite.
     """
     from scipy.linalg import LinAlgError, cholesky, solve_triangular, svd
 
+    for what, matrix in (("mass", mass), ("stiffness", stiffness / np.outer(sizes, sizes))):
+        if not np.all(np.isfinite(matrix)):
+            raise ModelError(f"{name}: the {what} matrix has a number that is not finite at these parameters")
     factor = _factor(name, stiffness, sizes)
     try:
         root = cholesky((mass + mass.T) / 2, lower=True)

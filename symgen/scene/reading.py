@@ -46,6 +46,9 @@ class Values:
         self.names: dict[str, tuple[sp.Expr, Dimension]] = {}
         self.parameters: list[Parameter] = []
         self.defaults: dict[sp.Symbol, sp.Expr] = {}
+        #: Values over tunable parameters that must stay above zero, and those of at least zero, by place.
+        self.above_zero: dict[str, sp.Expr] = {}
+        self.at_least_zero: dict[str, sp.Expr] = {}
         self._read_parameters()
 
     def _read_parameters(self) -> None:
@@ -126,6 +129,8 @@ class Values:
             raise SceneError(
                 f"expected {units.describe(dim)} above zero, got {_got(text, value, dim)}", where=where
             )
+        if expression.free_symbols:
+            self.above_zero[where] = expression
         return expression
 
     def not_negative(self, text: str | int | float, dim: Dimension, where: str) -> sp.Expr:
@@ -136,6 +141,8 @@ class Values:
             raise SceneError(
                 f"expected {units.describe(dim)} of at least zero, got {_got(text, value, dim)}", where=where
             )
+        if expression.free_symbols:
+            self.at_least_zero[where] = expression
         return expression
 
     def vector(

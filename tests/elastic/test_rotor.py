@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import mpmath
 import numpy as np
@@ -15,7 +16,10 @@ from symgen.errors import CapabilityError, ModelError, SceneError
 from symgen.mechanics.elastic import spatial
 from symgen.models import BLOCKS
 from symgen.runtime.beams.elements import kernels
+from symgen.runtime.rotor.model import _modes_of
 from symgen.runtime.rotor.structure import structure
+from symgen.runtime.structure import modes_at_rest
+from symgen.scene.elastic.rotor import torsion_constant
 from symgen.scene.loading import read_scene
 from symgen.scene.resolve import resolve
 
@@ -411,8 +415,66 @@ def test_torsion_constant_of_rectangles(tmp_path):
 
 
 @pytest.mark.parametrize(
+    ("width", "thickness"), [(1.0, 2.0), (2.0, 1.0), (1.0, 1.0), (1.0, 10.0), (30.0, 1.0)]
+)
+def test_torsion_constant_has_no_longer_side_of_its_own(width, thickness):
+    """Against Prandtl's stress function as a double Fourier series over the rectangle."""
+    a, b = sp.symbols("a b")
+    found = float(torsion_constant(a, b).subs({a: width, b: thickness}))
+    odd = np.arange(1.0, 801.0, 2.0)
+    m, n = odd[:, None], odd[None, :]
+    terms = 1 / (m**2 * n**2 * (m**2 / width**2 + n**2 / thickness**2))
+    assert found == pytest.approx(256 / math.pi**6 * width * thickness * np.sum(terms), rel=1e-6)
+
+
+@pytest.fixture(scope="module")
+def tuned(tmp_path_factory):
+    text = BLADE.replace("12e16 Pa", "E").replace("poisson = 0", 'poisson = "nu"')
+    given = {"thickness": "0.1 mm", "E": "12e16 Pa", "nu": "0", "tip": "1 kg"}
+    lines = "".join(f'{k} = {{ value = "{v}", tunable = true }}\n' for k, v in given.items())
+    text = text.replace('thickness = "0.1 mm"\n', lines) + '[[masses]]\npoint = "tip"\nmass = "tip"\n'
+    return built(tmp_path_factory.mktemp("tuned"), text)
+
+
+@pytest.mark.parametrize(
+    ("values", "said"),
+    [
+        ({"E": 0.0}, r"links.blade.elastic.E: expected a value above zero, got 0"),
+        ({"E": -1e9}, r"links.blade.elastic.E: expected a value above zero, got -1e\+09"),
+        ({"thickness": 0.0}, "links.blade.section.width: expected a value above zero, got 0"),
+        ({"thickness": -1e-3, "E": -1e9}, "expected a value above zero, got -"),
+        ({"nu": -2.0}, "links.blade, GJ: expected a value above zero, got -"),
+        ({"tip": -0.1}, "masses.0.mass: expected a value of at least zero, got -0.1"),
+    ],
+)
+def test_parameters_that_are_not_physical(tuned, values, said):
+    with pytest.raises(ModelError, match=said):
+        tuned.with_parameters(**values).modes()
+
+
+def test_matrices_that_are_not_finite_have_no_modes():
+    for mass, stiffness in ((np.nan, 1.0), (1.0, np.nan)):
+        with pytest.raises(ModelError, match="not finite"):
+            modes_at_rest("frame", np.diag([1.0, mass]), np.diag([1.0, stiffness]), np.ones(2))
+
+
+def test_stiffness_that_is_not_positive_has_its_causes(tmp_path, blade):
+    """The free spin of a blade with its width along the axis has the stiffness (J_y - J_z) Omega^2 < 0."""
+    made = structure(blade.description, blade._numbers())
+    with pytest.raises(ModelError, match="frame at rest is not positive"):
+        _modes_of("frame", replace(made, stiffness=-made.stiffness), 0.0)
+    text = BLADE.replace('[[welds]]\npoint = "root"\nlinks = ["blade"]\n', "").replace("0.1 mm", "1 cm")
+    text = text.replace("12e16 Pa", "12e8 Pa").replace('width = "thickness"', 'width = "4 * thickness"')
+    built(tmp_path, text).with_parameters(speed=1.0).modes()  # the width is in the plane of rotation
+    upright = built(tmp_path, text.replace("[0, 1, 0]", "[0, 0, 1]"))
+    with pytest.raises(ModelError, match="(?s)not positive definite.*critical speed.*in that plane"):
+        upright.with_parameters(speed=1.0).modes()
+
+
+@pytest.mark.parametrize(
     ("old", "new", "said"),
     [
+        ('width = "thickness"', 'width = ["thickness", "thickness"]', "uniform along its length.*one value"),
         (", width_along = [0, 1, 0]", "", "a rectangle with the direction of its width in space"),
         ("[0, 1, 0]", "[1, 0, 0]", "expected a direction across the link"),
         (", shear = { poisson = 0 }", "", "needs the shear modulus for its torsion"),

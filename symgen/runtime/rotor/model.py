@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from symgen.calls import checked
 from symgen.errors import ModelError
 from symgen.runtime import _core
+from symgen.runtime.kernels.description import BlockInfo
 from symgen.runtime.kernels.evaluate import as_taken, part
 from symgen.runtime.model.model import Model
 from symgen.runtime.result.modes import relative
@@ -112,6 +113,9 @@ class RotorModel(Model):
             None,
         )
         found = {b.name: part(out, b) for b in info.blocks}
+        for b in info.blocks:
+            if b.name in ("links", "above_zero", "at_least_zero"):
+                _refuse(self.name, b, found[b.name].reshape(b.shape))
         if not all(np.all(np.isfinite(x)) for x in found.values()):
             raise ModelError(f"{self.name}: a number of the scene is not finite at these parameters")
         return {"masses": np.zeros(0), **found}
@@ -120,10 +124,11 @@ class RotorModel(Model):
         self._refuse_types("modes of rotors are")
         numbers = self._numbers()
         made = structure(self.description, numbers)
-        frequencies, shapes = _modes_of(self.name, made)
+        speed = float(numbers["rotation"].ravel()[3])
+        frequencies, shapes = _modes_of(self.name, made, speed)
         errors = np.zeros(0)
         if len(frequencies) <= _REFINED:
-            finer, _ = _modes_of(self.name, structure(self.description, numbers, divided=2))
+            finer, _ = _modes_of(self.name, structure(self.description, numbers, divided=2), speed)
             errors = relative(frequencies, finer[: len(frequencies)])
         notes: tuple[str, ...] = ()
         if made.rotation > _ROTATED:
@@ -131,13 +136,26 @@ class RotorModel(Model):
                 f"the rotation bends or twists links by {made.rotation:.3g} rad; frequencies are those about "
                 "the drawn shape",
             )
-        speed = float(numbers["rotation"].ravel()[3])
         return RotorModes(
             self.name, speed, frequencies, shapes, made.names, parts(made, shapes), errors, notes
         )
 
 
-def _modes_of(name: str, made: Structure) -> tuple[Array, NDArray[Any]]:
+def _refuse(name: str, block: BlockInfo, values: Array) -> None:
+    """Raise ModelError for values of the scene that are not physical at the tunable parameters."""
+    places: Sequence[str] = block.rows
+    if block.name == "links":
+        values, places = values[:, 9:], [f"links.{row}, {q}" for row in block.rows for q in block.columns[9:]]
+    for place, value in zip(places, values.ravel().tolist(), strict=True):
+        limit = "of at least" if block.name == "at_least_zero" else "above"
+        if not (value > 0.0 or (value == 0.0 and limit == "of at least")):
+            raise ModelError(
+                f"{name}: {place}: expected a value {limit} zero, got {value:g} at these parameters\n"
+                "  Give with_parameters other values."
+            )
+
+
+def _modes_of(name: str, made: Structure, speed: float) -> tuple[Array, NDArray[Any]]:
     """Return frequencies [Hz] by rising size and complex shapes (n, modes) of M s'' + C s' + K s = 0.
 
     In the modes of M and K, of squared frequencies w^2, the state (w q, q') has a skew-symmetric matrix, so
@@ -146,14 +164,19 @@ def _modes_of(name: str, made: Structure) -> tuple[Array, NDArray[Any]]:
     Raises
     ------
     ModelError
-        Above the first critical speed, where K is not positive.
+        Where K is not positive: above the first critical speed, or where a free link twists out of its place.
     """
     try:
         speeds, modes, _ = modes_at_rest(name, made.mass, made.stiffness, made.sizes)
     except UnstableError:
+        if speed == 0.0:
+            raise ModelError(f"{name}: the stiffness matrix of the frame at rest is not positive") from None
         raise ModelError(
-            f"{name} rotates above its first critical speed: rotation takes more stiffness than links have\n"
-            "  Modes are found below it: give a lower speed, or stiffer links."
+            f"{name}: the stiffness under rotation at {speed:g} rad/s is not positive definite\n"
+            "  Either it rotates above its first critical speed, where rotation takes more stiffness than\n"
+            "  links have: give a lower speed, or stiffer links. Or a joint lets a link leave its place at\n"
+            "  any speed, as the rotation twists a blade on a ball joint until its width is in the plane of\n"
+            "  rotation: weld the link, or draw its width in that plane."
         ) from None
     n = len(speeds)
     gyroscopic = modes.T @ made.gyroscopic @ modes

@@ -17,6 +17,7 @@ from symgen.scene.rods.bodies import points
 from symgen.scene.rods.linkage import Parameter
 from symgen.scene.schema import Link, Scene
 from symgen.scene.units import Shown
+from symgen.symbolic.switch import greatest, least
 
 #: Tables that the scene of a rotor may have, and keys of its links, their elasticity and their sections.
 _TABLES = {
@@ -57,7 +58,10 @@ class RotorMass:
 
 @dataclass(frozen=True, slots=True)
 class RotorScene:
-    """A resolved scene: places [m], links, masses, axis, speed [rad/s] and a point of the axis."""
+    """A resolved scene: places [m], links, masses, axis, speed [rad/s] and a point of the axis.
+
+    ``above_zero`` and ``at_least_zero`` are values over tunable parameters, by their place in the scene.
+    """
 
     name: str
     file: str
@@ -71,6 +75,8 @@ class RotorScene:
     axis: tuple[sp.Expr, ...]
     speed: sp.Expr
     through: tuple[sp.Expr, ...]
+    above_zero: dict[str, sp.Expr]
+    at_least_zero: dict[str, sp.Expr]
 
     @property
     def method(self) -> str:
@@ -132,6 +138,8 @@ def resolved_rotor(scene: Scene) -> RotorScene:
         axis=axis,
         speed=read.value(table.speed, units.ANGULAR_RATE, "rotor.speed"),
         through=through,
+        above_zero=read.above_zero,
+        at_least_zero=read.at_least_zero,
     )
 
 
@@ -227,8 +235,13 @@ def _section(
     """Return the direction of the width, and mu, J_y, J_z, EA, EI_y, EI_z, GJ."""
     along = line(read, link, length, where, in_space=True)
     shape, section, here = along.shape, link.section, f"{where}.section"
-    if not shape.uniform:
-        raise SceneError("a link of a rotor is uniform along its length", where=here, hint="Divide it.")
+    for key, size in section or ():
+        if isinstance(size, list) and key != "width_along":
+            raise SceneError(
+                f"a link of a rotor is uniform along its length: expected one value, got {size}",
+                where=f"{here}.{key}",
+                hint="Write one value; divide a tapered link into uniform ones.",
+            )
     if elastic.shear is None or elastic.shear.factor is not None:
         raise SceneError(
             "a link of a rotor needs the shear modulus for its torsion, and no shear factor",
@@ -251,7 +264,7 @@ def _section(
         width = read.vector(section.width_along, units.NUMBER, f"{here}.width_along")
         wide = read.positive(section.width, units.LENGTH, f"{here}.width")  # type: ignore[arg-type]
         about_z = area * wide**2 / 12
-        torsion = torsion_constant(read, wide, area / wide)
+        torsion = torsion_constant(wide, area / wide)
         _check_across(read, link, width, f"{here}.width_along")
     density = mu / area
     return width, (
@@ -265,14 +278,14 @@ def _section(
     )
 
 
-def torsion_constant(read: Reader, width: sp.Expr, thickness: sp.Expr) -> sp.Expr:
+def torsion_constant(width: sp.Expr, thickness: sp.Expr) -> sp.Expr:
     """Return Saint-Venant's torsion constant [m^4] of a rectangle.
 
     a b^3 [1/3 - 64/pi^5 (b/a) sum of tanh(n pi a/(2 b))/n^5 over odd n], a >= b: S. P. Timoshenko,
     J. N. Goodier, Theory of Elasticity, Art. 109. The sum is 31 zeta(5)/32 less terms that fall
-    exponentially.
+    exponentially. Parameters may make either side the longer one.
     """
-    a, b = (width, thickness) if read.number(width) >= read.number(thickness) else (thickness, width)
+    a, b = greatest(width, thickness), least(width, thickness)
     less = sp.Add(*(2 / ((sp.exp(n * sp.pi * a / b) + 1) * n**5) for n in range(1, 2 * _TERMS, 2)))
     zeta = sp.Rational(31, 32) * sp.Float("1.03692775514336992633136548645703416805708092", 40)
     return a * b**3 * (sp.Rational(1, 3) - 64 / sp.pi**5 * b / a * (zeta - less))
