@@ -22,7 +22,8 @@ def print_modes_of_rotor(found: Sequence[RotorModes], model: Any, console: Conso
         for k, frequency in enumerate(modes.frequencies[:MODES]):
             row = [str(k + 1), f"{frequency:.6g}", *(f"{x[k]:.2f}" for x in modes.parts.values())]
             if len(modes.errors_of_elements):
-                row.append(f"{modes.errors_of_elements[k]:.1e}")
+                error = modes.errors_of_elements[k]
+                row.append(f"{error:.1e}" if math.isfinite(error) else "round-off")
             rows.append(tuple(row))
         speed = f"{modes.speed * 30 / math.pi:.6g} rpm"
         title = f"{model.description.title}: modes at {speed}, with the parts of their strain energy"

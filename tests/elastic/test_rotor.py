@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 from dataclasses import replace
 
@@ -299,6 +300,42 @@ def test_hinged_blade(tmp_path):
     assert frequencies[0] == pytest.approx(0, abs=1e-6)  # it spins about its line
     moments = np.array([0.2 / 2, 1 / 3 + 0.2 / 2 + rotary])
     assert frequencies[1:] == pytest.approx(0.02 * np.sqrt(moments / (1 / 3 + rotary)), rel=1e-6)
+
+
+def ball_jointed(folder, elements):
+    text = BLADE.replace('[[welds]]\npoint = "root"\nlinks = ["blade"]\n', "")
+    text = text.replace("0.1 mm", "1 cm").replace("12e16 Pa", "12e8 Pa")
+    return built(folder, text.replace("elements = 8", f"elements = {elements}"))
+
+
+def test_rigid_modes_have_shapes(tmp_path):
+    """At rest a blade on a ball joint has three rotations about it; each point moves as its distance from it."""
+    found = ball_jointed(tmp_path, 8).modes()
+    assert np.all(found.frequencies[:3] == 0) and found.frequencies[3] > 1 and not found.notes
+    shapes = found.shapes[:, :3]
+    assert np.max(np.abs(shapes), axis=0) == pytest.approx([1, 1, 1], abs=1e-12)
+    assert np.linalg.matrix_rank(shapes, tol=1e-6) == 3
+    rows = dict(zip(found.names, shapes, strict=True))
+    for field, tip in (("v", "tip.y"), ("w", "tip.z")):
+        for node in range(1, 8):
+            assert rows[f"blade.{field}@{node}"] == pytest.approx(node / 8 * rows[tip], abs=1e-7)
+    for part in found.parts.values():
+        assert np.all(part[:3] == 0)
+
+
+def test_low_speeds_are_accurate_or_noted(tmp_path):
+    """Of a blade on a ball joint rotation alone gives stiffness, which at low speed is below round-off of bending."""
+    blade, rotary = ball_jointed(tmp_path, 8), 1e-4 / 12
+    exact = np.sqrt(np.array([0.2 / 2, 1 / 3 + 0.2 / 2 + rotary]) / (1 / 3 + rotary))
+    noted = []
+    for speed in (1e-6, 1e-4, 0.1):
+        found = blade.with_parameters(speed=speed, radius=0.2).modes()
+        wrong = np.abs(2 * math.pi * found.frequencies[1:3] / speed / exact - 1) > 1e-3
+        noted.append(any("not accurate" in note for note in found.notes))
+        assert noted[-1] or not np.any(wrong)
+        assert np.all(np.isinf(found.errors_of_elements[1:3][wrong]))
+        json.dumps(found.summary(), allow_nan=False)
+    assert noted == [True, True, False]
 
 
 def test_whirling_shaft_with_a_disc_of_no_inertia(tmp_path):

@@ -17,6 +17,7 @@ from symgen.runtime.kernels.description import BlockInfo
 from symgen.runtime.kernels.evaluate import as_taken, part
 from symgen.runtime.model.model import Model
 from symgen.runtime.result.modes import relative
+from symgen.runtime.result.records import plain
 from symgen.runtime.rotor.description import RotorDescription
 from symgen.runtime.rotor.structure import Structure, parts, structure
 from symgen.runtime.structure import UnstableError, modes_at_rest
@@ -25,8 +26,11 @@ Array = NDArray[np.float64]
 
 #: Unknowns up to which frequencies are compared with those of halved elements.
 _REFINED = 400
+_EPS = float(np.finfo(float).eps)
 #: Rotation [rad] of the steady deflection above which a note is given.
 _ROTATED = 0.01
+#: Part of a frequency that round-off may change, above which a note is given.
+_ROUND_OFF = 1e-3
 
 
 @checked
@@ -41,14 +45,16 @@ class RotorModes:
     frequencies
         [Hz], seen in the rotating axes.
     shapes
-        (unknowns, modes), complex, in the order of ``names``; 1 is the largest component.
+        (unknowns, modes), complex, in the order of ``names``; 1 is the largest component. Of zero frequency
+        they are displacements that the stiffness under rotation does not resist.
     parts
         Parts of the strain energy by kind, (modes,) each: ``stretch``, ``bending_width`` (displacements along
-        the width of sections), ``bending_thickness`` and ``torsion``.
+        the width of sections), ``bending_thickness`` and ``torsion``. Zero where links are not strained.
     errors_of_elements
-        Frequencies over those of elements divided in two, less one; empty beyond 400 unknowns.
+        Frequencies over those of elements divided in two, less one; empty beyond 400 unknowns. Infinite
+        where round-off may change either by more than 0.1 %.
     notes
-        Where the theory may not hold.
+        Where the theory may not hold, and which frequencies are lost in round-off.
     """
 
     name: str
@@ -73,7 +79,7 @@ class RotorModes:
             "unknowns": len(self.frequencies),
             "frequencies_hz": self.frequencies.tolist(),
             "parts": {k: x.tolist() for k, x in self.parts.items()},
-            "errors_of_elements": self.errors_of_elements.tolist(),
+            "errors_of_elements": plain(self.errors_of_elements.tolist()),
             "notes": list(self.notes),
         }
 
@@ -125,19 +131,27 @@ class RotorModel(Model):
         numbers = self._numbers()
         made = structure(self.description, numbers)
         speed = float(numbers["rotation"].ravel()[3])
-        frequencies, shapes = _modes_of(self.name, made, speed)
+        frequencies, shapes, noise = _modes_of(self.name, made, speed)
+        lost = noise > _ROUND_OFF
         errors = np.zeros(0)
         if len(frequencies) <= _REFINED:
-            finer, _ = _modes_of(self.name, structure(self.description, numbers, divided=2), speed)
-            errors = relative(frequencies, finer[: len(frequencies)])
-        notes: tuple[str, ...] = ()
+            halved = structure(self.description, numbers, divided=2)
+            finer, _, noise = (x[..., : len(lost)] for x in _modes_of(self.name, halved, speed))
+            errors = np.where(lost | (noise > _ROUND_OFF), np.inf, relative(frequencies, finer))
+        notes = []
         if made.rotation > _ROTATED:
-            notes = (
+            notes.append(
                 f"the rotation bends or twists links by {made.rotation:.3g} rad; frequencies are those about "
-                "the drawn shape",
+                "the drawn shape"
+            )
+        if np.any(lost):
+            notes.append(
+                f"frequencies of the modes {', '.join(str(k + 1) for k in np.flatnonzero(lost))} are not "
+                "accurate: round-off of the stiffness of links may change them by more than "
+                f"{_ROUND_OFF:.1%}; a higher speed or fewer elements lessen it"
             )
         return RotorModes(
-            self.name, speed, frequencies, shapes, made.names, parts(made, shapes), errors, notes
+            self.name, speed, frequencies, shapes, made.names, parts(made, shapes), errors, tuple(notes)
         )
 
 
@@ -155,11 +169,16 @@ def _refuse(name: str, block: BlockInfo, values: Array) -> None:
             )
 
 
-def _modes_of(name: str, made: Structure, speed: float) -> tuple[Array, NDArray[Any]]:
+def _modes_of(name: str, made: Structure, speed: float) -> tuple[Array, NDArray[Any], Array]:
     """Return frequencies [Hz] by rising size and complex shapes (n, modes) of M s'' + C s' + K s = 0.
 
     In the modes of M and K, of squared frequencies w^2, the state (w q, q') has a skew-symmetric matrix, so
-    that its eigenvalues are imaginary to the last digit.
+    that its eigenvalues are imaginary to the last digit. Null vectors of K are the shapes of zero
+    frequencies, which gyroscopic terms between two of them make fewer by one.
+
+    The third result is the part of each frequency that round-off of the terms of K may change, by the strain
+    energy of its shape. Of zero frequencies it is a part of ``speed``, with which a stiffness that round-off
+    hides would grow; at rest there is none.
 
     Raises
     ------
@@ -167,7 +186,7 @@ def _modes_of(name: str, made: Structure, speed: float) -> tuple[Array, NDArray[
         Where K is not positive: above the first critical speed, or where a free link twists out of its place.
     """
     try:
-        speeds, modes, _ = modes_at_rest(name, made.mass, made.stiffness, made.sizes)
+        speeds, modes, rigid = modes_at_rest(name, made.mass, made.stiffness, made.sizes)
     except UnstableError:
         if speed == 0.0:
             raise ModelError(f"{name}: the stiffness matrix of the frame at rest is not positive") from None
@@ -184,7 +203,13 @@ def _modes_of(name: str, made: Structure, speed: float) -> tuple[Array, NDArray[
         [[np.zeros((n, n)), np.diag(speeds)], [-np.diag(speeds), (gyroscopic.T - gyroscopic) / 2]]
     )
     values, vectors = np.linalg.eigh(1j * skew)
-    shapes = modes @ vectors[n:, n:]
+    found, shapes = np.maximum(values[n:], 0.0), modes @ vectors[n:, n:]
+    turned = np.linalg.svd(gyroscopic[:rigid, :rigid], compute_uv=False)
+    still = rigid - (np.count_nonzero(turned > n * _EPS * np.max(np.abs(gyroscopic))) + 1) // 2
+    found[:still], shapes[:, :still] = 0.0, modes[:, :still]
+    energies = _EPS * np.sum((made.sizes[:, None] * np.abs(shapes)) ** 2, axis=0)
+    scale = np.where(np.arange(n) < still, abs(speed), found) ** 2
+    noise = np.divide(energies, scale, out=np.full(n, 0.0 if speed == 0.0 else np.inf), where=scale > 0.0)
     largest = shapes[np.argmax(np.abs(shapes), axis=0), np.arange(n)]
     shapes = np.divide(shapes, largest, out=np.zeros_like(shapes), where=np.abs(largest) > 0.0)
-    return np.maximum(values[n:], 0.0) / (2 * math.pi), shapes
+    return found / (2 * math.pi), shapes, noise

@@ -27,6 +27,8 @@ _SIGNS = np.array([[1.0], [-1.0], [1.0]])
 STRAINS = {"stretch": 4, "bending_thickness": 5, "bending_width": 6, "torsion": 7}
 #: Part of the load that may be without balance by round-off.
 _BALANCED = 1e-8
+#: Strain energy over the sum of its terms' sizes, up to which it is round-off.
+_STRAINED = 1e-15
 #: Matrices of the kernel ``body``, in its order; the load follows.
 _OF_BODY = ("mass", "gyroscopic", "centrifugal")
 
@@ -247,10 +249,14 @@ def _tensed(link: _Link, steady: Array) -> Array:
 
 
 def parts(found: Structure, shapes: NDArray[Any]) -> Mapping[str, Array]:
-    """Return the parts of the strain energy of shapes (n, modes) by the kind of strain, (modes,) each."""
+    """Return the parts of the strain energy of shapes (n, modes) by the kind of strain, (modes,) each.
+
+    Zero where the energy is round-off of rigid motions.
+    """
     energies = {
         k: np.einsum("im,ij,jm->m", shapes.conj(), matrix, shapes, optimize=True).real
         for k, matrix in found.strains.items()
     }
     total = sum(energies.values(), np.zeros(shapes.shape[1]))
-    return {k: np.divide(x, total, out=np.zeros_like(x), where=total > 0.0) for k, x in energies.items()}
+    noise = _STRAINED * np.sum((found.sizes[:, None] * np.abs(shapes)) ** 2, axis=0)
+    return {k: np.divide(x, total, out=np.zeros_like(x), where=total > noise) for k, x in energies.items()}
