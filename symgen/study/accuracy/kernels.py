@@ -285,7 +285,8 @@ def _in_numpy(block: System) -> Call:
 
     def call(kernel: str, arrays: Mapping[str, Array]) -> Array:
         found = np.zeros(sizes[kernel])
-        functions[kernel](None, *(arrays.get(k) for k in ("q", "u", "p")), None, found)
+        work = arrays["work"].copy() if "work" in arrays else None
+        functions[kernel](None, *(arrays.get(k) for k in ("q", "u", "p")), work, found)
         return found
 
     return call
@@ -293,7 +294,9 @@ def _in_numpy(block: System) -> Call:
 
 def _of_module(module: Any) -> Call:
     def call(kernel: str, arrays: Mapping[str, Array]) -> Array:
-        found: Array = getattr(module, kernel)(**{k: arrays[k] for k in ("q", "u", "p") if k in arrays})
+        given = {k: arrays[k] for k in ("q", "u", "p") if k in arrays}
+        given |= {"work": arrays["work"].copy()} if "work" in arrays else {}  # kernels may write to it
+        found: Array = getattr(module, kernel)(**given)
         return found
 
     return call
