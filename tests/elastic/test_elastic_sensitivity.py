@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from copy import deepcopy
 from functools import cache
 
 import mpmath as mp
@@ -99,6 +100,27 @@ def test_what_has_no_derivatives_is_refused_by_name():
         model.sensitivity(["frequencies"])
     with pytest.raises(ModelError, match=r"no derivatives of 'B.position'.*\n?.*displacement"):
         symgen.build("elastic_four_bar").sensitivity(["B.position"])
+
+
+def test_places_that_move_along_a_link_are_refused_by_the_parameter_that_moves_them():
+    data = deepcopy(dict(read_scene(SHIPPED / "rotating_cantilever.toml").data))
+    data["parameters"]["at"] = {"value": "0.5", "tunable": True}
+    data["points"]["X"] = {"on": "strip", "fraction": "at"}
+    data["masses"] = [{"point": "X", "mass": "0.1 kg"}]
+    model = symgen.build(symgen.Scene(**data))
+    with pytest.raises(ModelError, match=r"move along it with at: derivatives by it"):
+        model.sensitivity(["frequencies"], ["speed", "at"])
+    assert model.sensitivity(["frequencies"], ["speed"]).derivatives.shape[1] == 1
+
+
+def test_derivatives_at_several_times_are_those_at_each():
+    model, times = symgen.build("elastic_slider_crank"), [0.003, 0.001]
+    found = model.sensitivity(["frequencies", "P.displacement"], ["speed"], t_eval=times)
+    for k, t in enumerate(times):
+        one = model.sensitivity(["frequencies", "P.displacement"], ["speed"], at=t)
+        assert np.array_equal(found.values[k], one.values)
+        assert np.array_equal(found.derivatives[k], one.derivatives)
+    assert found.derivatives.shape == (2, *one.derivatives.shape) and found.t.tolist() == times
 
 
 @pytest.mark.full

@@ -9,7 +9,7 @@ from functools import cache, cached_property
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from symgen.calls import checked
 from symgen.errors import ModelError, nearest
@@ -198,12 +198,22 @@ class ElasticModel(Model):
         return in_mode(self._motion(True), modes, number, phases, largest)
 
     def _sensitivity(
-        self, outputs: Sequence[str], parameters: Sequence[str] | None = None, at: float | None = None
+        self,
+        outputs: Sequence[str],
+        parameters: Sequence[str] | None = None,
+        at: float | None = None,
+        t_eval: ArrayLike | None = None,
     ) -> Sensitivity:
         from symgen.runtime.linearisation.elastic import sensitivity
+        from symgen.runtime.linearisation.record import at_times
 
-        t = 0.0 if at is None else real(at, "the time of derivatives")
-        return sensitivity(self._motion(True), outputs, self.rigid._differentiated(parameters), t)
+        by = self.rigid._differentiated(parameters)
+
+        def found(times: Sequence[float]) -> list[Sensitivity]:
+            return [sensitivity(self._motion(True), outputs, by, t) for t in times]
+
+        t = None if at is None else real(at, "the time of derivatives")
+        return at_times(found, t, t_eval, 0.0)
 
     @takes(ElasticRun)
     def _simulate(self, asked: ElasticRun) -> ElasticResult:

@@ -137,10 +137,11 @@ class _Pose:
         tables = self.duals("elastic_motion", "constants", j)
         tables = {name: np.atleast_2d(rows) for name, rows in tables.items()}
         bare = self.motion.with_constants(tables)
-        links = [self._link(bare, k, row) for k, row in enumerate(tables["properties"])]
+        cause = self.parameters[j]
+        links = [self._link(bare, k, row, cause) for k, row in enumerate(tables["properties"])]
         return self.motion.with_constants(tables, links)
 
-    def _link(self, made: ElasticMotion, k: int, row: Dual) -> Beam:
+    def _link(self, made: ElasticMotion, k: int, row: Dual, parameter: str) -> Beam:
         info = self.motion.beams[k].info
         if info.modes:
             raise ModelError(
@@ -152,8 +153,8 @@ class _Pose:
         places = [*(x.at for x in lumps), *(x.at for x in profiles)] if info.nodes else []
         if any(abs((at / properties.length).imag) > _MOVED * _UNIT / properties.length.real for at in places):
             raise ModelError(
-                f"elements of link {info.link} end at loads or masses that move along it with one of "
-                f"{', '.join(self.parameters)}: derivatives by it are not available"
+                f"elements of link {info.link} end at loads or masses that move along it with {parameter}: "
+                "derivatives by it are not available"
             )
         return beam(info, properties, lumps, profiles)
 

@@ -30,9 +30,13 @@ RANK, _LEFT = 1e-9, 1e-9
 
 
 def sensitivity(
-    loop: LoopKernels, tangents: LoopKernels, begin: Closed, at: float | None, parameters: Sequence[str]
-) -> Sensitivity:
-    """Return derivatives at a time [s], at the start when absent.
+    loop: LoopKernels,
+    tangents: LoopKernels,
+    begin: Closed,
+    times: Sequence[float],
+    parameters: Sequence[str],
+) -> list[Sensitivity]:
+    """Return derivatives at each of some times [s]; the loop is followed from one to the next.
 
     Parameters
     ----------
@@ -44,12 +48,14 @@ def sensitivity(
     ModelError
         For a parameter that opens redundant closure equations, and a force that they do not determine.
     SimulationError
-        When the loop does not reach that time; when a derivative is not finite.
+        When the loop does not reach a time; when a derivative is not finite.
     """
-    t = begin.t if at is None else at
-    row = moving_at(loop, begin, t)
-    n = loop.description.coordinates
-    return _Driven(loop, tangents, t, row[:n], row[n : 2 * n], row[2 * n : 3 * n]).derivatives(parameters)
+    found, n = [], loop.description.coordinates
+    for t in times:
+        q, u, acceleration = moving_at(loop, begin, t)[: 3 * n].reshape(3, n)
+        found.append(_Driven(loop, tangents, t, q, u, acceleration).derivatives(parameters))
+        begin = Closed(t, q.copy(), begin.rank)
+    return found
 
 
 class LoopPose:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -10,6 +11,7 @@ from numpy.typing import NDArray
 
 from symgen.calls import checked
 from symgen.errors import ModelError, nearest
+from symgen.runtime.kernels.arguments import reals
 
 if TYPE_CHECKING:
     from scipy.signal import StateSpace
@@ -100,15 +102,15 @@ class Sensitivity:
     Attributes
     ----------
     derivatives
-        Array (outputs, parameters); along a run (times, outputs, parameters).
+        Array (outputs, parameters); along a run or at several times (times, outputs, parameters).
     outputs, parameters
         Names of its rows and columns.
     values
-        Values of the outputs; along a run (times, outputs).
+        Values of the outputs; with several times (times, outputs).
     units
         Unit of every output and parameter by name.
     t
-        Time [s]; along a run an array (times,).
+        Time [s]; an array (times,) of several.
     balanced
         Whether the state is an equilibrium, which moves with the parameters.
     """
@@ -142,7 +144,7 @@ class Sensitivity:
     def __getitem__(self, names: tuple[str, str]) -> Any:
         """Return the derivative of an output by a parameter: ``found["O.reaction.x", "stiffness"]``.
 
-        A float; along a run an array (times,).
+        A float; an array (times,) with several times.
         """
         output, parameter = names
         for name, known in ((output, self.outputs), (parameter, self.parameters)):
@@ -150,3 +152,25 @@ class Sensitivity:
                 raise ModelError(f"there is no derivative of or by {name!r}. {nearest(name, known)}")
         found = self.derivatives[..., self.outputs.index(output), self.parameters.index(parameter)]
         return found if found.ndim else float(found)
+
+
+def at_times(
+    found: Callable[[Sequence[float]], Sequence[Sensitivity]], at: Any, t_eval: Any, start: float
+) -> Sensitivity:
+    """Return derivatives at a time [s], the start when absent, or at all times of ``t_eval``.
+
+    Raises
+    ------
+    ModelError
+        For both, no times, or times that are not finite.
+    """
+    if t_eval is None:
+        return found([start if at is None else float(at)])[0]
+    times = reals(t_eval, "t_eval")
+    if at is not None or not len(times):
+        raise ModelError(
+            "give at or t_eval, not both" if len(times) else "expected times for t_eval, got none"
+        )
+    each = found(times.tolist())
+    derivatives, values = (np.array([getattr(x, of) for x in each]) for of in ("derivatives", "values"))
+    return replace(each[0], derivatives=derivatives, values=values, t=times)

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from symgen.calls import checked
 from symgen.errors import InitialStateError, ModelError
@@ -209,15 +209,25 @@ class LoopModel(Model):
         return AssemblyModes(poses, "closures of loops of joints are searched from many starts")
 
     def _sensitivity(
-        self, outputs: Sequence[str], parameters: Sequence[str] | None = None, at: float | None = None
+        self,
+        outputs: Sequence[str],
+        parameters: Sequence[str] | None = None,
+        at: float | None = None,
+        t_eval: ArrayLike | None = None,
     ) -> Sensitivity:
         from symgen.runtime.linearisation.loops import sensitivity
+        from symgen.runtime.linearisation.record import at_times
 
         by = self._differentiated(parameters)
         if not outputs:
             raise ModelError("expected outputs to differentiate, got none")
         kernels = self._tangents("loop_sensitivity", outputs)
-        return sensitivity(self._kernels, kernels, self.closed_start(), at, by)
+        begin = self.closed_start()
+
+        def found(times: Sequence[float]) -> list[Sensitivity]:
+            return sensitivity(self._kernels, kernels, begin, times, by)
+
+        return at_times(found, at, t_eval, begin.t)
 
     def _linearise(self, outputs: Sequence[str] | None = None) -> Linearisation:
         from symgen.runtime.linearisation.free_loops import free_state_space

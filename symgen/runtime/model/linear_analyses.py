@@ -112,7 +112,8 @@ class LinearAnalyses:
             Scalars that a scene can record, as for :meth:`linearise`: poses, velocities, accelerations,
             reactions, drive efforts, energies. At an equilibrium also ``frequencies`` [Hz] of all modes that
             oscillate, sorted by the modulus of their eigenvalues; they come last. Of elastic links
-            ``frequencies`` at rest in the pose, which come first, and outputs of :meth:`quasi_static`.
+            ``frequencies`` at rest in the pose, which come first, and those outputs of :meth:`quasi_static`
+            that are displacements of joints, strains, stresses at stations or changes of length.
         parameters
             Tunable parameters and inputs, all when absent. Of a run also the initial values of
             ``coordinates`` and of their rates, called ``crank.angle`` and ``crank.angle'``.
@@ -125,7 +126,7 @@ class LinearAnalyses:
             for each degree of freedom that is not driven.
         t_end, t_eval
             With either, the derivatives are those along the run from that state: at the end [s], or at these
-            increasing times [s] after the start.
+            increasing times [s] after the start. Of loops and elastic links ``t_eval`` gives poses [s].
         integrals
             Outputs whose integrals over the time from the start are further outputs, ``integral of NAME``.
         method, rtol, atol, step, max_steps, max_step
