@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 
 from symgen.runtime._core import Equations
 from symgen.runtime._start import Starter
-from symgen.runtime.integrate.integrators import Integrator
+from symgen.runtime.integrate.integrators.method import Method
 from symgen.runtime.kernels.evaluate import Evaluator
 from symgen.runtime.kernels.library import Library
 
@@ -42,7 +42,7 @@ class Runs(Starts):
         rounding: float,
         consistent: float,
         near: float,
-        method: Integrator,
+        method: Method,
         t0: float,
         t_end: float,
         rtol: float,

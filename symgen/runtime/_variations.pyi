@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symgen.runtime._core import Equations
-from symgen.runtime.integrate.integrators import Integrator
+from symgen.runtime.integrate.integrators.method import Method
 from symgen.runtime.kernels.evaluate import Evaluator
 
 Array = NDArray[np.float64]
@@ -16,7 +16,7 @@ class Variations:
     def __init__(
         self,
         equations: Equations,
-        method: Integrator,
+        method: Method,
         evaluator: Evaluator,
         places: Sequence[NDArray[np.int_]],
         columns: int,

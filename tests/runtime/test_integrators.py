@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -49,7 +51,7 @@ def test_every_integrator_says_what_it_is(name):
 
 @pytest.mark.parametrize("name", EXPLICIT)
 def test_tableau_is_consistent(name):
-    m = INTEGRATORS[name]
+    m = SimpleNamespace(**INTEGRATORS[name].coefficients)
     assert m.a.shape == (m.all_stages, m.all_stages)
     assert np.allclose(np.triu(m.a), 0)
     assert np.allclose(m.a.sum(axis=1), m.c, atol=1e-14)

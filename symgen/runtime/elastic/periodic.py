@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -292,36 +292,8 @@ def _turn(
         begin = end
 
 
-class Swept(Protocol):
-    """The part of an :class:`~symgen.runtime.elastic.model.ElasticModel` that a speed response needs."""
-
-    description: Any
-
-    @property
-    def name(self) -> str:
-        """Name of the scene."""
-
-    @property
-    def parameters(self) -> Mapping[str, float]:
-        """Values of the tunable parameters, in SI units."""
-
-    @property
-    def crank_speed(self) -> float:
-        """Angular velocity of the crank [rad/s]."""
-
-    @property
-    def lowest_frequency(self) -> float:
-        """The lowest frequency of the structure at rest [Hz]."""
-
-    def with_parameters(self, /, **values: float) -> Swept:
-        """Return the model with other values of its parameters."""
-
-    def periodic(self, *, rtol: float, samples: int) -> ElasticResult:
-        """Return the steady state."""
-
-
 def speed_response(
-    model: Swept, speeds: Sequence[float], rtol: float, samples: int, progress: Progress | None
+    model: Any, speeds: Sequence[float], rtol: float, samples: int, progress: Progress | None
 ) -> SpeedResponse:
     """Return the steady states at crank speeds [rad/s]; see :meth:`symgen.Model.speed_response`."""
     if len(speeds) < 1 or not all(math.isfinite(s) and s != 0.0 for s in speeds):
@@ -346,7 +318,7 @@ def speed_response(
     return _swept(model, speeds, runs, time.perf_counter() - begun)
 
 
-def _parameter(model: Swept) -> tuple[str, float]:
+def _parameter(model: Any) -> tuple[str, float]:
     """Return the tunable parameter proportional to the speed of the crank, and its value per speed."""
     speed = model.crank_speed
     for name, value in model.parameters.items():
@@ -360,9 +332,7 @@ def _parameter(model: Swept) -> tuple[str, float]:
     )
 
 
-def _swept(
-    model: Swept, speeds: Sequence[float], runs: Sequence[ElasticResult], wall: float
-) -> SpeedResponse:
+def _swept(model: Any, speeds: Sequence[float], runs: Sequence[ElasticResult], wall: float) -> SpeedResponse:
     first = runs[0]
     peaks = [
         Variable(v.name, v.unit, f"largest {v.about}", (), np.array([r.peaks[v.name] for r in runs]))

@@ -14,7 +14,7 @@ import time
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.lib.npyio import NpzFile
@@ -25,8 +25,11 @@ from symgen.errors import ModelError, ResultError
 from symgen.runtime import _core
 from symgen.runtime.integrate.options import Options
 from symgen.runtime.kernels.arguments import is_real
-from symgen.runtime.kernels.description import Described
 from symgen.runtime.kernels.library import Library
+
+if TYPE_CHECKING:
+    from symgen.runtime.kernels.evaluate import Evaluator
+    from symgen.runtime.loop.kernels import LoopKernels
 
 Array = NDArray[np.float64]
 FORMAT = 2
@@ -38,20 +41,8 @@ EVERY = 10.0
 _OF_NO_RUN = ("method", "max_steps")
 
 
-class Kernels(Protocol):
-    """Kernels of a model at one set of parameters."""
-
-    @property
-    def description(self) -> Described:
-        """Description of the model."""
-
-    @property
-    def given(self) -> Array:
-        """Its parameters, in SI units."""
-
-
 def mark_of(
-    kernels: Kernels,
+    kernels: Evaluator | LoopKernels,
     library: Library,
     equations: _core.Integrable,
     chosen: Options,
@@ -70,7 +61,9 @@ def mark_of(
     return mark_of_kernels(kernels, library, equations, *how, *more)
 
 
-def mark_of_kernels(kernels: Kernels, library: Library, equations: _core.Integrable, *more: object) -> str:
+def mark_of_kernels(
+    kernels: Evaluator | LoopKernels, library: Library, equations: _core.Integrable, *more: object
+) -> str:
     """Return a hash of all that a run's numbers depend on: symgen, machine, kernels, parameters, and more.
 
     ``library`` are the kernels that it goes through.

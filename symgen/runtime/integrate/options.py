@@ -12,7 +12,8 @@ from numpy.typing import ArrayLike, NDArray
 from symgen.errors import ModelError, nearest
 from symgen.precision import FLOAT64, Precision
 from symgen.runtime._core import STABILISATIONS
-from symgen.runtime.integrate.integrators import Integrator, integrator
+from symgen.runtime.integrate.integrators import integrator
+from symgen.runtime.integrate.integrators.method import Method
 from symgen.runtime.kernels.arguments import count, is_real, out_of_range, reals
 
 Array = NDArray[np.float64]
@@ -29,7 +30,7 @@ _RTOL, _ATOL = 1e-9, 1e-3
 class Options:
     """How to run: checked by :func:`options`."""
 
-    method: Integrator
+    method: Method
     t_end: float
     rtol: float
     atol: float
@@ -165,7 +166,7 @@ def _tolerances(rtol: float | None, atol: float | None, precision: Precision) ->
 
 
 def _kept(
-    method: Integrator, stabilisation: str, rate: float | None, max_drift: float | None
+    method: Method, stabilisation: str, rate: float | None, max_drift: float | None
 ) -> tuple[str, float, float]:
     """Check how the constraints are kept, and fill in the defaults."""
     if stabilisation not in STABILISATIONS:

@@ -7,7 +7,7 @@ import math
 import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -81,25 +81,6 @@ Distribution = Uniform | Normal
 
 def _is_number(value: object) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
-
-
-class Design(Protocol):
-    """Parameter values of runs: ``names`` of the parameters and number of runs."""
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Names of the parameters."""
-
-    @property
-    def count(self) -> int:
-        """Number of runs."""
-
-    @property
-    def identity(self) -> dict[str, Any]:
-        """The design as plain data; equal for equal values of all runs."""
-
-    def values(self, first: int, last: int) -> Array:
-        """Return the values of the runs first to last - 1, (runs, parameters)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -202,6 +183,9 @@ class Sampled:
             warnings.simplefilter("ignore", UserWarning)
             found: Array = self._sequence.random(last - first)
         return found
+
+
+Design = Grid | Listed | Sampled
 
 
 def _hash(arrays: Sequence[Array]) -> str:

@@ -8,7 +8,7 @@ import tempfile
 from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,21 +24,6 @@ Array = NDArray[Any]
 DONE = "done"
 #: Ending of the folders of a store.
 ENDING = ".zarr"
-
-
-class Store(Protocol):
-    """Results of a sweep, in chunks of runs."""
-
-    chunk: int
-
-    def is_done(self, first: int) -> bool:
-        """Return whether the chunk that begins with a run is there."""
-
-    def write(self, first: int, arrays: Mapping[str, Array]) -> None:
-        """Write the chunk that begins with a run."""
-
-    def dataset(self) -> xarray.Dataset:
-        """Return the results of all runs; those of missing ones are nan."""
 
 
 class Memory:

@@ -19,7 +19,7 @@ from symgen.runtime.many.reductions import reductions
 from symgen.runtime.many.runs import FAILURES, Runs, carried_out, variants
 from symgen.runtime.sweeps.designs import Design
 from symgen.runtime.sweeps.layout import Layout, layout_of
-from symgen.runtime.sweeps.stores import ENDING, Memory, Store, Zarr, needed
+from symgen.runtime.sweeps.stores import ENDING, Memory, Zarr, needed
 from symgen.version import __version__
 
 if TYPE_CHECKING:
@@ -198,7 +198,9 @@ def _within(
     return None if progress is None else lambda part: progress(start + share * part)
 
 
-def _store(sweep: Sweep, file: str | os.PathLike[str] | None, chunk: int | None) -> tuple[Store, Layout]:
+def _store(
+    sweep: Sweep, file: str | os.PathLike[str] | None, chunk: int | None
+) -> tuple[Memory | Zarr, Layout]:
     if file is None:
         layout = sweep.layout()
         if sweep.design.count * layout.row > _HELD:

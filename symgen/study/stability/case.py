@@ -81,7 +81,7 @@ def integrations(rtol: float, step: float, bounds: Mapping[str, float]) -> list[
     """
     found = []
     for name, method in INTEGRATORS.items():
-        tolerance = max(rtol, _IMPLICIT) if getattr(method, "needs_tangent", False) else rtol
+        tolerance = max(rtol, _IMPLICIT) if method.needs_tangent else rtol
         size = {"rtol": tolerance} if method.adaptive else {"step": step}
         found.append(Trial(name, size, bounds.get(name, bounds.get("others"))))
     return found

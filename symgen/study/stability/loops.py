@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from symgen.errors import SimulationError
 from symgen.pipeline.build import build
 from symgen.runtime.integrate.integrators import INTEGRATORS
-from symgen.runtime.integrate.integrators.tableau import ExplicitRungeKutta
 from symgen.runtime.loop.model import LoopModel
 from symgen.runtime.result.turn import Turn
 from symgen.study.stability.case import Case, Found, Trial, integrations
@@ -70,7 +69,7 @@ class FreeLoop(Case):
     def trials(self) -> tuple[Trial, ...]:
         """Every explicit integrator with its tolerance or step; the others support points and links only."""
         found = integrations(self.rtol, self.step, self.bounds)
-        return tuple(t for t in found if isinstance(INTEGRATORS[t.method], ExplicitRungeKutta))
+        return tuple(t for t in found if INTEGRATORS[t.method].kind == "explicit")
 
     def go(self, trial: Trial) -> Found:
         """Run a trial and evaluate the energy balance."""

@@ -5,11 +5,8 @@ from __future__ import annotations
 from symgen.errors import ModelError, nearest
 from symgen.runtime.integrate.integrators import alpha, dop853, dopri5, radau5, rattle, rk4
 from symgen.runtime.integrate.integrators.method import Method
-from symgen.runtime.integrate.integrators.tableau import ExplicitRungeKutta
 
-Integrator = ExplicitRungeKutta | Method
-
-INTEGRATORS: dict[str, Integrator] = {
+INTEGRATORS: dict[str, Method] = {
     "dop853": dop853.METHOD,
     "dopri5": dopri5.METHOD,
     "rk4": rk4.METHOD,
@@ -23,7 +20,7 @@ INTEGRATORS: dict[str, Integrator] = {
 }
 
 
-def integrator(name: str) -> Integrator:
+def integrator(name: str) -> Method:
     """Return the integrator called ``name``; raise ModelError with the nearest name otherwise."""
     if name not in INTEGRATORS:
         raise ModelError(f"there is no integrator {name!r}. {nearest(name, INTEGRATORS)}")

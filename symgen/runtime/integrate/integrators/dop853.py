@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from symgen.runtime.integrate.integrators.tableau import Array, ExplicitRungeKutta
+from symgen.runtime.integrate.integrators.tableau import Array, explicit_runge_kutta
 
 _STAGES = 12
 
@@ -241,12 +241,11 @@ def _dense(b: Array) -> Array:
 
 _FULL = _full(_A, len(_C))
 
-METHOD = ExplicitRungeKutta(
+METHOD = explicit_runge_kutta(
     name="dop853",
     about="Dormand-Prince of order 8(5,3), adaptive step",
     order=8,
     error_order=7,
-    stages=_STAGES,
     a=_FULL,
     b=_FULL[_STAGES, :_STAGES],
     c=np.array(_C),

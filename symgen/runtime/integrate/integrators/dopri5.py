@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from symgen.runtime.integrate.integrators.tableau import ExplicitRungeKutta, lower_triangle
+from symgen.runtime.integrate.integrators.tableau import explicit_runge_kutta, lower_triangle
 
 _B = [35 / 384, 0, 500 / 1113, 125 / 192, -2187 / 6784, 11 / 84]
 _A = [
@@ -31,12 +31,11 @@ _DENSE = [
     [0, 40617522 / 29380423, -110615467 / 29380423, 69997945 / 29380423],
 ]
 
-METHOD = ExplicitRungeKutta(
+METHOD = explicit_runge_kutta(
     name="dopri5",
     about="Dormand-Prince of order 5(4), adaptive step",
     order=5,
     error_order=4,
-    stages=6,
     a=lower_triangle(_A),
     b=np.array(_B),
     c=np.array([0, 1 / 5, 3 / 10, 4 / 5, 8 / 9, 1, 1]),

@@ -37,7 +37,7 @@ class Method:
     dense_order: int
     error_order: int
     coefficients: Mapping[str, ArrayLike]
-    needs_tangent: bool
+    needs_tangent: bool = False
 
     @property
     def adaptive(self) -> bool:

@@ -24,7 +24,6 @@ def _composed(order: int, dense_order: int, *side: float) -> Method:
         dense_order=dense_order,
         error_order=0,
         coefficients={"parts": parts, "side": side},
-        needs_tangent=False,
     )
 
 

@@ -4,16 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 
-from symgen.runtime.integrate.integrators.tableau import ExplicitRungeKutta, hermite, lower_triangle
+from symgen.runtime.integrate.integrators.tableau import explicit_runge_kutta, hermite, lower_triangle
 
 _B = np.array([1, 2, 2, 1]) / 6
 
-METHOD = ExplicitRungeKutta(
+METHOD = explicit_runge_kutta(
     name="rk4",
     about="classical Runge-Kutta of order 4, fixed step",
     order=4,
     error_order=0,
-    stages=4,
     a=lower_triangle([[], [0.5], [0, 0.5], [0, 0, 1], list(_B)]),
     b=_B,
     c=np.array([0, 0.5, 0.5, 1, 1]),
