@@ -230,7 +230,7 @@ def rotor_model(made: Made) -> RotorModel:
     """Return the model of a rotor."""
     from symgen.runtime.rotor.model import RotorModel
 
-    return RotorModel(made.description, made.library, made.equations, None, made.typed)
+    return RotorModel(made.description, made.library, made.equations, typed=made.typed)
 
 
 def elastic_model(made: Made) -> ElasticModel:

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import cache, cached_property
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -159,9 +159,9 @@ class ElasticModel(Model):
             lines.append(f"elastic: link {info.link}, {own}")
         return *lines, f"elastic motion about it: {self.unknowns} unknowns in all"
 
-    def with_parameters(self, /, **values: float) -> ElasticModel:
+    def with_parameters(self, /, **values: float) -> Self:
         """Return the same model with other values of its tunable parameters, in SI units."""
-        return ElasticModel(self.rigid.with_parameters(**values), self._remade)
+        return type(self)(self.rigid.with_parameters(**values), self._remade)
 
     def _carrier(self, name: str) -> Model:
         return self.rigid if name in ("kinematics", "inverse_dynamics", "assemblies") else self

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, ClassVar
+from collections.abc import Mapping, Sequence
+from functools import cached_property
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -17,8 +18,6 @@ from symgen.runtime.closure.start import Closed, close_near, counted
 from symgen.runtime.integrate.pace import limited
 from symgen.runtime.kernels.arguments import reals
 from symgen.runtime.kernels.description import LoopDescription
-from symgen.runtime.kernels.library import Library
-from symgen.runtime.kernels.typed import Typed
 from symgen.runtime.loop.driven import STAGES, driven, follow, follow_through, followed
 from symgen.runtime.loop.kernels import LoopKernels
 from symgen.runtime.model.arguments import Poses, Run, takes
@@ -34,10 +33,6 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 
-#: Gives the kernels of a kind of analysis with some outputs.
-Analyses = Callable[[str, tuple[str, ...]], tuple[LoopDescription, Library]]
-
-
 @checked
 class LoopModel(Model):
     """Compiled equations of one closed loop of links, given as a link-joint table.
@@ -51,19 +46,12 @@ class LoopModel(Model):
         "": "it is a link-joint table, and this analysis is for linkages of points and links"
     }
 
-    def __init__(
-        self,
-        description: LoopDescription,
-        library: Library,
-        derive: Callable[[], Any],
-        parameters: Mapping[str, float] | None = None,
-        typed: Typed | None = None,
-        analyses: Analyses | None = None,
-    ) -> None:
-        super().__init__(description, library, derive, parameters, typed)
-        self._analyses = analyses
-        self._kernels = LoopKernels(description, library, self.given, typed)
-        self._start: Closed | None = None
+    _start: Closed | None = None
+
+    @cached_property
+    def kernels(self) -> LoopKernels:
+        """Its kernels as functions of arrays."""
+        return LoopKernels(self.description, self._library, self.given, self._typed)
 
     def __repr__(self) -> str:
         d = self.description
@@ -87,34 +75,24 @@ class LoopModel(Model):
             f"redundant: {6 - d.rank} of 6 closure equations" if d.rank < 6 else "redundant: none",
         )
 
-    def with_parameters(self, /, **values: float) -> LoopModel:
-        """Return the same loop with other values of its tunable parameters, in SI units."""
-        changed = {**self.parameters, **values}
-        return LoopModel(self.description, self._library, self._derive, changed, self._typed, self._analyses)
-
-    @property
-    def kernels(self) -> LoopKernels:
-        """Its kernels as functions of arrays."""
-        return self._kernels
-
     def closed_start(self) -> Closed:
         """Return the closed pose from which the loop is followed, found once."""
         if self._start is None:
             d = self.description
-            t = self._kernels.time_of(d.begin) if d.span else 0.0  # free motion starts at t = 0
+            t = self.kernels.time_of(d.begin) if d.span else 0.0  # free motion starts at t = 0
             q = np.array(d.start)
             if self.is_changed:
                 try:
-                    self._start = self._kept_closed() or close_near(self._kernels, t, q)
+                    self._start = self._kept_closed() or close_near(self.kernels, t, q)
                 except InitialStateError as error:
-                    self._start = closed_later(self._kernels, q, (), error)
+                    self._start = closed_later(self.kernels, q, (), error)
             else:
                 self._start = Closed(t, q, d.rank)
         return self._start
 
     def _kept_closed(self) -> Closed | None:
         """Follow the closure from the scene's own parameters to these; None where that does not lead here."""
-        d, kernels = self.description, self._kernels
+        d, kernels = self.description, self.kernels
         q, t = np.append(d.start, 0.0), 0.0
         own, asked = np.array([p.default for p in d.parameters]), np.array(self.given)
         scale = np.array([d.size if v.is_length else 1.0 for v in d.variables])
@@ -133,7 +111,7 @@ class LoopModel(Model):
                 return None
             if np.max(np.abs(q - before)[:-1] / scale) > 1.0:
                 return None
-        return counted(self._kernels, t, q[:-1])
+        return counted(self.kernels, t, q[:-1])
 
     def _refused(self, name: str) -> str | None:
         d = self.description
@@ -189,11 +167,11 @@ class LoopModel(Model):
             if asked.through:
                 if in_time:
                     raise ModelError("through is for a range of the input, not of the time")
-                begin = followed(self._kernels, self.closed_start(), low)
-                return follow_through(self._kernels, begin, high, number, forces)
+                begin = followed(self.kernels, self.closed_start(), low)
+                return follow_through(self.kernels, begin, high, number, forces)
             values = np.linspace(low, high, number)
         given = {"times": values} if in_time else {"values": values}
-        return follow(self._kernels, self.closed_start(), forces=forces, **given)
+        return follow(self.kernels, self.closed_start(), forces=forces, **given)
 
     def _assemblies(
         self, at: float | None = None, over: str | None = None
@@ -202,9 +180,9 @@ class LoopModel(Model):
         t = begin.t
         if at is not None:
             driven(self.description)
-            t = at if over == "time" else self._kernels.time_of(at)
+            t = at if over == "time" else self.kernels.time_of(at)
         names = [v.name for v in self.description.variables]
-        found = assemblies(self._kernels, t, begin.q)
+        found = assemblies(self.kernels, t, begin.q)
         poses = (dict(zip(names, q.tolist(), strict=True)) for q in found)
         return AssemblyModes(poses, "closures of loops of joints are searched from many starts")
 
@@ -225,7 +203,7 @@ class LoopModel(Model):
         begin = self.closed_start()
 
         def found(times: Sequence[float]) -> list[Sensitivity]:
-            return sensitivity(self._kernels, kernels, begin, times, by)
+            return sensitivity(self.kernels, kernels, begin, times, by)
 
         return at_times(found, at, t_eval, begin.t)
 
@@ -235,7 +213,7 @@ class LoopModel(Model):
         d = self.description
         shown = [d.variables[i].name for i in d.having("free")] if outputs is None else outputs
         kernels = self._tangents("loop_linearisation", shown)
-        return free_state_space(self._kernels, kernels, self.closed_start())
+        return free_state_space(self.kernels, kernels, self.closed_start())
 
     def _tangents(self, kind: str, outputs: Sequence[str]) -> LoopKernels:
         """Return the kernels of an analysis by tangents, of each output once."""
@@ -256,4 +234,4 @@ class LoopModel(Model):
             )
         kept_in = asked.keeping()
         with limited(asked.max_wall):
-            return run(self._kernels, self.closed_start(), chosen, asked.progress, kept_in, asked.t_eval)
+            return run(self.kernels, self.closed_start(), chosen, asked.progress, kept_in, asked.t_eval)

@@ -20,6 +20,10 @@ if TYPE_CHECKING:
     from symgen.runtime.kernels.batch import Batch, Rows
 
 
+#: Returns the kernels of one kind of analysis of some outputs, built on first use.
+Analyses = Callable[..., tuple[Any, Library]]
+
+
 class Parameters(Mapping[str, float]):
     """Values of tunable parameters by name, which cannot be changed: analyses depend on them."""
 
@@ -58,10 +62,11 @@ class Compiled:
         description: Described,
         library: Library,
         derive: Callable[[], Any],
-        parameters: Mapping[str, float] | None,
-        typed: Typed | None,
+        parameters: Mapping[str, float] | None = None,
+        analyses: Analyses | None = None,
+        typed: Typed | None = None,
     ) -> None:
-        self._typed = typed
+        self._analyses, self._typed = analyses, typed
         self._batches: Batch | None = None
         self.description, self._library, self._derive = description, library, derive
         values = {p.name: p.default for p in description.tunable}
@@ -75,6 +80,11 @@ class Compiled:
             values[name] = real(value, f"{name}, in SI units")
         self._parameters = Parameters(values)
         self._equations: Any = None
+
+    @property
+    def _more(self) -> dict[str, Any]:
+        """Further arguments of the class."""
+        return {}
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle the scene, the options and the parameters; the kernels are reopened from the cache."""

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Any, Self
+from collections.abc import Mapping
+from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -15,7 +16,6 @@ from symgen.runtime.integrate.pace import uncounted
 from symgen.runtime.kernels.description import Description
 from symgen.runtime.kernels.evaluate import Evaluator
 from symgen.runtime.kernels.library import Library
-from symgen.runtime.kernels.typed import Typed
 from symgen.runtime.model.arguments import LinkageMotion, takes
 from symgen.runtime.model.model import Model
 from symgen.runtime.result.state import AssemblyModes, State, coordinates
@@ -26,8 +26,6 @@ if TYPE_CHECKING:
     from symgen.runtime.rods.constraints import Bonds
 
 Array = NDArray[np.float64]
-#: Returns the kernels of one kind of analysis of some outputs, built on first use.
-Analyses = Callable[..., tuple[Description, Library]]
 
 
 @checked
@@ -36,19 +34,11 @@ class LinkageModel(Model):
 
     description: Description
 
-    def __init__(
-        self,
-        description: Description,
-        library: Library,
-        derive: Callable[[], Any],
-        parameters: Mapping[str, float] | None = None,
-        analyses: Analyses | None = None,
-        typed: Typed | None = None,
-    ) -> None:
-        super().__init__(description, library, derive, parameters, typed)
-        self._analyses = analyses
-        self._evaluator = Evaluator(description, library, np.array(self.given))
-        self._start: Start | None = None
+    _start: Start | None = None
+
+    @cached_property
+    def _evaluator(self) -> Evaluator:
+        return Evaluator(self.description, self._library, np.array(self.given))
 
     def __repr__(self) -> str:
         d = self.description
@@ -56,18 +46,6 @@ class LinkageModel(Model):
             f"<{type(self).__name__} {d.name!r}: {len(d.free)} moving points, "
             f"{len(d.constraints)} constraints, {self.backend} backend>"
         )
-
-    def with_parameters(self, /, **values: float) -> Self:
-        """Return the same model with other values of its tunable parameters, in SI units."""
-        changed = {**self.parameters, **values}
-        return type(self)(
-            self.description, self._library, self._derive, changed, self._analyses, self._typed, **self._more
-        )
-
-    @property
-    def _more(self) -> dict[str, Any]:
-        """Further arguments of the class."""
-        return {}
 
     #: Whether its inputs alone move it; a linkage's motion is followed in time.
     is_driven = False

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from typing import Any, ClassVar
+from collections.abc import Mapping
+from typing import ClassVar, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -13,7 +13,6 @@ from symgen.errors import ModelError, nearest
 from symgen.runtime import _core
 from symgen.runtime.kernels.description import SystemDescription
 from symgen.runtime.kernels.evaluate import as_taken, part
-from symgen.runtime.kernels.library import Library
 from symgen.runtime.model.model import Model
 
 Array = NDArray[np.float64]
@@ -30,13 +29,10 @@ class SystemModel(Model):
         "  model.evaluate(kernel, ...) calls them.",
     )
 
-    def __init__(self, description: SystemDescription, library: Library, derive: Callable[[], Any]) -> None:
-        super().__init__(description, library, derive, None, None)
-
     def __repr__(self) -> str:
         return f"<SystemModel {self.name!r}: {', '.join(self.operations)}, {self.backend} backend>"
 
-    def with_parameters(self, /, **values: float) -> SystemModel:
+    def with_parameters(self, /, **values: float) -> Self:
         """Return the same model; raise ModelError for any value: parameters are arguments of the kernels."""
         if values:
             raise ModelError(f"{self.name} has no tunable parameters: give the values of p to model.evaluate")

@@ -99,11 +99,6 @@ class RotorModel(Model):
     def __repr__(self) -> str:
         return f"<RotorModel {self.name!r}: {self.description.extent}, {self.backend} backend>"
 
-    def with_parameters(self, /, **values: float) -> RotorModel:
-        """Return the same rotor with other values of its tunable parameters, in SI units."""
-        changed = {**self.parameters, **values}
-        return RotorModel(self.description, self._library, self._derive, changed, self._typed)
-
     def _numbers(self) -> dict[str, Array]:
         """Return the numbers of links, masses and axis by name."""
         d = self.description
