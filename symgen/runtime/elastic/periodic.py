@@ -15,12 +15,11 @@ from symgen.errors import ModelError, SimulationError
 from symgen.runtime import _beams
 from symgen.runtime.beams.methods import GAUSS
 from symgen.runtime.elastic.motion import ElasticMotion
-from symgen.runtime.elastic.outputs import SAFETY, Errors
+from symgen.runtime.elastic.outputs import FINER, SAFETY, Errors
 from symgen.runtime.elastic.steps import (
     Counts,
     Found,
     Task,
-    finer_counts,
     first_steps,
     next_factor,
     step_counts,
@@ -87,19 +86,19 @@ def periodic(
     worth, slowest = _WORTH / (2 * free + 1) ** 2, 2.0 * motion.lowest_frequency * motion.period
     more, before, closed = 1.0, 0.0, False
 
-    def run(per_turn: int, finer: bool) -> tuple[_Shot, tuple[Array, Array], Counts]:
+    def run(per_turn: int) -> tuple[_Shot, tuple[Array, Array], Found]:
         counts, turns = (step_counts(motion, ends, per_turn) for ends in (times, _ends(motion)))
-        if finer:
-            counts, turns = finer_counts(counts), finer_counts(turns)
         shot = _shot(motion, equations, turns, pace)
         both = stepped(motion, equations, GAUSS, times, counts, shot.start, pace=pace)
         steps = shot.steps + int(np.sum(counts))
         passes.append(Found(*both, steps, floquet=shot.multipliers, counts=counts))
-        return shot, both, counts
+        return shot, both, passes[-1]
 
+    coarse = run(per_turn)
     while True:
-        shot, both, counts = run(per_turn, finer=False)
-        found, (finer, compared, _) = passes[-1], run(per_turn, finer=True)
+        # Recorded times may end shorter steps than these, as many in both runs: their error is far smaller.
+        fine = run(math.ceil(FINER * per_turn))
+        (shot, both, found), (finer, compared, _) = coarse, fine
         error = float(np.max(errors.of(both[0], compared[0])))
         largest = abs(shot.multipliers[0])
         # Steps longer than half a vibration turn all multipliers to one, and agree on it.
@@ -108,7 +107,7 @@ def periodic(
         known = apart <= FLOQUET_SETTLED
         settled = apart <= _CLOSE or (known and closed) or max(2 * per_turn, slowest) > worth
         if task.steps is not None or (error <= task.rtol and settled):
-            moved, rates = _in_phase(motion, equations, times, counts, shot, both, pace)
+            moved, rates = _in_phase(motion, equations, times, found.counts, shot, both, pace)
             return replace(found, displacements=moved, rates=rates, error=error, floquet_error=shift)
         if per_turn >= _MOST:
             problem = f"shooting does not come within {task.rtol:g} of the peak stress"
@@ -117,7 +116,8 @@ def periodic(
         more = next_factor(error, task.rtol, GAUSS.order, falls)
         if closed := error <= task.rtol and known:
             more = next_factor(apart, _CLOSE, GAUSS.order, True)
-        per_turn, before = math.ceil(more * per_turn), error
+        per_turn, before = math.ceil(max(more, FINER) * per_turn), error
+        coarse = fine if more <= FINER else run(per_turn)
 
 
 def _check_repeats(motion: ElasticMotion, equations: _beams.BeamEquations) -> None:

@@ -15,7 +15,7 @@ from symgen.runtime import _beams, _core
 from symgen.runtime.beams.methods import BEAM_METHODS, BeamMethod
 from symgen.runtime.elastic.kept import Stages
 from symgen.runtime.elastic.motion import ElasticMotion
-from symgen.runtime.elastic.outputs import FINER, Errors
+from symgen.runtime.elastic.outputs import COARSER, FINER, Errors
 from symgen.runtime.integrate.checkpoint import Keeping, mark_of_kernels
 from symgen.runtime.integrate.options import TIGHTEST, recorded_at
 from symgen.runtime.integrate.pace import OutOfTime, Pace
@@ -260,7 +260,8 @@ def adapted(
 ) -> Found:
     """Take the requested steps, or as many as ``rtol`` needs; append complete runs to ``passes``.
 
-    The error of a run follows from another with finer steps, also where steps are given. Where it falls as
+    The error of a run follows from another with finer steps, or where steps are given for a method of second
+    order from one with fewer: there errors fall so slowly that both tell as much. Where it falls as
     the method's order says, it gives the steps that are needed; before, where steps do not resolve a
     vibration, they are doubled, on the first part of the run if the error lasts. Steps after the last time
     with too large an error are kept.
@@ -295,7 +296,11 @@ def adapted(
 
     if task.steps is not None:
         found = run(counts, progress)
-        error = float(np.max(errors.of(found[0], run(finer_counts(counts))[0])))
+        coarser = method.order == 2 and bool(np.all(counts[counts > 0] > 1))
+        compared = (
+            np.where(counts > 0, counts / COARSER, 0).astype(np.intp) if coarser else finer_counts(counts)
+        )
+        error = float(np.max(errors.of(found[0], run(compared)[0], coarser=coarser)))
         return Found(*found, int(np.sum(counts)), error, spent=spent, counts=counts)
     order = np.argsort(times, kind="stable")
     found = run(counts, progress)
@@ -315,7 +320,8 @@ def adapted(
         lasts = not falls and len(times) >= _FEW and np.max(late) > max(task.rtol, _LASTING * error)
         more = next_factor(error, task.rtol, method.order, falls)
         early = np.arange(len(counts)) <= last
-        counts = np.where(early, np.ceil(more * counts - 1e-9).astype(np.intp), counts)
+        needed = np.where(early, np.ceil(more * counts - 1e-9).astype(np.intp), counts)
+        counts = finer if more <= FINER else needed
         before = error
         if lasts:
             counts, before = _counts_by_part(motion, equations, task, times, counts, errors, start), math.inf
