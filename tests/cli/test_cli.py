@@ -80,10 +80,15 @@ def test_ctrl_c_ends_a_run_with_130(tmp_path):
     """Once its first checkpoint is written, so that the signal meets the step loop."""
     file = tmp_path / "kept"
     options = ["--step", "1e-5", "--t-end", "1e4", "--checkpoint", str(file), "--checkpoint-every", "0.01"]
-    running = subprocess.Popen(
-        [sys.executable, "-m", "symgen", "simulate", "parallelogram", *options],
-        stderr=subprocess.PIPE, text=True,
-    )  # fmt: skip
+    # Processes in the background of a script ignore the signal, and so do those that they start.
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        running = subprocess.Popen(
+            [sys.executable, "-m", "symgen", "simulate", "parallelogram", *options],
+            stderr=subprocess.PIPE, text=True,
+        )  # fmt: skip
+    finally:
+        signal.signal(signal.SIGINT, before)
     try:
         for _ in range(6000):
             if file.exists():
@@ -94,6 +99,7 @@ def test_ctrl_c_ends_a_run_with_130(tmp_path):
         assert running.returncode == 130
     finally:
         running.kill()
+        running.wait()
 
 
 def test_set_changes_tunable_and_folded_values():
