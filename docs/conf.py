@@ -22,13 +22,17 @@ author = "the symgen authors"
 copyright = author
 version = release = __version__
 
-extensions = ["myst_parser", "sphinx.ext.autodoc", "numpydoc"]
+extensions = ["myst_nb", "sphinx.ext.autodoc", "numpydoc"]
 numpydoc_show_class_members = False
 autodoc_typehints_format = "short"
 autodoc_member_order = "groupwise"
 autodoc_default_options = {"exclude-members": "MISSING, KIND"}
 autodoc_preserve_defaults = True
 autodoc_type_aliases = {"Array": "Array", "ArrayLike": "ArrayLike"}
+nb_execution_mode = "force"  # the notebooks are kept without results
+nb_execution_raise_on_error = True
+nb_execution_timeout = 300
+nb_merge_streams = True
 myst_enable_extensions = ["dollarmath"]
 myst_heading_anchors = 4  # the anchors that repository browsers give to headings
 

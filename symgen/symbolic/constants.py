@@ -9,8 +9,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from fractions import Fraction
 from functools import lru_cache
-from typing import Any
+from typing import Any, TypeVar
 
 import mpmath
 import sympy as sp
@@ -19,6 +20,13 @@ from mpmath.ctx_iv import MPIntervalContext
 #: Bits beyond the requested ones for the comparison of a number with zero (300 digits), and for rounding.
 _DECIDED, _GUARD = 1000, 30
 _BITS_PER_DIGIT = 3.33
+
+#: Pi as the units of scenes have it, which every angle in degrees and every speed in rpm holds as a factor.
+PI = Fraction(str(sp.pi.n(63)))
+#: Largest denominator of a multiple of pi: far more than anybody writes, far less than the digits of pi give.
+_FINEST = 10**20
+
+Expression = TypeVar("Expression", sp.Expr, sp.MatrixBase, sp.Basic)
 
 _intervals: Any = MPIntervalContext()
 
@@ -29,6 +37,19 @@ class _NoEnclosureError(Exception):
 
 class _NotFiniteError(ArithmeticError):
     """A number that is not real or not finite."""
+
+
+def with_pi(expression: Expression) -> Expression:
+    """Return an expression with the numbers that were written in degrees or turns as multiples of pi.
+
+    The cosine of a right angle is zero then, and its factors are omitted.
+    """
+    found = {}
+    for number in expression.atoms(sp.Rational):
+        share = Fraction(int(number.p), int(number.q)) / PI
+        if share and share.denominator < _FINEST:
+            found[number] = sp.Rational(share.numerator, share.denominator) * sp.pi
+    return expression.xreplace(found)
 
 
 def rounded(expression: sp.Expr, digits: int) -> sp.Expr:

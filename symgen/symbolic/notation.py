@@ -17,6 +17,8 @@ import sympy as sp
 from sympy.printing.latex import LatexPrinter
 from sympy.printing.mathml import MathMLPresentationPrinter
 
+from symgen.symbolic.constants import Expression, with_pi
+
 _LETTERS = """
 alpha beta gamma delta epsilon zeta eta theta iota kappa lambda mu nu xi pi rho sigma tau upsilon
 phi chi psi omega
@@ -57,15 +59,31 @@ def notation(name: str) -> Notation:
     return Notation(head, dots, tuple(rest))
 
 
+#: Digits of a number that is shown; a rational of longer numbers is shown as a decimal fraction.
+_SHOWN = 15
+
+
+def readable(expression: Expression) -> Expression:
+    """Return an expression for readers: multiples of pi as such, long rationals as decimal fractions."""
+    expression = with_pi(expression)
+    long = {r: sp.Float(r, _SHOWN) for r in expression.atoms(sp.Rational) if len(str(r.q)) > _SHOWN}
+    return expression.xreplace(long)
+
+
+def pretty(expression: sp.Basic | sp.MatrixBase) -> str:
+    """Return an expression or a matrix as text in lines."""
+    return str(sp.pretty(readable(expression), use_unicode=True, wrap_line=False))
+
+
 def latex(expression: sp.Basic | sp.MatrixBase) -> str:
     """Return an expression or a matrix in LaTeX, for displayed mathematics."""
-    return str(_Latex().doprint(expression))
+    return str(_Latex().doprint(readable(expression)))
 
 
 def mathml(expression: sp.Basic | sp.MatrixBase) -> str:
     """Return the content of a ``<math>`` element, in presentation MathML Core."""
     printer = _MathML({"mat_delim": "["})
-    text: str = printer._print(expression).toxml()
+    text: str = printer._print(readable(expression)).toxml()
     for plain, typeset in _TYPESET:
         text = text.replace(plain, typeset)
     return text

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import shutil
 import subprocess
+from fractions import Fraction
 
 import mpmath
 import numpy as np
@@ -19,9 +20,11 @@ from symgen.errors import SymgenError
 from symgen.models.record import record
 from symgen.scene.loading import load_scene
 from symgen.scene.resolve import resolve
+from symgen.scene.units import parse_quantity
+from symgen.symbolic.constants import PI
 from symgen.symbolic.derivative import derivative
 from symgen.symbolic.exact import Exact
-from symgen.symbolic.notation import latex, latex_name, mathml, mathml_name
+from symgen.symbolic.notation import latex, latex_name, mathml, mathml_name, readable
 
 
 def shown(*arguments):
@@ -220,6 +223,19 @@ def test_names_as_mathematics():
     x, y = sp.Symbol("A_vx", real=True), sp.Symbol("rho", real=True)
     assert latex(x**2 * y) == r"v_{A,x}^{2} \rho"
     assert "<msubsup>" in mathml(x**2) and "<mo>−</mo>" in mathml(-y) and "&lt;" in mathml(sp.Symbol("a<b"))
+
+
+def test_long_numbers_are_readable():
+    # 60 rpm is 2 pi rad/s, with pi as a rational of 63 digits.
+    assert Fraction(PI) == parse_quantity("180 deg")[0]
+    assert "-sin(2⋅π⋅t)  cos(2⋅π⋅t)" in shown("crank_rocker", "constraint_jacobian")
+    assert r"\sin{\left(2 \pi t \right)}" in shown("crank_rocker", "constraint_jacobian", "--format", "latex")
+    mass = derived("thesis_four_bar")["mass_matrix"].matrix[0, 0]
+    assert len(str(mass.q)) > 15
+    assert readable(mass) == sp.Float(mass, 15) and str(readable(mass)) in shown(
+        "thesis_four_bar", "mass_matrix"
+    )
+    assert readable(sp.Rational(1397, 5000)) == sp.Rational(1397, 5000)
 
 
 @pytest.mark.parametrize("scene", ["peaucellier", "slider_crank", "tumbling_body"])

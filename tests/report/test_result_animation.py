@@ -68,6 +68,7 @@ def test_frames_of_tuned_loops_and_of_elastic_runs():
 
 
 def test_notebooks_play_a_result_in_a_frame_of_its_own(monkeypatch):
+    assert "<iframe srcdoc=" in symgen.build("crank_rocker").kinematics(samples=5)._repr_html_()
     run = symgen.build("four_bar").simulate(0.2, samples=5)
     page = re.search(r'<iframe srcdoc="([^"]*)"', run._repr_html_())
     data = json.loads(re.search(r'id="data"[^>]*>(.*?)</script>', unescape(page[1]))[1])

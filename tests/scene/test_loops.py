@@ -17,11 +17,11 @@ from shared.shipped import LOOPS
 import symgen
 from symgen.errors import SceneError
 from symgen.joints import JOINTS
-from symgen.scene.angles import with_pi
 from symgen.scene.expressions import parse_value
 from symgen.scene.loading import SceneText, check_scene, override, read_scene
 from symgen.scene.loop.loop import ENTRIES
 from symgen.scene.resolve import resolve, resolve_linkage
+from symgen.symbolic.constants import with_pi
 
 INCH = 0.0254
 GOOD = {

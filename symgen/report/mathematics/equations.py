@@ -9,7 +9,7 @@ import sympy as sp
 from symgen.errors import ModelError, nearest
 from symgen.report.mathematics.lowered import in_c, in_shared_terms
 from symgen.report.mathematics.numbers import in_numbers
-from symgen.symbolic.notation import latex, latex_name
+from symgen.symbolic.notation import latex, latex_name, pretty, readable
 from symgen.symbolic.system import NamedMatrix, System
 
 FORMATS = ("unicode", "latex", "shared", "c", "numeric")
@@ -70,9 +70,9 @@ def _as_text(system: System, matrices: Sequence[NamedMatrix]) -> str:
     shared = used_terms(system, matrices)
     lines = []
     for m in matrices:
-        written = sp.pretty(m.matrix, use_unicode=True, wrap_line=False)
+        written = pretty(m.matrix)
         lines += [f"{m.name}: {m.description} [{m.unit}]", "", written, *_labels(m), ""]
-    lines += ["with", *(f"  {s} = {e}" for s, e in shared.items()), ""] if shared else []
+    lines += ["with", *(f"  {s} = {readable(e)}" for s, e in shared.items()), ""] if shared else []
     return "\n".join([*lines, *_legend(system, matrices, shared)]).rstrip()
 
 

@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import Protocol
 
-import sympy as sp
-
 from symgen.report.mathematics.equations import displayed, terms_in_latex, used_terms
+from symgen.symbolic.notation import pretty, readable
 from symgen.symbolic.system import NamedMatrix, System
 
 #: Number of characters above which a matrix is replaced by its sparsity pattern.
@@ -49,12 +48,12 @@ def _in_text(number: int, step: Step) -> Iterator[str]:
     for m in step.matrices:
         yield f"{m.name}: {m.description} [{m.unit}]"
         large = len(str(m.matrix)) > _LETTERS
-        yield from _structure(m) if large else [sp.pretty(m.matrix, use_unicode=True, wrap_line=False)]
+        yield from _structure(m) if large else [pretty(m.matrix)]
         yield ""
     short = [m for m in step.matrices if len(str(m.matrix)) <= _LETTERS]
     shared = used_terms(step.system, short)
     if shared:
-        yield from ("with", *(f"  {s} = {e}" for s, e in shared.items()), "")
+        yield from ("with", *(f"  {s} = {readable(e)}" for s, e in shared.items()), "")
 
 
 def _structure(m: NamedMatrix) -> list[str]:

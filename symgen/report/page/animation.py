@@ -40,7 +40,7 @@ class Film:
         """Return the page in a frame of its own, whose styles and scripts stay apart from the notebook."""
         return (
             f'<iframe srcdoc="{escape(animation(self))}" title="{escape(self.result.title)}, moving" '
-            'sandbox="allow-scripts" style="width: 100%; height: 34rem; border: 0"></iframe>'
+            'sandbox="allow-scripts" style="width: 100%; height: 40rem; border: 0"></iframe>'
         )
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
+from time import perf_counter
 
 import numpy as np
 from numpy.typing import NDArray
@@ -75,9 +76,13 @@ def recorded(
     out_of_reach: Sequence[Range],
     chosen: Sequence[str],
     stop: float,
-    over: str = "time",
+    over: str,
+    began: float,
 ) -> Motion:
-    """Return samples, singular poses and ranges as a result over ``time``, or the first drive (``input``)."""
+    """Return samples, singular poses and ranges as a result over ``time``, or the first drive (``input``).
+
+    ``began`` is the reading of ``perf_counter`` [s] when the analysis began.
+    """
     d, evaluator = bonds.description, bonds.evaluator
     r, v = bonds.moving(samples)
     a = bonds.accelerating(samples)
@@ -111,6 +116,7 @@ def recorded(
             "singular_poses": [asdict(p) for p in poses],
             "unassemblable": [list(r) for r in unassemblable],
             "out_of_reach": [list(r) for r in out_of_reach],
+            "wall_s": perf_counter() - began,
         },
         times=None if coordinate.name == "time" else samples.times,
         provenance={

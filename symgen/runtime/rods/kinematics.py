@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from time import perf_counter
 
 import numpy as np
 from numpy.typing import NDArray
@@ -91,7 +92,7 @@ def analyse(
         As :func:`follow` does, for an unknown name, and when no time of the range is reached, or not a time
         that was given.
     """
-    chosen = chosen_names(bonds, of)
+    began, chosen = perf_counter(), chosen_names(bonds, of)
     if not 2 <= asked.samples <= 1_000_000:
         raise ModelError(f"expected between 2 and 1 million points, got {asked.samples}")
     if through and asked.at is not None:
@@ -119,6 +120,7 @@ def analyse(
         chosen,
         asked.stop,
         asked.over if asked.at is not None else "time",
+        began,
     )
 
 

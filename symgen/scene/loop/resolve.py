@@ -9,7 +9,6 @@ import sympy as sp
 
 from symgen.errors import SceneError
 from symgen.scene import units
-from symgen.scene.angles import with_pi
 from symgen.scene.loop.ball_turns import with_ball_turns
 from symgen.scene.loop.bodies import NOWHERE, bodies, efforts, loads
 from symgen.scene.loop.loop import Loop, LoopBody, Row, Variable, Vector
@@ -18,6 +17,7 @@ from symgen.scene.loop.rows import Rows, rows_of
 from symgen.scene.loop.schema import SpatialLoop
 from symgen.scene.reading import shown_units
 from symgen.scene.schema import Scene
+from symgen.symbolic.constants import with_pi
 
 #: Names of components of vectors of a motion or a link, and of the closing wrench, in the derivation.
 _OF_LOOP = re.compile(

@@ -11,10 +11,10 @@ from symgen.errors import SceneError
 from symgen.joints import JOINTS
 from symgen.joints.joint import Joint
 from symgen.scene import units
-from symgen.scene.angles import with_pi
 from symgen.scene.loop.loop import ENTRIES, Row
 from symgen.scene.loop.reading import UNKNOWN, LoopReader, Place
 from symgen.scene.loop.schema import LoopRow
+from symgen.symbolic.constants import with_pi
 
 #: Reserved name of the last link, the frame.
 GROUND = "ground"
