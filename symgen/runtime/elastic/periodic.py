@@ -86,19 +86,19 @@ def periodic(
     worth, slowest = _WORTH / (2 * free + 1) ** 2, 2.0 * motion.lowest_frequency * motion.period
     more, before, closed = 1.0, 0.0, False
 
-    def run(per_turn: int) -> tuple[_Shot, tuple[Array, Array], Found]:
+    def run(per_turn: int) -> tuple[_Shot, tuple[Array, Array], Counts, Found]:
         counts, turns = (step_counts(motion, ends, per_turn) for ends in (times, _ends(motion)))
         shot = _shot(motion, equations, turns, pace)
         both = stepped(motion, equations, GAUSS, times, counts, shot.start, pace=pace)
         steps = shot.steps + int(np.sum(counts))
         passes.append(Found(*both, steps, floquet=shot.multipliers, counts=counts))
-        return shot, both, passes[-1]
+        return shot, both, counts, passes[-1]
 
     coarse = run(per_turn)
     while True:
         # Recorded times may end shorter steps than these, as many in both runs: their error is far smaller.
         fine = run(math.ceil(FINER * per_turn))
-        (shot, both, found), (finer, compared, _) = coarse, fine
+        (shot, both, counts, found), (finer, compared, *_) = coarse, fine
         error = float(np.max(errors.of(both[0], compared[0])))
         largest = abs(shot.multipliers[0])
         # Steps longer than half a vibration turn all multipliers to one, and agree on it.
@@ -107,7 +107,7 @@ def periodic(
         known = apart <= FLOQUET_SETTLED
         settled = apart <= _CLOSE or (known and closed) or max(2 * per_turn, slowest) > worth
         if task.steps is not None or (error <= task.rtol and settled):
-            moved, rates = _in_phase(motion, equations, times, found.counts, shot, both, pace)
+            moved, rates = _in_phase(motion, equations, times, counts, shot, both, pace)
             return replace(found, displacements=moved, rates=rates, error=error, floquet_error=shift)
         if per_turn >= _MOST:
             problem = f"shooting does not come within {task.rtol:g} of the peak stress"

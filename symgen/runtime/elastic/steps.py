@@ -297,10 +297,8 @@ def adapted(
     if task.steps is not None:
         found = run(counts, progress)
         coarser = method.order == 2 and bool(np.all(counts[counts > 0] > 1))
-        compared = (
-            np.where(counts > 0, counts / COARSER, 0).astype(np.intp) if coarser else finer_counts(counts)
-        )
-        error = float(np.max(errors.of(found[0], run(compared)[0], coarser=coarser)))
+        other = np.where(counts > 0, counts / COARSER, 0).astype(np.intp) if coarser else finer_counts(counts)
+        error = float(np.max(errors.of(found[0], run(other)[0], coarser=coarser)))
         return Found(*found, int(np.sum(counts)), error, spent=spent, counts=counts)
     order = np.argsort(times, kind="stable")
     found = run(counts, progress)
