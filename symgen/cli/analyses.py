@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -130,7 +130,7 @@ def modes(ctx: typer.Context) -> None:
 @analysis(
     "symgen linearise four_bar --coordinate crank.angle --at equilibrium",
     "at inputs outputs coordinates set_ as_json backend",
-    at=o.maybe(str, "--at", "STATE", "start (default) or equilibrium."),
+    at=o.maybe(str, "--at", "STATE", 'start (default), equilibrium, or a time of the run, "0.3 s".'),
     inputs=o.maybe(list[str], "--input", "NAME", "An input of the scene; default: all."),
     outputs=o.maybe(list[str], "--output", "NAME", "An output, such as A.position.x; default: coordinates."),
     coordinates=o.maybe(
@@ -147,12 +147,8 @@ def linearise(ctx: typer.Context) -> None:
     """
     request = Request(ctx)
     about = request.options.pop("at", "start")
-    if about not in ("start", "equilibrium"):
-        raise ModelError(f"expected start or equilibrium after --at, got {about!r}")
     arguments = request.arguments("linearise")
-    if about == "equilibrium":
-        arguments["at"] = request.result("equilibrium")
-    request.show("linearise", request.result("linearise", **arguments))
+    request.show("linearise", request.result("linearise", **arguments, **_state(request, about)))
 
 
 @analysis(
@@ -176,16 +172,21 @@ def sensitivity(ctx: typer.Context) -> None:
 
     An equilibrium stays one as a parameter varies. At another state, drives and coordinates are held.
     """
-    from symgen.inspection.values import of_time
-
     request = Request(ctx)
     about = request.options.pop("at", "start")
     arguments = request.arguments("sensitivity")
+    request.show("sensitivity", request.result("sensitivity", **arguments, **_state(request, about)))
+
+
+def _state(request: Request, about: str) -> dict[str, Any]:
+    """Return the argument ``at`` for a state on the command line: start, equilibrium or a time."""
+    from symgen.inspection.values import of_time
+
+    if about == "start":
+        return {}
     if about == "equilibrium":
-        arguments["at"] = request.result("equilibrium")
-    elif about != "start":
-        arguments["at"] = of_time(about, "--at", "start, equilibrium")
-    request.show("sensitivity", request.result("sensitivity", **arguments))
+        return {"at": request.result("equilibrium")}
+    return {"at": of_time(about, "--at", "start, equilibrium")}
 
 
 @analysis(

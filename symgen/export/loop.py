@@ -118,6 +118,7 @@ def _records(model: LoopModel, solved: list[int], rank: int) -> tuple[Record, ..
         n=d.coordinates,
         parameters=len(d.parameters),
         derived=d.derived,
+        extra=1,
         work=model.kernels.work_size,
         told=outputs.out_size if outputs else 0,
         solved=len(solved),

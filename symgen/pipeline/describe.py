@@ -154,6 +154,7 @@ def of_loop(loop: Loop, program: Program, equations: str) -> LoopDescription:
         rank=0,
         balls=tuple(BallInfo(b.row, b.angles, b.behind) for b in loop.balls),
         switches=tuple(s.text for s in loop.switches),
+        inputs=tuple(p.quantity.name for p in loop.parameters if p.input),
     )
 
 

@@ -91,7 +91,9 @@ def print_modes(analyses: Sequence[Modes], model: Any, console: Console) -> None
     ]
     head = ("mode", "kind", "frequency [Hz]", "omega [rad/s]", "damping ratio", "s [1/s]")
     stability = found.equilibrium.stability
-    title = f"{model.description.title}: {len(found)} modes about a {stability} equilibrium"
+    count = f"{len(found)} mode{'s' if len(found) > 1 else ''}"
+    article = "an" if stability == "unstable" else "a"
+    title = f"{model.description.title}: {count} about {article} {stability} equilibrium"
     console.print(table(title, head, rows))
     if len(found) > MODES:
         console.print(f"and {len(found) - MODES} more modes: --json lists all")

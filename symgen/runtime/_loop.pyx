@@ -32,7 +32,7 @@ cdef extern from "core/loops.h" nogil:
         kernel_t inputs, position, motion, inverse, given, mass_matrix, outputs, energy, setup, events
 
     cdef struct loop_sizes:
-        long n, parameters, derived, work, told, solved, inputs, unknown, known, balls, switches, rank
+        long n, parameters, derived, extra, work, told, solved, inputs, unknown, known, balls, switches, rank
         double size, tolerance
 
     cdef struct ball:
@@ -141,6 +141,8 @@ cdef class LoopEquations(Integrable):
         the constant. The turns in front of them are the parameters before the branches of switching points.
     switches
         Number of switching points of loads: values that the kernel 'events' writes.
+    work_of_loads
+        Whether the work of loads without potential is integrated along.
     """
 
     cdef const loops_table *api
@@ -155,7 +157,7 @@ cdef class LoopEquations(Integrable):
 
     def __init__(self, library, p, Py_ssize_t work_size, Py_ssize_t out_size, lengths, solved, inputs, unknown,
                  double size, Py_ssize_t rank, *, Core core=DOUBLE, double tolerance=0.0,
-                 balls=(), long switches=0):
+                 balls=(), long switches=0, bint work_of_loads=True):
         cdef Py_ssize_t k
         cdef loop_sizes wanted
         cdef loop_kernels given
@@ -180,7 +182,7 @@ cdef class LoopEquations(Integrable):
         wanted.n, wanted.parameters, wanted.derived = len(lengths), parameters.shape[0] - 1, library.derived
         wanted.work, wanted.told, wanted.solved, wanted.inputs = work_size, out_size, len(solved), len(inputs)
         wanted.unknown, wanted.known, wanted.rank, wanted.size = len(found), len(known), rank, size
-        wanted.tolerance, wanted.balls = tolerance, len(balls)
+        wanted.tolerance, wanted.balls, wanted.extra = tolerance, len(balls), work_of_loads
         wanted.switches = switches if given.events != NULL else 0
         at_least("parameters", wanted.parameters, wanted.balls + wanted.switches)
         if len(balls) > MOST or any([not -1 <= i < len(lengths) for ball_ in balls for i in ball_[0][:6]]):

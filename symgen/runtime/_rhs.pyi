@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from symgen.runtime._core import Equations
+from symgen.runtime._core import Integrable
 
 Array = NDArray[np.float64]
 
@@ -13,7 +13,7 @@ class Rhs:
     start: Array
     inputs: tuple[str, ...]
     def __init__(
-        self, equations: Equations, start: Array, inputs: tuple[str, ...] = (), first: int = 0
+        self, equations: Integrable, start: Array, inputs: tuple[str, ...] = (), first: int = 0
     ) -> None: ...
     def __call__(self, t: float, y: ArrayLike, u: ArrayLike | None = None) -> Array: ...
     def project(self, t: float, y: ArrayLike) -> Array: ...

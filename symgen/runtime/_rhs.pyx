@@ -1,5 +1,5 @@
 # cython: language_level=3, boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
-"""dy/dt of a linkage, for solvers from elsewhere: called from Python, or from C by a function pointer."""
+"""dy/dt of a linkage or loop, for solvers from elsewhere: called from Python, or from C by a function pointer."""
 
 import numpy as np
 
@@ -9,25 +9,25 @@ from libc.string cimport memcpy
 
 from symgen.calls import raise_failure
 from symgen.errors import ModelError
-from symgen.runtime._core cimport _DONE, Equations, equations
+from symgen.runtime._core cimport _DONE, Integrable, equations
 
 
 cdef void _entry(double t, const double *y, double *dy, void *user_data) noexcept nogil:
-    cdef equations *e = (<Equations>user_data).core
+    cdef equations *e = (<Integrable>user_data).core
     e.of.derivative(e, t, y, dy)
 
 
 cdef class Rhs:
-    """The right-hand side dy/dt = f(t, y) of a linkage: see :func:`symgen.runtime.model.rhs.right_hand_side`."""
+    """The right-hand side dy/dt = f(t, y) of a mechanism: see :func:`symgen.runtime.model.rhs.right_hand_side`."""
 
-    cdef Equations equations
+    cdef Integrable equations
     cdef object size
     cdef readonly object start, inputs
     cdef double[::1] given, passed
     cdef Py_ssize_t first
     cdef bint replaced
 
-    def __init__(self, Equations equations, start, inputs=(), Py_ssize_t first=0):
+    def __init__(self, Integrable equations, start, inputs=(), Py_ssize_t first=0):
         if equations.of.api.real_bytes != sizeof(double):
             raise ValueError("expected equations in double precision")
         self.equations, self.start, self.size = equations, start, (equations.dim,)

@@ -124,8 +124,8 @@ def load_scene(source: str | os.PathLike[str], set: Mapping[str, Any] | None = N
     return check_scene(override(read_scene(source), set or {}))
 
 
-#: Tables of single keys that a scene may leave out.
-_TABLES = ("analysis", "gravity", "start")
+#: Tables that a scene may leave out.
+_TABLES = ("analysis", "gravity", "start", "inputs")
 #: Tables of named values, which are set by the name alone.
 NAMED = ("parameters", "inputs")
 

@@ -49,7 +49,20 @@ class Values:
         #: Values over tunable parameters that must stay above zero, and those of at least zero, by place.
         self.above_zero: dict[str, sp.Expr] = {}
         self.at_least_zero: dict[str, sp.Expr] = {}
+        #: External signals, after :meth:`read_signals`.
+        self.signals: dict[str, tuple[sp.Expr, Dimension]] = {}
         self._read_parameters()
+
+    def read_signals(self) -> None:
+        """Read the table ``inputs``: external signals, the last of the parameters."""
+        for name, written in self.scene.inputs.items():
+            with at(f"inputs.{name}.value"):
+                value, dim = parse_any(written.value, self.names)
+                self.number(value)
+            q = quantity(name, dim.unit, written.about.strip() or f"input {name}")
+            self.signals[name] = q.symbol, dim
+            self.defaults[q.symbol] = value.xreplace(self.defaults)
+            self.parameters.append(Parameter(q, self.defaults[q.symbol], input=True))
 
     def _read_parameters(self) -> None:
         """Read every parameter after those it uses, wherever they are written."""
@@ -174,22 +187,14 @@ class Reader(Values):
         self.placed_on: dict[str, list[str]] = {}  # points by the link that they are placed on
         for name, point in scene.points.items():
             self.placed_on.setdefault(point.on or "", []).append(name)
-        self._inputs: dict[str, tuple[sp.Expr, Dimension]] = {}
-        for name, written in scene.inputs.items():
-            with at(f"inputs.{name}.value"):
-                value, dim = parse_any(written.value, self.names)
-                self.number(value)
-            q = quantity(name, dim.unit, written.about.strip() or f"input {name}")
-            self._inputs[name] = q.symbol, dim
-            self.defaults[q.symbol] = value.xreplace(self.defaults)
-            self.parameters.append(Parameter(q, self.defaults[q.symbol], input=True))
+        self.read_signals()
 
     def with_state(self, own: str = "", words: Mapping[str, Dimension] | None = None) -> Names:
         """Names for loads: time, inputs, and the state as ``owner.word``; ``this.word`` of the load ``own``.
 
         A name of the state stands for a symbol that is called like it, with the load's own name for ``this``.
         """
-        found = {**self.with_time, **self._inputs}
+        found = {**self.with_time, **self.signals}
         for point in self.scene.points:
             for axis in AXES[: self.dimension]:
                 found[f"{point}.{axis}"] = state_symbol(f"{point}.{axis}"), units.LENGTH

@@ -33,7 +33,8 @@ FORMAT_VERSION = 1
 
 #: Tables that every scene may have; all others are of points and links, or of a loop.
 _SHARED = {
-    "symgen", "title", "about", "units", "parameters", "gravity", "analysis", "studies", "sweep", "optimise",
+    "symgen", "title", "about", "units", "parameters", "inputs", "gravity", "analysis", "studies", "sweep",
+    "optimise",
 }  # fmt: skip
 
 

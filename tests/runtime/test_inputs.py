@@ -78,12 +78,6 @@ def test_wrong_inputs_are_refused(tables, text):
         faulty(**tables)
 
 
-def test_loops_have_no_inputs():
-    tables = symgen.load_scene("rssr").model_dump(exclude_unset=True)
-    with pytest.raises(SceneError, match="a scene with a loop has no inputs"):
-        symgen.Scene(**tables, inputs={"F": "0 N"})
-
-
 @pytest.mark.parametrize("u", [[1.0], [1.0, 2.0, 3.0], 1.0, "ab", [[1.0, 2.0]]])
 def test_wrong_values_are_refused(model, u):
     f = model.rhs

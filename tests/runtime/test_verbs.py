@@ -20,8 +20,8 @@ EXACT = {"sensitivity"}
 SUPPORTED = {
     "four_bar": RODS,
     "crank_rocker": (RODS | DRIVEN) - AT_REST,
-    "slider_crank": DRIVEN | {"batch", "sensitivity"},
-    "cssp": {"simulate", "assemblies", "batch", "linearise"},
+    "slider_crank": DRIVEN | {"batch", "sensitivity", "jacobian"},
+    "cssp": {"simulate", "assemblies", "batch", "linearise", "mass_matrix", "jacobian"},
     "thesis_four_bar": RODS - {"accelerations", "equilibrium"} - LINEAR | DRIVEN | ELASTIC | EXACT,
     "elastic_four_bar_motor": RODS - {"accelerations"} - LINEAR | DRIVEN | ELASTIC | EXACT,
 }

@@ -29,7 +29,7 @@ static struct sizes as_equations(const struct loop_sizes *s) {
     struct sizes made = {0};
     made.n = s->n;
     made.m = ROWS;
-    made.extra = 1;
+    made.extra = s->extra;
     made.parameters = s->parameters;
     made.derived = s->derived;
     made.work = s->work;

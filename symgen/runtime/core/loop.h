@@ -34,6 +34,7 @@ struct loop_sizes {
     long n;                      /* variables */
     long parameters, work, told; /* reals of parameters, of the largest work, and written by `outputs` */
     long derived;                /* reals that `setup` writes */
+    long extra;                  /* 1 when the work of loads without potential is integrated along */
     long solved, inputs, unknown, known; /* how many; `numbers` lists them in this order */
     long balls;                  /* of ball joints whose angles can be written otherwise near their poles */
     long switches;               /* of switching points, whose branches are the last of the parameters */

@@ -215,14 +215,16 @@ static void measure_energy_loop(struct equations *e, real t, const real *y) {
     of(e)->kernels.energy(&t, y, y + e->n, e->p, e->out, e->energies);
 }
 
-/* dy/dt, with the power of loads without potential from the closing wrench of accelerate_loop. */
+/* dy/dt; the power of loads without potential is that of the closing wrench of accelerate_loop. */
 static void derivative_loop(struct equations *e, real t, const real *y, real *dy) {
     const long n = e->n;
     accelerate_loop(e, t, y);
     memcpy(dy, y + n, (size_t)n * sizeof(real));
     memcpy(dy + n, e->out, (size_t)n * sizeof(real));
-    measure_energy_loop(e, t, y);
-    dy[2 * n] = e->energies[2];
+    if (e->extra) {
+        measure_energy_loop(e, t, y);
+        dy[2 * n] = e->energies[2];
+    }
     e->account->evaluations++;
 }
 

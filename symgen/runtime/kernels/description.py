@@ -291,7 +291,8 @@ class LoopDescription(Described):
     of the screws of the dependent variables. ``begin`` is the value of the first input at the start: the
     beginning of the range, or the first value of it at which the loop closes. ``assembly_tolerance`` is the
     defect of closure [m], of rotations times the size of the loop, that dependent equations may leave.
-    The turns in front of ``balls`` and the branches of ``switches`` are the last parameters.
+    ``inputs`` are the parameters that are external signals, the last of the tunable ones. The turns in front
+    of ``balls`` and the branches of ``switches`` are the last parameters.
     """
 
     joints: tuple[str, ...]
@@ -307,6 +308,7 @@ class LoopDescription(Described):
     assembly_tolerance: float = 0.0
     balls: tuple[BallInfo, ...] = ()
     switches: tuple[str, ...] = ()
+    inputs: tuple[str, ...] = ()
 
     @property
     def method(self) -> str:

@@ -100,9 +100,12 @@ class LoopKernels:
         info = self._infos.get(kernel)
         return info.blocks if info else ()
 
-    def equations(self, solved: Sequence[int], rank: int) -> _loop.LoopEquations:
-        """Return the compiled view of the kernels in double precision: solves for these variables."""
-        return self._made_of(self.library, _core.DOUBLE, solved, rank)
+    def equations(self, solved: Sequence[int], rank: int, work_of_loads: bool = True) -> _loop.LoopEquations:
+        """Return the compiled view of the kernels in double precision: solves for these variables.
+
+        Without ``work_of_loads`` that of loads is not integrated along.
+        """
+        return self._made_of(self.library, _core.DOUBLE, solved, rank, work_of_loads)
 
     def stepping(self, solved: Sequence[int], rank: int) -> _loop.LoopEquations:
         """Return the same in the model's own number type, as runs and followed inputs use it."""
@@ -111,7 +114,7 @@ class LoopKernels:
         return self._made_of(self.typed.kernels(False), self.typed.stepping, solved, rank)
 
     def _made_of(
-        self, library: Library, core: _core.Core, solved: Sequence[int], rank: int
+        self, library: Library, core: _core.Core, solved: Sequence[int], rank: int, work_of_loads: bool = True
     ) -> _loop.LoopEquations:
         arguments = self._arguments(solved, rank)
         return _loop.LoopEquations(
@@ -121,6 +124,7 @@ class LoopKernels:
             tolerance=self.tolerance,
             balls=self.balls,
             switches=len(self.description.switches),
+            work_of_loads=work_of_loads,
         )
 
     def _arguments(self, solved: Sequence[int], rank: int) -> tuple[Any, ...]:

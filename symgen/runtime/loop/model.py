@@ -10,23 +10,27 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from symgen.calls import checked
-from symgen.errors import InitialStateError, ModelError
+from symgen.errors import CapabilityError, InitialStateError, ModelError, nearest
 from symgen.runtime import _core
 from symgen.runtime.closure.assemblies import assemblies
 from symgen.runtime.closure.later import closed_later
+from symgen.runtime.closure.moved import moved_to
 from symgen.runtime.closure.start import Closed, close_near, counted
 from symgen.runtime.integrate.pace import limited
 from symgen.runtime.kernels.arguments import reals
 from symgen.runtime.kernels.description import LoopDescription
 from symgen.runtime.loop.driven import STAGES, driven, follow, follow_through, followed
 from symgen.runtime.loop.kernels import LoopKernels
+from symgen.runtime.loop.motion import rates_at, rates_at_start
 from symgen.runtime.model.arguments import Poses, Run, takes
 from symgen.runtime.model.compiled import degrees
 from symgen.runtime.model.model import Model
-from symgen.runtime.result.state import AssemblyModes
+from symgen.runtime.result.state import AssemblyModes, State
 from symgen.runtime.result.turn import Turn
 
 if TYPE_CHECKING:
+    from symgen.runtime._rhs import Rhs
+    from symgen.runtime.linearisation.free_loops import FreePose
     from symgen.runtime.linearisation.record import Linearisation, Sensitivity
     from symgen.runtime.result.result import Result
 
@@ -122,7 +126,7 @@ class LoopModel(Model):
                 "  Evaluate it over its range ('symgen inverse-dynamics SCENE', model.inverse_dynamics()), "
                 "or give a variable under loop.free."
             )
-        if name == "linearise" and not free:
+        if name in ("linearise", "mass_matrix") and not free:
             return (
                 "its inputs prescribe its motion, so that no state is free to deviate\n"
                 "  Move a variable from loop.inputs to loop.free to let forces move it."
@@ -207,13 +211,111 @@ class LoopModel(Model):
 
         return at_times(found, at, t_eval, begin.t)
 
-    def _linearise(self, outputs: Sequence[str] | None = None) -> Linearisation:
-        from symgen.runtime.linearisation.free_loops import free_state_space
+    def state(
+        self,
+        values: Mapping[str, float] | None = None,
+        rates: Mapping[str, float] | None = None,
+        t: float = 0.0,
+    ) -> State:
+        """Return a closed state from values [rad, m] and rates of joint variables.
 
+        Free variables that are left out keep their values at the start, and have no rate. The loop is
+        followed from its start to these values, so that it stays on its assembly. Where any dependent one is
+        given, the loop is closed near to the dependent ones given, and the values of others at the start.
+
+        Raises
+        ------
+        ModelError
+            For a name of no free or dependent variable, a rate of one that is not free, and values that are
+            not finite.
+        SimulationError
+            When the loop does not close there, or cannot be followed there.
+        """
+        d, begin = self.description, self.closed_start()
+        given, speeds = values or {}, rates or {}
+        names = [v.name for v in d.variables]
+        for asked, roles in ((given, ("free", "dependent")), (speeds, ("free",))):
+            for name, value in asked.items():
+                allowed = [names[i] for i in d.having(*roles)]
+                if name not in allowed:
+                    raise ModelError(
+                        f"there is no {' or '.join(roles)} variable {name!r}. {nearest(name, allowed)}"
+                    )
+                if not np.isfinite(value):
+                    raise ModelError(f"expected a finite number for {name}, got {value!r}")
+        if not np.isfinite(t):
+            raise ModelError(f"expected a finite time of the state, got {t!r}")
+        wanted = begin.q.copy()
+        for name, value in given.items():
+            wanted[names.index(name)] = value
+        at_once = any(names.index(name) in d.having("dependent") for name in given)
+        closed = moved_to(self.kernels, begin, wanted, t, at_once)
+        free = np.zeros(d.coordinates)
+        for name, value in speeds.items():
+            free[names.index(name)] = value
+        return self._as_state(closed.t, closed.q, rates_at(self.kernels, closed, free))
+
+    def initial_state(self) -> State:
+        """Return the state in which the loop starts; raise InitialStateError when it cannot be assembled."""
+        begin = self.closed_start()
+        return self._as_state(begin.t, begin.q, rates_at_start(self.kernels, begin))
+
+    def _as_state(self, t: float, q: Array, u: Array) -> State:
+        names = [v.name for v in self.description.variables]
+        values, rates = (dict(zip(names, map(np.asarray, x), strict=True)) for x in (q, u))
+        return State(t, q.copy(), u.copy(), values, rates)
+
+    @property
+    def rhs(self) -> Rhs:
+        """Right-hand side f(t, y, u) of y = (joint variables, rates): see ``docs/solvers.md``."""
+        from symgen.runtime._rhs import Rhs
+
+        if (reason := self._refused("linearise")) is not None:
+            raise CapabilityError(f"{self.name} does not support rhs: {reason}")
+        d, begin = self.description, self.closed_start()
+        equations = self.kernels.equations(d.having("dependent", "free"), begin.rank, work_of_loads=False)
+        start = self.initial_state()
+        return Rhs(equations, np.concatenate([start.q, start.u]), d.inputs, len(d.tunable) - len(d.inputs))
+
+    def _jacobian(self, state: State | None = None) -> Array:
+        at = self.initial_state() if state is None else state
+        found: Array = self.kernels("position", at.t, at.q, at.u)["closure_jacobian"]
+        return found
+
+    def _mass_matrix(self, state: State | None = None, coordinates: Sequence[str] | None = None) -> Array:
+        return self._free_pose(state, ()).mass_matrix(coordinates)
+
+    def _linearise(
+        self,
+        at: State | float | None = None,
+        inputs: Sequence[str] | None = None,
+        outputs: Sequence[str] | None = None,
+        coordinates: Sequence[str] | None = None,
+    ) -> Linearisation:
         d = self.description
-        shown = [d.variables[i].name for i in d.having("free")] if outputs is None else outputs
-        kernels = self._tangents("loop_linearisation", shown)
-        return free_state_space(self.kernels, kernels, self.closed_start())
+        chosen = d.inputs if inputs is None else tuple(inputs)
+        for name in chosen:
+            if name not in d.inputs:
+                raise ModelError(f"{self.name} has no input {name!r}. {nearest(name, d.inputs)}")
+        names = [d.variables[i].name for i in d.having("free")] if coordinates is None else coordinates
+        shown = names if outputs is None else outputs
+        return self._free_pose(at, shown).state_space(chosen, coordinates)
+
+    def _free_pose(self, at: State | float | None, outputs: Sequence[str]) -> FreePose:
+        """Return the tangents at a state, at a time of the run from the start [s], or at the start."""
+        from symgen.runtime.linearisation.free_loops import FreePose
+
+        if isinstance(at, State):
+            state = at
+        elif at is None or at == 0.0:
+            state = self.initial_state()
+        else:
+            reached = self.simulate(at, samples=2).final
+            q, u = (
+                np.array([reached[v.name][x] for v in self.description.variables]) for x in ("value", "rate")
+            )
+            state = self._as_state(at, q, u)
+        return FreePose(self.kernels, self._tangents("loop_linearisation", outputs), state)
 
     def _tangents(self, kind: str, outputs: Sequence[str]) -> LoopKernels:
         """Return the kernels of an analysis by tangents, of each output once."""

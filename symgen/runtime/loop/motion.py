@@ -81,13 +81,18 @@ def run(
 
 def rates_at_start(kernels: LoopKernels, begin: Closed) -> Array:
     """Return the rates at the start: those given, and the dependent ones that go with them."""
+    return rates_at(kernels, begin, np.array([v.start_rate for v in kernels.description.variables]))
+
+
+def rates_at(kernels: LoopKernels, begin: Closed, given: Array) -> Array:
+    """Return all rates at a closed pose from those of the free variables."""
     d = kernels.description
-    u = np.array([v.start_rate for v in d.variables])
+    u = given.copy()
     u[kernels.inputs] = kernels.prescribed(begin.t)[:, 1]
     scale = np.array([d.size if v.is_length else 1.0 for v in d.variables])
-    solved, given = d.having("dependent"), d.having("input", "free")
+    solved, held = d.having("dependent"), d.having("input", "free")
     screws = scaled_screws(kernels, begin.t, begin.q)
-    asked = screws[:, given] @ (u / scale)[given]
+    asked = screws[:, held] @ (u / scale)[held]
     u[solved] = -np.linalg.lstsq(screws[:, solved], asked, rcond=None)[0] * scale[solved]
     return u
 

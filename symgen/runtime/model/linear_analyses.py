@@ -31,7 +31,8 @@ class LinearAnalyses:
             The state; its velocities do not matter.
         coordinates
             Independent coordinates as for :meth:`linearise`; the units follow from theirs. When absent, the
-            coordinates of the moving points in the order of ``State.q``: M [kg] of M a + J^T lambda = f.
+            coordinates of the moving points in the order of ``State.q``: M [kg] of M a + J^T lambda = f. Of
+            loops the free variables.
 
         Raises
         ------
@@ -45,14 +46,15 @@ class LinearAnalyses:
         """Return the constraint Jacobian J = dPhi/dq (constraints, coordinates) at a state; else the start.
 
         Rows are in the order of ``model.description.constraints``, columns in that of ``State.q``. The
-        Jacobian of :attr:`rhs` by the state is the matrix A of ``linearise(state)``.
+        Jacobian of :attr:`rhs` by the state is the matrix A of ``linearise(state)``. Of loops these are
+        screws of the joint variables in the first frame, (6, variables): rotations, then displacements.
         """
         raise NotImplementedError
 
     @verb
     def linearise(
         self,
-        at: State | Equilibrium | None = None,
+        at: State | Equilibrium | float | None = None,
         inputs: Sequence[str] | None = None,
         outputs: Sequence[str] | None = None,
         *,
@@ -66,7 +68,8 @@ class LinearAnalyses:
         Parameters
         ----------
         at
-            A state, or the result of :meth:`equilibrium`; the start when absent.
+            A state, the result of :meth:`equilibrium`, or a time [s] of the run from the start; the
+            start when absent.
         inputs
             Inputs of the scene, all when absent. Others keep their values in :attr:`parameters`.
         outputs
@@ -76,7 +79,7 @@ class LinearAnalyses:
             Independent scalars of the pose, one for each degree of freedom: angles of links (plane),
             components of positions. The states are these and their rates. When absent, the positions and
             velocities of all moving points: A is then the Jacobian of :attr:`rhs`, constraints included.
-            Loops have their free variables, at the start.
+            Of loops joint variables that are not prescribed, and the free ones when absent.
 
         Raises
         ------

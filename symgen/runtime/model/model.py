@@ -69,8 +69,8 @@ class Model(LinearAnalyses, ManyRuns, Sweeps, ElasticAnalyses, KernelCalls, Comp
 
     @property
     def rhs(self) -> Rhs:
-        """Right-hand side f(t, y, u) of a linkage for other solvers: see ``docs/solvers.md``."""
-        raise CapabilityError(f"{self.name} does not support rhs: it is for linkages without elastic links")
+        """Right-hand side f(t, y, u) of a mechanism for other solvers: see ``docs/solvers.md``."""
+        raise CapabilityError(f"{self.name} does not support rhs: it is for rigid linkages and loops")
 
     @verb
     def in_segments(self, count: int = 12) -> Model:

@@ -178,7 +178,7 @@ class RodModel(LinkageModel):
 
     def _linearise(
         self,
-        at: State | Equilibrium | None = None,
+        at: State | Equilibrium | float | None = None,
         inputs: Sequence[str] | None = None,
         outputs: Sequence[str] | None = None,
         coordinates: Sequence[str] | None = None,
@@ -190,6 +190,10 @@ class RodModel(LinkageModel):
         for name in chosen:
             if name not in d.inputs:
                 raise ModelError(f"{self.name} has no input {name!r}. {nearest(name, d.inputs)}")
+        if isinstance(at, float | int):
+            reached = self.simulate(at, samples=2).final
+            places, rates = ({p: reached[p][of] for p in d.free} for of in ("position", "velocity"))
+            at = self.state(places, rates, float(at))
         positions = [f"{p}.position.{axis}" for p in d.free for axis in d.axes]
         names = positions if coordinates is None else list(coordinates)
         wanted = dict.fromkeys([*derivatives(d, names), *(outputs or ())])

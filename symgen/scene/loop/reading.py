@@ -59,6 +59,7 @@ class LoopReader(Values):
         super().__init__(scene)
         self.loop = loop
         self.named: dict[str, Named] = {}
+        self.read_signals()
         self._read_inputs()
         self._read_free()
         if not self.named:
@@ -122,10 +123,11 @@ class LoopReader(Values):
 
     def _check_name(self, name: str, where: str) -> None:
         check_word(name, where)
-        if name in self.scene.parameters:
-            raise SceneError(
-                f"{name!r} is a parameter already", where=where, hint="Choose another name for the variable."
-            )
+        for what, table in (("a parameter", self.scene.parameters), ("an input", self.scene.inputs)):
+            if name in table:
+                raise SceneError(
+                    f"{name!r} is {what} already", where=where, hint="Choose another name for the variable."
+                )
 
     def _dimension(self, name: str, text: str | int | float, where: str, names: Names) -> Dimension:
         """Return whether a value is an angle or a length: nothing else is a joint variable."""
@@ -144,8 +146,8 @@ class LoopReader(Values):
         return {**self.names, **{v.name: (v.symbol, v.dimension) for v in self.named.values()}}
 
     def with_variables(self, places: Iterable[Place]) -> Names:
-        """Names for drives and loads: the time, the variables, and their rates as ``NAME.rate``."""
-        found = dict(self.with_time)
+        """Names for drives and loads: time, the scene's inputs, variables, and rates as ``NAME.rate``."""
+        found = {**self.with_time, **self.signals}
         for place in places:
             value, rate, _ = symbols(place.name, place.dimension, place.entry)
             found[place.name] = value.symbol, place.dimension

@@ -101,14 +101,16 @@ def _check_names(scene: Scene, rows: Rows) -> None:
     made = {f"{name}_{what}" for name in variables for what in ("rate", "acceleration")}
     for name in sorted(variables & made):
         raise SceneError(f"{name!r} is what symgen calls the rate of a variable", where=f"loop.inputs.{name}")
-    for name, parameter in scene.parameters.items():
-        problem = ""
-        if name in variables:
-            problem = f"{name!r} is a variable of the loop"
-        elif parameter.tunable and (name in made or _OF_LOOP.fullmatch(name)):
-            problem = f"{name!r} is what symgen calls a quantity of the loop"
-        if problem:
-            raise SceneError(problem, where=f"parameters.{name}", hint="Choose another name.")
+    plain = {name for name, parameter in scene.parameters.items() if not parameter.tunable}
+    for table, names in (("parameters", scene.parameters), ("inputs", scene.inputs)):
+        for name in names:
+            problem = ""
+            if name in variables:
+                problem = f"{name!r} is a variable of the loop"
+            elif name not in plain and (name in made or _OF_LOOP.fullmatch(name)):
+                problem = f"{name!r} is what symgen calls a quantity of the loop"
+            if problem:
+                raise SceneError(problem, where=f"{table}.{name}", hint="Choose another name.")
     for i, row in enumerate(rows.rows):
         if row.link in variables:
             raise SceneError(
