@@ -99,6 +99,7 @@ FAULTS = (
     Fault("angular acceleration", "elastic/moving_frame.py", "second.subs(known) - a_n", "second.subs(known) + a_n", "elastic", WEIGHTS),
     Fault("mass at one place", "elastic/places.py", "density.xreplace(unit)", "density.xreplace(unit) * (2 if name == 'gyroscopic' else 1)", "elastic", WEIGHTS),
     Fault("load by a mass at one place", "elastic/places.py", "density.xreplace(unit)", "density.xreplace(unit) * (-1 if name == 'load_turn' else 1)", "elastic", WEIGHTS),
+    Fault("moment of inertia at one place", "elastic/places.py", "ROTARY.symbol: one", "ROTARY.symbol: 2 * one", "weight", "tests/elastic/test_tip_inertia.py"),
     Fault("inertia of the flywheel doubled", "elastic/shaft.py", "(OMEGA.symbol + _PHI_T) ** 2 / 2", "(OMEGA.symbol + _PHI_T) ** 2", "motor", WEIGHTS),
     Fault("torque of a motor by its rate", "elastic/shaft.py", "+ sp.diff(torque, rate) * _PHI_T", "- sp.diff(torque, rate) * _PHI_T", "motor", WEIGHTS),
     Fault("arm of a rigid crank", "elastic/shaft.py", "sp.diff(length * c, theta)", "sp.diff(-length * c, theta)", "elastic", WEIGHTS),
@@ -122,7 +123,7 @@ FAULTS = (
     Fault("centrifugal load reversed", "elastic/spatial.py", "f.name: sp.diff(energy, f)", "f.name: -sp.diff(energy, f)", "rotor", ROTATING),
     Fault("rate of gravity in rotating axes", "elastic/energies.py", "GY.symbol: -OMEGA.symbol * GX.symbol", "GY.symbol: OMEGA.symbol * GX.symbol", "weight", ENERGIES),
     Fault("lift left out of the potential", "elastic/energies.py", '-steps["gravity_work"] - MU.symbol * LIFT.symbol', '-steps["gravity_work"]', "weight", ENERGIES),
-    Fault("masses along a link in its energy", "elastic/energies.py", "m * at**power for at, m", "2 * m * at**power for at, m", "elastic", ENERGIES),
+    Fault("masses along a link in its energy", "elastic/energies.py", "own[k] * at**power", "2 * own[k] * at**power", "elastic", ENERGIES),
     Fault("crank and coupler in line", "synthesis/limits.py", "_triangle(b - a, c, d, folded)", "_triangle(b - a / 2, c, d, folded)", "limits", SYNTHESIS),
     Fault("swing of the rocker doubled", "synthesis/limits.py", '- x["swing"]', '- 2 * x["swing"]', "limits", SYNTHESIS),
     Fault("cosine rule", "synthesis/limits.py", "b**2 + c**2 - 2 * b * c", "b**2 + c**2 - b * c", "limits", SYNTHESIS),
@@ -133,10 +134,12 @@ FAULTS = (
 #: Shipped scenes that are run for faults.
 SHIPPED = {"loop": "slider_crank", "rocker": "rssr", "motor": "elastic_four_bar_motor"}
 SHIPPED |= dict.fromkeys(("large", "weight"), "elastic_four_bar")
-#: Gravity and damping that the elastic four-bar does not have.
+#: Gravity, damping and a disc that the elastic four-bar does not have.
 HEAVY = {
     "gravity.acceleration": ["2 m/s^2", "-9.81 m/s^2"],
     "links.coupler.elastic.damping": {"stiffness": "1e-4 s"},
+    "masses.0.inertia": "1e-4 kg*m^2",
+    "masses.0.link": "coupler",
 }
 #: Tasks of synthesis: a limit task of the thesis, angles of a function, and poses with given pivots.
 TASKS = {

@@ -287,7 +287,7 @@ def _elastic(linkage: Linkage) -> ElasticInfo:
         crank=crank.link if crank else "",
         mode=crank.mode if crank else "",
         stations=tuple((s.name, s.link) for s in linkage.stations),
-        lumps=tuple(link for link, _, _ in lumps(linkage)),
+        lumps=tuple(link for link, *_ in lumps(linkage)),
         loads=tuple(link for link, _ in along),
         joints=tuple(x.name if isinstance(x, CarriedPoint) else "" for _, x in along),
         outputs=linkage.outputs,

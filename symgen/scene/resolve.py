@@ -93,6 +93,7 @@ def _linkage(scene: Scene) -> Linkage:
     gravity = (sp.Integer(0),) * read.dimension
     if scene.gravity:
         gravity = read.vector(scene.gravity.acceleration, units.ACCELERATION, "gravity.acceleration")
+    masses = tuple(loads.masses(read, links))
     linkage = Linkage(
         name=scene.name,
         file=scene.file,
@@ -101,10 +102,10 @@ def _linkage(scene: Scene) -> Linkage:
         dimension=read.dimension,
         parameters=tuple(read.parameters),
         points=tuple(read.points.values()),
-        links=tuple(with_flywheel(links, turned)),
+        links=tuple(loads.with_inertias(with_flywheel(links, turned), masses)),
         bodies=in_space,
         gravity=gravity,
-        masses=tuple(loads.masses(read)),
+        masses=masses,
         loads=tuple(loads.loads(read)),
         guides=tuple(bonds.guides(read)),
         drivers=(*bonds.drivers(read), *((driver_of(turned),) if turned else ())),

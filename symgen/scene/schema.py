@@ -123,11 +123,14 @@ class Gravity(Table):
 
 
 class PointMass(Table):
-    """A point mass at a point."""
+    """A mass at a point, with the moment of inertia of a body that is fixed to a link there."""
 
     point: Name
     mass: Value
-    inertia: SpatialVector | None = absent("Of a rotor: moments of inertia about the axes of the drawing.")
+    inertia: Value | SpatialVector | None = absent(
+        "In the plane the moment of inertia about the point; of a rotor those about the axes of the drawing."
+    )
+    link: Name | None = absent("The link with which the inertia rotates, if several that rotate apart meet.")
 
 
 class Guide(Table):

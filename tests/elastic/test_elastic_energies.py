@@ -67,7 +67,7 @@ def test_energies_of_a_point_of_a_link_are_those_of_a_particle():
     terms["centrifugal"] = terms["mass"]
     moved = [mpmath.diff(own, at, n) for n in range(3)]
     columns = [sp.Matrix([m.real, m.imag, 0, 0, 0, 0]) for m in moved]
-    rigid = rigid_energies((), (), sp.Integer(0), [(values[hamilton.X.symbol], sp.Integer(1))])
+    rigid = rigid_energies((), (), sp.Integer(0), [(values[hamilton.X.symbol], sp.Integer(1), sp.Integer(0))])
     found = {name: [e.xreplace(values), rate(e).xreplace(values)] for name, e in
              ((name.removesuffix("_rigid"), e) for name, e in rigid.items())}  # fmt: skip
     for w in energy_weights():
@@ -91,10 +91,12 @@ def test_energies_of_a_point_of_a_link_are_those_of_a_particle():
 
 def test_rigid_energies_of_a_tapered_link():
     """A rod of mass 2 + 6 x per length of 0.5 m with rotary inertia 0.1, and 3 kg at 0.2 m, about its first point."""
-    found = rigid_energies((2, 6), (sp.Rational(1, 10),), sp.Rational(1, 2), [(sp.Rational(1, 5), 3)])
+    found = rigid_energies(
+        (2, 6), (sp.Rational(1, 10),), sp.Rational(1, 2), [(sp.Rational(1, 5), 3, sp.Rational(1, 4))]
+    )
     w, vx, vy, gx = (q.symbol for q in (hamilton.OMEGA, hamilton.VX, hamilton.VY, hamilton.GX))
     mass, moment = 1.75 + 3, 0.25 + 0.25 + 0.6
-    second = 2 / 24 + 6 / 64 + 3 * 0.04 + 0.05
+    second = 2 / 24 + 6 / 64 + 3 * 0.04 + 0.05 + 0.25
     at = {w: 2.0, vx: 0.3, vy: -0.4, gx: 5.0, hamilton.GY.symbol: 1.0, LIFT.symbol: 7.0}
     expected = mass * 0.25 / 2 + moment * 2 * -0.4 + second * 4 / 2
     assert float(found["kinetic_rigid"].subs(at)) == pytest.approx(expected, rel=1e-12)

@@ -10,7 +10,7 @@ import sympy as sp
 
 from symgen.mechanics.elastic import hamilton
 from symgen.mechanics.elastic.moving_frame import moving_frame
-from symgen.mechanics.elastic.places import AT_A_PLACE, RIGID_FORCE, SHAPES, at_a_place, second_order
+from symgen.mechanics.elastic.places import RIGID_FORCE, SHAPES, at_a_place, second_order
 from symgen.mechanics.elastic.shaft import rigid_crank, shaft
 from symgen.mechanics.elastic.turning_axes import COSINE, SINE
 from symgen.mechanics.elastic.weights import rates_of_turn, turning_ends, weights
@@ -28,7 +28,7 @@ def test_columns_are_those_of_the_compiled_core():
     assert {f.name for f in fields(frames.Frames)} == set(links.MOTION)
     assert {f.name for f in fields(Piece)} == {"at", *_beams.MATRICES, *_beams.VECTORS, *_beams.SPREAD}
     assert tuple(SHAPES) == elements.SHAPES
-    assert AT_A_PLACE == elements.AT_A_PLACE
+    assert tuple(at_a_place()) == elements.AT_A_PLACE
 
 
 def test_columns_of_the_elastic_motion_itself_come_first():

@@ -96,7 +96,7 @@ def rigid_energies(
     mass: Sequence[sp.Expr],
     rotary: Sequence[sp.Expr],
     length: sp.Expr,
-    lumps: Sequence[tuple[sp.Expr, sp.Expr]],
+    lumps: Sequence[tuple[sp.Expr, sp.Expr, sp.Expr]],
 ) -> dict[str, sp.Expr]:
     """Return the energies [J] of the rigid motion of a link by name.
 
@@ -107,7 +107,7 @@ def rigid_energies(
     length
         Length of the link [m].
     lumps
-        Distances from the first point [m] and masses [kg] along it.
+        Distances from the first point [m], masses [kg] and moments of inertia [kg m^2] along it.
     """
     x = X.symbol
     found = {}
@@ -116,11 +116,11 @@ def rigid_energies(
         if total == 0:
             continue
         parts = []
-        for of, coefficients in ((MU, mass), (ROTARY, rotary)):
+        for k, (of, coefficients) in enumerate(((MU, mass), (ROTARY, rotary))):
             by_power = sp.Poly(sp.expand(total).coeff(of.symbol), x).all_coeffs()[::-1]
             for power, factor in enumerate(by_power):
-                whole = [c * length ** (power + k + 1) / (power + k + 1) for k, c in enumerate(coefficients)]
-                whole += [m * at**power for at, m in lumps if of is MU]
+                whole = [c * length ** (power + j + 1) / (power + j + 1) for j, c in enumerate(coefficients)]
+                whole += [own[k] * at**power for at, *own in lumps]
                 parts.append(factor * sp.Add(*whole))
         found[f"{energy}_rigid"] = sp.Add(*parts)
     return found

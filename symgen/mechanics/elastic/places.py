@@ -24,27 +24,33 @@ SHAPES = {
 AT_A_PLACE = (
     "mass", "gyroscopic", "geometric0", "load_x", "load_y", "load_out", "load_turn", "force_x", "force_y",
 )  # fmt: skip
+#: Those to which a moment of inertia at one place contributes.
+ROTATING = ("mass", "load_turn")
 RIGID_FORCE = quantity("N", "N", "axial force of the rigid motion at x, tension positive")
 
 
 def at_a_place() -> dict[str, sp.ImmutableMatrix]:
-    """Return what a unit mass, a unit force and a unit axial force at x add to the constants of a link.
+    """Return what a unit mass, force, axial force and moment of inertia at x add to the constants of a link.
 
-    They are the densities of the terms of Hamilton's principle, Eqs. (7.24)-(7.28), where mass and force per
-    length are concentrated at x [m] from the first point of the link. A concentrated mass has no rotary
-    inertia. Matrices are (6, 6), load vectors (6, 1), over ``SHAPES``.
+    They are the densities of the terms of Hamilton's principle, Eqs. (7.24)-(7.28), where mass, force and
+    rotary inertia per length are concentrated at x [m] from the first point of the link. Matrices are (6, 6),
+    load vectors (6, 1), over ``SHAPES``; those of the moment of inertia are called ``rotary_NAME``.
     """
-    derived, one = derive(), sp.Integer(1)
-    unit = {MU.symbol: one, PROFILE.symbol: one, ROTARY.symbol: sp.Integer(0)}
+    one, none = sp.Integer(1), sp.Integer(0)
+    translating = {MU.symbol: one, PROFILE.symbol: one, ROTARY.symbol: none}
+    rotating = {MU.symbol: none, PROFILE.symbol: none, ROTARY.symbol: one}
+    found = {name: _concentrated(name, translating) for name in AT_A_PLACE}
+    return found | {f"rotary_{name}": _concentrated(name, rotating) for name in ROTATING}
+
+
+def _concentrated(name: str, unit: dict[sp.Symbol, sp.Expr]) -> sp.ImmutableMatrix:
+    """Return the densities of a constant for units of what is concentrated at x."""
     at = {field: k for k, field in enumerate(SHAPES.values())}
-    found = {}
-    for name in AT_A_PLACE:
-        constant = CONSTANTS[name]
-        term = sp.zeros(len(at), len(at) if constant.order is not None else 1)
-        for (test, trial), density in constant.densities(derived).items():
-            term[at[test], at[trial] if trial else 0] += density.xreplace(unit)
-        found[name] = sp.ImmutableMatrix(term)
-    return found
+    constant = CONSTANTS[name]
+    term = sp.zeros(len(at), len(at) if constant.order is not None else 1)
+    for (test, trial), density in constant.densities(derive()).items():
+        term[at[test], at[trial] if trial else 0] += density.xreplace(unit)
+    return sp.ImmutableMatrix(term)
 
 
 def second_order() -> sp.ImmutableMatrix:

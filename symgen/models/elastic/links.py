@@ -101,7 +101,7 @@ def motion_system(linkage: Linkage) -> System:
     for name, rows, unit, columns in (
         ("modal_damping", [[ratio] for ratio in damping.ratios] if damping else [], "1", ("ratio",)),
         ("stations", _stations(linkage), "1, m", ("at", "fibre")),
-        ("lumps", [[at, mass] for _, at, mass in lumps(linkage)], "m, kg", ("at", "mass")),
+        ("lumps", [own for _, *own in lumps(linkage)], "m, kg, kg*m^2", ("at", "mass", "inertia")),
         ("profiles", [_shape(linkage, *x) for x in along], "m, 1, 1/m", ("at", "even", "slope")),
     ):
         if rows:
@@ -169,12 +169,17 @@ def joints_system(linkage: Linkage) -> System:
     return analysis_of(model, "elastic_joints", matrices, exports)
 
 
-def lumps(linkage: Linkage) -> Iterator[tuple[str, sp.Expr, sp.Expr]]:
-    """Yield the masses along elastic links, but for joints: link, distance from its first point, mass."""
+def lumps(linkage: Linkage) -> Iterator[tuple[str, sp.Expr, sp.Expr, sp.Expr]]:
+    """Yield what is fixed to elastic links: link, distance from its first point, mass, moment of inertia.
+
+    The masses of joints are those of points, not of links.
+    """
     for mass in linkage.masses:
-        place = _on_beam(linkage, mass.point)
-        if place:
-            yield (*place, mass.mass)
+        for link in (linkage.link(beam.link) for beam in linkage.elastic):
+            own = any(c.name == mass.point and not c.joined for c in link.carried)
+            if own or (mass.link == link.name and mass.inertia != 0):
+                at = link.along(mass.point) * link.length
+                yield link.name, at, mass.mass if own else ZERO, mass.inertia
 
 
 def loads_along(linkage: Linkage) -> Iterator[tuple[str, Profile | CarriedPoint]]:
@@ -208,15 +213,6 @@ def _on_fixed_axes(model: RodsModel, profile: Profile) -> Vector:
     return profile.on.fixed(model.loads, force)
 
 
-def _on_beam(linkage: Linkage, point: str) -> tuple[str, sp.Expr] | None:
-    for beam in linkage.elastic:
-        link = linkage.link(beam.link)
-        for carried in link.carried:
-            if carried.name == point and not carried.joined:
-                return link.name, carried.along * link.length
-    return None
-
-
 #: Description of each table.
 _ABOUT = {
     "links": "directions of elastic links, and weights of their constant matrices and load vectors",
@@ -224,7 +220,7 @@ _ABOUT = {
     "crank": "direction at the start and speed of the crank",
     "modal_damping": "damping ratios of the modes of the structure",
     "stations": "where strains are asked for: fraction of the length, fibre",
-    "lumps": "masses along elastic links: distance from the first point, mass",
+    "lumps": "masses on elastic links: distance from the first point, mass, moment of inertia",
     "profiles": "where forces along elastic links act: distance from the first point, or factors of 1 and x",
     "loads": "weights of the loads and geometric stiffness by forces along elastic links",
     CRANK[0]: "rotation of a rigid crank by the displacement of its end",
@@ -274,7 +270,7 @@ def _energies(
 ) -> list[sp.Expr]:
     """Return a row of ``ENERGIES``."""
     hidden, shown = apart(linkage, motion)
-    own = [(hidden(at), hidden(mass)) for link, at, mass in lumps(linkage) if link == beam.link]
+    own = [tuple(map(hidden, lump)) for link, *lump in lumps(linkage) if link == beam.link]
     turned = beam.section.rotary if ELEMENTS[beam.element].rotary else ()
     mass, rotary = ([*map(hidden, of)] for of in (beam.section.mass, turned))
     rigid = rigid_energies(mass, rotary, hidden(linkage.link(beam.link).length), own)

@@ -52,10 +52,11 @@ class Properties:
 
 @dataclass(frozen=True, slots=True)
 class Lump:
-    """A mass [kg] fixed to the link ``at`` metres from its first point; it has no rotary inertia."""
+    """A mass [kg] fixed to the link ``at`` metres from its first point, with a moment of inertia [kg m^2]."""
 
     at: float
     mass: float
+    inertia: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,8 +101,6 @@ class BeamInfo:
         ``""``, ``"guyan"`` or ``"craig-bampton"``, and for the last the number of modes kept.
     clamped
         Whether the rotation of the first node is held, or is the rotation of a shaft.
-    moments
-        For each end, whether a couple acts there, so that its curvature is not zero.
     nodes
         Where the elements meet, as fractions of the length, both ends included; evenly spaced if empty.
     definition
@@ -110,6 +109,8 @@ class BeamInfo:
         Joints between the ends: name of the point, fraction of the length. There is a node at each.
     welds
         Joints whose rotation is that of the other links welded there, or zero on the ground.
+    jumps
+        Nodes between the ends, as fractions of the length, at which couples act: each side has a curvature.
     """
 
     link: str
@@ -124,11 +125,11 @@ class BeamInfo:
     reduction: str = ""
     modes: int = 0
     clamped: bool = False
-    moments: tuple[bool, bool] = (False, False)
     nodes: tuple[float, ...] = ()
     definition: str = ""
     between: tuple[tuple[str, float], ...] = ()
     welds: tuple[str, ...] = ()
+    jumps: tuple[float, ...] = ()
 
     @property
     def points(self) -> tuple[str, ...]:

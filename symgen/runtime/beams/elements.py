@@ -27,9 +27,14 @@ Array = NDArray[np.float64]
 SHAPES = ("u", "w", "slope", "rotation", "axial_strain", "curvature")
 #: Shortest element next to a load, as a part of the length: shorter ones are stiff and change nothing.
 _SHORTEST = 0.01
+#: Distance of places that are the same, as a part of the length.
+SAME = 1e-9
+#: The unknown of a node that is not continuous where a couple acts.
+_CURVATURE = "kappa"
 #: Results of the kernel ``point`` of ``elastic_place``.
 AT_A_PLACE = (
     "mass", "gyroscopic", "geometric0", "load_x", "load_y", "load_out", "load_turn", "force_x", "force_y",
+    "rotary_mass", "rotary_load_turn",
 )  # fmt: skip
 
 
@@ -90,13 +95,15 @@ def gauss(count: int) -> tuple[Array, Array]:
 
 
 def point(x: float) -> dict[str, Array]:
-    """Return the constants of a link by a unit mass, force and axial force at x [m] from its first point.
+    """Return the constants of a link by a unit mass, force, axial force and moment of inertia at x [m].
 
     By name, (6, 6) or (6,) over the rows ``SHAPES``: see :mod:`symgen.mechanics.elastic.places`.
     """
     n, found = len(SHAPES), _evaluated("elastic_place", "point", np.array([x]))
-    matrices, vectors = found[: 3 * n * n].reshape(3, n, n), found[3 * n * n :].reshape(-1, n)
-    return dict(zip(AT_A_PLACE, (*matrices, *vectors), strict=True))
+    squares = {"mass", "gyroscopic", "geometric0", "rotary_mass"}
+    shapes = {name: (n, n) if name in squares else (n,) for name in AT_A_PLACE}
+    parts = np.split(found, np.cumsum([math.prod(shape) for shape in shapes.values()])[:-1])
+    return {name: part.reshape(shapes[name]) for name, part in zip(AT_A_PLACE, parts, strict=True)}
 
 
 @dataclass(frozen=True, slots=True)
@@ -148,31 +155,39 @@ def names(info: BeamInfo) -> tuple[str, ...]:
     """Return the unknowns of a link before any is left out: node, inner ones, node, ...
 
     ``u@2`` is u of node 2, counted from 0 at the link's first point; ``mid@1.2`` is between nodes 1 and 2.
+    Where the curvature jumps, ``kappa@2+`` is that behind node 2.
     """
+    jumps = _jumps(info)
     found = []
     for i in range(info.elements + 1):
         if i:
             found += [f"{dof}@{i - 1}.{i}" for dof in info.inner_dofs]
         found += [f"{dof}@{i}" for dof in info.node_dofs]
+        found += [f"{_CURVATURE}@{i}+"] if i in jumps else []
     return tuple(found)
+
+
+def _jumps(info: BeamInfo) -> set[int]:
+    """Return the nodes with a curvature on each side."""
+    return {info.nodes.index(x) for x in info.jumps} if _CURVATURE in info.node_dofs else set()
 
 
 def segments(info: BeamInfo, properties: Properties) -> tuple[Segment, ...]:
     """Return the elements of a link."""
     per_node, inner, n = len(info.node_dofs), len(info.inner_dofs), info.elements
-    found = []
+    found, first, jumps = [], 0, _jumps(info)
     for i in range(n):
         # Both ends by the same product, so that the elements leave no gap.
         start, stop = (_place(info, properties.length, k) for k in (i, i + 1))
         section = (properties.mass, properties.rotary, properties.axial, properties.bending, properties.shear)
         moved = [c for polynomial in section for c in shifted(polynomial, start)]
-        first = i * (per_node + inner)
-        second = first + per_node + inner
-        dofs = (
-            *range(first, first + per_node),
-            *range(second, second + per_node),
-            *range(first + per_node, second),
-        )
+        behind = first + per_node + (i in jumps)
+        second = behind + inner
+        node = [*range(first, first + per_node)]
+        if i in jumps:
+            node[info.node_dofs.index(_CURVATURE)] = behind - 1
+        dofs = (*node, *range(second, second + per_node), *range(behind, second))
+        first = second
         arguments = np.array([stop - start, *moved])
         found.append(Segment(info.element, info.block, start, stop - start, dofs, arguments))
     return tuple(found)
@@ -186,12 +201,15 @@ def meshed(info: BeamInfo, length: float, lumps: Sequence[Lump], profiles: Seque
         if all(abs(place / length - bound) > _SHORTEST for bound in bounds):
             insort(bounds, place / length)
     if len(bounds) == 2:
-        return info
+        return replace(info, jumps=())
+    welded = [fraction for point, fraction in info.between if point in info.welds]
+    turned = [*welded, *(lump.at / length for lump in lumps if lump.inertia)]
+    jumps = tuple(x for x in bounds[1:-1] if any(abs(x - place) < SAME for place in turned))
     nodes = [0.0]
     for start, end in pairwise(bounds):
         count = max(1, math.ceil((end - start) * info.elements - 1e-9))
         nodes += [start + (end - start) * k / count for k in range(1, count)] + [end]
-    return replace(info, elements=len(nodes) - 1, nodes=tuple(nodes))
+    return replace(info, elements=len(nodes) - 1, nodes=tuple(nodes), jumps=jumps)
 
 
 def _place(info: BeamInfo, length: float, node: int) -> float:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from symgen.errors import ModelError
 from symgen.runtime.beams.damping import modal, rayleigh
 from symgen.runtime.beams.data import BeamInfo, Lump, Piece, Profile, Properties, StationRows
-from symgen.runtime.beams.elements import SHAPES, Segment, names, segment_at, segments
+from symgen.runtime.beams.elements import SAME, SHAPES, Segment, names, segment_at, segments
 from symgen.runtime.beams.elements import at as value_at
 from symgen.runtime.beams.pieces import followed, pieces, transformed, whole
 from symgen.runtime.beams.reduction import of_one_length, reduced
@@ -178,10 +178,10 @@ def beam(
         found = tuple(followed(piece, expansion, ends) for piece in found)
     if info.reduction:
         total = whole(found, len(dofs))
-        dofs, basis = reduced(info, dofs, _fixed(info, properties, dofs), total)
+        dofs, basis = reduced(info, dofs, _fixed(info, properties, lumps, dofs), total)
         expansion = basis if expansion is None else expansion @ basis
         found = (transformed(total, basis),)
-    fixed = _fixed(info, properties, dofs)
+    fixed = _fixed(info, properties, lumps, dofs)
     found, forces = _damped(info, properties, dofs, fixed, found)
     joints = _joints(info, dofs)
     return Beam(info, properties, tuple(lumps), dofs, joints, fixed, found, forces, parts, expansion)
@@ -210,11 +210,14 @@ def _damped(
     return made, np.zeros((0, sum(len(piece.at) for piece in made)))
 
 
-def _fixed(info: BeamInfo, properties: Properties, dofs: Sequence[str]) -> tuple[int, ...]:
+def _fixed(
+    info: BeamInfo, properties: Properties, lumps: Sequence[Lump], dofs: Sequence[str]
+) -> tuple[int, ...]:
     """Return the curvatures that are zero because the moment is, at ends that have bending stiffness."""
+    turned = [(lump.at / properties.length).real for lump in lumps if lump.inertia]
     ends = (
-        (0, 0.0, info.clamped or info.start in info.welds or info.moments[0]),
-        (info.elements, properties.length, info.end in info.welds or info.moments[1]),
+        (0, 0.0, info.clamped or info.start in info.welds or any(x < SAME for x in turned)),
+        (info.elements, properties.length, info.end in info.welds or any(x > 1 - SAME for x in turned)),
     )
     largest = max(abs(value_at(properties.bending, properties.length * k / 8)) for k in range(9))
     return tuple(
@@ -236,5 +239,6 @@ def _check(info: BeamInfo, properties: Properties, lumps: Sequence[Lump]) -> Non
                 f"a lumped mass of {where} lies at {lump.at!r} m, expected 0 to its length "
                 f"{properties.length!r} m"
             )
-        if not 0.0 <= lump.mass.real < float("inf"):
-            raise ModelError(f"a lumped mass of {where} is zero or more, got {lump.mass!r} kg")
+        for value, unit in ((lump.mass, "kg"), (lump.inertia, "kg m^2")):
+            if not 0.0 <= value.real < float("inf"):
+                raise ModelError(f"a lumped mass of {where} is zero or more, got {value!r} {unit}")

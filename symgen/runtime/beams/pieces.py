@@ -73,6 +73,8 @@ def _piece(
         fields["centrifugal"] = fields["centrifugal"] + lump.mass * (shape.T @ there["mass"] @ shape)
         for name in VECTORS:
             fields[name] = fields[name] + lump.mass * (there[name] @ shape)
+        fields["mass"] = fields["mass"] + lump.inertia * (shape.T @ there["rotary_mass"] @ shape)
+        fields["load_turn"] = fields["load_turn"] + lump.inertia * (there["rotary_load_turn"] @ shape)
     axial = _stiffening(part, properties, own, before) if stiffening else np.zeros((3, n, n))
     fields.update(zip(("axial0", "axial1", "axial2"), axial, strict=True))
     fields.update(zip(SPREAD, (np.zeros((0, n)), np.zeros((0, n)), np.zeros((0, n, n))), strict=True))

@@ -182,6 +182,12 @@ def _masses(read: Reader) -> Iterator[RotorMass]:
         where = f"masses.{i}"
         point = read.known_point(mass.point, f"{where}.point").name
         inertia: tuple[sp.Expr, ...] = (sp.Integer(0),) * 3
+        if mass.inertia is not None and not isinstance(mass.inertia, list):
+            raise SceneError(
+                "a mass on a rotor has three moments of inertia",
+                where=f"{where}.inertia",
+                hint="Write inertia = [x, y, z], about the axes of the drawing.",
+            )
         if mass.inertia is not None:
             inertia = tuple(
                 read.not_negative(text, units.INERTIA, f"{where}.inertia.{k}")

@@ -192,6 +192,9 @@ def _rods(linkage: Linkage, part: Segments) -> Iterator[RigidLink]:
         if i == 0 and part.clamped and crank:
             inertia += crank.flywheel
         last = i == len(part.rods) - 1
+        for disc in linkage.masses:
+            if disc.link == part.link.name and _within(linkage, part.link.along(disc.point), low, high, last):
+                inertia += disc.inertia
         yield RigidLink(
             name=part.rods[i],
             start=part.points[i],

@@ -22,6 +22,7 @@ from symgen.symbolic.quantity import AXES, Quantity, quantity
 
 TIME = quantity("t", "s", "time")
 _DIGITS = 30
+_ZERO = sp.Integer(0)
 
 Vector = tuple[sp.Expr, ...]
 _T = TypeVar("_T")
@@ -101,6 +102,11 @@ class RigidLink:
         """The points that carry it."""
         return self.start, self.end
 
+    def along(self, point: str) -> sp.Expr:
+        """Return the place of one of its points along its line, as a fraction of the length."""
+        ends = {self.start: _ZERO, self.end: sp.Integer(1)}
+        return ends[point] if point in ends else next(c.along for c in self.carried if c.name == point)
+
 
 @dataclass(frozen=True, slots=True)
 class WeightedPoint:
@@ -151,10 +157,12 @@ class SpatialBody:
 
 @dataclass(frozen=True, slots=True)
 class PlacedMass:
-    """A point mass [kg] at a point."""
+    """A mass [kg] at a point; its moment of inertia [kg m^2] rotates with the link, which includes it."""
 
     point: str
     mass: sp.Expr
+    inertia: sp.Expr = _ZERO
+    link: str = ""
 
 
 @dataclass(frozen=True, slots=True)

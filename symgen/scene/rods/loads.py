@@ -2,27 +2,48 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
+
+import sympy as sp
 
 from symgen.errors import SceneError
 from symgen.loads import LOADS
 from symgen.loads.load import Load
 from symgen.scene import units
 from symgen.scene.reading import Reader
-from symgen.scene.rods.linkage import PlacedMass
+from symgen.scene.rods.linkage import TIME, PlacedMass, RigidLink
+from symgen.scene.schema import PointMass
 
 
-def masses(read: Reader) -> Iterator[PlacedMass]:
-    """Yield the point masses."""
+def masses(read: Reader, links: Sequence[RigidLink]) -> Iterator[PlacedMass]:
+    """Yield the masses at points, those with inertia with the link on which they rotate."""
     for i, mass in enumerate(read.scene.masses):
-        point = read.known_point(mass.point, f"masses.{i}.point")
-        if mass.inertia is not None:
+        where = f"masses.{i}"
+        point = read.known_point(mass.point, f"{where}.point").name
+        own = read.not_negative(mass.mass, units.MASS, f"{where}.mass")
+        if mass.inertia is None:
+            if mass.link is not None:
+                raise SceneError(
+                    "a mass without a moment of inertia rotates with no link", where=f"{where}.link"
+                )
+            yield PlacedMass(point, own)
+            continue
+        if read.dimension == 3 or isinstance(mass.inertia, list):
             raise SceneError(
-                "a point mass has no inertia but on a rotor",
-                where=f"masses.{i}.inertia",
-                hint="Give the inertia to a link.",
+                "a mass at a point has one moment of inertia in the plane, three on a rotor, none else",
+                where=f"{where}.inertia",
+                hint="In the plane write one moment; in space give the inertia to a body.",
             )
-        yield PlacedMass(point.name, read.not_negative(mass.mass, units.MASS, f"masses.{i}.mass"))
+        inertia = read.not_negative(mass.inertia, units.INERTIA, f"{where}.inertia")
+        yield PlacedMass(point, own, inertia, _turned(read, links, mass, where))
+
+
+def with_inertias(links: Iterable[RigidLink], masses: Sequence[PlacedMass]) -> Iterator[RigidLink]:
+    """Yield the links, with the moments of inertia of masses that rotate with them."""
+    for link in links:
+        own = [mass.inertia for mass in masses if mass.link == link.name]
+        yield replace(link, inertia=sp.Add(link.inertia, *own)) if own else link
 
 
 def loads(read: Reader) -> Iterator[Load]:
@@ -30,3 +51,30 @@ def loads(read: Reader) -> Iterator[Load]:
     for table, kind in LOADS.items():
         for i, written in enumerate(getattr(read.scene, table)):
             yield kind.read(read, written, kind.numbered(i), f"{table}.{i}")
+
+
+def _turned(read: Reader, links: Sequence[RigidLink], mass: PointMass, where: str) -> str:
+    """Return the link with which a mass with inertia rotates."""
+    there = [k for k in links if mass.point in (*k.base, *(c.name for c in k.carried))]
+    if mass.link is not None:
+        read.moving_link(mass.link, f"{where}.link")
+        there = [k for k in there if k.name == mass.link]
+    elif len(there) > 1:
+        welded = next((weld.links for weld in read.scene.welds if weld.point == mass.point), [])
+        there = there[:1] if {k.name for k in there} == set(welded) else there
+    if not there:
+        where_not = f"the link {mass.link}" if mass.link else "any link"
+        raise SceneError(f"{mass.point} is not on {where_not}", where=f"{where}.inertia")
+    if len(there) > 1:
+        found = ", ".join(k.name for k in there)
+        raise SceneError(
+            f"{mass.point} is on the links {found}: a mass with inertia rotates with one of them",
+            where=f"{where}.inertia",
+            hint=f'Write link = "{there[0].name}", or weld the links there.',
+        )
+    if TIME.symbol in there[0].length.free_symbols:
+        raise SceneError(
+            f"the length of {there[0].name} depends on the time, which is for a link without inertia",
+            where=f"{where}.inertia",
+        )
+    return there[0].name

@@ -353,7 +353,7 @@ def _check(motion: ElasticMotion) -> None:
     refused = {
         "a crank with a motor": info.mode == "motor",
         "welds": any(beam.welds for beam in info.beams),
-        "masses between the ends of elastic links": bool(info.lumps),
+        "moments of inertia on elastic links, or masses between their ends": bool(info.lumps),
         "forces along elastic links": not all(info.joints),
         "loads by angles counted over revolutions": bool(motion.rigid.description.windings),
     }
