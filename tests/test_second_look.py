@@ -39,6 +39,7 @@ from symgen.errors import (
 from symgen.lowering import straight_line
 from symgen.runtime.closure.start import close_near
 from symgen.runtime.loop.kernels import LoopKernels
+from symgen.scene.resolve import resolve
 from symgen.toolchain import compiler
 from symgen.toolchain import dependencies as graph
 from symgen.toolchain.cache import Cache
@@ -919,6 +920,16 @@ def test_19_loose_links_and_missing_loads_are_noted():
     assert not motor.description.remarks, "its crank has a torque"
     driven = symgen.build(CASES / "event_wrap.toml", backend="numpy").simulate(0.1, samples=2)
     assert not [n for n in driven.notes if "no load" in n], "its motion is prescribed"
+
+
+def test_angular_velocities_in_hertz_are_noted():
+    def notes(speed, angle):
+        of = symgen.load_scene("crank_rocker", set={"parameters.speed": speed, "drivers.0.angle": angle})
+        return [n for n in resolve(of).remarks if "Hz" in n]
+
+    assert not notes("60 rpm", "speed*t") and not notes("1 Hz", "2*pi*speed*t")
+    (note,) = notes("1 Hz", "speed*t")
+    assert note.startswith("drivers.0.angle") and "rev/s" in note
 
 
 def test_19_loose_links_and_missing_loads_of_elastic_scenes_are_noted():

@@ -52,7 +52,12 @@ def simulate(ctx: typer.Context) -> None:
 @analysis(
     "symgen kinematics crank_rocker --of rocker --plot rocker.svg",
     "start stop at samples of state through set_ out plot xy plot_over compare as_json backend",
-    of=o.maybe(list[str], "--of", "NAME", "A point, link or corner A.B.C to record; default: all that move."),
+    of=o.maybe(
+        list[str],
+        "--of",
+        "NAME",
+        "A point, link or corner A.B.C, or one output of it, to record; default: all that move.",
+    ),
 )
 def kinematics(ctx: typer.Context) -> None:
     """Compute the kinematics of a driven mechanism.

@@ -194,7 +194,8 @@ def read_unit(text: str) -> tuple[Fraction, Dimension]:
     try:
         quantity = _registry().Quantity(Fraction(1), text.replace("^", "**")).to_root_units()
     except pint.UndefinedUnitError as error:
-        raise SceneError(f"{problem}: {error}", hint=hint) from None
+        unknown = [name for name in error.unit_names if name != text]
+        raise SceneError(f"{problem}: {', '.join(unknown)}" if unknown else problem, hint=hint) from None
     except Exception as error:  # Pint's parser raises whatever Python's tokenizer does
         raise SceneError(problem, hint=hint) from error
     dims = quantity.dimensionality

@@ -317,8 +317,12 @@ def test_transmission_angle_by_the_law_of_cosines():
     assert acute[0].max() < expected(motion.time).max()  # some of these angles are obtuse
     assert motion["A.B.C.transmission_angle"].values == pytest.approx(acute[0], abs=1e-14)
     assert run["A.B.C.transmission_angle"].values == pytest.approx(acute[1], abs=1e-9)
-    with pytest.raises(ModelError, match="no point or moving link 'A.B.A'"):
-        model.kinematics(0, 1, of=["A.B.A"])
+    one = model.kinematics(0, 6, of=["A.B.C.transmission_angle", "B.velocity"])
+    assert [v.name for v in one.variables][-2:] == ["A.B.C.transmission_angle", "B.velocity"]
+    assert np.array_equal(one["A.B.C.transmission_angle"], motion["A.B.C.transmission_angle"])
+    for unknown in ("A.B.A", "A.B.C.rate", "B.angle"):
+        with pytest.raises(ModelError, match=f"no point or moving link '{unknown}'"):
+            model.kinematics(0, 1, of=[unknown])
 
 
 def test_speed_ratio_of_a_four_bar():

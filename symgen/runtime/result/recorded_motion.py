@@ -45,8 +45,17 @@ class Along:
         return nearest_turn(angles, whole[..., self.near])
 
 
+#: What is recorded of a point, of a link, and of a corner.
+_OF_POINT = ("position", "velocity", "acceleration")
+_OF_LINK = ("angle", "rate", "acceleration")
+_OF_CORNER = ("angle", "transmission_angle")
+
+
 def chosen_names(bonds: Bonds, of: Sequence[str] | None) -> list[str]:
-    """Return the points, links and corners A.B.C to record: all points and links that move by default."""
+    """Return the points, links, corners A.B.C and single outputs of them to record.
+
+    By default they are all points and links that move.
+    """
     d = bonds.description
     moving = [
         p for p in d.points if p not in d.ground or any(n.startswith(f"{p}.") for n in bonds.drives(0.0))
@@ -57,12 +66,19 @@ def chosen_names(bonds: Bonds, of: Sequence[str] | None) -> list[str]:
     if of is None:
         return [*moving, *(turning if len(d.axes) == 2 else [])]
     known = [*d.points, *(turning if len(d.axes) == 2 else [])]
-    for name in of:
+
+    def recorded_of(name: str) -> tuple[str, ...]:
         corner = name.split(".")
-        if name not in known and not (len(set(corner)) == len(corner) == 3 and set(corner) <= set(d.points)):
+        if name in known:
+            return _OF_POINT if name in d.points else _OF_LINK
+        return _OF_CORNER if len(set(corner)) == len(corner) == 3 and set(corner) <= set(d.points) else ()
+
+    for name in of:
+        whole, _, output = name.rpartition(".")
+        if not recorded_of(name) and output not in recorded_of(whole):
             raise ModelError(
                 f"there is no point or moving link {name!r} to record. {nearest(name, known)}\n"
-                "  A.B.C records the angles at B between A and C."
+                "  A.B.C records the angles at B between A and C; coupler.angle one output of a link."
             )
     return list(dict.fromkeys(of))
 
@@ -158,17 +174,21 @@ def of_names(
 ) -> Iterator[Variable]:
     """Yield the records of points, links and corners, from what all points do: (samples, points, axes)."""
     for name in chosen:
-        if name in d.points:
-            yield from _of_point(d.points.index(name), name, d.axes, r, v, a)
-        elif name in d.links:
-            yield from _of_link(d, counted, name, r, v, a)
+        whole, _, output = name.rpartition(".")
+        if output not in {*_OF_POINT, *_OF_LINK, *_OF_CORNER} or name in (*d.points, *d.links):
+            whole = name
+        if whole in d.points:
+            found = _of_point(d.points.index(whole), whole, d.axes, r, v, a)
+        elif whole in d.links:
+            found = _of_link(d, counted, whole, r, v, a)
         else:
-            yield from _of_corner([d.points.index(p) for p in name.split(".")], name, r)
+            found = _of_corner([d.points.index(p) for p in whole.split(".")], whole, r)
+        yield from (x for x in found if name in (whole, x.name))
 
 
 def _of_point(i: int, name: str, axes: tuple[str, ...], r: Array, v: Array, a: Array) -> list[Variable]:
-    words = (("position", "m", r), ("velocity", "m/s", v), ("acceleration", "m/s^2", a))
-    return [Variable(f"{name}.{w}", unit, f"{w} of {name}", axes, x[:, i]) for w, unit, x in words]
+    rows = zip(_OF_POINT, ("m", "m/s", "m/s^2"), (r, v, a), strict=True)
+    return [Variable(f"{name}.{w}", unit, f"{w} of {name}", axes, x[:, i]) for w, unit, x in rows]
 
 
 def _of_corner(points: list[int], name: str, r: Array) -> list[Variable]:
@@ -176,13 +196,11 @@ def _of_corner(points: list[int], name: str, r: Array) -> list[Variable]:
     places = np.pad(r[:, points], ((0, 0), (0, 0), (0, 3 - r.shape[2])))
     a, b = places[:, 0] - places[:, 1], places[:, 2] - places[:, 1]
     area, along = np.linalg.norm(np.cross(a, b), axis=1), np.sum(a * b, axis=1)
-    about, acute = (
-        words.format(*name.split("."))
-        for words in ("angle at {1} from {0} to {2}", "acute angle at {1} between the lines to {0} and {2}")
-    )
+    texts = ("angle at {1} from {0} to {2}", "acute angle at {1} between the lines to {0} and {2}")
+    rows = zip(_OF_CORNER, texts, (along, np.abs(along)), strict=True)
     return [
-        Variable(f"{name}.angle", "rad", about, (), np.arctan2(area, along)),
-        Variable(f"{name}.transmission_angle", "rad", acute, (), np.arctan2(area, np.abs(along))),
+        Variable(f"{name}.{w}", "rad", text.format(*name.split(".")), (), np.arctan2(area, x))
+        for w, text, x in rows
     ]
 
 
@@ -194,5 +212,5 @@ def _of_link(d: Description, counted: Counted, name: str, r: Array, v: Array, a:
     rate = (c[:, 0] * e[:, 1] - c[:, 1] * e[:, 0]) / squared
     second = (c[:, 0] * f[:, 1] - c[:, 1] * f[:, 0] - 2 * rate * np.sum(c * e, axis=1)) / squared
     angle = counted(name, np.arctan2(c[:, 1], c[:, 0]))
-    words = (("angle", "rad", angle), ("rate", "rad/s", rate), ("acceleration", "rad/s^2", second))
-    return [Variable(f"{name}.{w}", unit, f"{w} of {name}", (), x) for w, unit, x in words]
+    rows = zip(_OF_LINK, ("rad", "rad/s", "rad/s^2"), (angle, rate, second), strict=True)
+    return [Variable(f"{name}.{w}", unit, f"{w} of {name}", (), x) for w, unit, x in rows]

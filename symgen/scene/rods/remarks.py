@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from itertools import combinations
 
 from symgen.scene.rods.linkage import TIME, Linkage, RigidLink, SpatialBody
 from symgen.scene.schema import Scene
 
+_HERTZ = re.compile(r"\b[kM]?(Hz|hertz)\b")
+_NAME = re.compile(r"[^\W\d]\w*")
+
 
 def remarks(scene: Scene, linkage: Linkage) -> tuple[str, ...]:
     """Return the remarks on a linkage, which the results of its runs repeat as notes."""
-    return (*_of_loose_parts(linkage), *_of_loads(scene, linkage), *_of_reactions(linkage))
+    loads = _of_loads(scene, linkage)
+    return (*_of_loose_parts(linkage), *_of_hertz(scene), *loads, *_of_reactions(linkage))
 
 
 def _of_loose_parts(linkage: Linkage) -> Iterator[str]:
@@ -50,6 +55,23 @@ def _joined(linkage: Linkage) -> list[set[str]]:
         apart = [g for g in groups if not g & points]
         groups = [*apart, points.union(*(g for g in groups if g & points))]
     return groups
+
+
+def _of_hertz(scene: Scene) -> Iterator[str]:
+    """Yield the angular velocities that are written in Hz and are no multiple of pi."""
+    frequencies = {name for name, p in scene.parameters.items() if _HERTZ.search(str(p.value))}
+    given: list[tuple[str, object]] = [
+        (f"drivers.{k}.angle", driver.angle) for k, driver in enumerate(scene.drivers)
+    ]
+    given += [("crank.speed", scene.crank.speed)] if scene.crank else []
+    given += [(f"start.rates.{name}", rate) for name, rate in scene.start.rates.items()]
+    for where, text in given:
+        names = {*_NAME.findall(str(text))}
+        if "pi" not in names and (names & frequencies or _HERTZ.search(str(text))):
+            yield (
+                f"{where} has an angular velocity in Hz, which is 1/s: 60 Hz are 60 rad/s; revolutions per "
+                "second are written rev/s, or 2*pi*f"
+            )
 
 
 def _of_loads(scene: Scene, linkage: Linkage) -> Iterator[str]:
