@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import symgen
-from symgen.errors import CapabilityError, ModelError
+from symgen.errors import ModelError
 
 INCH, POUND = mp.mpf("0.0254"), mp.mpf("4.4482216152605")
 CRANK, ROD = 12 * INCH, 50 * INCH
@@ -98,8 +98,3 @@ def test_redundant_closure_determines_some_derivatives():
         model.sensitivity(["theta4"], ["w"])
     with pytest.raises(ModelError, match="there is no output 'thetaX'"):
         model.sensitivity(["thetaX"], ["speed"])
-
-
-def test_free_loops_refuse_derivatives_with_the_reason():
-    with pytest.raises(CapabilityError, match="moves freely"):
-        symgen.build("cssp").sensitivity(["energy"])

@@ -21,7 +21,7 @@ SUPPORTED = {
     "four_bar": RODS,
     "crank_rocker": (RODS | DRIVEN) - AT_REST,
     "slider_crank": DRIVEN | {"batch", "sensitivity", "jacobian"},
-    "cssp": {"simulate", "assemblies", "batch", "linearise", "mass_matrix", "jacobian"},
+    "cssp": {"simulate", "assemblies", "batch", "linearise", "sensitivity", "mass_matrix", "jacobian"},
     "thesis_four_bar": RODS - {"accelerations", "equilibrium"} - LINEAR | DRIVEN | ELASTIC | EXACT,
     "elastic_four_bar_motor": RODS - {"accelerations"} - LINEAR | DRIVEN | ELASTIC | EXACT,
 }

@@ -95,6 +95,52 @@ class FreePose(LoopPose):
             self.carry(direction, k, name)
         return direction + self._solved(self._equations(direction))
 
+    def started(self, of: tuple[int, int]) -> Array:
+        """Return the direction by a free variable or its rate: (order, number of the variable)."""
+        return self._direction(*of)
+
+    def by_parameter(self, name: str) -> Array:
+        """Return the direction of places and rates by a parameter; free variables keep theirs."""
+        d = self.loop.description
+        place = [p.name for p in d.parameters].index(name)
+        direction = np.zeros(self.size)
+        direction[self.places[-1] + place] = 1.0
+        length = d.parameters[place].unit == "m"
+        change = d.size if length else max(1.0, abs(float(self.loop.given[place])))
+        self._prescribe(direction)
+        for order in range(2):
+            self.carry(direction, order, name, change)
+        return direction
+
+    def _prescribe(self, direction: Array) -> None:
+        """Set the tangents of prescribed motions by the parameters of a direction."""
+        if self.inputs:
+            n, prescribed = len(self.q), self.along("prescribed", direction).reshape(-1, 3)
+            for order in range(3):
+                direction[order * n + np.array(self.inputs)] = prescribed[:, order]
+
+    def by_state(self, moved: Array, parameters: Sequence[str], seeds: Array) -> Array:
+        """Return the tangents of outputs (outputs, columns) along tangents of the state and of parameters.
+
+        Parameters
+        ----------
+        moved
+            Tangents of places and rates, (2n, columns).
+        seeds
+            Tangents of the parameters, (parameters, columns).
+        """
+        names = [p.name for p in self.loop.description.parameters]
+        found = []
+        for of_state, of_parameters in zip(moved.T, seeds.T, strict=True):
+            direction = np.zeros(self.size)
+            direction[self.places[-1] + np.array([names.index(x) for x in parameters], dtype=int)] = (
+                of_parameters
+            )
+            self._prescribe(direction)
+            direction[: len(of_state)] = of_state
+            found.append(direction + self._solved(self._equations(direction)))
+        return self._outputs(np.array(found))
+
     def _driven(self, name: str) -> Array:
         """Return the direction of accelerations and wrench by an input of the scene."""
         direction = np.zeros(self.size)

@@ -28,6 +28,8 @@ from symgen.runtime.rods.redundancy import slack
 
 Array = NDArray[np.float64]
 
+#: Steps at most of a run with derivatives, whose states are all kept.
+MOST_STEPS = 1_000_000
 #: Steps whose states are noted in one call.
 _CHUNK = 4096
 #: Directions at which the transposed steps of one output cost as much as the tangents of all.
@@ -66,11 +68,6 @@ def follow(evaluator: Evaluator, redundant: int, start: State, chosen: Options, 
         As for :meth:`Model.simulate`.
     """
     d = evaluator.description
-    if chosen.method.kind != "explicit":
-        raise ModelError(
-            f"derivatives of runs are for explicit methods, and {chosen.method.name} is none\n"
-            "  Choose dop853, dopri5 or rk4."
-        )
     if d.switches:
         what = "smooth pulses in the time" if 0 in d.pulses else "loads that jump"
         raise ModelError(f"derivatives of runs are not available for {what}: {d.switches[0]}")
@@ -79,10 +76,52 @@ def follow(evaluator: Evaluator, redundant: int, start: State, chosen: Options, 
             raise ModelError(
                 f"derivatives of runs are not available where an event ends the run: {event.name}"
             )
-    if recorded_at(times, start.t, chosen.t_end)[0] <= start.t:
-        raise ModelError(f"expected times after the start at t = {start.t:g} s, got {times[0]:g} s")
     allowed = slack(evaluator, start.q) if redundant else np.inf
     equations = evaluator.equations(redundant, allowed, work_of_loads=False)
+    directions = [(e.direction, _core.REVOLVES * e.revolves) for e in d.events]
+
+    def cause(stepper: _core.Run, chosen: Options, status: int) -> str:
+        return problem(status, stepper, equations, evaluator, chosen)
+
+    return followed(equations, d.of_windings, directions, start, chosen, times, cause)
+
+
+def followed(
+    equations: _core.Integrable,
+    held: slice,
+    events: Sequence[tuple[int, int]],
+    start: State,
+    chosen: Options,
+    times: Array,
+    cause: Callable[[_core.Run, Options, int], str],
+) -> Path:
+    """Carry out a run that steps exactly to the times requested, and keep its states.
+
+    Parameters
+    ----------
+    equations
+        Without the work of loads.
+    held
+        Which parameters are the references that a run sets.
+    events
+        Direction and kind of each event.
+    cause
+        Returns the message for a run that fails.
+
+    Raises
+    ------
+    ModelError
+        For methods other than explicit ones, and times that do not increase from the start to the end.
+    SimulationError
+        As for :meth:`Model.simulate`.
+    """
+    if chosen.method.kind != "explicit":
+        raise ModelError(
+            f"derivatives of runs are for explicit methods, and {chosen.method.name} is none\n"
+            "  Choose dop853, dopri5 or rk4."
+        )
+    if recorded_at(times, start.t, chosen.t_end)[0] <= start.t:
+        raise ModelError(f"expected times after the start at t = {start.t:g} s, got {times[0]:g} s")
     t: list[Array] = [np.array([start.t])]
     y: list[Array] = []
     references: list[Array] = []
@@ -91,24 +130,23 @@ def follow(evaluator: Evaluator, redundant: int, start: State, chosen: Options, 
         stepper = _core.Run(
             equations, chosen.method, now, state, end, chosen.rtol, chosen.atol, step, np.zeros(0),
             max_step=chosen.max_step,
-            directions=[e.direction for e in d.events],
-            terminal=[_core.REVOLVES * e.revolves for e in d.events],
+            directions=[direction for direction, _ in events],
+            terminal=[kind for _, kind in events],
         )  # fmt: skip
         status = stepper.begin()
         if not y:
             y.append(stepper.state[None, :])
-            references.append(equations.parameters[None, d.of_windings])
+            references.append(equations.parameters[None, held])
         while status == _core.MORE:
             room = min(_CHUNK, chosen.max_steps - sum(map(len, t)) + 1)
             if room <= 0:
                 break
-            rows = np.zeros(room), np.zeros((room, len(state))), np.zeros((room, d.windings))
+            rows = np.zeros(room), np.zeros((room, len(state))), np.zeros((room, held.stop - held.start))
             status, taken = stepper.advance_noting(*rows)
             for of, found in zip((t, y, references), rows, strict=True):
                 of.append(found[:taken])
         if status != _core.DONE:
-            cause = problem(status, stepper, equations, evaluator, replace(chosen, t_end=end))
-            raise SimulationError(cause, time=stepper.t)
+            raise SimulationError(cause(stepper, replace(chosen, t_end=end), status), time=stepper.t)
         now, state = end, stepper.state
         step = step if not chosen.rtol and not chosen.atol else 0.0
         ends.append(sum(map(len, t)) - 1)
@@ -153,7 +191,7 @@ def at_run(
     SimulationError
         When a derivative is not finite.
     """
-    start = tangents(_state(path, 0), path.references[0])
+    start = tangents(state_of(path, 0), path.references[0])
     start.check_closed()
     parameters = [name for name in by if name in start.parameters]
     initial = [*coordinates, *(f"{name}'" for name in coordinates)]
@@ -162,7 +200,7 @@ def at_run(
     names = (*parameters, *chosen_initial)
     of_pose, of_coordinates = moved_pose(start, parameters, coordinates), start.independent(coordinates)
     first = np.vstack([np.hstack([p, c[:, columns]]) for p, c in zip(of_pose, of_coordinates, strict=True)])
-    ends = [tangents(_state(path, i), path.references[i]) for i in path.ends]
+    ends = [tangents(state_of(path, i), path.references[i]) for i in path.ends]
     shown = [x for name in outputs for x in ends[0].slopes.scalars(name)]
     for end in ends:
         check_unique(end, shown)
@@ -203,7 +241,8 @@ def at_run(
     return finite(derived)
 
 
-def _state(path: Path, i: int) -> State:
+def state_of(path: Path, i: int) -> State:
+    """Return a state of the path."""
     q, u = np.split(path.y[i], 2)
     return State(float(path.t[i]), q, u, {}, {})
 

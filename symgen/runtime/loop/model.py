@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from functools import cached_property
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -131,8 +131,6 @@ class LoopModel(Model):
                 "its inputs prescribe its motion, so that no state is free to deviate\n"
                 "  Move a variable from loop.inputs to loop.free to let forces move it."
             )
-        if name == "sensitivity" and (free or not d.having("input")):
-            return "it moves freely: derivatives are those of loops whose inputs prescribe the motion"
         if name in ("kinematics", "inverse_dynamics") and free:
             return (
                 f"it has free variables ({', '.join(free)}): its motion follows from forces\n"
@@ -194,15 +192,30 @@ class LoopModel(Model):
         self,
         outputs: Sequence[str],
         parameters: Sequence[str] | None = None,
-        at: float | None = None,
+        at: State | float | None = None,
+        t_end: float | None = None,
         t_eval: ArrayLike | None = None,
+        method: str | None = None,
+        rtol: float | None = None,
+        atol: float | None = None,
+        step: float | None = None,
+        max_steps: int | None = None,
+        max_step: float | None = None,
     ) -> Sensitivity:
         from symgen.runtime.linearisation.loops import sensitivity
         from symgen.runtime.linearisation.record import at_times
 
-        by = self._differentiated(parameters)
         if not outputs:
             raise ModelError("expected outputs to differentiate, got none")
+        options_of = (method, rtol, atol, step, max_steps, max_step)
+        if not self.is_driven:
+            return self._along_run(outputs, parameters, at, t_end, t_eval, options_of)
+        if isinstance(at, State) or any(x is not None for x in (t_end, *options_of)):
+            raise ModelError(
+                f"the inputs of {self.name} prescribe its motion, so that there is no run: give a time for "
+                "at, or times for t_eval"
+            )
+        by = self._differentiated(parameters)
         kernels = self._tangents("loop_sensitivity", outputs)
         begin = self.closed_start()
 
@@ -210,6 +223,47 @@ class LoopModel(Model):
             return sensitivity(self.kernels, kernels, begin, times, by)
 
         return at_times(found, at, t_eval, begin.t)
+
+    def _along_run(
+        self,
+        outputs: Sequence[str],
+        parameters: Sequence[str] | None,
+        at: State | float | None,
+        t_end: float | None,
+        t_eval: ArrayLike | None,
+        options_of: tuple[Any, ...],
+    ) -> Sensitivity:
+        """Return derivatives along a run under forces; without an end those at the state."""
+        from symgen.runtime.integrate.options import options
+        from symgen.runtime.linearisation.free_loops import FreePose
+        from symgen.runtime.linearisation.loop_runs import at_run, follow
+        from symgen.runtime.linearisation.runs import MOST_STEPS, Path
+
+        d, rank = self.description, self.closed_start().rank
+        if at is not None and not isinstance(at, State):
+            raise ModelError(f"{self.name} moves freely: give t_end or t_eval for derivatives along its run")
+        start = self.initial_state() if at is None else at
+        free = [d.variables[i].name for i in d.having("free")]
+        by = self._differentiated(parameters, [*free, *(f"{name}'" for name in free)])
+        kernels = self._tangents("loop_linearisation", outputs)
+
+        def pose(state: State) -> FreePose:
+            return FreePose(self.kernels, kernels, state)
+
+        if t_end is None and t_eval is None:
+            y = np.concatenate([start.q, start.u])[None]
+            only = Path(np.array([start.t]), y, np.zeros((1, 0)), (0,))
+            return at_run(only, pose, self.kernels, rank, by)
+        pose(start)
+        times = reals(t_end, "t_end") if t_eval is None else reals(t_eval, "t_eval")
+        if not len(times):
+            raise ModelError("expected increasing times for t_eval, at least one, got none")
+        method, rtol, atol, step, max_steps, max_step = options_of
+        most = MOST_STEPS if max_steps is None else max_steps
+        last = float(times[-1]) if t_end is None else t_end
+        chosen = options(last, method, rtol, atol, step, 2, most, max_step=max_step)
+        path = follow(self.kernels, rank, start, chosen, times)
+        return at_run(path, pose, self.kernels, rank, by, chosen)
 
     def state(
         self,

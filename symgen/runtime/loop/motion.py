@@ -75,8 +75,8 @@ def run(
     result = _recorded(kernels, equations, begin, stepper, chosen, wall)
     if status == _core.DONE:
         return result
-    problem = _problem(kernels, stepper, chosen, status)
-    raise SimulationError(problem, time=stepper.t, partial=result if stepper.recorded else None)
+    cause = problem(kernels, stepper, chosen, status)
+    raise SimulationError(cause, time=stepper.t, partial=result if stepper.recorded else None)
 
 
 def rates_at_start(kernels: LoopKernels, begin: Closed) -> Array:
@@ -177,7 +177,8 @@ def _component(entry: int, size: float) -> str:
     return f"rotation{about}, times {size:.4g} m"
 
 
-def _problem(kernels: LoopKernels, stepper: _core.Run, chosen: Options, status: int) -> str:
+def problem(kernels: LoopKernels, stepper: _core.Run, chosen: Options, status: int) -> str:
+    """Return the message for a run that ended with this status: time, cause, remedy and last state."""
     d = kernels.description
     q = stepper.state[: d.coordinates]
     solved = d.having("dependent", "free")

@@ -119,7 +119,8 @@ class LinearAnalyses:
             that are displacements of joints, strains, stresses at stations or changes of length.
         parameters
             Tunable parameters and inputs, all when absent. Of a run also the initial values of
-            ``coordinates`` and of their rates, called ``crank.angle`` and ``crank.angle'``.
+            ``coordinates`` and of their rates, called ``crank.angle`` and ``crank.angle'``; of a loop
+            those of its free variables, without ``coordinates``.
         at
             An equilibrium, which moves with the parameters; or a state, which is held as far as drives and
             ``coordinates`` determine it, together with its time. Where drives alone move the linkage, and
@@ -129,7 +130,8 @@ class LinearAnalyses:
             for each degree of freedom that is not driven.
         t_end, t_eval
             With either, the derivatives are those along the run from that state: at the end [s], or at these
-            increasing times [s] after the start. Of loops and elastic links ``t_eval`` gives poses [s].
+            increasing times [s] after the start. Of driven loops and elastic links ``t_eval``
+            gives poses [s].
         integrals
             Outputs whose integrals over the time from the start are further outputs, ``integral of NAME``.
         method, rtol, atol, step, max_steps, max_step

@@ -37,8 +37,6 @@ if TYPE_CHECKING:
     from symgen.runtime.rods.modes import Modes
 
 Array = NDArray[np.float64]
-#: Steps at most of a run with derivatives, whose states are all kept.
-MOST_STEPS = 1_000_000
 
 
 @checked
@@ -257,6 +255,8 @@ class RodModel(LinkageModel):
             if not len(times):
                 raise ModelError("expected increasing times for t_eval, at least one, got none")
             last = float(times[-1]) if t_end is None else t_end
+            from symgen.runtime.linearisation.runs import MOST_STEPS
+
             most = MOST_STEPS if max_steps is None else max_steps
             chosen = options(last, method, rtol, atol, step, 2, most, max_step=max_step)
             return self._along_run(outputs, names, by, coordinates, start, times, integrals, chosen)
