@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -12,7 +11,7 @@ from symgen.display import seconds
 from symgen.errors import ModelError, SimulationError
 from symgen.inspection.view import View, view_of
 from symgen.report.page.figures import FigureView, error_figure, run_figure
-from symgen.report.page.page import Fact, TableView
+from symgen.report.page.page import Fact, Measured, TableView
 from symgen.runtime.result.result import Result
 from symgen.scene.loading import SceneText, check_scene
 from symgen.study.speed.work_precision import WorkPrecision, work_precision
@@ -22,21 +21,6 @@ _OF_POINTS = (("position", "m"), ("velocity", "m/s"))
 _TELLING = ("energy drift", "constraint drift", "closed within", "estimated error")
 #: Repeats per setting, and recorded times.
 _REPEATS, _SAMPLES = 2, 11
-
-
-@dataclass(frozen=True, slots=True)
-class Measured:
-    """A run and its cost; ``result`` is None if the run failed at once."""
-
-    result: Result | None
-    headline: tuple[Fact, ...] = ()
-    facts: tuple[Fact, ...] = ()
-    figure: FigureView | None = None
-    notes: tuple[str, ...] = ()
-    final: TableView | None = None
-    speed: TableView | None = None
-    speed_figure: FigureView | None = None
-    speed_caption: str = ""
 
 
 def measure(model: Any, text: SceneText, *, speed: bool, told: Callable[[str], None]) -> Measured:

@@ -8,7 +8,7 @@ from typing import Any
 
 from symgen.codegen.emit import UnitView, equations_hash, unit_view
 from symgen.codegen.target import Target
-from symgen.inspection.measured import Measured, measure
+from symgen.inspection.measured import measure
 from symgen.inspection.view import View, view_of
 from symgen.lowering.kernel import SETUP, Kernel, Program
 from symgen.lowering.nodes import KINDS
@@ -17,7 +17,7 @@ from symgen.models.record import Step, of_system, record
 from symgen.pipeline.build import build, build_scene, system_of
 from symgen.pipeline.user_system import load
 from symgen.report.page.drawing import Drawing, drawing
-from symgen.report.page.page import Fact, KernelRow, Page, StepView, example_in_c
+from symgen.report.page.page import Fact, KernelRow, Measured, Page, StepView, example_in_c
 from symgen.report.page.views import elimination, matrix_view, shared_terms, symbols
 from symgen.scene.loading import SceneText, check_scene
 from symgen.scene.resolve import resolve
@@ -114,13 +114,7 @@ def _page(
         kinds=tuple(_KINDS[k] for k in KINDS),
         in_c=example_in_c(unit, _main(program.kernels)),
         in_python="\n".join(["import symgen", "", f'model = symgen.build("{source}")', *view.example(model)]),
-        run=found.facts,
-        run_figure=found.figure,
-        notes=found.notes,
-        final=found.final,
-        speed=found.speed,
-        speed_figure=found.speed_figure,
-        speed_caption=found.speed_caption,
+        measured=found,
         left_out=system.left_out,
         references=(*system.references, *view.references),
         equations=equations,

@@ -3,20 +3,20 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from symgen.errors import InitialStateError, ModelError, SceneError
 from symgen.methods import method_of
 
 if TYPE_CHECKING:
     from symgen.lowering.kernel import Program
-    from symgen.runtime.kernels.description import Description, LoopDescription, ParameterInfo
+    from symgen.runtime.kernels.description import Description, LoopDescription
     from symgen.runtime.kernels.elastic_description import ElasticInfo
     from symgen.runtime.kernels.library import Library
     from symgen.runtime.rotor.description import RotorDescription
     from symgen.scene.elastic.rotor import RotorScene
     from symgen.scene.loop.loop import Loop
-    from symgen.scene.rods.linkage import Linkage, Parameter
+    from symgen.scene.rods.linkage import Linkage
     from symgen.symbolic.system import System
 
 
@@ -106,30 +106,33 @@ def with_pose(system: System, description: LoopDescription, library: Library) ->
     return replace(description, start=tuple(found.q.tolist()), rank=found.rank, begin=begin)
 
 
-def _parameters(parameters: tuple[Parameter, ...]) -> tuple[ParameterInfo, ...]:
-    from symgen.runtime.kernels.description import ParameterInfo
+def _common(resolved: Linkage | Loop | RotorScene, program: Program, equations: str) -> dict[str, Any]:
+    """Return what the descriptions of all methods have."""
+    from symgen.runtime.kernels.description import ParameterInfo, kernel_infos
     from symgen.scene.rods.linkage import number
 
-    return tuple(
-        ParameterInfo(p.quantity.name, p.quantity.unit, p.quantity.description, number(p.default, {}))
-        for p in parameters
-    )
+    return {
+        "name": program.name,
+        "file": resolved.file,
+        "title": program.title,
+        "units": resolved.units,
+        "equations": equations,
+        "parameters": tuple(
+            ParameterInfo(p.quantity.name, p.quantity.unit, p.quantity.description, number(p.default, {}))
+            for p in resolved.parameters
+        ),
+        "kernels": kernel_infos(program.kernels),
+        "references": program.references,
+        "left_out": program.left_out,
+    }
 
 
 def of_loop(loop: Loop, program: Program, equations: str) -> LoopDescription:
     """Return the description of a loop, still without its start."""
-    from symgen.runtime.kernels.description import BallInfo, LoopDescription, VariableInfo, kernel_infos
+    from symgen.runtime.kernels.description import BallInfo, LoopDescription, VariableInfo
 
     return LoopDescription(
-        name=program.name,
-        file=loop.file,
-        title=program.title,
-        units=loop.units,
-        equations=equations,
-        parameters=_parameters(loop.parameters),
-        kernels=kernel_infos(program.kernels),
-        references=program.references,
-        left_out=program.left_out,
+        **_common(loop, program, equations),
         joints=tuple(row.joint for row in loop.rows),
         links=tuple(row.link for row in loop.rows),
         variables=tuple(
@@ -160,7 +163,7 @@ def of_loop(loop: Loop, program: Program, equations: str) -> LoopDescription:
 
 def of_linkage(linkage: Linkage, program: Program, equations: str) -> Description:
     """Return the description of a linkage, still without its start."""
-    from symgen.runtime.kernels.description import Description, EventInfo, PlaneInfo, kernel_infos
+    from symgen.runtime.kernels.description import Description, EventInfo, PlaneInfo
     from symgen.scene.rods.events import revolves
     from symgen.scene.rods.windings import turning
 
@@ -168,11 +171,7 @@ def of_linkage(linkage: Linkage, program: Program, equations: str) -> Descriptio
     slots = {name: slots for name, _, slots in program.groups}
     multipliers = [s for s in slots["work"] if s.name.endswith("_lambda")]
     return Description(
-        name=program.name,
-        file=linkage.file,
-        title=program.title,
-        units=linkage.units,
-        equations=equations,
+        **_common(linkage, program, equations),
         axes=linkage.axes,
         points=tuple(p.name for p in linkage.points),
         free=tuple(dict.fromkeys(s.name.rpartition("_")[0] for s in slots["q"])),
@@ -181,17 +180,13 @@ def of_linkage(linkage: Linkage, program: Program, equations: str) -> Descriptio
         constraints=tuple(s.name.removesuffix("_lambda") for s in multipliers),
         labels=tuple(s.description.removeprefix("multiplier of ") for s in multipliers),
         work_of_loads="energy" in kernels and any(b.name == "power" for b in kernels["energy"].blocks),
-        parameters=_parameters(linkage.parameters),
         inputs=tuple(p.quantity.name for p in linkage.parameters if p.input),
-        kernels=kernel_infos(program.kernels),
         first_pivot=program.pivots,
         start=(),
         redundant=(),
         t_end=linkage.number(linkage.t_end),
         assembly_tolerance=linkage.number(linkage.assembly_tolerance),
         rank_tolerance=float(program.rank_tolerance),
-        references=program.references,
-        left_out=program.left_out,
         plane=PlaneInfo(linkage.plane.across, linkage.number(linkage.plane.level)) if linkage.plane else None,
         kinematic=linkage.kinematic,
         remarks=linkage.remarks,
@@ -211,19 +206,10 @@ def of_linkage(linkage: Linkage, program: Program, equations: str) -> Descriptio
 
 def of_rotor(rotor: RotorScene, program: Program, equations: str) -> RotorDescription:
     """Return the description of a rotor."""
-    from symgen.runtime.kernels.description import kernel_infos
     from symgen.runtime.rotor.description import RotorDescription, RotorLink
 
     return RotorDescription(
-        name=program.name,
-        file=rotor.file,
-        title=program.title,
-        units=rotor.units,
-        equations=equations,
-        parameters=_parameters(rotor.parameters),
-        kernels=kernel_infos(program.kernels),
-        references=program.references,
-        left_out=program.left_out,
+        **_common(rotor, program, equations),
         free=rotor.free,
         links=tuple(RotorLink(k.link, k.start, k.end, k.elements, k.welds) for k in rotor.links),
         masses=tuple(k.point for k in rotor.masses),

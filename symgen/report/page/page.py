@@ -11,6 +11,7 @@ from symgen.codegen.emit import UnitView
 from symgen.report.page.drawing import Drawing
 from symgen.report.page.figures import FigureView
 from symgen.report.page.views import MatrixView, Pattern, SymbolView
+from symgen.runtime.result.result import Result
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,6 +56,21 @@ class TableView:
 
 
 @dataclass(frozen=True, slots=True)
+class Measured:
+    """A run and its cost; ``result`` is None if the run failed at once."""
+
+    result: Result | None
+    headline: tuple[Fact, ...] = ()
+    facts: tuple[Fact, ...] = ()
+    figure: FigureView | None = None
+    notes: tuple[str, ...] = ()
+    final: TableView | None = None
+    speed: TableView | None = None
+    speed_figure: FigureView | None = None
+    speed_caption: str = ""
+
+
+@dataclass(frozen=True, slots=True)
 class Page:
     """All contents of the page.
 
@@ -81,13 +97,7 @@ class Page:
     kinds: tuple[str, ...]
     in_c: str
     in_python: str
-    run: tuple[Fact, ...]
-    run_figure: FigureView | None
-    notes: tuple[str, ...]
-    final: TableView | None
-    speed: TableView | None
-    speed_figure: FigureView | None
-    speed_caption: str
+    measured: Measured
     left_out: tuple[str, ...]
     references: tuple[str, ...]
     equations: str

@@ -126,14 +126,14 @@ def _path(
     return _titled(figure, result, file)
 
 
-def save(figure: Any, file: str | os.PathLike[str]) -> None:
-    """Save a figure; raise ResultError where it cannot be."""
+def save(figure: Any, file: str | os.PathLike[str], **options: Any) -> None:
+    """Save a figure with options of Matplotlib; raise ResultError where it cannot be."""
     from symgen.atomic import replacing, writable
 
     path = writable(file, DRAWN_AS, "plot")
     try:
         with replacing(path) as temporary:
-            figure.savefig(temporary, dpi=150)
+            figure.savefig(temporary, **{"dpi": 150, **options})
     except (OSError, ValueError) as error:
         raise ResultError(f"cannot write the plot to {path}: {error}") from None
 

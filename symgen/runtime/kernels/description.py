@@ -6,7 +6,7 @@ import json
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 from symgen.runtime.kernels.elastic_description import ElasticInfo
 
@@ -295,6 +295,7 @@ class LoopDescription(Described):
     of ``balls`` and the branches of ``switches`` are the last parameters.
     """
 
+    method: ClassVar[str] = "loop"
     joints: tuple[str, ...]
     links: tuple[str, ...]
     variables: tuple[VariableInfo, ...]
@@ -309,11 +310,6 @@ class LoopDescription(Described):
     balls: tuple[BallInfo, ...] = ()
     switches: tuple[str, ...] = ()
     inputs: tuple[str, ...] = ()
-
-    @property
-    def method(self) -> str:
-        """``loop``."""
-        return "loop"
 
     @property
     def tunable(self) -> tuple[ParameterInfo, ...]:
@@ -353,12 +349,8 @@ class ArrayInfo:
 class SystemDescription(Described):
     """Runtime data of a user-defined system: its argument arrays by name."""
 
+    method: ClassVar[str] = "system"
     arrays: dict[str, ArrayInfo]
-
-    @property
-    def method(self) -> str:
-        """``system``."""
-        return "system"
 
     def size(self, array: str) -> int:
         """Return the number of entries of an argument array; 0 when there is none of that name."""

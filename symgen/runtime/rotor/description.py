@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 from symgen.runtime.kernels.description import Described
 
@@ -22,14 +23,10 @@ class RotorLink:
 class RotorDescription(Described):
     """Runtime data of a rotor: free points, links, and the points with masses in the order of the kernel."""
 
+    method: ClassVar[str] = "rotor"
     free: tuple[str, ...]
     links: tuple[RotorLink, ...]
     masses: tuple[str, ...]
-
-    @property
-    def method(self) -> str:
-        """``rotor``."""
-        return "rotor"
 
     @property
     def coordinates(self) -> int:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import ClassVar
 
 import sympy as sp
 
@@ -63,6 +64,7 @@ class RotorScene:
     ``above_zero`` and ``at_least_zero`` are values over tunable parameters, by their place in the scene.
     """
 
+    method: ClassVar[str] = "rotor"
     name: str
     file: str
     title: str
@@ -77,11 +79,6 @@ class RotorScene:
     through: tuple[sp.Expr, ...]
     above_zero: dict[str, sp.Expr]
     at_least_zero: dict[str, sp.Expr]
-
-    @property
-    def method(self) -> str:
-        """``rotor``."""
-        return "rotor"
 
 
 def resolved_rotor(scene: Scene) -> RotorScene:

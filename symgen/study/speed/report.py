@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rich.console import Console
 
-from symgen.atomic import replacing, writable
 from symgen.display import seconds
-from symgen.errors import ResultError
-from symgen.report.page.plots import DRAWN_AS
+from symgen.report.page import plots
 from symgen.report.tables import table
 from symgen.study.speed.orders import Order
 from symgen.study.speed.work_precision import Point, WorkPrecision
@@ -100,11 +99,7 @@ def save(figure: object, file: str | os.PathLike[str]) -> None:
     """Save a figure atomically; equal numbers give identical bytes."""
     import matplotlib
 
-    path = writable(file, DRAWN_AS, "plot")
-    ending = path.suffix.lower()
+    ending = Path(file).suffix.lower()
     stamp = {"Date": None} if ending == ".svg" else {"CreationDate": None} if ending == ".pdf" else {}
-    try:
-        with replacing(path) as temporary, matplotlib.rc_context({"svg.hashsalt": "symgen"}):
-            figure.savefig(temporary, dpi=110, metadata=stamp)  # type: ignore[attr-defined]
-    except (OSError, ValueError) as error:
-        raise ResultError(f"cannot write the plot to {path}: {error}") from None
+    with matplotlib.rc_context({"svg.hashsalt": "symgen"}):
+        plots.save(figure, file, dpi=110, metadata=stamp)
