@@ -22,7 +22,7 @@ from symgen.runtime.elastic.steps import check_revolutions
 from symgen.runtime.model.arguments import LargeRotation
 from symgen.runtime.model.rods import RodModel
 from symgen.runtime.result.elastic import ElasticResult
-from symgen.runtime.result.records import Variable, converters
+from symgen.runtime.result.records import Variable, of_model
 from symgen.runtime.result.result import Result
 from symgen.runtime.result.state import State
 
@@ -167,10 +167,15 @@ def _result(
         apart = np.linalg.norm(places[info.end] - places[info.start], axis=1)
         variables.append(length_change(info.link, apart - cut.beam.properties.length))
     return ElasticResult(
-        name=d.name,
-        title=d.title,
+        **of_model(
+            d,
+            result.provenance["parameters"],
+            **{name: result.provenance[name] for name in ("equations", "t_end", "backend")},
+            method="large-rotation",
+            form=f"{len(cuts[0].rods)} rods a link",
+            rtol=RTOL if task.rtol is None else task.rtol,
+        ),
         axes=d.axes,
-        units=converters(d.units),
         coordinate=coordinate_of(motion, times),
         variables=selected(variables, motion),
         drift=result.drift,
@@ -183,15 +188,6 @@ def _result(
             "wall_s": result.statistics["wall_s"],
             "floquet": [],
             "floquet_error": None,
-        },
-        provenance={
-            "equations": result.provenance["equations"],
-            "method": "large-rotation",
-            "form": f"{len(cuts[0].rods)} rods a link",
-            "rtol": RTOL if task.rtol is None else task.rtol,
-            "t_end": result.provenance["t_end"],
-            "backend": result.provenance["backend"],
-            "parameters": dict(result.provenance["parameters"]),
         },
         notes=(*result.notes, *_notes(motion, len(cuts[0].rods)), *_of_stretch(cuts, result)),
         times=times if motion.speed else None,

@@ -43,7 +43,7 @@ from symgen.runtime.integrate.pace import (
 from symgen.runtime.kernels.typed import made_with
 from symgen.runtime.result.elastic import ElasticResult, is_stable
 from symgen.runtime.result.recording import of_switches
-from symgen.runtime.result.records import Drift, converters
+from symgen.runtime.result.records import Drift, of_model
 from symgen.runtime.structure import UnstableError
 
 Array = NDArray[np.float64]
@@ -255,10 +255,16 @@ def _result(
     if thesis:
         notes.append("the thesis' form, which takes the turning of axes as constant: for comparison only")
     return ElasticResult(
-        name=d.name,
-        title=d.title,
+        **of_model(
+            d,
+            motion.rigid.parameters,
+            method=task.method,
+            form=task.form,
+            rtol=task.rtol,
+            t_end=float(np.max(times)),
+            **made_with(motion.rigid.evaluator.library, motion.rigid.typed),
+        ),
         axes=d.axes,
-        units=converters(d.units),
         coordinate=coordinate_of(motion, times),
         variables=selected(variables, motion),
         drift=Drift(),
@@ -273,15 +279,6 @@ def _result(
             "wall_s": wall,
             "floquet": [[z.real, z.imag] for z in found.floquet],
             "floquet_error": found.floquet_error,
-        },
-        provenance={
-            "equations": d.equations,
-            "method": task.method,
-            "form": task.form,
-            "rtol": task.rtol,
-            "t_end": float(np.max(times)),
-            **made_with(motion.rigid.evaluator.library, motion.rigid.typed),
-            "parameters": dict(motion.rigid.parameters),
         },
         notes=tuple(notes),
         times=times if motion.speed else None,

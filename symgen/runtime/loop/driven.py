@@ -23,7 +23,7 @@ from symgen.runtime.loop.kernels import LoopKernels, in_words
 from symgen.runtime.loop.limits import Samples, of_blind, refine
 from symgen.runtime.loop.obstacles import why_stopped
 from symgen.runtime.loop.poles import OF_MOTION, PoleAt, beside_pole, poles
-from symgen.runtime.result.records import Coordinate, Drift, Variable, converters, over_time
+from symgen.runtime.result.records import Coordinate, Drift, Variable, of_model, over_time
 from symgen.runtime.result.turn import Pole, Turn, variables
 
 Array = NDArray[np.float64]
@@ -254,9 +254,15 @@ def _recorded(
     coordinate = over_time(times)
     if over == "input":
         coordinate = Coordinate(first.name, first.unit, first.name, values)
+    given = dict(zip((p.name for p in d.parameters), kernels.given.tolist(), strict=True))
     return Turn(
-        name=d.name,
-        title=d.title,
+        **of_model(
+            d,
+            given,
+            method="closure",
+            t_end=end,
+            **made_with(kernels.library, kernels.typed),
+        ),
         axes=("x", "y", "z"),
         coordinate=coordinate,
         variables=tuple(v for v in made if v.name != coordinate.name),
@@ -273,13 +279,6 @@ def _recorded(
             "undetermined": ranges,
             "wall_s": wall,
         },
-        provenance={
-            "equations": d.equations,
-            "method": "closure",
-            "t_end": end,
-            **made_with(kernels.library, kernels.typed),
-            "parameters": {p.name: x for p, x in zip(d.parameters, kernels.given.tolist(), strict=True)},
-        },
         notes=(
             *_of_open(kernels, closure),
             *of_blind(kernels, times[blind]),
@@ -287,7 +286,6 @@ def _recorded(
             *_notes(kernels, times, states, told, ranges),
         ),
         times=times if over == "input" else None,
-        units=converters(d.units),
     )
 
 

@@ -30,7 +30,7 @@ from symgen.runtime.result.recording import (
     of_switches,
     options_of,
 )
-from symgen.runtime.result.records import converters, over_time
+from symgen.runtime.result.records import of_model, over_time
 from symgen.runtime.result.result import Result
 from symgen.runtime.result.turn import variables
 
@@ -112,9 +112,14 @@ def _recorded(
     q, u = np.split(stepper.state[: 2 * n], 2)
     made = tuple(variables(d, samples.outputs()))
     ranges = ranges_of(made, samples.undetermined())
+    given = dict(zip((p.name for p in d.parameters), kernels.given.tolist(), strict=True))
     return Result(
-        name=d.name,
-        title=d.title,
+        **of_model(
+            d,
+            given,
+            **options_of(chosen),
+            **made_with(kernels.library, kernels.typed),
+        ),
         axes=_AXES,
         coordinate=over_time(times),
         variables=made,
@@ -128,19 +133,12 @@ def _recorded(
             "undetermined": ranges,
             "wall_s": wall,
         },
-        provenance={
-            "equations": d.equations,
-            **options_of(chosen),
-            **made_with(kernels.library, kernels.typed),
-            "parameters": {p.name: x for p, x in zip(d.parameters, kernels.given.tolist(), strict=True)},
-        },
         notes=(
             *_of_passages(stepper, samples),
             *samples.notes(),
             *note(kernels, ranges, len(times)),
             *of_switches(d.switches, stepper.switchings),
         ),
-        units=converters(d.units),
     )
 
 

@@ -14,7 +14,7 @@ from symgen.runtime.kernels.description import Description
 from symgen.runtime.result.findings import SingularPose
 from symgen.runtime.result.motion import Motion, Range
 from symgen.runtime.result.recording import nearest_turn
-from symgen.runtime.result.records import Coordinate, Drift, Variable, converters, over_time
+from symgen.runtime.result.records import Coordinate, Drift, Variable, of_model, over_time
 from symgen.runtime.rods.constraints import Bonds
 from symgen.runtime.rods.poses import Poses
 
@@ -116,10 +116,10 @@ def recorded(
         samples.times, variables, next(iter(units), "") if over == "input" else ""
     )
     return Motion(
-        name=d.name,
-        title=d.title,
+        **of_model(
+            d, evaluator.given.tolist(), method="continuation", t_end=stop, backend=evaluator.library.backend
+        ),
         axes=d.axes,
-        units=converters(d.units),
         coordinate=coordinate,
         variables=tuple(variables),
         drift=Drift(float(errors[0]), float(errors[1])),
@@ -135,13 +135,6 @@ def recorded(
             "wall_s": perf_counter() - began,
         },
         times=None if coordinate.name == "time" else samples.times,
-        provenance={
-            "equations": d.equations,
-            "method": "continuation",
-            "t_end": stop,
-            "backend": evaluator.library.backend,
-            "parameters": {p.name: x for p, x in zip(d.tunable, evaluator.given.tolist(), strict=False)},
-        },
     )
 
 

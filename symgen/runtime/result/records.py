@@ -5,10 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from symgen.runtime.kernels.description import Described
 
 Array = NDArray[np.float64]
 _SI = {"length": ("m", 1.0), "force": ("N", 1.0), "angle": ("rad", 1.0), "stress": ("Pa", 1.0)}
@@ -150,6 +153,17 @@ def converters(units: Mapping[str, tuple[str, float]]) -> dict[str, tuple[str, f
         "Pa": (stress, per_stress),
         "1": ("1", 1.0),
     }
+
+
+def of_model(d: Described, given: Iterable[float] | Mapping[str, float], **how: Any) -> dict[str, Any]:
+    """Return the fields of a result that a model has: name, title, units, and the provenance.
+
+    ``given`` are the values of the tunable parameters, or parameters by name; ``how`` is the provenance
+    besides the hash of the equations and the parameters.
+    """
+    named = given if isinstance(given, Mapping) else zip((p.name for p in d.tunable), given, strict=False)
+    provenance = {"equations": d.equations, **how, "parameters": dict(named)}
+    return {"name": d.name, "title": d.title, "units": converters(d.units), "provenance": provenance}
 
 
 def converted(variables: Iterable[Variable], units: Mapping[str, tuple[str, float]]) -> tuple[Variable, ...]:

@@ -17,8 +17,8 @@ from symgen.runtime.kernels.arguments import count, real
 from symgen.runtime.kernels.evaluate import Evaluator
 from symgen.runtime.model.rhs import right_hand_side
 from symgen.runtime.model.rods import RodModel
-from symgen.runtime.result.recording import outputs
-from symgen.runtime.result.records import Drift, converters, over_time
+from symgen.runtime.result.recording import motion, outputs
+from symgen.runtime.result.records import Drift, of_model, over_time
 from symgen.runtime.result.result import Result
 from symgen.runtime.result.state import State
 
@@ -166,20 +166,21 @@ def _result(
 ) -> Result:
     d, evaluator = model.description, model.evaluator
     redundant = len(model.redundant)
-    n = d.coordinates
-    final = evaluator.blocks("points", times[-1], states[-1, :n], states[-1, n : 2 * n])
     return Result(
-        name=d.name,
-        title=d.title,
+        **of_model(
+            d,
+            model.parameters,
+            method=name,
+            **tolerances,
+            step=0.0,
+            t_end=float(times[-1]),
+            backend=model.backend,
+        ),
         axes=d.axes,
-        units=converters(d.units),
         coordinate=over_time(times),
         variables=outputs(evaluator, evaluator.equations(redundant), times, states, redundant),
         drift=_drift(evaluator, times, states),
-        final={
-            p: {"position": final["positions"][i].tolist(), "velocity": final["velocities"][i].tolist()}
-            for i, p in enumerate(d.points)
-        },
+        final=motion(evaluator, float(times[-1]), states[-1]),
         statistics={
             "t": float(times[-1]),
             "steps": 0,
@@ -187,15 +188,6 @@ def _result(
             "evaluations": evaluations,
             "factorisations": 0,
             "wall_s": wall,
-        },
-        provenance={
-            "equations": d.equations,
-            "method": name,
-            **tolerances,
-            "step": 0.0,
-            "t_end": float(times[-1]),
-            "backend": model.backend,
-            "parameters": dict(model.parameters),
         },
         notes=("the steps of an external solver are not counted; drift is that of the recorded times",),
     )

@@ -33,7 +33,7 @@ from symgen.runtime.kernels.arguments import real
 from symgen.runtime.kernels.typed import made_with
 from symgen.runtime.model.arguments import LargeRotation
 from symgen.runtime.result.elastic import ElasticResult
-from symgen.runtime.result.records import Drift, Variable, converters
+from symgen.runtime.result.records import Drift, Variable, of_model
 
 Array = NDArray[np.float64]
 
@@ -188,10 +188,16 @@ def _result(
 ) -> ElasticResult:
     d = motion.rigid.description
     return ElasticResult(
-        name=d.name,
-        title=d.title,
+        **of_model(
+            d,
+            motion.rigid.parameters,
+            method="large-rotation",
+            form=f"{task.elements} elements a link",
+            rtol=task.rtol,
+            t_end=float(times[-1]),
+            **made_with(motion.rigid.evaluator.library, motion.rigid.typed),
+        ),
         axes=d.axes,
-        units=converters(d.units),
         coordinate=coordinate_of(motion, times),
         variables=selected(one.variables, motion),
         drift=Drift(),
@@ -203,15 +209,6 @@ def _result(
             "wall_s": wall,
             "floquet": [],
             "floquet_error": None,
-        },
-        provenance={
-            "equations": d.equations,
-            "method": "large-rotation",
-            "form": f"{task.elements} elements a link",
-            "rtol": task.rtol,
-            "t_end": float(times[-1]),
-            **made_with(motion.rigid.evaluator.library, motion.rigid.typed),
-            "parameters": dict(motion.rigid.parameters),
         },
         notes=(
             *d.remarks,

@@ -17,7 +17,7 @@ from symgen.runtime.kernels.evaluate import Evaluator
 from symgen.runtime.result.findings import SingularPose
 from symgen.runtime.result.forces import Forces
 from symgen.runtime.result.recorded_motion import coordinate_of
-from symgen.runtime.result.records import Drift, Variable, converters
+from symgen.runtime.result.records import Drift, Variable, of_model
 from symgen.runtime.rods.constraints import Bonds
 from symgen.runtime.rods.forces.assembly import Assembly, Solution, Unknown, solve
 from symgen.runtime.rods.forces.multipliers import by_multipliers
@@ -281,15 +281,18 @@ def _recorded(
     d, bonds = linkage.bonds.description, linkage.bonds
     errors = np.max(np.abs(bonds.missed(poses)), axis=(1, 2), initial=0.0)
     positions, velocities = bonds.moving(poses)
-    parameters = zip(d.tunable, bonds.evaluator.given.tolist(), strict=False)
     drive = next(iter(linkage.drives(0.0)), "") if asked.range.over == "input" else ""
     times = poses.times
     coordinate, variables = coordinate_of(times, [*_variables(linkage, assembly, solution, asked)], drive)
     return Forces(
-        name=d.name,
-        title=d.title,
+        **of_model(
+            d,
+            bonds.evaluator.given.tolist(),
+            method="elements",
+            t_end=asked.range.stop,
+            backend=bonds.evaluator.library.backend,
+        ),
         axes=d.axes,
-        units=converters(d.units),
         coordinate=coordinate,
         variables=tuple(variables),
         drift=Drift(float(errors[0]), float(errors[1])),
@@ -307,13 +310,6 @@ def _recorded(
             "residual": solution.residual,
             "singular_poses": [asdict(p) for p in found.poses],
             "wall_s": perf_counter() - began,
-        },
-        provenance={
-            "equations": d.equations,
-            "method": "elements",
-            "t_end": asked.range.stop,
-            "backend": bonds.evaluator.library.backend,
-            "parameters": {p.name: value for p, value in parameters},
         },
         notes=tuple(notes),
         times=None if coordinate.name == "time" else times,
