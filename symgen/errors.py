@@ -6,7 +6,7 @@ Each docstring states the remedy.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from typing import Any
 
 #: Maximum number of characters of one part of a message; texts in a scene may be of any length.
@@ -235,6 +235,12 @@ def nearest(name: str, known: Iterable[str]) -> str:
     if close:
         return f"Did you mean {close[0]!r}?"
     return f"Known: {', '.join(words)}." if words else "None are defined."
+
+
+def check_known(name: str, known: Collection[str], problem: str) -> None:
+    """Raise ModelError with the nearest name unless a name is known; ``problem`` stands before the name."""
+    if name not in known:
+        raise ModelError(f"{problem} {name!r}. {nearest(name, known)}")
 
 
 class SlowBackendWarning(UserWarning):

@@ -11,7 +11,7 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
-from symgen.errors import ModelError, nearest
+from symgen.errors import ModelError, check_known
 from symgen.registry import Registry, load
 
 
@@ -227,8 +227,7 @@ METHODS = Registry[Method](
 def method_of(thing: Any) -> Method:
     """Return the method of a resolved scene, a description or a model, by the name that it carries."""
     name = thing.method
-    if name not in METHODS:
-        raise ModelError(f"there is no method {name!r}. {nearest(name, METHODS)}")
+    check_known(name, METHODS, "there is no method")
     return METHODS[name]
 
 

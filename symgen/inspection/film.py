@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from symgen.errors import ModelError, ResultError, SymgenError, nearest
+from symgen.errors import ModelError, ResultError, SymgenError, check_known
 from symgen.inspection.values import of_time
 from symgen.inspection.view import Drawn, bare, drawn_scene
 from symgen.methods import load, method_of
@@ -195,8 +195,7 @@ def sheet_of(
     drawn = motion[:1] if poses is None else sketches(of.view.posed(model, *poses(model)))
     traces = traces_of(motion)
     for name in paths or ():
-        if name not in traces:
-            raise ModelError(f"{text.name} has no moving point {name!r}. {nearest(name, traces)}")
+        check_known(name, traces, f"{text.name} has no moving point")
     chosen = traces if paths is None else {name: traces[name] for name in paths}
     return Sheet(model.description.title, drawn, chosen, size or of.view.unit(of.resolved))
 

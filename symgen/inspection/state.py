@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from symgen.errors import ModelError, SceneError, nearest
+from symgen.errors import ModelError, SceneError, check_known
 from symgen.inspection.values import of_input
 from symgen.methods import method_of
 from symgen.runtime.elastic.model import ElasticModel
@@ -41,8 +41,7 @@ class Values:
         """
         known = {x.name for group in system.groups for x in group.quantities}
         for name in given:
-            if name not in known:
-                raise ModelError(f"{system.name} has no argument {name!r}. {nearest(name, sorted(known))}")
+            check_known(name, known, f"{system.name} has no argument")
         found = {
             x.name: float(value)
             for group in system.groups

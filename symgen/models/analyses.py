@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
-from symgen.errors import ModelError, SceneError, nearest
+from symgen.errors import SceneError, check_known
 from symgen.models.linearisation import (
     linearisation_system,
     sensitivity_system,
@@ -72,8 +72,7 @@ def analysis_system(mechanism: Any, kind: str) -> System:
         As for the equations of motion of the same mechanism.
     """
     known: dict[str, Callable[[Any], System]] = {**ANALYSES, **OF_LOOPS}
-    if kind not in known:
-        raise ModelError(f"there is no analysis {kind!r}. {nearest(kind, known)}")
+    check_known(kind, known, "there is no analysis")
     try:
         return known[kind](mechanism)
     except SceneError as error:

@@ -8,7 +8,7 @@ from html import escape
 
 import sympy as sp
 
-from symgen.errors import DerivationError, ModelError, nearest
+from symgen.errors import DerivationError, ModelError, check_known, nearest
 from symgen.symbolic.quantity import Quantity
 
 
@@ -171,8 +171,7 @@ class System:
 
     def __getitem__(self, name: str) -> NamedMatrix:
         """Return the matrix called ``name``; raise ModelError with the nearest name otherwise."""
-        if name not in self._index:
-            raise ModelError(f"{self.name} has no matrix {name!r}. {nearest(name, self._index)}")
+        check_known(name, self._index, f"{self.name} has no matrix")
         return self._index[name]
 
     def group(self, name: str) -> Group:

@@ -21,7 +21,7 @@ from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
 
-from symgen.errors import BuildError, ModelError, SlowBackendWarning, nearest
+from symgen.errors import BuildError, SlowBackendWarning, check_known
 
 #: Default flags. Straight-line code compiles in four fifths of the time of ``-O1`` and runs as fast.
 #: Contraction is off so that results are reproducible bit for bit.
@@ -63,10 +63,8 @@ class Compiler:
         ModelError
             If an option does not have this value.
         """
-        for value, known in ((contraction, CONTRACTIONS), (vector, VECTORS)):
-            if value not in known:
-                option = "contraction" if known is CONTRACTIONS else "vector"
-                raise ModelError(f"there is no {option} {value!r}. {nearest(str(value), known)}")
+        check_known(contraction, CONTRACTIONS, "there is no contraction")
+        check_known(vector, VECTORS, "there is no vector")
         flags = self.flags
         if contraction != "off":
             kept = (f for f in flags if not f.startswith("-ffp-contract"))

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from symgen.errors import BuildError, CacheError, ModelError, nearest
+from symgen.errors import BuildError, CacheError, ModelError, check_known
 from symgen.methods import METHODS
 from symgen.precision import FLOAT64, Precision
 from symgen.precision import precision as precision_named
@@ -257,8 +257,7 @@ def no_collection() -> Iterator[None]:
 
 def tools_for(backend: str, precision: str, digits: int | None, contraction: str, vector: str) -> Tools:
     """Return the build settings for these options; raise ModelError if they are incompatible."""
-    if backend not in BACKENDS:
-        raise ModelError(f"there is no backend {backend!r}. {nearest(backend, BACKENDS)}")
+    check_known(backend, BACKENDS, "there is no backend")
     wanted = precision_named(precision)
     compiler = None if backend == "numpy" else find_compiler()
     if compiler is None and backend == "c":

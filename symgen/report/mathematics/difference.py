@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from symgen.errors import ModelError, nearest
+from symgen.errors import check_known
 from symgen.symbolic.difference import Change, Difference, MatrixDifference
 
 FORMATS = ("text", "latex")
@@ -14,8 +14,7 @@ _KINDS = ("added", "removed", "changed", "rewritten")
 
 def check_form(form: str) -> None:
     """Raise ModelError if the format does not exist."""
-    if form not in FORMATS:
-        raise ModelError(f"there is no format {form!r}. {nearest(form, FORMATS)}")
+    check_known(form, FORMATS, "there is no format")
 
 
 def difference_lines(found: Difference, shown: int | None = None, form: str = "text") -> Iterator[str]:

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import sympy as sp
 
-from symgen.errors import ModelError, nearest
+from symgen.errors import check_known
 from symgen.report.mathematics.lowered import in_c, in_shared_terms
 from symgen.report.mathematics.numbers import in_numbers
 from symgen.symbolic.notation import latex, latex_name, pretty, readable
@@ -61,8 +61,7 @@ def show(
 
 def check_form(form: str) -> None:
     """Raise ModelError if the format does not exist."""
-    if form not in FORMATS:
-        raise ModelError(f"there is no format {form!r}. {nearest(form, FORMATS)}")
+    check_known(form, FORMATS, "there is no format")
 
 
 def _as_text(system: System, matrices: Sequence[NamedMatrix]) -> str:

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from symgen.calls import checked
-from symgen.errors import ModelError, nearest
+from symgen.errors import ModelError, check_known, nearest
 from symgen.runtime.beams.methods import BEAM_METHODS
 from symgen.runtime.integrate.checkpoint import Keeping
 from symgen.runtime.integrate.options import sample_count
@@ -265,8 +265,7 @@ class ElasticModel(Model):
         from symgen.runtime.elastic.run import Task, run
 
         self._refuse_types("runs of elastic links are", but="types of C")
-        if asked.form not in FORMS:
-            raise ModelError(f"there is no form {asked.form!r}. {nearest(asked.form, FORMS)}")
+        check_known(asked.form, FORMS, "there is no form")
         angles = None if asked.at is None else tuple(np.ravel(np.asarray(asked.at, dtype=float)).tolist())
         task = Task(method, at=angles, form=asked.form, **own)
         with limited(asked.max_wall):

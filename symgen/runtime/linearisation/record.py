@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symgen.calls import checked
-from symgen.errors import ModelError, nearest
+from symgen.errors import ModelError, check_known
 from symgen.runtime.kernels.arguments import reals
 
 if TYPE_CHECKING:
@@ -148,8 +148,7 @@ class Sensitivity:
         """
         output, parameter = names
         for name, known in ((output, self.outputs), (parameter, self.parameters)):
-            if name not in known:
-                raise ModelError(f"there is no derivative of or by {name!r}. {nearest(name, known)}")
+            check_known(name, known, "there is no derivative of or by")
         found = self.derivatives[..., self.outputs.index(output), self.parameters.index(parameter)]
         return found if found.ndim else float(found)
 

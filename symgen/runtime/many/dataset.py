@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from symgen.errors import ModelError, nearest
+from symgen.errors import ModelError, check_known
 from symgen.runtime.many.reductions import HISTORY, reduced, reductions
 from symgen.runtime.result.records import Coordinate, Variable
 
@@ -174,8 +174,7 @@ def chosen(variables: tuple[Variable, ...], outputs: Sequence[str] | None) -> tu
         return variables
     named = {v.name: v for v in variables}
     for name in outputs:
-        if name not in named:
-            raise ModelError(f"the runs have no output {name!r}. {nearest(name, named)}")
+        check_known(name, named, "the runs have no output")
     return tuple(named[name] for name in outputs)
 
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from symgen.errors import InitialStateError, ModelError, RangeError, SimulationError, nearest, shown
+from symgen.errors import InitialStateError, ModelError, RangeError, SimulationError, check_known, shown
 from symgen.runtime.many.compiled import compiled_runs
 from symgen.runtime.many.dataset import BLOCK, Keep, Kept, at_one_pose
 from symgen.runtime.many.driven import Driven, driven_runs
@@ -48,8 +48,7 @@ def variants(
 
 def _values(model: Any, name: str, given: ArrayLike) -> Array:
     known = getattr(model, "parameters", {})
-    if name not in known:
-        raise ModelError(f"{model.name} has no tunable parameter {name!r}. {nearest(name, known)}")
+    check_known(name, known, f"{model.name} has no tunable parameter")
     values = np.asarray(given, dtype=float)
     if values.ndim > 1:
         raise ModelError(

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from symgen.calls import checked
-from symgen.errors import ModelError, nearest
+from symgen.errors import ModelError, check_known
 from symgen.runtime import _core
 from symgen.runtime.integrate.causes import without_direction
 from symgen.runtime.integrate.options import Options, options
@@ -186,8 +186,7 @@ class RodModel(LinkageModel):
         d = self.description
         chosen = d.inputs if inputs is None else tuple(inputs)
         for name in chosen:
-            if name not in d.inputs:
-                raise ModelError(f"{self.name} has no input {name!r}. {nearest(name, d.inputs)}")
+            check_known(name, d.inputs, f"{self.name} has no input")
         if isinstance(at, float | int):
             reached = self.simulate(at, samples=2).final
             places, rates = ({p: reached[p][of] for p in d.free} for of in ("position", "velocity"))

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from symgen.calls import checked
-from symgen.errors import ModelError, nearest
+from symgen.errors import ModelError, check_known
 from symgen.runtime import _core
 from symgen.runtime.kernels.description import SystemDescription
 from symgen.runtime.kernels.evaluate import as_taken, part
@@ -47,9 +47,8 @@ class SystemModel(Model):
         p: ArrayLike = (),
         work: ArrayLike = (),
     ) -> dict[str, Array]:
-        info = self.description.kernel(kernel)
-        if info is None:
-            raise ModelError(f"{self.name} has no kernel {kernel!r}. {nearest(kernel, self.operations)}")
+        check_known(kernel, self.operations, f"{self.name} has no kernel")
+        info = next(k for k in self.description.kernels if k.name == kernel)
         memory = np.zeros(max(info.work_size, self.description.size("work")) + 1)
         if np.size(work):
             memory[: self.description.size("work")] = self._array("work", work)[:-1]

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from symgen.calls import checked
-from symgen.errors import ModelError, nearest
+from symgen.errors import ModelError, check_known
 from symgen.runtime.kernels.description import Description
 
 Array = NDArray[np.float64]
@@ -93,8 +93,7 @@ class Accelerations:
 
     def __getitem__(self, point: str) -> Array:
         """Return the acceleration of a point [m/s^2]."""
-        if point not in self.points:
-            raise ModelError(f"there is no point {point!r}. {nearest(point, self.points)}")
+        check_known(point, self.points, "there is no point")
         return self.points[point]
 
     def as_dict(self) -> dict[str, Any]:
@@ -120,8 +119,7 @@ def coordinates(
         When a point is not known, is missing without a default, or has no such numbers.
     """
     for name in values:
-        if name not in d.points:
-            raise ModelError(f"{what}: there is no point {name!r}. {nearest(name, d.points)}")
+        check_known(name, d.points, f"{what}: there is no point")
     parts = []
     for point in d.free:
         if point not in values and default is None:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from symgen.errors import ModelError, nearest, shown
+from symgen.errors import ModelError, check_known, shown
 
 if TYPE_CHECKING:
     from scipy.stats.qmc import Sobol
@@ -208,8 +208,7 @@ def design_of(vary: Mapping[str, Any], sampling: str | None, count: int | None, 
         raise ModelError("expected parameters to vary, with values or a distribution each; got none")
     drawn = [name for name, given in vary.items() if isinstance(given, Distribution)]
     chosen = sampling or ("sobol" if drawn else "grid")
-    if chosen not in SAMPLINGS:
-        raise ModelError(f"there is no sampling {chosen!r}. {nearest(chosen, SAMPLINGS)}")
+    check_known(chosen, SAMPLINGS, "there is no sampling")
     if chosen in ("grid", "list"):
         if drawn:
             raise ModelError(f"a {chosen} needs values of {drawn[0]}, got a distribution")

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from symgen.errors import ModelError, nearest, shown
+from symgen.errors import ModelError, check_known, shown
 from symgen.runtime.sweeps.problem import Problem, Quantity
 
 Array = NDArray[np.float64]
@@ -73,14 +73,13 @@ def optimum_of(
     arguments: Mapping[str, Any],
 ) -> Optimum:
     """Return the parameters of least objective; see :meth:`symgen.Model.optimise`."""
-    if method not in METHODS:
-        raise ModelError(f"there is no method {method!r}. {nearest(method, METHODS)}")
+    check_known(method, METHODS, "there is no method")
     bounds = {name: _pair(name, pair, open_ended=False) for name, pair in variables.items()}
     if not bounds:
         raise ModelError("expected variables with their bounds, got none")
     limits = {name: _pair(name, pair, open_ended=True) for name, pair in constraints.items()}
-    for name in {*bounds, *start} - set(model.parameters):
-        raise ModelError(f"{model.name} has no tunable parameter {name!r}. {nearest(name, model.parameters)}")
+    for name in (*bounds, *start):
+        check_known(name, model.parameters, f"{model.name} has no tunable parameter")
     for name in start.keys() - bounds.keys():
         raise ModelError(f"the start has {name}, which is not among the variables {', '.join(bounds)}")
     if tolerance <= 0.0 or not 1 <= iterations <= _MOST:

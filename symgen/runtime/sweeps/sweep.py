@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from symgen.errors import CapabilityError, ModelError, ResultError, nearest
+from symgen.errors import CapabilityError, ModelError, ResultError, check_known, nearest
 from symgen.runtime.many.dataset import Keep, dataset_of
 from symgen.runtime.many.reductions import reductions
 from symgen.runtime.many.runs import FAILURES, Runs, carried_out, variants
@@ -89,10 +89,7 @@ class Sweep:
         """
         values = self.model.parameters
         for name in self.design.names:
-            if name not in values:
-                raise ModelError(
-                    f"{self.model.name} has no tunable parameter {name!r}. {nearest(name, values)}"
-                )
+            check_known(name, values, f"{self.model.name} has no tunable parameter")
         names = self.design.names
         rows = self.design.values(0, min(_TRIED, self.design.count))
         tried = np.vstack([[values[name] for name in names], rows])

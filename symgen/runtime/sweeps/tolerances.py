@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from symgen.errors import ModelError, SimulationError, nearest, shown
+from symgen.errors import ModelError, SimulationError, check_known, shown
 from symgen.runtime.many.dataset import RECORDED
 from symgen.runtime.sweeps.designs import Distribution, Grid, Listed, design_of
 from symgen.runtime.sweeps.stores import needed
@@ -39,8 +39,7 @@ def tolerances_of(
     arguments: Mapping[str, Any],
 ) -> xarray.Dataset:
     """Return the effect of tolerances on outputs; see :meth:`symgen.Model.tolerances`."""
-    if method not in METHODS:
-        raise ModelError(f"there are no tolerances by {method!r}. {nearest(method, METHODS)}")
+    check_known(method, METHODS, "there are no tolerances by")
     wrong = next((name for name, given in of.items() if not isinstance(given, Distribution)), None)
     if wrong is not None or not of:
         got = shown(of[wrong]) if wrong else "no parameter"

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symgen.calls import checked
-from symgen.errors import ModelError, SimulationError, nearest
+from symgen.errors import ModelError, SimulationError, check_known
 from symgen.runtime._rhs import Rhs
 from symgen.runtime.kernels.arguments import count, real
 from symgen.runtime.kernels.evaluate import Evaluator
@@ -149,8 +149,7 @@ def reference(
 def _named(solver: str | Solver) -> tuple[str, Solver]:
     if not isinstance(solver, str):
         return getattr(solver, "__name__", "solver"), solver
-    if solver not in SOLVERS:
-        raise ModelError(f"there is no solver {solver!r}. {nearest(solver, SOLVERS)}")
+    check_known(solver, SOLVERS, "there is no solver")
     return solver, SOLVERS[solver]
 
 

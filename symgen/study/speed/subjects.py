@@ -12,7 +12,7 @@ from typing import Any, NamedTuple, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from symgen.errors import BuildError, ModelError, SimulationError, nearest
+from symgen.errors import BuildError, ModelError, SimulationError, check_known
 from symgen.methods import method_of
 from symgen.pipeline.build import build_scene
 from symgen.precision import FLOAT64, PRECISIONS, precision
@@ -116,8 +116,7 @@ class Subject(ABC):
         """Return the selected methods, by default all; raise ModelError for an unknown one."""
         asked = list(self.orders if methods is None else dict.fromkeys(methods))
         for name in asked:
-            if name not in self.orders:
-                raise ModelError(f"there is no integrator {name!r}. {nearest(name, self.orders)}")
+            check_known(name, self.orders, "there is no integrator")
         return asked
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from symgen.errors import ModelError, nearest
+from symgen.errors import check_known
 from symgen.study.stability import elastic, loops, rods
 from symgen.study.stability.case import Case, Found, Outcome, Trial, go_through, run_suite
 
@@ -24,8 +24,7 @@ def chosen(names: Sequence[str]) -> tuple[Case, ...]:
     """
     known = {word for case in CASES for word in _words(case)}
     for name in names:
-        if name not in known:
-            raise ModelError(f"there is no hard case {name!r}. {nearest(name, known)}")
+        check_known(name, known, "there is no hard case")
     return tuple(case for case in CASES if not names or set(names) & set(_words(case)))
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from symgen.errors import ModelError, nearest
+from symgen.errors import check_known
 from symgen.runtime.integrate.integrators import alpha, dop853, dopri5, radau5, rattle, rk4
 from symgen.runtime.integrate.integrators.method import Method
 
@@ -22,6 +22,5 @@ INTEGRATORS: dict[str, Method] = {
 
 def integrator(name: str) -> Method:
     """Return the integrator called ``name``; raise ModelError with the nearest name otherwise."""
-    if name not in INTEGRATORS:
-        raise ModelError(f"there is no integrator {name!r}. {nearest(name, INTEGRATORS)}")
+    check_known(name, INTEGRATORS, "there is no integrator")
     return INTEGRATORS[name]
