@@ -144,6 +144,23 @@ def test_frequencies_of_a_four_bar_are_those_of_its_points_and_links():
     assert by_rocker.poles.imag.max() / (2 * np.pi) == pytest.approx(frequency, rel=1e-9)
 
 
+def test_runs_start_from_a_state(model):
+    """A run in two parts, and the energy of a run from a state: that of the state, with the work since."""
+    whole = model.simulate(0.2, rtol=1e-11, samples=2)
+    half = model.simulate(0.1, rtol=1e-11, samples=2).final
+    names = ("theta1", "S1")
+    given = ({name: half[name][of] for name in names} for of in ("value", "rate"))
+    rest = model.simulate(0.2, rtol=1e-11, samples=2, state=model.state(*given, t=0.1))
+    assert rest.time[0] == 0.1 and rest.final["theta1"]["value"] == pytest.approx(
+        whole.final["theta1"]["value"], rel=1e-9
+    )
+    assert rest["S4"].values[0] == pytest.approx(half["S4"]["value"], rel=1e-12)
+    open_ = model.state({"theta1": 1.0})
+    open_.q[-1] += 0.01
+    with pytest.raises(ModelError, match="does not close cssp_driven"):
+        model.simulate(0.1, state=open_)
+
+
 def test_linkages_are_linearised_at_a_time_of_their_run():
     linkage = symgen.build("four_bar")
     run = linkage.simulate(0.2, samples=2).final

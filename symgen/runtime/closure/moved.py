@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 
 import numpy as np
 from numpy.typing import NDArray
 
-from symgen.errors import SimulationError
+from symgen.errors import ModelError, SimulationError, nearest
 from symgen.runtime import _core
 from symgen.runtime.closure.start import Closed
 from symgen.runtime.loop.kernels import LoopKernels
+from symgen.runtime.loop.motion import rates_at
 
 Array = NDArray[np.float64]
 
@@ -18,6 +20,32 @@ Array = NDArray[np.float64]
 _STEP, _JUMP = 0.05, 0.5
 #: Most steps.
 _MOST = 10_000
+
+
+def state_at(
+    kernels: LoopKernels, begin: Closed, values: Mapping[str, float], rates: Mapping[str, float], t: float
+) -> tuple[float, Array, Array]:
+    """Return time, variables and rates of a closed state: see :meth:`LoopModel.state`."""
+    d = kernels.description
+    names = [v.name for v in d.variables]
+    for asked, roles in ((values, ("free", "dependent")), (rates, ("free",))):
+        allowed = [names[i] for i in d.having(*roles)]
+        for name, value in asked.items():
+            if name not in allowed:
+                raise ModelError(
+                    f"there is no {' or '.join(roles)} variable {name!r}. {nearest(name, allowed)}"
+                )
+            if not np.isfinite(value):
+                raise ModelError(f"expected a finite number for {name}, got {value!r}")
+    if not np.isfinite(t):
+        raise ModelError(f"expected a finite time of the state, got {t!r}")
+    wanted, given = begin.q.copy(), np.zeros(d.coordinates)
+    for into, asked in ((wanted, values), (given, rates)):
+        for name, value in asked.items():
+            into[names.index(name)] = value
+    at_once = any(names.index(name) in d.having("dependent") for name in values)
+    closed = moved_to(kernels, begin, wanted, t, at_once)
+    return t, closed.q, rates_at(kernels, closed, given)
 
 
 def moved_to(kernels: LoopKernels, begin: Closed, wanted: Array, t: float, at_once: bool = False) -> Closed:

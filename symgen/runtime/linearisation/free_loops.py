@@ -41,7 +41,7 @@ class FreePose(LoopPose):
     """
 
     def __init__(self, loop: LoopKernels, tangents: LoopKernels, state: State) -> None:
-        _check_closed(loop, state)
+        check_closed(loop, state)
         super().__init__(loop, tangents, state.t, state.q, state.u, np.zeros_like(state.u))
         self.free = loop.description.having("free")
         n = len(state.q)
@@ -238,7 +238,7 @@ class FreePose(LoopPose):
         return np.array(found).reshape(len(directions), len(self.outputs)).T
 
 
-def _check_closed(loop: LoopKernels, state: State) -> None:
+def check_closed(loop: LoopKernels, state: State) -> None:
     """Raise ModelError for a state that violates closure, or prescribed motions."""
     d, n = loop.description, loop.description.coordinates
     if state.q.shape != (n,) or state.u.shape != (n,):

@@ -14,14 +14,14 @@ from symgen.errors import CapabilityError, InitialStateError, ModelError, neares
 from symgen.runtime import _core
 from symgen.runtime.closure.assemblies import assemblies
 from symgen.runtime.closure.later import closed_later
-from symgen.runtime.closure.moved import moved_to
+from symgen.runtime.closure.moved import state_at
 from symgen.runtime.closure.start import Closed, close_near, counted
 from symgen.runtime.integrate.pace import limited
 from symgen.runtime.kernels.arguments import reals
 from symgen.runtime.kernels.description import LoopDescription
 from symgen.runtime.loop.driven import STAGES, driven, follow, follow_through, followed
 from symgen.runtime.loop.kernels import LoopKernels
-from symgen.runtime.loop.motion import rates_at, rates_at_start
+from symgen.runtime.loop.motion import rates_at_start
 from symgen.runtime.model.arguments import Poses, Run, takes
 from symgen.runtime.model.compiled import degrees
 from symgen.runtime.model.model import Model
@@ -285,29 +285,7 @@ class LoopModel(Model):
         SimulationError
             When the loop does not close there, or cannot be followed there.
         """
-        d, begin = self.description, self.closed_start()
-        given, speeds = values or {}, rates or {}
-        names = [v.name for v in d.variables]
-        for asked, roles in ((given, ("free", "dependent")), (speeds, ("free",))):
-            for name, value in asked.items():
-                allowed = [names[i] for i in d.having(*roles)]
-                if name not in allowed:
-                    raise ModelError(
-                        f"there is no {' or '.join(roles)} variable {name!r}. {nearest(name, allowed)}"
-                    )
-                if not np.isfinite(value):
-                    raise ModelError(f"expected a finite number for {name}, got {value!r}")
-        if not np.isfinite(t):
-            raise ModelError(f"expected a finite time of the state, got {t!r}")
-        wanted = begin.q.copy()
-        for name, value in given.items():
-            wanted[names.index(name)] = value
-        at_once = any(names.index(name) in d.having("dependent") for name in given)
-        closed = moved_to(self.kernels, begin, wanted, t, at_once)
-        free = np.zeros(d.coordinates)
-        for name, value in speeds.items():
-            free[names.index(name)] = value
-        return self._as_state(closed.t, closed.q, rates_at(self.kernels, closed, free))
+        return self._as_state(*state_at(self.kernels, self.closed_start(), values or {}, rates or {}, t))
 
     def initial_state(self) -> State:
         """Return the state in which the loop starts; raise InitialStateError when it cannot be assembled."""
@@ -379,6 +357,7 @@ class LoopModel(Model):
 
     @takes(Run)
     def _simulate(self, asked: Run) -> Result:
+        from symgen.runtime.linearisation.free_loops import check_closed
         from symgen.runtime.loop.motion import run
 
         chosen = asked.options(self.description.t_end, self._type)
@@ -389,5 +368,10 @@ class LoopModel(Model):
                 f"{chosen.method.name} is for linkages of points and links, not for loops of joints"
             )
         kept_in = asked.keeping()
+        begin, state = self.closed_start(), asked.state
+        rates = np.array([v.start_rate for v in self.description.variables])
+        if state is not None:
+            check_closed(self.kernels, state)
+            begin, rates = Closed(state.t, state.q.copy(), begin.rank), state.u
         with limited(asked.max_wall):
-            return run(self.kernels, self.closed_start(), chosen, asked.progress, kept_in, asked.t_eval)
+            return run(self.kernels, begin, rates, chosen, asked.progress, kept_in, asked.t_eval)

@@ -44,12 +44,15 @@ _SHOWN = 6
 def run(
     kernels: LoopKernels,
     begin: Closed,
+    rates: Array,
     chosen: Options,
     progress: Callable[[float], None] | None,
     keeping: Keeping | None = None,
     t_eval: ArrayLike | None = None,
 ) -> Result:
-    """Integrate from the closed start and return the result, at times ``t_eval`` where these are given.
+    """Integrate from a closed pose and return the result, at times ``t_eval`` where these are given.
+
+    Of the ``rates`` those of free variables matter: the others follow.
 
     Raises
     ------
@@ -63,7 +66,7 @@ def run(
     own, q = kernels, begin.q
     if ball_pole(kernels, begin.t, begin.q):
         own, q = in_other_angles(kernels, equations, begin.q)
-    y0 = np.concatenate([q, rates_at_start(own, replace(begin, q=q)), [0.0]])
+    y0 = np.concatenate([q, rates_at(own, replace(begin, q=q), rates), [0.0]])
     times = sample_times(begin.t, chosen, t_eval)
     stepper = stepper_of(equations, chosen, begin.t, y0, times)
     checkpoints = None

@@ -62,6 +62,7 @@ class Run(Kept):
     stabilisation: str = "projection"
     max_drift: float | None = None
     max_step: float | None = None
+    state: State | None = None
 
     def options(self, end: float, precision: Precision, rate: float | None = None) -> Options:
         """Return the checked options of a run of a scene that ends at a time [s]."""
@@ -86,7 +87,6 @@ class LinkageRun(Run):
     """A run of a linkage of points and links."""
 
     stabilisation_rate: float | None = None
-    state: State | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
