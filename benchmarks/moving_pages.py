@@ -30,7 +30,7 @@ from symgen.scene.loading import read_scene
 
 WIDTHS = (390, 1440)
 #: Scenes with a live page here, and the largest size of such a page [bytes].
-LIVE = ("crank_rocker", "peaucellier", "slider_crank")
+LIVE = ("crank_rocker", "peaucellier", "slider_crank", "elastic_four_bar")
 LARGEST = 1_000_000
 #: A screen shows this many frames a second.
 RATE = 60

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import re
+from typing import Any
 
 import numpy as np
 
 from symgen.codegen.emit import SourceFile
 from symgen.elements.element import INNER_DOFS, NODE_DOFS
-from symgen.export.program import exported
+from symgen.export.program import exported, group
 from symgen.export.rods import CORE as RUNS
 from symgen.export.rods import equations_of
+from symgen.export.shape import shape_of
 from symgen.export.view import (
     Exported,
     Record,
@@ -39,6 +41,8 @@ CORE = (
 )  # fmt: skip
 #: The fraction of a revolution in the comparison run, and its number of steps.
 _PART, _STEPS = 8, 32
+#: Parts of the way from the parameters of the scene to others, over which the start is led.
+PARTS = 32
 _INDEXED = (
     "sizes", "constants_at", "link_of", "joints", "places", "places_at", "slots", "slots_at",
     "joint_places", "joint_at", "mass_slots", "damping_slots", "stiffness_slots", "loads_at", "rows",
@@ -56,6 +60,7 @@ def elastic(
     extra = int(d.work_of_loads)
     rigid = model.rigid.initial_state()
     kernels, sizes = equations_of(model.rigid, np.inf)
+    shape = shape_of(model, motion)
     return exported(
         d,
         program,
@@ -70,6 +75,7 @@ def elastic(
         tables=(
             *(indices(name.upper(), [*np.ravel(getattr(x, name)), -1]) for name in _INDEXED),
             doubles("CONSTANTS", x.constants),
+            *shape.tables,
             Table("double", "RIGID_START", braces([*rigid.q, *rigid.u, *np.zeros(extra)], 1)),
             Table("double", "RIGID_PARAMETERS", braces(model.rigid.given)),
             *(doubles(f"GAUSS_{name.upper()}", values) for name, values in GAUSS.arrays.items()),
@@ -93,14 +99,36 @@ def elastic(
                 members(stages=len(GAUSS.c), **{n: f"GAUSS_{n.upper()}" for n in GAUSS.arrays}),
             ),
         ),
-        expected=_expected(motion),
-        notes=_notes(motion),
-        steps=_STEPS,
-        stride=number(motion.stride),
-        rigid_n=d.coordinates,
-        rigid_m=len(d.constraints),
-        rigid_dim=2 * d.coordinates + extra,
+        expected=(*_expected(motion), *shape.expected),
+        notes=(*_notes(motion), *shape.notes),
+        parameters=group(program, "p") if shape.parameters else (),
+        defaults=braces(model.rigid.given),
+        outputs=shape.outputs,
+        own={
+            "steps": _STEPS,
+            "parts": PARTS,
+            "stride": number(motion.stride),
+            "rigid_n": d.coordinates,
+            "rigid_m": len(d.constraints),
+            "rigid_dim": 2 * d.coordinates + extra,
+            **_speed(motion, prefixes["elastic_motion"]),
+            **shape.own,
+        },
     )
+
+
+def _speed(motion: ElasticMotion, prefix: str) -> dict[str, Any]:
+    """Return where the kernel of the tables gives the speed of the crank, which may be a parameter."""
+    if not motion.speed:
+        return {}
+    tables = next(k for k in motion.kernels_of_motion if k.name == "constants")
+    return {
+        "tables": f"{prefix}_constants",
+        "tables_size": tables.out_size,
+        "tables_work": tables.work_size,
+        "speed_at": next(b.offset for b in tables.blocks if b.name == "crank") + 1,
+        "stride_of_turn": number(motion.stride / motion.period),
+    }
 
 
 def _state(x: Layout) -> tuple[Slot, ...]:
@@ -161,5 +189,4 @@ def _notes(motion: ElasticMotion) -> tuple[str, ...]:
         else "The angle of the crank is a function of the time."
         if motion.info.prescribed
         else "The crank is at rest.",
-        "Strains, stresses and joint forces follow from the state: `symgen simulate` computes them.",
     )

@@ -20,7 +20,7 @@ def wasm_of(x: Exported, frames: int) -> bytes:
     Raises
     ------
     ModelError
-        For elastic links, whose export has no outputs.
+        For elastic links without outputs, with the reason.
     BuildError
         As for :func:`symgen.toolchain.wasm.compile_wasm`.
     """
@@ -33,11 +33,12 @@ def sources_of(x: Exported, frames: int) -> list[SourceFile]:
     Raises
     ------
     ModelError
-        For elastic links, whose export has no outputs.
+        For elastic links without outputs, with the reason.
     """
     if not x.outputs:
         raise ModelError(
-            f"{x.name} has no live page: its export in C has no outputs\n  'symgen animate' draws its motion."
+            f"{x.name} has no live page: {x.own.get('refused', 'it has no outputs')}\n"
+            "  'symgen animate' draws its motion."
         )
     template = environment().get_template("export/live.c.j2")
     text = template.render(x=x, frames=frames, rtol=RTOL, atol=ATOL, steps=_STEPS, parts=_PARTS)

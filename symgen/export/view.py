@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import re
 import textwrap
-from collections.abc import Iterable
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -87,6 +87,8 @@ class Exported:
         Reference values for the test of the export.
     notes
         Remarks on this scene for the README.
+    own
+        Further data of the template of the family.
     """
 
     name: str
@@ -117,11 +119,7 @@ class Exported:
     found: int = 0
     parts: int = 0
     until: str = ""
-    steps: int = 0
-    stride: str = ""
-    rigid_n: int = 0
-    rigid_m: int = 0
-    rigid_dim: int = 0
+    own: Mapping[str, Any] = field(default_factory=dict)
     compares_outputs: bool = False
     tolerance: str = TOLERANCE
 

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from symgen.errors import ModelError
+from symgen.errors import ModelError, SymgenError
 from symgen.inspection.picture import (
     SEEN,
     bent_outputs,
+    bent_sketch,
     bent_sketches,
     deflected,
     linkage_sketch,
@@ -35,7 +36,14 @@ from symgen.symbolic.system import System
 
 #: Error over the peak stress of the run on a page.
 _ERROR = 1e-3
+#: The same of the steady state that a page of quasi-static shapes mentions.
+_STEADY = 1e-2
 _POSITION = ".position"
+#: Beginning of the caption of a page that computes.
+_QUASI_STATIC = (
+    "One revolution in the quasi-static state: links bend under the loads and inertia of the rigid motion; "
+    "vibrations are left out."
+)
 Array = NDArray[np.float64]
 #: Arguments of a range of prescribed values.
 _OF_RANGE = ("start", "stop", "at", "over", "samples")
@@ -168,20 +176,33 @@ class ElasticView(RodsView):
         """Return the caption, with the magnification of deflections if the result has them."""
         if not deflected(resolved, result):
             return self.film_caption
-        times = magnification(resolved, result)
-        size = "drawn in their own size" if times == 1.0 else f"magnified {times:g} times"
-        return (
-            f"Deflections are {size}: blue links bend about the rigid motion, in grey. Thin lines are the "
-            "paths of points so drawn."
-        )
+        return _of_deflections(magnification(resolved, result))
 
     def drawn_outputs(self, resolved: Linkage) -> Sequence[str]:
         """Return positions and displacements of points, and deflections along elastic links."""
         return bent_outputs(resolved)
 
     def plotted_outputs(self, resolved: Linkage) -> Sequence[str]:
-        """Return the bending strains at the stations."""
-        return [f"{station.name}.bending_strain" for station in resolved.stations]
+        """Return bending strains and stresses at the stations, and the torque of a crank that is held."""
+        words = ("bending_strain", "stress")
+        crank = resolved.crank
+        torque = [f"{crank.link}.torque"] if crank and crank.mode == "held" else []
+        return [*(f"{s.name}.{word}" for word in words for s in resolved.stations), *torque]
+
+    def computed(
+        self, resolved: Linkage, model: ElasticModel
+    ) -> tuple[Callable[[Mapping[str, Array]], Sketch], str]:
+        """Return the picture of the quasi-static shape, magnified as for the scene's own values."""
+        start = model.rigid.initial_state().positions
+        shape = model.quasi_static()
+        times = magnification(resolved, shape)
+
+        def drawn(found: Mapping[str, Array]) -> Sketch:
+            # A deflection is followed by its components.
+            own = {name: x[1:] if name.endswith(".deflection") else x for name, x in found.items()}
+            return bent_sketch(resolved, start, own, times)
+
+        return drawn, " ".join((_QUASI_STATIC, *_of_vibrations(model, shape), _of_deflections(times)))
 
     def recorded(self, resolved: Linkage, data: Mapping[str, Any]) -> dict[str, Any]:
         """Return the tables of a scene with stations along its elastic links."""
@@ -234,6 +255,31 @@ class ElasticView(RodsView):
     def example(self, model: ElasticModel) -> list[str]:
         """Return lines that run and show peaks."""
         return ["turn = model.simulate()", "turn.peaks"]
+
+
+def _of_vibrations(model: ElasticModel, shape: Result) -> Iterator[str]:
+    """Say by how much stresses of the steady state exceed the quasi-static ones, where there is one."""
+    names = [v.name for v in shape.variables if v.name.endswith(".stress")]
+    try:
+        steady = model.periodic(rtol=_STEADY)
+    except SymgenError:  # in resonance, or at rest
+        return
+    peaks = (max((r.peaks[name] for name in names), default=0.0) for r in (steady, shape))
+    with_vibrations, without = peaks
+    if without:
+        yield (
+            f"The steady state with vibrations has {with_vibrations / without:.2g} times the peak stress of "
+            "the quasi-static one, at the scene's own values (symgen periodic)."
+        )
+
+
+def _of_deflections(times: float) -> str:
+    """Return the caption of a picture with deflections magnified so many times."""
+    size = "drawn in their own size" if times == 1.0 else f"magnified {times:g} times"
+    return (
+        f"Deflections are {size}: blue links bend about the rigid motion, in grey. Thin lines are the paths "
+        "of points so drawn."
+    )
 
 
 def _where(linkage: Linkage) -> str:

@@ -44,7 +44,7 @@ def live_of(text: SceneText, vary: Mapping[str, str], frames: int) -> Live:
     Raises
     ------
     ModelError
-        For values that are no range, and elastic links.
+        For values that are no range, and elastic links whose shape C does not compute.
     SceneError, BuildError, CacheError, SimulationError
         As for building the scene, and where Zig is missing.
     """
@@ -71,19 +71,27 @@ def live_of(text: SceneText, vary: Mapping[str, str], frames: int) -> Live:
         _check_start(model, sliders)
     keys_by_name, units = {name: key for key, name in names.items()}, converters(d.units)
     shown = [(slot.name.replace(" ", "."), *units.get(slot.unit, (slot.unit, 1.0))) for slot in code.outputs]
+    module = wasm_of(code, frames)
+    sketch, caption = view.computed(resolved, model)
     return Live(
         title=d.title,
-        caption=view.film_caption,
+        caption=caption + _left_out(plotted, entries),
         label="time [s]",
         duration=float(code.t_end) - float(code.t_start),
-        code=wasm_of(code, frames),
+        code=module,
         frames=frames,
         outputs=shown,
         plotted=[k for k, name in enumerate(entries) if name in plotted],
         drawn={place: [k for k, name in enumerate(entries) if name == place] for place in places},
-        sketch=lambda drawn: view.sketch_at(resolved, drawn),
+        sketch=sketch,
         sliders=[_shown(s, keys_by_name, units) for s in sliders],
     )
+
+
+def _left_out(wanted: Sequence[str], known: Sequence[str]) -> str:
+    """Return the sentence on outputs of the scene that C does not compute."""
+    left = [name for name in wanted if name not in known]
+    return f" Not computed on this page: {', '.join(left)}." if left else ""
 
 
 def _shown(slider: Slider, keys: Mapping[str, str], units: Mapping[str, tuple[str, float]]) -> Slider:

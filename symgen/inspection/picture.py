@@ -130,33 +130,48 @@ def bent_sketches(linkage: Linkage, start: Mapping[str, Array], result: Result) 
 
     Ground points stay where they are at the ``start`` [m].
     """
-    written, times = linkage.as_written, magnification(linkage, result)
-    rigid, bent = {}, {}
-    for p in written.points:
-        if p.ground:
-            rigid[p.name] = bent[p.name] = np.tile(start[p.name], (result.count, 1))
-        else:
-            moved = result.variable(f"{p.name}.displacement").values
-            rigid[p.name] = result.variable(f"{p.name}.position").values - moved
-            bent[p.name] = rigid[p.name] + times * moved
+    drawn = {name: result.variable(name).values for name in bent_outputs(linkage)}
+    rigid = {name: np.tile(at, (result.count, 1)) for name, at in start.items()}
+    rigid |= _rigid(linkage, drawn)
+    for e in linkage.elastic:
+        along = rigid[linkage.link(e.link).end] - rigid[linkage.link(e.link).start]
+        left = np.column_stack([-along[:, 1], along[:, 0]]) / np.linalg.norm(along, axis=1)[:, None]
+        for k in range(1, _PARTS):
+            drawn[f"{e.link}__{k}.deflection"] = drawn[f"{e.link}__{k}.deflection"][:, None] * left
+    times = magnification(linkage, result)
+    return [
+        bent_sketch(linkage, start, {name: x[k] for name, x in drawn.items()}, times)
+        for k in range(result.count)
+    ]
+
+
+def _rigid(linkage: Linkage, drawn: Mapping[str, Array]) -> dict[str, Array]:
+    """Return the places of moving points in the rigid motion [m]."""
+    moving = [p.name for p in linkage.as_written.points if not p.ground]
+    return {p: drawn[f"{p}.position"] - drawn[f"{p}.displacement"] for p in moving}
+
+
+def bent_sketch(
+    linkage: Linkage, start: Mapping[str, Array], drawn: Mapping[str, Array], times: float
+) -> Sketch:
+    """Return a linkage with deflections magnified so many times, in the pose of its ``bent_outputs``.
+
+    Deflections are vectors [m]. Ground points stay where they are at the ``start`` [m]. All places are linear
+    in the outputs.
+    """
+    rigid = {**start, **_rigid(linkage, drawn)}
+    bent = {p: at + times * drawn.get(f"{p}.displacement", np.zeros(2)) for p, at in rigid.items()}
     shares = np.linspace(0.0, 1.0, _PARTS + 1)[:, None]
-    curves = {}
+    curves, straight = {}, []
     for e in linkage.elastic:
         link = linkage.link(e.link)
-        along = rigid[link.end] - rigid[link.start]
-        left = np.column_stack([-along[:, 1], along[:, 0]]) / np.linalg.norm(along, axis=1)[:, None]
-        inner = [result.variable(f"{e.link}__{k}.deflection").values for k in range(1, _PARTS)]
-        off = times * np.pad(np.array(inner).T, ((0, 0), (1, 1)))  # (samples, places)
-        a, b = bent[link.start][:, None], bent[link.end][:, None]
-        curves[e.link] = (1 - shares) * a + shares * b + off[:, :, None] * left[:, None]
-    found = []
-    for k in range(result.count):
-        sketch = linkage_sketch(linkage, {name: x[k] for name, x in bent.items()}, None)
-        lines = [replace(s, at=curves[s.name][k]) if s.kind == "elastic" else s for s in sketch.lines]
-        ends = ((linkage.link(name).start, linkage.link(name).end) for name in curves)
-        straight = [Line("rail", "", np.array([rigid[a][k], rigid[b][k]])) for a, b in ends]
-        found.append(replace(sketch, lines=(*straight, *lines)))
-    return found
+        off = np.array([drawn[f"{e.link}__{k}.deflection"] for k in range(1, _PARTS)])
+        curve = (1 - shares) * bent[link.start] + shares * bent[link.end]
+        curves[e.link] = curve + times * np.pad(off, ((1, 1), (0, 0)))
+        straight.append(Line("rail", "", np.array([rigid[link.start], rigid[link.end]])))
+    sketch = linkage_sketch(linkage, bent, None)
+    lines = [replace(s, at=curves[s.name]) if s.kind == "elastic" else s for s in sketch.lines]
+    return replace(sketch, lines=(*straight, *lines))
 
 
 def drawn_of_loop(loop: Loop) -> list[str]:

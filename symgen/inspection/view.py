@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -125,6 +125,12 @@ class View:
     def sketch_at(self, resolved: Any, drawn: Mapping[str, NDArray[np.float64]]) -> Sketch:
         """Return the mechanism in the pose of its drawn outputs, in which all places are linear."""
         raise NotImplementedError
+
+    def computed(
+        self, resolved: Any, model: Any
+    ) -> tuple[Callable[[Mapping[str, NDArray[np.float64]]], Sketch], str]:
+        """Return the picture of a page that computes, in which all places are linear, and its caption."""
+        return (lambda drawn: self.sketch_at(resolved, drawn)), self.film_caption
 
     def sketches(self, resolved: Any, model: Any, result: Result) -> list[Sketch]:
         """Return the mechanism at every sample of a result that has the drawn outputs."""

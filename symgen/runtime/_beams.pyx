@@ -118,6 +118,7 @@ cdef extern from "core/elastic.h" nogil:
         void *(*beams_constants)(beams *) noexcept nogil
         int (*beams_assemble)(beams *, double, int) noexcept nogil
         void (*beams_view)(const beams *, matrices_view *) noexcept nogil
+        void (*beams_unbalanced)(beams *, int, const void *, void *) noexcept nogil
         size_t (*steps_bytes)(const beams *, const beam_scheme *, long) noexcept nogil
         void (*steps_bind)(beam_steps *, beams *, const beam_scheme *, long, void *) noexcept nogil
         int (*steps_start)(beam_steps *, double) noexcept nogil
@@ -435,6 +436,17 @@ cdef class BeamEquations(Integrable):
         self.api.beams_view(<beams *>self.core, &seen)
         count = seen.full_entries
         return _indices(seen.full_rows, count), _indices(seen.full_columns, count), self._array(seen.full_stiffness, count)
+
+    def unbalanced(self, s, int analysis=_QUASI_STATIC):
+        """Return K S - Q of all unknowns, (n,), at the time of the last matrices, of that ``analysis``.
+
+        It is summed link by link: digits of bending are not lost to the larger entries of stretching.
+        """
+        cdef Reals given = Reals(self.of, s), found = Reals(self.of, np.zeros(self.whole))
+        at_least("unknowns", given.count, self.whole)
+        self.api.beams_unbalanced(<beams *>self.core, analysis, given.at, found.at)
+        found.back()
+        return found.doubles
 
     def residual(self, double t, s, v, a, int analysis=_IN_MOTION):
         """Return status, M S'' + C S' + K S - Q of all unknowns, and the rows of their constraints, (m, n).

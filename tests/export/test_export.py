@@ -75,8 +75,11 @@ def folders(tmp_path_factory):
     ],
 )
 def test_the_same_bits(name, compiler, folders):
-    said = run(compiled(folders[name], name, compiler, "check"), "--bits")
-    assert "all the same to the last bit" in said
+    program = compiled(folders[name], name, compiler, "check")
+    assert "all the same to the last bit" in run(program, "--bits")
+    if name == "elastic_slider_crank":  # whose shapes LAPACK solves in the library
+        said = run(program)
+        assert re.search(r"^outputs +\d+ numbers", said, re.M) and ", 0 by too much" in said
 
 
 @needs("gcc")

@@ -19,6 +19,8 @@ from symgen.inspection import live as inspected
 from symgen.inspection.film import film_of
 from symgen.inspection.loops import LoopView
 from symgen.inspection.picture import pose_of_loop
+from symgen.inspection.view import drawn_scene
+from symgen.pipeline.build import build_asked
 from symgen.report.page.animation import places_of
 from symgen.report.page.live import live
 from symgen.scene.loading import check_scene, override, read_scene
@@ -149,6 +151,42 @@ def test_a_loop_with_other_parameters_is_that_of_symgen(page_of):
     assert draws_the_animation(data, outputs, film_of(read_scene("slider_crank"), FRAMES))
 
 
+def test_elastic_links_at_another_speed_are_those_of_symgen(page_of):
+    page, data, code = page_of("elastic_four_bar")
+    assert [(s.name, s.low / s.value, s.high / s.value) for s in page.sliders] == [("speed", 0.5, 1.5)]
+    of = drawn_scene(read_scene("elastic_four_bar"))
+    model, names = build_asked(of.text, backend="c"), [name for name, _, _ in page.outputs]
+    assert {*page.plotted} == {names.index(name) for name in of.plotted} and "crank.torque" in of.plotted
+    for speed in (5.3, 9.0, 14.9):
+        status, times, rows = code.follow(speed)
+        run = model.with_parameters(speed=speed).quasi_static(samples=FRAMES)
+        assert status == 0 and times == pytest.approx(run.time, abs=1e-15)
+        sizes = {}
+        for v in run.variables:
+            sizes[v.unit] = max(sizes.get(v.unit, 0.0), np.max(np.abs(v.values)))
+        for v in run.variables:
+            columns = [f"{v.name}.{c}" for c in v.components] or [v.name]
+            own = rows[:, [names.index(c) for c in columns]].reshape(v.values.shape)
+            assert np.max(np.abs(own - v.values)) < 1e-12 * sizes[v.unit], v.name
+    run = model.quasi_static(samples=FRAMES)
+    sketches = of.view.sketches(of.resolved, model, run)
+    _, _, rows = code.follow(page.sliders[0].value)
+    assert draws_the_animation(data, rows, SimpleNamespace(sketches=sketches))
+    assert "6.1 times the peak stress of the quasi-static one" in page.caption
+    assert "magnified 20 times" in page.caption
+    status, times, _ = code.follow(0.0)
+    assert status != 0 and len(times) == 0
+
+
+def test_elastic_links_that_c_does_not_hold_are_refused():
+    with pytest.raises(
+        ModelError, match="elastic_four_bar_free has no live page: nothing holds its free crank"
+    ):
+        inspected.live_of(read_scene("elastic_four_bar_free"), {}, FRAMES)
+    with pytest.raises(ModelError, match="which depend on thickness, are fixed in C"):
+        inspected.live_of(read_scene("elastic_four_bar"), {"thickness": "0.3 in:0.5 in"}, FRAMES)
+
+
 def test_places_of_joints_are_products_of_matrices():
     """Outputs of joints against 4x4 transformations of the rows of the link-joint table."""
     text = read_scene("slider_crank")
@@ -169,8 +207,8 @@ def test_places_of_joints_are_products_of_matrices():
 
 
 def test_refusals(monkeypatch):
-    with pytest.raises(ModelError, match="elastic has no live page"):
-        sources_of(SimpleNamespace(name="elastic", outputs=()), FRAMES)
+    with pytest.raises(ModelError, match="elastic has no live page: it has no outputs"):
+        sources_of(SimpleNamespace(name="elastic", outputs=(), own={}), FRAMES)
     with pytest.raises(ModelError, match="expected the range of the slider of links_coupler_length"):
         inspected.live_of(read_scene("crank_rocker"), {"links.coupler.length": "1 m"}, FRAMES)
     with pytest.raises(ModelError, match="links_crank_length moves the start of four_bar"):

@@ -138,6 +138,13 @@ void beams_bind(struct beams *b, struct rigid_motion *motion, const struct beam_
 
 /* -- assembly --------------------------------------------------------------------------------------------- */
 
+/* Turn a vector from axes with the direction (c, s) to those in which they have it. */
+static void turn_vector(real *x, real *y, real c, real s) {
+    const real along = *x, across = *y;
+    *x = c * along - s * across;
+    *y = s * along + c * across;
+}
+
 /* Turn the rows and columns of one joint's displacements from the link's axes to fixed axes. */
 static void turn_end(real *a, ptrdiff_t n, ptrdiff_t u, ptrdiff_t w, real c, real s) {
     for (ptrdiff_t i = 0; i < n; i++) {
@@ -153,10 +160,11 @@ static void turn_end(real *a, ptrdiff_t n, ptrdiff_t u, ptrdiff_t w, real c, rea
 }
 
 /* Matrices and load of superelement k in its link's axes into m, d, g (n x n each) and q (n): constants times the
- * weights w of the kernel `links`. */
-static void in_link_axes(const struct beams *b, ptrdiff_t k, const real *w, real *m, real *d, real *g, real *q) {
+ * weights of the kernel `links`. */
+static void in_link_axes(const struct beams *b, ptrdiff_t k, real *m, real *d, real *g, real *q) {
     const struct beam_layout *x = &b->layout;
     const ptrdiff_t n = x->sizes[k], nn = n * n, link = x->link_of[k];
+    const real *w = b->motion->motion + MOTION * link;
     const real *matrices = b->constants + x->constants_at[k], *mass = matrices + OF_MASS * nn;
     const real *centrifugal = matrices + OF_CENTRIFUGAL * nn, *gyroscopic = matrices + OF_GYROSCOPIC * nn;
     const real *stiffness = matrices + OF_STIFFNESS * nn, *damping = matrices + OF_DAMPING * nn;
@@ -219,7 +227,7 @@ static void add_piece(struct beams *b, ptrdiff_t k) {
     const ptrdiff_t *places = x->places + x->places_at[k], *slots = x->slots + x->slots_at[k];
     const real *weights = b->motion->motion + MOTION * x->link_of[k], c = weights[COSINE], s = weights[SINE];
     real *m = b->local, *d = m + nn, *g = d + nn, *q = g + nn;
-    in_link_axes(b, k, weights, m, d, g, q);
+    in_link_axes(b, k, m, d, g, q);
     if (!x->thesis && b->analysis != QUASI_STATIC)
         add_turning_ends(b, k, weights, d, g);
     for (ptrdiff_t e = k * x->counts.most_joints; e < (k + 1) * x->counts.most_joints; e++) {
@@ -229,9 +237,7 @@ static void add_piece(struct beams *b, ptrdiff_t k) {
         turn_end(m, n, u, w, c, s);
         turn_end(d, n, u, w, c, s);
         turn_end(g, n, u, w, c, s);
-        const real along = q[u], across = q[w];
-        q[u] = c * along - s * across;
-        q[w] = s * along + c * across;
+        turn_vector(q + u, q + w, c, s);
     }
     for (ptrdiff_t i = 0; i < n; i++)
         if (places[i] >= 0)
@@ -257,9 +263,7 @@ static void add_force(const struct beams *b, ptrdiff_t k, const real *own, real 
         const ptrdiff_t u = x->joints[2 * e], w = x->joints[2 * e + 1];
         if (u < 0)
             continue;
-        const real along = a[u], across = a[w];
-        a[u] = c * along - s * across;
-        a[w] = s * along + c * across;
+        turn_vector(a + u, a + w, c, s);
         /* (u, w) rotated by -90 deg, as in add_turning_ends, in fixed axes. */
         rate[u] = -by_rate * a[w];
         rate[w] = by_rate * a[u];
@@ -335,6 +339,49 @@ int beams_assemble(struct beams *b, real t, int choose) {
         memset(b->full_forces, 0, (size_t)(2 * b->whole * b->modes) * sizeof(real));
     b->base.account->evaluations++;
     return b->layout.counts.constraints ? beams_reduce(b, choose) : DONE;
+}
+
+void beams_holding(const struct beams *b, ptrdiff_t k, const real *s, real *f) {
+    const struct beam_layout *x = &b->layout;
+    const ptrdiff_t n = x->sizes[k], nn = n * n, *places = x->places + x->places_at[k];
+    const real *weights = b->motion->motion + MOTION * x->link_of[k], c = weights[COSINE], d = weights[SINE];
+    real *own = b->local, *g = own + 2 * nn, *q = g + nn;
+    in_link_axes(b, k, own, own + nn, g, q);
+    for (ptrdiff_t i = 0; i < n; i++)
+        own[i] = places[i] < 0 ? 0 : s[places[i]];
+    for (ptrdiff_t e = k * x->counts.most_joints; e < (k + 1) * x->counts.most_joints; e++)
+        if (x->joints[2 * e] >= 0)
+            turn_vector(own + x->joints[2 * e], own + x->joints[2 * e + 1], c, -d);
+    for (ptrdiff_t i = 0; i < n; i++) {
+        f[i] = -q[i];
+        for (ptrdiff_t j = 0; j < n; j++)
+            f[i] += g[n * i + j] * own[j];
+    }
+}
+
+void beams_unbalanced(const struct beams *b, const real *s, real *out) {
+    const struct beam_layout *x = &b->layout;
+    const real *found = b->motion->joined, *stiffness = found + x->joint_at[BLOCK_STIFFNESS], *shaft = b->motion->shaft;
+    memset(out, 0, (size_t)b->whole * sizeof(real));
+    for (ptrdiff_t i = 0; i < x->counts.coordinates; i++)
+        if (x->joint_places[i] >= 0)
+            out[x->joint_places[i]] -= found[x->joint_at[BLOCK_LOAD] + i];
+    for (ptrdiff_t i = 0; i < x->counts.stiffnesses; i++)
+        out[x->rows[x->stiffness_slots[i]]] += stiffness[i] * s[x->columns[x->stiffness_slots[i]]];
+    if (x->counts.shaft >= 0 && b->motion->kernels.shaft)
+        out[x->counts.shaft] += shaft[SHAFT_STIFFNESS] * s[x->counts.shaft] - shaft[SHAFT_LOAD];
+    for (ptrdiff_t k = 0; k < x->counts.pieces; k++) {
+        const ptrdiff_t *places = x->places + x->places_at[k];
+        const real *weights = b->motion->motion + MOTION * x->link_of[k];
+        real *f = b->local + x->sizes[k] * x->sizes[k]; /* beams_holding leaves it alone until it writes there */
+        beams_holding(b, k, s, f);
+        for (ptrdiff_t e = k * x->counts.most_joints; e < (k + 1) * x->counts.most_joints; e++)
+            if (x->joints[2 * e] >= 0)
+                turn_vector(f + x->joints[2 * e], f + x->joints[2 * e + 1], weights[COSINE], weights[SINE]);
+        for (ptrdiff_t i = 0; i < x->sizes[k]; i++)
+            if (places[i] >= 0)
+                out[places[i]] += f[i];
+    }
 }
 
 void subtract_forces_of_modes(const struct beams *b, long columns, const real *p, const real *v, ptrdiff_t lead, real *rhs) {

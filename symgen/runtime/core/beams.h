@@ -84,6 +84,12 @@ void beams_bind(struct beams *b, struct rigid_motion *motion, const struct beam_
  * With `choose` the dependent unknowns are selected at this time, else those of the time before are kept. */
 int beams_assemble(struct beams *b, real t, int choose);
 
+/* Write stiffness times the shape s of all unknowns, less the load, at the time assembled last: of superelement k over its
+ * own unknowns in its link's axes; of all unknowns, superelement by superelement.
+ * That loses no digits of bending to the entries of stretching, which cancel in the assembled stiffness. */
+void beams_holding(const struct beams *b, ptrdiff_t k, const real *s, real *f);
+void beams_unbalanced(const struct beams *b, const real *s, real *out);
+
 /* Compute R, R' and R'' of S = R p from the assembled constraints, and write the equations of p. */
 int beams_reduce(struct beams *b, int choose);
 

@@ -69,6 +69,12 @@ static void view_matrices(const struct beams *b, struct matrices_view *view) {
     };
 }
 
+static void unbalanced(struct beams *b, int analysis, const void *s, void *out) {
+    b->analysis = analysis;
+    beams_unbalanced(b, s, out);
+    b->analysis = IN_MOTION;
+}
+
 static int start_steps(struct beam_steps *steps, double t) {
     return beam_steps_start(steps, R(t));
 }
@@ -101,6 +107,7 @@ const struct elastic_api symgen_elastic = {
     .beams_constants = constants_of,
     .beams_assemble = assemble_at,
     .beams_view = view_matrices,
+    .beams_unbalanced = unbalanced,
     .steps_bytes = beam_steps_bytes,
     .steps_bind = beam_steps_bind,
     .steps_start = start_steps,

@@ -40,6 +40,7 @@ struct elastic_api {
     void *(*beams_constants)(struct beams *b);
     int (*beams_assemble)(struct beams *b, double t, int analysis);
     void (*beams_view)(const struct beams *b, struct matrices_view *view);
+    void (*beams_unbalanced)(struct beams *b, int analysis, const void *s, void *out);
 
     size_t (*steps_bytes)(const struct beams *b, const struct beam_scheme *scheme, long columns);
     void (*steps_bind)(struct beam_steps *steps, struct beams *b, const struct beam_scheme *scheme, long columns,

@@ -106,6 +106,11 @@ def displacement(point: str, values: Array) -> Variable:
     return Variable(f"{point}.displacement", "m", about, ("x", "y"), values)
 
 
+def position(point: str, values: Array) -> Variable:
+    """Return the output of a point's place [m], (times, 2)."""
+    return Variable(f"{point}.position", "m", f"deformed position of {point}", ("x", "y"), values)
+
+
 def length_change(link: str, values: Array) -> Variable:
     """Return the output of the change of the distance between the ends of a link [m]."""
     about = f"change of the distance between the ends of {link}"
@@ -135,7 +140,7 @@ def recovered(motion: ElasticMotion, found: Motion) -> list[Variable]:
     for k, point in enumerate(d.free):
         columns = [names.index(f"{point}.{axis}") for axis in d.axes]
         place = found.q[:, 2 * k : 2 * k + 2] + found.displacements[:, columns]
-        made.append(Variable(f"{point}.position", "m", f"deformed position of {point}", ("x", "y"), place))
+        made.append(position(point, place))
     for name, k, at, _ in motion.stations:
         beam = motion.beams[k]
         own = motion.own_unknowns(k, found.links, found.displacements)

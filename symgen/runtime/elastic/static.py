@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +19,8 @@ Array = NDArray[np.float64]
 
 #: Poses of a quasi-static motion between two looks at the clock.
 _HELD = 32
+#: Corrections of a shape by the forces that it leaves unbalanced, summed link by link.
+REFINED = 2
 #: Time between poses, over a revolution, for the rates of a start.
 _APART = 1e-4
 #: Number of intervals that are tried; change over the rates that they may settle to; round-off of shapes.
@@ -47,10 +50,13 @@ def quasi_static(motion: ElasticMotion, equations: _beams.BeamEquations, times: 
         status, _, _, stiffness, load, basis = equations.matrices(t, _beams.QUASI_STATIC)
         motion.check(equations, status, t)
         sizes = stiffness_sizes(equations, None if basis is None else basis[0])
-        shape = _solved(stiffness, load, sizes)
-        if shape is None:
+        solve = _factorised(stiffness, sizes)
+        if solve is None:
             raise _no_shape(motion, equations, t, stiffness, sizes)
-        found[k] = shape if basis is None else basis[0] @ shape
+        whole = np.eye(len(load)) if basis is None else basis[0]
+        found[k] = whole @ solve(load)
+        for _ in range(REFINED):
+            found[k] -= whole @ solve(equations.unbalanced(found[k]) @ whole)
     return found
 
 
@@ -84,8 +90,8 @@ def initial(motion: ElasticMotion, equations: _beams.BeamEquations, task: Task) 
     )
 
 
-def _solved(stiffness: Array, load: Array, sizes: Array) -> Array | None:
-    """Return K^-1 load; None where K is not positive definite.
+def _factorised(stiffness: Array, sizes: Array) -> Callable[[Array], Array] | None:
+    """Return the function load -> K^-1 load; None where K is not positive definite.
 
     Pivots are compared with the round-off of their own unknown: see :func:`stiffness_sizes`.
     """
@@ -94,10 +100,9 @@ def _solved(stiffness: Array, load: Array, sizes: Array) -> Array | None:
     factor, failed = dpbtrf(
         _banded((stiffness + stiffness.T) / (2 * (sizes[:, None] * sizes))), lower=True, overwrite_ab=True
     )
-    if failed or not np.min(factor[0]) ** 2 > len(load) * np.finfo(float).eps:
+    if failed or not np.min(factor[0]) ** 2 > len(sizes) * np.finfo(float).eps:
         return None  # where numbers are not finite, too
-    found, _ = dpbtrs(factor, load / sizes, lower=True)
-    return np.asarray(found / sizes, dtype=float)
+    return lambda load: np.asarray(dpbtrs(factor, load / sizes, lower=True)[0] / sizes, dtype=float)
 
 
 def _no_shape(
@@ -106,9 +111,9 @@ def _no_shape(
     """Return the error of a structure whose stiffness under axial forces is not positive definite."""
     from scipy.linalg import eigh
 
-    status, _, _, stiffness, load, _ = equations.matrices(t, _beams.AT_REST)
+    status, _, _, stiffness, _, _ = equations.matrices(t, _beams.AT_REST)
     motion.check(equations, status, t)
-    if _solved(stiffness, load, sizes) is None:
+    if _factorised(stiffness, sizes) is None:
         return ModelError(
             f"{motion.rigid.name}: the structure can move without being strained, so that loads alone do "
             'not determine its shape\n  Hold the crank: mode = "held" under [crank].'
