@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
 from symgen.calls import checked
-from symgen.errors import ModelError, SlowBackendWarning
+from symgen.errors import ModelError, SceneError, SlowBackendWarning
 from symgen.methods import method_of
 from symgen.pipeline import parameters as tuning
 from symgen.pipeline.analysis import kernels_of_analysis
@@ -310,8 +310,11 @@ def _of_resolved(resolved: Linkage | Loop, tools: Tools, folder: Path) -> tuple[
 
 
 def system_of(resolved: Linkage | Loop) -> System:
-    """Return the System of a resolved scene."""
-    system: System = method_of(resolved).load("system")(resolved)
+    """Return the System of a resolved scene; raise SceneError for outputs that it does not have."""
+    try:
+        system: System = method_of(resolved).load("system")(resolved)
+    except SceneError as error:
+        raise error.located(file=resolved.file) from None
     return system
 
 

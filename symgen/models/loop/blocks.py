@@ -8,7 +8,7 @@ import sympy as sp
 
 from symgen.mechanics.loop.dual_euler import BodyMotion, Inertia
 from symgen.mechanics.loop.dual_rows import GROUND, MOTIONS, Frame, motions, name_functions, onward
-from symgen.models.loop.derivation import REFERENCE
+from symgen.models.loop.derivation import REFERENCE, named
 from symgen.symbolic.dual import DualVector
 from symgen.symbolic.names import Names
 from symgen.symbolic.quantity import AXES, Quantity, quantity
@@ -36,8 +36,8 @@ def loop_row_system() -> System:
         "Row of a link-joint table",
         (_ROW,),
         (
-            _matrix("transform", placed, "1, m", "axes and origin of the frame behind the row", AXES),
-            _matrix("dual_transform", frame.dual.beside, "1, m", "the same, R | D of R + eps D", AXES),
+            named("transform", placed, "1, m", "axes and origin of the frame behind the row", AXES),
+            named("dual_transform", frame.dual.beside, "1, m", "the same, R | D of R + eps D", AXES),
         ),
         names,
         kernels=("transform",),  # the dual form is shown only
@@ -66,7 +66,7 @@ def loop_screws_system() -> System:
         "Screws of a row of a link-joint table",
         (_ROW, before),
         (
-            _matrix(
+            named(
                 "screws",
                 sp.Matrix.hstack(*columns),
                 "1, m",
@@ -113,15 +113,15 @@ def loop_inertia_system() -> System:
             Group("p", "mass properties in the frame", (mass, *centre, *inertia.values())),
         ),
         (
-            _matrix(
+            named(
                 "momentum", moving.momentum.column, "kg*m/s, kg*m^2/s", "dual momentum about the origin",
                 ("px", "py", "pz", "hx", "hy", "hz"),
             ),
-            _matrix(
+            named(
                 "inertia_wrench", moving.wrench.column, "N, N*m", "rate of the momentum in space",
                 ("fx", "fy", "fz", "mx", "my", "mz"),
             ),
-            _matrix("kinetic_energy", sp.Matrix([moving.kinetic_energy]), "J", "kinetic energy"),
+            named("kinetic_energy", sp.Matrix([moving.kinetic_energy]), "J", "kinetic energy"),
         ),
         names,
     )  # fmt: skip
@@ -130,17 +130,6 @@ def loop_inertia_system() -> System:
 def _dual(six: Sequence[Quantity]) -> DualVector:
     a, b, c, d, e, f = (x.symbol for x in six)
     return DualVector((a, b, c), (d, e, f))
-
-
-def _matrix(
-    name: str,
-    matrix: sp.MatrixBase,
-    unit: str,
-    description: str,
-    rows: Sequence[str] = (),
-    columns: Sequence[str] = (),
-) -> NamedMatrix:
-    return NamedMatrix(name, sp.ImmutableMatrix(matrix), unit, description, tuple(rows), tuple(columns))
 
 
 def _system(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import cached_property
 
 import sympy as sp
@@ -14,6 +15,7 @@ from symgen.scene.loop.loop import Loop, LoopLoad, Row, Variable
 from symgen.symbolic.dual import DualVector, Triple, cross, dot
 from symgen.symbolic.names import Names
 from symgen.symbolic.quantity import Quantity, quantity
+from symgen.symbolic.system import NamedMatrix
 
 REFERENCE = (
     "S. Rahman, Dynamic Analysis of the Generalized Slider Crank (1991), Eqs. (1)-(68), in the corrected form"
@@ -239,3 +241,15 @@ class LoopModel:
 def entries(row: Row) -> tuple[sp.Expr, sp.Expr, sp.Expr, sp.Expr, sp.Expr]:
     """Return the entries of a row in the order of their motions."""
     return row.theta, row.S, row.eta, row.alpha, row.a
+
+
+def named(
+    name: str,
+    entries: sp.MatrixBase,
+    unit: str,
+    description: str,
+    rows: Sequence[str] = (),
+    columns: Sequence[str] = (),
+) -> NamedMatrix:
+    """Return a NamedMatrix of any matrix."""
+    return NamedMatrix(name, sp.ImmutableMatrix(entries), unit, description, tuple(rows), tuple(columns))

@@ -8,7 +8,7 @@ import sympy as sp
 
 from symgen.errors import SceneError
 from symgen.models.loop import outputs as loop_outputs
-from symgen.models.loop.derivation import REFERENCE, LoopModel, entries
+from symgen.models.loop.derivation import REFERENCE, LoopModel, entries, named
 from symgen.scene.loop.loop import ENTRIES, Loop
 from symgen.scene.rods.linkage import TIME
 from symgen.symbolic.dual import DualVector
@@ -28,14 +28,7 @@ def loop_system(loop: Loop) -> System:
     SceneError
         For an output the loop does not have, and a link without mass where a force is asked.
     """
-    try:
-        return _assemble(LoopModel(loop))
-    except SceneError as error:
-        raise error.located(file=loop.file) from None
-
-
-def _assemble(model: LoopModel) -> System:
-    loop = model.loop
+    model = LoopModel(loop)
     asked = loop_outputs.asked(model)
     needs = {need for m in asked for need in loop_outputs.needs(m.name)}
     free = loop.having("free")
@@ -107,7 +100,7 @@ def _motion(model: LoopModel, forces: bool) -> tuple[list[NamedMatrix], list[Exp
     inputs = model.loop.having("input")
     if inputs:
         matrices.append(
-            _matrix(
+            named(
                 "inputs",
                 sp.Matrix([row for v in inputs for row in [_jet(model, v.motion)]]),
                 ", ".join(x.unit for v in inputs for x in (v.quantity, v.rate, v.acceleration)),
@@ -121,15 +114,15 @@ def _motion(model: LoopModel, forces: bool) -> tuple[list[NamedMatrix], list[Exp
     screws = paths.columns(paths.screws, count)
     about = "screws of the joint variables in the first frame"
     matrices += [
-        _matrix(
+        named(
             "closure_defect",
             defect,
             "1, m",
             "B - I of the closure B = T_1 ... T_n: rotation, translation",
             "xyz",
         ),
-        _matrix("closure_jacobian", exact, "1, m", f"{about}: exact also where it is open", _SCREW, names),
-        _matrix("screws", screws, "1, m", f"{about}, by the shorter way", _SCREW, names),
+        named("closure_jacobian", exact, "1, m", f"{about}: exact also where it is open", _SCREW, names),
+        named("screws", screws, "1, m", f"{about}, by the shorter way", _SCREW, names),
     ]
     exports.append(
         Export("position", "closure defect and its derivative", ("closure_defect", "closure_jacobian"))
@@ -137,8 +130,8 @@ def _motion(model: LoopModel, forces: bool) -> tuple[list[NamedMatrix], list[Exp
     moving = ["screws", "screw_drift"]
     rates = paths.columns(paths.screw_rates(), count)
     matrices += [
-        _matrix("screw_rates", rates, "1/s, m/s", f"rates of the {about}", _SCREW, names),
-        _matrix(
+        named("screw_rates", rates, "1/s, m/s", f"rates of the {about}", _SCREW, names),
+        named(
             "screw_drift",
             rates * sp.Matrix(model.rates),
             "rad/s^2, m/s^2",
@@ -152,9 +145,7 @@ def _motion(model: LoopModel, forces: bool) -> tuple[list[NamedMatrix], list[Exp
     table = [e for row in model.loop.rows for e in entries(row)]
     rows = [f"row{i + 1}" for i in range(len(model.rows))]
     matrices.append(
-        _matrix(
-            "rows", sp.Matrix(len(rows), len(ENTRIES), table), "rad, m", "link-joint table", rows, ENTRIES
-        )
+        named("rows", sp.Matrix(len(rows), len(ENTRIES), table), "rad, m", "link-joint table", rows, ENTRIES)
     )
     exports.append(Export("rows", "the link-joint table", ("rows",)))
     return matrices, exports
@@ -166,7 +157,7 @@ def _switches(loop: Loop) -> NamedMatrix | None:
         return None
     gaps = sp.Matrix([s.gap for s in loop.switches])
     about = f"what passes zero at {'; '.join(s.text for s in loop.switches)}"
-    return _matrix("switches", gaps, "1", about, [s.branch.name for s in loop.switches])
+    return named("switches", gaps, "1", about, [s.branch.name for s in loop.switches])
 
 
 def _jet(model: LoopModel, motion: sp.Expr) -> list[sp.Expr]:
@@ -181,19 +172,19 @@ def _dynamics(model: LoopModel, free: bool) -> tuple[list[NamedMatrix], list[Exp
     names = [v.name for v in model.variables]
     unit = ", ".join(dict.fromkeys("N*m" if v.quantity.unit == "rad" else "N" for v in model.variables))
     matrices = [
-        _matrix(
+        named(
             "inverse_efforts",
             sp.Matrix(model.inverse_efforts),
             unit,
             "efforts that motion and loads ask of the variables, all but what the closing wrench does",
             names,
         ),
-        _matrix(
+        named(
             "given_efforts", sp.Matrix(model.given_efforts), unit, "known efforts of drives, else 0", names
         ),
-        _matrix("kinetic_energy", sp.Matrix([model.kinetic_energy]), "J", "kinetic energy"),
-        _matrix("potential_energy", sp.Matrix([model.potential_energy]), "J", "potential of gravity"),
-        _matrix("power", sp.Matrix([model.power]), "W", "power of drives and loads"),
+        named("kinetic_energy", sp.Matrix([model.kinetic_energy]), "J", "kinetic energy"),
+        named("potential_energy", sp.Matrix([model.potential_energy]), "J", "potential of gravity"),
+        named("power", sp.Matrix([model.power]), "W", "power of drives and loads"),
     ]
     exports = [
         Export("inverse", "efforts of motion and loads", ("inverse_efforts",)),
@@ -206,7 +197,7 @@ def _dynamics(model: LoopModel, free: bool) -> tuple[list[NamedMatrix], list[Exp
     ]
     if free:
         matrices.append(
-            _matrix(
+            named(
                 "mass_matrix",
                 sp.Matrix(model.mass_matrix),
                 "kg*m^2, kg*m, kg",
@@ -222,11 +213,11 @@ def _dynamics(model: LoopModel, free: bool) -> tuple[list[NamedMatrix], list[Exp
 def _steps(model: LoopModel, mass: bool) -> list[NamedMatrix]:
     """Return the steps of the derivation that no kernel writes, in the order of the source."""
     found = [
-        _matrix(f"row_{i}_transform", t.beside, "1, m", f"T_{i} = real part | dual part", "xyz")
+        named(f"row_{i}_transform", t.beside, "1, m", f"T_{i} = real part | dual part", "xyz")
         for i, t in enumerate(model.paths.transforms, 1)
     ]
     found += [
-        _matrix(
+        named(
             f"{v.name}_operator",
             model.paths.operator(j).beside,
             "1, m",
@@ -240,7 +231,7 @@ def _steps(model: LoopModel, mass: bool) -> list[NamedMatrix]:
         placed = frame.turn.row_join(sp.Matrix(frame.origin))
         here = f"of {link}, in its frame about its origin"
         found += [
-            _matrix(f"{link}_frame", placed, "1, m", f"frame of {link} in the first: axes and origin", "xyz"),
+            named(f"{link}_frame", placed, "1, m", f"frame of {link} in the first: axes and origin", "xyz"),
             _screw(f"{link}_motion", model.velocity(k), "rad/s, m/s", f"dual velocity {here}", _SCREW),
             _screw(
                 f"{link}_motion_rate",
@@ -253,7 +244,7 @@ def _steps(model: LoopModel, mass: bool) -> list[NamedMatrix]:
         if mass:
             body = model.bodies[k - 1]
             found += [
-                _matrix(f"{link}_binor", model.inertia(k).binor, "kg, kg*m, kg*m^2", f"inertia binor {here}"),
+                named(f"{link}_binor", model.inertia(k).binor, "kg, kg*m, kg*m^2", f"inertia binor {here}"),
                 _screw(
                     f"{link}_momentum",
                     body.momentum,
@@ -298,16 +289,5 @@ def _left_out(model: LoopModel, needs: Iterable[str]) -> Iterable[str]:
             yield f"link {link}: it has no mass, so no inertia"
 
 
-def _matrix(
-    name: str,
-    matrix: sp.MatrixBase,
-    unit: str,
-    description: str,
-    rows: Sequence[str] = (),
-    columns: Sequence[str] = (),
-) -> NamedMatrix:
-    return NamedMatrix(name, sp.ImmutableMatrix(matrix), unit, description, tuple(rows), tuple(columns))
-
-
 def _screw(name: str, screw: DualVector, unit: str, description: str, rows: Sequence[str]) -> NamedMatrix:
-    return _matrix(name, screw.column, unit, description, rows)
+    return named(name, screw.column, unit, description, rows)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from symgen.errors import SceneError
 from symgen.models.rods import outputs
 from symgen.models.rods.linearised import driven_motion
 from symgen.models.rods.linkage import REFERENCE, RodsModel
@@ -22,13 +21,7 @@ def driven_system(linkage: Linkage) -> System:
     SceneError
         For an output that the linkage does not have, or that needs forces.
     """
-    try:
-        return _assemble(RodsModel(linkage))
-    except SceneError as error:
-        raise error.located(file=linkage.file) from None
-
-
-def _assemble(model: RodsModel) -> System:
+    model = RodsModel(linkage)
     asked = outputs.asked(model)
     start, start_kernels = assembly_exports(model)
     moved, following = driven_motion(model)

@@ -6,7 +6,6 @@ import math
 from collections.abc import Iterable
 from dataclasses import replace
 
-from symgen.errors import SceneError
 from symgen.models.rods import outputs
 from symgen.models.rods.elimination import is_open, order_of
 from symgen.models.rods.linkage import REFERENCE, RodsModel
@@ -28,15 +27,8 @@ def linkage_system(linkage: Linkage) -> System:
     SceneError
         For an output that the linkage does not have, or a point without mass.
     """
-    try:
-        return _assemble(RodsModel(linkage))
-    except SceneError as error:
-        raise error.located(file=linkage.file) from None
-
-
-def _assemble(model: RodsModel) -> System:
+    model = RodsModel(linkage)
     model.check_masses()
-    linkage = model.linkage
     asked = outputs.asked(model)
     start, start_kernels = start_exports(model)
     equations, exports = _equations(model), _exports(model)
