@@ -14,7 +14,7 @@ from symgen.codegen.printers import Printer, printer
 from symgen.codegen.rolled import ROLLED, Rolled, large, rolled
 from symgen.codegen.source import SourceFile
 from symgen.codegen.target import Target
-from symgen.lowering.kernel import ARRAYS, Assignment, Block, Kernel, Program, Slot, Store
+from symgen.lowering.kernel import ARRAYS, Block, Kernel, Program, Slot, Store
 from symgen.lowering.nodes import GUARDED_INVERSE, Constant, references
 from symgen.precision import Precision
 
@@ -289,6 +289,7 @@ def _kernel(program: Program, kernel: Kernel, target: Target, rolls: bool) -> Ke
     kernel = kernel if rolls else kernel.with_zeros
     early, late = _scheduled(kernel)
     loops = rolled(kernel, early, late, prints) if rolls else None
+    assigned = () if loops else kernel.assignments
     if loops:
         early, late = [], []
     return KernelView(
@@ -299,7 +300,7 @@ def _kernel(program: Program, kernel: Kernel, target: Target, rolls: bool) -> Ke
         unused=() if kernel.first else tuple(a for a in ARRAYS if a not in own and a not in written),
         first=tuple(k.name for k in kernel.first),
         then=tuple(k.name for k in kernel.then),
-        assignments=() if loops else tuple(_assignment(a, prints) for a in kernel.assignments),
+        assignments=tuple(TextAssignment(a.target, prints(a.value)) for a in assigned),
         stores=() if loops else tuple(_stores(kernel.stores, prints, target)),
         early=tuple(tuple(_stores(stores, prints, target)) for stores in early),
         late=tuple(_stores(late, prints, target)),
@@ -357,10 +358,6 @@ def _stores(stores: Iterable[Store], prints: Printer, target: Target) -> Iterato
             yield TextAssignment(each, prints(_ZERO))
         else:
             yield from (TextAssignment(f"{array}[{s.index}]", prints(s.value)) for s in stores)
-
-
-def _assignment(assignment: Assignment, prints: Printer) -> TextAssignment:
-    return TextAssignment(assignment.target, prints(assignment.value))
 
 
 def _block(block: Block) -> BlockView:

@@ -22,12 +22,23 @@ if TYPE_CHECKING:
     from symgen.symbolic.system import System
 
 
-def _later(entry: str) -> Callable[[Any], System]:
+def _later(entry: str, **options: Any) -> Callable[[Any], System]:
     """Return a derivation that few need; it is imported when it is called."""
 
     def system(resolved: Any) -> System:
-        made: System = load(entry)(resolved)
+        made: System = load(entry)(resolved, **options)
         return made
+
+    return system
+
+
+def _tangents(kind: str, *kernels: str) -> Callable[[Any], System]:
+    """Return the derivation of the tangents of some kernels of an analysis, for derivatives by parameters."""
+
+    def system(resolved: Any) -> System:
+        from symgen.models.forward_mode import tangents_of
+
+        return tangents_of(ANALYSES[kind](resolved), kernels, ("q", "u", "p", "work"))
 
     return system
 
@@ -44,13 +55,13 @@ ANALYSES: dict[str, Callable[[Linkage], System]] = {
     "forces": _later("symgen.models.elastic.rigid_forces:rigid_forces_system"),
     "elastic_motion": _later("symgen.models.elastic.links:motion_system"),
     "elastic_joints": _later("symgen.models.elastic.links:joints_system"),
-    "elastic_motion_tangents": _later("symgen.models.elastic.tangents:motion_tangent_system"),
-    "elastic_joints_tangents": _later("symgen.models.elastic.tangents:joints_tangent_system"),
+    "elastic_motion_tangents": _tangents("elastic_motion", "constants", "links", "loads", "shaft"),
+    "elastic_joints_tangents": _tangents("elastic_joints", "joints"),
 }
 #: The same of loops.
 OF_LOOPS: dict[str, Callable[[Loop], System]] = {
     "loop_sensitivity": _later("symgen.models.loop.tangents:tangent_system"),
-    "loop_linearisation": _later("symgen.models.loop.tangents:balanced_tangent_system"),
+    "loop_linearisation": _later("symgen.models.loop.tangents:tangent_system", balanced=True),
 }
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
 
 import sympy as sp
@@ -158,6 +158,11 @@ class Values:
             self.at_least_zero[where] = expression
         return expression
 
+    def known(self, name: str, known: Collection[str], what: str, where: str) -> None:
+        """Check that a name is one of those that can stand here."""
+        if name not in known:
+            raise SceneError(f"there is no {what} called {name!r}", where=where, hint=nearest(name, known))
+
     def vector(
         self, texts: list[str | int | float], dim: Dimension, where: str, names: Names | None = None
     ) -> tuple[sp.Expr, ...]:
@@ -216,16 +221,12 @@ class Reader(Values):
 
     def known_point(self, name: str, where: str) -> PlacedPoint:
         """Return the point of this name."""
-        if name not in self.points:
-            hint = nearest(name, self.points)
-            raise SceneError(f"there is no point called {name!r}", where=where, hint=hint)
+        self.known(name, self.points, "point", where)
         return self.points[name]
 
     def known_link(self, name: str, where: str) -> None:
         """Check that there is a link of this name."""
-        if name not in self.scene.links:
-            hint = nearest(name, self.scene.links)
-            raise SceneError(f"there is no link called {name!r}", where=where, hint=hint)
+        self.known(name, self.scene.links, "link", where)
 
     def is_spatial_body(self, link: str) -> bool:
         """Return whether a link is a body in space, which two points cannot carry."""

@@ -11,7 +11,7 @@ from symgen.errors import SceneError
 from symgen.mechanics.loop.dual_euler import BodyMotion, Inertia, joint_wrenches
 from symgen.mechanics.loop.dual_paths import NOTHING, WRENCH, Paths
 from symgen.mechanics.loop.dual_rows import Frame, Motion, motions
-from symgen.scene.loop.loop import Loop, LoopLoad, Row, Variable
+from symgen.scene.loop.loop import Loop, LoopLoad, Row
 from symgen.symbolic.dual import DualVector, Triple, cross, dot
 from symgen.symbolic.names import Names
 from symgen.symbolic.quantity import Quantity, quantity
@@ -232,10 +232,6 @@ class LoopModel:
     def variable(self, name: str) -> int | None:
         """Return the number of a variable, if there is one of this name."""
         return next((j for j, v in enumerate(self.variables) if v.name == name), None)
-
-    def swapped(self) -> list[Variable]:
-        """Return the variables with an unknown drive that are no inputs."""
-        return [v for v in self.variables if v.effort is None and v.role != "input"]
 
 
 def entries(row: Row) -> tuple[sp.Expr, sp.Expr, sp.Expr, sp.Expr, sp.Expr]:

@@ -139,7 +139,7 @@ def _motion(model: LoopModel, forces: bool) -> tuple[list[NamedMatrix], list[Exp
             _SCREW,
         ),
     ]
-    if forces and model.swapped():
+    if forces and any(v.effort is None and v.role != "input" for v in model.variables):
         moving.append("screw_rates")
     exports.append(Export("motion", "screws and what their rates leave", tuple(moving)))
     table = [e for row in model.loop.rows for e in entries(row)]

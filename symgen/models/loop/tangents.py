@@ -92,11 +92,6 @@ def tangent_system(loop: Loop, balanced: bool = False) -> System:
     )
 
 
-def balanced_tangent_system(loop: Loop) -> System:
-    """Return the System of :func:`tangent_system` with the balance of efforts, whatever the outputs are."""
-    return tangent_system(loop, balanced=True)
-
-
 def _component(model: LoopModel, name: str) -> NamedMatrix:
     """Return an output, or a component of it such as ``crank.joint1.force.x``."""
     whole, axis = _parted(name)

@@ -211,14 +211,6 @@ def asked(model: RodsModel) -> list[NamedMatrix]:
     return found
 
 
-def _owners(model: RodsModel, word: str) -> list[str]:
-    """Return the points or links that have an output of this name."""
-    return [
-        *(model.points if word in OF_POINTS else ()),
-        *((k.name for k in model.parts) if word in OF_LINKS else ()),
-    ]
-
-
 def entries(model: RodsModel, name: str) -> Entries:
     """Return the scalars of an output, their unit and its description; raise SceneError if there is none."""
     owner, _, word = name.rpartition(".")
@@ -232,7 +224,8 @@ def entries(model: RodsModel, name: str) -> Entries:
     if not owner:
         if word in OF_THE_WHOLE:
             return OF_THE_WHOLE[word](model)
-        owners = [f"{owner}.{word}" for owner in _owners(model, word)]
+        owners = [f"{p}.{word}" for p in model.points if word in OF_POINTS]
+        owners += [f"{k.name}.{word}" for k in model.parts if word in OF_LINKS]
         owners += ["A.B.C." + word] if word in OF_CORNERS else []
         hint = (
             f"It belongs to a point or link: {', '.join(owners)}." if owners else nearest(name, OF_THE_WHOLE)

@@ -59,11 +59,6 @@ class Segments:
         return self.nodes[-1] - self.nodes[-2]
 
 
-def rod_name(link: str, number: int) -> str:
-    """Return the name of a rod of a link, counted from 1."""
-    return f"{link}__{number}"
-
-
 def segmented(linkage: Linkage, count: int, places: Places) -> Linkage:
     """Return the linkage with every elastic link in ``count`` rods with springs between them.
 
@@ -165,7 +160,7 @@ def _segments(linkage: Linkage, beam: ElasticLink, count: int) -> Segments:
     spacing = 1 / (count - _HALF) if clamped else sp.Rational(1, count)
     first = spacing / 2 if clamped else spacing
     nodes = (_ZERO, *(first + i * spacing for i in range(count)))
-    rods = tuple(rod_name(link.name, i) for i in range(1, count + 1))
+    rods = tuple(f"{link.name}__{i}" for i in range(1, count + 1))
     inner = tuple(f"{link.name}__p{i}" for i in range(1, count))
     return Segments(link, beam, rods, (link.start, *inner, link.end), nodes, clamped)
 

@@ -8,7 +8,7 @@ from typing import Literal
 
 import sympy as sp
 
-from symgen.errors import SceneError, nearest
+from symgen.errors import SceneError
 from symgen.scene import units
 from symgen.scene.expressions import Names, parse_any, parse_value, tonne_hint
 from symgen.scene.loop.schema import SpatialLoop
@@ -178,12 +178,6 @@ class LoopReader(Values):
             if self.number(slope) == 0:
                 raise SceneError(f"{held[0].name} has no effect in {text!r}")
         return expression, held[0]
-
-    def known(self, name: str, known: Iterable[str], what: str, where: str) -> None:
-        """Check that a name is one of those that can stand here."""
-        words = list(known)
-        if name not in words:
-            raise SceneError(f"there is no {what} called {name!r}", where=where, hint=nearest(name, words))
 
 
 def rate_of(dim: Dimension) -> Dimension:

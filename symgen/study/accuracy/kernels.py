@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, cast
@@ -179,40 +179,32 @@ def of_loop_model(model: LoopModel, asked: Asked) -> list[Kernels]:
 
 def of_rods(model: RodModel, asked: Asked) -> list[Kernels]:
     """Return the kernels of the equations of motion of a linkage in the requested type."""
-    own = _of_linkage(model, asked.system, asked.count, asked.seed, asked.run)
+    labels, system = model.description.labels, asked.system
+    redundant = tuple(labels.index(name) for name in model.redundant)
+    if system.saddle_point:
+        tolerance = repr(model.description.rank_tolerance)
+        system = replace(system, saddle_point=replace(system.saddle_point, rank_tolerance=tolerance))
+    states = of_linkage(model, asked.count, asked.seed, asked.run)
+    own = Kernels("", system, _of_evaluator(model.evaluator), states, redundant)
     return [own if asked.typed == FLOAT64 else _in_type(own, model, asked.typed)]
 
 
 def of_elastic(model: ElasticModel, asked: Asked) -> list[Kernels]:
     """Return the kernels of the rigid motion, and in double precision those of elastic links."""
-    (own,) = of_rods(model.rigid, asked)
+    (own,) = found = of_rods(model.rigid, asked)
     if asked.typed != FLOAT64:
-        return [own]
-    return [own, *_of_elastic(asked.scene, asked.set, model, own.states, asked.count, asked.seed)]
+        return found
+    for kind, made in elastic_systems(resolve_linkage(load_scene(asked.scene, asked.set))).items():
+        found.append(Kernels(f"{kind}.", made, _of_evaluator(model.rigid.analysis(kind)), own.states))
+    for name, block in sorted({(b.info.element, b.info.block) for b in model.beams}):
+        system, call = element(name), _of_module(elements.kernels(block))
+        states = of_beams(model, name, system, asked.count, asked.seed)
+        found.append(Kernels(f"element_{name}.", system, call, states))
+    return found
 
 
 #: Kernels of the initial assembly: their velocity argument holds the position along the path.
 _LEADING = ("assembly",)
-
-
-def _of_linkage(model: RodModel, system: System, count: int, seed: int, run: bool) -> Kernels:
-    labels = model.description.labels
-    redundant = tuple(labels.index(name) for name in model.redundant)
-    if system.saddle_point:
-        tolerance = repr(model.description.rank_tolerance)
-        system = replace(system, saddle_point=replace(system.saddle_point, rank_tolerance=tolerance))
-    states = of_linkage(model, count, seed, run)
-    return Kernels("", system, _of_evaluator(model.evaluator), states, redundant)
-
-
-def _of_elastic(
-    scene: Any, set_: Any, model: Any, states: States, count: int, seed: int
-) -> Iterator[Kernels]:
-    for kind, made in elastic_systems(resolve_linkage(load_scene(scene, set_))).items():
-        yield Kernels(f"{kind}.", made, _of_evaluator(model.rigid.analysis(kind)), states)
-    for name, block in sorted({(b.info.element, b.info.block) for b in model.beams}):
-        system, call = element(name), _of_module(elements.kernels(block))
-        yield Kernels(f"element_{name}.", system, call, of_beams(model, name, system, count, seed))
 
 
 def _in_type(own: Kernels, model: RodModel | LoopModel, typed: Precision) -> Kernels:
