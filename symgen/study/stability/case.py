@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import cache
 from typing import Any
 
 import numpy as np
 
 from symgen.errors import SimulationError
+from symgen.pipeline.build import build
 from symgen.runtime.integrate.integrators import INTEGRATORS
+from symgen.runtime.result.result import Result
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,6 +48,11 @@ class Found:
     steps: int
     seconds: float
 
+    @classmethod
+    def of(cls, result: Result, error: float, drift: float = 0.0) -> Found:
+        """Return a run with its error and drift."""
+        return cls(error, drift, result.statistics["steps"], result.statistics["wall_s"])
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Case(ABC):
@@ -57,8 +66,8 @@ class Case(ABC):
     hard: str
     measure: str
     family: str
-    drift_of: str
-    most_drift: float
+    drift_of: str = ""
+    most_drift: float = math.inf
 
     @property
     @abstractmethod
@@ -68,6 +77,17 @@ class Case(ABC):
     @abstractmethod
     def go(self, trial: Trial) -> Found:
         """Run a trial; raise SimulationError if it cannot be completed."""
+
+
+@cache
+def model_of(scene: str) -> Any:
+    """Return the model of a shipped scene, built once."""
+    return build(scene)
+
+
+def largest(values: Any) -> float:
+    """Return the largest magnitude."""
+    return float(np.max(np.abs(values)))
 
 
 #: Implicit methods are intended for stiff motions and are not run at tighter tolerances than this.

@@ -8,13 +8,10 @@ from dataclasses import dataclass, field
 from functools import cache
 from typing import Any, cast
 
-import numpy as np
-
 from symgen.errors import SimulationError
-from symgen.pipeline.build import build
-from symgen.runtime.elastic.model import METHODS, ElasticModel
+from symgen.runtime.elastic.model import METHODS
 from symgen.runtime.result.elastic import ElasticResult
-from symgen.study.stability.case import Case, Found, Trial
+from symgen.study.stability.case import Case, Found, Trial, largest, model_of
 
 #: Adaptive methods; all others have a number of steps.
 _BY_TOLERANCE = ("gauss", "gauss4", "dop853")
@@ -32,9 +29,7 @@ class Turning(Case):
     rtol: float = 1e-5
     too_few: int = 1024
     measure: str = "bending strains, relative to their peak"
-    most_drift: float = math.inf
     family: str = "elastic links"
-    drift_of: str = ""
 
     @property
     def trials(self) -> tuple[Trial, ...]:
@@ -47,17 +42,14 @@ class Turning(Case):
 
     def go(self, trial: Trial) -> Found:
         """Run a trial and compare the bending strains of all stations."""
-        result = _model(self.scene).simulate(
+        result = model_of(self.scene).simulate(
             method=trial.method, samples=_SAMPLES, **self.options, **trial.options
         )
         other = "gauss" if trial.method == "dop853" else "dop853"
         truth = _reference(self.scene, other, tuple(self.options.items()))
-        worst = 0.0
-        for v in truth.variables:
-            if v.name.endswith("bending_strain"):
-                peak = float(np.max(np.abs(v.values)))
-                worst = max(worst, float(np.max(np.abs(result.variable(v.name).values - v.values))) / peak)
-        return Found(worst, 0.0, result.statistics["steps"], result.statistics["wall_s"])
+        strains = (v for v in truth.variables if v.name.endswith("bending_strain"))
+        errors = (largest(result.variable(v.name).values - v.values) / largest(v.values) for v in strains)
+        return Found.of(result, max(errors, default=0.0))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -74,9 +66,7 @@ class Steady(Case):
     undamped: bool = False
     bound: float = 1e-4
     measure: str = "largest Floquet multiplier, relative"
-    most_drift: float = math.inf
     family: str = "elastic links"
-    drift_of: str = ""
 
     @property
     def trials(self) -> tuple[Trial, ...]:
@@ -85,28 +75,22 @@ class Steady(Case):
 
     def go(self, trial: Trial) -> Found:
         """Compute the steady state, check the verdict, and compare the multiplier."""
-        model = _model(self.scene).with_parameters(speed=self.rpm * math.pi / 30)
+        model = model_of(self.scene).with_parameters(speed=self.rpm * math.pi / 30)
         result = model.periodic(samples=_SAMPLES)
-        statistics = result.statistics
         if result.stable is not self.stable:
             said = {True: "stable", False: "unstable", None: "not known"}
             raise SimulationError(f"found {said[result.stable]}, and it is {said[self.stable]}")
         exact = 1.0
         if not self.undamped:
-            more = model.periodic(samples=_SAMPLES, steps=4 * statistics["steps"])
+            more = model.periodic(samples=_SAMPLES, steps=4 * result.statistics["steps"])
             exact = abs(more.floquet[0])
         error = abs(abs(result.floquet[0]) / exact - 1.0)
-        return Found(error, 0.0, statistics["steps"], statistics["wall_s"])
-
-
-@cache
-def _model(scene: str) -> ElasticModel:
-    return cast(ElasticModel, build(scene))
+        return Found.of(result, error)
 
 
 @cache
 def _reference(scene: str, method: str, options: tuple[tuple[str, Any], ...]) -> ElasticResult:
-    found = _model(scene).simulate(method=method, samples=_SAMPLES, rtol=_TIGHT, **dict(options))
+    found = model_of(scene).simulate(method=method, samples=_SAMPLES, rtol=_TIGHT, **dict(options))
     return cast(ElasticResult, found)
 
 

@@ -15,7 +15,7 @@ from symgen.pipeline.build import build
 from symgen.runtime.integrate.integrators import INTEGRATORS
 from symgen.runtime.loop.model import LoopModel
 from symgen.runtime.result.turn import Turn
-from symgen.study.stability.case import Case, Found, Trial, integrations
+from symgen.study.stability.case import Case, Found, Trial, integrations, largest
 
 Array = NDArray[np.float64]
 
@@ -50,7 +50,7 @@ class DrivenLoop(Case):
         if model.description.rank != self.rank:
             raise SimulationError(f"the screws have rank {model.description.rank}, not {self.rank}")
         turn = cast(Turn, model.inverse_dynamics(through=trial.method == "through"))
-        return Found(self.error(turn), turn.closure, turn.count, turn.statistics["wall_s"])
+        return Found.of(turn, self.error(turn), turn.closure)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -75,43 +75,36 @@ class FreeLoop(Case):
         """Run a trial and evaluate the energy balance."""
         model = cast(LoopModel, build(self.scene))
         result = model.simulate(method=trial.method, samples=2, **trial.options)
-        statistics = result.statistics
-        return Found(
-            result.drift.relative_energy, result.drift.constraint, statistics["steps"], statistics["wall_s"]
-        )
+        return Found.of(result, result.drift.relative_energy, result.drift.constraint)
 
 
 def _values(turn: Turn, *names: str) -> tuple[Array, ...]:
     return tuple(turn.variable(name).values for name in names)
 
 
-def _largest(values: Array) -> float:
-    return float(np.max(np.abs(values)))
-
-
 def _of_rocking_crank(turn: Turn) -> float:
     """Return the distance of the coupler's end from the rocker's circle [m]."""
     crank, coupler = _values(turn, "theta1", "theta2")
     end = 0.3 * np.exp(1j * crank) + 0.4 * np.exp(1j * (crank + coupler))
-    return _largest(np.abs(end - 0.25) - 0.2)
+    return largest(np.abs(end - 0.25) - 0.2)
 
 
 def _of_cardan(turn: Turn) -> float:
     """Return the residual of tan(theta1) tan(theta4) = cos(beta), in a form without poles."""
     one, four = _values(turn, "theta1", "theta4")
-    return _largest(np.sin(one) * np.sin(four) - np.cos(one) * np.cos(four) * math.cos(math.radians(89)))
+    return largest(np.sin(one) * np.sin(four) - np.cos(one) * np.cos(four) * math.cos(math.radians(89)))
 
 
 def _of_bennett(turn: Turn) -> float:
     """Return the variation of tan(theta1/2) tan(theta2/2), in a form without poles."""
     one, two = (x / 2 for x in _values(turn, "theta1", "theta2"))
     ratio = math.sin(math.radians(70)) / math.sin(math.radians(30))
-    return _largest(np.sin(one) * np.sin(two) - ratio * np.cos(one) * np.cos(two))
+    return largest(np.sin(one) * np.sin(two) - ratio * np.cos(one) * np.cos(two))
 
 
 def _of_bricard(turn: Turn) -> float:
     one, two = (np.cos(x) for x in _values(turn, "theta1", "theta2"))
-    return _largest(one + two + one * two)
+    return largest(one + two + one * two)
 
 
 #: Metres per inch.
@@ -123,14 +116,14 @@ def _of_slider(turn: Turn) -> float:
     crank, slider = _values(turn, "theta1", "S4")
     slider = slider / _INCH
     across = 12 * np.cos(crank) + 37.99
-    return _largest(slider - 12 * np.sin(crank) - np.sqrt(2500 - across**2))
+    return largest(slider - 12 * np.sin(crank) - np.sqrt(2500 - across**2))
 
 
 def _of_poles(turn: Turn) -> float:
     """Return the error of the dead centres [rad], where no finite load balances a torque."""
     exact = np.radians([90.0, 270.0])
     found = [pole.at for pole in turn.poles]
-    return _largest(np.array(found) - exact) if len(found) == len(exact) else math.inf
+    return largest(np.array(found) - exact) if len(found) == len(exact) else math.inf
 
 
 _ANGLES = "relation of the angles"

@@ -4,16 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from functools import cache
-from typing import Any, cast
 
 import numpy as np
 
-from symgen.pipeline.build import build
 from symgen.runtime.model.rods import RodModel
 from symgen.runtime.result.result import Result
 from symgen.runtime.result.state import State
-from symgen.study.stability.case import Case, Found, Trial, integrations
+from symgen.study.stability.case import Case, Found, Trial, integrations, largest, model_of
 from symgen.study.stability.truths import (
     compound_pendulum,
     four_bar,
@@ -64,29 +61,17 @@ class Rods(Case):
 
     def go(self, trial: Trial) -> Found:
         """Run a trial and evaluate the error."""
-        model = _model(self.scene or self.name).with_parameters(**self.parameters)
+        model = model_of(self.scene or self.name).with_parameters(**self.parameters)
         begin = self.start(model) if self.start else None
         asked = {"method": trial.method, "samples": self.samples, "max_steps": _MOST_STEPS, **trial.options}
         result = model.simulate(self.t_end, state=begin, **asked)
-        statistics = result.statistics
-        return Found(
-            self.error(model, result), result.drift.constraint, statistics["steps"], statistics["wall_s"]
-        )
-
-
-@cache
-def _model(scene: str) -> RodModel:
-    return cast(RodModel, build(scene))
-
-
-def _largest(values: Any) -> float:
-    return float(np.max(np.abs(values)))
+        return Found.of(result, self.error(model, result), result.drift.constraint)
 
 
 def _of_vertical_rods(model: RodModel, result: Result) -> float:
     exact = spatial_double_pendulum(tuple(result.time.tolist()))
     found = [result.variable(f"{p}.position").values for p in "AB"]
-    return _largest(np.stack(found, axis=1) - exact)
+    return largest(np.stack(found, axis=1) - exact)
 
 
 def _of_whip(model: RodModel, result: Result) -> float:
@@ -105,7 +90,7 @@ def _of_crank(moment: float, inertia: float, tip: str = "B") -> Callable[[RodMod
             float(first[0] * velocity[1] - first[1] * velocity[0]),
         )
         moved = compound_pendulum(result.time, angle, rate, moment, inertia)
-        return _largest(place - on_circle(moved))
+        return largest(place - on_circle(moved))
 
     return error
 
@@ -113,7 +98,7 @@ def _of_crank(moment: float, inertia: float, tip: str = "B") -> Callable[[RodMod
 def _of_peaucellier(model: RodModel, result: Result) -> float:
     expected = peaucellier_arm(float(result.time[-1]))(result.time)
     found = [result.variable(f"{p}.position").values for p in "ABCD"]
-    return _largest(np.stack(found, axis=1) - expected)
+    return largest(np.stack(found, axis=1) - expected)
 
 
 def _fast(model: RodModel) -> State:
@@ -131,14 +116,14 @@ def _of_chain(scene: str) -> Callable[[RodModel, Result], float]:
         expected = hanging_chain(scene, tuple(result.time.tolist()))[:, [0, -1]]
         free = model.description.free
         found = [result.variable(f"{p}.position").values for p in (free[0], free[-1])]
-        return _largest(np.stack(found, axis=1) - expected)
+        return largest(np.stack(found, axis=1) - expected)
 
     return error
 
 
 def _of_four_bar(model: RodModel, result: Result) -> float:
     found = [result.variable(f"{p}.position").values - 1e6 for p in "AB"]
-    return _largest(np.stack(found, axis=1) - four_bar(float(result.time[-1]))(result.time))
+    return largest(np.stack(found, axis=1) - four_bar(float(result.time[-1]))(result.time))
 
 
 def _bounds(*errors: float) -> dict[str, float]:
