@@ -59,8 +59,9 @@ class ElasticModel(Model):
     }
 
     def __init__(self, rigid: RodModel, remade: Remade | None = None) -> None:
-        self.rigid, self._remade, self._typed = rigid, remade, rigid._typed
-        self.description = rigid.description
+        parts = rigid.description, rigid._library, rigid._derive, rigid.parameters
+        super().__init__(*parts, typed=rigid._typed)
+        self.rigid, self._remade = rigid, remade
         self._motion = cache(self._made)
 
     @property
@@ -91,29 +92,6 @@ class ElasticModel(Model):
 
     #: An elastic motion is found in time.
     is_driven = False
-
-    @property
-    def parameters(self) -> Mapping[str, float]:
-        """Values of the tunable parameters, in SI units, read-only."""
-        return self.rigid.parameters
-
-    @property
-    def backend(self) -> str:
-        """Where the kernels of the rigid motion come from."""
-        return self.rigid.backend
-
-    def _evaluate_many(self, *arguments: Any) -> Any:
-        return self.rigid._evaluate_many(*arguments)
-
-    @property
-    def equations(self) -> Any:
-        """The derived SymPy matrices of the rigid motion by name."""
-        return self.rigid.equations
-
-    @property
-    def is_changed(self) -> bool:
-        """Whether a parameter has another value than in the scene."""
-        return self.rigid.is_changed
 
     @property
     def redundant(self) -> tuple[str, ...]:
@@ -207,7 +185,7 @@ class ElasticModel(Model):
         from symgen.runtime.linearisation.elastic import sensitivity
         from symgen.runtime.linearisation.record import at_times
 
-        by = self.rigid._differentiated(parameters)
+        by = self._differentiated(parameters)
 
         def found(times: Sequence[float]) -> list[Sensitivity]:
             return [sensitivity(self._motion(True), outputs, by, t) for t in times]

@@ -31,13 +31,8 @@ class KinematicModel(LinkageModel):
         """Numbers of coordinates and constraints, a line of text."""
         return (f"{self.description.extent}: drives prescribe the motion",)
 
-    def _found(self) -> Start:
-        if self._start is None and self.is_changed:
-            self._start = posed(self._evaluator)
-        elif self._start is None:
-            q, u = np.split(np.array(self.description.start), 2)
-            self._start = Start(q, u, ())
-        return self._start
+    def _begun(self) -> Start:
+        return posed(self._evaluator)
 
     def _bonds(self) -> Bonds:
         return Bonds(self._evaluator, self._evaluator)

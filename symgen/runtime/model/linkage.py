@@ -51,8 +51,18 @@ class LinkageModel(Model):
     is_driven = False
 
     @abstractmethod
+    def _begun(self) -> Start:
+        """Find the start at the parameters of the model."""
+
     def _found(self) -> Start:
-        """Return the start."""
+        """Return the start: the one stored with the scene, unless a parameter was changed."""
+        d = self.description
+        if self._start is None and (self.is_changed or not d.start):
+            self._start = self._begun()
+        elif self._start is None:
+            q, u = np.split(np.array(d.start), 2)
+            self._start = Start(q, u, d.redundant)
+        return self._start
 
     def initial_state(self) -> State:
         """Return the state in which a run starts.

@@ -60,15 +60,8 @@ class RodModel(LinkageModel):
             f"redundant: {implied}",
         )
 
-    def _found(self) -> Start:
-        """Return the start: the one stored with the scene, unless a parameter was changed."""
-        d = self.description
-        if self._start is None and (self.is_changed or not d.start):
-            self._start = start(self._evaluator)
-        elif self._start is None:
-            q, u = np.split(np.array(d.start), 2)
-            self._start = Start(q, u, d.redundant)
-        return self._start
+    def _begun(self) -> Start:
+        return start(self._evaluator)
 
     def _refused(self, name: str) -> str | None:
         if name == "inverse_dynamics" and (len(self.description.axes) > 2 or self.description.plane):
