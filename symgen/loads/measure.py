@@ -80,13 +80,15 @@ class Measure:
 
     ``integrable``: energies are functions of positions that are differentiated as they are; the energy of an
     angle is not, for its gradient is that of the angle, without an arc tangent. ``balanced``: its forces on
-    points have no resultant and no moment. ``joins``: it ties what it acts on together.
+    points have no resultant and no moment. ``joins``: it ties what it acts on together. ``section``: the
+    point at whose sections of elastic links a couple acts; "" for rigid links.
     """
 
     __slots__ = ()
     integrable = True
     balanced = False
     joins = False
+    section: str = ""
 
     @property
     def points(self) -> tuple[tuple[str, str], ...]:

@@ -32,6 +32,10 @@ class _OnLinks(Measure):
     against: str
 
     @property
+    def points(self) -> tuple[tuple[str, str], ...]:
+        return (("point", self.section),) if self.section else ()
+
+    @property
     def links(self) -> tuple[tuple[str, str], ...]:
         return (("link", self.link), ("against", self.against))
 
@@ -49,6 +53,7 @@ class Angle(_OnLinks):
     link: str
     against: str
     free: sp.Expr = ZERO
+    section: str = ""
     integrable = False
     joins = True
 
@@ -72,6 +77,7 @@ class Turn(_OnLinks):
 
     link: str
     against: str = ""
+    section: str = ""
 
     def works(self, geometry: Geometry, force: Vector) -> Iterator[Work]:
         for couple in _couples(self.link, self.against, self.put(geometry, force)):

@@ -23,6 +23,7 @@ class Torque(table.Table):
         "state and, in the plane, this.angle and this.rate of the link relative to the other one."
     )
     against: table.Name | None = None
+    point: table.Name | None = table.absent("On an elastic link, the point at whose section the couple acts.")
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,10 +38,11 @@ class AppliedTorque(Load):
     link: str
     torque: Vector = expression("axial")
     against: str = ""
+    section: str = ""
 
     @classmethod
     def read(cls, read: Reading, table: Torque, name: str, where: str) -> AppliedTorque:
-        check_couple(read, table.link, table.against, where)
+        section = check_couple(read, table.link, table.against, table.point, where)
         if read.dimension == 3:
             if not isinstance(table.torque, list):
                 raise SceneError(
@@ -52,16 +54,20 @@ class AppliedTorque(Load):
         else:
             names = read.with_state(name, {"angle": units.NUMBER, "rate": units.ANGULAR_RATE})
             torque = (read.value(table.torque, units.TORQUE, f"{where}.torque", names),)
-        return cls(name, table.link, torque, table.against or "")
+        return cls(name, table.link, torque, table.against or "", section)
 
     def terms(self, dimension: int) -> Iterator[Term]:
-        yield Term(Turn(self.link, self.against), force=self.torque)
+        yield Term(Turn(self.link, self.against, self.section), force=self.torque)
 
 
-def check_couple(read: Reading, link: str, against: str | None, where: str) -> None:
-    """Check that a couple acts on a link that can turn, against another one."""
+def check_couple(read: Reading, link: str, against: str | None, point: str | None, where: str) -> str:
+    """Check that a couple acts on a link that can turn, against another one; return the point of the section.
+
+    It is empty for rigid links.
+    """
     read.moving_link(link, f"{where}.link")
     if against is not None:
         read.moving_link(against, f"{where}.against")
         if against == link:
             raise SceneError("a torque of a link against itself does nothing", where=f"{where}.against")
+    return read.known_point(point, f"{where}.point").name if point is not None else ""

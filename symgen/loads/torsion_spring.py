@@ -24,6 +24,7 @@ class TorsionSpring(table.Table):
     stiffness: table.Value = Field(description="Torque per radian.")
     angle: table.Value = Field(0, description="Angle of the link from the other one at which it is slack.")
     damping: table.Value | None = None
+    point: table.Name | None = table.absent("Of elastic links, the point at whose sections the spring acts.")
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,10 +41,11 @@ class AngularSpring(Load):
     stiffness: sp.Expr
     angle: sp.Expr
     damping: sp.Expr
+    section: str = ""
 
     @classmethod
     def read(cls, read: Reading, table: TorsionSpring, name: str, where: str) -> AngularSpring:
-        check_couple(read, table.link, table.against, where)
+        section = check_couple(read, table.link, table.against, table.point, where)
         angle = read.value(table.angle, units.NUMBER, f"{where}.angle")
         damping = read.not_negative(table.damping or 0, units.ANGULAR_DAMPING, f"{where}.damping")
         pair = [k for k in (table.link, table.against) if k is not None]
@@ -62,14 +64,14 @@ class AngularSpring(Load):
                 hint="Its energy is stiffness*(1 - cos(angle between the rods)), regular at every angle.",
             )
         stiffness = read.not_negative(table.stiffness, units.TORQUE, f"{where}.stiffness")
-        return cls(name, table.link, table.against or "", stiffness, angle, damping)
+        return cls(name, table.link, table.against or "", stiffness, angle, damping, section)
 
     def terms(self, dimension: int) -> Iterator[Term]:
         if dimension == 3:
             yield Term(Bend(self.link, self.against), energy=self.stiffness * (1 - VALUE))
         else:
             yield Term(
-                Angle(self.link, self.against, self.angle),
+                Angle(self.link, self.against, self.angle, self.section),
                 energy=self.stiffness * VALUE**2 / 2,
                 force=(-self.damping * RATE,) if self.damping != 0 else (),
             )

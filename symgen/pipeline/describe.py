@@ -236,13 +236,16 @@ def _steady(linkage: Linkage) -> tuple[str, ...]:
 
 def _shaft_alone(linkage: Linkage) -> bool:
     """Return whether only the shaft of the crank and damping of links do work over a revolution."""
-    worked = any(term.force for load in linkage.loads for term in load.terms(linkage.dimension))
+    terms = [term for load in linkage.loads for term in load.terms(linkage.dimension)]
+    # The energy of an angle is known up to revolutions.
+    worked = any(term.force or not term.on.integrable for term in terms)
     moved = any(p.ground and p.motion != p.at for p in linkage.points)
     return not (worked or moved or len(linkage.drivers) > 1)
 
 
 def _elastic(linkage: Linkage) -> ElasticInfo:
     from symgen.elements import ELEMENTS
+    from symgen.models.elastic.couples import couples, rotations
     from symgen.models.elastic.links import loads_along, lumps
     from symgen.pipeline.user_model import definition_of
     from symgen.runtime.beams.data import BeamInfo
@@ -250,6 +253,10 @@ def _elastic(linkage: Linkage) -> ElasticInfo:
     from symgen.scene.rods.linkage import CarriedPoint
 
     crank, along = linkage.crank, list(loads_along(linkage))
+    acting = list(couples(linkage))
+    on_sections = [
+        (name, point) for _, term, _ in acting for _, point in term.on.points for _, name in term.on.links
+    ]
     return ElasticInfo(
         beams=tuple(
             BeamInfo(
@@ -267,6 +274,7 @@ def _elastic(linkage: Linkage) -> ElasticInfo:
                 clamped=crank is not None and crank.link == b.link,
                 definition=definition_of(b.element),
                 welds=b.welds,
+                couples=tuple(dict.fromkeys(point for name, point in on_sections if name == b.link)),
             )
             for b in linkage.elastic
         ),
@@ -279,5 +287,7 @@ def _elastic(linkage: Linkage) -> ElasticInfo:
         outputs=linkage.outputs,
         shaft_alone=_shaft_alone(linkage),
         prescribed=crank is not None and crank.prescribed,
+        couples=tuple(names for *_, names in acting),
+        rotations=rotations(linkage),
         damps_all=linkage.modal_damping is not None and linkage.modal_damping.all,
     )

@@ -46,6 +46,8 @@ def shunt(_, rate):
 #: Elastic links of six-bars, with joints between their ends, and between those of rigid links with a crank whose
 #: speed is not constant: the amplitude of its departure.
 SIX_BARS = {"six_bar": (("coupler", "rocker", "lever"),), "bodies": (("rocker", "link"), 0.3)}
+#: With torsion springs at sections and a disc.
+SIX_BARS["turned"] = SIX_BARS["six_bar"]
 CASES = {
     "thesis_four_bar": Case(four_bar(373 * RPM)),
     "elastic_four_bar_free": Case(four_bar(373 * RPM), "free"),
@@ -57,6 +59,7 @@ CASES = {
     "motor": Case(two_loops(), "motor", motor),
     "flywheel": Case(two_loops(0.02), "motor", motor),
     "six_bar": Case(six_bar(SIX_BAR, *SIX_BARS["six_bar"])),
+    "turned": Case(six_bar(SIX_BAR, *SIX_BARS["turned"], turned=True)),
 }
 SCENES = {
     "held": {"mode": "held"},
@@ -68,7 +71,7 @@ SCENES = {
 
 @cache
 def six_bar_model(name):
-    return symgen.build(symgen.Scene(**six_bar_scene(*SIX_BARS[name])))
+    return symgen.build(symgen.Scene(**six_bar_scene(*SIX_BARS[name], turned=name == "turned")))
 
 
 @cache
@@ -241,7 +244,10 @@ def test_random_six_bars(name, seed):
     """Matrices; frequencies at rest, and deflections of the structure at rest under the loads of the motion."""
     sizes = random_six_bar(seed)
     found = six_bar_model(name).with_parameters(**sizes)._motion(True)
-    case, t = Case(six_bar(sizes, *SIX_BARS[name])), float(np.random.default_rng(seed).uniform(0, 0.2))
+    case, t = (
+        Case(six_bar(sizes, *SIX_BARS[name], turned=name == "turned")),
+        float(np.random.default_rng(seed).uniform(0, 0.2)),
+    )
     compiled = found.equations()
     compare(found, compiled, case, t)
     load = compiled.matrices(t)[4]

@@ -45,8 +45,8 @@ def gradient(function, q):
 class Joints:
     """Coordinates of all moving points, constraints, masses and forces that are not of elastic links."""
 
-    def __init__(self, case: Case) -> None:
-        self.case, self.linkage = case, case.linkage
+    def __init__(self, case: Case, instant: Instant | None = None) -> None:
+        self.case, self.linkage, self.instant = case, case.linkage, instant
         self.points = [p for p in case.linkage.places(mpf(0)) if p not in case.linkage.ground]
         self.names = [f"{p}.{axis}" for p in self.points for axis in "xy"]
         self.place = {p: 2 * i for i, p in enumerate(self.points)}
@@ -101,7 +101,7 @@ class Joints:
             if elastic or not b.elastic:
                 length = float(self.length(self.start, b.a, b.b))
                 add({b.a: 0.5, b.b: 0.5}, b.mass)
-                add({b.a: -1 / length, b.b: 1 / length}, b.inertia)
+                add({b.a: -1 / length, b.b: 1 / length}, b.inertia + b.disc)
                 for s, lump in b.lumps:
                     add({b.a: 1 - s, b.b: s}, lump)
         for p, mass in self.linkage.particles.items():
@@ -131,6 +131,14 @@ class Joints:
                     add(b.b, f, s)
         for p, mass in self.linkage.particles.items():
             add(p, [mass * g for g in self.linkage.gravity])
+        for torsion in self.linkage.torsions if elastic else ():
+            for name, sign in torsion.rotations():
+                bar = self.linkage.bar(name)
+                (ax, ay), (bx, by) = self.xy(q, bar.a), self.xy(q, bar.b)
+                dx, dy = bx - ax, by - ay
+                couple = sign * self.instant.torque(torsion) / (dx * dx + dy * dy)
+                add(bar.b, (-dy * couple, dx * couple))
+                add(bar.a, (dy * couple, -dx * couple))
         rates = list(u)
         for spring in self.linkage.springs:
             (ax, ay), (bx, by) = self.xy(q, spring.a), self.xy(q, spring.b)
@@ -201,9 +209,14 @@ def places(case: Case, beam):
     for s, p in bar.points:
         node = int(np.argmin(np.abs(np.array(nodes) - s)))
         joints |= {f"{axis}@{node}": (p, k) for k, axis in enumerate("uw")}
+    at = {p: int(np.argmin(np.abs(np.array(nodes) - s))) for s, p in bar.points}
+    turned = {(k, s.point) for s in case.linkage.torsions for k, _ in s.rotations()}
+    acted = {f"theta@{at[p]}": p for k, p in turned if k == bar.name}
     for i, dof in enumerate(beam.dofs):
         if dof in joints:
             yield joints[dof]
+        elif dof in acted:
+            yield f"{beam.info.link}.{acted[dof]}.theta"
         elif i in beam.fixed or (beam.info.link, dof, case.mode) == (case.linkage.crank, "theta@0", "held"):
             yield None
         else:
@@ -247,7 +260,8 @@ def constant(basis):
 
 def equations(case: Case, beams, names, t: float, *, thesis=False, rest=False, independent=None):
     """Mass, damping, stiffness, load of the unknowns left, and R with two rates (None without constraints)."""
-    instant, joints, n = case.linkage.at(t), Joints(case), len(names)
+    instant, n = case.linkage.at(t), len(names)
+    joints = Joints(case, instant)
     if rest:
         for table in (instant.rate, instant.second):
             table.update({p: (mpf(0), mpf(0)) for p in table})
@@ -258,6 +272,13 @@ def equations(case: Case, beams, names, t: float, *, thesis=False, rest=False, i
         total = [a + b for a, b in zip(total, found, strict=True)]
         if beam.info.link == case.linkage.crank and case.mode != "held":
             _shaft(case, instant, total, names.index(f"{beam.info.link}.theta@0"))
+    for torsion in case.linkage.torsions:
+        row = np.zeros(n)
+        for name, sign in torsion.rotations():
+            row[names.index(f"{name}.{torsion.point}.theta")] += sign
+        total[1] = total[1] + torsion.damping * np.outer(row, row)
+        total[2] = total[2] + torsion.stiffness * np.outer(row, row)
+        total[3] = total[3] + instant.torque(torsion) * row
     mine = [names.index(name) for name in joints.names]
     with mpmath.workdps(DIGITS):
         for whole, own in zip(total, of_joints(joints, instant, rest), strict=True):

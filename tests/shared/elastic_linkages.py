@@ -40,6 +40,7 @@ class Bar:
     lumps: tuple = ()
     forces: tuple = ()
     joints: tuple = ()
+    disc: float = 0.0  # moment of inertia of what is fixed to it
 
     @property
     def points(self) -> tuple[tuple[float, str], ...]:
@@ -56,6 +57,21 @@ class Spring:
 
 
 @dataclass(frozen=True)
+class Torsion:
+    """A torsion spring at ``point`` on bar a, against bar b or the ground (empty)."""
+
+    a: str
+    b: str
+    point: str
+    stiffness: float
+    damping: float
+    angle: float
+
+    def rotations(self) -> tuple[tuple[str, float], ...]:
+        return tuple((k, sign) for k, sign in ((self.a, 1.0), (self.b, -1.0)) if k)
+
+
+@dataclass(frozen=True)
 class Linkage:
     """``places`` gives all points by the time; ``guided`` the normal of the line that a point stays on."""
 
@@ -66,6 +82,7 @@ class Linkage:
     particles: dict[str, float] = field(default_factory=dict)
     guided: dict[str, tuple[float, float]] = field(default_factory=dict)
     springs: tuple[Spring, ...] = ()
+    torsions: tuple[Torsion, ...] = ()
     gravity: tuple[float, float] = (0.0, 0.0)
 
     def bar(self, name: str) -> Bar:
@@ -135,7 +152,7 @@ class Instant:
         for b in bars:
             e, _, second, length = self.axes(b)
             turned = np.array([-e[1], e[0]])
-            force, moment = np.zeros(2), b.inertia * second
+            force, moment = np.zeros(2), (b.inertia + b.disc) * second - self.couple(b.name)
             for s, mass in ((0.5, b.mass), *b.lumps):
                 inertia = mass * ((1 - s) * self.felt(b.a) + s * self.felt(b.b))
                 force, moment = force + inertia, moment + (s - 0.5) * length * turned @ inertia
@@ -157,6 +174,19 @@ class Instant:
                 balance(terms, own[k])
         found = np.linalg.solve(np.array(rows), np.array(right))
         return {key: found[i : i + 2] for key, i in at.items()}
+
+    def torque(self, spring: Torsion) -> float:
+        """Torque of a torsion spring on its first bar."""
+        angle, rate = -spring.angle, 0.0
+        for name, sign in spring.rotations():
+            e, omega, *_ = self.axes(self.linkage.bar(name))
+            angle, rate = angle + sign * np.arctan2(e[1], e[0]), rate + sign * omega
+        return -spring.stiffness * ((angle + np.pi) % (2 * np.pi) - np.pi) - spring.damping * rate
+
+    def couple(self, bar: str) -> float:
+        return sum(
+            sign * self.torque(s) for s in self.linkage.torsions for k, sign in s.rotations() if k == bar
+        )
 
     def spring_force(self, p: str):
         total = np.zeros(2)
@@ -233,10 +263,18 @@ SIX_BAR = {
 }  # fmt: skip
 
 
-def six_bar(sizes: dict[str, float], elastic: Sequence[str], swing: float = 0.0) -> Linkage:
+#: Torsion springs at sections of ``six_bar``, and the disc [kg m^2] on its coupler.
+TORSIONS = Torsion("coupler", "rocker", "C", 8.0, 0.05, -1.0), Torsion("lever", "", "R", 5.0, 0.02, 2.0)
+DISC = 2e-3
+
+
+def six_bar(
+    sizes: dict[str, float], elastic: Sequence[str], swing: float = 0.0, *, turned: bool = False
+) -> Linkage:
     """A coupler that goes on beyond its joint C to T, and a lever that is moved at its middle E.
 
     ``swing`` is the amplitude [rad] of 40 rad/s by which the angle of the crank departs from constant speed.
+    ``turned``: with ``TORSIONS`` and ``DISC``.
     """
     r, coupler, rocker, link, lever, joint, middle = sizes.values()
 
@@ -258,17 +296,18 @@ def six_bar(sizes: dict[str, float], elastic: Sequence[str], swing: float = 0.0)
 
     bars = (
         Bar("crank", "O", "A", 0.5, 0.5 * r**2 / 12),
-        bar("coupler", "A", "T", coupler, joints=((joint, "C"),), lumps=((0.3, 0.05),)),
+        bar("coupler", "A", "T", coupler, joints=((joint, "C"),), lumps=((0.3, 0.05),), disc=DISC * turned),
         bar("rocker", "Q", "C", rocker),
         bar("link", "T", "E", link),
         bar("lever", "R", "S", lever, joints=((middle, "E"),)),
     )
     spring = Spring("C", "S", 200.0, 0.3, 4.0)
     masses = {"S": 0.1, "C": 0.04}
-    return Linkage(places, ("O", "Q", "R"), bars, "crank", masses, {}, (spring,), (0.0, -9.81))
+    torsions = TORSIONS if turned else ()
+    return Linkage(places, ("O", "Q", "R"), bars, "crank", masses, {}, (spring,), torsions, (0.0, -9.81))
 
 
-def six_bar_scene(elastic: Sequence[str], swing: float = 0.0) -> dict:
+def six_bar_scene(elastic: Sequence[str], swing: float = 0.0, *, turned: bool = False) -> dict:
     """The same as a scene, with its sizes as tunable parameters."""
     with mpmath.workdps(DIGITS):
         drawn = six_bar(SIX_BAR, elastic).places(mpf(0))
@@ -309,7 +348,14 @@ def six_bar_scene(elastic: Sequence[str], swing: float = 0.0) -> dict:
         "links": links,
         "masses": [
             {"point": "S", "mass": "0.1 kg"}, {"point": "C", "mass": "0.04 kg"},
-            {"point": "P", "mass": "0.05 kg"},
+            {"point": "P", "mass": "0.05 kg", **({"inertia": f"{DISC} kg*m^2"} if turned else {})},
+        ],
+        "torsion_springs": [
+            {
+                "link": s.a, "point": s.point, "stiffness": f"{s.stiffness!r} N*m", "angle": s.angle,
+                "damping": f"{s.damping!r} N*m*s", **({"against": s.b} if s.b else {}),
+            }
+            for s in (TORSIONS if turned else ())
         ],
         "springs": [{"between": ["C", "S"], "stiffness": "200 N/m", "length": "0.3 m", "damping": "4 N*s/m"}],
         "gravity": {"acceleration": ["0 m/s^2", "-9.81 m/s^2"]},

@@ -13,6 +13,8 @@ import sympy as sp
 from symgen.mechanics.elastic.hamilton import OMEGA, OMEGA_RATE
 
 _PHI, _PHI_T, _PHI_TT = sp.symbols("phi phi_t phi_tt", real=True)
+#: The rotation phi and its rates.
+ROTATION = (_PHI, _PHI_T, _PHI_TT)
 #: Terms that :func:`shaft` gives, in its order.
 TERMS = ("shaft_mass", "shaft_damping", "shaft_stiffness", "shaft_load")
 
@@ -54,6 +56,16 @@ def shaft(inertia: sp.Expr, torque: sp.Expr, angle: sp.Symbol, rate: sp.Symbol) 
     left = _rate(momentum) - _driving(torque, angle, rate)
     still = dict.fromkeys((_PHI, _PHI_T, _PHI_TT), sp.Integer(0))
     return (*(sp.diff(left, of) for of in (_PHI_TT, _PHI_T, _PHI)), -left.xreplace(still))
+
+
+def couple(torque: sp.Expr, angle: sp.Symbol, rate: sp.Symbol) -> tuple[sp.Expr, ...]:
+    """Return damping, stiffness and load [N m] of a couple on a section of an elastic link.
+
+    They are those of a shaft without inertia at this section, with the rotation phi from the rigid motion; of
+    a couple between two sections phi is the difference of their rotations. Parameters are those of
+    :func:`shaft`.
+    """
+    return shaft(sp.Integer(0), torque, angle, rate)[1:]
 
 
 def _rate(expression: sp.Expr) -> sp.Expr:

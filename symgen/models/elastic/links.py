@@ -19,10 +19,10 @@ from symgen.loads.torque import AppliedTorque
 from symgen.mechanics.elastic.energies import LIFT, energy_weights, rate, rigid_energies
 from symgen.mechanics.elastic.hamilton import GX, GY, PX, PY, VX, VY
 from symgen.mechanics.elastic.moving_frame import local, moving_frame
-from symgen.mechanics.elastic.shaft import TERMS, powers, rigid_crank, shaft
+from symgen.mechanics.elastic.shaft import ROTATION, TERMS, powers, rigid_crank, shaft
 from symgen.mechanics.elastic.turning_axes import COSINE, SINE
 from symgen.mechanics.elastic.weights import turning_ends, weights
-from symgen.models.elastic.apart import apart
+from symgen.models.elastic.couples import apart, entries
 from symgen.models.rods.constraints import Constraint
 from symgen.models.rods.linearised import analysis_of, linearised
 from symgen.models.rods.linkage import RodsModel
@@ -156,11 +156,18 @@ def joints_system(linkage: Linkage) -> System:
         - sp.Add(*(model.mass_entries.get((q, other), ZERO) * accelerations[other] for other in coordinates))
         for q, f in zip(coordinates, model.applied, strict=True)
     ]
-    names = [s.name for s in coordinates]
-    matrices = [named(model, "load", load, "N", "force less inertia in the rigid motion", rows=names)]
-    matrices += linearised(model, [c for c in bound if not _is_elastic(linkage, c)])
+    more = entries(model, linkage)
+    names, about = (
+        [s.name for s in coordinates],
+        "force less inertia in the rigid motion, couples on sections",
+    )
+    names, load = [*names, *(at for at, _ in more["load"])], [*load, *(e for _, e in more["load"])]
+    matrices = [named(model, "load", load, "N or N*m" if more["load"] else "N", about, rows=names)]
+    # The axial force of an elastic link is in its elements.
+    elastic = {b.link for b in linkage.elastic}
+    matrices += linearised(model, [c for c in bound if c.link not in elastic], more)
     if bound:
-        matrices += _rows(model, bound, accelerations)
+        matrices += _rows(model, bound, accelerations, names)
     about = "the linkage without its elastic links, linearised about the rigid motion"
     exports = [Export("joints", about, tuple(m.name for m in matrices))]
     energies = {"kinetic_energy": model.kinetic_energy, "potential_energy": model.potential_energy}
@@ -309,7 +316,7 @@ def _stations(linkage: Linkage) -> list[list[sp.Expr]]:
 
 def _shaft(model: RodsModel, crank: Crank, motion: Mapping[sp.Symbol, sp.Expr]) -> NamedMatrix:
     angle, rate = (state_symbol(f"{crank.link}.{word}") for word in ("angle", "angular_velocity"))
-    hidden, shown = apart(model.linkage, motion)
+    hidden, shown = apart(model.linkage, (*motion, *ROTATION))
     terms = shaft(hidden(crank.flywheel), hidden(crank.torque), angle, rate)
     row = [shown(e.xreplace(motion)) for e in terms]
     return _table(model, "shaft", [model.loads.with_state(row)], "kg*m^2, N*m*s/rad, N*m/rad, N*m", TERMS)
@@ -317,7 +324,7 @@ def _shaft(model: RodsModel, crank: Crank, motion: Mapping[sp.Symbol, sp.Expr]) 
 
 def _shaft_energy(model: RodsModel, crank: Crank, motion: Mapping[sp.Symbol, sp.Expr]) -> NamedMatrix:
     angle, rate_of = (state_symbol(f"{crank.link}.{word}") for word in ("angle", "angular_velocity"))
-    hidden, shown = apart(model.linkage, motion)
+    hidden, shown = apart(model.linkage, (*motion, *ROTATION))
     found = powers(hidden(crank.flywheel), hidden(crank.torque), angle, rate_of)
     row = [shown(e.xreplace(motion)) for part in found.values() for e in part]
     return _table(model, "shaft_energy", [[e] for e in model.loads.with_state(row)], "J, W", ("factor",))
@@ -332,10 +339,10 @@ def _rigid_crank(model: RodsModel, crank: Crank) -> Iterator[NamedMatrix]:
 
 def _without_beams(linkage: Linkage) -> Linkage:
     """Return the linkage with its elastic links massless, and the motor on a crank that is rigid."""
-    beams = {b.link for b in linkage.elastic}
+    beams, crank = {b.link for b in linkage.elastic}, linkage.crank
     carried = {c.name for b in beams for c in linkage.link(b).carried if not c.joined}
-    crank, loads = linkage.crank, list(linkage.loads)
-    loads = [x for x in loads if not any(any(_along(linkage, b, x)) for b in beams)]
+    loads = [x for x in linkage.loads if not any(any(_along(linkage, b, x)) for b in beams)]
+    loads = [x for x in loads if not any(m.section for m in x.measures(linkage.dimension))]
     if crank and crank.link not in beams and crank.mode == "motor":
         loads.append(AppliedTorque("motor", crank.link, (crank.torque,)))
 
@@ -353,22 +360,19 @@ def _without_beams(linkage: Linkage) -> Linkage:
 def _bound(model: RodsModel, linkage: Linkage) -> list[Constraint]:
     """Return the constraints that the elastic motion keeps: lengths of rigid links, guides, a held crank."""
     stretching = {b.link for b in linkage.elastic if b.axial}
-    beams = {b.link for b in linkage.elastic}
-    crank = linkage.crank
+    beams, crank = {b.link for b in linkage.elastic}, linkage.crank
     free = {f"{crank.link}_drive"} if crank and (crank.mode != "held" or crank.link in beams) else set()
     kept = (c for c in model.constraints if c.carrier not in beams and c.link not in stretching)
     return [c for c in kept if c.name not in free]
 
 
-def _is_elastic(linkage: Linkage, constraint: Constraint) -> bool:
-    """Return whether a constraint is the length of an elastic link, whose elements hold its axial force."""
-    return any(b.link == constraint.link for b in linkage.elastic)
-
-
 def _rows(
-    model: RodsModel, bound: Sequence[Constraint], accelerations: dict[sp.Symbol, sp.Symbol]
+    model: RodsModel,
+    bound: Sequence[Constraint],
+    accelerations: dict[sp.Symbol, sp.Symbol],
+    columns: Sequence[str],
 ) -> Iterator[NamedMatrix]:
-    """Yield the Jacobian of the constraints by the free coordinates, with first and second rate."""
+    """Yield the Jacobian of the constraints with first and second rate; it is zero by rotations, the last."""
     calculus = model.calculus
     kept = [
         {s: slope / c.scale for s, slope in gradient.items()}
@@ -382,12 +386,14 @@ def _rows(
             calculus.rate(calculus.rate(expression)), *(slope * accelerations[s] for s, slope in by.items())
         )
 
-    rows, columns = [c.name for c in bound], [x.name for x in model.coordinates]
+    rows, rotated = [c.name for c in bound], [ZERO] * (len(columns) - len(model.coordinates))
     for name, unit, of in (
         ("jacobian", "1", lambda e: e),
         ("jacobian_rate", "1/s", calculus.rate),
         ("jacobian_second_rate", "1/s^2", second),
     ):
-        entries = [of(row.get(x.symbol, ZERO)) for row in kept for x in model.coordinates]
+        filled = [
+            e for row in kept for e in (*(of(row.get(x.symbol, ZERO)) for x in model.coordinates), *rotated)
+        ]
         about = f"{name.replace('_', ' ')} of the constraints over their scale"
-        yield named(model, name, entries, unit, about, rows=rows, columns=columns)
+        yield named(model, name, filled, unit, about, rows=rows, columns=columns)

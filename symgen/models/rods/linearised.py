@@ -11,7 +11,7 @@ where lambda is held constant: K contains the geometric stiffness of the constra
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 
 import sympy as sp
 
@@ -91,10 +91,15 @@ def statics_system(linkage: Linkage) -> System:
     )
 
 
-def linearised(model: RodsModel, bound: Sequence[Constraint]) -> Iterator[NamedMatrix]:
+def linearised(
+    model: RodsModel,
+    bound: Sequence[Constraint],
+    more: Mapping[str, Sequence[tuple[str, sp.Expr]]] | None = None,
+) -> Iterator[NamedMatrix]:
     """Yield ``mass_matrix``, ``stiffness`` (of loads and of the constraints ``bound``) and ``damping``.
 
-    Each is the list of its nonzero entries; a zero matrix is omitted.
+    Each is the list of its nonzero entries; a zero matrix is omitted. ``more`` are further entries by the
+    names of the matrices, each after its label.
     """
     q = [x.symbol for x in model.coordinates]
     rates = [x.symbol for p in model.free for x in model.u[p]]
@@ -113,9 +118,10 @@ def linearised(model: RodsModel, bound: Sequence[Constraint]) -> Iterator[NamedM
         ("damping", damping, "N*s/m", "damping C = -df/du"),
     ):
         entries = {(a, b): rows[a][b] for a in q if a in rows for b in q if rows[a].get(b, ZERO) != 0}
-        if entries:
-            labels = [f"{a.name} {b.name}" for a, b in entries]
-            yield named(model, name, list(entries.values()), unit, about, rows=labels)
+        found = [(f"{a.name} {b.name}", e) for (a, b), e in entries.items()]
+        found += (more or {}).get(name, ())
+        if found:
+            yield named(model, name, [e for _, e in found], unit, about, rows=[label for label, _ in found])
 
 
 def analysis_of(

@@ -109,6 +109,8 @@ class BeamInfo:
         Joints between the ends: name of the point, fraction of the length. There is a node at each.
     welds
         Joints whose rotation is that of the other links welded there, or zero on the ground.
+    couples
+        Joints at whose sections couples act.
     jumps
         Nodes between the ends, as fractions of the length, at which couples act: each side has a curvature.
     """
@@ -129,6 +131,7 @@ class BeamInfo:
     definition: str = ""
     between: tuple[tuple[str, float], ...] = ()
     welds: tuple[str, ...] = ()
+    couples: tuple[str, ...] = ()
     jumps: tuple[float, ...] = ()
 
     @property
@@ -146,6 +149,17 @@ class BeamInfo:
         """The points with welds by the names of the rotations there."""
         at = zip(self.points, self.joint_nodes, strict=True)
         return {f"theta@{node}": point for point, node in at if point in self.welds}
+
+    @property
+    def rotations(self) -> dict[str, str]:
+        """The rotations that other components use: what they are called, by the name of the unknown."""
+        at = zip(self.points, self.joint_nodes, strict=True)
+        acted = {f"theta@{node}": f"{self.link}.{point}" for point, node in at if point in self.couples}
+        return acted | self.welded
+
+    def bent_at(self, point: str) -> bool:
+        """Return whether a weld or a couple bends the link at one of its points."""
+        return point in self.welds or point in self.couples
 
     @property
     def block(self) -> str:

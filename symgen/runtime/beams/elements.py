@@ -202,7 +202,7 @@ def meshed(info: BeamInfo, length: float, lumps: Sequence[Lump], profiles: Seque
             insort(bounds, place / length)
     if len(bounds) == 2:
         return replace(info, jumps=())
-    welded = [fraction for point, fraction in info.between if point in info.welds]
+    welded = [fraction for point, fraction in info.between if info.bent_at(point)]
     turned = [*welded, *(lump.at / length for lump in lumps if lump.inertia)]
     jumps = tuple(x for x in bounds[1:-1] if any(abs(x - place) < SAME for place in turned))
     nodes = [0.0]

@@ -159,7 +159,8 @@ def of_joints(
     kernels = motion.rigid.analysis("elastic_joints")
     energy = kernels.many_blocks("energy", times, q, u, solutions)
     load = kernels.many_blocks("joints", times, q, u, solutions)["load"]
-    return energy["kinetic_energy"][:, 0], energy["potential_energy"][:, 0], np.sum(load * u, axis=1)
+    power = np.sum(load[:, : u.shape[1]] * u, axis=1)
+    return energy["kinetic_energy"][:, 0], energy["potential_energy"][:, 0], power
 
 
 def _product(beam: Beam, x: Array, constant: str, y: Array) -> Array:

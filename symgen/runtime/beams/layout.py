@@ -14,6 +14,8 @@ from symgen.runtime.beams.links import Beam, Piece
 from symgen.runtime.kernels.description import BlockInfo, Description
 from symgen.runtime.kernels.elastic_description import ElasticInfo
 
+#: Places of the components of a joint; a rotation has one.
+_COMPONENTS = {"x": 0, "y": 1}
 Indices = NDArray[np.intp]
 Array = NDArray[np.float64]
 
@@ -117,17 +119,19 @@ def layout(
         Forces of modes of the structure: see :class:`Layout`. Those of the links' own modes follow.
     """
     joint = {p: 2 * i for i, p in enumerate(description.free)}
+    coordinates = len(description.free) * len(description.axes) + len(info.rotations)
+    rotated = {name: coordinates - len(info.rotations) + i for i, name in enumerate(info.rotations)}
     names, of_links, shaft = _unknowns(description, info, beams)
     block = joints.get("jacobian")
     constraints = block.shape[0] if block else 0
     n = len(names)
-    pairs = _pairs(beams, of_links, joints, joint, shaft)
-    forces = _forces(beams, len(description.free) * len(description.axes), damped)
+    pairs = _pairs(beams, of_links, joints, joint | rotated, shaft)
+    forces = _forces(beams, coordinates, damped)
     apart = 0 < 2 * len(forces) < n
     if len(forces) and not apart:
         pairs = np.indices((n, n)).reshape(2, -1).T
     # Constraints are between unknowns of the joints, which `_unknowns` names first.
-    first = len(description.free) * len(description.axes) if constraints else 0
+    first = coordinates if constraints else 0
     order = _by_least_band(n, pairs)
     if constraints:
         # Not reversed: displacements before slopes and curvatures, which keeps their round-off small.
@@ -141,7 +145,7 @@ def layout(
     renumbered = tuple(new[np.array(places, dtype=np.intp)] for places in of_links)
     shaft = int(new[shaft])
     entries = {
-        name: _spare([slot[int(new[i]), int(new[j])] for i, j in entries_of(joints, name, joint)])
+        name: _spare([slot[int(new[i]), int(new[j])] for i, j in entries_of(joints, name, joint | rotated)])
         for name in ("mass_matrix", "damping", "stiffness")
     }
     of_pieces = _of_pieces(beams, renumbered, slot)
@@ -158,7 +162,7 @@ def layout(
         damped=forces,
         apart=apart,
         damped_at=len(of_pieces["constants"]),
-        joint_places=_spare(new[: len(description.free) * len(description.axes)].tolist()),
+        joint_places=_spare(new[:coordinates].tolist()),
         joint_at=np.array([joints[b].offset if b in joints else 0 for b in BLOCKS], dtype=np.intp),
         mass_slots=entries["mass_matrix"],
         damping_slots=entries["damping"],
@@ -188,6 +192,7 @@ def _unknowns(
     """
     joint = {p: 2 * i for i, p in enumerate(description.free)}
     names = [f"{p}.{axis}" for p in description.free for axis in description.axes]
+    names += [f"{name}.theta" for name in info.rotations]
     of_links: list[list[int]] = []
     shaft = -1
     for beam in beams:
@@ -201,7 +206,7 @@ def _unknowns(
             for pair, point in zip(beam.joints, beam.info.points, strict=True)
             for axis, dof in enumerate(pair)
         }
-        welded = beam.info.welded
+        welded, rotations = beam.info.welded, beam.info.rotations
         places = []
         for k, dof in enumerate(beam.dofs):
             if k in joints:
@@ -209,16 +214,13 @@ def _unknowns(
                 places.append(joint[point] + axis if point in joint else -1)
             elif k in held or (dof in welded and welded[dof] not in joint):
                 places.append(-1)
-            elif dof in welded:
-                name = f"{welded[dof]}.theta"
+            else:
+                name = f"{rotations[dof]}.theta" if dof in rotations else f"{beam.info.link}.{dof}"
                 if name not in names:
                     names.append(name)
                 places.append(names.index(name))
-            else:
-                places.append(len(names))
                 if k == turn:
-                    shaft = len(names)
-                names.append(f"{beam.info.link}.{dof}")
+                    shaft = places[-1]
         of_links.append(places)
     return names, of_links, shaft
 
@@ -271,7 +273,7 @@ def entries_of(joints: Mapping[str, BlockInfo], name: str, joint: Mapping[str, i
     made = []
     for row in joints[name].rows:
         places = [q.rpartition("_") for q in row.split()]
-        made.append(tuple(joint[point] + "xy".index(axis) for point, _, axis in places))
+        made.append(tuple(joint[of] + _COMPONENTS.get(axis, 0) for of, _, axis in places))
     return made  # type: ignore[return-value]
 
 

@@ -216,8 +216,8 @@ def _fixed(
     """Return the curvatures that are zero because the moment is, at ends that have bending stiffness."""
     turned = [(lump.at / properties.length).real for lump in lumps if lump.inertia]
     ends = (
-        (0, 0.0, info.clamped or info.start in info.welds or any(x < SAME for x in turned)),
-        (info.elements, properties.length, info.end in info.welds or any(x > 1 - SAME for x in turned)),
+        (0, 0.0, info.clamped or info.bent_at(info.start) or any(x < SAME for x in turned)),
+        (info.elements, properties.length, info.bent_at(info.end) or any(x > 1 - SAME for x in turned)),
     )
     largest = max(abs(value_at(properties.bending, properties.length * k / 8)) for k in range(9))
     return tuple(

@@ -62,7 +62,7 @@ def reduced(
     """
     first, *others = ([f"u@{i}", f"w@{i}"] for i in info.joint_nodes)
     names = [*first, *(["theta@0"] if info.clamped else []), *(name for pair in others for name in pair)]
-    names += [name for name in info.welded if name not in names]
+    names += [name for name in info.rotations if name not in names]
     ends = [dofs.index(name) for name in names]
     inside = [j for j in range(len(dofs)) if j not in ends and j not in fixed]
     modes = info.modes if info.reduction == "craig-bampton" else 0

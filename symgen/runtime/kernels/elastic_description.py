@@ -17,6 +17,8 @@ class ElasticInfo:
     the scene selects.
     ``damps_all``: the one ratio of modal damping is that of all modes.
     ``prescribed``: the angle of the crank is a function of the time, and its speed zero.
+    ``couples`` has for each couple on sections of elastic links the rotations on which it acts, one or two;
+    ``rotations`` are these, each once, in the order of the kernel ``joints``.
     ``shaft_alone``: nothing but the shaft of the crank and damping of the links does work over a revolution.
     """
 
@@ -31,3 +33,5 @@ class ElasticInfo:
     shaft_alone: bool = False
     damps_all: bool = False
     prescribed: bool = False
+    couples: tuple[tuple[str, ...], ...] = ()
+    rotations: tuple[str, ...] = ()

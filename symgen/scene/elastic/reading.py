@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import sympy as sp
 
 from symgen.errors import SceneError, nearest
+from symgen.loads.measure import Measure
 from symgen.scene import units
 from symgen.scene.elastic import sections
 from symgen.scene.elastic.joints import carries
@@ -252,10 +253,38 @@ def check_loads(linkage: Linkage) -> None:
                 hint="Leave the elastic of the link out.",
             )
         for measure in (t.on for t in terms if t not in carried):
+            if measure.section:
+                _check_section(linkage, measure, f"{table}.{i}")
+                continue
             for key, name in measure.links:
                 if name in elastic:
                     where = f"{table}.{i}.{key}"
                     raise SceneError(_NO_COUPLE.format(name), where=where, hint=_hint(where))
+
+
+def _check_section(linkage: Linkage, measure: Measure, where: str) -> None:
+    """Check that a couple acts on sections of elastic links, at a point of theirs where they are free."""
+    beams, crank = {beam.link: beam for beam in linkage.elastic}, linkage.crank
+    for key, name in measure.links:
+        if not name:
+            continue
+        if name not in beams:
+            raise SceneError(
+                f"{name} is rigid; a couple at {measure.section} acts on elastic links, or the ground",
+                where=f"{where}.{key}",
+                hint="Give it elastic with a large E, or leave point out of a couple between rigid links.",
+            )
+        link = linkage.link(name)
+        if measure.section not in (*link.base, *(c.name for c in link.carried)):
+            raise SceneError(f"{measure.section} is no point of {name}", where=f"{where}.point")
+        clamped = crank is not None and crank.mode == "held" and measure.section == link.start
+        welded = measure.section in beams[name].welds and linkage.point(measure.section).ground
+        if welded or (clamped and crank is not None and crank.link == name):
+            raise SceneError(
+                f"the section of {name} at {measure.section} does not rotate: it is clamped there",
+                where=f"{where}.point",
+                hint='Leave the couple out, remove the weld, or write mode = "free" in [crank].',
+            )
 
 
 _NOT_ELASTIC = {"along": "{} is elastic, and a guide runs along a straight link"}
@@ -267,7 +296,7 @@ def _hint(where: str) -> str:
         return "Prescribe the input motion in [crank]; other drivers act on rigid links."
     if where.startswith("guides"):
         return "Leave the elastic of this link out, or guide the other link."
-    return "Put it on a rigid link; the torque of a motor belongs in [crank]."
+    return "Name the point at whose section it acts, or a rigid link; a motor's torque belongs in [crank]."
 
 
 def stations(read: Reader, links: Sequence[RigidLink], elastic: Sequence[ElasticLink]) -> Iterator[Station]:

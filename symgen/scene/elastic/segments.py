@@ -85,6 +85,14 @@ def segmented(linkage: Linkage, count: int, places: Places) -> Linkage:
     welded = [beam.link for beam in linkage.elastic if beam.welds]
     if welded:
         raise ModelError(f"{linkage.name}: {welded[0]} is welded, and segments are joined by hinges alone")
+    measures = [m for load in linkage.loads for m in load.measures(2) if m.section]
+    bent = [
+        beam.link for beam in linkage.elastic if any(beam.link in dict(m.links).values() for m in measures)
+    ]
+    if bent:
+        raise ModelError(
+            f"{linkage.name}: a couple acts on a section of {bent[0]}, and rods have no sections"
+        )
     parts = [_segments(linkage, beam, count) for beam in linkage.elastic]
     cut = {part.link.name for part in parts}
     crank = linkage.crank

@@ -352,6 +352,7 @@ def _check(motion: ElasticMotion) -> None:
     name, info = motion.rigid.name, motion.info
     refused = {
         "a crank with a motor": info.mode == "motor",
+        "couples on sections of elastic links": bool(info.couples),
         "welds": any(beam.welds for beam in info.beams),
         "moments of inertia on elastic links, or masses between their ends": bool(info.lumps),
         "forces along elastic links": not all(info.joints),

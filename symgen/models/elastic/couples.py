@@ -1,0 +1,69 @@
+"""Couples on sections of elastic links, by their rotations from the rigid motion."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Container, Iterator, Mapping
+
+import sympy as sp
+
+from symgen.loads.load import Load
+from symgen.loads.measure import RATE, VALUE, Term
+from symgen.mechanics.elastic.shaft import ROTATION, couple
+from symgen.models.rods.linkage import RodsModel
+from symgen.scene.rods.linkage import Linkage, state_symbol
+
+Renaming = Callable[[sp.Expr], sp.Expr]
+Couple = tuple[Load, Term, tuple[str, ...]]
+
+
+def couples(linkage: Linkage) -> Iterator[Couple]:
+    """Yield load, term and rotations of each couple on elastic links: of its link, then of the other one."""
+    welded = {(beam.link, point) for beam in linkage.elastic for point in beam.welds}
+    for load in linkage.loads:
+        for term in load.terms(linkage.dimension):
+            if term.on.section:
+                links = [name for _, name in term.on.links if name]
+                at = term.on.section
+                yield load, term, tuple(at if (k, at) in welded else f"{k}.{at}" for k in links)
+
+
+def rotations(linkage: Linkage) -> tuple[str, ...]:
+    """Return the rotations of sections on which couples act, each once."""
+    return tuple(dict.fromkeys(name for *_, names in couples(linkage) for name in names))
+
+
+def entries(model: RodsModel, linkage: Linkage) -> Mapping[str, list[tuple[str, sp.Expr]]]:
+    """Return entries of ``damping``, ``stiffness`` and ``load`` of the rotations, each after its label.
+
+    Those of ``load`` are one for every rotation. ``model`` gives the rigid motion.
+    """
+    load = {name: sp.Integer(0) for name in rotations(linkage)}
+    found: dict[str, list[tuple[str, sp.Expr]]] = {"damping": [], "stiffness": []}
+    for acting in couples(linkage):
+        signed = list(zip(acting[2], (1, -1), strict=False))
+        *slopes, torque = _terms(model, linkage, acting)
+        for name, sign in signed:
+            load[name] += sign * torque
+        pairs = [(a, b, s * r) for a, s in signed for b, r in signed]
+        for own, slope in zip(found.values(), slopes, strict=True):
+            own += [(f"{a}_theta {b}_theta", sign * slope) for a, b, sign in pairs if slope != 0]
+    return found | {"load": [(f"{name}_theta", torque) for name, torque in load.items()]}
+
+
+def _terms(model: RodsModel, linkage: Linkage, acting: Couple) -> list[sp.Expr]:
+    """Return damping, stiffness and load of a couple."""
+    load, term, _ = acting
+    hidden, shown = apart(linkage, ROTATION)
+    own = {state_symbol(f"{load.name}.angle"): VALUE, state_symbol(f"{load.name}.rate"): RATE}
+    (torque,) = term.total
+    found = couple(hidden(torque.xreplace(own)), VALUE, RATE)
+    put = term.on.put(model.loads, [shown(e) for e in found])
+    return list(model.loads.with_state(put))
+
+
+def apart(linkage: Linkage, own: Container[sp.Symbol]) -> tuple[Renaming, Renaming]:
+    """Return a function that renames parameters that are among symbols of links, and the one back."""
+    shared = [p.quantity.symbol for p in linkage.parameters if p.quantity.symbol in own]
+    away = {s: sp.Symbol(f"{s.name} of the scene", **s.assumptions0) for s in shared}
+    back = {other: s for s, other in away.items()}
+    return lambda e: sp.sympify(e).xreplace(away), lambda e: sp.sympify(e).xreplace(back)

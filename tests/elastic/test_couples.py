@@ -1,0 +1,132 @@
+"""Couples and torsion springs on sections of elastic links: closed forms, an independent assembly, power."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import mpmath
+import numpy as np
+import pytest
+
+import symgen
+from symgen.errors import ModelError, SceneError
+
+LENGTH, WIDTH, THICKNESS, E, RHO = 0.8, 0.02, 0.01, 210e9, 7850.0
+BENDING, LINE = E * WIDTH * THICKNESS**3 / 12, RHO * WIDTH * THICKNESS
+
+
+def beams(points, links, **more):
+    return {
+        "title": "Beams with couples",
+        "points": points,
+        "links": {
+            name: {
+                "points": ends, "density": f"{RHO} kg/m^3",
+                "section": {"width": f"{WIDTH} m", "thickness": f"{THICKNESS} m"},
+                "elastic": {"E": f"{E} Pa", "elements": 6},
+            }
+            for name, ends in links.items()
+        },
+        "crank": {"link": "beam", "speed": "0 rpm"},
+    } | more  # fmt: skip
+
+
+def cantilever(**more):
+    points = {
+        "O": {"at": ["0 m", "0 m"], "ground": True},
+        "T": {"at": [f"{LENGTH} m", "0 m"]},
+        "C": {"on": "beam", "fraction": 0.6},
+    }
+    return symgen.Scene(**beams(points, {"beam": ["O", "T"]}, **more))
+
+
+@pytest.mark.parametrize("point, arm", [("T", LENGTH), ("C", 0.6 * LENGTH)])
+def test_moment_on_a_cantilever(point, arm):
+    """M over EI up to the section: deflection M a^2/2 there and a slope M a beyond."""
+    couple = {"link": "beam", "point": point, "torque": "5 N*m"}
+    found = symgen.build(cantilever(torques=[couple])).quasi_static(samples=2)
+    expected = 5 * arm * (LENGTH - arm / 2) / BENDING
+    assert found["T.displacement"].values[-1] == pytest.approx([0, expected], rel=1e-9, abs=1e-15)
+    assert found["beam.torque"].values[-1] == pytest.approx(-5, rel=1e-9)
+
+
+@pytest.mark.parametrize("stiffness", [1.0, 200.0, 1e5])
+def test_cantilever_on_a_torsion_spring(stiffness):
+    """k (1 + c ch) = (EI/L) b (s ch - c sh)."""
+    spring = {"link": "beam", "point": "O", "stiffness": f"{stiffness} N*m"}
+    crank = {"link": "beam", "speed": "0 rpm", "mode": "free"}
+    model = symgen.build(cantilever(torsion_springs=[spring], crank=crank))
+
+    def left(b):
+        c, s, ch, sh = mpmath.cos(b), mpmath.sin(b), mpmath.cosh(b), mpmath.sinh(b)
+        return (stiffness * (1 + c * ch) - BENDING / LENGTH * b * (s * ch - c * sh)) / ch
+
+    grid = np.linspace(0.02, 9, 3000)
+    values = [left(b) for b in grid]
+    roots = [
+        mpmath.findroot(left, pair, solver="anderson")
+        for i, pair in enumerate(pairwise(grid))
+        if values[i] * values[i + 1] < 0
+    ]
+    expected = [float(b) ** 2 * np.sqrt(BENDING / LINE) / LENGTH**2 / (2 * np.pi) for b in roots[:2]]
+    assert model.modes().frequencies[:2] == pytest.approx(expected, rel=1e-6)
+
+
+def test_sway_of_a_portal_with_springs_at_its_corners():
+    """Slope-deflection: the springs are in series with the beam, whose ends rotate alike: 1/(1/k + L/(6 EI))."""
+    height, span, stiffness, pull = 1.0, 1.5, 300.0, 40.0
+    points = {
+        "O": {"at": ["0 m", "0 m"], "ground": True}, "A": {"at": ["0 m", f"{height} m"]},
+        "B": {"at": [f"{span} m", f"{height} m"]}, "Q": {"at": [f"{span} m", "0 m"], "ground": True},
+    }  # fmt: skip
+    springs = [
+        {"link": k, "against": "top", "point": p, "stiffness": f"{stiffness} N*m", "angle": "pi/2"}
+        for k, p in (("beam", "A"), ("right", "B"))
+    ]
+    links = {"beam": ["O", "A"], "top": ["A", "B"], "right": ["Q", "B"]}
+    more = {
+        "welds": [{"point": "Q", "links": ["right"]}],
+        "forces": [{"point": "A", "force": [f"{pull} N", "0 N"]}],
+    }
+    scene = beams(points, links, torsion_springs=springs, **more)
+    for link in scene["links"].values():
+        link["elastic"]["axial"] = False
+    found = symgen.build(symgen.Scene(**scene)).quasi_static(samples=2, geometric_stiffness=False)
+    column, beam = BENDING / height, 1 / (1 / stiffness + span / (6 * BENDING))
+    sway = pull * height**2 / (2 * (12 * column - 36 * column**2 / (4 * column + beam)))
+    for p in "AB":
+        assert found[f"{p}.displacement"].values[-1] == pytest.approx([sway, 0], rel=1e-9, abs=1e-15)
+
+
+BAD = {
+    "no point": ({"torques": [{"link": "beam", "torque": "1 N*m"}]}, "Name the point"),
+    "elsewhere": (
+        {
+            "torques": [{"link": "beam", "point": "P", "torque": "1 N*m"}],
+            "points": {
+                **beams({}, {})["points"], "O": {"at": ["0 m", "0 m"], "ground": True}, "T": {"at": ["1 m", "0 m"]},
+                "P": {"at": ["1 m", "1 m"], "ground": True},
+            },
+        },
+        "no point of beam",
+    ),
+    "clamped": ({"torsion_springs": [{"link": "beam", "point": "O", "stiffness": "1 N*m"}]}, "is clamped there"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", BAD)
+def test_refused(case):
+    changes, words = BAD[case]
+    with pytest.raises(SceneError, match=words):
+        symgen.build(
+            cantilever(**changes)
+            if "points" not in changes
+            else symgen.Scene(**beams(changes["points"], {"beam": ["O", "T"]}, torques=changes["torques"]))
+        )
+
+
+@pytest.mark.parametrize("options", [{"elements": 2}, {"segments": 5}])
+def test_large_rotation_has_no_sections(options):
+    model = symgen.build(cantilever(torques=[{"link": "beam", "point": "T", "torque": "1 N*m"}]))
+    with pytest.raises(ModelError, match="couple"):
+        model.large_rotation(**options)
