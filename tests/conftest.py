@@ -32,8 +32,14 @@ if os.environ.get("CI"):
 def own_cache(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Keep tests away from the user's cache; processes that share the work share one, as those of a user do."""
     base = tmp_path_factory.getbasetemp()
-    folder = (base.parent if "PYTEST_XDIST_WORKER" in os.environ else base) / "cache"
+    shared = "PYTEST_XDIST_WORKER" in os.environ
+    folder = (base.parent if shared else base) / "cache"
     folder.mkdir(exist_ok=True)
+    if shared:
+        from shared.shipped import FOLDER
+
+        FOLDER.append(base.parent / "derived")
+        FOLDER[0].mkdir(exist_ok=True)
     patch = pytest.MonkeyPatch()
     patch.setenv("SYMGEN_CACHE", str(folder))
     yield folder

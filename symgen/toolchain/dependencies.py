@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
 import sys
 import time
 from collections.abc import Iterator, Mapping
@@ -226,10 +227,9 @@ def versions(store: Cache, name: str) -> Iterator[tuple[Path, Needs]]:
 
 def _latest_first(root: Path, start: str) -> list[Path]:
     try:
-        return sorted(
-            (p for p in root.iterdir() if p.name.startswith(start)),
-            key=lambda p: (-p.stat().st_mtime_ns, p.name),
-        )
+        with os.scandir(root) as entries:  # a cache may have thousands
+            found = [root / entry.name for entry in entries if entry.name.startswith(start)]
+        return sorted(found, key=lambda p: (-p.stat().st_mtime_ns, p.name))
     except OSError:  # no cache yet, or another process removed the entry
         return []
 

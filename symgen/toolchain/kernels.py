@@ -200,7 +200,7 @@ class Tools:
         ``base``.
         """
         store = Cache()
-        parts = (text.file, text.canonical, self.identity, base.to_json() if base else "")
+        parts = (text.file, text.canonical, self.identity, repr(base) if base else "")
         name = "-".join(part for part in (text.name, kind, key(*parts)) if part)
         found = self._from_cache(store, name)
         if found:

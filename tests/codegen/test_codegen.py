@@ -9,7 +9,6 @@ import re
 import shutil
 import subprocess
 import sys
-from functools import cache
 from pathlib import Path
 
 import pytest
@@ -21,7 +20,6 @@ from symgen.codegen.emit import emit, equations_hash, unit_view
 from symgen.codegen.manifest import differences, listed, write
 from symgen.codegen.target import Target
 from symgen.errors import StaleBinaryError
-from symgen.lowering.program import lower_system
 from symgen.models import BLOCKS, RECURSIONS, SHIPPED_BLOCKS, SHIPPED_SCENES
 from symgen.precision import PRECISIONS
 from symgen.regeneration.shipped import generated_folder, names
@@ -41,11 +39,6 @@ def sources(made):
     return sources_of({name: made[name].shipped for name in names()})
 
 
-@cache
-def program_of(name):
-    return lower_system(BLOCKS[name]()) if name in BLOCKS else lowered(name)
-
-
 def test_committed_files_are_current(sources):
     assert differences(generated_folder(), sources) == []
 
@@ -57,7 +50,7 @@ def test_every_shipped_model_is_committed_and_importable(sources):
         module = shipped_module(name)
         assert models[name]["equations"] == module.EQUATIONS
         if name not in RECURSIONS:
-            assert set(module.ADDRESSES) == {k.name for k in program_of(name).kernels}
+            assert set(module.ADDRESSES) == {k.name for k in lowered(name).kernels}
 
 
 #: The digest of everything under generated/, as `files`, and of the kernels of scenes.
@@ -136,7 +129,7 @@ def test_a_module_of_other_equations_is_refused(monkeypatch):
 
 @pytest.mark.parametrize("name", NAMES)
 def test_c_is_no_larger_than_stored(name):
-    program = program_of(name)
+    program = lowered(name)
     files = emit(program, Target(), "x" * 64)
     kernels = unit_view(program, Target(), "x" * 64).kernels
     found = {
@@ -150,7 +143,7 @@ def test_c_is_no_larger_than_stored(name):
 @pytest.mark.skipif(shutil.which("cc") is None, reason="no C compiler")
 @pytest.mark.parametrize("name", full_unless(lambda name: name in COMPILED, NAMES))
 def test_c_compiles_without_a_warning(name, tmp_path):
-    for file in emit(program_of(name), Target(), "x" * 64):
+    for file in emit(lowered(name), Target(), "x" * 64):
         (tmp_path / file.name).write_text(file.text)
     for source in sorted(tmp_path.glob("*.c")):
         subprocess.run(
@@ -162,7 +155,7 @@ def test_c_compiles_without_a_warning(name, tmp_path):
 
 def test_zeros_in_a_row_are_a_loop():
     """Of the Jacobian of a chain, whose zeros grow as the square of its rods; every entry is still written."""
-    kernels = unit_view(program_of("whip"), Target(), "x" * 64).kernels
+    kernels = unit_view(lowered("whip"), Target(), "x" * 64).kernels
     jacobian = next(k for k in kernels if k.name == "constraint_jacobian")
     written = []
     for store in jacobian.stores:
@@ -181,7 +174,7 @@ def test_zeros_in_a_row_are_a_loop():
 @pytest.mark.parametrize("precision", PRECISIONS)
 @pytest.mark.parametrize("name", ["four_bar", full("peaucellier")])
 def test_every_type_compiles_without_a_warning(name, precision, lanes, tmp_path):
-    for file in emit(program_of(name), Target("c", PRECISIONS[precision], lanes), "x" * 64):
+    for file in emit(lowered(name), Target("c", PRECISIONS[precision], lanes), "x" * 64):
         (tmp_path / file.name).write_text(file.text)
     # __float128 and its literals are no part of C.
     pedantic = [] if precision == "float128" else ["-Wpedantic"]
@@ -195,7 +188,7 @@ def test_every_type_compiles_without_a_warning(name, precision, lanes, tmp_path)
 
 def test_constants_have_the_digits_of_their_type():
     """Nothing on the way from the scene rounds them: no sign, sum or product of constants."""
-    program = program_of("four_bar")
+    program = lowered("four_bar")
     literals = {}
     for name, precision in PRECISIONS.items():
         sources = [f.text for f in emit(program, Target("c", precision), "x") if f.name.endswith(".c")]
@@ -229,7 +222,7 @@ def test_loops_compile_without_a_warning_and_with_lanes_in_vector_registers(name
 
 @pytest.mark.skipif(shutil.which("c++") is None, reason="no C++ compiler")
 def test_header_serves_cplusplus(tmp_path):
-    for file in emit(program_of("rod"), Target(), "x" * 64):
+    for file in emit(lowered("rod"), Target(), "x" * 64):
         (tmp_path / file.name).write_text(file.text)
     (tmp_path / "main.cpp").write_text(
         '#include "rod_kernel.h"\nint main() { return rod_equations[0] == 0; }\n'
@@ -270,7 +263,7 @@ def test_a_title_cannot_break_out_of_its_comment():
 
 
 def test_equations_hash_covers_program_and_templates():
-    rod, spatial = program_of("rod"), program_of("rod_spatial")
+    rod, spatial = lowered("rod"), lowered("rod_spatial")
     assert equations_hash(rod, Target()) != equations_hash(spatial, Target())
     assert equations_hash(rod, Target("c")) == equations_hash(rod, Target("numpy"))
     hashes = {
@@ -280,7 +273,7 @@ def test_equations_hash_covers_program_and_templates():
 
 
 def test_header_says_what_every_entry_means():
-    (header,) = (f.text for f in emit(program_of("peaucellier"), Target(), "x") if f.name.endswith(".h"))
+    (header,) = (f.text for f in emit(lowered("peaucellier"), Target(), "x") if f.name.endswith(".h"))
     for line in ("q[0]  A_x  [m]", "p[0]  rho  [kg/m]  mass per length of the rods", "work[14]  AD_lambda"):
         assert line in header
     assert "accelerations (8 x 1)" in header
@@ -288,14 +281,14 @@ def test_header_says_what_every_entry_means():
 
 @pytest.mark.skipif(find_compiler() is None, reason="no C compiler")
 def test_large_models_are_split_over_files():
-    files = [f.name for f in emit(program_of("peaucellier"), Target(), "x")]
+    files = [f.name for f in emit(lowered("peaucellier"), Target(), "x")]
     assert "peaucellier_kernel_2.c" in files
 
 
 @pytest.mark.parametrize("name", ["four_bar", "rssr", "element_beam8"])
 def test_no_entry_is_read_after_it_is_stored(name):
     """Stores follow the values that they need, in kernels that work in place too."""
-    source = "".join(f.text for f in emit(program_of(name), Target(), "x") if f.name.endswith(".c"))
+    source = "".join(f.text for f in emit(lowered(name), Target(), "x") if f.name.endswith(".c"))
     bodies = re.findall(r"^void \w+\(.*?\n{\n(.*?)\n}\n", source, re.S | re.M)
     early = 0
     for body in bodies:

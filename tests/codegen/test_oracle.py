@@ -10,14 +10,13 @@ import pytest
 from shared.full import full_unless
 from shared.oracle import Oracle, relative_error
 from shared.rich_scenes import joined_bodies, rich_scene
-from shared.shipped import LINKAGES, LOOPS, REPEATED, derived, rigid
+from shared.shipped import LINKAGES, LOOPS, REPEATED, derived, lowered, rigid
 from shared.states import random_values
 
 import symgen
 from symgen.codegen.emit import emit, equations_hash
 from symgen.codegen.target import Target
-from symgen.lowering.program import lower_system
-from symgen.models import BLOCKS, SHIPPED_BLOCKS
+from symgen.models import SHIPPED_BLOCKS
 from symgen.runtime.kernels.evaluate import Evaluator
 from symgen.runtime.loop.kernels import LoopKernels
 
@@ -111,10 +110,10 @@ def block_values(system, rng):
 @pytest.mark.parametrize("name", SHIPPED_BLOCKS)
 def test_shipped_blocks(name):
     """The extension modules compiled at install, and the NumPy source of the same program."""
-    system = BLOCKS[name]()
+    system = derived(name)
     oracle = Oracle(system)
     module = importlib.import_module(f"symgen.generated.{name}")
-    program = lower_system(system)
+    program = lowered(name)
     equations = equations_hash(program, Target())
     assert equations == module.EQUATIONS
     (source,) = emit(program, Target("numpy"), equations)

@@ -11,11 +11,11 @@ import numpy as np
 import pytest
 import sympy as sp
 from scipy.optimize import brentq
+from shared.shipped import derived
 
 import symgen
 from symgen.errors import CapabilityError, ModelError, SceneError
 from symgen.mechanics.elastic import spatial
-from symgen.models import BLOCKS
 from symgen.runtime.beams.elements import kernels
 from symgen.runtime.rotor.model import _modes_of
 from symgen.runtime.rotor.structure import structure
@@ -29,7 +29,7 @@ LENGTH, MU, JY, JZ, EA, EIY, EIZ, GJ = (q.symbol for q in spatial.SECTION)
 
 @pytest.fixture(scope="module")
 def matrices():
-    made = BLOCKS["spatial_beam"]()
+    made = derived("spatial_beam")
     return {m.name: m.matrix for m in made.matrices}
 
 

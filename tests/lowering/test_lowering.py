@@ -18,7 +18,6 @@ from symgen.codegen.target import Target
 from symgen.errors import DerivationError
 from symgen.lowering import nodes
 from symgen.lowering.nodes import Constant, Reference, lower
-from symgen.lowering.program import lower_system
 from symgen.lowering.sparse_ldlt import factor, solve
 from symgen.lowering.straight_line import StraightLine, fold
 from symgen.models import BLOCKS
@@ -96,16 +95,9 @@ def test_node_arithmetic_folds_constants_and_signs():
     assert nodes.add([], [Constant("2")]) == Constant("-2")
 
 
-def programs():
-    return {
-        **{name: lower_system(make()) for name, make in BLOCKS.items()},
-        **{name: lowered(name) for name in symgen.shipped_scenes()},
-    }
-
-
 @pytest.fixture(scope="module")
 def every_program():
-    return programs()
+    return {name: lowered(name) for name in (*BLOCKS, *symgen.shipped_scenes())}
 
 
 def test_counts_are_those_of_the_printed_text(every_program):

@@ -9,6 +9,7 @@ from random import Random
 import numpy as np
 import pytest
 import sympy as sp
+from shared.shipped import derived
 from symgen.generated import element_beam8
 
 from symgen.elements import ELEMENTS
@@ -23,7 +24,6 @@ from symgen.mechanics.elastic.turning_axes import (
     local_equation,
     thesis_equation,
 )
-from symgen.models import BLOCKS
 from symgen.models.elastic.derivation import elastic_derivation_system
 from symgen.symbolic.exact import Exact
 
@@ -289,7 +289,7 @@ MOVING = {"omega": 3.1, "omega_rate": -7.0, "ax": 4.0, "ay": -2.5, "N0": 6.0}
 
 @cache
 def shown():
-    return Exact(BLOCKS["element_beam8"]())
+    return Exact(derived("element_beam8"))
 
 
 def in_fixed_axes(name, q, angle, motion=MOVING):

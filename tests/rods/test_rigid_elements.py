@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 import sympy as sp
 from shared.linkages import GRAVITY, at, circles, ground, rod
+from shared.shipped import derived
 from typer.testing import CliRunner
 
 import symgen
 from symgen.cli import app
 from symgen.errors import CapabilityError, ModelError, SimulationError
 from symgen.mechanics.elastic.rigid_elements import angular_acceleration, inertia, nodal_matrix
-from symgen.models import BLOCKS
 from symgen.runtime.result.forces import Forces
 
 LBF, FT = 4.4482216152605, 0.3048
@@ -368,7 +368,7 @@ def test_the_element_in_symbols():
     assert sp.simplify(angular_acceleration(d, relative) - alpha) == 0
     m, moment, ax, ay, gx, gy = sp.symbols("m I ax ay gx gy", real=True)
     assert inertia(m, moment, (ax, ay), alpha, (gx, gy)) == (m * (ax - gx), m * (ay - gy), moment * alpha)
-    system = BLOCKS["rigid_element"]()
+    system = derived("rigid_element")
     assert {m.name for m in system.matrices} == {"nodal_matrix", "point_matrix", "inertia"}
 
 

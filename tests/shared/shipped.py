@@ -1,11 +1,15 @@
-"""The shipped scenes by kind."""
+"""The shipped scenes by kind; systems and programs of scenes and building blocks, each derived once."""
 
 from __future__ import annotations
 
+import os
+import pickle
 from functools import cache
+from pathlib import Path
 
 import symgen
 from symgen.lowering.program import lower_system
+from symgen.models import BLOCKS
 from symgen.scene.loading import read_scene
 
 #: Scenes with a link-joint table, and scenes of points and links.
@@ -25,20 +29,37 @@ REPEATED = {
 }  # fmt: skip
 
 
+#: Where processes that share the work of a session keep them for each other; set by ``conftest.py``.
+FOLDER: list[Path] = []
+
+
+def _once(name, make):
+    """Return what is made for a name, or what another process of this session has made."""
+    file = FOLDER[0] / f"{name}.pickle" if FOLDER else None
+    if file and file.exists():
+        return pickle.loads(file.read_bytes())
+    made = make()
+    if file:
+        whole = file.with_name(f"{name}.{os.getpid()}")
+        whole.write_bytes(pickle.dumps(made))
+        whole.replace(file)
+    return made
+
+
 @cache
 def _derived(name):
-    return symgen.derive(name)
+    return _once(f"{name}-system", lambda: BLOCKS[name]() if name in BLOCKS else symgen.derive(name))
 
 
 def derived(scene):
-    """Return the system of a scene; one given by its name is derived once in a process: nothing changes it."""
+    """Return the system of a scene or block; one given by its name is derived once: nothing changes it."""
     return _derived(scene) if isinstance(scene, str) else symgen.derive(scene)
 
 
 @cache
 def lowered(name):
     """Return its program, likewise."""
-    return lower_system(derived(name))
+    return _once(f"{name}-program", lambda: lower_system(derived(name)))
 
 
 def rigid(model):

@@ -17,7 +17,6 @@ from shared.shipped import derived
 from symgen.errors import BuildError, ModelError, ResultError, SceneError
 from symgen.lowering.program import lower_system
 from symgen.lowering.tape import Tape
-from symgen.models import BLOCKS
 from symgen.study.accuracy.accuracy import Accuracy, accuracy, all_names, digits, report
 from symgen.study.accuracy.kernels import Kernels
 from symgen.study.accuracy.page import COLUMNS, summary_row
@@ -124,7 +123,7 @@ def test_not_a_number_is_an_infinite_error():
 
 @pytest.mark.parametrize("name", ["rod", "loop_screws", "loop_inertia"])
 def test_slopes_are_those_of_finite_differences_in_many_digits(name):
-    made = BLOCKS[name]()
+    made = derived(name)
     exact, rng = Exact(made), np.random.default_rng(3)
     values = {g.name: rng.uniform(0.5, 2.0, len(g.quantities)) for g in made.groups}
     for kernel in lower_system(made).kernels:
@@ -212,7 +211,7 @@ def test_a_block_by_its_name():
 
 def test_the_mass_of_a_rod_does_not_cancel():
     """Its centre at its end: from moments about the start, three digits were lost here."""
-    made = BLOCKS["rod"]()
+    made = derived("rod")
     values = {"q": np.ones(4), "u": np.ones(4), "p": np.array([1.1, 1.3, 1.2999, 1e-6])}
     kernel = next(k for k in lower_system(made).kernels if k.name == "mass_matrix")
     tape = Tape(kernel)

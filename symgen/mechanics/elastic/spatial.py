@@ -20,6 +20,7 @@ Sources: J. C. Houbolt, G. W. Brooks, NACA Report 1346 (1958); D. H. Hodges, E. 
 
 from __future__ import annotations
 
+import operator
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -110,12 +111,16 @@ def _kinetic(
     place = centroid + fibre + once + rotation.cross(once) / 2
     velocity = place.jacobian(sp.Matrix(fields)) * sp.Matrix(rates) + omega.cross(place)
     scaled = {f: small * f for f in (*fields, *rates)}
-    square = sp.Poly(sp.expand((velocity.T * velocity)[0].xreplace(scaled)), small, *fibres)
-    found = sp.Integer(0)
-    for (degree, *powers), coefficient in square.terms():
-        if degree <= 2:
-            found += density.get(tuple(powers), sp.Integer(0)) * coefficient / 2
-    return sp.expand(found)
+    found = []
+    for component in velocity:
+        terms = sp.Poly(sp.expand(component.xreplace(scaled)), small, *fibres).terms()
+        # Products of higher degree, and of other powers of fibres, are not formed.
+        for (degree_a, *powers_a), a in terms:
+            for (degree_b, *powers_b), b in terms:
+                weight = density.get(tuple(map(operator.add, powers_a, powers_b)))
+                if weight is not None and degree_a + degree_b <= 2:
+                    found.append(weight * a * b / 2)
+    return sp.expand(sp.Add(*found))
 
 
 def axial_force() -> sp.Expr:
