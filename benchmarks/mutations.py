@@ -118,7 +118,7 @@ FAULTS = (
     Fault("coupling of end rotations", "elastic/corotational.py", "cosine[0] * cosine[1] + sine[0] * sine[1]", "cosine[0] * cosine[1] - sine[0] * sine[1]", "large", LARGE),
     Fault("rotary inertia between ends", "elastic/corotational.py", "rotary / (3 if i == j else 6)", "rotary / (3 if i == j else 3)", "large", LARGE),
     Fault("twist that lengthens fibres", "elastic/spatial.py", '"phi_x": force *', '"phi_x": -force *', "rotor", ROTATING),
-    Fault("principal axes exchanged", "elastic/spatial.py", "(2, 0): JZ.symbol, (0, 2): JY.symbol", "(2, 0): JY.symbol, (0, 2): JZ.symbol", "rotor", ROTATING),
+    Fault("principal axes exchanged", "elastic/spatial.py", "(0, 2, 0): JZ.symbol, (0, 0, 2): JY.symbol", "(0, 2, 0): JY.symbol, (0, 0, 2): JZ.symbol", "rotor", ROTATING),
     Fault("mass in the axial force doubled", "elastic/spatial.py", "MU.symbol * sp.integrate", "2 * MU.symbol * sp.integrate", "rotor", ROTATING),
     Fault("rotation of fibres to the first degree", "elastic/spatial.py", " + rotation.cross(once) / 2", "", "rotor", ROTATING),
     Fault("centrifugal load reversed", "elastic/spatial.py", "f.name: sp.diff(energy, f)", "f.name: -sp.diff(energy, f)", "rotor", ROTATING),

@@ -19,6 +19,10 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 # A tenth of the time of derivations: by default SymPy remembers the last 1000 results of each function.
 os.environ.setdefault("SYMPY_CACHE_SIZE", "20000")
 
+# Hundreds of processes are started that import symgen: without files of bytecode each compiles it again.
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+sys.dont_write_bytecode = False
+
 # SymPy makes many objects that live long: looking for circles among them took a sixteenth of the time.
 gc.set_threshold(100_000, 20, 100)
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import subprocess
 import sys
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -59,13 +60,18 @@ ALLOWED = {
 TOP = {"cli", "__main__", "__init__"}
 
 
+@cache
+def parsed(path: Path) -> ast.Module:
+    return ast.parse(path.read_text())
+
+
 def part(path: Path) -> str:
     return path.relative_to(ROOT).parts[0].removesuffix(".py")
 
 
 def imports(path: Path) -> set[str]:
     found = set()
-    for node in ast.walk(ast.parse(path.read_text())):
+    for node in ast.walk(parsed(path)):
         names = []
         if isinstance(node, ast.Import):
             names = [a.name for a in node.names]
@@ -100,7 +106,7 @@ def module(path: Path) -> str:
 def imported_modules(path: Path, known: set[str]) -> set[str]:
     """Return the modules that a file imports at its top, inside functions or for type checking alone."""
     found = set()
-    for node in ast.walk(ast.parse(path.read_text())):
+    for node in ast.walk(parsed(path)):
         if isinstance(node, ast.Import):
             found |= {a.name for a in node.names}
         elif isinstance(node, ast.ImportFrom) and node.module:
@@ -160,7 +166,7 @@ TESTED_FOR: dict[str, int] = {}
 
 def method_tests(path: Path) -> int:
     """Return how many calls of isinstance in a file name a class of one method."""
-    calls = [n for n in ast.walk(ast.parse(path.read_text())) if isinstance(n, ast.Call)]
+    calls = [n for n in ast.walk(parsed(path)) if isinstance(n, ast.Call)]
     calls = [n for n in calls if isinstance(n.func, ast.Name) and n.func.id == "isinstance"]
     return sum(
         any(isinstance(n, ast.Name) and n.id in OF_METHODS for n in ast.walk(c.args[1])) for c in calls
@@ -255,7 +261,7 @@ def test_no_test_imports_another():
     modules = {p.stem for p in files} | {"conftest"}
     found = []
     for path in TESTS.rglob("*.py"):
-        for node in ast.walk(ast.parse(path.read_text())):
+        for node in ast.walk(parsed(path)):
             names = [a.name for a in node.names] if isinstance(node, ast.Import) else []
             names += [node.module] if isinstance(node, ast.ImportFrom) and node.module else []
             found += [f"{path.relative_to(TESTS)} imports {n}" for n in names if n.split(".")[-1] in modules]
