@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symgen.errors import ModelError, check_known
-from symgen.runtime.many.reductions import HISTORY, reduced, reductions
+from symgen.runtime.many.reductions import HISTORY, mean_weights, reduced, reductions
 from symgen.runtime.result.records import Coordinate, Variable
 
 if TYPE_CHECKING:
@@ -93,7 +93,8 @@ class Keep:
             single = tuple(replace(v, values=_reduced(self.reduce, v)) for v in samples)
             return Kept(single=(*single, *strayed), axes=axes)
         names = reductions(self.reduce)
-        single = tuple(reduced(v, name) for name in names if name != HISTORY for v in samples)
+        weights = mean_weights(along.values if times is None else times)
+        single = tuple(reduced(v, name, weights) for name in names if name != HISTORY for v in samples)
         strayed = (*strayed, _recorded(np.array(float(along.values.size))))
         if HISTORY in names:
             return Kept(along, times, samples, (*single, *strayed), axes)
@@ -121,13 +122,13 @@ class Keep:
         variables: Sequence[Variable],
         drift: Array,
         axes: tuple[str, ...],
-        count: int,
-        reduction: Callable[[Variable, str], Variable],
+        times: Array,
+        reduction: Callable[[Variable, str, Array], Variable],
     ) -> list[Kept]:
-        """Return the reductions of runs with so many samples and a drift of the constraints (runs,) [m]."""
+        """Return the reductions of runs with samples at times, and a drift of the constraints (runs,) [m]."""
         samples = chosen(tuple(variables), self.outputs)
-        size = np.full(len(drift), float(count))
-        made = tuple(reduction(v, name) for name in self.names for v in samples)
+        size, weights = np.full(len(drift), float(len(times))), mean_weights(times)
+        made = tuple(reduction(v, name, weights) for name in self.names for v in samples)
         single = (*made, *_drifts({"constraint": drift}), _recorded(size))
         return [Kept(single=single, axes=axes, row=i) for i in range(len(drift))]
 

@@ -127,9 +127,7 @@ class Driven:
             made = [v for v in made if v.name in (*keep.outputs, self.drive)]
         if keep.names:
             sampled = [v for v in made if v.name != self.drive]
-            _placed(
-                runs, keep.of_block(sampled, missed, d.axes, len(self.asked), partial(reduced, axis=1)), kept
-            )
+            _placed(runs, keep.of_block(sampled, missed, d.axes, times, partial(reduced, axis=1)), kept)
             return kept
         driven = [v.values for v in made if v.name == self.drive]
         if all(np.array_equal(x, np.broadcast_to(x[:1], x.shape)) for x in driven):
@@ -181,7 +179,7 @@ class Driven:
         )
         good = done & steady
         made = [of_unknown(u, d.axes, rows[good][..., columns]) for u, columns in self.unknowns]
-        found = keep.of_block(made, missed[good], d.axes, len(self.asked), of_extremes)
+        found = keep.of_block(made, missed[good], d.axes, self.nodes[self.asked], of_extremes)
         _placed(runs[good], found, kept)
         return runs[done & ~steady]
 

@@ -15,6 +15,8 @@ from symgen.runtime.result.records import Variable
 Array = NDArray[np.float64]
 #: The whole history, which is no reduction.
 HISTORY = "history"
+#: Steps between samples are equal that differ by less over their size.
+_EQUAL = 1e-9
 
 
 def _magnitudes(values: Array, vector: bool) -> Array:
@@ -23,15 +25,36 @@ def _magnitudes(values: Array, vector: bool) -> Array:
     return found
 
 
-#: Reductions over the axis of the samples by name: of values, axis, and whether the last axis is of vectors.
-REDUCTIONS: dict[str, Callable[[Array, int, bool], Any]] = {
-    "peak": lambda values, axis, vector: np.max(_magnitudes(values, vector), axis=axis),
-    "greatest": lambda values, axis, _: np.max(values, axis=axis),
-    "least": lambda values, axis, _: np.min(values, axis=axis),
-    "range": lambda values, axis, _: np.max(values, axis=axis) - np.min(values, axis=axis),
-    "mean": lambda values, axis, _: np.mean(values, axis=axis),
-    "rms": lambda values, axis, vector: np.sqrt(np.mean(_magnitudes(values, vector) ** 2, axis=axis)),
-    "final": lambda values, axis, _: np.take(values, -1, axis=axis),
+def mean_weights(along: Array) -> Array:
+    """Return the weights of samples in a mean over their range, by the trapezoidal rule.
+
+    They are equal for samples at values in no order. Those at equal steps get the same bits for any range.
+    """
+    steps = np.diff(along)
+    if len(steps) == 0 or not (np.all(steps > 0.0) or np.all(steps < 0.0)):
+        return np.full(len(along), 1.0 / len(along))
+    if np.ptp(steps) <= _EQUAL * np.max(np.abs(steps)):
+        steps = np.ones_like(steps)
+    weights: Array = np.append(steps, 0.0) + np.append(0.0, steps)
+    return weights / np.sum(weights)
+
+
+def _mean(values: Array, axis: int, weights: Array) -> Any:
+    return np.sum(values * weights.reshape(-1, *[1] * (values.ndim - 1 - axis)), axis=axis)
+
+
+#: Reductions over the axis of the samples by name: of values, axis, whether the last axis is of vectors, and
+#: the weights of the samples in a mean.
+REDUCTIONS: dict[str, Callable[[Array, int, bool, Array], Any]] = {
+    "peak": lambda values, axis, vector, _: np.max(_magnitudes(values, vector), axis=axis),
+    "greatest": lambda values, axis, *_: np.max(values, axis=axis),
+    "least": lambda values, axis, *_: np.min(values, axis=axis),
+    "range": lambda values, axis, *_: np.max(values, axis=axis) - np.min(values, axis=axis),
+    "mean": lambda values, axis, _, weights: _mean(values, axis, weights),
+    "rms": lambda values, axis, vector, weights: np.sqrt(
+        _mean(_magnitudes(values, vector) ** 2, axis, weights)
+    ),
+    "final": lambda values, axis, *_: np.take(values, -1, axis=axis),
 }
 _OF_MAGNITUDE = ("peak", "rms")
 #: Extremes of samples: the greatest and the least of each component, the longest vector, the last; and the
@@ -56,19 +79,20 @@ def reductions(names: str | Sequence[str]) -> tuple[str, ...]:
     return wanted
 
 
-def of_extremes(variable: Variable, name: str) -> Variable:
+def of_extremes(variable: Variable, name: str, weights: Array) -> Variable:
     """Return a reduction of the outputs of many runs from their extremes, (runs, 4, ...)."""
     numbers = EXTREMES[name][bool(variable.components)]
-    return reduced(replace(variable, values=variable.values[:, numbers]), name, 1)
+    return reduced(replace(variable, values=variable.values[:, numbers]), name, weights, 1)
 
 
-def reduced(variable: Variable, name: str, axis: int = 0) -> Variable:
+def reduced(variable: Variable, name: str, weights: Array, axis: int = 0) -> Variable:
     """Return the reduction ``OUTPUT.NAME`` of an output over the axis of its samples.
 
-    Peak and rms of a vector are of its magnitude.
+    ``weights`` are those of the samples in a mean. Peak and rms of a vector are of its magnitude.
     """
     vector = bool(variable.components)
-    values = np.asarray(REDUCTIONS[name](np.ascontiguousarray(variable.values), axis, vector), dtype=float)
+    samples = np.ascontiguousarray(variable.values)
+    values = np.asarray(REDUCTIONS[name](samples, axis, vector, weights), dtype=float)
     components = () if name in _OF_MAGNITUDE else variable.components
     return Variable(
         f"{variable.name}.{name}", variable.unit, f"{name} of {variable.about}", components, values

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from symgen.errors import ModelError, SimulationError, nearest
 from symgen.runtime.many.dataset import RECORDED
-from symgen.runtime.many.reductions import REDUCTIONS
+from symgen.runtime.many.reductions import REDUCTIONS, mean_weights
 from symgen.runtime.many.runs import FAILURES
 from symgen.runtime.sweeps.designs import Listed
 from symgen.runtime.sweeps.sweep import sweep_of
@@ -52,13 +52,16 @@ class Quantity:
         """Whether it is of the magnitude of its samples."""
         return self.reduction in ("peak", "rms")
 
-    def value(self, samples: Array, slopes: Array) -> tuple[Array, Array]:
-        """Return the quantity of samples (..., samples), and its slopes from those (variables, samples)."""
+    def value(self, samples: Array, slopes: Array, weights: Array) -> tuple[Array, Array]:
+        """Return the quantity of samples (..., samples), and its slopes from those (variables, samples).
+
+        ``weights`` are those of the samples in a mean.
+        """
         if self.reduction == "rms":
-            value = np.sqrt(np.mean(samples**2, axis=-1))
-            return value, (slopes @ samples) / max(samples.size * float(np.max(value)), 1e-300)
+            value = np.sqrt(samples**2 @ weights)
+            return value, (slopes @ (weights * samples)) / max(float(np.max(value)), 1e-300)
         if self.reduction == "mean":
-            return np.mean(samples, axis=-1), np.mean(slopes, axis=-1)
+            return samples @ weights, slopes @ weights
         if self.reduction == "final":
             return samples[..., -1], slopes[..., -1]
         high, low = int(np.argmax(samples)), int(np.argmin(samples))
@@ -90,6 +93,7 @@ class Problem:
         self._components: dict[str, tuple[str, ...]] = {}
         self._units: dict[str, str] = {}
         self._times: Array | None = None
+        self.weights = np.zeros(0)
         self._size = 0.0
 
     def parameters(self, x: Array) -> Array:
@@ -135,8 +139,8 @@ class Problem:
         failed += [(i, f"the run ended early: {sizes[i]:g} of {self._size:g} samples") for i in short]
         if failed and whole:
             raise self._stopped(design.rows[failed[0][0]], failed[0][1])
-        if self._times is None and not failed:
-            self._times = _times(arrays)
+        if not len(self.weights) and not failed:
+            self._times, self.weights = _times(arrays), mean_weights(_along(arrays, self.outputs[0]))
         found = {}
         for name in self.outputs:
             values = np.array(arrays[name].values, dtype=float)
@@ -237,12 +241,20 @@ class Problem:
     def value(self, quantity: Quantity, x: Array) -> float:
         """Return a quantity at a point."""
         samples = self.of(quantity, self.at(x)[quantity.output])
-        return float(quantity.value(samples, np.zeros((0, samples.size)))[0])
+        return float(quantity.value(samples, np.zeros((0, samples.size)), self.weights)[0])
 
     def many(self, quantity: Quantity, points: Array) -> Array:
         """Return a quantity at some points; nan where a run fails."""
         samples = self.of(quantity, self.samples(points)[quantity.output])
-        return np.array([quantity.value(s, np.zeros((0, s.size)))[0] for s in samples])
+        return np.array([quantity.value(s, np.zeros((0, s.size)), self.weights)[0] for s in samples])
+
+
+def _along(runs: xarray.Dataset, output: str) -> Array:
+    """Return the time, or else the coordinate, of the samples of the first run."""
+    samples = runs[output].dims[1]
+    name = next(n for n in ("time", *runs.coords) if n in runs.variables and samples in runs[n].dims)
+    values = np.asarray(runs[name].values, dtype=float)
+    return values[0] if values.ndim == 2 else values
 
 
 def _times(runs: xarray.Dataset) -> Array | None:
