@@ -2,32 +2,36 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
+import numpy as np
 from rich.console import Console
 
+from symgen.report.extremes import Components
 from symgen.report.tables import table
 from symgen.runtime.result.forces import Forces
 from symgen.runtime.result.records import columns
 
-#: Maximum number of poses for which every value is printed; otherwise the largest.
+#: Maximum number of poses for which every value is printed; otherwise the extremes.
 _FEW = 12
 
 
 def print_forces(found: Forces, _: Any, console: Console) -> None:
-    """Print forces at a few poses, or the largest of many and where they occur."""
+    """Print forces at a few poses, or the least and greatest of many and where they occur."""
     along, label = found.over
     if len(along) <= _FEW:
         rows = [(v.name, v.unit, *v.values) for v in columns(found.shown)]
-        head: tuple[str, ...] = ("output", "unit", *(f"{x:.9g}" for x in along))
-        title = f"{found.title}: forces over {label}"
+        head = ("output", "unit", *(f"{x:.9g}" for x in along))
+        console.print(table(f"{found.title}: forces over {label}", head, rows, keys=2))
     else:
-        units = {v.name: found.units.get(v.unit, (v.unit, 1.0)) for v in found.variables}
-        shown = dict(zip(found.coordinate.values.tolist(), along.tolist(), strict=True))
-        greatest = ((name, *units[name], *most) for name, most in found.greatest.items())
-        rows = [(name, unit, value / size, shown[at]) for name, unit, size, value, at in greatest]
-        head, title = ("output", "unit", "largest", f"at {label}"), f"{found.title}: {len(along)} poses"
-    console.print(table(title, head, rows, keys=2))
+        sizes = [
+            replace(v, components=(), values=np.linalg.norm(v.values, axis=-1)) if v.components else v
+            for v in found.shown
+        ]
+        name, unit = label.removesuffix("]").split(" [")
+        title = f"{found.title}: {len(along)} poses over {name}, vectors by their magnitude"
+        console.print(Components(sizes, len(along)).extremes(title, along, unit))
     for note in found.notes:
         console.print(f"note: {note}")
     console.print(

@@ -177,24 +177,31 @@ def _at_pose(linkage: _Linkage, pose: SingularPose) -> str:
 
 def _undetermined(linkage: _Linkage, assembly: Assembly, solution: Solution, i: int) -> str:
     """Return the message that names the undetermined forces at a pose, and the rank of the equations."""
-    names = ", ".join(_open(assembly, solution.loose[i]))
+    names = ", ".join(u.describe() for u in _open(assembly, solution.loose[i]))
     return (
         f"forces are not determined at {linkage.at(assembly.times[i])}: the equations of {assembly.size} "
         f"unknown components have rank {solution.rank[i]}; open: {names}"
     )
 
 
-def _open(assembly: Assembly, loose: Array) -> list[str]:
-    """Return the names of the undetermined unknowns, the most undetermined first."""
+def _open(assembly: Assembly, loose: Array) -> list[Unknown]:
+    """Return the undetermined unknowns, the most undetermined first."""
     size = {u: float(np.max(loose[u.column : u.column + u.width])) for u in assembly.unknowns}
-    return [u.describe() for u in sorted(size, key=lambda u: -size[u]) if size[u] > _OPEN]
+    return [u for u in sorted(size, key=lambda u: -size[u]) if size[u] > _OPEN]
 
 
 def _notes(linkage: _Linkage, assembly: Assembly, solution: Solution, found: Followed) -> Iterator[str]:
     whole = np.flatnonzero(solution.rank >= assembly.size - linkage.redundant)
     if linkage.redundant and len(whole):
-        names = ", ".join(_open(assembly, np.max(solution.loose[whole], axis=0)))
-        yield f"balance alone does not determine these, and those of least norm are given: {names}"
+        loose = _open(assembly, np.max(solution.loose[whole], axis=0))
+        links = sorted({u.link for u in loose if u.link and assembly.distribution(u.link) is not None})
+        follow = f"; section forces of {' and '.join(links)} follow from them" if links else ""
+        yield (
+            "balance alone does not determine these, and those of least norm are given: "
+            f"{', '.join(u.describe() for u in loose)}{follow}"
+        )
+    if linkage.bonds.description.switches:
+        yield "loads switch: forces may jump between two poses, and extremes are those of the poses"
     undivided = [k for k in assembly.names if assembly.distribution(k) is None]
     if undivided:
         yield (
