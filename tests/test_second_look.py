@@ -2106,6 +2106,9 @@ def test_30_mean_power_of_the_shaft_is_compared_with_dissipation():
     assert result.statistics["mean_powers_w"] == pytest.approx([expected, expected], rel=2e-3)
     assert not [note for note in result.notes if "mean power" in note]
     assert result.summary()["statistics"]["mean_powers_w"] == result.statistics["mean_powers_w"]
+    # From too few samples, which the power of gravity fills, no mean is taken.
+    assert model.periodic(steps=2048, samples=4).statistics["mean_powers_w"] == []
+    assert 0.0 < result.statistics["second_order"]["crank"] < 1e-2
     without = model.periodic(steps=2048, geometric_stiffness=False)
     assert [note for note in without.notes if "mean power of the shaft" in note and "differ" in note]
 

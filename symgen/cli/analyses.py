@@ -222,7 +222,7 @@ def assemblies(ctx: typer.Context) -> None:
 
 @analysis(
     "symgen periodic elastic_four_bar",
-    f"steps rtol samples at form geometric_stiffness max_step max_wall set_ out plot as_json {o.COMPILED}",
+    f"steps rtol samples at form geometric_stiffness max_step max_wall {_SHOWN} {o.COMPILED}",
     at=o.AtAngles,
 )
 def periodic(ctx: typer.Context) -> None:
@@ -232,7 +232,7 @@ def periodic(ctx: typer.Context) -> None:
 
 @analysis(
     "symgen quasi-static elastic_four_bar --at 0,60",
-    f"revolutions samples at form geometric_stiffness max_wall set_ out plot as_json {o.COMPILED}",
+    f"revolutions samples at form geometric_stiffness max_wall {_SHOWN} {o.COMPILED}",
     at=o.AtAngles,
 )
 def quasi_static(ctx: typer.Context) -> None:
@@ -243,7 +243,7 @@ def quasi_static(ctx: typer.Context) -> None:
 @analysis(
     "symgen large-rotation elastic_four_bar --segments 8",
     "segments elements revolutions rtol samples max_step max_wall checkpoint checkpoint_every resume "
-    "set_ out plot as_json backend",
+    f"{_SHOWN} backend",
     elements=o.maybe(int, "--elements", "N", "Number of elements per elastic link, not rods."),
 )
 def large_rotation(ctx: typer.Context) -> None:

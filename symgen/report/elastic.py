@@ -88,6 +88,11 @@ def print_elastic_result(result: ElasticResult, _: Any, console: Console) -> Non
     if ratios := result.statistics.get("damping_ratios"):
         shown = ", ".join(f"{x:.2g}" for x in ratios)
         console.print(f"damping ratios of the lowest modes of the linkage at the start: {shown}")
+    if shares := result.statistics.get("second_order"):
+        link = max(shares, key=shares.__getitem__)
+        console.print(
+            f"terms of second order, omitted: at most {shares[link]:.1e} of the peak strain of {link}"
+        )
     if powers := result.statistics.get("mean_powers_w"):
         shaft, damping = powers
         console.print(f"mean power of the shaft {shaft:.4g} W, of damping {damping:.4g} W")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import lru_cache
 
@@ -34,14 +34,12 @@ _JUDGE = "compare with large rotation"
 _PLACES, _EULER = 65, 8
 
 
-def warnings(
-    motion: ElasticMotion, equations: BeamEquations, recorded: Motion, moments: Sequence[str]
-) -> list[str]:
+def warnings(motion: ElasticMotion, recorded: Motion, moments: Sequence[str]) -> list[str]:
     """Return a note for every elastic link and limit of linear theory that it passes.
 
     Parameters
     ----------
-    motion, equations
+    motion
         The linkage.
     recorded
         Its elastic motion at the recorded times.
@@ -58,7 +56,7 @@ def warnings(
         rigid = _rigid_axial_force(motion, k, recorded, places)
         found += _of_axial_force(motion, k, rigid, places, strain, moments)
         found += _of_stress(beam, own, moments)
-    return found + _of_second_order(motion, equations, recorded)
+    return found
 
 
 def _of_slope(beam: Beam, slopes: Array, moments: Sequence[str]) -> list[str]:
@@ -71,12 +69,18 @@ def _of_slope(beam: Beam, slopes: Array, moments: Sequence[str]) -> list[str]:
     ]
 
 
-def _of_second_order(motion: ElasticMotion, equations: BeamEquations, recorded: Motion) -> list[str]:
+def second_order(motion: ElasticMotion, equations: BeamEquations, recorded: Motion) -> dict[str, float]:
+    """Return the strain that terms of second order add to each link, over its peak strain, an estimate."""
     shares = omitted(motion, equations, recorded, _rigid_axial_force)
+    return {beam.info.link: share for beam, share in zip(motion.beams, shares, strict=True)}
+
+
+def of_second_order(shares: Mapping[str, float]) -> list[str]:
+    """Warn of links to which terms of second order add more than linear theory allows."""
     return [
-        f"{beam.info.link}: terms of second order that linear theory omits are estimated at {share:.2g} "
+        f"{link}: terms of second order that linear theory omits are estimated at {share:.2g} "
         f"times its peak strain; {_JUDGE}"
-        for beam, share in zip(motion.beams, shares, strict=True)
+        for link, share in shares.items()
         if share > SECOND_ORDER
     ]
 

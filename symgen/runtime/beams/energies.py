@@ -20,6 +20,8 @@ Weights = Mapping[str, Array]
 
 #: Part of the largest power that is none.
 _NOTHING = 1e-9
+#: Part of the larger mean power by which means of all and of every other sample may differ.
+_RESOLVED = 0.02
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,12 +53,19 @@ class Energies:
     def mean_powers(self) -> tuple[float, float] | None:
         """Return the means [W] of the powers of the shaft and of damping over a revolution of a steady state.
 
-        None where they need not be equal, since something else does work, or where nothing is damped.
+        None where they need not be equal, since something else does work, where nothing is damped, or where
+        every other sample has another mean: the samples are too few.
         """
         if self.imbalance is None or self.shaft is None:
             return None
-        shaft, damping = (float(np.mean(power[:-1])) for power in (self.shaft, self.dissipated))
-        return (shaft, damping) if damping > _NOTHING * float(np.max(np.abs(self.shaft))) else None
+        both = np.stack([self.shaft[:-1], self.dissipated[:-1]])
+        means, coarse = np.mean(both, axis=1), np.mean(both[:, ::2], axis=1)
+        resolved = both.shape[1] % 2 == 0 and np.all(
+            np.abs(coarse - means) <= _RESOLVED * np.max(np.abs(means))
+        )
+        shaft, damping = means.tolist()
+        damped = damping > _NOTHING * float(np.max(np.abs(self.shaft)))
+        return (shaft, damping) if damped and resolved else None
 
     def variables(self) -> Iterator[Variable]:
         """Yield the outputs."""

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from symgen.errors import ModelError, SimulationError
 from symgen.runtime import _beams
-from symgen.runtime.beams.checks import SLOPE, warnings
+from symgen.runtime.beams.checks import SLOPE, of_second_order, second_order, warnings
 from symgen.runtime.beams.energies import energies
 from symgen.runtime.beams.forces import Motion, accelerations_of, crank_rotation, forces
 from symgen.runtime.beams.methods import BEAM_METHODS, GAUSS
@@ -247,7 +247,8 @@ def _result(
     notes += _of_reductions(motion)
     notes += _of_lengths(motion)
     notes += of_switches(d.switches, int(np.sum(motion.jumps[:, 1] > motion.jumps[:, 0])))
-    notes += warnings(motion, equations, whole, _moments(motion, times))
+    shares = second_order(motion, equations, whole)
+    notes += warnings(motion, whole, _moments(motion, times)) + of_second_order(shares)
     if task.t_eval is not None:
         notes.append("peaks, and limits of linear theory, are those at the times of t_eval only")
     if task.at is not None and task.method != "quasi-static":
@@ -274,6 +275,7 @@ def _result(
             "steps": found.steps,
             "error": found.error,
             "damping_ratios": list(motion.damping_ratios),
+            "second_order": shares,
             "mean_powers_w": list(powers or ()),
             "power_balance": balance.balance if balance else None,
             "wall_s": wall,
