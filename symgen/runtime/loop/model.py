@@ -42,7 +42,7 @@ class LoopModel(Model):
     """Compiled equations of one closed loop of links, given as a link-joint table.
 
     Made by :func:`symgen.build`. Parameters that the scene declares tunable can be changed with
-    :meth:`with_parameters` without compiling again.
+    ``with_parameters`` without compiling again.
     """
 
     description: LoopDescription
