@@ -178,7 +178,9 @@ class Elastic:
                 return [(where["p"], times(much, sine(across)))], [(where["p"], times(much, cosine(across)))]
             return [], []
 
-        result = np.zeros((3, 3, n + 1, count, 4, size))  # derivative, link, node, time, dof, unknown
+        result = np.zeros(
+            (3, 3, n + 1, count, 4, size), motion.type
+        )  # derivative, link, node, time, dof, unknown
         for k, link in enumerate(LINKS):
             for node in range(n + 1):
                 inner = 0 < node < n

@@ -1,12 +1,13 @@
 """The rigid four-bar of the thesis by plain NumPy, in ft, slug, s, lbf and rad: motion, forces, moments.
 
-Every array of vectors has the crank angles before the components.
+Every array of vectors has the crank angles before the components. Numbers of the linkage may be complex, so
+that the imaginary part of a result is its derivative along a tiny imaginary part of a number.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import astuple, dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -48,6 +49,14 @@ def left(vector):
     return np.stack([-vector[..., 1], vector[..., 0]], axis=-1)
 
 
+def direction(vector):
+    x, y = vector[..., 0], vector[..., 1]
+    along = np.arctan2(y.real, x.real)
+    if not np.iscomplexobj(vector):
+        return along
+    return along + 1j * (x.real * y.imag - y.real * x.imag) / (x.real**2 + y.real**2)
+
+
 def dot(one, two):
     return np.einsum("...i,...i->...", one, two)
 
@@ -57,6 +66,7 @@ class Motion:
 
     def __init__(self, bar: FourBar, t1: np.ndarray):
         self.bar, self.t1, w1 = bar, t1, bar.speed
+        self.type = complex if any(isinstance(x, complex) for x in astuple(bar)) else float
         A, Q = bar.a * unit(t1), np.array([bar.d, 0.0])
         # two circles: B is left of the line from A to Q
         gap = Q - A
@@ -64,8 +74,7 @@ class Motion:
         along = (bar.b**2 - bar.c**2 + reach2) / 2
         across = np.sqrt(bar.b**2 * reach2 - along**2)
         B = A + (gap * along[:, None] + left(gap) * across[:, None]) / reach2[:, None]
-        t2 = np.arctan2(*(B - A)[:, ::-1].T)
-        t3 = np.arctan2(*(B - Q)[:, ::-1].T)
+        t2, t3 = direction(B - A), direction(B - Q)
         turn = np.sin(t2 - t3)
         w2 = bar.a * w1 * np.sin(t3 - t1) / (bar.b * turn)
         w3 = bar.a * w1 * np.sin(t2 - t1) / (bar.c * turn)
@@ -114,7 +123,7 @@ class Motion:
         ]
         turning = [m * own[k] ** 3 / 12 * self.accelerations[k] for k in range(3)]
         # unknown: A on coupler, B on coupler, Q on output
-        matrix, right = np.zeros((n, 6, 6)), np.zeros((n, 6))
+        matrix, right = np.zeros((n, 6, 6), self.type), np.zeros((n, 6), self.type)
         matrix[:, :2, :2] = matrix[:, :2, 2:4] = np.eye(2)
         right[:, :2] = m * own[1] * centre[1]
         lever = left(e[1]) * own[1] / 2

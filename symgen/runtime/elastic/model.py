@@ -179,19 +179,40 @@ class ElasticModel(Model):
         self,
         outputs: Sequence[str],
         parameters: Sequence[str] | None = None,
-        at: float | None = None,
+        at: ElasticResult | float | None = None,
         t_eval: ArrayLike | None = None,
     ) -> Sensitivity:
         from symgen.runtime.linearisation.elastic import sensitivity
         from symgen.runtime.linearisation.record import at_times
 
         by = self._differentiated(parameters)
+        if at is not None and not isinstance(at, float | int):
+            return self._of_steady_state(outputs, by, at, t_eval)
 
         def found(times: Sequence[float]) -> list[Sensitivity]:
             return [sensitivity(self._motion(True), outputs, by, t) for t in times]
 
         t = None if at is None else real(at, "the time of derivatives")
         return at_times(found, t, t_eval, 0.0)
+
+    def _of_steady_state(
+        self, outputs: Sequence[str], by: Sequence[str], at: ElasticResult, t_eval: ArrayLike | None
+    ) -> Sensitivity:
+        from symgen.runtime.linearisation.periodic import sensitivity
+
+        made, given = at.provenance, at.origin[2] if at.origin else {}
+        if made.get("method") != "periodic" or made["parameters"] != dict(self.parameters):
+            raise ModelError(f"{self.name}: expected a steady state of this model for at: model.periodic()")
+        if made["form"] != "exact" or not given.get("geometric_stiffness", True):
+            raise ModelError(
+                "derivatives of steady states are those of the exact form with geometric stiffness: leave "
+                "form and geometric_stiffness out"
+            )
+        if t_eval is not None:
+            raise ModelError("a steady state has times of its own: leave t_eval out")
+        if at.times is None or not outputs:
+            raise ModelError("expected outputs to differentiate, got none")
+        return sensitivity(self._motion(True), outputs, by, at.times)
 
     @takes(ElasticRun)
     def _simulate(self, asked: ElasticRun) -> ElasticResult:

@@ -13,22 +13,21 @@ displacements, K S + J^T mu = Q, have K dS + J^T dmu = dQ - dK S - dJ^T mu and J
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from symgen.errors import ModelError, nearest
-from symgen.runtime._beams import APPLIED, MOTION
-from symgen.runtime.beams.frames import frames
+from symgen.runtime._beams import APPLIED, AT_REST, MOTION, QUASI_STATIC, BeamEquations
 from symgen.runtime.beams.links import Beam, beam
-from symgen.runtime.beams.pieces import whole
 from symgen.runtime.elastic.mesh import properties_of
 from symgen.runtime.elastic.modes import elastic_modes
 from symgen.runtime.elastic.motion import ElasticMotion
 from symgen.runtime.elastic.outputs import outputs as outputs_of
 from symgen.runtime.elastic.static import quasi_static
+from symgen.runtime.linearisation.elastic_matrices import Assembled, assembled, damped
 from symgen.runtime.linearisation.record import Sensitivity
 from symgen.runtime.linearisation.sensitivity import finite, moved_pose
 from symgen.runtime.linearisation.state_space import Tangents
@@ -38,7 +37,7 @@ Array = NDArray[np.float64]
 Dual = NDArray[Any]
 
 #: Unit of tangents as imaginary parts: their products are below every number of a linkage.
-_UNIT = 1e-80
+UNIT = 1e-80
 #: The part of their size by which frequencies must differ, and by which places along a link may move over it.
 _APART, _MOVED = 1e-6, 1e-12
 #: Analyses of the kernels of motion and joints; that with tangents has the ending.
@@ -59,7 +58,7 @@ def sensitivity(
         Where the linkage cannot be assembled; when a derivative is not finite.
     """
     motion.check_determined()
-    pose = _Pose(motion, parameters, t)
+    pose = Pose(motion, parameters, t)
     units = {p.name: p.unit for p in motion.rigid.description.tunable}
     found = Sensitivity(
         np.zeros((0, len(parameters))),
@@ -89,23 +88,19 @@ def _with(found: Sensitivity, units: Mapping[str, str], values: Array, slopes: A
     )
 
 
-@dataclass(frozen=True, slots=True)
-class _Assembled:
-    """Matrices of all unknowns of the structure, and the rows of its constraints."""
-
-    mass: Dual
-    stiffness: Dual
-    load: Dual
-    bound: Dual
-
-
-class _Pose:
+class Pose:
     """The rigid motion at a time, with its differentials."""
 
-    def __init__(self, motion: ElasticMotion, parameters: Sequence[str], t: float) -> None:
+    def __init__(
+        self,
+        motion: ElasticMotion,
+        parameters: Sequence[str],
+        t: float,
+        equations: BeamEquations | None = None,
+    ) -> None:
         self.motion, self.parameters, self.t = motion, tuple(parameters), t
         rigid = motion.rigid
-        self.equations = motion.equations()
+        self.equations = equations or motion.equations()
         (q, u, _), _, _ = motion.rigid_motion(self.equations, np.array([t]))
         self.q, self.u = q[0], u[0]
         tangents: Tangents = rigid._tangents(rigid._state(t, self.q, self.u), (), "sensitivity")
@@ -119,6 +114,16 @@ class _Pose:
         self.moved = [dq, du, own, tangents.solved(forced)]
         self.kernels = {kind: (rigid.analysis(kind), rigid.analysis(kind + _TANGENTS)) for kind in _KINDS}
 
+    def add_time(self, later: Array, rate: Array) -> None:
+        """Shift the differentials to a later time [s] by each parameter, and add those by the time, last.
+
+        ``rate`` is that of accelerations and multipliers.
+        """
+        n, moved = len(self.q), self.moved
+        still = np.zeros(len(moved[2]))
+        along = [self.u, self.work[:n], still, rate]
+        self.moved = [np.column_stack([x + np.outer(y, later), y]) for x, y in zip(moved, along, strict=True)]
+
     def duals(self, kind: str, kernel: str, j: int, resting: bool = False) -> dict[str, Dual]:
         """Return the results of a kernel by name, with tangents along parameter j."""
         values, tangents = self.kernels[kind]
@@ -130,7 +135,7 @@ class _Pose:
         found = values.blocks(kernel, *at, np.append(work, 0.0))
         direction = np.concatenate([work, q, u, p, w, work, [0.0]])
         slopes = tangents.blocks(f"{kernel}_tangent", *at, direction)
-        return {name: value + 1j * _UNIT * slopes[f"{name}_tangent"] for name, value in found.items()}
+        return {name: value + 1j * UNIT * slopes[f"{name}_tangent"] for name, value in found.items()}
 
     def linkage(self, j: int) -> ElasticMotion:
         """Return the motion with links and tables that have tangents along parameter j."""
@@ -148,65 +153,36 @@ class _Pose:
                 f"link {info.link} is reduced to modes, of which derivatives are not available\n"
                 '  Leave out the reduction, or take reduction = "guyan".'
             )
-        properties = replace(properties_of(row), ratio=0.0)
+        properties = properties_of(row)
         lumps, profiles = made.lumps(info.link), made.profiles(info.link)
         places = [*(x.at for x in lumps), *(x.at for x in profiles)] if info.nodes else []
-        if any(abs((at / properties.length).imag) > _MOVED * _UNIT / properties.length.real for at in places):
+        if any(abs((at / properties.length).imag) > _MOVED * UNIT / properties.length.real for at in places):
             raise ModelError(
                 f"elements of link {info.link} end at loads or masses that move along it with {parameter}: "
                 "derivatives by it are not available"
             )
-        return beam(info, properties, lumps, profiles)
+        found = beam(info, replace(properties, ratio=0.0), lumps, profiles)
+        return damped(found, properties.ratio) if properties.ratio else found
 
-    def assembled(self, j: int, resting: bool) -> tuple[ElasticMotion, Dual, _Assembled]:
-        """Return links with tangents along parameter j, their rigid motion, and the matrices.
+    def assembled(self, j: int, analysis: int) -> tuple[ElasticMotion, Dual, Assembled]:
+        """Return links with tangents along parameter j, their rigid motion, and the matrices."""
+        made = self.linkage(j)
+        rows, loads, joined = self.of_motion(j, analysis == AT_REST)
+        found = assembled(made, rows, loads, joined, analysis)
+        if self.motion.has_motor and (shaft := made.layout.shaft) >= 0:
+            found.mass[shaft, shaft] += self.duals("elastic_motion", "shaft", j)["shaft"].flat[0]
+        return made, rows, found.narrowed()
 
-        ``resting``: of the structure at rest, else of quasi-static displacements.
+    def of_motion(self, j: int, resting: bool = False) -> tuple[Dual, Dual, dict[str, Dual]]:
+        """Return weights of links, of forces along them, and blocks of joints, with tangents along j.
+
+        ``resting``: the joints of the structure at rest.
         """
-        layout, made = self.motion.layout, self.linkage(j)
-        n = layout.unknowns
         rows = self.duals("elastic_motion", "links", j)["links"].reshape(-1, len(MOTION))
         loads = np.zeros((0, len(APPLIED)), complex)
         if self.motion.info.loads:
             loads = self.duals("elastic_motion", "loads", j)["loads"].reshape(-1, len(APPLIED))
-        mass, stiffness = (np.zeros((n + 1, n + 1), complex) for _ in range(2))
-        load = np.zeros(n + 1, complex)
-        for k, link in enumerate(made.beams):
-            own, axes = whole(link.pieces, len(link.dofs)), frames(rows[k][None])
-            places = layout.of_links[k]
-            turned = np.eye(len(link.dofs), dtype=complex)
-            for end in link.joints:
-                turned[np.ix_(end, end)] = np.array(axes.local(*np.eye(2)))
-            stiff, forces = own.stiffness.astype(complex), np.zeros(len(link.dofs), complex)
-            if not resting:
-                forces = axes.load(own.load_x, own.load_y, own.load_out, own.load_turn)[0]
-                stiff += axes.stiffness_geometric0 * own.axial0 + axes.stiffness_geometric1 * own.axial1
-                stiff += axes.stiffness_geometric2 * own.axial2
-                along = [i for i, name in enumerate(self.motion.info.loads) if name == link.info.link]
-                spread = zip(own.force_x, own.force_y, own.force_axial, strict=True)
-                for (x, y, pull), (by_x, by_y, axial) in zip(loads[along], spread, strict=True):
-                    forces = forces + x * by_x + y * by_y
-                    stiff += pull * axial
-            at = np.ix_(places, places)
-            np.add.at(mass, at, turned.T @ own.mass @ turned)
-            np.add.at(stiffness, at, turned.T @ stiff @ turned)
-            np.add.at(load, places, turned.T @ forces)
-        joined = self.duals("elastic_joints", "joints", j, resting)
-        for matrix, name, slots in (
-            (mass, "mass_matrix", layout.mass_slots),
-            (stiffness, "stiffness", layout.stiffness_slots),
-        ):
-            if name in joined:
-                to = layout.rows[slots[:-1]], layout.columns[slots[:-1]]
-                np.add.at(matrix, to, joined[name].ravel())
-        np.add.at(load, layout.joint_places[:-1], joined["load"].ravel())
-        if self.motion.has_motor and layout.shaft >= 0:
-            shaft = self.duals("elastic_motion", "shaft", j)["shaft"].ravel()
-            mass[layout.shaft, layout.shaft] += shaft[0]
-        bound = np.zeros((layout.constraints, n + 1), complex)
-        if layout.constraints:
-            bound[:, layout.joint_places[:-1]] = joined["jacobian"].reshape(layout.constraints, -1)
-        return made, rows, _Assembled(mass[:n, :n], stiffness[:n, :n], load[:n], bound[:, :n])
+        return rows, loads, self.duals("elastic_joints", "joints", j, resting)
 
     def frequencies(self) -> tuple[Array, Array]:
         """Return the frequencies at rest of modes with strain [Hz], and their derivatives."""
@@ -221,14 +197,14 @@ class _Pose:
             )
         slopes = np.zeros((len(found), len(self.parameters)))
         for j in range(len(self.parameters)):
-            _, _, at = self.assembled(j, resting=True)
+            _, _, at = self.assembled(j, AT_REST)
             stiffness = (at.stiffness + at.stiffness.T) / 2
             for i, square in enumerate((2 * np.pi * found) ** 2):
                 phi = shapes[:, i]
                 held = stiffness - square * at.mass
                 mu = np.linalg.lstsq(at.bound.real.T, -held.real @ phi, rcond=None)[0]
                 change = phi @ held.imag @ phi + 2 * mu @ at.bound.imag @ phi
-                slopes[i, j] = change / _UNIT / (phi @ at.mass.real @ phi)
+                slopes[i, j] = change / UNIT / (phi @ at.mass.real @ phi)
         return found, slopes / (8 * np.pi**2 * found[:, None])
 
     def static(self, asked: Sequence[str]) -> tuple[dict[str, str], Array, Array]:
@@ -243,8 +219,8 @@ class _Pose:
         units: dict[str, str] = {}
         values = np.zeros(0)
         for j in range(len(self.parameters)):
-            made, rows, at = self.assembled(j, resting=False)
-            moved = shape + 1j * _UNIT * _differential(at, shape)
+            made, rows, at = self.assembled(j, QUASI_STATIC)
+            moved = shape + 1j * UNIT * _differential(at, shape)
             known = {v.name: v for v in outputs_of(made, rows[None], moved[None])}
             scalars: dict[str, tuple[str, Any]] = {}
             for name in asked:
@@ -261,11 +237,11 @@ class _Pose:
             units = {name: unit for name, (unit, _) in scalars.items()}
             duals = np.array([x for _, x in scalars.values()])
             values = duals.real
-            columns.append(duals.imag / _UNIT)
+            columns.append(duals.imag / UNIT)
         return units, values, np.array(columns).T
 
 
-def _differential(at: _Assembled, shape: Array) -> Array:
+def _differential(at: Assembled, shape: Array) -> Array:
     """Return the differential of quasi-static displacements over the unit of tangents."""
     n, m = len(shape), len(at.bound)
     sizes = np.sqrt(np.abs(np.diagonal(at.stiffness.real)))
@@ -278,5 +254,5 @@ def _differential(at: _Assembled, shape: Array) -> Array:
     scaled = shape * sizes
     mu = np.linalg.lstsq(rows.real.T, at.load.real / sizes - stiffness.real @ scaled, rcond=None)[0]
     right = np.concatenate([at.load / sizes, np.zeros(m)]) - whole_matrix @ np.concatenate([scaled, mu])
-    found: Array = np.linalg.solve(whole_matrix.real, right.imag / _UNIT)[:n] / sizes
+    found: Array = np.linalg.solve(whole_matrix.real, right.imag / UNIT)[:n] / sizes
     return found

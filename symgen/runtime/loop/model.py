@@ -17,7 +17,7 @@ from symgen.runtime.closure.later import closed_later
 from symgen.runtime.closure.moved import state_at
 from symgen.runtime.closure.start import Closed, close_near, counted
 from symgen.runtime.integrate.pace import limited
-from symgen.runtime.kernels.arguments import reals
+from symgen.runtime.kernels.arguments import real, reals
 from symgen.runtime.kernels.description import LoopDescription
 from symgen.runtime.loop.driven import STAGES, driven, follow, follow_through, followed
 from symgen.runtime.loop.kernels import LoopKernels
@@ -222,7 +222,7 @@ class LoopModel(Model):
         def found(times: Sequence[float]) -> list[Sensitivity]:
             return sensitivity(self.kernels, kernels, begin, times, by)
 
-        return at_times(found, at, t_eval, begin.t)
+        return at_times(found, None if at is None else real(at, "the time of derivatives"), t_eval, begin.t)
 
     def _along_run(
         self,

@@ -12,6 +12,7 @@ from symgen.runtime.model.verbs import verb
 
 if TYPE_CHECKING:
     from symgen.runtime.linearisation.record import Linearisation, Sensitivity
+    from symgen.runtime.result.elastic import ElasticResult
     from symgen.runtime.result.state import State
     from symgen.runtime.rods.equilibrium import Equilibrium
 
@@ -95,7 +96,7 @@ class LinearAnalyses:
         outputs: Sequence[str],
         parameters: Sequence[str] | None = None,
         *,
-        at: State | Equilibrium | float | None = None,
+        at: State | Equilibrium | ElasticResult | float | None = None,
         coordinates: Sequence[str] = (),
         t_end: float | None = None,
         t_eval: ArrayLike | None = None,
@@ -124,7 +125,9 @@ class LinearAnalyses:
         at
             An equilibrium, which moves with the parameters; or a state, which is held as far as drives and
             ``coordinates`` determine it, together with its time. Where drives alone move the linkage, and
-            of loops and elastic links, a time [s] gives the state. The start when absent.
+            of loops and elastic links, a time [s] gives the state. Of elastic links also the result of
+            :meth:`periodic`, which moves with the parameters at held angles of the crank. The start when
+            absent.
         coordinates
             Independent coordinates as for :meth:`linearise` that are held at a state, with their rates: one
             for each degree of freedom that is not driven.

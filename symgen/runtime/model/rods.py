@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from symgen.runtime._rhs import Rhs
     from symgen.runtime.linearisation.record import Linearisation, Sensitivity
     from symgen.runtime.linearisation.state_space import Tangents
+    from symgen.runtime.result.elastic import ElasticResult
     from symgen.runtime.result.forces import Forces
     from symgen.runtime.rods.equilibrium import Equilibrium
     from symgen.runtime.rods.modes import Modes
@@ -198,7 +199,7 @@ class RodModel(LinkageModel):
         self,
         outputs: Sequence[str],
         parameters: Sequence[str] | None = None,
-        at: State | Equilibrium | float | None = None,
+        at: State | Equilibrium | ElasticResult | float | None = None,
         coordinates: Sequence[str] = (),
         t_end: float | None = None,
         t_eval: ArrayLike | None = None,
@@ -212,7 +213,10 @@ class RodModel(LinkageModel):
     ) -> Sensitivity:
         from symgen.runtime.linearisation.sensitivity import at_equilibrium, at_pose
         from symgen.runtime.linearisation.state_space import derivatives
+        from symgen.runtime.rods.equilibrium import Equilibrium
 
+        if not (at is None or isinstance(at, State | Equilibrium | float | int)):
+            raise ModelError(f"{self.name}: expected a state, an equilibrium or a time for at, got {at!r}")
         along = t_end is not None or t_eval is not None
         how = {"method": method, "rtol": rtol, "atol": atol, "step": step, "max_step": max_step}
         of_run = {**how, "max_steps": max_steps, "integrals": integrals or None}
