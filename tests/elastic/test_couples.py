@@ -50,6 +50,30 @@ def test_moment_on_a_cantilever(point, arm):
     assert found["beam.torque"].values[-1] == pytest.approx(-5, rel=1e-9)
 
 
+@pytest.mark.parametrize(
+    "more",
+    [
+        {"torques": [{"link": "beam", "point": "A", "torque": "0 N*m"}]},
+        {"torsion_springs": [{"link": "top", "point": "A", "stiffness": "0 N*m"}]},
+        {"torsion_springs": [{"link": "top", "against": "beam", "point": "A", "stiffness": "50 N*m"}]},
+    ],
+)
+def test_couples_without_work_at_a_weld_with_a_mass_change_nothing(more):
+    points = {
+        "O": {"at": ["0 m", "0 m"], "ground": True},
+        "A": {"at": ["0 m", "1 m"]},
+        "B": {"at": ["1.5 m", "1 m"]},
+        "Q": {"at": ["1.5 m", "0 m"], "ground": True},
+    }
+    links = {"beam": ["O", "A"], "top": ["A", "B"], "right": ["Q", "B"]}
+    frame = {"welds": [{"point": "A", "links": ["beam", "top"]}], "masses": [{"point": "A", "mass": "1 kg"}]}
+    plain, loaded = (
+        symgen.build(symgen.Scene(**beams(points, links, **frame, **own))).modes().frequencies
+        for own in ({}, more)
+    )
+    assert loaded == pytest.approx(plain, rel=1e-9)
+
+
 @pytest.mark.parametrize("stiffness", [1.0, 200.0, 1e5])
 def test_cantilever_on_a_torsion_spring(stiffness):
     """k (1 + c ch) = (EI/L) b (s ch - c sh)."""

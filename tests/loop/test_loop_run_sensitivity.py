@@ -56,6 +56,20 @@ def test_without_an_end_they_are_those_at_the_state(model):
     assert isinstance(found.t, float) and found.derivatives == pytest.approx(columns, rel=1e-12, abs=1e-14)
 
 
+def test_a_parameter_that_is_named_twice_has_its_derivative_twice(model):
+    name = model.parameters and next(iter(model.parameters))
+    once = model.sensitivity(["S4"], [name], t_end=0.05).derivatives
+    assert np.array_equal(
+        model.sensitivity(["S4"], [name, name], t_end=0.05).derivatives, np.repeat(once, 2, axis=-1)
+    )
+
+
+def test_runs_that_end_before_their_state_are_refused(model):
+    later = model.state({"theta1": 1.2}, {"theta1": 3.0}, t=0.4)
+    with pytest.raises(ModelError, match="expected t_end after the start at t = 0.4 s, got 0.2 s"):
+        model.simulate(0.2, state=later)
+
+
 def test_a_loop_with_redundant_closure_has_the_derivatives_of_its_points_and_links():
     written = tomllib.loads(shipped_scene("planar_4r"))
     written["loop"] |= {"inputs": {}, "free": {"theta1": {"at": "40 deg", "rate": "2 rad/s"}}}

@@ -321,6 +321,11 @@ def test_transmission_angle_by_the_law_of_cosines():
     one = model.kinematics(0, 6, of=["A.B.C.transmission_angle", "B.velocity"])
     assert [v.name for v in one.variables][-2:] == ["A.B.C.transmission_angle", "B.velocity"]
     assert np.array_equal(one["A.B.C.transmission_angle"], motion["A.B.C.transmission_angle"])
+    both = model.kinematics(
+        0, 6, samples=3, of=["B", "B.velocity", "A.B.C.angle", "A.B.C.transmission_angle"]
+    )
+    names = [v.name for v in both.variables]
+    assert len(names) == len(set(names)) and names[-2:] == ["A.B.C.angle", "A.B.C.transmission_angle"]
     for unknown in ("A.B.A", "A.B.C.rate", "B.angle"):
         with pytest.raises(ModelError, match=f"no point or moving link '{unknown}'"):
             model.kinematics(0, 1, of=[unknown])

@@ -88,6 +88,15 @@ def test_outputs_of_lanes_are_reduced(loops):
         assert found["constraint_drift"].values[i] == run.drift.constraint
 
 
+def test_means_do_not_depend_on_a_run_that_fails():
+    loop = symgen.build("rssr")
+    arguments = {"outputs": ["theta4"], "reduce": "mean", "start": 0.0, "stop": 3.0, "samples": 19}
+    found = loop.kinematics_many({"speed": [0.0, 12.0, 13.0]}, **arguments)
+    assert [bool(error) for error in found["error"].values] == [True, False, False]
+    alone = loop.kinematics_many({"speed": [13.0]}, **arguments)
+    assert found["theta4.mean"].values[2] == pytest.approx(alone["theta4.mean"].values[0], rel=1e-14)
+
+
 @pytest.mark.full
 def test_a_loop_that_does_not_close_is_an_entry(loops):
     found = loops("slider_crank").kinematics_many({"a4": [0.1, BEYOND, 0.2]}, at=1.0)

@@ -391,7 +391,7 @@ def two_loops(flywheel: float = 0.0) -> Linkage:
         elastic("follower", "F", "E", 0.3),
     )
     spring = Spring("A", "E", 200.0, 0.3, 4.0)
-    return Linkage(places, ("O", "C", "F"), bars, "crank", {"E": 0.1}, {}, (spring,), (0.0, -9.81))
+    return Linkage(places, ("O", "C", "F"), bars, "crank", {"E": 0.1}, {}, (spring,), gravity=(0.0, -9.81))
 
 
 def two_loops_scene(crank: dict) -> dict:

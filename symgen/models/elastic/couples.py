@@ -21,7 +21,7 @@ def couples(linkage: Linkage) -> Iterator[Couple]:
     welded = {(beam.link, point) for beam in linkage.elastic for point in beam.welds}
     for load in linkage.loads:
         for term in load.terms(linkage.dimension):
-            if term.on.section:
+            if term.on.section and term.total:
                 links = [name for _, name in term.on.links if name]
                 at = term.on.section
                 yield load, term, tuple(at if (k, at) in welded else f"{k}.{at}" for k in links)

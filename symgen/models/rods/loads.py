@@ -155,7 +155,7 @@ class Loads:
         for _, term in self.terms:
             if any(k == link for _, k in term.on.links):
                 for x in self.actions(term):
-                    if isinstance(x, Couple) and x.link == link:
+                    if isinstance(x, Couple) and x.link == link and x.torque:
                         yield x.against, x.torque
 
     def _forces(self, term: Term) -> Iterator[PointForce]:

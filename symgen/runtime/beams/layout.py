@@ -14,8 +14,6 @@ from symgen.runtime.beams.links import Beam, Piece
 from symgen.runtime.kernels.description import BlockInfo, Description
 from symgen.runtime.kernels.elastic_description import ElasticInfo
 
-#: Places of the components of a joint; a rotation has one.
-_COMPONENTS = {"x": 0, "y": 1}
 Indices = NDArray[np.intp]
 Array = NDArray[np.float64]
 
@@ -118,14 +116,14 @@ def layout(
     damped
         Forces of modes of the structure: see :class:`Layout`. Those of the links' own modes follow.
     """
-    joint = {p: 2 * i for i, p in enumerate(description.free)}
-    coordinates = len(description.free) * len(description.axes) + len(info.rotations)
-    rotated = {name: coordinates - len(info.rotations) + i for i, name in enumerate(info.rotations)}
+    labels = [f"{p}_{axis}" for p in description.free for axis in description.axes]
+    labels += [f"{name}_theta" for name in info.rotations]
+    coordinates, place = len(labels), {label: i for i, label in enumerate(labels)}
     names, of_links, shaft = _unknowns(description, info, beams)
     block = joints.get("jacobian")
     constraints = block.shape[0] if block else 0
     n = len(names)
-    pairs = _pairs(beams, of_links, joints, joint | rotated, shaft)
+    pairs = _pairs(beams, of_links, joints, place, shaft)
     forces = _forces(beams, coordinates, damped)
     apart = 0 < 2 * len(forces) < n
     if len(forces) and not apart:
@@ -145,7 +143,7 @@ def layout(
     renumbered = tuple(new[np.array(places, dtype=np.intp)] for places in of_links)
     shaft = int(new[shaft])
     entries = {
-        name: _spare([slot[int(new[i]), int(new[j])] for i, j in entries_of(joints, name, joint | rotated)])
+        name: _spare([slot[int(new[i]), int(new[j])] for i, j in entries_of(joints, name, place)])
         for name in ("mass_matrix", "damping", "stiffness")
     }
     of_pieces = _of_pieces(beams, renumbered, slot)
@@ -250,7 +248,7 @@ def _pairs(
     beams: Sequence[Beam],
     of_links: Sequence[Sequence[int]],
     joints: Mapping[str, BlockInfo],
-    joint: Mapping[str, int],
+    place: Mapping[str, int],
     shaft: int,
 ) -> NDArray[np.intp]:
     """Return all pairs of unknowns that an entry of a matrix may couple."""
@@ -260,21 +258,16 @@ def _pairs(
             there = [places[k] for k in piece.at if places[k] >= 0]
             found |= {(i, j) for i in there for j in there}
     for name in ("mass_matrix", "damping", "stiffness"):
-        found |= {pair for i, j in entries_of(joints, name, joint) for pair in ((i, j), (j, i))}
+        found |= {pair for i, j in entries_of(joints, name, place) for pair in ((i, j), (j, i))}
     if shaft >= 0:
         found.add((shaft, shaft))
     return np.array(sorted(found), dtype=np.intp).reshape(-1, 2)
 
 
-def entries_of(joints: Mapping[str, BlockInfo], name: str, joint: Mapping[str, int]) -> list[tuple[int, int]]:
-    """Return the places of the entries that the kernel ``joints`` gives of a matrix."""
-    if name not in joints:
-        return []
-    made = []
-    for row in joints[name].rows:
-        places = [q.rpartition("_") for q in row.split()]
-        made.append(tuple(joint[of] + _COMPONENTS.get(axis, 0) for of, _, axis in places))
-    return made  # type: ignore[return-value]
+def entries_of(joints: Mapping[str, BlockInfo], name: str, place: Mapping[str, int]) -> list[tuple[int, ...]]:
+    """Return the places of the entries that the kernel ``joints`` gives of a matrix, by their labels."""
+    rows = joints[name].rows if name in joints else ()
+    return [tuple(place[label] for label in row.split()) for row in rows]
 
 
 def _by_least_band(n: int, pairs: NDArray[np.intp]) -> Indices:

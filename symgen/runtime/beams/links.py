@@ -239,6 +239,6 @@ def _check(info: BeamInfo, properties: Properties, lumps: Sequence[Lump]) -> Non
                 f"a lumped mass of {where} lies at {lump.at!r} m, expected 0 to its length "
                 f"{properties.length!r} m"
             )
-        for value, unit in ((lump.mass, "kg"), (lump.inertia, "kg m^2")):
+        for what, value, unit in (("mass", lump.mass, "kg"), ("moment of inertia", lump.inertia, "kg m^2")):
             if not 0.0 <= value.real < float("inf"):
-                raise ModelError(f"a lumped mass of {where} is zero or more, got {value!r} {unit}")
+                raise ModelError(f"a lumped {what} of {where} is zero or more, got {value!r} {unit}")

@@ -70,8 +70,7 @@ def run(
     SimulationError
         If the run cannot continue, naming time and cause; the error carries the samples recorded till then.
     """
-    if chosen.t_end <= t0:
-        raise ModelError(f"expected t_end after the start at t = {t0:g} s, got {chosen.t_end:g} s")
+    check_end(t0, chosen)
     allowed = slack(evaluator, y[: len(y) // 2]) if redundant else np.inf
     if redundant and typed is not None:
         allowed = typed.precision.coarsened(allowed)
@@ -106,6 +105,12 @@ def run(
         time=stepper.t,
         partial=result if stepper.recorded else None,
     )
+
+
+def check_end(t0: float, chosen: Options) -> None:
+    """Raise ModelError where a run ends before it starts [s]."""
+    if chosen.t_end <= t0:
+        raise ModelError(f"expected t_end after the start at t = {t0:g} s, got {chosen.t_end:g} s")
 
 
 def sample_times(t0: float, chosen: Options, t_eval: ArrayLike | None) -> Array:

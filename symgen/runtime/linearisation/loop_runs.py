@@ -97,10 +97,11 @@ def at_run(
     begin = pose(state_of(path, 0))
     initial = {d.variables[i].name + mark: (k, i) for k, mark in enumerate(("", "'")) for i in begin.free}
     moved = np.array([begin.started(initial[x]) if x in initial else begin.by_parameter(x) for x in by]).T
-    parameters = [name for name in by if name not in initial]
+    parameters = list(dict.fromkeys(name for name in by if name not in initial))
     steps = _Steps(loop, begin.tangents, rank, [own.index(name) for name in parameters])
-    seeds = np.zeros((len(parameters), len(by)))
-    seeds[range(len(parameters)), [list(by).index(name) for name in parameters]] = 1.0
+    seeds = np.array([[float(name == x) for x in by] for name in parameters]).reshape(
+        len(parameters), len(by)
+    )
     moved = moved[: 2 * d.coordinates]
     found, values, done = [], [], 0
     for end in path.ends:

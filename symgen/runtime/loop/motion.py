@@ -17,7 +17,7 @@ from symgen.runtime.integrate.checkpoint import Keeping, mark_of
 from symgen.runtime.integrate.failures import of_sliding, unfinished
 from symgen.runtime.integrate.options import Options
 from symgen.runtime.integrate.pace import OUT_OF_TIME, out_of_time
-from symgen.runtime.integrate.simulate import drive, sample_times, stepper_of
+from symgen.runtime.integrate.simulate import check_end, drive, sample_times, stepper_of
 from symgen.runtime.kernels.typed import library_of_runs, made_with
 from symgen.runtime.loop.ball_poles import ball_pole, in_other_angles
 from symgen.runtime.loop.kernels import LoopKernels, in_words
@@ -61,6 +61,7 @@ def run(
     ResultError
         When a checkpoint cannot be written, or is of another run.
     """
+    check_end(begin.t, chosen)
     d = kernels.description
     equations = kernels.stepping([*d.having("dependent"), *d.having("free")], begin.rank)
     own, q = kernels, begin.q
@@ -112,8 +113,12 @@ def _recorded(
     n, times = d.coordinates, stepper.sampled
     rows = np.column_stack([stepper.result, np.zeros(len(times))])
     samples = Samples(kernels, equations.rank, times, rows, stepper.references, begin.q)
-    q, u = np.split(stepper.state[: 2 * n], 2)
     made = tuple(variables(d, samples.outputs()))
+    q, u = np.split(stepper.state[: 2 * n], 2)
+    if len(times) and times[-1] == stepper.t:  # in the angles of the record, which passages of poles change
+        last = {x.name: float(x.values[-1]) for x in made if not x.components}
+        q = np.array([last.get(v.name, x) for v, x in zip(d.variables, q, strict=True)])
+        u = np.array([last.get(f"{v.name}.rate", x) for v, x in zip(d.variables, u, strict=True)])
     ranges = ranges_of(made, samples.undetermined())
     given = dict(zip((p.name for p in d.parameters), kernels.given.tolist(), strict=True))
     return Result(

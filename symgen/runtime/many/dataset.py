@@ -93,7 +93,7 @@ class Keep:
             single = tuple(replace(v, values=_reduced(self.reduce, v)) for v in samples)
             return Kept(single=(*single, *strayed), axes=axes)
         names = reductions(self.reduce)
-        weights = mean_weights(along.values if times is None else times)
+        weights = mean_weights(along.values)
         single = tuple(reduced(v, name, weights) for name in names if name != HISTORY for v in samples)
         strayed = (*strayed, _recorded(np.array(float(along.values.size))))
         if HISTORY in names:
@@ -122,12 +122,15 @@ class Keep:
         variables: Sequence[Variable],
         drift: Array,
         axes: tuple[str, ...],
-        times: Array,
+        along: Array,
         reduction: Callable[[Variable, str, Array], Variable],
     ) -> list[Kept]:
-        """Return the reductions of runs with samples at times, and a drift of the constraints (runs,) [m]."""
+        """Return the reductions of runs with samples along their coordinate, (runs, samples) or (samples,).
+
+        ``drift`` is that of the constraints (runs,) [m].
+        """
         samples = chosen(tuple(variables), self.outputs)
-        size, weights = np.full(len(drift), float(len(times))), mean_weights(times)
+        size, weights = np.full(len(drift), float(along.shape[-1])), mean_weights(along)
         made = tuple(reduction(v, name, weights) for name in self.names for v in samples)
         single = (*made, *_drifts({"constraint": drift}), _recorded(size))
         return [Kept(single=single, axes=axes, row=i) for i in range(len(drift))]

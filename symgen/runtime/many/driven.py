@@ -71,7 +71,7 @@ class Driven:
     motion: Kernels
     forces: Kernels | None
     unknowns: Sequence[tuple[Unknown, list[int]]]
-    chosen: Sequence[str]
+    chosen: Mapping[str, Sequence[str]]
     drive: str
     assembling: Library | None
     groups: Groups
@@ -127,7 +127,8 @@ class Driven:
             made = [v for v in made if v.name in (*keep.outputs, self.drive)]
         if keep.names:
             sampled = [v for v in made if v.name != self.drive]
-            _placed(runs, keep.of_block(sampled, missed, d.axes, times, partial(reduced, axis=1)), kept)
+            over = next((v.values for v in made if v.name == self.drive), times)
+            _placed(runs, keep.of_block(sampled, missed, d.axes, over, partial(reduced, axis=1)), kept)
             return kept
         driven = [v.values for v in made if v.name == self.drive]
         if all(np.array_equal(x, np.broadcast_to(x[:1], x.shape)) for x in driven):

@@ -84,7 +84,8 @@ class DrivenLoops:
         if keep.names:
             block = [replace(v, values=v.values[runs]) for v in chosen(made, keep.outputs)]
             missed = drift["constraint"][runs]
-            found = keep.of_block(block, missed, _AXES, times[0], partial(reduced, axis=1))
+            values = times[runs] if self.along is None else self.along.values
+            found = keep.of_block(block, missed, _AXES, values, partial(reduced, axis=1))
             for i, one in zip(runs.tolist(), found, strict=True):
                 kept[i] = one
             return kept

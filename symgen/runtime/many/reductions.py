@@ -26,10 +26,13 @@ def _magnitudes(values: Array, vector: bool) -> Array:
 
 
 def mean_weights(along: Array) -> Array:
-    """Return the weights of samples in a mean over their range, by the trapezoidal rule.
+    """Return the weights of samples in a mean over their coordinate, by the trapezoidal rule.
 
     They are equal for samples at values in no order. Those at equal steps get the same bits for any range.
+    Rows of values (runs, samples) give rows of weights.
     """
+    if along.ndim == 2:
+        return np.array([mean_weights(row) for row in along]).reshape(along.shape)
     steps = np.diff(along)
     if len(steps) == 0 or not (np.all(steps > 0.0) or np.all(steps < 0.0)):
         return np.full(len(along), 1.0 / len(along))
@@ -40,7 +43,7 @@ def mean_weights(along: Array) -> Array:
 
 
 def _mean(values: Array, axis: int, weights: Array) -> Any:
-    return np.sum(values * weights.reshape(-1, *[1] * (values.ndim - 1 - axis)), axis=axis)
+    return np.sum(values * weights.reshape(*weights.shape, *[1] * (values.ndim - 1 - axis)), axis=axis)
 
 
 #: Reductions over the axis of the samples by name: of values, axis, whether the last axis is of vectors, and

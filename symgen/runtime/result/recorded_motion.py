@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from time import perf_counter
 
@@ -51,10 +51,10 @@ _OF_LINK = ("angle", "rate", "acceleration")
 _OF_CORNER = ("angle", "transmission_angle")
 
 
-def chosen_names(bonds: Bonds, of: Sequence[str] | None) -> list[str]:
-    """Return the points, links, corners A.B.C and single outputs of them to record.
+def chosen_names(bonds: Bonds, of: Sequence[str] | None) -> dict[str, tuple[str, ...]]:
+    """Return what to record of points, links and corners A.B.C.
 
-    By default they are all points and links that move.
+    By default it is all of the points and links that move.
     """
     d = bonds.description
     moving = [
@@ -62,10 +62,9 @@ def chosen_names(bonds: Bonds, of: Sequence[str] | None) -> list[str]:
     ]
     turning = [k for k, points in d.links.items() if not set(points[:2]) <= set(d.ground)]
     if of is None and d.kinematic and d.kernel("outputs"):
-        return []  # the outputs that the scene selects
-    if of is None:
-        return [*moving, *(turning if len(d.axes) == 2 else [])]
-    known = [*d.points, *(turning if len(d.axes) == 2 else [])]
+        return {}  # the outputs that the scene selects
+    plane = turning if len(d.axes) == 2 else []
+    known = [*d.points, *plane]
 
     def recorded_of(name: str) -> tuple[str, ...]:
         corner = name.split(".")
@@ -73,14 +72,19 @@ def chosen_names(bonds: Bonds, of: Sequence[str] | None) -> list[str]:
             return _OF_POINT if name in d.points else _OF_LINK
         return _OF_CORNER if len(set(corner)) == len(corner) == 3 and set(corner) <= set(d.points) else ()
 
-    for name in of:
+    found: dict[str, tuple[str, ...]] = {}
+    for name in [*moving, *plane] if of is None else of:
         whole, _, output = name.rpartition(".")
-        if not recorded_of(name) and output not in recorded_of(whole):
+        if recorded_of(name):
+            found[name] = recorded_of(name)
+        elif output in recorded_of(whole):
+            found[whole] = tuple(x for x in recorded_of(whole) if x in (*found.get(whole, ()), output))
+        else:
             raise ModelError(
                 f"there is no point or moving link {name!r} to record. {nearest(name, known)}\n"
                 "  A.B.C records the angles at B between A and C; coupler.angle one output of a link."
             )
-    return list(dict.fromkeys(of))
+    return found
 
 
 def recorded(
@@ -90,7 +94,7 @@ def recorded(
     poses: list[SingularPose],
     unassemblable: Sequence[Range],
     out_of_reach: Sequence[Range],
-    chosen: Sequence[str],
+    chosen: Mapping[str, Sequence[str]],
     stop: float,
     over: str,
     began: float,
@@ -163,20 +167,17 @@ def _asked(bonds: Bonds, samples: Poses, along: Along) -> list[Variable]:
 
 
 def of_names(
-    d: Description, chosen: Sequence[str], counted: Counted, r: Array, v: Array, a: Array
+    d: Description, chosen: Mapping[str, Sequence[str]], counted: Counted, r: Array, v: Array, a: Array
 ) -> Iterator[Variable]:
     """Yield the records of points, links and corners, from what all points do: (samples, points, axes)."""
-    for name in chosen:
-        whole, _, output = name.rpartition(".")
-        if output not in {*_OF_POINT, *_OF_LINK, *_OF_CORNER} or name in (*d.points, *d.links):
-            whole = name
-        if whole in d.points:
-            found = _of_point(d.points.index(whole), whole, d.axes, r, v, a)
-        elif whole in d.links:
-            found = _of_link(d, counted, whole, r, v, a)
+    for name, wanted in chosen.items():
+        if name in d.points:
+            found = _of_point(d.points.index(name), name, d.axes, r, v, a)
+        elif name in d.links:
+            found = _of_link(d, counted, name, r, v, a)
         else:
-            found = _of_corner([d.points.index(p) for p in whole.split(".")], whole, r)
-        yield from (x for x in found if name in (whole, x.name))
+            found = _of_corner([d.points.index(p) for p in name.split(".")], name, r)
+        yield from (x for x in found if x.name.rpartition(".")[2] in wanted)
 
 
 def _of_point(i: int, name: str, axes: tuple[str, ...], r: Array, v: Array, a: Array) -> list[Variable]:

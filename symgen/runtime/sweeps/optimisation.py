@@ -152,7 +152,9 @@ def _descended(
     def slope(y: Array) -> Array:
         if bounded:
             return np.append(np.zeros(count), 1.0)
-        return np.asarray(goal.value(*problem.quantity(goal, y[:count]), problem.weights)[1]) / size
+        return (
+            np.asarray(goal.value(*problem.quantity(goal, y[:count]), problem.weights(y[:count]))[1]) / size
+        )
 
     rules = []
     if bounded:
@@ -201,7 +203,11 @@ def _between(problem: Problem, quantity: Quantity, low: float, high: float, coun
 
     def slope(y: Array) -> Array:
         samples, slopes = problem.quantity(quantity, y[:count])
-        rows = slopes.T if each else np.asarray(quantity.value(samples, slopes, problem.weights)[1])[None]
+        rows = (
+            slopes.T
+            if each
+            else np.asarray(quantity.value(samples, slopes, problem.weights(y[:count]))[1])[None]
+        )
         return np.hstack([rows / size, np.zeros((len(rows), width - count))])
 
     return value, slope, low / size, high / size

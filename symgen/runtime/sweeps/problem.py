@@ -71,6 +71,10 @@ class Quantity:
         return samples[..., at], slopes[..., at]
 
 
+#: Where the weights of samples in a mean are kept among outputs.
+_WEIGHTS = ""
+
+
 class Problem:
     """Samples of outputs, and their derivatives, at values of the variables over their ranges, 0 to 1."""
 
@@ -93,7 +97,6 @@ class Problem:
         self._components: dict[str, tuple[str, ...]] = {}
         self._units: dict[str, str] = {}
         self._times: Array | None = None
-        self.weights = np.zeros(0)
         self._size = 0.0
 
     def parameters(self, x: Array) -> Array:
@@ -131,7 +134,8 @@ class Problem:
         except FAILURES as error:
             if whole or not self._components:
                 raise self._stopped(design.rows[0], str(error)) from None
-            return {n: np.full((len(points), 1, len(c) or 1), np.nan) for n, c in self._components.items()}
+            empty = {n: np.full((len(points), 1, len(c) or 1), np.nan) for n, c in self._components.items()}
+            return {_WEIGHTS: np.full((len(points), 1), np.nan), **empty}
         failed = [(i, str(e)) for i, e in enumerate(arrays["error"].values) if e]
         sizes = arrays[RECORDED].values
         self._size = self._size or float(self.arguments.get("samples", np.nanmax(sizes)))
@@ -139,9 +143,12 @@ class Problem:
         failed += [(i, f"the run ended early: {sizes[i]:g} of {self._size:g} samples") for i in short]
         if failed and whole:
             raise self._stopped(design.rows[failed[0][0]], failed[0][1])
-        if not len(self.weights) and not failed:
-            self._times, self.weights = _times(arrays), mean_weights(_along(arrays, self.outputs[0]))
-        found = {}
+        if self._times is None and not failed:
+            self._times = _times(arrays)
+        along = _along(arrays, self.outputs[0])
+        weights = mean_weights(np.broadcast_to(along, (len(points), along.shape[-1])))
+        weights[[i for i, _ in failed]] = np.nan
+        found = {_WEIGHTS: weights}
         for name in self.outputs:
             values = np.array(arrays[name].values, dtype=float)
             values[[i for i, _ in failed]] = np.nan
@@ -169,7 +176,7 @@ class Problem:
         above, below = np.minimum(x + steps, 1.0), np.maximum(x - steps, 0.0)
         apart = np.sum(above - below, axis=1)[:, None, None]
         found = self.samples(np.vstack([above, below]), whole=True)
-        return {name: (v[: len(x)] - v[len(x) :]) / apart for name, v in found.items()}
+        return {name: (found[name][: len(x)] - found[name][len(x) :]) / apart for name in self.outputs}
 
     def _exact(self, x: Array) -> dict[str, Array]:
         """Return exact derivatives at the poses of all samples, where drives prescribe these by the time."""
@@ -186,7 +193,7 @@ class Problem:
     def choose_gradients(self, x: Array) -> None:
         """Take exact derivatives where the model has them and they agree with differences at the start."""
         self.at(x)
-        # Of loops, which have no state-space models, differences of runs in lanes take less time.
+        # Of driven loops, which have no state-space models, differences of runs in lanes take less time.
         if self._times is None or not {"sensitivity", "linearise"} <= {*self.model.capabilities}:
             return
         rough = self._differences(x)
@@ -241,20 +248,26 @@ class Problem:
     def value(self, quantity: Quantity, x: Array) -> float:
         """Return a quantity at a point."""
         samples = self.of(quantity, self.at(x)[quantity.output])
-        return float(quantity.value(samples, np.zeros((0, samples.size)), self.weights)[0])
+        return float(quantity.value(samples, np.zeros((0, samples.size)), self.weights(x))[0])
 
     def many(self, quantity: Quantity, points: Array) -> Array:
         """Return a quantity at some points; nan where a run fails."""
-        samples = self.of(quantity, self.samples(points)[quantity.output])
-        return np.array([quantity.value(s, np.zeros((0, s.size)), self.weights)[0] for s in samples])
+        found = self.samples(points)
+        samples = self.of(quantity, found[quantity.output])
+        pairs = zip(samples, found[_WEIGHTS], strict=True)
+        return np.array([quantity.value(s, np.zeros((0, s.size)), w)[0] for s, w in pairs])
+
+    def weights(self, x: Array) -> Array:
+        """Return the weights of the samples in a mean."""
+        return self.at(x)[_WEIGHTS]
 
 
 def _along(runs: xarray.Dataset, output: str) -> Array:
-    """Return the time, or else the coordinate, of the samples of the first run."""
+    """Return the coordinate of the samples, (samples,) or (runs, samples)."""
     samples = runs[output].dims[1]
-    name = next(n for n in ("time", *runs.coords) if n in runs.variables and samples in runs[n].dims)
-    values = np.asarray(runs[name].values, dtype=float)
-    return values[0] if values.ndim == 2 else values
+    names = [str(n) for n in runs.coords if samples in runs[n].dims]
+    name = next((n for n in names if n != "time"), "time")
+    return np.asarray(runs[name].values, dtype=float)
 
 
 def _times(runs: xarray.Dataset) -> Array | None:

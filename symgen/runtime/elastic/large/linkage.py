@@ -77,9 +77,10 @@ class LargeLinkage:
         held = (k for k in self.links if motion.info.mode == "held" and k.beam.info.link == motion.info.crank)
         self._shaft = next((int(link.places[0, 2]) for link in held), None)
         of_joints = {b.name: b for b in self._joints.info("joints").blocks}
-        joint = {p: 2 * i for i, p in enumerate(d.free)}
+        labels = [f"{p}_{axis}" for p in d.free for axis in d.axes]
+        place = {label: i for i, label in enumerate(labels)}
         self._entries = {
-            name: np.array(entries_of(of_joints, name, joint), dtype=np.intp).reshape(-1, 2)
+            name: np.array(entries_of(of_joints, name, place), dtype=np.intp).reshape(-1, 2)
             for name in _SLOPES
         }
         y = motion._start[: self._points]
