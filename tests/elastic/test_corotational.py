@@ -280,7 +280,10 @@ MIDDLE = '[points.X]\non = "strip"\nfraction = 0.5\n'
 @pytest.mark.parametrize(
     ("added", "said"),
     [
-        (MIDDLE + '[[masses]]\npoint = "X"\nmass = "1 kg"\n', "moments of inertia on elastic links, or masses between"),
+        (
+            MIDDLE + '[[masses]]\npoint = "X"\nmass = "1 kg"\n',
+            "moments of inertia on elastic links, or masses between",
+        ),
         (
             '[[distributed_forces]]\nlink = "strip"\nforce = ["0 N/m", "1 N/m"]\n',
             "forces along elastic links",
