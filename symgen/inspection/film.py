@@ -110,9 +110,9 @@ def animate(result: Result, file: str | os.PathLike[str] | None, frames: int) ->
 
 
 def moving_html(result: Result) -> str:
-    """Return the moving picture of a result for a notebook; nothing for a method that has none."""
+    """Return the moving picture of a result for a page that has its curves; nothing if it has none."""
     try:
-        return animate(result, None, FRAMES)._repr_html_()
+        return animate(result, None, FRAMES).framed(plots=False)
     except SymgenError:
         return ""
 

@@ -8,6 +8,7 @@ from typing import Any
 
 from symgen.codegen.emit import UnitView, equations_hash, unit_view
 from symgen.codegen.target import Target
+from symgen.inspection.film import moving_html
 from symgen.inspection.measured import measure
 from symgen.inspection.view import View, view_of
 from symgen.lowering.kernel import SETUP, Kernel, Program
@@ -104,6 +105,7 @@ def _page(
         facts=(*facts, Fact("operations", _operations(program)), *found.headline),
         drawing=drawn,
         drawing_caption=_caption(view, drawn) if drawn else "",
+        moving=moving_html(found.result) if found.result else "",
         steps=tuple(map(_step, derivation)),
         structure=structure[0] if structure else None,
         structure_caption=_of_structure(structure) if structure else "",

@@ -47,6 +47,22 @@ def test_a_gif_shows_the_crank_where_the_time_says(tmp_path):
             assert dark(picture, *at) == (j == k)
 
 
+def test_a_gif_shows_forces_in_their_direction_and_scale(tmp_path):
+    """The arrow of the only recorded reaction, against the run and the arrow of a round force below it."""
+    file, film = tmp_path / "film.gif", film_of(read_scene("crank_rocker"), 5)
+    save(film, file)
+    force = film.result["C.reaction"].values
+    with Image.open(file) as pictures:
+        for k in range(4):
+            pictures.seek(k)
+            red, green, blue = np.moveaxis(np.array(pictures.convert("RGB")).astype(int), 2, 0)
+            rows, columns = np.nonzero((red - green > 90) & (blue - green > 60))
+            arrow = rows < 0.85 * red.shape[0]
+            scale = np.ptp(columns[rows == np.bincount(rows[~arrow]).argmax()])  # of 2 N, at the bottom
+            expected = np.abs(force[k]) / 2 * scale
+            assert [np.ptp(columns[arrow]), np.ptp(rows[arrow])] == pytest.approx(expected, abs=9)
+
+
 def test_a_film_without_ffmpeg_is_refused_before_it_is_made(monkeypatch, entry, tmp_path):
     monkeypatch.setattr(FFMpegWriter, "isAvailable", classmethod(lambda cls: False))
     with pytest.raises(ModelError, match=r"ffmpeg, which is not found\n  Install it .*\.gif"):

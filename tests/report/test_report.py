@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import importlib.util
+import json
 import re
 import sys
 from dataclasses import replace
+from html import unescape
 from pathlib import Path
 
 import pytest
@@ -65,6 +67,9 @@ def test_a_page_is_whole_and_needs_nothing_else(pages, name):
         assert f'<section id="{section}">' in text
     assert text.count("<math") > 20 and "<svg" in text and "data:image/svg+xml;base64" in text
     assert "restrict q" in text and "{{" not in text
+    framed = unescape(re.search(r'class="moving"><iframe srcdoc="([^"]*)"', text)[1])
+    film = json.loads(re.search(r'id="data"[^>]*>(.*?)</script>', framed)[1])
+    assert len(film["frames"]) > 50 and film["curves"] == [] and "<h1>" not in framed
 
 
 WIDTHS = (390, 1440)

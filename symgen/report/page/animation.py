@@ -37,21 +37,29 @@ class Film:
     caption: str
 
     def _repr_html_(self) -> str:
-        """Return the page in a frame of its own, whose styles and scripts stay apart from the notebook."""
+        return self.framed(plots=True)
+
+    def framed(self, *, plots: bool) -> str:
+        """Return the page in a frame of its own, whose styles and scripts stay apart from those around it."""
+        height = 40 if plots else 32
         return (
-            f'<iframe srcdoc="{escape(animation(self))}" title="{escape(self.result.title)}, moving" '
-            'sandbox="allow-scripts" style="width: 100%; height: 40rem; border: 0"></iframe>'
+            f'<iframe srcdoc="{escape(animation(self, plots=plots, framed=True))}" '
+            f'title="{escape(self.result.title)}, moving" '
+            f'sandbox="allow-scripts" style="width: 100%; height: {height}rem; border: 0"></iframe>'
         )
 
 
-def animation(film: Film) -> str:
-    """Return a self-contained HTML page that plays a film and plots the outputs of its result."""
+def animation(film: Film, *, plots: bool = True, framed: bool = False) -> str:
+    """Return a self-contained HTML page that plays a film and plots the outputs of its result.
+
+    A framed page has no heading, and fills its frame if it has no plots.
+    """
     first = film.sketches[0]
     every = np.array([places_of(s) for s in film.sketches])  # (frames, points, axes)
     low, high = np.nanmin(every, axis=(0, 1)), np.nanmax(every, axis=(0, 1))
     size = float(np.max(high - low)) or 1.0
     along, label = film.result.over
-    curves = _curves(film.result.shown)
+    curves = curves_of(film.result.shown)
     nodes = nodes_of(first)
     data = {
         "title": film.result.title,
@@ -70,12 +78,18 @@ def animation(film: Film) -> str:
         "nodes": nodes,
         "forces": forces_of(curves, nodes),
         "frames": [_rounded(places.ravel(), size) for places in every],
-        "curves": curves[:CURVES],
+        "curves": curves[:CURVES] if plots else [],
     }
-    left = max(0, len(curves) - CURVES)
+    left = max(0, len(curves) - CURVES) if plots else 0
     caption = film.caption + (ARROWS if data["forces"] else "") + not_drawn(left)
     template = environment().get_template("animation.html.j2")
-    text: str = template.render(title=film.result.title, caption=caption, data=as_script(data))
+    text: str = template.render(
+        title=film.result.title,
+        caption=caption,
+        framed=framed,
+        filling=framed and not plots,
+        data=as_script(data),
+    )
     return text
 
 
@@ -127,7 +141,7 @@ def _rounded(values: Array, size: float) -> list[float | None]:
     return [float(x) if np.isfinite(x) else None for x in np.round(np.asarray(values, dtype=float), digits)]
 
 
-def _curves(variables: Sequence[Variable]) -> list[dict[str, Any]]:
+def curves_of(variables: Sequence[Variable]) -> list[dict[str, Any]]:
     """Return each component with its values; those that are round-off of others of its unit are zero."""
     largest: dict[str, float] = {}
     for v in variables:

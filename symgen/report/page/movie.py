@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import os
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,7 +13,7 @@ from numpy.typing import NDArray
 
 from symgen.atomic import replacing, writable, write_text
 from symgen.errors import ModelError, ResultError
-from symgen.report.page.animation import Film, animation, traces_of
+from symgen.report.page.animation import Film, animation, curves_of, forces_of, nodes_of, traces_of
 from symgen.report.page.drawing import Paper, Shape, Sketch
 from symgen.report.page.page import LIGHT
 
@@ -29,7 +30,9 @@ FILMED_AS = (".html", *_WRITERS)
 _RATE, _SHORTEST, _LONGEST = 25.0, 2.0, 20.0
 #: Points of a film without times [s]; pixels of a film per pixel on paper; points of print per pixel.
 _TIMELESS, _ENLARGED, _PRINT = 5.0, 1.5, 0.72
-_INK, _SOFT, _FILL, _PAPER, _BLUE, _WARM = LIGHT.values()
+_INK, _SOFT, _FILL, _PAPER, _BLUE, _WARM, _FORCE = LIGHT.values()
+#: Length of the longest arrow of a force over the height of the picture.
+_REACH = 0.2
 #: Colour, width [px], dashes and fill of lines by kind.
 _STYLES: dict[str, tuple[str, float, str, str]] = {
     "rod": (_INK, 4.0, "-", "none"),
@@ -76,7 +79,7 @@ def save(film: Film, file: Path) -> None:
 
 
 def movie(film: Film, file: Path) -> None:
-    """Write a film as GIF or MP4: the mechanism, the paths of its points and the value of the coordinate.
+    """Write a film as GIF or MP4: the mechanism, paths of points, forces and the value of the coordinate.
 
     A run is played in its own time, or in as many seconds as leave between 2 and 20, like on the page.
 
@@ -95,6 +98,7 @@ def movie(film: Film, file: Path) -> None:
     shown = np.unique(np.linspace(0, count - 1, min(count, round(_RATE * seconds) + 1)).round().astype(int))
     shown = shown[: max(1, len(shown) - 1)]  # the last is the first of the next round
     traces = [paper(places) for places in traces_of(film.sketches).values()]
+    forces = _Forces.of(film, paper)
     figure = Figure(figsize=(paper.width / 100, paper.height / 100), facecolor=_PAPER)
     axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
     rate: Any = len(shown) / seconds
@@ -108,11 +112,50 @@ def movie(film: Film, file: Path) -> None:
                 for trace in traces:
                     _draw(axes, Shape("path", trace))
                 _draw_pose(axes, paper, film.sketches[k])
+                forces.draw(axes, k)
                 _write(axes, (12, 20), film.result.title, _INK, paper.width - 24)
                 _write(axes, (12, paper.height - 12), f"{along[1]}: {along[0][k]:.4g}", _SOFT)
                 writer.grab_frame()
     except OSError as error:
         raise ResultError(f"cannot write the film to {file}: {error.strerror or error}") from None
+
+
+@dataclass(frozen=True, slots=True)
+class _Forces:
+    """Arrows on paper: beginnings and vectors, (forces, frames, 2) [px]; length and label of a round one."""
+
+    at: Array
+    along: Array
+    scale: float
+    label: str
+
+    @classmethod
+    def of(cls, film: Film, paper: Paper) -> _Forces:
+        forces = forces_of(curves_of(film.result.shown), nodes_of(film.sketches[0]))
+        values = np.array(
+            [np.transpose([part["values"] for part in f["parts"]]) for f in forces], dtype=float
+        )
+        largest = float(np.nanmax(np.linalg.norm(values, axis=-1), initial=0.0))
+        if not largest > 0.0:
+            return cls(np.zeros((0, 0, 2)), np.zeros((0, 0, 2)), 0.0, "")
+        per = _REACH * paper.height / largest
+        at = np.array([[paper(s.nodes[f["node"]].at) for s in film.sketches] for f in forces])
+        power = 10.0 ** math.floor(math.log10(largest))
+        shown = next(x for x in (5, 2, 1) if x * power <= largest) * power
+        unit = forces[0]["parts"][0]["unit"]
+        return cls(at, (values @ paper.view) * per * (1.0, -1.0), shown * per, f"{shown:g} {unit}")
+
+    def draw(self, axes: Axes, frame: int) -> None:
+        """Draw the arrows of a frame, and one of a round force."""
+        if not self.scale:
+            return
+        bottom = axes.get_ylim()[0] - 34
+        arrows = [(a[frame], v[frame]) for a, v in zip(self.at, self.along, strict=True)]
+        for at, along in [*arrows, (np.array([12.0, bottom]), np.array([self.scale, 0.0]))]:
+            if np.linalg.norm(along) > 1.0:
+                style = {"arrowstyle": "-|>", "color": _FORCE, "lw": 1.8 * _PRINT, "shrinkA": 0, "shrinkB": 0}
+                axes.annotate("", at + along, at, arrowprops=style)
+        _write(axes, (12, bottom - 8), self.label, _FORCE)
 
 
 def _draw(axes: Axes, shape: Shape) -> None:
@@ -169,5 +212,9 @@ def _draw_pose(axes: Axes, paper: Paper, sketch: Sketch) -> None:
 
 
 def _write(axes: Axes, at: tuple[float, float], text: str, colour: str, room: float = math.inf) -> None:
-    """Write a text, in smaller letters if it is wider than the room [px]."""
-    axes.text(*at, text, color=colour, fontsize=min(13.0, room / (0.6 * max(1, len(text)))) * _PRINT)
+    """Write a text, in smaller letters if it is wider than the room [px], legible on lines."""
+    from matplotlib.patheffects import withStroke
+
+    size = min(13.0, room / (0.6 * max(1, len(text)))) * _PRINT
+    around = [withStroke(linewidth=3.0 * _PRINT, foreground=_PAPER)]
+    axes.text(*at, text, color=colour, fontsize=size, path_effects=around)

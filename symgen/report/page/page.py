@@ -78,6 +78,8 @@ class Page:
     ----------
     kind
         Name of the part of ``templates/report/parts`` with the governing equation; none if empty.
+    moving
+        The mechanism in motion, in HTML; none if empty. Print and browsers without scripts show the drawing.
     """
 
     name: str
@@ -87,6 +89,7 @@ class Page:
     facts: tuple[Fact, ...]
     drawing: Drawing | None
     drawing_caption: str
+    moving: str
     steps: tuple[StepView, ...]
     structure: Pattern | None
     structure_caption: str
@@ -111,6 +114,7 @@ LIGHT = {
     "paper": "#ffffff",
     "accent": "#1f5c99",
     "warm": "#c2571a",
+    "force": "#a3218e",
 }
 
 
