@@ -10,7 +10,7 @@ import warnings
 from pathlib import Path
 
 import pytest
-from hypothesis import settings
+from hypothesis import HealthCheck, settings
 
 # Tests run side by side, and threads of linear algebra wait for each other by spinning: matrices of 30 rows took
 # thirteen times the processor time. Set before anything imports NumPy.
@@ -27,9 +27,11 @@ sys.dont_write_bytecode = False
 gc.set_threshold(100_000, 20, 100)
 
 # What CI finds it finds again; elsewhere every run looks at other examples.
-settings.register_profile("ci", derandomize=True)
-if os.environ.get("CI"):
-    settings.load_profile("ci")
+# Machines of any load and speed run them, so examples are allowed to take long.
+ANY_PACE = {"deadline": None, "suppress_health_check": [HealthCheck.too_slow]}
+settings.register_profile("here", **ANY_PACE)
+settings.register_profile("ci", derandomize=True, **ANY_PACE)
+settings.load_profile("ci" if os.environ.get("CI") else "here")
 
 
 @pytest.fixture(scope="session", autouse=True)

@@ -115,7 +115,10 @@ def maybe(kind: Any, name: str, metavar: str, help: str, group: str = "Run", **m
 
 
 AtAngles = maybe(
-    list[str], "--at", "ANGLE,...", 'Crank angles to record: "0,60" (bare numbers are degrees), "0.5 rad".'
+    list[str],
+    "--at",
+    "ANGLE,...",
+    'Crank angles to record: "0,60" (bare: degrees), "0:90:4" (from, to, count), "0.5 rad".',
 )
 #: Options of analyses by the argument that each sets, and the defaults of those that have one.
 OF_ANALYSES: dict[str, Any] = {
@@ -153,7 +156,7 @@ OF_ANALYSES: dict[str, Any] = {
         "--at",
         "VALUE,...",
         'Values to evaluate instead of a range: of the input, "45,100" (bare: degrees, or a loop\'s '
-        'unit of length), "0.5 rad", or of the time, "0.3 s".',
+        'unit of length), "0:90:4" (from, to, count), "0.5 rad", or of the time, "0.3 s".',
     ),
     "samples": Samples,
     "state": maybe(int, "--branch", "N", "Assembly mode of a linkage at the start; 1 is the drawn one."),

@@ -143,7 +143,7 @@ def draw(
         typer.Option(
             metavar="VALUE,...",
             help='Values of the input at which poses are drawn, "0,60" (bare: degrees, or a loop\'s unit of '
-            'length), or of the time, "0.3 s"; default: the beginning of the motion.',
+            'length), "0:90:4" (from, to, count), or of the time, "0.3 s"; default: the beginning.',
         ),
     ] = None,
     path: Annotated[

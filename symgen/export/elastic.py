@@ -118,9 +118,9 @@ def elastic(
 
 
 def _speed(motion: ElasticMotion, prefix: str) -> dict[str, Any]:
-    """Return where the kernel of the tables gives the speed of the crank, which may be a parameter."""
+    """Return where the kernel of the tables gives the speed of the crank; 0 if it is at rest."""
     if not motion.speed:
-        return {}
+        return {"speed_at": 0}
     tables = next(k for k in motion.kernels_of_motion if k.name == "constants")
     return {
         "tables": f"{prefix}_constants",

@@ -6,8 +6,10 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+import numpy as np
+
 from symgen.errors import ModelError, SceneError
-from symgen.scene.units import LENGTH, NUMBER, TIME, parse_quantity
+from symgen.scene.units import ANGULAR_RATE, LENGTH, NUMBER, TIME, parse_quantity
 
 #: Numbers in SI units [s, rad, m], and their variable: ``time`` or ``input``.
 Values = tuple[list[float], str]
@@ -71,48 +73,48 @@ def of_time(text: str, option: str, others: str) -> float:
     return found[0]
 
 
+def crank_speeds(text: str) -> list[float]:
+    """Return crank speeds [rad/s]; bare numbers are rpm.
+
+    Raises
+    ------
+    ModelError
+        For other text, and for a speed of zero.
+    """
+    expected = (
+        'crank speeds after --speeds, such as "20:400:39" (rpm from, to, count) or "60,95", none of them zero'
+    )
+    found, _ = _read([text], (math.pi / 30, "speed"), {ANGULAR_RATE: "speed"}, expected)
+    if 0.0 in found or "Hz" in text:  # turns or radians per second?
+        raise ModelError(f"expected {expected}, got {text!r}")
+    return found
+
+
 def _read(texts: Sequence[str], bare: tuple[float, str], units: Mapping[Any, str], expected: str) -> Values:
-    found, over = [], set()
+    """Return the values of comma-separated texts, each a value or ``FROM:TO:COUNT``, and their variable."""
+    found: list[float] = []
+    over = set()
     for text in (part.strip() for group in texts for part in group.split(",")):
-        try:
-            value, variable = float(text) * bare[0], bare[1]
-        except ValueError:
-            try:
-                number, dimension = parse_quantity(text)
-                value, variable = float(number), units.get(dimension, "")
-            except SceneError:
-                variable = ""
-        if not variable or not math.isfinite(value):
+        *ends, count = text.split(":") if text.count(":") == 2 else (text, "1")
+        values, variables = zip(*(_value(end, bare, units) for end in ends), strict=True)
+        many = int(count) if count.strip().isdecimal() else 0
+        if not (all(variables) and all(map(math.isfinite, values)) and many >= len(ends)):
             raise ModelError(f"expected {expected}, got {text!r}")
-        found.append(value)
-        over.add(variable)
+        found += np.linspace(values[0], values[-1], many).tolist()
+        over |= set(variables)
     if len(over) > 1:
         raise ModelError(f"give times or values of the input, not both: {', '.join(texts)}")
     return found, over.pop()
 
 
-def crank_speeds(text: str) -> list[float]:
-    """Return crank speeds [rad/s] from text in rpm: ``FROM:TO:COUNT`` or comma-separated values.
-
-    Raises
-    ------
-    ModelError
-        If they cannot be read.
-    """
+def _value(text: str, bare: tuple[float, str], units: Mapping[Any, str]) -> tuple[float, str]:
+    """Return a value in SI units and its variable; that of other text is empty."""
     try:
-        if ":" in text:
-            first, last, count = text.split(":")
-            if int(count) < 2:
-                raise ValueError
-            low, step = float(first), (float(last) - float(first)) / (int(count) - 1)
-            found = [low + step * k for k in range(int(count))]
-        else:
-            found = [float(part) for part in text.split(",")]
-        if not all(math.isfinite(x) and x != 0.0 for x in found):
-            raise ValueError
+        return float(text) * bare[0], bare[1]
     except ValueError:
-        raise ModelError(
-            'expected crank speeds in rpm after --speeds, such as "20:400:39" (from, to, count) or '
-            f'"60,95", none of them zero, got {text!r}'
-        ) from None
-    return [x * math.pi / 30 for x in found]
+        pass
+    try:
+        number, dimension = parse_quantity(text.strip())
+    except SceneError:
+        return math.nan, ""
+    return float(number), units.get(dimension, "")

@@ -68,7 +68,8 @@ def print_speed_response(result: SpeedResponse, _: Any, console: Console) -> Non
     ]
     console.print(table(f"{result.title}: {result.headline}", head, rows))
     console.print(f"first critical speed, that of the lowest frequency: {_rpm(result.first_critical, 6)} rpm")
-    for what, speeds in (("resonances", result.resonances), ("unstable", result.unstable)):
+    highest = "stress highest among neighbouring speeds"
+    for what, speeds in ((highest, result.resonances), ("unstable", result.unstable)):
         console.print(f"{what} at: {', '.join(_rpm(s, 5) for s in speeds) or 'none'}")
     for note in result.notes:
         console.print(f"note: {note}")

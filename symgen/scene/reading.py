@@ -20,8 +20,14 @@ from symgen.symbolic.switch import Sign
 #: Names in an expression, as far as they matter here.
 _NAME = re.compile(r"[A-Za-z]\w*", re.ASCII)
 _ANGLES = ("rad", "deg", "rev")
-_DIMENSIONS = {"length": units.LENGTH, "force": units.FORCE, "angle": units.NUMBER, "stress": units.PRESSURE}
-_SUCH_AS = {"length": "mm", "force": "kN", "stress": "MPa"}
+_DIMENSIONS = {
+    "length": units.LENGTH,
+    "force": units.FORCE,
+    "torque": units.TORQUE,
+    "angle": units.NUMBER,
+    "stress": units.PRESSURE,
+}
+_SUCH_AS = {"length": "mm", "force": "kN", "torque": "N*m", "stress": "MPa"}
 
 
 @contextmanager

@@ -68,6 +68,7 @@ class Units(Table):
 
     length: str | None = absent("Such as mm or in; also of velocities and accelerations.")
     force: str | None = absent("Such as kN or lbf; torques, energies and powers follow.")
+    torque: str | None = absent("Such as N*m or lbf*ft, where it is not that of length and force.")
     angle: str | None = absent("rad, deg or rev; also of their rates.")
     stress: str | None = absent("Such as MPa or psi.")
 

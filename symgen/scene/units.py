@@ -112,7 +112,9 @@ KEPT = (
 UNITS = Path(__file__).with_name("units.json")
 _NUMBER = r"[-+]?(?:\d++(?:\.\d*+)?|\.\d++)(?:[eE][-+]?\d++)?+"  # possessive: 1e-3*a is no 1 of a unit e-3*a
 _QUANTITY = re.compile(
-    rf"\s*(?P<number>{_NUMBER})\s*(?P<unit>(?:1\s*/\s*)?[A-Za-zµ][A-Za-z0-9_µ*/^() +-]*)?\s*", re.ASCII
+    rf"\s*(?P<number>{_NUMBER})(?:\s*/\s*(?P<over>\d++))?\s*"
+    r"(?P<unit>(?:1\s*/\s*)?[A-Za-zµ][A-Za-z0-9_µ*/^() +-]*)?\s*",
+    re.ASCII,
 )
 _NOT_FINITE = re.compile(r"\s*[-+]?(nan|inf|infinity)\b", re.IGNORECASE)
 _FACTOR = r"[A-Za-zµ_]+(?:\s*(?:\^|\*\*)\s*(?:[-+]?[0-9]|\([-+]?[0-9]\)))?"
@@ -154,7 +156,10 @@ def parse_quantity(text: str) -> tuple[Fraction, Dimension]:
     if abs(int((re.search(r"[eE]([-+]?\d+)", number) or ["", "0"])[1])) > 400:
         raise too_large
     scale, dim = _unit(unit.strip()) if unit else (Fraction(1), NUMBER)
-    value = Fraction(number) * scale
+    over = int(match["over"] or 1)
+    if not over:
+        raise SceneError(f"{text!r} divides by zero")
+    value = Fraction(number) / over * scale
     if not fits(value):
         raise too_large
     return value, dim

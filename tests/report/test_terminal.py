@@ -248,6 +248,10 @@ def test_tables_and_plots_show_the_units_of_the_scene_and_values_stay_in_si():
     assert final["A.velocity"] == pytest.approx([-20 * rate * half, 20 * rate * half], rel=1e-9)
     assert final["arm.angle"] == pytest.approx(45.0, rel=1e-9)
     assert final["arm.torque"] == pytest.approx(3 * 10 * 0.02 * half, rel=1e-9)  # N m are kN mm
+    turned = symgen.build(symgen.Scene(units=units | {"torque": "N*mm"}, **tables)).simulate(0.125)
+    shown = {v.name: v for v in turned.shown}
+    assert [shown[name].unit for name in ("arm.torque", "energy")] == ["N*mm", "kN*mm"]
+    assert shown["arm.torque"].values[-1] == pytest.approx(3 * 10 * 20 * half, rel=1e-9)
     for name in plain:
         assert named[name].attrs["units"] == plain[name].attrs["units"]
         assert np.array_equal(named[name].values, plain[name].values)

@@ -27,6 +27,8 @@ NAMES = {"a": (A, units.LENGTH), "b": (B, units.LENGTH), "n": (sp.Rational(3), N
         ("-4 in", Fraction(-4 * 254, 10000), "m"),
         ("1 lbf", Fraction(45359237, 10**8) * Fraction(980665, 10**5), "N"),
         ("12", Fraction(12), "1"),
+        ("-4/3 ms", Fraction(-4, 3000), "s"),
+        ("2/3 1/s", Fraction(2, 3), "1/s"),
         ("3 N*s/m", Fraction(3), "N*s/m"),
         ("5.292 slug/ft^3", None, "kg/m^3"),
     ],
@@ -50,7 +52,20 @@ def test_kept_answers_are_pints():
 
 
 @pytest.mark.parametrize(
-    "text", ["2 parsec", "2 m/", "2 m^99", "nan m", "inf", "1e999 m", "2 __import__", "2 m m m^x", "x" * 999]
+    "text",
+    [
+        "2 parsec",
+        "2 m/",
+        "2 m^99",
+        "nan m",
+        "inf",
+        "1e999 m",
+        "2 __import__",
+        "2 m m m^x",
+        "4/0 s",
+        "4/-3 s",
+        "x" * 999,
+    ],
 )
 def test_bad_quantities(text):
     with pytest.raises(SceneError):

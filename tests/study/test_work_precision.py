@@ -120,10 +120,10 @@ def test_the_reference_agrees_with_a_motion_known_in_closed_form():
 def test_a_wrong_order_is_caught(monkeypatch):
     """A method that claims order 4 with one weight off, and one whose claim is one too high."""
     rk4 = INTEGRATORS["rk4"]
-    b = rk4.b + np.array([0.0, 0.01, -0.01, 0.0])
-    a = rk4.a.copy()
+    b = rk4.coefficients["b"] + np.array([0.0, 0.01, -0.01, 0.0])
+    a = np.array(rk4.coefficients["a"])
     a[4, :4] = b
-    monkeypatch.setitem(INTEGRATORS, "rk4", replace(rk4, b=b, a=a))
+    monkeypatch.setitem(INTEGRATORS, "rk4", replace(rk4, coefficients={**rk4.coefficients, "b": b, "a": a}))
     monkeypatch.setitem(INTEGRATORS, "rk5", replace(rk4, name="rk5", order=5))
     found = work_precision("peaucellier", t_end=0.5, repeats=1, methods=["rk4", "rk5"], longest=0.05)
     assert not any(o.agrees for o in found.orders)

@@ -337,7 +337,7 @@ def _swept(model: Any, speeds: Sequence[float], runs: Sequence[ElasticResult], w
     peaks = [
         Variable(v.name, v.unit, f"largest {v.about}", (), np.array([r.peaks[v.name] for r in runs]))
         for v in first.variables
-        if v.values.ndim == 1
+        if v.name in first.peaks
     ]
     largest = np.array([abs(r.floquet[0]) for r in runs])
     peaks.append(Variable("floquet", "1", "largest Floquet multiplier of a revolution", (), largest))

@@ -62,7 +62,7 @@ class Findings:
 
     @property
     def peaks(self) -> dict[str, float]:
-        """Largest absolute value of every output of one component, in its unit.
+        """Largest absolute value of every output of one component but places along links, in its unit.
 
         Between equally spaced samples it is that of the parabola through the largest and its neighbours.
         """
@@ -71,7 +71,7 @@ class Findings:
         return {
             v.name: _between(np.abs(v.values)) if even else float(np.max(np.abs(v.values)))
             for v in self.variables
-            if v.values.ndim == 1
+            if v.values.ndim == 1 and not v.name.endswith(".greatest_stress_at")
         }
 
     @property

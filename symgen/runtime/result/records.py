@@ -130,13 +130,13 @@ def converters(units: Mapping[str, tuple[str, float]]) -> dict[str, tuple[str, f
     Parameters
     ----------
     units
-        Those of a description, by ``length``, ``force``, ``angle`` and ``stress``.
+        Those of a description, by ``length``, ``force``, ``torque``, ``angle`` and ``stress``.
     """
     if not units:
         return {}
     (length, per_length), (force, per_force), (angle, per_angle), (stress, per_stress) = (
-        {**_SI, **units}
-    ).values()
+        units.get(of, si) for of, si in _SI.items()
+    )
     in_si = (length, force) == ("m", "N")
     work = per_length * per_force
     return {
@@ -147,7 +147,7 @@ def converters(units: Mapping[str, tuple[str, float]]) -> dict[str, tuple[str, f
         "rad/s": (f"{angle}/s", per_angle),
         "rad/s^2": (f"{angle}/s^2", per_angle),
         "N": (force, per_force),
-        "N*m": (f"{force}*{length}", work),
+        "N*m": units.get("torque", (f"{force}*{length}", work)),
         "J": ("J" if in_si else f"{force}*{length}", work),
         "W": ("W" if in_si else f"{force}*{length}/s", work),
         "Pa": (stress, per_stress),

@@ -1,0 +1,61 @@
+"""Ranges and units of values on the command line."""
+
+from __future__ import annotations
+
+import math
+from types import SimpleNamespace
+
+import pytest
+
+from symgen.errors import ModelError
+from symgen.inspection.values import crank_speeds, of_crank, of_drive, of_input
+
+RPM = math.pi / 30
+SLIDER = SimpleNamespace(
+    description=SimpleNamespace(
+        variables=[SimpleNamespace(name="S1", is_length=True)],
+        having=lambda _: [0],
+        units={"length": ("in", 0.0254)},
+    )
+)
+
+
+@pytest.mark.parametrize(
+    ("texts", "degrees"),
+    [
+        (["0:90:4"], [0, 30, 60, 90]),
+        (["90:0:3", "7"], [90, 45, 0, 7]),
+        (["-10:10 deg:2,0.5 rev"], [-10, 10, 180]),
+        (["1/3 rev"], [120]),
+    ],
+)
+def test_ranges_of_angles(texts, degrees):
+    assert of_crank(None, texts, "--at")[0] == pytest.approx([math.radians(x) for x in degrees])
+
+
+def test_ranges_of_other_values():
+    assert of_drive(None, ["0.1 s:0.3 s:3"], "--at") == (pytest.approx([0.1, 0.2, 0.3]), "time")
+    assert of_input(SLIDER, ["1:3:3,10 mm"], "--at") == (
+        pytest.approx([0.0254, 0.0508, 0.0762, 0.01]),
+        "input",
+    )
+    assert crank_speeds("60,2 rad/s:4 rad/s:2,1/2 rev/s") == pytest.approx([60 * RPM, 2, 4, math.pi])
+
+
+@pytest.mark.parametrize(
+    "text", ["0:90:1", "0:90:-2", "0:90", "0:90:4:5", "0:90:4.0", "0:inf:3", "0:1 m:3", ":9:3"]
+)
+def test_faulty_ranges(text):
+    with pytest.raises(ModelError, match='expected angles after --at, such as "45"'):
+        of_crank(None, [text], "--at")
+
+
+@pytest.mark.parametrize("text", ["2 Hz", "0", "60:0:2", "3 m/s", "fast"])
+def test_faulty_speeds(text):
+    with pytest.raises(ModelError, match="expected crank speeds after --speeds, such as"):
+        crank_speeds(text)
+
+
+def test_times_and_angles_are_not_mixed():
+    with pytest.raises(ModelError, match="times or values of the input, not both"):
+        of_drive(None, ["0:0.3 s:3"], "--at")
