@@ -11,7 +11,7 @@ from symgen.cli.carrying import Request, analysis
 from symgen.cli.common import print_json
 from symgen.errors import ModelError
 
-_SHOWN = "set_ out plot plot_of xy plot_over compare as_json"
+_SHOWN = "set_ out plot plot_of xy plot_over compare film as_json"
 
 
 @analysis(
@@ -51,7 +51,7 @@ def simulate(ctx: typer.Context) -> None:
 
 @analysis(
     "symgen kinematics crank_rocker --of rocker --plot rocker.svg",
-    "start stop at samples of state through set_ out plot xy plot_over compare as_json backend",
+    "start stop at samples of state through set_ out plot xy plot_over compare film as_json backend",
     of=o.maybe(
         list[str],
         "--of",
@@ -72,7 +72,7 @@ def kinematics(ctx: typer.Context) -> None:
 @analysis(
     "symgen inverse-dynamics crank_rocker --at 0,60",
     "start stop at samples elements sections state through "
-    "set_ out plot plot_of plot_over compare as_json backend",
+    "set_ out plot plot_of plot_over compare film as_json backend",
     elements=o.maybe(int, "--elements", "N", "Finite elements per link of a linkage (1)."),
     sections=o.maybe(
         list[float], "--section", "PART", "Position of a section along the links of a linkage, 0 to 1 (0.5)."

@@ -19,7 +19,7 @@ from symgen.methods import load, method_of
 _TYPES = ("precision", "digits", "contraction", "vector")
 #: Options that select what a plot shows; without one they mean nothing.
 _OF_PLOTS = ("plot_of", "xy", "plot_over", "compare")
-_COMMON = ("scene", "set_", "out", "plot", *_OF_PLOTS, "as_json", "backend", *_TYPES)
+_COMMON = ("scene", "set_", "out", "plot", "film", *_OF_PLOTS, "as_json", "backend", *_TYPES)
 #: Options that select a range, which ``--at`` replaces.
 _RANGE = ("samples", "start", "stop", "through")
 
@@ -91,7 +91,7 @@ class Request:
         """Carry out an analysis with its options and ``more``; save, plot and print its result."""
         from symgen.runtime.result.files import load_result
 
-        out, plot = self.common.get("out"), self.common.get("plot")
+        out, plot, film = (self.common.get(name) for name in ("out", "plot", "film"))
         names, path, over, files = (self.common.get(name) for name in _OF_PLOTS)
         selected = self.shown(name for name in _OF_PLOTS if self.common.get(name))
         if selected and not plot:
@@ -105,8 +105,10 @@ class Request:
             result.save(out)
         if plot:
             result.plot(*(names or ()), file=plot, xy=path or "", over=over or "", compare=others)
+        if film:
+            result.animate(film)
         self.show(verb, result)
-        for file in (out, plot):
+        for file in (out, plot, film):
             if file and not self.as_json:
                 console().print(f"wrote {file}", soft_wrap=True)
 

@@ -34,6 +34,15 @@ def _result_file(file: Path | None) -> Path | None:
     return file
 
 
+def _film_file(file: Path | None) -> Path | None:
+    """Check that a moving picture can be written to the file before a command runs."""
+    if file:
+        from symgen.report.page.movie import film_file
+
+        film_file(file)
+    return file
+
+
 def _plot_file(file: Path | None) -> Path | None:
     """Check that a plot can be written to the file before a command runs."""
     if file:
@@ -247,6 +256,9 @@ OF_ANALYSES: dict[str, Any] = {
         "FILE",
         "A saved result to plot as well, dashed. May be repeated.",
         _OUTPUT,
+    ),
+    "film": maybe(
+        Path, "--animate", "FILE", "Save a moving picture: .html, .gif or .mp4.", _OUTPUT, callback=_film_file
     ),
     "as_json": Json,
     "backend": Backend,

@@ -159,6 +159,16 @@ def test_animate_a_mode(tmp_path, entry):
     assert code == 2 and said == "symgen: --at selects the pose of a mode: give --mode N\n"
 
 
+def test_an_analysis_is_animated(tmp_path, entry):
+    file = tmp_path / "steady.html"
+    said = call("periodic", "elastic_slider_crank", "--samples", "7", "--rtol", "1e-2", "--animate", file)
+    assert said.endswith(f"wrote {file}\n")
+    film = json.loads(re.search(r'id="data"[^>]*>(.*?)</script>', file.read_text())[1])
+    assert len(film["frames"]) == 7 and film["along"]["values"][-1] == pytest.approx(360)
+    code, _, said = entry("run", "four_bar", "--animate", tmp_path / "film.png")
+    assert code == 2 and "for the moving picture" in said
+
+
 def test_a_plot_compares_with_a_saved_result(tmp_path):
     saved, file = tmp_path / "slow.nc", tmp_path / "both.svg"
     given = "kinematics", "crank_rocker", "--samples", "5", "--of", "B", "--of", "A.B.C"
