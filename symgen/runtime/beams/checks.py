@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from symgen.runtime._beams import APPLIED, BeamEquations
 from symgen.runtime.beams.data import BeamInfo, Properties
 from symgen.runtime.beams.elements import at, meshed, names, segments
-from symgen.runtime.beams.forces import Motion
+from symgen.runtime.beams.forces import Motion, crank_rotation
 from symgen.runtime.beams.frames import frames
 from symgen.runtime.beams.links import Beam
 from symgen.runtime.beams.second_order import SECOND_ORDER, omitted
@@ -188,3 +188,48 @@ def _has_a_free_tip(motion: ElasticMotion, own: BeamInfo) -> bool:
     others = [points for name, points in d.links.items() if name != own.link]
     guided = any(label.startswith(f"the guide of {own.end} ") for label in d.labels)
     return own.end in d.free and not guided and not any(own.end in points for points in others)
+
+
+def moments(motion: ElasticMotion, times: Array) -> list[str]:
+    """Return what to call the recorded times."""
+    if not motion.speed:
+        return [f"{t:.6g} s" for t in times.tolist()]
+    return [f"crank angle {angle:.6g} degrees" for angle in np.degrees(motion.angle_at(times)).tolist()]
+
+
+def of_crank(motion: ElasticMotion, found: Motion) -> list[str]:
+    """Report a crank, not held, that turns away from its rigid motion."""
+    if motion.info.mode == "held":
+        return []
+    ahead = crank_rotation(motion, found)
+    k = int(np.argmax(np.abs(ahead)))
+    if abs(ahead[k]) <= SLOPE:
+        return []
+    of = (
+        "that of the rigid linkage with its motor"
+        if motion.has_motor
+        else "the constant speed of a free crank"
+    )
+    return [
+        f"{motion.info.crank}: at {moments(motion, found.times[k : k + 1])[0]} the crank is {ahead[k]:.3g} "
+        f"rad off its rigid motion, {of}, beyond the {SLOPE:g} rad of linear theory; "
+        "compare with large rotation"
+    ]
+
+
+def of_lengths(motion: ElasticMotion) -> list[str]:
+    """Say whose stress lacks that of the axial force."""
+    kept = [b.info.link for b in motion.beams if not b.info.axial]
+    if not kept:
+        return []
+    return [f"{', '.join(kept)}: kept at constant length, so that stress is that of bending only"]
+
+
+def of_reductions(motion: ElasticMotion) -> list[str]:
+    """Say of which links the estimated error is not the whole one."""
+    return [
+        f"{info.link}: reduced ({info.reduction}): what that leaves out is not in the estimated error"
+        + ("; loads between its ends do not bend it" if info.reduction == "guyan" else "")
+        for info in (beam.info for beam in motion.beams)
+        if info.reduction
+    ]

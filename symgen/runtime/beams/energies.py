@@ -18,6 +18,27 @@ Array = NDArray[np.float64]
 #: Factors in the energies of a link, each (times,), by the columns of the kernel ``energies``.
 Weights = Mapping[str, Array]
 
+#: Terms of a link's energies: what energy, its factor, its matrix C, and which of (s, s', s'') are x and y of
+#: x^T C y. The last is no energy but the power that damping takes.
+_SQUARES = (
+    ("kinetic", "kinetic_mass", "mass", (1, 1)),
+    ("kinetic", "kinetic_gyroscopic", "gyroscopic", (1, 0)),
+    ("kinetic", "kinetic_centrifugal", "centrifugal", (0, 0)),
+    ("strain", "strain_stiffness", "stiffness", (0, 0)),
+    ("", "", "damping", (1, 1)),
+)
+#: The same of C^T x with a load vector C.
+_SUMS = (
+    ("kinetic", "kinetic_rate_load_x", "load_x", 1),
+    ("kinetic", "kinetic_rate_load_y", "load_y", 1),
+    ("kinetic", "kinetic_rate_load_turn", "load_turn", 1),
+    ("kinetic", "kinetic_load_x", "load_x", 0),
+    ("kinetic", "kinetic_load_y", "load_y", 0),
+    ("kinetic", "kinetic_load_out", "load_out", 0),
+    ("potential", "potential_load_x", "load_x", 0),
+    ("potential", "potential_load_y", "load_y", 0),
+)
+_LOADS = ("load_x", "load_y", "load_out", "load_turn")
 #: Part of the largest power that is none.
 _NOTHING = 1e-9
 #: Part of the larger mean power by which means of all and of every other sample may differ.
@@ -105,10 +126,11 @@ def energies(
     dissipated, rates = np.zeros((2, len(found.times)))
     for k, (beam, x) in enumerate(zip(motion.beams, weights, strict=True)):
         s, v, a = own_motion(motion, found, accelerations, k, frames(found.links[:, k]))
-        for name, (energy, rate) in _energies(beam, x, s, v, a).items():
+        own, rate, damping = _energies(beam, x, s, v, a)
+        for name, energy in own.items():
             summed[name] += energy
-            rates += rate
-        dissipated += _product(beam, v, "damping", v)
+        rates += rate
+        dissipated += damping
     dissipated += np.sum(modal_rates(motion, found) ** 2, axis=1)
     still = np.zeros_like(found.displacements) if found.rates is None else found.rates
     moved = found.displacements, still, accelerations
@@ -172,56 +194,35 @@ def of_joints(
     return energy["kinetic_energy"][:, 0], energy["potential_energy"][:, 0], power
 
 
-def _product(beam: Beam, x: Array, constant: str, y: Array) -> Array:
-    """Return x^T C y at all times, for unknowns of a link in its axes (times, n)."""
-    parts = ((x[:, list(p.at)], getattr(p, constant), y[:, list(p.at)]) for p in beam.pieces)
-    return np.sum([np.sum((a @ matrix) * b, axis=1) for a, matrix, b in parts], axis=0)
+def _energies(beam: Beam, x: Weights, s: Array, v: Array, a: Array) -> tuple[dict[str, Array], Array, Array]:
+    """Return the energies of a link by name, the sum of their rates, and the power that its damping takes.
 
-
-def _sum(beam: Beam, constant: str, x: Array) -> Array:
-    """Return C^T x at all times, for unknowns of a link in its axes (times, n)."""
-    return np.sum([x[:, list(p.at)] @ getattr(p, constant) for p in beam.pieces], axis=0)
-
-
-def _energies(beam: Beam, x: Weights, s: Array, v: Array, a: Array) -> dict[str, tuple[Array, Array]]:
-    """Return the energies of a link and their rates by name; s, v, a are its unknowns with their rates."""
-    none = np.zeros(len(s))
-    found = {
-        "kinetic": (x["kinetic_rigid"], x["kinetic_rigid_rate"]),
-        "strain": (none, none),
-        "potential": (x["potential_rigid"], x["potential_rigid_rate"]),
-    }
-    terms = [
-        (
-            name,
-            factor,
-            _product(beam, left, constant, right),
-            _product(beam, dleft, constant, right) + _product(beam, left, constant, dright),
-        )
-        for name, factor, constant, (left, dleft), (right, dright) in (
-            ("kinetic", "kinetic_mass", "mass", (v, a), (v, a)),
-            ("kinetic", "kinetic_gyroscopic", "gyroscopic", (v, a), (s, v)),
-            ("kinetic", "kinetic_centrifugal", "centrifugal", (s, v), (s, v)),
-            ("strain", "strain_stiffness", "stiffness", (s, v), (s, v)),
-        )
-    ]
-    terms += [
-        (name, factor, _sum(beam, constant, own), _sum(beam, constant, rate))
-        for name, factor, constant, (own, rate) in (
-            ("kinetic", "kinetic_rate_load_x", "load_x", (v, a)),
-            ("kinetic", "kinetic_rate_load_y", "load_y", (v, a)),
-            ("kinetic", "kinetic_rate_load_turn", "load_turn", (v, a)),
-            ("kinetic", "kinetic_load_x", "load_x", (s, v)),
-            ("kinetic", "kinetic_load_y", "load_y", (s, v)),
-            ("kinetic", "kinetic_load_out", "load_out", (s, v)),
-            ("potential", "potential_load_x", "load_x", (s, v)),
-            ("potential", "potential_load_y", "load_y", (s, v)),
-        )
-    ]
-    for name, factor, form, rate_of_form in terms:
-        energy, rate = found[name]
-        found[name] = energy + x[factor] * form, rate + x[factor] * rate_of_form + x[f"{factor}_rate"] * form
-    return found
+    s, v, a are its unknowns with their rates, (times, n).
+    """
+    squares, rates_of_squares = np.zeros((2, len(_SQUARES), len(s)))
+    sums, rates_of_sums = np.zeros((2, len(_SUMS), len(s)))
+    moved = np.stack([s, v, a])
+    left, right = np.array([places for _, _, _, places in _SQUARES]).T
+    place, load = np.array([[way, _LOADS.index(load)] for _, _, load, way in _SUMS]).T
+    for piece in beam.pieces:
+        own = moved[:, :, list(piece.at)]
+        forms = np.stack([getattr(piece, constant) for _, _, constant, _ in _SQUARES])
+        before = own[left] @ forms
+        squares += np.sum(before * own[right], axis=2)
+        # The damping comes last: the rate of its power is no energy's.
+        after = (own[left[:-1] + 1] @ forms[:-1]) * own[right[:-1]] + before[:-1] * own[right[:-1] + 1]
+        rates_of_squares[:-1] += np.sum(after, axis=2)
+        each = np.moveaxis(own @ np.stack([getattr(piece, name) for name in _LOADS], axis=1), 2, 1)
+        sums += each[place, load]
+        rates_of_sums += each[place + 1, load]
+    found = {name: x.get(f"{name}_rigid", np.zeros(len(s))) for name in ("kinetic", "strain", "potential")}
+    rate = x["kinetic_rigid_rate"] + x["potential_rigid_rate"]
+    terms = [*_SQUARES[:-1], *_SUMS]
+    forms, changes = np.vstack([squares[:-1], sums]), np.vstack([rates_of_squares[:-1], rates_of_sums])
+    for (name, factor, _, _), form, change in zip(terms, forms, changes, strict=True):
+        found[name] = found[name] + x[factor] * form
+        rate = rate + x[factor] * change + x[f"{factor}_rate"] * form
+    return found, rate, squares[-1]
 
 
 def _of_shaft(

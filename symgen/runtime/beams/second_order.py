@@ -45,11 +45,7 @@ def omitted(
     times = _chosen(recorded, motion.layout.unknowns)
     kept = _at(recorded, times)
     loads, violated = _loads(motion, kept, axial_force), _violated(motion, kept)
-    second, static = np.zeros_like(kept.displacements), np.zeros_like(kept.displacements)
-    for i in np.argsort(kept.times, kind="stable"):
-        second[i], static[i] = _carried(
-            motion, equations, kept.displacements[i], float(kept.times[i]), loads[i], violated[i]
-        )
+    second, static = _carried(motion, equations, kept, loads, violated)
     inertia = kept.displacements - static
     return [_added(motion, k, kept, second, inertia) for k in range(len(motion.beams))]
 
@@ -128,25 +124,32 @@ def _loads(motion: ElasticMotion, kept: Motion, axial_force: AxialForce) -> Arra
 
 
 def _carried(
-    motion: ElasticMotion, equations: _beams.BeamEquations, s: Array, t: float, load: Array, violated: Array
+    motion: ElasticMotion, equations: _beams.BeamEquations, kept: Motion, loads: Array, violated: Array
 ) -> tuple[Array, Array]:
-    """Return S2, and the displacements under the loads of the rigid motion alone, at one recorded time.
+    """Return S2, and the displacements under the loads of the rigid motion alone, (times, unknowns) each.
 
-    ``load`` is f2 and ``violated`` by how much the displacements ``s`` violate the constraints.
+    ``loads`` is f2 and ``violated`` by how much the displacements violate the constraints.
     """
+    forced, own, sides, stiff = np.zeros_like(kept.displacements), [], [], []
     still = np.zeros(motion.layout.unknowns)
-    status, _, _, stiffness, rigid, basis = equations.matrices(t, _beams.QUASI_STATIC)
-    motion.check(equations, status, t)
-    forced: Array = still
-    if basis is not None:
-        _, empty, rows = equations.residual(t, still, still, still, _beams.QUASI_STATIC)
-        second = violated - rows @ s
-        forced = np.asarray(np.linalg.lstsq(rows, -second, rcond=None)[0], dtype=float)
-        load = load + equations.residual(t, forced, still, still, _beams.QUASI_STATIC)[1] - empty
-    own = np.eye(len(still)) if basis is None else basis[0]
-    sides = np.column_stack([-own.T @ load, rigid])
-    found = own @ np.linalg.lstsq(stiffness, sides, rcond=_SINGULAR)[0]
-    return forced + found[:, 0], found[:, 1]
+    order = np.argsort(kept.times, kind="stable")
+    for i in order.tolist():
+        t, s, load = float(kept.times[i]), kept.displacements[i], loads[i]
+        status, _, _, stiffness, rigid, basis = equations.matrices(t, _beams.QUASI_STATIC)
+        motion.check(equations, status, t)
+        if basis is not None:
+            _, empty, rows = equations.residual(t, still, still, still, _beams.QUASI_STATIC)
+            second = violated[i] - rows @ s
+            forced[i] = np.linalg.lstsq(rows, -second, rcond=None)[0]
+            load = load + equations.residual(t, forced[i], still, still, _beams.QUASI_STATIC)[1] - empty
+        own.append(np.eye(len(still)) if basis is None else basis[0])
+        sides.append(np.column_stack([-own[-1].T @ load, rigid]))
+        stiff.append((stiffness + stiffness.T) / 2)
+    # Least squares: nothing may hold the crank, and an axial force near the buckling load none of a link.
+    found = np.stack(own) @ np.linalg.pinv(np.stack(stiff), _SINGULAR, hermitian=True) @ np.stack(sides)
+    second, static = np.zeros((2, *forced.shape))
+    second[order], static[order] = np.moveaxis(found, 2, 0)
+    return forced + second, static
 
 
 def _violated(motion: ElasticMotion, kept: Motion) -> Array:

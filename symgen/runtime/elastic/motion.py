@@ -314,11 +314,11 @@ class ElasticMotion(ABC):
 
         ``links`` is the motion of the links, (times, links, columns), ``displacements`` (times, unknowns).
         """
-        padded = np.column_stack([displacements, np.zeros(len(displacements))])
-        found = padded[:, self.layout.of_links[k]]
-        axes = frames(links[:, k])
-        for u, w in self.beams[k].joints:
-            found[:, u], found[:, w] = axes.local(found[:, u].copy(), found[:, w].copy())
+        found: Array = displacements[:, self.layout.of_links[k]]
+        found[:, self.layout.of_links[k] < 0] = 0.0
+        u, w = (list(ends) for ends in zip(*self.beams[k].joints, strict=True))
+        along, across = frames(links[:, k]).local(found[:, u].T, found[:, w].T)
+        found[:, u], found[:, w] = along.T, across.T
         return found
 
     @cached_property

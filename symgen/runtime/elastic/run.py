@@ -4,16 +4,26 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from functools import partial
+from dataclasses import dataclass
+from functools import cached_property, partial
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from symgen.errors import ModelError, SimulationError
 from symgen.runtime import _beams
-from symgen.runtime.beams.checks import SLOPE, of_second_order, second_order, warnings
-from symgen.runtime.beams.energies import energies
-from symgen.runtime.beams.forces import Motion, accelerations_of, crank_rotation, forces
+from symgen.runtime.beams.checks import (
+    moments,
+    of_crank,
+    of_lengths,
+    of_reductions,
+    of_second_order,
+    second_order,
+    warnings,
+)
+from symgen.runtime.beams.energies import Energies, energies
+from symgen.runtime.beams.forces import Motion, accelerations_of, forces
 from symgen.runtime.beams.methods import BEAM_METHODS, GAUSS
 from symgen.runtime.elastic.jumps import explicit, jump_times
 from symgen.runtime.elastic.mesh import mesh_error
@@ -43,7 +53,7 @@ from symgen.runtime.integrate.pace import (
 from symgen.runtime.kernels.typed import made_with
 from symgen.runtime.result.elastic import ElasticResult, is_stable
 from symgen.runtime.result.recording import of_switches
-from symgen.runtime.result.records import Drift, of_model
+from symgen.runtime.result.records import Drift, Variable, of_model
 from symgen.runtime.structure import UnstableError
 
 Array = NDArray[np.float64]
@@ -222,75 +232,110 @@ def _result(
     found: Found,
     wall: float,
 ) -> ElasticResult:
-    d, found = motion.rigid.description, found.at(np.arange(len(times)))
-    rigid, links, loads = motion.rigid_motion(equations, times)
-    thesis = task.form == "thesis"
-    whole = Motion(times, rigid[0], links, loads, found.displacements, found.rates, thesis)
-    variables = [*outputs(motion, links, found.displacements), *recovered(motion, whole)]
-    accelerations = accelerations_of(motion, equations, whole)
-    variables += forces(motion, equations, whole, accelerations)
-    notes = [
-        *_of_speed(motion),
-        *_of_motor(motion, task),
-        *_of_stability(found),
-        *_of_steps(motion, task, found),
-    ]
-    shaft = next((v.values for v in variables if v.name == f"{motion.info.crank}.torque"), None)
-    steady = task.method == "periodic" and task.at is None
-    held = shaft if motion.info.mode == "held" else None
-    balance = energies(motion, rigid, whole, accelerations, held)
-    variables += balance.variables() if balance else ()
-    powers = balance.mean_powers() if balance and steady and held is not None else None
-    notes += d.remarks
-    notes += of_powers(powers)
-    notes += _of_crank(motion, whole)
-    notes += _of_reductions(motion)
-    notes += _of_lengths(motion)
-    notes += of_switches(d.switches, int(np.sum(motion.jumps[:, 1] > motion.jumps[:, 0])))
-    shares = second_order(motion, equations, whole)
-    notes += warnings(motion, whole, _moments(motion, times)) + of_second_order(shares)
-    if task.t_eval is not None:
-        notes.append("peaks, and limits of linear theory, are those at the times of t_eval only")
-    if task.at is not None and task.method != "quasi-static":
-        notes.append("peaks, and limits of linear theory, are those at the selected crank angles only")
-    if thesis:
-        notes.append("the thesis' form, which takes the turning of axes as constant: for comparison only")
-    return ElasticResult(
-        **of_model(
-            d,
-            motion.rigid.parameters,
-            method=task.method,
-            form=task.form,
-            rtol=task.rtol,
-            t_end=float(np.max(times)),
-            **made_with(motion.rigid.evaluator.library, motion.rigid.typed),
-        ),
+    d, rigid = motion.rigid.description, motion.rigid
+    how = {"method": task.method, "form": task.form, "rtol": task.rtol, "t_end": float(np.max(times))}
+    source = _Recorded(motion, equations, task, found.at(np.arange(len(times))), times, wall, is_spent())
+    made = ElasticResult._later(
+        source,
+        **of_model(d, rigid.parameters, **how, **made_with(rigid.evaluator.library, rigid.typed)),
         axes=d.axes,
         coordinate=coordinate_of(motion, times),
-        variables=selected(variables, motion),
         drift=Drift(),
         final={},
-        statistics={
+        events=(),
+        times=times if motion.speed else None,
+    )
+    if motion.info.outputs is not None:
+        source.variables()  # a name that no output has is refused at once
+    return made
+
+
+@dataclass
+class _Recorded:
+    """A run that has ended; its methods give fields of its result that take as long as many steps.
+
+    Each pose is found from the one before: all parts are computed in the same order, whichever is read first.
+    """
+
+    motion: ElasticMotion
+    equations: _beams.BeamEquations
+    task: Task
+    found: Found
+    times: Array
+    wall: float
+    spent: bool
+
+    @cached_property
+    def _outputs(self) -> tuple[list[Variable], Motion, Energies | None]:
+        """Return all outputs, the motion, and the energies."""
+        motion, found = self.motion, self.found
+        rigid, links, loads = motion.rigid_motion(self.equations, self.times)
+        thesis = self.task.form == "thesis"
+        whole = Motion(self.times, rigid[0], links, loads, found.displacements, found.rates, thesis)
+        made = [*outputs(motion, links, found.displacements), *recovered(motion, whole)]
+        accelerations = accelerations_of(motion, self.equations, whole)
+        made += forces(motion, self.equations, whole, accelerations)
+        shaft = next((v.values for v in made if v.name == f"{motion.info.crank}.torque"), None)
+        held = shaft if motion.info.mode == "held" else None
+        balance = energies(motion, rigid, whole, accelerations, held)
+        made += balance.variables() if balance else ()
+        return made, whole, balance
+
+    @cached_property
+    def _shares(self) -> dict[str, float]:
+        return second_order(self.motion, self.equations, self._outputs[1])
+
+    @cached_property
+    def _mean_powers(self) -> tuple[float, float] | None:
+        task, balance = self.task, self._outputs[2]
+        steady = task.method == "periodic" and task.at is None and self.motion.info.mode == "held"
+        return balance.mean_powers() if balance and steady else None
+
+    def variables(self) -> tuple[Variable, ...]:
+        """Return the outputs that the scene selects."""
+        return selected(self._outputs[0], self.motion)
+
+    def statistics(self) -> dict[str, Any]:
+        """Return counts, errors, shares of second order, powers, and multipliers."""
+        motion, found, (_, _, balance) = self.motion, self.found, self._outputs
+        return {
             "unknowns": motion.layout.unknowns - motion.layout.constraints,
             "steps": found.steps,
             "error": found.error,
             "damping_ratios": list(motion.damping_ratios),
-            "second_order": shares,
-            "mean_powers_w": list(powers or ()),
+            "second_order": self._shares,
+            "mean_powers_w": list(self._mean_powers or ()),
             "power_balance": balance.balance if balance else None,
-            "wall_s": wall,
+            "wall_s": self.wall,
             "floquet": [[z.real, z.imag] for z in found.floquet],
             "floquet_error": found.floquet_error,
-        },
-        notes=tuple(notes),
-        times=times if motion.speed else None,
-    )
+        }
 
-
-def _moments(motion: ElasticMotion, times: Array) -> list[str]:
-    if not motion.speed:
-        return [f"{t:.6g} s" for t in times.tolist()]
-    return [f"crank angle {angle:.6g} degrees" for angle in np.degrees(motion.angle_at(times)).tolist()]
+    def notes(self) -> tuple[str, ...]:
+        """Return remarks on the run and on where linear theory does not hold."""
+        motion, task, (_, whole, _) = self.motion, self.task, self._outputs
+        d = motion.rigid.description
+        notes = [
+            *([] if self.spent else _of_speed(motion)),
+            *_of_motor(motion, task),
+            *_of_stability(self.found),
+            *_of_steps(motion, task, self.found),
+            *d.remarks,
+            *of_powers(self._mean_powers),
+            *of_crank(motion, whole),
+            *of_reductions(motion),
+            *of_lengths(motion),
+            *of_switches(d.switches, int(np.sum(motion.jumps[:, 1] > motion.jumps[:, 0]))),
+            *warnings(motion, whole, moments(motion, self.times)),
+            *of_second_order(self._shares),
+        ]
+        if task.t_eval is not None:
+            notes.append("peaks, and limits of linear theory, are those at the times of t_eval only")
+        if task.at is not None and task.method != "quasi-static":
+            notes.append("peaks, and limits of linear theory, are those at the selected crank angles only")
+        if whole.thesis:
+            notes.append("the thesis' form, which takes the turning of axes as constant: for comparison only")
+        return tuple(notes)
 
 
 def _of_speed(motion: ElasticMotion) -> list[str]:
@@ -316,26 +361,6 @@ def _of_motor(motion: ElasticMotion, task: Task) -> list[str]:
     return [f"mean speed of the crank with its motor in the steady state: {60.0 / motion.period:.6g} rpm"]
 
 
-def _of_crank(motion: ElasticMotion, found: Motion) -> list[str]:
-    """Report a crank, not held, that turns away from its rigid motion."""
-    if motion.info.mode == "held":
-        return []
-    ahead = crank_rotation(motion, found)
-    k = int(np.argmax(np.abs(ahead)))
-    if abs(ahead[k]) <= SLOPE:
-        return []
-    of = (
-        "that of the rigid linkage with its motor"
-        if motion.has_motor
-        else "the constant speed of a free crank"
-    )
-    return [
-        f"{motion.info.crank}: at {_moments(motion, found.times[k : k + 1])[0]} the crank is {ahead[k]:.3g} "
-        f"rad off its rigid motion, {of}, beyond the {SLOPE:g} rad of linear theory; "
-        "compare with large rotation"
-    ]
-
-
 def _of_steps(motion: ElasticMotion, task: Task, found: Found) -> list[str]:
     """Report steps that were added to those requested: every recorded time ends one."""
     if (
@@ -347,24 +372,6 @@ def _of_steps(motion: ElasticMotion, task: Task, found: Found) -> list[str]:
     return [
         f"{task.steps} steps per revolution were requested, {int(np.sum(found.counts))} were taken: every "
         "recorded time ends a step; request fewer samples for longer steps"
-    ]
-
-
-def _of_lengths(motion: ElasticMotion) -> list[str]:
-    """Say whose stress lacks that of the axial force."""
-    kept = [b.info.link for b in motion.beams if not b.info.axial]
-    if not kept:
-        return []
-    return [f"{', '.join(kept)}: kept at constant length, so that stress is that of bending only"]
-
-
-def _of_reductions(motion: ElasticMotion) -> list[str]:
-    """Say of which links the estimated error is not the whole one."""
-    return [
-        f"{info.link}: reduced ({info.reduction}): what that leaves out is not in the estimated error"
-        + ("; loads between its ends do not bend it" if info.reduction == "guyan" else "")
-        for info in (beam.info for beam in motion.beams)
-        if info.reduction
     ]
 
 

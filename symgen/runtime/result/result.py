@@ -74,13 +74,14 @@ class Result(Findings, Pictures):
     _cache: dict[str, Any] = field(init=False, default_factory=dict, repr=False)
 
     @classmethod
-    def _later(cls, source: Any) -> Self:
+    def _later(cls, source: Any, **known: Any) -> Self:
         """Return a result whose fields the methods of ``source`` of the same names compute on first access.
 
         In short runs most fields are never read, and computing them would take longer than the steps.
+        ``known`` are fields that are there already.
         """
         made = object.__new__(cls)
-        made.__dict__.update(_source=source, _cache={})
+        made.__dict__.update(known, _source=source, _cache={})
         return made
 
     def __getstate__(self) -> dict[str, Any]:
