@@ -46,7 +46,7 @@ def crank_rockers(task: LimitTask) -> tuple[list[FourBar], Search]:
     def residual(x: Array) -> tuple[Array, Array]:
         full = values.copy()
         full[~fixed] = x
-        r, slopes = equations(full)
+        (r,), (slopes,) = equations(full[None])
         return r, slopes[:, ~fixed]
 
     samples = [_sample(generator, given) for _ in range(task.starts)]
@@ -108,7 +108,7 @@ def _check_rank(
 ) -> None:
     """Refuse quantities that depend on each other in every crank-rocker."""
     for sample in samples:
-        _, slopes = equations(sample)
+        _, (slopes,) = equations(sample[None])
         sizes = np.linalg.svd(slopes[:, ~fixed], compute_uv=False)
         if sizes[-1] > _LOST * sizes[0]:
             return
@@ -132,7 +132,7 @@ def _drawn(x: dict[str, float], full: Array, equations: Conditions) -> FourBar:
     """Return the linkage in its extended limit position, the ground points on the axis."""
     a, b, d, theta = (x[name] for name in ("crank", "coupler", "fixed_link", "crank_extended"))
     direction = np.array([np.cos(theta), np.sin(theta)])
-    residual = equations(full)[0]
+    residual, _ = equations(full[None])
     places = (np.zeros(2), a * direction, (a + b) * direction, np.array([d, 0.0]), (a + b / 2) * direction)
     return FourBar(*places, error=float(np.abs(residual).max()))
 

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symgen.errors import SceneError
+from symgen.mechanics.synthesis.points import cognate
 from symgen.scene.units import LENGTH, NUMBER
 from symgen.synthesis.four_bar import FourBar
 from symgen.synthesis.search import Conditions, Search, conditions, search
@@ -22,8 +23,8 @@ Equations = Callable[[Array], tuple[Array, Array]]
 _FUNCTION = ("d_over_a", "d_over_c", "third", "crank_start", "rocker_start", "input", "output")
 #: Links whose lengths or places differ by less, relative to the size of the task, are one link.
 _ONE_LINK = 1e-6
-#: Size of random places, in that of the task.
-_SPREAD = 1.5
+#: Least and greatest size of random places, in that of the task.
+_SPREAD = 0.3, 10.0
 
 
 class Found(NamedTuple):
@@ -54,7 +55,7 @@ def function(task: FunctionTask) -> Found:
     _enough(len(x), len(free), "pairs of input and output", "crank_start or rocker_start")
     full = np.zeros((len(x), len(_FUNCTION)))
     full[:, 3:] = np.column_stack([np.full(len(x), given.get(n, 0.0)) for n in starts] + [x, y])
-    equations = _equations(conditions("synthesis_function", 1), full, free)
+    equations = _equations(conditions("synthesis_function", 1), full, _numbered(full, free))
     generator = np.random.default_rng(task.seed)
     random = (_ratios(generator)[free] for _ in range(task.starts))
     found = search(equations, random, fit=len(x) > len(free))
@@ -79,15 +80,27 @@ def function(task: FunctionTask) -> Found:
     return Found(*_distinct(linkages, poses, size, 1.0), found)
 
 
-def _equations(rows: Conditions, full: Array, free: list[int]) -> Equations:
-    """Return a condition at the rows of ``full``; the quantities ``free`` are the same in all."""
+def _equations(rows: Conditions, full: Array, which: NDArray[np.intp]) -> Equations:
+    """Return a condition at the rows of ``full``, where ``which`` is the unknown's number or -1 if known."""
+    row, column = np.nonzero(which >= 0)
+    number = which[row, column]
+    size = number.max() + 1
 
     def equations(unknown: Array) -> tuple[Array, Array]:
-        full[:, free] = unknown
-        parts = [rows(row) for row in full]
-        return np.concatenate([r for r, _ in parts]), np.concatenate([s[:, free] for _, s in parts])
+        full[row, column] = unknown[number]
+        residual, single = rows(full)
+        slopes = np.zeros((len(full), size))
+        slopes[row, number] = single[row, 0, column]
+        return residual.ravel(), slopes
 
     return equations
+
+
+def _numbered(full: Array, free: list[int]) -> NDArray[np.intp]:
+    """Return the numbers of unknowns, in the columns ``free`` and the same in all rows; -1 elsewhere."""
+    which = np.full(full.shape, -1)
+    which[:, free] = np.arange(len(free))
+    return which
 
 
 def _ratios(generator: np.random.Generator) -> Array:
@@ -123,7 +136,7 @@ def motion(task: MotionTask) -> Found:
     for side in (0, 1) if given else (0,):
         full = np.column_stack([np.zeros((len(places), 5)), places, angles])
         full[:, [DYAD.index(n) for n in given]] = [v[side] for v in given.values()]
-        equations = _equations(rows, full, free)
+        equations = _equations(rows, full, _numbered(full, free))
         random = (_dyad(generator, places, angles)[free] for _ in range(task.starts))
         found = search(equations, random, fit=len(places) > len(free))
         searches.append(found)
@@ -177,33 +190,20 @@ def path(task: PathTask) -> Found:
     places, given = places / size, _over(task.given(), size)
     own = [i for i, name in enumerate(DYAD) if name not in given]
     _enough(2 * count, 2 * len(own) + count - 1, "points, of two conditions each,", ", ".join(DYAD))
-    rows = conditions("synthesis_dyad", 1)
     full = np.column_stack([np.zeros((2 * count, 5)), np.tile(places, (2, 1)), np.zeros(2 * count)])
     sides = (slice(0, count), slice(count, 2 * count))
     for side, part in enumerate(sides):
         full[part, [DYAD.index(n) for n in given]] = [v[side] for v in given.values()]
     k = len(own)
-
-    def placed(x: Array) -> None:
-        for side, part in enumerate(sides):
-            full[part, own] = x[side * k : (side + 1) * k]
-            full[part, 7] = [0.0, *x[2 * k :]]
-
-    def equations(x: Array) -> tuple[Array, Array]:
-        placed(x)
-        residual, slopes = np.empty(2 * count), np.zeros((2 * count, len(x)))
-        for i, row in enumerate(full):
-            r, s = rows(row)
-            side, point = divmod(i, count)
-            residual[i] = r[0]
-            slopes[i, side * k : (side + 1) * k] = s[0, own]
-            if point:
-                slopes[i, 2 * k + point - 1] = s[0, 7]
-        return residual, slopes
-
+    which = np.full(full.shape, -1)
+    for side, part in enumerate(sides):
+        which[part, own] = side * k + np.arange(k)
+        which[part, 7] = [-1, *range(2 * k, 2 * k + count - 1)]
+    equations = _equations(conditions("synthesis_dyad", 1), full, which)
     generator = np.random.default_rng(task.seed)
     random = (_four_bar(generator, places, own) for _ in range(task.starts))
-    found = search(equations, random, fit=2 * count > 2 * k + count - 1)
+    exact = 2 * count == 2 * k + count - 1
+    found = search(equations, random, fit=not exact)
     linkages, poses = [], []
     for root in found.roots:
         residual, _ = equations(root)
@@ -212,13 +212,31 @@ def path(task: PathTask) -> Found:
             dyad[4] = abs(dyad[4])
         if not _apart(*dyads):
             continue
-        if not given and dyads[0][4] > dyads[1][4]:  # a curve is the same with the links exchanged
-            dyads.reverse()
         lengths = np.repeat([max(d[4], 1e-300) for d in dyads], count)
         error = float(np.sqrt(np.mean((residual / (2 * lengths)) ** 2)))
         linkages.append(_of_dyads(dyads[0], dyads[1], places[0], 0.0, error).scaled(size))
         poses.append(np.column_stack([size * places, full[:count, 7]]))
+    if not given:
+        if exact:
+            for linkage, own_poses in [*zip(linkages, poses, strict=True)]:
+                for other in (linkage, _exchanged(linkage)):
+                    if np.linalg.norm(other.P - other.A) > _ONE_LINK * size:
+                        linkages.append(_cognate(other))
+                        turned = crank_directions(other, own_poses)
+                        poses.append(np.column_stack([own_poses[:, :2], turned - turned[0]]))
+        linkages = [_exchanged(k) if k.lengths["crank"] > k.lengths["rocker"] else k for k in linkages]
     return Found(*_distinct(linkages, poses, size, size), found)
+
+
+def _exchanged(linkage: FourBar) -> FourBar:
+    """Return the same linkage, with the crank as its rocker."""
+    return FourBar(linkage.C, linkage.B, linkage.A, linkage.O, linkage.P, linkage.error)
+
+
+def _cognate(linkage: FourBar) -> FourBar:
+    places = cognate(*(complex(*getattr(linkage, name)) for name in "OABCP"))
+    o, a, b, c, p = (np.array([z.real, z.imag]) for z in places)
+    return FourBar(o, a, b, c, p, linkage.error)
 
 
 def _four_bar(generator: np.random.Generator, places: Array, own: list[int]) -> Array:
@@ -230,8 +248,9 @@ def _four_bar(generator: np.random.Generator, places: Array, own: list[int]) -> 
 
 def _dyad(generator: np.random.Generator, places: Array, angles: Array) -> Array:
     """Return a random dyad [m] whose length is the mean distance of its joints in the poses."""
-    ground = places.mean(axis=0) + generator.normal(0.0, _SPREAD, 2)
-    joint = generator.normal(0.0, _SPREAD, 2)
+    spreads = np.exp(generator.uniform(np.log(_SPREAD[0]), np.log(_SPREAD[1]), 2))
+    ground = places.mean(axis=0) + generator.normal(0.0, spreads[0], 2)
+    joint = generator.normal(0.0, spreads[1], 2)
     ends = places + _turned(joint, angles)
     return np.array([*ground, *joint, np.linalg.norm(ends - ground, axis=1).mean()])
 

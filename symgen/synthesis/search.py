@@ -9,12 +9,15 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
+from symgen.runtime import _core
 from symgen.runtime.kernels.library import shipped_module
 
 Array = NDArray[np.float64]
 
 #: Two roots are the same where they differ by less, relative to their size.
 _SAME = 1e-6
+#: Reasons of MINPACK to end at a least square: its changes or those of the residual are small, or both.
+_ENDED = (1, 2, 3, 4)
 #: Evaluations of the equations from one start.
 _EVALUATIONS = 300
 #: Largest change of a root that Newton's method still makes, relative to its size: rounding.
@@ -35,13 +38,16 @@ class Conditions:
     """Compiled conditions of one kind."""
 
     def __init__(self, name: str, count: int) -> None:
-        self._kernel = shipped_module(name).conditions
+        self._address = shipped_module(name).ADDRESSES["conditions"]
         self._count = count
 
-    def __call__(self, values: Array) -> tuple[Array, Array]:
-        """Return residual (conditions,) and slopes (conditions, quantities)."""
-        out: Array = self._kernel(q=values)
-        return out[: self._count], out[self._count :].reshape(self._count, -1)
+    def __call__(self, rows: Array) -> tuple[Array, Array]:
+        """Return residual (rows, conditions) and slopes (rows, conditions, quantities)."""
+        number, size = rows.shape
+        out, none = np.empty((number, self._count * (1 + size))), np.empty((number, 1))
+        sizes = (0, size, 0, 0, 0, out.shape[1])
+        _core.call_many(self._address, sizes, none[:, 0], rows, size, none[0], none, out)
+        return out[:, : self._count], out[:, self._count :].reshape(number, self._count, size)
 
 
 @cache
@@ -73,29 +79,40 @@ def search(
     Least squares by Levenberg and Marquardt; roots are polished by Newton's method until they change by
     rounding alone.
     """
-    from scipy.optimize import least_squares
+    from scipy.optimize import leastsq
 
     found: list[Array] = []
+    last, slopes = np.empty(0), np.empty(0)
+
+    def residual(x: Array) -> Array:
+        nonlocal last, slopes
+        last = x.copy()
+        value, slopes = equations(x)
+        return value
+
+    def slopes_at(x: Array) -> Array:
+        return slopes if np.array_equal(x, last) else equations(x)[1]
+
     nearest, count, singular = np.inf, 0, 0
     for start in starts:
         count += 1
         with np.errstate(all="ignore"):
-            result = least_squares(
-                lambda x: equations(x)[0], start, jac=lambda x: equations(x)[1],
-                method="lm", x_scale="jac", xtol=1e-12, ftol=1e-14, gtol=1e-14, max_nfev=_EVALUATIONS,
+            x, _, info, _, ended = leastsq(
+                residual, start, Dfun=slopes_at, full_output=True,
+                xtol=1e-12, ftol=1e-14, gtol=1e-14, maxfev=_EVALUATIONS,
             )  # fmt: skip
-        x, size = result.x, max(1.0, float(np.abs(result.x).max()))
+        size = max(1.0, float(np.abs(x).max()))
         if not np.isfinite(x).all():
             continue
         if fit:
             sizes = np.linalg.svd(equations(x)[1], compute_uv=False)
-            settled, regular = result.success, bool(sizes[-1] > _DETERMINED * sizes[0])
+            settled, regular = ended in _ENDED, bool(sizes[-1] > _DETERMINED * sizes[0])
         else:
             polished, regular = _polished(equations, x)
             settled = polished is not None
             x = x if polished is None else polished
         if not settled:
-            nearest = min(nearest, float(np.linalg.norm(result.fun)))
+            nearest = min(nearest, float(np.linalg.norm(info["fvec"])))
             continue
         if not regular:
             singular += 1

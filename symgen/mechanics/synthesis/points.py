@@ -1,4 +1,7 @@
-"""Precision points of a planar four-bar: one condition for each dyad and pose, or for each pair of angles."""
+"""Precision points of a planar four-bar: one condition for each dyad and pose, or for each pair of angles.
+
+And Roberts's theorem: three four-bars have the same coupler curve.
+"""
 
 from __future__ import annotations
 
@@ -26,3 +29,15 @@ def freudenstein(ratios: tuple[sp.Expr, sp.Expr, sp.Expr], crank: sp.Expr, rocke
     """
     first, second, third = ratios
     return first * sp.cos(rocker) - second * sp.cos(crank) + third - sp.cos(crank - rocker)
+
+
+def cognate(o: complex, a: complex, b: complex, c: complex, p: complex) -> tuple[complex, ...]:
+    """Return O, A, B, C and P of a four-bar with the same coupler curve that keeps the ground point O.
+
+    Places are complex numbers x + iy, with A and B apart. Its links are sides of the parallelogram O A P A'
+    and of triangles similar to the coupler A B P, so that its coupler turns as the link OA does. The third
+    four-bar of the curve is that of C, B, A, O and P. Source: the theorem of Roberts and Chebyshev.
+    """
+    ratio = (p - a) / (b - a)
+    joint = o + p - a
+    return o, joint, joint + ratio * (a - o), o + ratio * (c - o), p

@@ -1,0 +1,44 @@
+"""Nine-point path synthesis: a published problem, whose linkages the test traces by circles itself."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from symgen.synthesis import precision
+from symgen.synthesis.tasks import read_task
+
+#: Problem 3 of Wampler, Morgan and Sommese (1992): 64 of its 1442 linkages are real, each with two cognates.
+PROBLEM_3 = (
+    (0.25, 0.00), (0.52, 0.10), (0.80, 0.70), (1.20, 1.00), (1.40, 1.30), (1.10, 1.48), (0.70, 1.40),
+    (0.20, 1.00), (0.02, 0.40),
+)  # fmt: skip
+
+
+def gap(linkage, place):
+    """Return by how much the rocker's length is missed, at best, where P is on a place."""
+    o, a, b, c, p = (complex(*getattr(linkage, name)) for name in "OABCP")
+    place = complex(*place)
+    crank, arm, far = abs(a - o), abs(p - a), abs(place - o)
+    along = (crank**2 - arm**2 + far**2) / (2 * far)
+    across = np.sqrt(max(crank**2 - along**2, 0.0))
+    gaps = []
+    for side in (1, -1):
+        joint = o + (place - o) / far * (along + 1j * side * across)
+        end = joint + (b - a) / (p - a) * (place - joint)
+        gaps.append(abs(abs(end - c) - abs(b - c)))
+    return min(gaps) / max(linkage.lengths.values())
+
+
+def test_linkages_through_nine_points_come_with_their_cognates():
+    """Links of a cognate are those of its linkage times the ratio of two sides of the coupler's triangle."""
+    points = [[f"{x} m" for x in p] for p in PROBLEM_3]
+    _, task = read_task({"kind": "path", "points": points, "starts": 200})
+    found = precision.path(task)
+    every = np.array([sorted(k.lengths.values()) for k in found.linkages])
+    assert len(found.linkages) >= 9 and len(found.linkages) % 3 == 0
+    for k in found.linkages:
+        assert max(gap(k, place) for place in PROBLEM_3) < 1e-7
+        for end in (k.A, k.B):
+            ratio = np.linalg.norm(k.P - end) / k.lengths["coupler"]
+            likeness = np.abs(every / (ratio * np.array(sorted(k.lengths.values()))) - 1).max(axis=1)
+            assert likeness.min() < 1e-7
