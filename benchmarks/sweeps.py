@@ -5,19 +5,26 @@ same peaks are computed by NumPy from equations that SymPy derives here on its o
 the closure by Newton's method from angle to angle, velocities and accelerations, and nine balances for the
 joint forces and the torque, all vectorised over the variants. Processor times are compared per pose.
 
-A sweep is then killed (SIGKILL) at random times and started again until it ends; its store must have the
-bytes of an uninterrupted one.
+A sweep is then killed (SIGKILL) at random times and started again until it ends, and workers of two processes
+and of a local Dask cluster of two, where Dask is installed, are killed at random times while they work. Every
+store must have the bytes of that of one thread.
 """
 
 from __future__ import annotations
 
+import os
 import random
 import resource
+import signal
 import subprocess
 import sys
 import tempfile
+from collections.abc import Callable
 from functools import partial
+from importlib.util import find_spec
+from multiprocessing import active_children
 from pathlib import Path
+from threading import Event, Thread
 from time import perf_counter, process_time, sleep
 from typing import Any
 
@@ -27,6 +34,7 @@ from harness import Measurement, Required, arguments, report_repeats
 
 import symgen
 from symgen.runtime.sweeps.designs import Uniform
+from symgen.runtime.sweeps.stores import DONE
 from symgen.scene.loading import SHIPPED, read_scene
 
 RUNS, POSES, BY_NUMPY = 100_000, 361, 1000
@@ -36,13 +44,14 @@ BASE, DENSITY, GRAVITY, SPEED = 0.4, 1.0, 9.81, 2 * np.pi
 OUTPUTS = ["crank.torque", "crank.O.force", "crank.A.force", "coupler.B.force", "rocker.C.force"]
 #: Wall time of all on two processors [s], memory [MiB], time of NumPy for ours, error over the largest peak.
 MOST_WALL, MOST_MEMORY, FASTER, LARGEST_ERROR = 60.0, 1024.0, 10.0, 1e-9
-#: Sweeps that are killed: their number, runs, runs of a chunk, and the longest time to live [s].
-KILLED, VICTIMS, CHUNK, LONGEST = 10, 4096, 256, 4.0
+#: Sweeps that are killed: their number, runs, runs of a chunk, and the longest life after the start [s].
+KILLED, VICTIMS, CHUNK, LONGEST = 10, 8192, 256, 2.0
 
 
 def main() -> int:
     """Measure, print, and return the exit code; as a process to be killed, carry out a sweep."""
     if sys.argv[1:2] == ["victim"]:
+        print("begins", flush=True)
         _sweep(Path(sys.argv[2]), VICTIMS, 2, CHUNK)
         return 0
     options = arguments(__doc__, slack=True)
@@ -59,7 +68,9 @@ def _model() -> symgen.Model:
     return symgen.build(symgen.Scene(**data))
 
 
-def _sweep(file: Path | None, runs: int, threads: int, chunk: int | None = None) -> Any:
+def _sweep(
+    file: Path | None, runs: int, threads: int | None = None, chunk: int | None = None, executor: Any = None
+) -> Any:
     of = {name: Uniform(*bounds) for name, bounds in LENGTHS.items()}
     return _model().sweep(
         of,
@@ -71,6 +82,7 @@ def _sweep(file: Path | None, runs: int, threads: int, chunk: int | None = None)
         file=file,
         chunk=chunk,
         threads=threads,
+        executor=executor,
     )
 
 
@@ -100,7 +112,7 @@ def measured(slack: float) -> Measurement:
             np.max(np.abs(found[f"{output}.peak"].values[:BY_NUMPY] - peak)) / np.max(peak)
             for output, peak in zip(OUTPUTS, peaks, strict=True)
         ]
-        same, kills = _survived(folder)
+        survived = _survived(folder)
     ratio = (of_numpy / BY_NUMPY) / (alone / (10 * BY_NUMPY))
     required = [
         Required(
@@ -110,11 +122,15 @@ def measured(slack: float) -> Measurement:
         Required("processor time of NumPy for that of the sweep", ratio, FASTER / slack, True, True),
         Required("error of the peaks over the largest", float(max(errors)), LARGEST_ERROR, False),
         Required("failed runs", float(failed), 0.0, False),
-        Required(
-            f"stores of {KILLED} killed sweeps with the bytes of a whole one", float(same), KILLED, True
+        *(
+            Required(
+                f"of {KILLED} sweeps, {what} killed: stores with the bytes of one thread", same, KILLED, True
+            )
+            for what, same, _ in survived
         ),
     ]
-    return Measurement("Sweeps", rows, required, [f"{KILLED} sweeps were killed {kills} times in all."])
+    notes = [f"{KILLED} sweeps, {what} killed {kills} times in all." for what, _, kills in survived]
+    return Measurement("Sweeps", rows, required, notes)
 
 
 def _row(what: str, runs: int, wall: float, busy: float) -> dict[str, Any]:
@@ -204,29 +220,81 @@ class _Reference:
         return np.stack([np.broadcast_to(v, count) for v in values], axis=1)
 
 
-def _survived(folder: Path) -> tuple[int, int]:
-    """Return how many stores of killed sweeps have the bytes of a whole one, and the number of kills."""
-    _sweep(folder / "whole.zarr", VICTIMS, 2, CHUNK)
-    whole, same, kills = _files(folder / "whole.zarr"), 0, 0
-    lives = random.Random(1)
+def _survived(folder: Path) -> list[tuple[str, int, int]]:
+    """Return what was killed, how many stores then have the bytes of one thread, and the kills."""
+    whole = folder / "whole.zarr"
+    _sweep(whole, VICTIMS, 1, CHUNK)
+    bytes_of_one, lives = _files(whole), random.Random(1)
+    found = [("the process", *_of_processes(folder, bytes_of_one, lives))]
+    found.append(("a worker of two processes", *_of_workers(folder, bytes_of_one, lives, 2, _children)))
+    if find_spec("distributed"):
+        from distributed import Client, LocalCluster
+
+        with (
+            LocalCluster(2, threads_per_worker=1, dashboard_address=None) as cluster,
+            Client(cluster) as client,
+        ):
+            found.append(
+                (
+                    "a worker of Dask",
+                    *_of_workers(folder, bytes_of_one, lives, client, partial(_workers, client)),
+                )
+            )
+    return found
+
+
+def _of_processes(folder: Path, whole: dict[str, bytes], lives: random.Random) -> tuple[int, int]:
+    """Kill the process of sweeps in two threads; return the stores with the right bytes, and the kills."""
+    same, kills = 0, 0
     for i in range(KILLED):
-        store, first = folder / f"killed{i}.zarr", True
-        while True:
-            process = subprocess.Popen([sys.executable, __file__, "victim", str(store)])
-            began = perf_counter()
-            while first and not store.exists() and process.poll() is None:
-                sleep(0.01)
-            end = perf_counter() + lives.uniform(0.0, 0.3 * LONGEST if first else LONGEST)
-            while process.poll() is None and perf_counter() < max(end, began):
-                sleep(0.001)
-            if process.poll() is None:
-                process.kill()
-                kills += 1
-            if process.wait() == 0:
-                break
-            first = False
+        store, ended = folder / f"killed{i}.zarr", False
+        while not ended:
+            command = [sys.executable, __file__, "victim", str(store)]
+            with subprocess.Popen(command, stdout=subprocess.PIPE) as process:
+                assert process.stdout is not None
+                process.stdout.readline()  # it begins
+                try:
+                    ended = process.wait(lives.uniform(0.0, LONGEST)) == 0
+                except subprocess.TimeoutExpired:
+                    process.kill()
+                    kills += 1
         same += _files(store) == whole
     return same, kills
+
+
+def _of_workers(
+    folder: Path, whole: dict[str, bytes], lives: random.Random, executor: Any, pids: Callable[[], list[int]]
+) -> tuple[int, int]:
+    """Kill a worker of sweeps soon after the first chunk; return as :func:`_of_processes`."""
+    same, kills = 0, 0
+    for i in range(KILLED):
+        store, ended = folder / f"{type(executor).__name__}{i}.zarr", Event()
+
+        def kill(store: Path = store, ended: Event = ended) -> None:
+            nonlocal kills
+            while not ended.is_set() and not (store / DONE / "0").exists():
+                sleep(0.01)
+            sleep(lives.uniform(0.0, 0.5))
+            if not ended.is_set():
+                os.kill(lives.choice(pids()), signal.SIGKILL)
+                kills += 1
+
+        killer = Thread(target=kill)
+        killer.start()
+        _sweep(store, VICTIMS, 1, CHUNK, executor)
+        ended.set()
+        killer.join()
+        same += _files(store) == whole
+    return same, kills
+
+
+def _workers(client: Any) -> list[int]:
+    client.wait_for_workers(2)
+    return list(client.run(os.getpid).values())
+
+
+def _children() -> list[int]:
+    return [process.pid for process in active_children() if process.pid]
 
 
 def _files(store: Path) -> dict[str, bytes]:

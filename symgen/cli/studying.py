@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -85,7 +86,7 @@ def synthesise(
 @analysis(
     "symgen sweep slider_crank --vary a4=0in:30in:7 --output theta1.drive --out offsets.zarr",
     "vary list_ sobol latin_hypercube random seed analysis outputs reduce samples t_end chunk part threads "
-    "set_ out plot page as_json backend",
+    "processes dask set_ out plot page as_json backend",
     page=o.Page,
     vary=o.maybe(
         list[str],
@@ -111,6 +112,8 @@ def synthesise(
     chunk=o.maybe(int, "--chunk", "N", "Runs that are written at a time."),
     part=o.maybe(str, "--part", "I/N", "Only every N-th chunk from the I-th, for job arrays."),
     threads=o.maybe(int, "--threads", "N", "Number of threads; default: all processors."),
+    processes=o.maybe(int, "--processes", "N", "Carry out chunks in N processes, of one thread by default."),
+    dask=o.maybe(str, "--dask", "ADDRESS", "Carry out chunks on the Dask cluster of this scheduler."),
     out=o.maybe(Path, "--out", "FILE", "Zarr store of the results; continued if there.", "Output"),
 )
 def sweep(ctx: typer.Context) -> None:
@@ -121,6 +124,7 @@ def sweep(ctx: typer.Context) -> None:
     from symgen.atomic import writable, write_text
     from symgen.report import sweeps
     from symgen.report.page.study import render_study
+    from symgen.runtime.sweeps.executors import dask_client
     from symgen.scene.loading import load_scene
     from symgen.study.sweeps import of_file, of_options, varied
 
@@ -150,10 +154,15 @@ def sweep(ctx: typer.Context) -> None:
     if page:
         writable(page, (".html",), "page")
     model, own["vary"] = varied(scene, own["vary"], set=changes(asked["set_"]), backend=asked["backend"])
-    with progress_bar(f"sweep of {model.name}", asked["as_json"]) as progress:
-        runs = model.sweep(
-            **own, file=out, part=_part(asked["part"]), threads=asked["threads"], progress=progress
-        )
+    own |= {"file": out, "part": _part(asked["part"]), "threads": asked["threads"]}
+    dask, processes = asked["dask"], asked["processes"]
+    if dask and processes is not None:
+        raise ModelError("give --processes or --dask, not both")
+    with (
+        dask_client(dask) if dask else nullcontext(processes) as executor,
+        progress_bar(f"sweep of {model.name}", asked["as_json"]) as progress,
+    ):
+        runs = model.sweep(**own, executor=executor, progress=progress)
     if plot:
         sweeps.plot(runs, file=plot)
     if page:

@@ -32,6 +32,7 @@ class Sweeps:
         chunk: int | None = None,
         part: Sequence[int] = (1, 1),
         threads: int | None = None,
+        executor: Any = None,
         progress: Callable[[float], None] | None = None,
         **arguments: Any,
     ) -> xarray.Dataset:
@@ -62,7 +63,11 @@ class Sweeps:
         part
             ``(i, n)``: carry out every n-th chunk from the i-th, counted from 1.
         threads
-            Number of threads; as many as processors when absent. It changes no bit of the results.
+            Number of threads; as many as processors when absent, one of each process of an executor. It
+            changes no bit of the results.
+        executor
+            What carries out the chunks in other processes, with the same bits: a number of processes, any
+            ``concurrent.futures.Executor``, or a ``distributed.Client`` of Dask.
         progress
             Called now and then with the completed part.
         arguments
@@ -81,7 +86,7 @@ class Sweeps:
         ResultError
             When the store cannot be written, or has the results of another sweep.
         SimulationError, InitialStateError, RangeError
-            When none of the first runs succeeds: the error of the first.
+            When none of the first runs succeeds: the error of the first; when processes end without results.
         """
         from symgen.errors import ModelError
         from symgen.runtime.sweeps.designs import design_of
@@ -91,7 +96,7 @@ class Sweeps:
             raise ModelError(f"expected part as two numbers (i, n), got {tuple(part)!r}")
         design = design_of(vary, sampling, count, seed)
         sweep = sweep_of(self, analysis, design, outputs, reduce, arguments, threads)
-        return carry_out(sweep, file, chunk, (part[0], part[1]), progress)
+        return carry_out(sweep, file, chunk, (part[0], part[1]), progress, executor)
 
     @checked
     def tolerances(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -18,6 +18,7 @@ from symgen.runtime.many.dataset import Keep, dataset_of
 from symgen.runtime.many.reductions import reductions
 from symgen.runtime.many.runs import FAILURES, Runs, carried_out, variants
 from symgen.runtime.sweeps.designs import Design
+from symgen.runtime.sweeps.executors import Found, submitted
 from symgen.runtime.sweeps.layout import Layout, layout_of
 from symgen.runtime.sweeps.stores import ENDING, Memory, Zarr, needed
 from symgen.version import __version__
@@ -165,6 +166,7 @@ def carry_out(
     chunk: int | None,
     part: tuple[int, int],
     progress: Callable[[float], None] | None,
+    executor: Any = None,
 ) -> xarray.Dataset:
     """Carry out the missing chunks of a sweep, or of one part of them; see :meth:`symgen.Model.sweep`."""
     number, parts = part
@@ -180,19 +182,23 @@ def carry_out(
     own = own[number - 1 :: parts]
     missing = [span for span in own if not store.is_done(span[0])]
     finished = len(own) - len(missing)
-    for first, last in missing:
-        within = _within(progress, finished / len(own), 1.0 / len(own))
-        store.write(first, sweep.arrays(layout, first, last, within))
+
+    def within(part: float) -> None:
+        if progress:
+            progress((finished + part) / len(own))
+
+    found: Iterator[Found]
+    if executor is None:
+        found = ((first, sweep.arrays(layout, first, last, within)) for first, last in missing)
+    else:
+        found = submitted(sweep, layout, missing, executor)
+    for first, arrays in found:
+        store.write(first, arrays)
         finished += 1
+        within(0.0)
     if progress:
         progress(1.0)
     return store.dataset()
-
-
-def _within(
-    progress: Callable[[float], None] | None, start: float, share: float
-) -> Callable[[float], None] | None:
-    return None if progress is None else lambda part: progress(start + share * part)
 
 
 def _store(

@@ -1,0 +1,157 @@
+"""Executors of sweeps: chunks are carried out in processes of the sweep, or by any executor."""
+
+from __future__ import annotations
+
+import os
+import pickle
+import threading
+from collections.abc import Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
+from dataclasses import replace
+from functools import lru_cache
+from multiprocessing import connection, get_context, parent_process
+from typing import TYPE_CHECKING, Any
+
+from numpy.typing import NDArray
+
+from symgen.errors import CapabilityError, ModelError, SimulationError, SymgenError, shown
+from symgen.version import __version__
+
+if TYPE_CHECKING:
+    from symgen.runtime.sweeps.layout import Layout
+
+#: A chunk, as its first run and the run after its last; and its first run with its results.
+Span = tuple[int, int]
+Found = tuple[int, dict[str, NDArray[Any]]]
+#: Largest size of the results of all chunks that are submitted at a time [bytes].
+_HELD = 2**28
+#: Processes that end without a result, one after the other, until the sweep is given up.
+_ENDED = 3
+
+
+def submitted(sweep: Any, layout: Layout, spans: Sequence[Span], executor: Any) -> Iterator[Found]:
+    """Yield the results of chunks as they are there, in any order.
+
+    Parameters
+    ----------
+    executor
+        A number of processes; a ``concurrent.futures.Executor``; or anything whose ``get_executor`` returns
+        one, such as a ``distributed.Client``.
+
+    Raises
+    ------
+    ModelError
+        For another executor.
+    CapabilityError
+        Where a process has another version of symgen or other equations.
+    SimulationError
+        When processes end without a result, or the executor fails.
+    """
+    work = _packed(replace(sweep, threads=sweep.threads or 1), layout)
+    most = max(2, _HELD // (layout.row * max(last - first for first, last in spans))) if spans else 2
+    if isinstance(executor, int) and not isinstance(executor, bool) and executor >= 1:
+        yield from _in_processes(executor, work, spans, most)
+        return
+    pool = executor.get_executor() if hasattr(executor, "get_executor") else executor
+    if not isinstance(pool, Executor):
+        raise ModelError(
+            "expected an executor: a number of processes, a concurrent.futures.Executor or a "
+            f"distributed.Client, got {shown(executor)}"
+        )
+    try:
+        yield from _by(pool, work, spans, most)
+    except SymgenError:
+        raise
+    except Exception as error:  # of the executor: chunks have errors of symgen only
+        raise SimulationError(
+            f"the executor of the sweep failed: {type(error).__name__}: {error}\n"
+            "  Carry the sweep out again: with a file it continues with the missing chunks."
+        ) from error
+
+
+def _in_processes(count: int, work: bytes, spans: Sequence[Span], most: int) -> Iterator[Found]:
+    """Yield the results of chunks from new processes, which are replaced where one ends."""
+    missing, ended = dict(spans), 0
+    while missing:
+        with ProcessPoolExecutor(count, mp_context=get_context("spawn"), initializer=_follow) as pool:
+            try:
+                for first, arrays in _by(pool, work, [*missing.items()], most):
+                    yield first, arrays
+                    del missing[first]
+                    ended = 0
+            except BrokenProcessPool:
+                ended += 1
+                if ended == _ENDED:
+                    raise SimulationError(
+                        f"{_ENDED} times in a row, a process of the sweep ended without a result: it was "
+                        "killed, or had too little memory\n  Take fewer processes or smaller chunks. A "
+                        "script starts processes under: if __name__ == '__main__'."
+                    ) from None
+
+
+def _follow() -> None:
+    """End this process when its parent ends, however that does: a pool's processes would wait for ever."""
+    parent = parent_process()
+
+    def watch() -> None:
+        if parent is not None:
+            connection.wait([parent.sentinel])
+            os._exit(1)
+
+    threading.Thread(target=watch, daemon=True).start()
+
+
+def _by(pool: Executor, work: bytes, spans: Sequence[Span], most: int) -> Iterator[Found]:
+    """Yield the results of chunks from an executor, to which ``most`` of them are submitted at a time."""
+    waiting, running = iter(spans), dict[Future[Any], int]()
+    try:
+        while True:
+            for first, last in waiting:
+                running[pool.submit(_chunk, work, first, last)] = first
+                if len(running) >= most:
+                    break
+            if not running:
+                return
+            for future in wait(running, return_when=FIRST_COMPLETED).done:
+                yield running[future], future.result()
+                del running[future]
+    finally:
+        for future in running:
+            future.cancel()
+
+
+def _packed(sweep: Any, layout: Layout) -> bytes:
+    """Return a sweep for other processes: its model as a scene with the hash of its equations, no binary."""
+    return pickle.dumps((__version__, sweep.model.description.equations, sweep, layout))
+
+
+@lru_cache(maxsize=4)
+def _unpacked(work: bytes) -> tuple[Any, Layout]:
+    """Return a sweep whose kernels come from the cache of this machine, or are compiled for its processor."""
+    version, equations, sweep, layout = pickle.loads(work)  # noqa: S301 - as any executor does
+    if (version, equations) != (__version__, sweep.model.description.equations):
+        raise CapabilityError(
+            f"the equations of a sweep from symgen {version} differ in its worker, which has {__version__}\n"
+            "  Install the same version for all workers."
+        )
+    return sweep, layout
+
+
+def _chunk(work: bytes, first: int, last: int) -> dict[str, NDArray[Any]]:
+    """Return the results of one chunk: the task of an executor."""
+    sweep, layout = _unpacked(work)
+    return sweep.arrays(layout, first, last)
+
+
+def dask_client(address: str) -> Any:
+    """Return a client of the Dask scheduler at an address; raise ModelError where there is none."""
+    from symgen.runtime.sweeps.stores import needed
+
+    needed("distributed", extra="dask")
+    from distributed import Client
+
+    try:
+        return Client(address)
+    except (OSError, ValueError, TypeError) as error:
+        raise ModelError(f"there is no Dask scheduler at {address!r}: {error}") from None
